@@ -44,7 +44,9 @@ if TYPE_CHECKING:
         water,
     )
     from mitsonar.device.llvm import BackendError
-    from mitsonar.gradient_verbs import (
+    from mitsonar.io.reading import read, write
+    from mitsonar.scene.loading import load_file
+    from mitsonar.verbs.gradients import (
         coherent_model,
         differentiable_signals,
         directional_derivative,
@@ -52,11 +54,9 @@ if TYPE_CHECKING:
         gradient_check,
         scene_model,
     )
-    from mitsonar.guide import describe, scenes
-    from mitsonar.io.reading import read, write
-    from mitsonar.scene.loading import load_file
-    from mitsonar.strip_verbs import focus, raw_echoes
-    from mitsonar.verbs import element_signals, frames, impulse_response, render, soundings
+    from mitsonar.verbs.guide import describe, scenes
+    from mitsonar.verbs.images import element_signals, frames, impulse_response, render, soundings
+    from mitsonar.verbs.strips import focus, raw_echoes
 
 if TYPE_CHECKING:                                        # for annotations alone
     from collections.abc import Sequence
@@ -74,20 +74,20 @@ __version__ = "0.1.0"
 # Every public name of the package: the module that it is, or the module that it comes from and its name there.
 _PUBLIC = {
     "load_file": "mitsonar.scene.loading:load_file",
-    "render": "mitsonar.verbs:render",
-    "frames": "mitsonar.verbs:frames",
-    "impulse_response": "mitsonar.verbs:impulse_response",
-    "element_signals": "mitsonar.verbs:element_signals",
-    "soundings": "mitsonar.verbs:soundings",
-    "raw_echoes": "mitsonar.strip_verbs:raw_echoes",
-    "focus": "mitsonar.strip_verbs:focus",
-    "gradient": "mitsonar.gradient_verbs:gradient",
-    "coherent_model": "mitsonar.gradient_verbs:coherent_model",
-    "differentiable_signals": "mitsonar.gradient_verbs:differentiable_signals",
-    "directional_derivative": "mitsonar.gradient_verbs:directional_derivative",
-    "gradient_check": "mitsonar.gradient_verbs:gradient_check",
-    "scene_model": "mitsonar.gradient_verbs:scene_model",
-    "describe": "mitsonar.guide:describe",
+    "render": "mitsonar.verbs.images:render",
+    "frames": "mitsonar.verbs.images:frames",
+    "impulse_response": "mitsonar.verbs.images:impulse_response",
+    "element_signals": "mitsonar.verbs.images:element_signals",
+    "soundings": "mitsonar.verbs.images:soundings",
+    "raw_echoes": "mitsonar.verbs.strips:raw_echoes",
+    "focus": "mitsonar.verbs.strips:focus",
+    "gradient": "mitsonar.verbs.gradients:gradient",
+    "coherent_model": "mitsonar.verbs.gradients:coherent_model",
+    "differentiable_signals": "mitsonar.verbs.gradients:differentiable_signals",
+    "directional_derivative": "mitsonar.verbs.gradients:directional_derivative",
+    "gradient_check": "mitsonar.verbs.gradients:gradient_check",
+    "scene_model": "mitsonar.verbs.gradients:scene_model",
+    "describe": "mitsonar.verbs.guide:describe",
     "scenes": "mitsonar.scenes",                   # the package of their files, which can be called
     "hydrography": "mitsonar.hydrography",
     "read": "mitsonar.io.reading:read",

@@ -11,7 +11,7 @@ def main(argv: "list[str] | None" = None) -> int:
     if sys.version_info < (3, 10):
         print("mitsonar needs Python 3.10 or newer, and this is {}.{}.".format(*sys.version_info), file=sys.stderr)
         return 2
-    from mitsonar.cli import bootstrap
+    from mitsonar.cli.setup import bootstrap
     from mitsonar.device import llvm
 
     try:

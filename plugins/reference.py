@@ -3,8 +3,8 @@ import re
 import sys
 from types import ModuleType
 
+from mitsonar.device.spelling import meant
 from mitsonar.scene.loading import prepare
-from mitsonar.spelling import meant
 
 from . import PLUGINS
 from .attributes import Attribute, File, Group, Number, flat

@@ -12,8 +12,8 @@ class _Scenes(types.ModuleType):
     """A package of files that can be called."""
 
     def __call__(self) -> Any:
-        """Return the scenes that come with mitsonar; see `mitsonar.guide.scenes`."""
-        from mitsonar.guide import scenes
+        """Return the scenes that come with mitsonar; see `mitsonar.verbs.guide.scenes`."""
+        from mitsonar.verbs.guide import scenes
 
         return scenes()
 

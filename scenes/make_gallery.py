@@ -17,9 +17,9 @@ from mitsonar import dataset, sweep
 from mitsonar.dataset.labels.annotations import HIGHLIGHT, annotations
 from mitsonar.dataset.labels.frames import frames
 from mitsonar.dataset.labels.pictures import grey
-from mitsonar.io.files import replacing
+from mitsonar.device.files import replacing
 from mitsonar.plots import canvas
-from mitsonar.plots.truth import BRIGHT, SHADOW_COLOUR, class_colours
+from mitsonar.plots.images.truth import BRIGHT, SHADOW_COLOUR, class_colours
 
 ROOT = Path(__file__).resolve().parent
 BEDS = {1: "rippled sand", 2: "rough mud"}

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn, TypeAlias
 
-from mitsonar.spelling import meant
+from mitsonar.device.spelling import meant
 
 from .completion import SCENES, complete_with
 

@@ -2,7 +2,7 @@
 import argparse
 from typing import Any, cast
 
-from mitsonar.io import scenes
+from mitsonar.io.scene_files import scenes
 
 __all__ = ["FILES", "SCENES", "SHELLS", "Completion", "complete_with"]
 

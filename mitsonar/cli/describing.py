@@ -2,7 +2,7 @@
 import shutil
 import textwrap
 
-from mitsonar import guide
+from mitsonar.verbs import guide
 
 from .arguments import Commands
 from .completion import SCENES, complete_with

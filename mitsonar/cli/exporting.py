@@ -49,8 +49,9 @@ def add(commands: Commands) -> None:
 
 
 def _convert(arguments):
-    from mitsonar.io import hdf5, reading
-    from mitsonar.io.files import check_writable
+    from mitsonar.device.files import check_writable
+    from mitsonar.io import reading
+    from mitsonar.io.records import hdf5
 
     suffix = os.path.splitext(arguments.output)[1].lower()
     if suffix not in (".xtf", *RECORDS, *reading.GEOTIFF, *hdf5.SUFFIXES):
@@ -71,9 +72,9 @@ def _convert(arguments):
 
 
 def _mosaic(arguments):
+    from mitsonar.device.files import check_writable
     from mitsonar.imaging import mosaic
-    from mitsonar.io import geotiff
-    from mitsonar.io.files import check_writable
+    from mitsonar.io.records import geotiff
 
     if os.path.splitext(arguments.output)[1].lower() not in (".tif", ".tiff"):
         raise ValueError(f"cannot write {arguments.output}: its name must end in .tif.")
@@ -89,7 +90,7 @@ def _mosaic(arguments):
 
 
 def _write_xtf(arguments):
-    from mitsonar.io import xtf
+    from mitsonar.io.xtf import xtf
 
     start = _seconds(arguments.start)
     images = [_image(path) for path in arguments.images]
@@ -107,8 +108,8 @@ def _write_xtf(arguments):
 def _image(path):
     import xarray as xr
 
+    from mitsonar.device.files import check_readable
     from mitsonar.io import reading
-    from mitsonar.io.files import check_readable
 
     check_readable(path, "the image", "an EXR or netCDF file")
     image = reading.read(path)

@@ -63,7 +63,7 @@ def add(commands: Commands) -> None:
 
 
 def _fit(arguments):
-    from mitsonar.io.files import check_writable
+    from mitsonar.device.files import check_writable
 
     if os.path.splitext(arguments.output)[1].lower() != ".nc":
         raise ValueError(f"cannot write {arguments.output}: its name must end in .nc")
@@ -74,7 +74,7 @@ def _fit(arguments):
         file_format(arguments.picture)
         check_writable(arguments.picture)
     from mitsonar.inversion.problems import solve
-    from mitsonar.io import netcdf
+    from mitsonar.io.records import netcdf
 
     options = {name: value for name in OPTIONS if (value := getattr(arguments, name)) is not None}
     if arguments.parameters:
@@ -90,7 +90,7 @@ def _fit(arguments):
     announce(arguments.output)
     if arguments.picture is not None:
         from mitsonar.plots.canvas import save
-        from mitsonar.plots.fit_sheet import fit_figure
+        from mitsonar.plots.sheets.fit_sheet import fit_figure
 
         save(fit_figure(solved.dataset), arguments.picture)
         announce(arguments.picture)

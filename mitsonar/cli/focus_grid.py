@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-    from mitsonar.synthetic_aperture.grids import Grid
+    from mitsonar.synthetic_aperture.focusing.grids import Grid
 
 __all__ = ["WINDOW", "Usual", "chosen_grid"]
 
@@ -57,7 +57,7 @@ def chosen_grid(arguments: argparse.Namespace, usual: Usual, trajectory: xr.Data
     """
     import numpy as np
 
-    from mitsonar.synthetic_aperture.grids import default_grid, ground_grid, slant_grid
+    from mitsonar.synthetic_aperture.focusing.grids import default_grid, ground_grid, slant_grid
 
     motion = {name: variable for name, variable in trajectory.variables.items() if str(name).startswith("motion_")}
     known = raw.drop_vars([name for name in raw.variables if str(name).startswith("motion_")]).assign(motion)

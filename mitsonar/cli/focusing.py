@@ -61,8 +61,8 @@ def add(commands: Commands) -> None:
 
 
 def _focus(arguments: argparse.Namespace) -> None:
+    from mitsonar.device.files import check_writable
     from mitsonar.io import reading
-    from mitsonar.io.files import check_writable
     from mitsonar.io.reading import is_netcdf
 
     check_writable(arguments.output)
@@ -95,7 +95,7 @@ def _of_file(arguments: argparse.Namespace) -> xr.Dataset:
                                           ("--sensor", arguments.sensor)) if there]
     if given:
         raise ValueError(f"{given[0]} is of scenes, and {arguments.scene} holds raw echoes; leave it out.")
-    from mitsonar.io import raw_echoes
+    from mitsonar.io.records import raw_echoes
 
     if os.path.exists(arguments.output) and os.path.samefile(arguments.scene, arguments.output):
         raise ValueError(f"{arguments.output} holds the raw echoes; give another name.")
@@ -107,11 +107,11 @@ def _of_file(arguments: argparse.Namespace) -> xr.Dataset:
 
 def _of_scene(arguments: argparse.Namespace) -> xr.Dataset:
     """The image of a scene's echoes, made ping by ping, with its truth."""
-    from mitsonar.io import scenes
-    from mitsonar.io.files import described
+    from mitsonar.device.files import described
+    from mitsonar.io.scene_files import scenes
     from mitsonar.scene.loading import load_file
-    from mitsonar.strip_verbs import raw_pings, strip_survey
-    from mitsonar.survey.strip.image import with_truth
+    from mitsonar.survey.synthetic_aperture.image import with_truth
+    from mitsonar.verbs.strips import raw_pings, strip_survey
 
     path = scenes.find(arguments.scene)
     if os.path.isfile(path) and (what := described(path)):
@@ -132,8 +132,8 @@ def _focused(arguments: argparse.Namespace, usual: Usual, times: np.ndarray, pin
     """The image of pings, of which one is held at a time."""
     import math
 
-    from mitsonar.io.records import SonarImage
-    from mitsonar.synthetic_aperture.focusing import Focuser
+    from mitsonar.io.records.records import SonarImage
+    from mitsonar.synthetic_aperture.focusing.focusing import Focuser
 
     navigated, profile = _trajectory(arguments.trajectory), _profile(arguments.profile)
     _check_even(arguments, usual)
@@ -156,7 +156,7 @@ def _focused(arguments: argparse.Namespace, usual: Usual, times: np.ndarray, pin
                      f"{duration(seconds)}; a coarser --spacing, or a part --along and --across, is faster")
     image = focuser.image()
     if arguments.interferogram:
-        from mitsonar.synthetic_aperture.interferometry import interferogram
+        from mitsonar.synthetic_aperture.products.interferometry import interferogram
 
         image = interferogram(image, one, trajectory=navigated)
     return SonarImage.of(image)
@@ -184,7 +184,7 @@ def _trajectory(path: str | None) -> xr.Dataset | None:
     """The trajectory in a file, of its own or beside echoes, whose signals stay there."""
     if path is None:
         return None
-    from mitsonar.io import netcdf
+    from mitsonar.io.records import netcdf
 
     with netcdf.opened(path) as record:
         names = [name for name in getattr(record, "variables", ()) if str(name).startswith("motion_")]

@@ -2,7 +2,7 @@
 import os
 from typing import TYPE_CHECKING
 
-from mitsonar.io import scenes
+from mitsonar.io.scene_files import scenes
 
 from .arguments import Commands, add_scene, number, parameters, set_up, whole
 from .completion import FILES, complete_with
@@ -39,15 +39,15 @@ def add(commands: Commands) -> None:
 
 
 def _check(arguments):
-    from mitsonar.io.files import check_writable
+    from mitsonar.device.files import check_writable
 
     path = scenes.find(arguments.scene)
     if arguments.output is not None:
         if os.path.splitext(arguments.output)[1].lower() not in TABLES:
             raise ValueError(f"cannot write {arguments.output}: its name must end in .csv or .nc")
         check_writable(arguments.output)
-    from mitsonar.gradient_verbs import gradient_check
     from mitsonar.scene.loading import load_file
+    from mitsonar.verbs.gradients import gradient_check
 
     set_up(arguments.threads)
     scene = load_file(path, **parameters(arguments))
@@ -68,8 +68,8 @@ def _check(arguments):
 
 
 def _write(table: "xr.Dataset", path: str) -> None:
-    from mitsonar.io import netcdf
-    from mitsonar.io.files import replacing
+    from mitsonar.device.files import replacing
+    from mitsonar.io.records import netcdf
 
     if os.path.splitext(path)[1].lower() == ".nc":
         netcdf.write(table, path)

@@ -26,9 +26,10 @@ def add(commands: Commands) -> None:
 
 
 def _grid(arguments):
+    from mitsonar.device.files import check_writable
     from mitsonar.hydrography.gridding import gridded
-    from mitsonar.io import geotiff, survey_lines
-    from mitsonar.io.files import check_writable
+    from mitsonar.io import survey_lines
+    from mitsonar.io.records import geotiff
 
     if os.path.splitext(arguments.output)[1].lower() not in (".tif", ".tiff"):
         raise ValueError(f"cannot write {arguments.output}: its name must end in .tif.")

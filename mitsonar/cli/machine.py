@@ -1,5 +1,5 @@
 """The commands about this machine: doctor, test, llvm."""
-from mitsonar.io import scenes
+from mitsonar.io.scene_files import scenes
 
 from .arguments import Commands
 
@@ -15,7 +15,7 @@ def add(commands: Commands) -> None:
 
 
 def _doctor(arguments):
-    from . import doctor
+    from .setup import doctor
 
     def check():
         from mitsonar import load_file, render

@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Sequence
 
 from mitsonar import __version__
-from mitsonar.io.errors import sentence
+from mitsonar.device.sentences import sentence
 
 from . import (
     describing,

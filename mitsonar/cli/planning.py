@@ -7,9 +7,9 @@ from .completion import FILES, SCENES, complete_with
 from .words import announce, warn
 
 if TYPE_CHECKING:
-    from mitsonar.hydrography.planning_bed import Bed
-    from mitsonar.io.areas import Corners
-    from mitsonar.io.navigation import Frame
+    from mitsonar.io.tracks.navigation import Frame
+    from mitsonar.planning.areas import Corners
+    from mitsonar.planning.bed import Bed
     from mitsonar.water import SoundSpeedProfile
 
 __all__ = ["add"]
@@ -67,9 +67,9 @@ def add(commands: Commands) -> None:
 
 
 def _plan(arguments):
-    from mitsonar.hydrography.planning import plan
     from mitsonar.hydrography.survey_orders import survey_order
-    from mitsonar.io import plan_summary, planned_lines, planned_scene
+    from mitsonar.planning import line_files as planned_lines, scene_of_plan as planned_scene, summary as plan_summary
+    from mitsonar.planning.plan import plan
 
     from .planning_words import report
 
@@ -83,7 +83,7 @@ def _plan(arguments):
     for path in arguments.output:
         planned_lines.check(path, frame)
     if corners is not None:
-        from mitsonar.hydrography.planning_area import polygon
+        from mitsonar.planning.area import polygon
 
         area = polygon(corners.placed(frame))
     else:
@@ -99,7 +99,7 @@ def _plan(arguments):
     if arguments.json:
         plan_summary.write(numbers, arguments.json)
     if arguments.picture:
-        from mitsonar.plots.survey_plan import survey_plan
+        from mitsonar.plots.sheets.survey_plan import survey_plan
 
         from .planning_words import subtitle
 
@@ -117,7 +117,8 @@ def _outputs(arguments):
 
 def _check_outputs(arguments):
     """Refuse what cannot be written before any work is spent."""
-    from mitsonar.io import files, planned_lines, planned_scene
+    from mitsonar.device import files
+    from mitsonar.planning import line_files as planned_lines, scene_of_plan as planned_scene
 
     for path in arguments.output:
         planned_lines.check(path)
@@ -135,7 +136,7 @@ def _check_outputs(arguments):
 
 
 def _layout(arguments):
-    from mitsonar.hydrography.planning import Layout
+    from mitsonar.planning.plan import Layout
     from mitsonar.units import KNOT, radians_from_deg
 
     if arguments.spacing is not None and (arguments.overlap is not None or arguments.swath_at is not None):
@@ -155,16 +156,16 @@ def _layout(arguments):
 def _corners(arguments) -> "Corners | None":
     if arguments.area is None:
         return None
-    from mitsonar.io import areas
+    from mitsonar.planning import areas
 
     return areas.read(arguments.area)
 
 
 def _sonar_and_water(arguments):
     """The sonar, the profile, and the file of its cast."""
-    from mitsonar.hydrography.planning_coverage import SwathSonar
     from mitsonar.io import casts
-    from mitsonar.io.planned_sonar import planned_sonar
+    from mitsonar.planning.coverage import SwathSonar
+    from mitsonar.planning.sonar import planned_sonar
     from mitsonar.units import radians_from_deg
     from mitsonar.water import SoundSpeedProfile
 
@@ -183,8 +184,8 @@ def _sonar_and_water(arguments):
 
 def _used(arguments, profile: "SoundSpeedProfile") -> "SoundSpeedProfile | None":
     """The profile that depths are made with, if it is another one."""
-    from mitsonar.hydrography.planning_errors import surface_layer_error
     from mitsonar.io import casts
+    from mitsonar.planning.errors import surface_layer_error
 
     if arguments.cast_error is None:
         if arguments.layer is not None:
@@ -202,11 +203,11 @@ def _used(arguments, profile: "SoundSpeedProfile") -> "SoundSpeedProfile | None"
 
 def _bed(arguments, corners: "Corners | None") -> "tuple[Bed, Frame]":
     """The bed, and where its origin lies."""
-    from mitsonar.hydrography.planning_bed import bed_of, flat_bed
-    from mitsonar.imaging.georeference import named_system
-    from mitsonar.io import bathymetry, rasters
-    from mitsonar.io.areas import Corners
-    from mitsonar.io.navigation import Frame
+    from mitsonar.imaging.maps.georeference import named_system
+    from mitsonar.io.grids import bathymetry, rasters
+    from mitsonar.io.tracks.navigation import Frame
+    from mitsonar.planning.areas import Corners
+    from mitsonar.planning.bed import bed_of, flat_bed
 
     if (arguments.bathymetry is None) == (arguments.depth is None):
         raise ValueError("a plan needs a bed: give a BATHYMETRY, or --depth M for a level one, and not both.")

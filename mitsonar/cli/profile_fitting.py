@@ -1,7 +1,7 @@
 """The command fit-profile: the sound-speed profile that soundings came through, or why they cannot tell it."""
 import os
 
-from mitsonar.io.files import check_writable, replacing
+from mitsonar.device.files import check_writable, replacing
 
 from .arguments import Commands, number, whole
 from .completion import FILES, complete_with
@@ -49,8 +49,9 @@ def _fit(arguments):
             if os.path.exists(path) and any(os.path.exists(line) and os.path.samefile(path, line)
                                             for line in arguments.lines):
                 raise ValueError(f"{path} is one of the lines; give another name.")
-    from mitsonar.inversion.profile import fit_lines
-    from mitsonar.io import casts, netcdf
+    from mitsonar.inversion.profile.profile import fit_lines
+    from mitsonar.io import casts
+    from mitsonar.io.records import netcdf
 
     start = None if arguments.cast is None else casts.read(arguments.cast).profile
     steps = 30
@@ -70,7 +71,7 @@ def _fit(arguments):
         announce(arguments.profile)
     if arguments.picture is not None:
         from mitsonar.plots.canvas import save
-        from mitsonar.plots.profile_fit import profile_fit_figure
+        from mitsonar.plots.sheets.profile_fit import profile_fit_figure
 
         save(profile_fit_figure(fit.to_dataset()), arguments.picture)
         announce(arguments.picture)

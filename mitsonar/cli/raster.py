@@ -23,9 +23,10 @@ def add(commands: Commands) -> None:
 
 
 def _raster(arguments):
-    from mitsonar.imaging.raster import bearings, cartesian
-    from mitsonar.io import exr, reading
-    from mitsonar.io.files import check_writable
+    from mitsonar.device.files import check_writable
+    from mitsonar.imaging.maps.raster import bearings, cartesian
+    from mitsonar.io import reading
+    from mitsonar.io.records import exr
 
     output = arguments.output or f"{os.path.splitext(arguments.image)[0]}_raster.exr"
     suffix = os.path.splitext(output)[1].lower()
@@ -52,7 +53,7 @@ def _raster(arguments):
 def _write_grey(dataset, path, cell):
     from mitsonar.dataset.labels.frames import frames
     from mitsonar.dataset.labels.pictures import greys, write_png
-    from mitsonar.io.files import replacing
+    from mitsonar.device.files import replacing
 
     frame, = frames(dataset, "the record", "cartesian", cell)
     picture = greys(dataset, [frame]).draw(frame)

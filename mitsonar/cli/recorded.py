@@ -18,7 +18,7 @@ def add(commands: Commands) -> None:
 
 
 def _like(arguments):
-    from mitsonar.io.like_line import like
+    from mitsonar.planning.like_line import like
 
     if arguments.cell is not None and not 0 < arguments.cell < 1e4:
         raise ValueError(f"--cell is {arguments.cell:g} m; give a number above 0, up to 10 000.")

@@ -1,7 +1,7 @@
 """The commands that render: render, signals, demo."""
 import os
 
-from mitsonar.io import scenes
+from mitsonar.io.scene_files import scenes
 
 from .arguments import Commands, add_scene, parameters, set_up, whole
 from .completion import FILES, complete_with
@@ -58,14 +58,15 @@ def _render(arguments):
 
 
 def _signals(arguments):
-    from mitsonar.io import files, signals as netcdf
+    from mitsonar.device import files
+    from mitsonar.io.records import signals as netcdf
 
     path = scenes.find(arguments.scene)
     files.check_writable(arguments.output)
     if os.path.splitext(arguments.output)[1].lower() != ".nc":
         raise ValueError(f"cannot write {arguments.output}: its name must end in .nc")
     from mitsonar.scene.loading import load_file
-    from mitsonar.verbs import element_signals, impulse_response, pings
+    from mitsonar.verbs.images import element_signals, impulse_response, pings
 
     from .strip_signals import is_strip, write_strip
 
@@ -93,7 +94,7 @@ def _demo(arguments):
 def _render_to(path, values, seed, output, preview, threads, sensor=0):
     _check_outputs(output, preview)
     from mitsonar import load_file, render
-    from mitsonar.io import exr
+    from mitsonar.io.records import exr
 
     set_up(threads)
     scene = load_file(path, **values)
@@ -137,8 +138,8 @@ def _render_pings(arguments):
                          "video`, or leave one of them out.")
     _check_outputs(arguments.output, None)
     from mitsonar import frames, load_file
-    from mitsonar.io import exr
-    from mitsonar.verbs import pings
+    from mitsonar.io.records import exr
+    from mitsonar.verbs.images import pings
 
     set_up(arguments.threads)
     scene = load_file(scenes.find(arguments.scene), **parameters(arguments))
@@ -156,7 +157,7 @@ def _render_pings(arguments):
 
 def _check_outputs(output, preview):
     """An hour of rendering must not end in a missing folder."""
-    from mitsonar.io.files import check_writable
+    from mitsonar.device.files import check_writable
 
     try:
         f"{output}{preview}".encode()

@@ -74,7 +74,7 @@ def _plot(arguments):
 def _plot_fit(arguments, answer):
     """Draw a fit's answer, which has one picture and none of an image's options."""
     from mitsonar.plots.canvas import save
-    from mitsonar.plots.fit_sheet import fit_figure
+    from mitsonar.plots.sheets.fit_sheet import fit_figure
 
     asked = {"--ping": arguments.ping is not None, "--bank": arguments.bank is not None,
              "--tvg": arguments.tvg != "recorder", "--colours": arguments.colours != "copper"}
@@ -92,8 +92,8 @@ def _plot_fit(arguments, answer):
 @contextlib.contextmanager
 def _opened(path):
     """An EXR, a line of an instrument, or a netCDF file, whose water column may be larger than memory."""
-    from mitsonar.io import exr, netcdf
     from mitsonar.io.reading import is_netcdf
+    from mitsonar.io.records import exr, netcdf
 
     if not is_netcdf(path):
         yield _sounders_line(path) or exr.read(path)

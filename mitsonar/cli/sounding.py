@@ -1,7 +1,7 @@
 """The command soundings: those of a scene, or of a line that was recorded, as a file that survey software opens."""
 import os
 
-from mitsonar.io import scenes
+from mitsonar.io.scene_files import scenes
 
 from .arguments import Commands, add_scene, number, parameters, set_up, whole
 from .completion import FILES, complete_with
@@ -78,9 +78,11 @@ def _simulated(arguments, place, progress):
     """
     if arguments.head_speed is not None:
         raise ValueError("--head-speed is of a line that was recorded; a scene says head_speed_error in its sensor.")
-    from mitsonar.io import files, ping_file, survey_lines
+    from mitsonar.device import files
+    from mitsonar.io import survey_lines
+    from mitsonar.io.records import ping_file
     from mitsonar.scene.loading import load_file
-    from mitsonar.verbs import sounded_pings
+    from mitsonar.verbs.images import sounded_pings
 
     part = ping_file.part_of(files.check_writable(arguments.output))
     survey_lines.check_asked(place, arguments.start)
@@ -113,9 +115,9 @@ def _recorded(arguments, words):
                                           ("--threads", arguments.threads is not None)) if there]
     if given:
         raise ValueError(f"{given[0]} is of scenes, and {arguments.scene} is a line that was recorded; leave it out.")
-    from mitsonar.hydrography.instrument_rules import rules_of
-    from mitsonar.hydrography.resounding import resounded
+    from mitsonar.hydrography.reduction.resounding import resounded
     from mitsonar.io import casts, survey_lines
+    from mitsonar.planning.instrument_rules import rules_of
 
     if os.path.exists(arguments.output):
         for source in survey_lines.sources(arguments.scene):

@@ -24,7 +24,7 @@ OF_ARRAYS = (("--ping", "ping", None), ("--response", "response", False), ("--ke
 def is_strip(scene: mi.Scene, sensor: int | str) -> bool:
     """Tell whether a scene's sensor of that number or id is a synthetic aperture."""
     from mitsonar.survey.kinds import KINDS, kind_of
-    from mitsonar.verbs import opened
+    from mitsonar.verbs.images import opened
 
     return kind_of(opened(scene, sensor)[1]) is KINDS["synthetic_aperture"]
 
@@ -37,9 +37,9 @@ def write_strip(arguments: argparse.Namespace, scene: mi.Scene) -> None:
     ValueError
         If an option is of other arrays, or what an earlier command began is of other echoes.
     """
-    from mitsonar.io import netcdf, raw_echoes
-    from mitsonar.io.files import check_writable
-    from mitsonar.strip_verbs import raw_pings, scatterers
+    from mitsonar.device.files import check_writable
+    from mitsonar.io.records import netcdf, raw_echoes
+    from mitsonar.verbs.strips import raw_pings, scatterers
 
     for option, name, usual in OF_ARRAYS:
         if getattr(arguments, name) != usual:
@@ -80,7 +80,7 @@ def _check_beside(path: str, output: str) -> None:
 
 def _told(made: Iterator[xr.Dataset], start: int, count: int) -> Iterator[xr.Dataset]:
     """The pings, and after the first a sentence on how much all are, where that is more than a moment."""
-    from mitsonar.io.raw_echoes import size_of
+    from mitsonar.io.records.raw_echoes import size_of
 
     began = time.monotonic()
     for number, one in enumerate(made, start):

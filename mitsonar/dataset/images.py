@@ -4,10 +4,10 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
+from mitsonar.device.files import FilePath
 from mitsonar.imaging.focused import bin_dims
-from mitsonar.imaging.raster import bearings, cartesian
-from mitsonar.io.files import FilePath
-from mitsonar.io.records import SonarImage
+from mitsonar.imaging.maps.raster import bearings, cartesian
+from mitsonar.io.records.records import SonarImage
 
 from .labels import deal, find_sources, groups_of, read_shares
 from .labels.frames import FORMS, Form, Frame, frames

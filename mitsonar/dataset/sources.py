@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from mitsonar.imaging.raster import bearings
-from mitsonar.io import exr, netcdf
-from mitsonar.io.files import FilePath
+from mitsonar.device.files import FilePath
+from mitsonar.imaging.maps.raster import bearings
 from mitsonar.io.reading import is_netcdf
-from mitsonar.io.records import SonarImage
+from mitsonar.io.records import exr, netcdf
+from mitsonar.io.records.records import SonarImage
 from mitsonar.sweep import manifest
 from mitsonar.sweep.manifest import MANIFEST
 
@@ -63,7 +63,7 @@ class Source:
         Raises
         ------
         FileNotFoundError, ValueError
-            As `mitsonar.io.exr.read`; or if a netCDF file holds no image.
+            As `mitsonar.io.records.exr.read`; or if a netCDF file holds no image.
         """
         if not is_netcdf(self.path):
             return exr.read(self.path)

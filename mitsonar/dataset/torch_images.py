@@ -8,7 +8,7 @@ import torch  # pyright: ignore[reportMissingImports]  mitsonar does not ask for
 import torch.utils.data  # pyright: ignore[reportMissingImports]  nor for its parts
 
 from mitsonar.imaging.focused import bin_dims
-from mitsonar.imaging.raster import LEVELS
+from mitsonar.imaging.maps.raster import LEVELS
 
 from .labels.annotations import HIGHLIGHT, annotations
 from .labels.frames import Frame

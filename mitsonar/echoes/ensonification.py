@@ -18,24 +18,24 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, compressed, upload
-from mitsonar.scattering.echo_taps import HeardBand
+from mitsonar.scattering.bodies.echo_taps import HeardBand
 from mitsonar.scene.materials import scattering_strength
-from mitsonar.tracing.aimed_launch import DrawnRays
-from mitsonar.tracing.connection import Connector
-from mitsonar.tracing.launch import Strata
-from mitsonar.tracing.tracer import Sources, Tracer
-from mitsonar.tracing.water import DeviceWater
+from mitsonar.scene.tracing.aimed_launch import DrawnRays
+from mitsonar.scene.tracing.connection import Connector
+from mitsonar.scene.tracing.launch import Strata
+from mitsonar.scene.tracing.tracer import Sources, Tracer
+from mitsonar.scene.tracing.water import DeviceWater
 
-from .element_beams import ElementBeams
-from .pieces import NEGLIGIBLE, Pieces, pieces_in_beams, pieces_in_reach
+from .bounces.surface_ghosts import ArrayGhosts
 from .point_targets import PointTargets
 from .record import Echoes, Leg
-from .scatterers import Cells, Scatterers
-from .side_lobes import SideLobes
-from .sights import Sights
+from .scatterers.element_beams import ElementBeams
+from .scatterers.pieces import NEGLIGIBLE, Pieces, pieces_in_beams, pieces_in_reach
+from .scatterers.scatterers import Cells, Scatterers
+from .scatterers.side_lobes import SideLobes
+from .sights.sights import Sights
 from .smooth.targets import SmoothTargets
 from .sonar_equation import GRAZING, absorbed, along_legs, echo_energy, lit_patch, speed_ratio
-from .surface_ghosts import ArrayGhosts
 
 __all__ = ["Ensonification"]
 

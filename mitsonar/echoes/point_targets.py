@@ -16,15 +16,15 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, upload
-from mitsonar.scattering.echo_taps import EchoTaps, HeardBand
+from mitsonar.scattering.bodies.echo_taps import EchoTaps, HeardBand
 from mitsonar.scene.geometry import Target
-from mitsonar.tracing.connection import Connection
-from mitsonar.tracing.tracer import Sources
+from mitsonar.scene.tracing.connection import Connection
+from mitsonar.scene.tracing.tracer import Sources
 from mitsonar.water.profile import SoundSpeedProfile
 
 from .record import Echoes
-from .sight import path_of, product
-from .sights import Sights
+from .sights.sight import path_of, product
+from .sights.sights import Sights
 from .sonar_equation import pressure_along_legs
 
 __all__ = ["TARGET_RADIUS", "PointTargets"]

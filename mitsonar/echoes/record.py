@@ -15,8 +15,8 @@ import drjit as dr
 
 from mitsonar.device.arrays import compressed
 from mitsonar.device.types import Bool, Float, Float64, UInt32, Vector, Vector64
-from mitsonar.tracing.connection import Connection
-from mitsonar.tracing.hits import Hits
+from mitsonar.scene.tracing.connection import Connection
+from mitsonar.scene.tracing.hits import Hits
 
 __all__ = ["Echoes", "Leg"]
 

@@ -178,7 +178,7 @@ def gridded(lines: xr.Dataset | Sequence[xr.Dataset], cell: float, *, rule: Rule
     xarray.Dataset
         ``depth`` over (y, x), from north to south, NaN where there are too few soundings; ``count``, ``deviation`` and,
         of the weighted rule, ``uncertainty``. Coordinates are the cells' middles [m]. Attributes: ``crs``, ``cell``,
-        ``origin``, ``rule``. `mitsonar.io.geotiff.write` takes one variable: ``grid[["depth"]]``.
+        ``origin``, ``rule``. `mitsonar.io.records.geotiff.write` takes one variable: ``grid[["depth"]]``.
 
     Raises
     ------

@@ -6,8 +6,8 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .mosaics import mosaic
-    from .raster import cartesian
+    from .maps.mosaics import mosaic
+    from .maps.raster import cartesian
 
 __all__ = ["cartesian", "mosaic"]
 
@@ -15,11 +15,11 @@ __all__ = ["cartesian", "mosaic"]
 def __getattr__(name: str) -> Any:
     """Import the two functions when they are asked for: xarray takes a third of a second, and scenes load without."""
     if name == "mosaic":
-        from .mosaics import mosaic
+        from .maps.mosaics import mosaic
 
         return mosaic
     if name == "cartesian":
-        from .raster import cartesian
+        from .maps.raster import cartesian
 
         return cartesian
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

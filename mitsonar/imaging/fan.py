@@ -17,9 +17,9 @@ import xarray
 from mitsonar.signal.beamforming import delay_and_sum
 from mitsonar.signal.matched_filter import matched_filter
 from mitsonar.signal.reception import delayed
-from mitsonar.sonar.array import Array
-from mitsonar.sonar.pulses import Pulse
-from mitsonar.sonar.sectors import STEPS
+from mitsonar.sonar.arrays.array import Array
+from mitsonar.sonar.arrays.sectors import STEPS
+from mitsonar.sonar.pulses.pulses import Pulse
 
 from . import truth
 from .energy_record import EnergyRecord

@@ -17,7 +17,7 @@ import xarray as xr
 from scipy import ndimage
 
 from .focused import GROUND, bin_dims, is_focused
-from .raster import bearings
+from .maps.raster import bearings
 
 __all__ = ["Highlights", "Patch", "largest_beside", "pieces_of"]
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from mitsonar.sonar.track import Track
+from mitsonar.sonar.motion.track import Track
 from mitsonar.units import db_from_power
 
 from . import truth

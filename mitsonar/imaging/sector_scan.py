@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from mitsonar.sonar.track import Track
+from mitsonar.sonar.motion.track import Track
 from mitsonar.units import db_from_power
 
 from . import truth

@@ -15,8 +15,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import xarray
 
-from mitsonar.sonar.sidescan import Sidescan
-from mitsonar.sonar.track import Track
+from mitsonar.sonar.faces.sidescan import Sidescan
+from mitsonar.sonar.motion.track import Track
 from mitsonar.units import db_from_power, power_from_db
 
 from . import truth

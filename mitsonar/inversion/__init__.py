@@ -6,21 +6,21 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .answer import Fit, FittedParameter
-    from .calibration import Calibration, calibrated
-    from .classes import Classes
-    from .first_order import LBFGS, Adam
-    from .fitting import fit
-    from .gauss_newton import GaussNewton
-    from .heights import HeightPrior, fit_heights
-    from .iteration import Stopping
-    from .likelihood import Gamma, Gaussian
-    from .pose import PosePrior, fit_pose
-    from .priors import Prior
-    from .profile import fit_lines, fit_profile
-    from .scene_fit import KeyPrior, fit_scene
-    from .sediment_map import StrengthPrior, fit_sediment_map
-    from .sharpness import Sway, sharpened
+    from .arrays.calibration import Calibration, calibrated
+    from .arrays.sharpness import Sway, sharpened
+    from .fit.answer import Fit, FittedParameter
+    from .fit.classes import Classes
+    from .fit.first_order import LBFGS, Adam
+    from .fit.fitting import fit
+    from .fit.gauss_newton import GaussNewton
+    from .fit.iteration import Stopping
+    from .fit.likelihood import Gamma, Gaussian
+    from .fit.priors import Prior
+    from .images.heights import HeightPrior, fit_heights
+    from .images.pose import PosePrior, fit_pose
+    from .images.scene_fit import KeyPrior, fit_scene
+    from .images.sediment_map import StrengthPrior, fit_sediment_map
+    from .profile.profile import fit_lines, fit_profile
 
 __all__ = ["LBFGS", "Adam", "Calibration", "Classes", "Fit", "FittedParameter", "Gamma", "Gaussian", "GaussNewton",
            "HeightPrior", "KeyPrior", "PosePrior", "Prior", "Stopping", "StrengthPrior", "Sway", "calibrated", "fit",

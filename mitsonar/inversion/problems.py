@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 if TYPE_CHECKING:
     import xarray as xr
 
-    from .iteration import Method
-    from .scene_fit import KeyPrior
+    from .fit.iteration import Method
+    from .images.scene_fit import KeyPrior
 
 __all__ = ["METHODS", "Options", "PROBLEMS", "Problem", "Progress", "SCENE", "Solved", "array", "beliefs", "image_of",
            "solve", "sway"]
@@ -95,7 +95,7 @@ def beliefs(texts: Sequence[str], names: Sequence[str]) -> dict[str, float]:
     """
     import math
 
-    from mitsonar.spelling import meant
+    from mitsonar.device.spelling import meant
 
     found: dict[str, float] = {}
     for text in texts:
@@ -123,12 +123,13 @@ def array(inputs: Sequence[str], options: Options, progress: Progress) -> Solved
     import numpy as np
     import xarray as xr
 
-    from mitsonar.io import reading, scenes
+    from mitsonar.io import reading
+    from mitsonar.io.scene_files import scenes
     from mitsonar.scene.errors import as_exception
     from mitsonar.scene.loading import load_file
-    from mitsonar.verbs import opened
+    from mitsonar.verbs.images import opened
 
-    from .calibration import BELIEVED, calibrated
+    from .arrays.calibration import BELIEVED, calibrated
 
     path, record, *believed = inputs
     deviations = beliefs(believed, list(BELIEVED))
@@ -154,9 +155,9 @@ def sway(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
     if len(inputs) != 1:
         raise ValueError("fit sway takes a file of raw echoes, of a part of a strip about as long as its aperture; got "
                          f"{' '.join(inputs) or 'none'}")
-    from mitsonar.io import raw_echoes
+    from mitsonar.io.records import raw_echoes
 
-    from .sharpness import sharpened
+    from .arrays.sharpness import sharpened
 
     rounds, done = 3, []
 
@@ -200,11 +201,11 @@ def _scene(inputs: Sequence[str], options: Options, progress: Progress) -> Solve
     if len(inputs) < 3:
         raise ValueError(f"fit takes a scene, a record and one KEY=DEVIATION or more, such as bed.heights=0.5, or "
                          f"one of {', '.join(PROBLEMS)}; got {' '.join(inputs)}")
-    from mitsonar.io import scenes
+    from mitsonar.io.scene_files import scenes
     from mitsonar.scene.loading import load_file
 
-    from .iteration import Stopping
-    from .scene_fit import fit_scene, vertex_places
+    from .fit.iteration import Stopping
+    from .images.scene_fit import fit_scene, vertex_places
 
     path, record, *keys = inputs
     path = scenes.find(path)
@@ -230,11 +231,11 @@ def _add_truth(dataset: xr.Dataset, sentences: list[str], options: Options) -> N
     """Put the parameters of another scene beside the answer, and say how far off it was and is."""
     import numpy as np
 
-    from mitsonar.io import scenes
+    from mitsonar.io.scene_files import scenes
     from mitsonar.scene.loading import load_file
 
-    from .answer import TOLD
-    from .scene_fit import scene_values
+    from .fit.answer import TOLD
+    from .images.scene_fit import scene_values
 
     truth = scene_values(load_file(scenes.find(options["truth"]), **options.get("parameters", {})),
                          dataset.attrs["parameters"], sensor=options.get("sensor", 0))
@@ -253,7 +254,7 @@ def _add_truth(dataset: xr.Dataset, sentences: list[str], options: Options) -> N
 
 def _key_prior(text: str) -> KeyPrior:
     """KEY=DEVIATION or KEY=DEVIATION:LOWER:UPPER."""
-    from .scene_fit import KeyPrior
+    from .images.scene_fit import KeyPrior
 
     key, _, rest = text.partition("=")
     try:
@@ -268,8 +269,8 @@ def _key_prior(text: str) -> KeyPrior:
 
 
 def _method(name: str) -> Method:
-    from .first_order import LBFGS, Adam
-    from .gauss_newton import GaussNewton
+    from .fit.first_order import LBFGS, Adam
+    from .fit.gauss_newton import GaussNewton
 
     return {"gauss-newton": GaussNewton, "adam": Adam, "l-bfgs": LBFGS}[name]()
 
@@ -280,11 +281,11 @@ def _heights(inputs: Sequence[str], options: Options, progress: Progress) -> Sol
     """Fit the heights of a bed, whose tilt and level are unknown, to one image of a sidescan."""
     if len(inputs) != 3:
         raise ValueError(f"fit heights takes a scene, a record, and the bed's id in the scene; got {' '.join(inputs)}")
-    from mitsonar.gradient_verbs import scene_model
-    from mitsonar.io import scenes
+    from mitsonar.io.scene_files import scenes
     from mitsonar.scene.loading import load_file
+    from mitsonar.verbs.gradients import scene_model
 
-    from .heights import HeightPrior, fit_heights
+    from .images.heights import HeightPrior, fit_heights
 
     path, record, owner = inputs
     path, image = scenes.find(path), image_of(record)
@@ -308,11 +309,11 @@ def _map(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
     if len(inputs) != 3:
         raise ValueError("fit map takes a scene, a record, and the key of a texture in decibels, such as "
                          f"bed.bsdf.mu_db.data; got {' '.join(inputs)}")
-    from mitsonar.gradient_verbs import scene_model
-    from mitsonar.io import scenes
+    from mitsonar.io.scene_files import scenes
     from mitsonar.scene.loading import load_file
+    from mitsonar.verbs.gradients import scene_model
 
-    from .sediment_map import StrengthPrior, fit_sediment_map
+    from .images.sediment_map import StrengthPrior, fit_sediment_map
 
     path, record, key = inputs
     path, image = scenes.find(path), image_of(record)
@@ -350,13 +351,13 @@ def _pose(inputs: Sequence[str], options: Options, progress: Progress) -> Solved
     if len(inputs) < 3:
         raise ValueError("fit pose takes a scene, a record and the object's id in the scene, and then what is "
                          f"believed, such as east=0.5 yaw=0.3; got {' '.join(inputs)}")
-    from mitsonar.gradient_verbs import scene_model
-    from mitsonar.gradients.scene_values import differentiable
-    from mitsonar.io import scenes
+    from mitsonar.gradients.parameters.scene_values import differentiable
+    from mitsonar.io.scene_files import scenes
     from mitsonar.scene.loading import load_file
-    from mitsonar.verbs import opened
+    from mitsonar.verbs.gradients import scene_model
+    from mitsonar.verbs.images import opened
 
-    from .pose import NAMES, PosePrior, fit_pose
+    from .images.pose import NAMES, PosePrior, fit_pose
 
     path, record, owner, *believed = inputs
     path, image = scenes.find(path), image_of(record)

@@ -1,6 +1,6 @@
 """Files in and out: records and datasets, no science.
 
-Modules are imported when first used: `mitsonar.io.exr` and the others need no import of their own.
+Modules are imported when first used: `mitsonar.io.records.exr` and the others need no import of their own.
 """
 import importlib
 import pkgutil

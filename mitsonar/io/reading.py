@@ -5,10 +5,11 @@ import os
 import numpy as np
 import xarray as xr
 
-from . import exr, hdf5, netcdf
-from .files import FilePath, check_readable
-from .records import SonarImage, SonarSignals, check_numbers
-from .self_contained import DataElsewhere, check_store
+from mitsonar.device.files import FilePath, check_readable
+
+from .records import exr, hdf5, netcdf
+from .records.records import SonarImage, SonarSignals, check_numbers
+from .records.self_contained import DataElsewhere, check_store
 
 __all__ = ["is_netcdf", "read", "write"]
 
@@ -113,7 +114,7 @@ def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
 
 def _write_image(record, path, suffix):
     """Write what programs beside mitsonar open: HDF5, or a focused image as GeoTIFF."""
-    from . import geotiff
+    from .records import geotiff
 
     if not isinstance(record, xr.Dataset):
         raise ValueError(f"cannot write {path}: signals are no image; give a name that ends in .nc.")

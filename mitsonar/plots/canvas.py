@@ -25,10 +25,10 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from matplotlib.typing import ColorType
 from scipy import ndimage
 
-from mitsonar.io.files import FilePath, check_writable, replacing
+from mitsonar.device.files import FilePath, check_writable, replacing
 from mitsonar.units import khz_from_hertz
 
-from .grid import ONLY_SIDE, Grid
+from .images.grid import ONLY_SIDE, Grid
 
 
 def title(dataset: xr.Dataset) -> str:

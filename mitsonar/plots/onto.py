@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 
-from mitsonar.io.files import FilePath
+from mitsonar.device.files import FilePath
 
 from . import canvas
 

@@ -1,5 +1,5 @@
 """Propagation: how sound gets from one point to another in refracting water."""
-from .eigenrays import Eigenray, eigenray, eigenrays
-from .return_times import return_time, return_time_error
+from .numpy_rays.eigenrays import Eigenray, eigenray, eigenrays
+from .numpy_rays.return_times import return_time, return_time_error
 
 __all__ = ["Eigenray", "eigenray", "eigenrays", "return_time", "return_time_error"]

@@ -4,15 +4,15 @@ from mitsonar.seabed.relief import Plane, Relief, Sinusoid, Sum
 from mitsonar.seabed.ripples import Ripples
 from mitsonar.seabed.roughness import RoughnessSpectrum
 
-from .cylinder_series import cylinder_form
-from .elastic_sediment import ELASTIC_SEDIMENTS, ElasticSediment
-from .empirical import EmpiricalSeabed
-from .scattering_functions import ScatteringTable, SphereScattering
-from .sea_surface import SeaSurface, bubble_loss_db
-from .sediment import SEDIMENTS, Sediment
-from .sphere_series import MATERIALS, Solid, SphereBody, sphere_form
-from .spheres import sphere_target_strength_db
-from .strength import LAWS, LambertSeabed, backscatter_strength_db, bistatic_strength_db
+from .bodies.cylinder_series import cylinder_form
+from .bodies.scattering_functions import ScatteringTable, SphereScattering
+from .bodies.sphere_series import MATERIALS, Solid, SphereBody, sphere_form
+from .bodies.spheres import sphere_target_strength_db
+from .laws.elastic_sediment import ELASTIC_SEDIMENTS, ElasticSediment
+from .laws.empirical import EmpiricalSeabed
+from .laws.sea_surface import SeaSurface, bubble_loss_db
+from .laws.sediment import SEDIMENTS, Sediment
+from .laws.strength import LAWS, LambertSeabed, backscatter_strength_db, bistatic_strength_db
 
 __all__ = ["ELASTIC_SEDIMENTS", "LAWS", "MATERIALS", "SEDIMENTS", "ElasticSediment", "EmpiricalSeabed", "Fractal",
            "LambertSeabed", "Plane", "Relief", "Ripples", "RoughnessSpectrum", "ScatteringTable", "SeaSurface",

@@ -5,9 +5,9 @@ Mitsuba wraps what went wrong in tags of its source files, places, plugin names 
 """
 import re
 
-from mitsonar.io.errors import shortened
+from mitsonar.device.sentences import shortened
+from mitsonar.device.spelling import meant
 from mitsonar.plugins import PLUGINS as OURS
-from mitsonar.spelling import meant
 
 # ours, and those of Mitsuba that a sonar's scene has use for
 PLUGINS = (*(name.rpartition(".")[2] for name in OURS), "bitmap", "checkerboard", "cube", "cylinder", "diffuse",

@@ -13,7 +13,8 @@ from xml.etree import ElementTree
 
 import mitsuba as mi
 
-from mitsonar.io import files, meshes, pictures, scenes
+from mitsonar.device import files
+from mitsonar.io.scene_files import meshes, pictures, scenes
 
 from . import labels, libraries
 

@@ -16,7 +16,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import upload
-from mitsonar.scattering.scattering_functions import ScatteringFunction
+from mitsonar.scattering.bodies.scattering_functions import ScatteringFunction
 
 from .labels import ShapeLabels
 

@@ -13,8 +13,8 @@ from typing import Any
 
 import mitsuba as mi
 
-from mitsonar.io.errors import shortened
-from mitsonar.spelling import meant
+from mitsonar.device.sentences import shortened
+from mitsonar.device.spelling import meant
 
 from .errors import PLUGINS
 

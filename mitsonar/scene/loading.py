@@ -11,10 +11,10 @@ from xml.etree import ElementTree
 
 import mitsuba as mi
 
-from mitsonar.io.errors import shortened
-from mitsonar.io.files import FilePath, check_readable
-from mitsonar.io.scenes import filled, find, root, text
-from mitsonar.spelling import meant
+from mitsonar.device.files import FilePath, check_readable
+from mitsonar.device.sentences import shortened
+from mitsonar.device.spelling import meant
+from mitsonar.io.scene_files.scenes import filled, find, root, text
 
 from . import files as scene_files, libraries
 from .alterations import held

@@ -12,9 +12,9 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
-from .exposure import exposed_shares
 from .geometry import Geometry
 from .labels import class_name, fingerprint
+from .shadows.exposure import exposed_shares
 
 __all__ = ["annotated", "described", "scene_of", "unseen"]
 

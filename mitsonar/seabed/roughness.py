@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mitsonar.device.spelling import meant
 from mitsonar.device.types import Real
-from mitsonar.spelling import meant
 
 # APL-UW TR 9407 (1994), High-Frequency Ocean Environmental Acoustic Models Handbook, section IV, Table 2: spectral
 # strength w2 [cm^4] of each sediment. The spectral exponent is 3.25 for all of them.

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mitsonar.device.types import Numbers
-from mitsonar.sonar.pulse import Pulse
+from mitsonar.sonar.pulses.pulse import Pulse
 
 __all__ = ["Glide", "doppler_class", "doppler_classes", "factor_tolerance", "glide_of", "pieces_of", "two_way_doppler"]
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import fft
 
-from mitsonar.sonar.pulse import Pulse, Window
+from mitsonar.sonar.pulses.pulse import Pulse, Window
 
 from .reception import band_filter, check_record, padded_length
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import fft
 
-from mitsonar.sonar.pulse import Pulse
+from mitsonar.sonar.pulses.pulse import Pulse
 from mitsonar.units import amplitude_from_db
 
 __all__ = ["absorbed", "band_filter", "check_record", "delayed", "excess_loss_rate", "least_rate", "occupied_band",

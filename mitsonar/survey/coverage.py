@@ -14,7 +14,7 @@ import numpy as np
 from mitsonar.device.arrays import upload
 from mitsonar.imaging import fan
 from mitsonar.scene.geometry import Geometry
-from mitsonar.tracing.tracer import registry_index
+from mitsonar.scene.tracing.tracer import registry_index
 
 from . import placement
 from .sensor import Sensor, slowest_speed

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
     from mitsonar.water.profile import SoundSpeedProfile
 
-    from .array_survey import ArraySurvey
+    from .multibeam.soundings import SoundingLine
+    from .pressure.array_survey import ArraySurvey
     from .sensor import RunSettings
     from .survey import Survey
-    from .swath.soundings import SoundingLine
 
 __all__ = ["FRAMES", "KINDS", "SOUNDERS", "FrameKind", "Kind", "SounderKind", "frame_kind_of", "kind_of",
            "sounder_kind_of"]

@@ -5,8 +5,8 @@ import numpy as np
 
 from mitsonar.imaging.sidescan import speckle_gates
 
-from .array_survey import ArraySurvey
-from .sidescan_survey import SidescanSurvey
+from .pressure.array_survey import ArraySurvey
+from .sidescan.sidescan_survey import SidescanSurvey
 
 __all__ = ["check_beams", "check_rows", "check_sidescan", "check_soundings"]
 

@@ -8,8 +8,8 @@ import numpy as np
 from mitsonar.device.arrays import upload
 from mitsonar.device.types import Real
 from mitsonar.scene.geometry import Geometry
-from mitsonar.sonar.track import Track
-from mitsonar.tracing.tracer import registry_index
+from mitsonar.scene.tracing.tracer import registry_index
+from mitsonar.sonar.motion.track import Track
 
 __all__ = ["check", "check_local", "check_near", "lifted", "lines_up", "soundings"]
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from mitsonar.echoes.paths import Paths
 from mitsonar.scene.geometry import Geometry
-from mitsonar.sonar.track import Track
-from mitsonar.sonar.trajectory import Voyage
-from mitsonar.tracing.water import DeviceWater
+from mitsonar.scene.tracing.water import DeviceWater
+from mitsonar.sonar.motion.track import Track
+from mitsonar.sonar.motion.trajectory import Voyage
 from mitsonar.water.column import AbsorptionColumn
 from mitsonar.water.profile import SoundSpeedProfile
 from mitsonar.water.volume import VolumeScattering

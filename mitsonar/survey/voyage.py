@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mitsonar.io.navigation import Frame, Navigation, Waypoints
+from mitsonar.io.tracks.navigation import Frame, Navigation, Waypoints
 from mitsonar.scene.geometry import Geometry
-from mitsonar.sonar.motion import RandomMotion
-from mitsonar.sonar.track import Track
-from mitsonar.sonar.trajectory import Circled, Recorded, Sailed, Smooth, Trajectory, Voyage
-from mitsonar.sonar.waypoints import Course
+from mitsonar.sonar.motion.motion import RandomMotion
+from mitsonar.sonar.motion.track import Track
+from mitsonar.sonar.motion.trajectory import Circled, Recorded, Sailed, Smooth, Trajectory, Voyage
+from mitsonar.sonar.motion.waypoints import Course
 
 from . import placement
 

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from mitsonar.io.files import FilePath
+from mitsonar.device.files import FilePath
 
 from .execute import check_loading, default_folder, job, standing
 from .local import Local, cores, shares

@@ -11,8 +11,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from mitsonar.io import files, scenes
-from mitsonar.io.files import FilePath
+from mitsonar.device import files
+from mitsonar.device.files import FilePath
+from mitsonar.io.scene_files import scenes
 
 from .cluster import Cluster
 from .local import Local, shares

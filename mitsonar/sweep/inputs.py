@@ -8,8 +8,8 @@ import os
 import re
 from collections.abc import Iterable, Mapping
 
-from mitsonar.io import scenes
-from mitsonar.spelling import meant
+from mitsonar.device.spelling import meant
+from mitsonar.io.scene_files import scenes
 
 from ..plugins import attributes, reference
 from .manifest import MANIFEST
@@ -125,7 +125,7 @@ class Inputs:
         Parameters
         ----------
         values : dict of str to str
-            Of the scene's parameters, as `mitsonar.io.scenes.text` writes them.
+            Of the scene's parameters, as `mitsonar.io.scene_files.scenes.text` writes them.
         """
         everything = hashlib.sha256()
         for path in self._walk(values):

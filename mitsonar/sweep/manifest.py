@@ -19,14 +19,14 @@ import time
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
-from mitsonar.io.files import FULL, FilePath
+from mitsonar.device.files import FULL, FilePath
 
 __all__ = ["Entry", "Manifest", "key"]
 
 MANIFEST, LOCK = "manifest.jsonl", ".sweep.lock"
 LONGEST_LINE = 1 << 20             # bytes; no line of ours comes near
 FLUSH_SECONDS = 5.0
-LEFTOVER = re.compile(r"\..+\.([0-9a-f]+-)?[0-9a-f]{8}\.(exr|png)", re.I)     # as `mitsonar.io.files.replacing` does
+LEFTOVER = re.compile(r"\..+\.([0-9a-f]+-)?[0-9a-f]{8}\.(exr|png)", re.I)     # as `mitsonar.device.files.replacing` does
 
 
 class Entry(NamedTuple):

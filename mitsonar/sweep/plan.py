@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from importlib.resources import files
 from typing import Any
 
-from mitsonar.io import scenes, tables
-from mitsonar.io.files import FilePath
-from mitsonar.spelling import meant
+from mitsonar.device.files import FilePath
+from mitsonar.device.spelling import meant
+from mitsonar.io.scene_files import scenes, tables
 
 from .inputs import Inputs
 from .names import Pattern

@@ -54,8 +54,8 @@ def _listen(jobs):
 
 def _answer(job, threads):
     """Do a job; errors are answers too."""
-    from mitsonar.io.errors import sentence
-    from mitsonar.io.files import FULL
+    from mitsonar.device.files import FULL
+    from mitsonar.device.sentences import sentence
 
     start = time.perf_counter()
     with warnings.catch_warnings(record=True) as caught:
@@ -83,14 +83,14 @@ def _do(job, threads):
                          "all workers see")
     _set_up(threads)
     from mitsonar import load_file, render
-    from mitsonar.io import exr
+    from mitsonar.io.records import exr
 
     try:
         scene = load_file(job["scene"], **job["parameters"])
     except ValueError as error:
         raise _Refused(str(error)) from error
     if job["output"] is None:
-        from mitsonar.verbs import opened
+        from mitsonar.verbs.images import opened
 
         opened(scene)
         return {}

@@ -6,8 +6,8 @@ whole chain is compared, and gives rows of got, expected and allowed.
 import time
 from collections.abc import Callable, Sequence
 
-from mitsonar.io.files import FilePath
-from mitsonar.spelling import meant
+from mitsonar.device.files import FilePath
+from mitsonar.device.spelling import meant
 
 from . import (
     beams,

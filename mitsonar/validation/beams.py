@@ -9,7 +9,7 @@ from scipy.optimize import minimize_scalar
 from scipy.special import j1
 
 from mitsonar.sonar import Aperture, beam_pattern, directivity_index_db, element_array, line_array
-from mitsonar.sonar.shading import taper_loss_db, window_weights
+from mitsonar.sonar.arrays.shading import taper_loss_db, window_weights
 
 from .case import Case, Line, Panel, Row, Table, root_of, worst
 

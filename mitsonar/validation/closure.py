@@ -2,7 +2,7 @@
 import numpy as np
 
 from mitsonar.scattering import backscatter_strength_db
-from mitsonar.sonar.directivity import HALF_POWER
+from mitsonar.sonar.faces.directivity import HALF_POWER
 from mitsonar.water import SoundSpeedProfile
 
 from . import scenes
@@ -54,7 +54,7 @@ def _example(name, rays):
 def _strengths(water, khz, material, law, rays, pings, seed=1):
     """Grazing angles [rad] of the bins, and strengths [dB] read back from their levels and by the law."""
     import mitsonar
-    from mitsonar.survey.sidescan import sonar_at
+    from mitsonar.survey.sidescan.kind import sonar_at
 
     profile = WATERS[water]
     scene = scenes.sidescan(

@@ -21,7 +21,7 @@ BINS, WINDOW = 600, 20                             # bins that are averaged on e
 def _levels(name, pings):
     """Slant ranges [m], intensities of bins with noise and speckle (bin,) and by the sonar equation, noise [µPa²]."""
     import mitsonar
-    from mitsonar.survey.sidescan import sonar_at
+    from mitsonar.survey.sidescan.kind import sonar_at
 
     khz, wind, sediment, source, pulse, farthest = CASES[name]
     scene = scenes.sidescan(

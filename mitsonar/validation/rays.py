@@ -1,7 +1,8 @@
 """Rays: exact eigenrays against closed forms and 34-digit arithmetic, and traced hits against exact eigenrays."""
 import numpy as np
 
-from mitsonar.propagation import eigenray, eigenrays
+from mitsonar.propagation import eigenray
+from mitsonar.propagation.numpy_rays import eigenrays
 from mitsonar.water import SoundSpeedProfile
 
 from .case import Case, Line, Panel, Row, Table, worst
@@ -69,8 +70,8 @@ def _traced(count):
 
     from mitsonar.device.arrays import arrays_of, upload
     from mitsonar.scene.geometry import Geometry
-    from mitsonar.tracing.tracer import Tracer
-    from mitsonar.tracing.water import DeviceWater
+    from mitsonar.scene.tracing.tracer import Tracer
+    from mitsonar.scene.tracing.water import DeviceWater
 
     geometry = Geometry(mi.load_dict({"type": "scene", "bed": {
         "type": "seabed", "depth": BED_DEPTH, "length": 400.0, "width": 400.0, "spacing": 1.0, "fractal_rms": 0.6,

@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mitsonar import __version__
-from mitsonar.io.files import FilePath, check_writable
+from mitsonar.device.files import FilePath, check_writable
 from mitsonar.plots import canvas
 
 from .case import Case, Table

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
-from mitsonar.propagation import eigenray, eigenrays
+from mitsonar.propagation import eigenray
+from mitsonar.propagation.numpy_rays import eigenrays
 from mitsonar.water import SoundSpeedProfile
 
 __all__ = ["FlatBed"]

@@ -35,7 +35,7 @@ def _return(water, wind, rays):
     """Grazing angles [rad], strengths [dB] read back from the bins and by the law; centre [s] of the first with an echo
     and of that of the shortest way, and half a bin."""
     import mitsonar
-    from mitsonar.survey.sidescan import sonar_at
+    from mitsonar.survey.sidescan.kind import sonar_at
 
     profile = WATERS[water]
     scene = scenes.sidescan(

@@ -4,7 +4,7 @@ from typing import Literal
 import numpy as np
 
 from mitsonar.propagation import eigenray, return_time
-from mitsonar.propagation.return_times import approximate
+from mitsonar.propagation.numpy_rays.return_times import approximate
 from mitsonar.water import SoundSpeedProfile
 
 from .case import Case, Line, Panel, Row, Table, worst

@@ -19,7 +19,7 @@ ALLOWED = 0.2                                      # [dB]
 def _levels(water, rays, pings):
     """Slant ranges [m] and mean levels [dB] of the bins, and the sonar."""
     import mitsonar
-    from mitsonar.survey.sidescan import sonar_at
+    from mitsonar.survey.sidescan.kind import sonar_at
 
     scene = scenes.sidescan({"bed": scenes.buried_bed(BED_DEPTH, size=2500.0)}, depth=SONAR_DEPTH, rays=rays,
                             pings=pings, film={"range": RANGE, "range_min": 5.0, "bins": BINS},

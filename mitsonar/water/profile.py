@@ -71,7 +71,7 @@ class SoundSpeedProfile:
         depth : float [m]
         sound_speed : float [m/s]
             Takes the place of nodes within 5 mm of the depth; the water is linear from it to the nodes next to it. That
-            is what the real-time processing of multibeam sonars makes of it (`mitsonar.hydrography.legs`).
+            is what the real-time processing of multibeam sonars makes of it (`mitsonar.hydrography.reduction.legs`).
 
         Raises
         ------

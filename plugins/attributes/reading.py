@@ -15,8 +15,8 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.io.errors import shortened
-from mitsonar.spelling import meant
+from mitsonar.device.sentences import shortened
+from mitsonar.device.spelling import meant
 
 from .declaration import NESTED, REQUIRED, Attribute, FromTable, Nested, SameAs, Unfit
 from .groups import Group, flat

@@ -2,8 +2,8 @@
 from dataclasses import dataclass
 from typing import Any
 
+from mitsonar.device.spelling import meant
 from mitsonar.sonar.presets import TABLES, presets
-from mitsonar.spelling import meant
 
 from .declaration import REQUIRED, Attribute, Unfit
 from .input_files import found_file

@@ -6,7 +6,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, held
-from mitsonar.scattering.borders import displacement, drawn
+from mitsonar.scattering.surfaces.borders import displacement, drawn
 
 from ..attributes import Attributes, Number, NumberOrTexture, Text
 

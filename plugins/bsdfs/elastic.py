@@ -11,8 +11,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.scattering.elastic import Elastic
-from mitsonar.scattering.elastic_sediment import ELASTIC_BOUNDS, FASTEST_SHEAR, ElasticSediment
+from mitsonar.scattering.laws.elastic_sediment import ELASTIC_BOUNDS, FASTEST_SHEAR, ElasticSediment
+from mitsonar.scattering.surfaces.elastic import Elastic
 
 from ..attributes import Text
 from .class_map import CLASSES

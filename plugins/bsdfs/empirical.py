@@ -1,6 +1,6 @@
 """Seabed of measured backscatter strength (`empirical`): a table against grazing angle, from a CSV file.
 
-From one angle to another the strength is the mean of both in dB, see `mitsonar.scattering.empirical`.
+From one angle to another the strength is the mean of both in dB, see `mitsonar.scattering.laws.empirical`.
 
 .. code-block:: xml
 
@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import upload
-from mitsonar.io import backscatter
+from mitsonar.io.scene_files import backscatter
 
 from ..attributes import Attributes, File
 from .material import COHERENCE, PATCHES, Material, patches_of

@@ -12,7 +12,7 @@ back from its far side. The water has 1025 kg/m³ and the sound speed it has at 
 import drjit as dr
 import mitsuba as mi
 
-from mitsonar.scattering.reflection import WATER_DENSITY, fluid_reflection
+from mitsonar.scattering.surfaces.reflection import WATER_DENSITY, fluid_reflection
 
 from ..attributes import Attributes, Number
 from .smooth import Smooth

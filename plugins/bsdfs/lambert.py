@@ -12,7 +12,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.scattering import lambert
+from mitsonar.scattering.laws import lambert
 from mitsonar.units import db_from_power, power_from_db
 
 from ..attributes import Attributes, NumberOrTexture

@@ -9,7 +9,7 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsonar.device.arrays import arrays_of, upload
-from mitsonar.scattering.patches import LARGEST_SHAPE, SMALLEST_SHAPE, Patches
+from mitsonar.scattering.surfaces.patches import LARGEST_SHAPE, SMALLEST_SHAPE, Patches
 
 from ..attributes import Attributes, Number, NumberOrTexture
 

@@ -7,7 +7,7 @@ Textures of parameters are clipped to the valid range, and best ``raw``, those o
 ``mesh_attribute`` takes what facets or nodes of a mesh carry: in PLY files, a property of faces called ``sediment_1``
 is ``face_sediment``.
 
-Classes go over into one another patch by patch, see `mitsonar.scattering.borders`: those of a picture across
+Classes go over into one another patch by patch, see `mitsonar.scattering.surfaces.borders`: those of a picture across
 ``class_border``, others by ``second_class`` and ``second_share``, as `bathymetry` makes them.
 
 With ``mesh_resolution`` the law leaves out what the mesh shows, so that it does not count twice. Facets that are smooth
@@ -31,13 +31,13 @@ import numpy as np
 
 from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.scattering import Sediment
-from mitsonar.scattering.arithmetic import Arithmetic, power
-from mitsonar.scattering.fluid import Fluid
-from mitsonar.scattering.lobe_directions import lobe_density, lobe_shift, lobe_width
-from mitsonar.scattering.lobe_table import LobeTable, RatioTable
-from mitsonar.scattering.resolved import cut, resolved_factor
-from mitsonar.scattering.sediment import BOUNDS
-from mitsonar.scattering.small_slope import lobe_factor
+from mitsonar.scattering.laws.sediment import BOUNDS
+from mitsonar.scattering.surfaces.arithmetic import Arithmetic, power
+from mitsonar.scattering.surfaces.fluid import Fluid
+from mitsonar.scattering.surfaces.lobe_directions import lobe_density, lobe_shift, lobe_width
+from mitsonar.scattering.surfaces.lobe_table import LobeTable, RatioTable
+from mitsonar.scattering.surfaces.resolved import cut, resolved_factor
+from mitsonar.scattering.surfaces.small_slope import lobe_factor
 
 from ..attributes import Attributes, Number, NumberOrTexture, Text
 from .class_map import CLASSES, class_map_of

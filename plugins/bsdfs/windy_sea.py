@@ -1,6 +1,6 @@
 """Sea surface seen from below (`windy_sea`): bubbles, facets and ripples that the wind makes.
 
-The law is `mitsonar.scattering.sea_surface`, after APL-UW TR 9407 (1994); it holds from 10 to 100 kHz and is
+The law is `mitsonar.scattering.laws.sea_surface`, after APL-UW TR 9407 (1994); it holds from 10 to 100 kHz and is
 extrapolated beyond. Without wind the surface is a mirror that turns pressure over and scatters nothing. The shape
 `sea_surface` has this material where none is nested.
 
@@ -11,7 +11,7 @@ extrapolated beyond. Without wind the surface is a mirror that turns pressure ov
 import drjit as dr
 import mitsuba as mi
 
-from mitsonar.scattering import sea_surface
+from mitsonar.scattering.laws import sea_surface
 
 from ..attributes import Attributes, Number
 from .material import Material

@@ -28,9 +28,9 @@ from ..attributes import Attributes, Choice, Integer, Number
 if TYPE_CHECKING:                   # what renders is imported where it is asked for: a scene is loaded without it
     import xarray as xr
 
-    from mitsonar.gradients.coherent_levels import CoherentLevels
-    from mitsonar.gradients.level_products import LevelProducts
-    from mitsonar.survey.array_survey import ArraySurvey
+    from mitsonar.gradients.elements.coherent_levels import CoherentLevels
+    from mitsonar.gradients.records.level_products import LevelProducts
+    from mitsonar.survey.pressure.array_survey import ArraySurvey
     from mitsonar.survey.survey import Survey
 
 MOST_BOUNCES = 6
@@ -146,8 +146,8 @@ class SonarPath(mi.SamplingIntegrator):
 
     def _levels(self, scene: mi.Scene, sonar: Any, seed: int) -> np.ndarray:
         """Levels (rows, columns)."""
-        from mitsonar.gradients.coherent_levels import CoherentLevels, is_coherent
-        from mitsonar.gradients.level_products import wants_gradients
+        from mitsonar.gradients.elements.coherent_levels import CoherentLevels, is_coherent
+        from mitsonar.gradients.records.level_products import wants_gradients
         from mitsonar.scene.geometry import Geometry
         from mitsonar.survey.kinds import kind_of
 
@@ -170,8 +170,8 @@ class SonarPath(mi.SamplingIntegrator):
         self._products(scene, sensor, seed).backward(weights[..., 0])
 
     def _products(self, scene: mi.Scene, sensor: mi.Sensor | int, seed: int) -> LevelProducts | CoherentLevels:
-        from mitsonar.gradients.coherent_levels import CoherentLevels, is_coherent
-        from mitsonar.gradients.level_products import LevelProducts
+        from mitsonar.gradients.elements.coherent_levels import CoherentLevels, is_coherent
+        from mitsonar.gradients.records.level_products import LevelProducts
 
         sonar: Any = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
         if is_coherent(scene, sonar):

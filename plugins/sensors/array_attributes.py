@@ -10,7 +10,7 @@ one of them or three numbers "forward, starboard, down". The kinds of arrays are
 - ``cylindrical``: rings around ``_axis`` of ``_elements`` each, ``_rows`` of them, ``_row_pitch`` apart;
   ``_aperture_deg`` makes them arcs, and ``_radius`` may stand in the place of ``_pitch``
 - ``spherical``: ``_elements`` over a sphere, or over a cap that opens ``_aperture_deg``; ``_radius`` or ``_pitch``
-- ``file``: elements of a CSV file, see `mitsonar.io.arrays`
+- ``file``: elements of a CSV file, see `mitsonar.io.scene_files.arrays`
 
 .. code-block:: xml
 
@@ -19,8 +19,8 @@ one of them or three numbers "forward, starboard, down". The kinds of arrays are
     <float name="receive_pitch" value="0.0075"/>
     <string name="receive_shading" value="chebwin 30"/>
 """
-from mitsonar.sonar.array_checks import FARTHEST
-from mitsonar.sonar.element_patterns import BAFFLES, PATTERNS
+from mitsonar.sonar.arrays.array_checks import FARTHEST
+from mitsonar.sonar.arrays.element_patterns import BAFFLES, PATTERNS
 
 from ..attributes import Angle, Choice, File, Group, Integer, Number, Numbers, Point, Text
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mitsonar.io import arrays
+from mitsonar.io.scene_files import arrays
 from mitsonar.sonar import (
     Array,
     body_direction,
@@ -17,7 +17,7 @@ from mitsonar.sonar import (
     planar_array,
     spherical_array,
 )
-from mitsonar.sonar.axes import AXES, axis_vector
+from mitsonar.sonar.arrays.axes import AXES, axis_vector
 from mitsonar.survey.sensor import Water
 from mitsonar.survey.voyage import Route
 from mitsonar.units import radians_from_deg

@@ -48,7 +48,7 @@ ATTRIBUTES = (
 
 
 class ArraySonar(SonarSensor):
-    """See the module's text; `mitsonar.survey.array` plans its run and makes its picture."""
+    """See the module's text; `mitsonar.survey.fan.kind` plans its run and makes its picture."""
 
     kind, declared = "array", ATTRIBUTES
 

@@ -32,8 +32,8 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.sonar import Array, element_array, length_for_beam_width, planar_array
+from mitsonar.sonar.arrays.sectors import STEPS
 from mitsonar.sonar.presets import presets
-from mitsonar.sonar.sectors import STEPS
 from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Choice, FromTable, Integer, Number, Preset, SameAs
@@ -82,7 +82,7 @@ ATTRIBUTES = (
 
 
 class ForwardLooking(SonarSensor):
-    """See the module's text; `mitsonar.survey.forward_looking` plans its run and makes its picture."""
+    """See the module's text; `mitsonar.survey.fan.forward_looking` plans its run and makes its picture."""
 
     kind, declared = "forward_looking", ATTRIBUTES
     delays_from_file = (False, False)

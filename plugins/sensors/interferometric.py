@@ -3,7 +3,7 @@
 Either side has a transmitter and two or more rows of receivers one above the other, long along the track, on a face
 that is tilted down. Every bin of range has a level as of a sidescan, and the phases between the rows tell the angle
 that its echo comes from: of all rows together the one that fits best, so that close rows say which of the answers of
-far rows is right (`mitsonar.hydrography.row_angles`). Where several echoes come at one time, the angle lies between
+far rows is right (`mitsonar.hydrography.detection.row_angles`). Where several echoes come at one time, the angle lies between
 theirs.
 
 `mitsonar.render` gives `level`, `phase`, `coherence`, `angle`, `depth` and places over (ping, side, range), with
@@ -25,9 +25,9 @@ Waves are plane over the rows, however near they come from.
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.hydrography.row_angles import Rows, sector_of
+from mitsonar.hydrography.detection.row_angles import Rows, sector_of
 from mitsonar.sonar import PULSES, Array, length_for_beam_width
-from mitsonar.sonar.array_makers import element_array
+from mitsonar.sonar.arrays.array_makers import element_array
 from mitsonar.sonar.presets import presets
 from mitsonar.units import hertz_from_khz
 
@@ -70,7 +70,7 @@ ATTRIBUTES = (
 
 
 class Interferometric(SonarSensor):
-    """See the module's text; `mitsonar.survey.interferometric` plans its run, and makes its picture and soundings."""
+    """See the module's text; `mitsonar.survey.interferometric.kind` plans its run, and makes its picture and soundings."""
 
     kind, declared = "interferometric", ATTRIBUTES
 

@@ -32,9 +32,9 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.sonar import PULSES, Array, length_for_beam_width, line_array
+from mitsonar.sonar.arrays.sectors import SPACINGS, Sector, beam_angles, elements_for_beam_width
+from mitsonar.sonar.motion.track import mounting_matrix
 from mitsonar.sonar.presets import presets
-from mitsonar.sonar.sectors import SPACINGS, Sector, beam_angles, elements_for_beam_width
-from mitsonar.sonar.track import mounting_matrix
 from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Integer, Number, Numbers, Preset, Text
@@ -102,7 +102,7 @@ ATTRIBUTES = (
 
 
 class Multibeam(SonarSensor):
-    """See the module's text; `mitsonar.survey.multibeam` plans its run and makes its picture and soundings."""
+    """See the module's text; `mitsonar.survey.multibeam.kind` plans its run and makes its picture and soundings."""
 
     kind, declared = "multibeam", ATTRIBUTES
 

@@ -2,7 +2,7 @@
 
 Where it goes is one of these:
 
-- ``track``: a recorded track (see `mitsonar.io.tracks`), resampled at the ping rate, to its end or for ``pings`` if
+- ``track``: a recorded track (see `mitsonar.io.tracks.tracks`), resampled at the ping rate, to its end or for ``pings`` if
   that is written; a CSV file without times holds way points
 - ``waypoints``: sailed to the end or for ``pings`` if that is written
 - ``start`` and ``heading_deg``: a straight, level track
@@ -22,9 +22,9 @@ may strum, also on a recorded track, which knows nothing of it: a narrow band ab
 """
 from dataclasses import replace
 
-from mitsonar.io import tracks
-from mitsonar.io.navigation import Frame, Waypoints, middle
-from mitsonar.sonar.motion import RandomMotion, strum_frequency
+from mitsonar.io.tracks import tracks
+from mitsonar.io.tracks.navigation import Frame, Waypoints, middle
+from mitsonar.sonar.motion.motion import RandomMotion, strum_frequency
 from mitsonar.sonar.presets import motions
 from mitsonar.survey.voyage import MOST_PINGS, Route
 from mitsonar.units import metres_per_second_from_knots

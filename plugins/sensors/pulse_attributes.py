@@ -1,6 +1,6 @@
 """The pulse of a sonar with arrays: its attributes, and the pulse that they describe."""
 from mitsonar.sonar import PULSES, Pulse
-from mitsonar.sonar.shading import window_weights
+from mitsonar.sonar.arrays.shading import window_weights
 from mitsonar.units import hertz_from_khz
 
 from ..attributes import Attributes, Choice, Number, Text

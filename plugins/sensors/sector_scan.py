@@ -23,9 +23,9 @@ from dataclasses import replace
 import mitsuba as mi
 import numpy as np
 
+from mitsonar.sonar.motion.rotating_head import MOUNTS, Head, Sweep
 from mitsonar.sonar.presets import presets
-from mitsonar.sonar.pulses import cw, lfm
-from mitsonar.sonar.rotating_head import MOUNTS, Head, Sweep
+from mitsonar.sonar.pulses.pulses import cw, lfm
 from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Integer, Number, Preset
@@ -76,7 +76,7 @@ ATTRIBUTES = (
 
 
 class SectorScan(SonarSensor):
-    """See the module's text; `mitsonar.survey.sector_scan` plans its run and makes its picture."""
+    """See the module's text; `mitsonar.survey.sector_scan.kind` plans its run and makes its picture."""
 
     kind, declared = "sector_scan", ATTRIBUTES
 

@@ -51,7 +51,7 @@ ATTRIBUTES = (
 
 
 class Sidescan(SonarSensor):
-    """See the module's text; `mitsonar.survey.sidescan` plans its run and makes its picture."""
+    """See the module's text; `mitsonar.survey.sidescan.kind` plans its run and makes its picture."""
 
     kind, declared = "sidescan", ATTRIBUTES
 

@@ -2,8 +2,8 @@
 ones. -200 dB leaves a flaw out.
 """
 from mitsonar.imaging.recorder import Recorder
-from mitsonar.io import beam_levels
-from mitsonar.sonar.faces import BuiltFace, MeasuredBeam
+from mitsonar.io.scene_files import beam_levels
+from mitsonar.sonar.faces.faces import BuiltFace, MeasuredBeam
 from mitsonar.sonar.presets import presets
 from mitsonar.units import power_from_db
 

@@ -32,8 +32,8 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.sonar import Array, element_array, length_for_beam_width
+from mitsonar.sonar.arrays.shading import window_weights
 from mitsonar.sonar.presets import presets
-from mitsonar.sonar.shading import window_weights
 from mitsonar.units import hertz_from_khz, power_from_db
 
 from ..attributes import Angle, Attributes, Choice, FromTable, Integer, Number, Preset, Text
@@ -89,7 +89,7 @@ ATTRIBUTES = (
 
 
 class SyntheticAperture(SonarSensor):
-    """See the module's text; `mitsonar.survey.synthetic_aperture` plans its run and makes its echoes and its image."""
+    """See the module's text; `mitsonar.survey.synthetic_aperture.kind` plans its run and makes its echoes and its image."""
 
     kind, declared = "synthetic_aperture", ATTRIBUTES
     follows_offsets = False            # its echoes follow the trajectory

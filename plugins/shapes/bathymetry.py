@@ -43,7 +43,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.io import bathymetry, sediment_map
+from mitsonar.io.grids import bathymetry, sediment_map
 
 from ..attributes import Attributes, Boolean, Choice, File, Integer, Nested, Number, Numbers, Text, TextOrFile
 from .grid_mesh import SMOOTH_NORMALS, TO_WORLD, fill, triangulate
@@ -93,7 +93,7 @@ class Bathymetry(mi.Mesh):
 
     Attributes
     ----------
-    survey : mitsonar.io.bathymetry.Bathymetry
+    survey : mitsonar.io.grids.bathymetry.Bathymetry
     local_origin : (float, float) [m]
     crs : str
     bathymetry_bounds : (west, south, east, north) [m]

@@ -37,8 +37,8 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import upload
-from mitsonar.scattering.scattering_functions import ScatteringFunction, SphereScattering
-from mitsonar.scattering.sphere_series import MATERIALS, Solid, SphereBody
+from mitsonar.scattering.bodies.scattering_functions import ScatteringFunction, SphereScattering
+from mitsonar.scattering.bodies.sphere_series import MATERIALS, Solid, SphereBody
 
 from ..attributes import Attributes, Choice, File, Number, Point
 from .grid_mesh import TO_WORLD, GridMesh, fill
@@ -119,7 +119,7 @@ def _scattering(attributes: Attributes) -> ScatteringFunction | None:
         if kind == "constant":
             return None
         if kind == "table":
-            from mitsonar.io import scattering_tables  # with xarray, a third of a second
+            from mitsonar.io.scene_files import scattering_tables  # with xarray, a third of a second
 
             return scattering_tables.read(attributes.table)
         if kind not in FILLED:

@@ -21,7 +21,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.io import meshes
+from mitsonar.io.scene_files import meshes
 from mitsonar.scene.errors import plain
 from mitsonar.seabed import Bed, Body, Rules, draw_count, place
 

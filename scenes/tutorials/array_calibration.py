@@ -5,7 +5,7 @@
 # or weaker, and navigation is right to centimetres. At 120 kHz a wavelength is 12 mm, and beams ask for a tenth of it.
 # A few point targets in the water tell most of this, and mitsonar says what they cannot tell.
 #
-# `mitsonar.inversion.calibration.calibrated` takes element signals as `mitsonar.element_signals` makes them, or as an
+# `mitsonar.inversion.arrays.calibration.calibrated` takes element signals as `mitsonar.element_signals` makes them, or as an
 # instrument recorded them. Here they are made with a known array, so that answers can be checked.
 
 # %%
@@ -17,10 +17,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import mitsonar
-from mitsonar.inversion.calibration import calibrated
-from mitsonar.inversion.ping_images import moved
-from mitsonar.inversion.sharpness import sharpened, without_trend
-from mitsonar.synthetic_aperture.grids import ground_grid
+from mitsonar.inversion.arrays.calibration import calibrated
+from mitsonar.inversion.arrays.ping_images import moved
+from mitsonar.inversion.arrays.sharpness import sharpened, without_trend
+from mitsonar.synthetic_aperture.focusing.grids import ground_grid
 
 PINGS = round(7 * float(os.environ.get("TUTORIAL_SCALE", 1)))
 rng = np.random.default_rng(7)

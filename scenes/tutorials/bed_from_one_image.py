@@ -18,9 +18,9 @@ import mitsuba as mi
 import numpy as np
 
 import mitsonar  # before Mitsuba: it chooses the LLVM that Dr.Jit loads
-from mitsonar.inversion.heights import fit_heights
-from mitsonar.inversion.image_fit import Stage
-from mitsonar.inversion.sediment_map import fit_sediment_map
+from mitsonar.inversion.images.heights import fit_heights
+from mitsonar.inversion.images.image_fit import Stage
+from mitsonar.inversion.images.sediment_map import fit_sediment_map
 
 SCALE = float(os.environ.get("TUTORIAL_SCALE", 1))
 PINGS = round(20 * SCALE)

@@ -21,7 +21,7 @@ from torch import nn
 
 import mitsonar
 from mitsonar.imaging.picture_statistics import first_return
-from mitsonar.io.xtf_amplitudes import read_amplitudes
+from mitsonar.io.xtf.amplitudes import read_amplitudes
 
 SCALE = float(os.environ.get("TUTORIAL_SCALE", 1))         # 1: 24 fields and 16 epochs; 4: four times the fields
 FIELDS, OTHERS, EPOCHS, SEED = round(24 * SCALE), 8, 16, 7

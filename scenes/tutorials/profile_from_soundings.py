@@ -5,7 +5,7 @@
 # left at a known angle, and took a time. Is that enough to tell the sound-speed profile? Over a bed of many depths it
 # is. Over a level one it is not, however many soundings there are, and mitsonar says so.
 #
-# `mitsonar.inversion.profile.fit_profile` takes lines as `mitsonar.soundings` makes them, or as instruments wrote them.
+# `mitsonar.inversion.profile.profile.fit_profile` takes lines as `mitsonar.soundings` makes them, or as instruments wrote them.
 # Here the lines are made with known water, so that answers can be checked.
 
 # %%
@@ -15,11 +15,11 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 import numpy as np
 
-from mitsonar.gradients.sounding_bed import BedGrid
-from mitsonar.gradients.sounding_times import SoundingTimes
-from mitsonar.hydrography.sounding_beams import SoundingBeams
-from mitsonar.inversion.profile import fit_profile
-from mitsonar.inversion.profile_problem import ProfilePrior
+from mitsonar.gradients.soundings.sounding_bed import BedGrid
+from mitsonar.gradients.soundings.sounding_times import SoundingTimes
+from mitsonar.hydrography.detection.sounding_beams import SoundingBeams
+from mitsonar.inversion.profile.profile import fit_profile
+from mitsonar.inversion.profile.profile_problem import ProfilePrior
 from mitsonar.water import SoundSpeedProfile
 
 PINGS = round(20 * float(os.environ.get("TUTORIAL_SCALE", 1)))                       # of a line
@@ -193,6 +193,6 @@ print(known.verdict)
 assert known.is_profile
 
 # %% [markdown]
-# From here: `fit.to_dataset()` is all of it as a dataset; `fit.profile` goes into `mitsonar.hydrography.resounding`,
+# From here: `fit.to_dataset()` is all of it as a dataset; `fit.profile` goes into `mitsonar.hydrography.reduction.resounding`,
 # which reduces the line anew. A line of your own is what `mitsonar.io.survey_lines.reading.read("LINE.all")` gives, and
 # `tests/benchmarks/profile_from_soundings.py` does it with real ones.

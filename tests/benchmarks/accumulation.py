@@ -52,9 +52,9 @@ class Scene:
 
     def vector(self, difference):
         """Hits and elements as the vector approximation wants them, in water of one speed, at rest."""
-        from mitsonar.propagation.straight_vectors import Leg, hit_fields
-        from mitsonar.propagation.travel import REST
-        from mitsonar.propagation.vector_approximation import vector_element_fields
+        from mitsonar.propagation.returns.straight_vectors import Leg, hit_fields
+        from mitsonar.propagation.returns.travel import REST
+        from mitsonar.propagation.returns.vector_approximation import vector_element_fields
         from mitsonar.water import SoundSpeedProfile
 
         none = np.zeros_like(self.range)
@@ -124,7 +124,7 @@ def kernels(hits, elements, count):
     """Print rate and error of each kernel, and NumPy's."""
     import drjit as dr
 
-    from mitsonar.propagation.vector_approximation import level_difference, vector_difference
+    from mitsonar.propagation.returns.vector_approximation import level_difference, vector_difference
     from mitsonar.signal import KERNELS, in_band_error_db, response_spectrum
 
     scene = Scene(hits, elements)

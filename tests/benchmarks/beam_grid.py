@@ -23,7 +23,7 @@ class Frame:
 
         from mitsonar.device.arrays import upload
         from mitsonar.signal.beam_grid import LineBeams
-        from mitsonar.sonar.pulses import lfm
+        from mitsonar.sonar.pulses.pulses import lfm
 
         self.pulse = lfm(FREQUENCY, BAND, DURATION)
         self.rate = self.pulse.suggested_sampling_rate

@@ -16,7 +16,7 @@ import measuring
 import numpy as np
 
 import mitsonar
-from mitsonar.inversion.calibration import calibrated
+from mitsonar.inversion.arrays.calibration import calibrated
 from mitsonar.validation.scenes import array_sonar, bed, point_target
 
 UNIFORM, SUMMER = {"profile": "0:1500"}, {"cast": str(measuring.SUMMER)}

@@ -2,7 +2,7 @@
 
     python tests/benchmarks/eigenrays.py [--reference FILE.json]
 
-First table: `mitsonar.propagation.eigenrays` against known rays; the worst error over the cases of a profile, and how
+First table: `mitsonar.propagation.numpy_rays.eigenrays` against known rays; the worst error over the cases of a profile, and how
 many of the cases were found. Without a reference these are water of one sound speed and of one gradient, by the closed
 forms of a circular arc,
 
@@ -25,10 +25,10 @@ import numpy as np
 import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
 from mitsonar.device.arrays import arrays_of
 from mitsonar.io import casts
-from mitsonar.propagation import eigenrays
+from mitsonar.propagation.numpy_rays import eigenrays
 from mitsonar.scene.loading import prepare
-from mitsonar.tracing.tracer import Tracer
-from mitsonar.tracing.water import DeviceWater
+from mitsonar.scene.tracing.tracer import Tracer
+from mitsonar.scene.tracing.water import DeviceWater
 from mitsonar.water import SoundSpeedProfile
 
 FIELDS = "time", "arc_length", "launch_angle", "spreading_m2_per_sr"

@@ -9,7 +9,7 @@ import measuring
 import numpy as np
 
 import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
-from mitsonar.gradients.check import check_gradients
+from mitsonar.gradients.check.check import check_gradients
 from mitsonar.validation.scenes import array_sonar, bed, point_target
 
 WATERS = {"constant": {"profile": "0:1500"}, "thermocline": {"cast": str(measuring.SUMMER)}}
@@ -42,7 +42,7 @@ def main():
     parser.add_argument("--cell", type=float, default=0.08)
     parser.add_argument("--check", action="store_true", help="compare each parameter with differences, of 9 elements")
     options = parser.parse_args()
-    from mitsonar.gradients.elements import ElementModel
+    from mitsonar.gradients.elements.elements import ElementModel
     print("| water | knots | million echoes | signals [s] | J v | Jt w |\n|---|---|---|---|---|---|")
     for water in WATERS:
         for speed in (0.0, 3.0):

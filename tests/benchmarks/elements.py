@@ -34,7 +34,7 @@ def record_of(arguments, elements=1, **integrator):
     import mitsuba as mi
 
     from mitsonar.scene.loading import prepare
-    from mitsonar.survey.pressure import PressureRecord
+    from mitsonar.survey.pressure.pressure import PressureRecord
 
     prepare()
     scene = mi.load_dict({
@@ -61,7 +61,7 @@ def by_elements(arguments):
     import drjit as dr
     import mitsuba as mi
 
-    from mitsonar.survey.elements.echo_classes import SortedEchoes
+    from mitsonar.survey.pressure.echo_classes import SortedEchoes
 
     rows = []
     for elements in arguments.elements:

@@ -53,7 +53,7 @@ def made(**parameters):
     import mitsonar
     from mitsonar.imaging import fan
     from mitsonar.survey.beam_domain.frames import Frames
-    from mitsonar.verbs import opened
+    from mitsonar.verbs.images import opened
 
     scene, sensor, integrator = opened(mitsonar.load_file(ROOT / "scenes" / "forward_looking.xml", **parameters))
     survey = integrator.survey(scene, sensor)

@@ -53,10 +53,10 @@ def main(argv=None):
 
 def strip(side, receivers, spacing, profile):
     """Give what focuses a strip, and the number of its readings."""
-    from mitsonar.sonar.pulses import lfm
-    from mitsonar.synthetic_aperture.back_projection import TILE, BackProjection
-    from mitsonar.synthetic_aperture.focusing import Focuser
-    from mitsonar.synthetic_aperture.grids import ground_grid
+    from mitsonar.sonar.pulses.pulses import lfm
+    from mitsonar.synthetic_aperture.focusing.back_projection import TILE, BackProjection
+    from mitsonar.synthetic_aperture.focusing.focusing import Focuser
+    from mitsonar.synthetic_aperture.focusing.grids import ground_grid
     from tests.inputs.raw_strip import line_array, raw_strip, straight
 
     pulse = lfm(300e3, 60e3, 2e-3)

@@ -51,8 +51,8 @@ def main(argv=None):
 def planned(shapes, *, depth=16.0, film=None, water=None, integrator=None, beams=41, width=80.0, steps="sine",
             **sensor):
     """Give the survey of a line's pings, and angles and directions of its beams."""
-    from mitsonar.survey.signals import LEAD
-    from mitsonar.verbs import opened
+    from mitsonar.survey.pressure.signals import LEAD
+    from mitsonar.verbs.images import opened
 
     scene, sensor, path = opened(scenes.array_sonar(shapes, depth=depth, sensor={**LINE, **sensor}, water=water,
                                                     film=film, integrator=integrator))
@@ -69,8 +69,8 @@ def in_beam_domain(survey, direction, *, ping=0, per_cell=5.0):
 
 def of_elements(survey, direction, *, ping=0):
     """Beams (B, S) of the element chain."""
-    from mitsonar.survey.pressure import PressureRecord
-    from mitsonar.survey.signals import received_signals
+    from mitsonar.survey.pressure.pressure import PressureRecord
+    from mitsonar.survey.pressure.signals import received_signals
 
     return fan.formed(received_signals(PressureRecord(survey, seed=1), [ping]), survey.pulse, direction)[0]
 
@@ -239,8 +239,8 @@ def coherence(quick):
 
 def kinds(quick):
     """Print energies and labels by instance, of the beam domain against those that rays find."""
-    from mitsonar.survey import energy
-    from mitsonar.survey.beams import Beams
+    from mitsonar.survey.energy import energy
+    from mitsonar.survey.fan.beams import Beams
 
     rows = []
     for name, (shapes, more) in list(scenes_of_kinds().items())[:3 if quick else None]:

@@ -118,7 +118,7 @@ def fitted(name, looks, given, folder):
                                           for part in ("", "_start", "_deviation", "_resolved"))
     off, unit = (answer - truth)[seen], "m" if name in HEIGHTS else "dB"
     if given.pictures:
-        from mitsonar.plots.fit_sheet import fit_figure
+        from mitsonar.plots.sheets.fit_sheet import fit_figure
 
         given.pictures.mkdir(exist_ok=True)
         drawn = fit.assign({f"{parameter}_truth": (fit[parameter].dims, truth)})
@@ -140,7 +140,7 @@ def nearest(strengths):
 
 
 def stages(given, usual):
-    from mitsonar.inversion.image_fit import Stage
+    from mitsonar.inversion.images.image_fit import Stage
 
     return [Stage(bins=8, steps=1, products=2)] if given.quick else usual
 
@@ -159,10 +159,10 @@ def heights(name, looks, given, folder):
     import mitsonar  # noqa: F401  isort: skip: it comes before Mitsuba
     import mitsuba as mi
 
-    from mitsonar.gradient_verbs import scene_model
-    from mitsonar.inversion.heights import fit_heights
-    from mitsonar.inversion.image_fit import COARSE_TO_FINE
-    from mitsonar.inversion.smooth_field import grid_of
+    from mitsonar.inversion.fit.smooth_field import grid_of
+    from mitsonar.inversion.images.heights import fit_heights
+    from mitsonar.inversion.images.image_fit import COARSE_TO_FINE
+    from mitsonar.verbs.gradients import scene_model
 
     data = opened(folder, "data", given, relief=HEIGHTS[name], jittered=True, rays=40000)
     parameters = mi.traverse(data)
@@ -197,8 +197,8 @@ def sediments(name, looks, given, folder):
     import mitsonar  # noqa: F401  isort: skip: it comes before Mitsuba
     import mitsuba as mi
 
-    from mitsonar.gradient_verbs import scene_model
-    from mitsonar.inversion.sediment_map import STAGES, fit_sediment_map
+    from mitsonar.inversion.images.sediment_map import STAGES, fit_sediment_map
+    from mitsonar.verbs.gradients import scene_model
 
     count = 41
     axis = 80 * ((np.arange(count) + 0.5) / count - 0.5)

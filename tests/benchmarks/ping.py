@@ -66,9 +66,9 @@ def phases(arguments):
     from dataclasses import replace
 
     import mitsonar
-    from mitsonar.io import exr
-    from mitsonar.survey.energy import record
-    from mitsonar.survey.sides import Sides
+    from mitsonar.io.records import exr
+    from mitsonar.survey.energy.energy import record
+    from mitsonar.survey.sidescan.sides import Sides
 
     integrator, sensor = scene.integrator(), scene.sensors()[0]
     survey = integrator.survey(scene, sensor)
@@ -95,7 +95,7 @@ def one_survey(arguments):
     """Render one survey, write it, and give its cost."""
     scene = load(arguments, arguments.one, arguments.rays or 100_000)
     import mitsonar
-    from mitsonar.io import exr
+    from mitsonar.io.records import exr
 
     before, start = peak_memory(), time.perf_counter()
     image = mitsonar.render(scene)

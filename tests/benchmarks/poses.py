@@ -115,9 +115,9 @@ def fitted(name, looks, given, folder):
     import mitsonar  # noqa: F401  isort: skip: it comes before Mitsuba
     import mitsuba as mi
 
-    from mitsonar.gradient_verbs import scene_model
-    from mitsonar.inversion.image_fit import Stage
-    from mitsonar.inversion.pose import STAGES, PosePrior, PoseUnknowns, fit_pose
+    from mitsonar.inversion.images.image_fit import Stage
+    from mitsonar.inversion.images.pose import STAGES, PosePrior, PoseUnknowns, fit_pose
+    from mitsonar.verbs.gradients import scene_model
 
     middle, off = SCENES[name][2:]
     corner, faces = mesh(name)

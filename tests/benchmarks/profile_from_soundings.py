@@ -59,8 +59,8 @@ def main(argv=None):
 
 def simulated(name, path, shallowest, deepest, **options):
     """Give the rows of a cast; options are of `surveyed`."""
-    from mitsonar.inversion.profile import fit_profile
-    from mitsonar.inversion.profile_problem import ProfilePrior
+    from mitsonar.inversion.profile.profile import fit_profile
+    from mitsonar.inversion.profile.profile_problem import ProfilePrior
     from mitsonar.io import casts
     from mitsonar.water import SoundSpeedProfile
 
@@ -76,8 +76,8 @@ def simulated(name, path, shallowest, deepest, **options):
 
 def depths(beams, bed, cast, start, fit):
     """Give the root mean square error of depths by the water, before and after [m]."""
-    from mitsonar.gradients.sounding_times import SoundingTimes
-    from mitsonar.hydrography.legs import Starts
+    from mitsonar.gradients.soundings.sounding_times import SoundingTimes
+    from mitsonar.hydrography.reduction.legs import Starts
     from mitsonar.water import SoundSpeedProfile
 
     true = SoundingTimes(beams, cast, bed).places({})[:, 2]
@@ -106,11 +106,11 @@ def worded(fit, cast, noise, seconds, errors):
 
 def real(path):
     """Give the rows of a line: bed unknown, and bed known."""
-    from mitsonar.gradients.sounding_bed import BedGrid
-    from mitsonar.hydrography.resounding import profile_of
-    from mitsonar.hydrography.sounding_beams import beams_of
-    from mitsonar.inversion.profile import fit_profile, laid_bed
-    from mitsonar.inversion.profile_problem import ProfilePrior
+    from mitsonar.gradients.soundings.sounding_bed import BedGrid
+    from mitsonar.hydrography.detection.sounding_beams import beams_of
+    from mitsonar.hydrography.reduction.resounding import profile_of
+    from mitsonar.inversion.profile.profile import fit_profile, laid_bed
+    from mitsonar.inversion.profile.profile_problem import ProfilePrior
     from mitsonar.io.survey_lines import reading
     from mitsonar.water import SoundSpeedProfile
 

@@ -97,7 +97,7 @@ def main(argv=None):
 def places(line):
     """Say where records lie."""
     import mitsonar
-    from mitsonar.io import tracks
+    from mitsonar.io.tracks import tracks
 
     said = [f"{line.name}: EPSG and origin {mitsonar.read(line).attrs['crs']}, {mitsonar.read(line).attrs['origin']}"]
     for name in SIDESCANS:
@@ -161,7 +161,7 @@ def fitted(strengths, rays):
     """Fit heights; give the answer, and how far across [m] the strengths reach."""
     import mitsonar  # isort: skip: it comes before Mitsuba
     from mitsonar.inversion import HeightPrior, fit_heights
-    from mitsonar.inversion.image_fit import Stage
+    from mitsonar.inversion.images.image_fit import Stage
 
     both, mean = strengths["both"], strengths["mean"]
     nearest, farthest = strengths["range"][np.flatnonzero(both)[[0, -1]]]

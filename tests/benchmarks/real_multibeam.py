@@ -7,7 +7,7 @@ Times: from the file's places of soundings, out from the transmit array where it
 where it heard: our two-way time less the file's, times half the speed of sound: metres, one way. A ping's three lever
 arms are fitted or nothing is. Places: what `resounded` makes of the file's times and angles, less the file's places.
 The water is the file's cast with the head's sound-speed sensor as the node at the arrays, or the cast as it stands; the
-ship is held in place while echoes are under way, or moved (`mitsonar.hydrography.instrument_rules`). Pings without a
+ship is held in place while echoes are under way, or moved (`mitsonar.planning.instrument_rules`). Pings without a
 record of the motion to their last echo are left out, and so are soundings that no ray leads to.
 """
 import argparse
@@ -49,8 +49,8 @@ def rows_of(path):
 
 def pings_of(path, held, node=True):
     """Give residuals of times, bare and fitted, and of places (depth, across, along), ping by ping."""
-    from mitsonar.hydrography.instrument_rules import time_residuals
     from mitsonar.io.survey_lines import reading
+    from mitsonar.planning.instrument_rules import time_residuals
 
     whole = reading.read(path, water_column=False)
     for head in range(whole.sizes.get("receive_head", 1)):
@@ -71,8 +71,8 @@ def under_way(one):
 
 def anew(one, held, node):
     """Return places (sounding, 3) of `resounded` less the file's, from the ping's own place."""
-    from mitsonar.hydrography.instrument_rules import Rules
-    from mitsonar.hydrography.resounding import resounded
+    from mitsonar.hydrography.reduction.resounding import resounded
+    from mitsonar.planning.instrument_rules import Rules
 
     when, sent = one["motion_time"].values, float(one["ping_time"][0])
     one = one.assign({f"motion_{name}": one[f"motion_{name}"] + float(one[f"ping_{name}"][0]) - np.interp(

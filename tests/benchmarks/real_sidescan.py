@@ -54,7 +54,7 @@ def main(argv=None):
 
 def recorded(path):
     """Give amplitudes (ping, side, sample) and their spacing [m]."""
-    from mitsonar.io.xtf_amplitudes import read_amplitudes
+    from mitsonar.io.xtf.amplitudes import read_amplitudes
 
     record = read_amplitudes(path)
     return record["amplitude"].values.astype(float), float(record["range"].diff("range").mean())
@@ -78,8 +78,8 @@ def along(real, folder):
     from scipy.signal import savgol_filter
 
     from mitsonar.imaging.picture_statistics import first_return
-    from mitsonar.io import tracks
-    from mitsonar.io.navigation import course
+    from mitsonar.io.tracks import tracks
+    from mitsonar.io.tracks.navigation import course
 
     record, spacing = recorded(real)
     track = tracks.load(real).placed()

@@ -31,9 +31,9 @@ import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
 from mitsonar.device.arrays import upload
 from mitsonar.io import casts
 from mitsonar.propagation import eigenray, return_time, return_time_error
-from mitsonar.propagation.layer_table import layer_table
-from mitsonar.propagation.return_times import GUARD, approximate, leg_integrals
-from mitsonar.propagation.vector_approximation import DIFFERENCES, ELEMENT_FIELDS
+from mitsonar.propagation.device_rays.layer_table import layer_table
+from mitsonar.propagation.numpy_rays.return_times import GUARD, approximate, leg_integrals
+from mitsonar.propagation.returns.vector_approximation import DIFFERENCES, ELEMENT_FIELDS
 from mitsonar.water import SoundSpeedProfile
 
 OFFSETS = 0.1, 0.5, 1.0            # [m]

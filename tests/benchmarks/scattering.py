@@ -20,8 +20,8 @@ import numpy as np
 import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
 from mitsonar.scene import materials
 from mitsonar.scene.loading import prepare
-from mitsonar.survey.energy import record
-from mitsonar.survey.sides import Sides
+from mitsonar.survey.energy.energy import record
+from mitsonar.survey.sidescan.sides import Sides
 
 FREQUENCY = 100e3
 LAWS = {

@@ -16,8 +16,8 @@ STEEP = np.radians(WIDEST)
 def surveyed(cast, shallowest, deepest, *, noise=10e-6, navigation=0.05, roughness=0.03, seed=0, lines=5, pings=60,
              beams=48, crossing=3):
     """Simulate lines up the slope and some across it; give SoundingBeams and the true bed as a BedGrid."""
-    from mitsonar.gradients.sounding_times import SoundingTimes
-    from mitsonar.hydrography.sounding_beams import SoundingBeams
+    from mitsonar.gradients.soundings.sounding_times import SoundingTimes
+    from mitsonar.hydrography.detection.sounding_beams import SoundingBeams
 
     rng = np.random.default_rng(seed)
     length = max(deepest - shallowest, 0.2 * deepest) / (SLOPE if deepest > 1.2 * shallowest else 0.2)
@@ -47,7 +47,7 @@ def surveyed(cast, shallowest, deepest, *, noise=10e-6, navigation=0.05, roughne
 
 def rough_slope(rng, length, shallowest, deepest, roughness):
     """Make a bed that falls along x, with hills of a twentieth of the depth and small relief."""
-    from mitsonar.gradients.sounding_bed import BedGrid
+    from mitsonar.gradients.soundings.sounding_bed import BedGrid
 
     side, step = 4 * deepest + 40, max(1.0, length / 600)
     x, y = np.arange(-2 * deepest, length + 2 * deepest, step), np.arange(-side, side, step)

@@ -58,7 +58,7 @@ def scene_of(arguments, preset, pings):
 def work(arguments):
     """Make a ping of a kind as often as its name comes in; answer with CPU and wall seconds, and CPU of the parts."""
     sys.path.insert(0, str(arguments.worker))
-    from mitsonar.verbs import sounded_pings
+    from mitsonar.verbs.images import sounded_pings
 
     scene = scene_of(arguments, arguments.preset[0], arguments.rounds + 1)
     spent = {}
@@ -132,7 +132,7 @@ def costs(arguments, preset, checkouts):
 def memory(arguments):
     """Sound a line, write it, and print seconds a ping and peak memory on the way."""
     from mitsonar.io import survey_lines
-    from mitsonar.verbs import sounded_pings
+    from mitsonar.verbs.images import sounded_pings
 
     arguments.parameters = ["speed_knots=0.2", *arguments.parameters]       # the bed is 120 m long
     scene = scene_of(arguments, arguments.preset[0], arguments.pings)

@@ -64,8 +64,8 @@ def work(arguments):
     """Make a step of a ping as often as lines come in; answer each with CPU and wall seconds and what there was."""
     import drjit as dr
 
-    from mitsonar.survey import signals
-    from mitsonar.survey.pressure import PressureRecord
+    from mitsonar.survey.pressure import signals
+    from mitsonar.survey.pressure.pressure import PressureRecord
 
     survey = strip(arguments)
     record, made = PressureRecord(survey), {}

@@ -15,9 +15,9 @@ import measuring
 import numpy as np
 
 import mitsonar
-from mitsonar.inversion.ping_images import PingImages, moved
-from mitsonar.inversion.sharpness import sharpened, sway_of_targets, without_trend
-from mitsonar.synthetic_aperture.grids import ground_grid
+from mitsonar.inversion.arrays.ping_images import PingImages, moved
+from mitsonar.inversion.arrays.sharpness import sharpened, sway_of_targets, without_trend
+from mitsonar.synthetic_aperture.focusing.grids import ground_grid
 from mitsonar.validation.scenes import bed, point_target, synthetic_aperture
 
 UNIFORM, SUMMER = {"profile": "0:1500"}, {"cast": str(measuring.SUMMER)}

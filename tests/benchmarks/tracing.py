@@ -23,8 +23,8 @@ import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
 from mitsonar.device.arrays import arrays_of
 from mitsonar.io import casts
 from mitsonar.scene.loading import prepare
-from mitsonar.tracing.tracer import Tracer, _angles, _first_hit
-from mitsonar.tracing.water import DeviceWater
+from mitsonar.scene.tracing.tracer import Tracer, _angles, _first_hit
+from mitsonar.scene.tracing.water import DeviceWater
 from mitsonar.water import SoundSpeedProfile
 
 SOURCE_DEPTH, STEEPEST_DEG, TILE = 20.0, 90.0, 4

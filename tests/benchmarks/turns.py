@@ -43,13 +43,13 @@ def main(argv=None):
 def made(**parameters):
     """Give the stages of a picture, each to be called: echoes and signals by beams, the truth, signals by elements."""
     import mitsonar
-    from mitsonar.survey import energy
-    from mitsonar.survey.pressure import PressureRecord
-    from mitsonar.survey.rotating_head.echoes import StepEchoes
-    from mitsonar.survey.rotating_head.signals import StepSignals
-    from mitsonar.survey.rotating_head.steps import Steps
-    from mitsonar.survey.signals import received_signals
-    from mitsonar.verbs import opened
+    from mitsonar.survey.energy import energy
+    from mitsonar.survey.pressure.pressure import PressureRecord
+    from mitsonar.survey.pressure.signals import received_signals
+    from mitsonar.survey.sector_scan.echoes import StepEchoes
+    from mitsonar.survey.sector_scan.signals import StepSignals
+    from mitsonar.survey.sector_scan.steps import Steps
+    from mitsonar.verbs.images import opened
 
     scene, sensor, integrator = opened(mitsonar.load_file(ROOT / "scenes" / "sector_scan.xml", **parameters))
     survey = integrator.survey(scene, sensor)

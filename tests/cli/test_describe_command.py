@@ -8,7 +8,7 @@ from small_scene import TEXT
 
 import mitsonar
 from mitsonar.cli import main as cli
-from mitsonar.io import scene_words, scenes
+from mitsonar.io.scene_files import scene_words, scenes
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from synthetic_sidescan import sidescan
 
 import mitsonar
 from mitsonar.cli import main as cli
-from mitsonar.io import exr
+from mitsonar.io.records import exr
 
 
 @pytest.fixture

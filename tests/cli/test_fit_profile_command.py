@@ -8,7 +8,7 @@ import xarray as xr
 from sounded_line import SUMMER, recorded, rocking, sounded
 
 from mitsonar.cli import main as cli
-from mitsonar.hydrography.resounding import resounded
+from mitsonar.hydrography.reduction.resounding import resounded
 from mitsonar.io import casts, survey_lines
 from mitsonar.water import SoundSpeedProfile
 

@@ -6,9 +6,9 @@ import pytest
 import xarray as xr
 from fake_models import Fake, of_key
 
-from mitsonar import gradient_verbs
 from mitsonar.cli import main as cli
-from mitsonar.gradients.check_table import GradientCheck, PartCheck
+from mitsonar.gradients.check.table import GradientCheck, PartCheck
+from mitsonar.verbs import gradients as gradient_verbs
 
 SMALL = ("gradient-check", "scene.xml", "-D", "speckle=false")
 

@@ -11,7 +11,7 @@ from labelled_sidescan import labelled
 from PIL import Image
 
 from mitsonar.cli import main as cli
-from mitsonar.io import exr
+from mitsonar.io.records import exr
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mitsonar.cli.main import main
-from mitsonar.io import tracks
+from mitsonar.io.tracks import tracks
 
 ROOT = Path(__file__).resolve().parents[2]
 SANDWAVES, SUMMER = ROOT / "scenes/bathymetry/sandwaves.tif", ROOT / "scenes/casts/summer.csv"

@@ -6,7 +6,7 @@ from synthetic_fan import fan
 
 import mitsonar
 from mitsonar.cli import main as cli
-from mitsonar.io import exr
+from mitsonar.io.records import exr
 
 
 @pytest.fixture

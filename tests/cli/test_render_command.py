@@ -39,7 +39,7 @@ def test_a_point_target_needs_no_id(folder, accepted):
 
 
 def test_parameters_and_seed_reach_the_file(folder, accepted):
-    from mitsonar.io import exr
+    from mitsonar.io.records import exr
 
     accepted("render", "scene.xml", "-o", "o.exr", "-D", "pings=3", "-D", "speckle=FALSE", "--seed", "7")
     dataset = exr.read("o.exr")
@@ -70,7 +70,7 @@ def test_same_bytes_from_command_and_call_and_any_number_of_threads(folder, acce
 
     import mitsonar
 
-    mitsonar.io.exr.write(mitsonar.render(mitsonar.load_file("scene.xml", pings=3), seed=5), "call.exr")
+    mitsonar.io.records.exr.write(mitsonar.render(mitsonar.load_file("scene.xml", pings=3), seed=5), "call.exr")
     before = dr.thread_count()
     try:
         for threads in (2, 5):
@@ -81,7 +81,7 @@ def test_same_bytes_from_command_and_call_and_any_number_of_threads(folder, acce
 
 
 def test_resolved_scene_of_the_file_renders_the_same_image(folder, accepted):
-    from mitsonar.io import exr
+    from mitsonar.io.records import exr
 
     accepted("render", "scene.xml", "-o", "a.exr", "-D", "range=45", "-D", "pings=3")
     first = exr.read("a.exr")
@@ -193,7 +193,7 @@ def test_the_demo_is_quick_and_looks_like_its_scene(variant):
     arrive.
     """
     from mitsonar.cli.rendering import DEMO
-    from mitsonar.io import scenes
+    from mitsonar.io.scene_files import scenes
 
     path = scenes.find("sidescan_targets")
     pings = int(re.search(r'name="pings" value="(\d+)"', Path(path).read_text())[1])
@@ -211,7 +211,7 @@ def test_the_demo_is_quick_and_looks_like_its_scene(variant):
 def test_image_is_what_mitsubas_own_render_gives(folder, accepted):
     import mitsuba as mi
 
-    from mitsonar.io import exr
+    from mitsonar.io.records import exr
 
     accepted("render", "scene.xml", "-o", "o.exr", "--seed", "3")
     level = exr.read("o.exr")["level"].values
@@ -277,7 +277,7 @@ FAN = """<scene version="3.0.0"><integrator type="sonar_path"/>
 
 
 def test_pings_of_a_fan_become_files_each(folder, accepted, capfd):
-    from mitsonar.io import exr
+    from mitsonar.io.records import exr
 
     (folder / "fan.xml").write_text(FAN)
     assert accepted("render", "fan.xml", "-o", "o.exr", "--each-ping") == ["o_0000.exr to o_0001.exr"]

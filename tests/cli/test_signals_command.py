@@ -6,7 +6,7 @@ import pytest
 from small_scene import spoilt
 
 from mitsonar.cli import main as cli
-from mitsonar.io import signals as netcdf
+from mitsonar.io.records import signals as netcdf
 
 TEXT = """<scene version="3.0.0">
     <default name="elements" value="3"/>
@@ -55,7 +55,7 @@ def test_the_file_holds_what_python_gives(variant, folder, scene, capfd):
 
 
 def test_work_of_more_than_a_moment_is_told_before_it_starts(variant, folder, scene, capfd, monkeypatch):
-    from mitsonar.survey import cost as array_cost
+    from mitsonar.survey.pressure import cost as array_cost
 
     monkeypatch.setattr(array_cost, "WORTH_SAYING", 0.0)
     scene((START, START + '<string name="picture" value="elements"/>'))
@@ -144,7 +144,7 @@ def test_a_single_element_has_a_picture_too(variant, folder, scene):
 
 
 def test_the_fan_of_an_array_is_its_picture(variant, folder, scene, refusal):
-    from mitsonar.io import exr
+    from mitsonar.io.records import exr
 
     assert cli.main(["render", "array.xml", "-o", "a.exr", "--preview", "a.png", "-D", "elements=8"]) == 0
     image = exr.read("a.exr")

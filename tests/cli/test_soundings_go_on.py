@@ -90,7 +90,7 @@ def test_options_that_do_not_fit_are_refused_before_the_first_ping(variant, scen
 
 
 def test_hidden_files_of_running_programs_stay(tmp_path):
-    from mitsonar.io.files import clear_left, replacing
+    from mitsonar.device.files import clear_left, replacing
 
     with replacing(tmp_path / "a.nc") as temporary:
         clear_left(tmp_path / "a.nc")

@@ -18,7 +18,7 @@ def folder(folder):
 def test_the_file_holds_what_python_gives_and_an_interrupted_one_goes_on(variant, folder, capfd, monkeypatch):
     import mitsonar
     from mitsonar.cli import progress
-    from mitsonar.io import raw_echoes
+    from mitsonar.io.records import raw_echoes
 
     assert cli.main([*SIGNALS, "--seed", "5"]) == 0
     assert capfd.readouterr() == ("raw.nc\n", "")

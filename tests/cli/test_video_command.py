@@ -4,7 +4,7 @@ import xarray as xr
 from PIL import Image
 
 from mitsonar.cli import main
-from mitsonar.io import exr
+from mitsonar.io.records import exr
 
 
 def written(path, beams=9):

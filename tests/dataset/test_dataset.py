@@ -8,7 +8,7 @@ from labelled_sidescan import labelled
 
 import mitsonar
 from mitsonar.dataset.labels.frames import frames
-from mitsonar.io import exr
+from mitsonar.io.records import exr
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from labelled_sidescan import labelled
 from synthetic_fan import BOXES, fan, head
 
 import mitsonar
-from mitsonar.io import exr
+from mitsonar.io.records import exr
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from mitsonar.dataset.labels.frames import Tile, frames, tiles
 from mitsonar.dataset.labels.pictures import greys
 from mitsonar.dataset.labels.polygons import joined, polygons
 from mitsonar.imaging.objects import object_bins
-from mitsonar.io import exr
+from mitsonar.io.records import exr
 
 
 def filled(rings, shape):

@@ -13,7 +13,7 @@ from mitsonar.dataset.labels import Labels, write
 from mitsonar.dataset.labels.annotations import annotations
 from mitsonar.dataset.labels.frames import frames
 from mitsonar.dataset.labels.pictures import greys
-from mitsonar.io import exr
+from mitsonar.io.records import exr
 
 CELL = 0.05
 

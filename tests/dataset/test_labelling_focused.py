@@ -13,7 +13,8 @@ from mitsonar.dataset.labels import Labels, write
 from mitsonar.dataset.labels.annotations import annotations
 from mitsonar.dataset.labels.frames import frames
 from mitsonar.imaging.objects import object_bins
-from mitsonar.io import exr, reading
+from mitsonar.io import reading
+from mitsonar.io.records import exr
 
 ROWS, COLUMNS = 50, 90
 

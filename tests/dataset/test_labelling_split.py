@@ -7,7 +7,7 @@ from hypothesis import given, settings, strategies as st
 from labelled_sidescan import labelled
 
 from mitsonar.dataset.labels import Labels, deal, find_sources, read_shares, write
-from mitsonar.io import exr
+from mitsonar.io.records import exr
 
 SHARES = st.dictionaries(st.sampled_from(("train", "val", "test")), st.integers(1, 20), min_size=1).map(
     lambda parts: {name: part / sum(parts.values()) for name, part in parts.items()})

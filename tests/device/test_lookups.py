@@ -17,14 +17,14 @@ import pytest
 from drjit.auto import Float, Float64, UInt32
 
 from mitsonar.device.arrays import arrays_of, held, upload
-from mitsonar.echoes.origin_sums import SECTORS, sector
-from mitsonar.propagation.exact_returns import exact_return
-from mitsonar.propagation.layer_table import layer_table
-from mitsonar.propagation.ray_fans import build_ray_fans
-from mitsonar.propagation.travel import steady
-from mitsonar.propagation.two_point import source_state, to_hit, walk
-from mitsonar.scattering.lobe_table import LobeTable, RatioTable
-from mitsonar.tracing.launch import CELLS, draw
+from mitsonar.echoes.sums.origin_sums import SECTORS, sector
+from mitsonar.propagation.device_rays.layer_table import layer_table
+from mitsonar.propagation.device_rays.ray_fans import build_ray_fans
+from mitsonar.propagation.device_rays.two_point import source_state, to_hit, walk
+from mitsonar.propagation.numpy_rays.exact_returns import exact_return
+from mitsonar.propagation.returns.travel import steady
+from mitsonar.scattering.surfaces.lobe_table import LobeTable, RatioTable
+from mitsonar.scene.tracing.launch import CELLS, draw
 from mitsonar.water import SoundSpeedProfile, VolumeScattering
 from mitsonar.water.absorption_table import Absorption
 from mitsonar.water.column import AbsorptionColumn

@@ -16,7 +16,7 @@ from scipy.stats import chisquare, kstest
 
 from mitsonar.device.arrays import arrays_of
 from mitsonar.device.chance import gaussian, hashed, shape_key
-from mitsonar.echoes.cells import cell_of, divisions, place
+from mitsonar.echoes.scatterers.cells import cell_of, divisions, place
 
 SIGNIFICANCE = 1e-3
 PLACE, AMPLITUDE = 11, 12          # what tells the hashes of a cell's point and of its amplitude apart

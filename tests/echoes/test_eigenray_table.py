@@ -11,11 +11,11 @@ import pytest
 from summer import SUMMER_TABLE
 
 from mitsonar.device.arrays import upload
-from mitsonar.echoes.eigenray_table import EigenrayTable
+from mitsonar.echoes.sights.eigenray_table import EigenrayTable
 from mitsonar.echoes.sonar_equation import leg_gain, speed_ratio
 from mitsonar.scene.geometry import Geometry
-from mitsonar.tracing.connection import Connector
-from mitsonar.tracing.water import DeviceWater
+from mitsonar.scene.tracing.connection import Connector
+from mitsonar.scene.tracing.water import DeviceWater
 from mitsonar.validation import scenes
 from mitsonar.water import SoundSpeedProfile
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mitsonar.device.arrays import upload
-from mitsonar.echoes.element_beams import ElementBeams
+from mitsonar.echoes.scatterers.element_beams import ElementBeams
 from mitsonar.sonar import element_array
 
 TURN, WAVELENGTH = 0.05, 0.015

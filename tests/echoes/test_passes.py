@@ -10,8 +10,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 import mitsonar
-from mitsonar.echoes.scatterers import Scatterers
-from mitsonar.echoes.thinned_scatterers import Density, ThinnedScatterers
+from mitsonar.echoes.scatterers.scatterers import Scatterers
+from mitsonar.echoes.scatterers.thinned_scatterers import Density, ThinnedScatterers
 from mitsonar.scene.geometry import Geometry
 from mitsonar.validation.scenes import array_sonar, bed, forward_looking, sidescan
 

@@ -6,8 +6,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mitsonar.device.arrays import upload
-from mitsonar.echoes.pieces import NEGLIGIBLE, pieces_in_beams
-from mitsonar.survey.pressure import PressureRecord
+from mitsonar.echoes.scatterers.pieces import NEGLIGIBLE, pieces_in_beams
+from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.validation.scenes import array_sonar
 
 SUMMER_TEXT = "0:1508, 8:1507, 14:1494, 40:1490"

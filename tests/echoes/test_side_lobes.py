@@ -10,7 +10,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mitsonar.survey.ensonified_ping import ensonification_of
+from mitsonar.survey.pressure.ensonified_ping import ensonification_of
 from mitsonar.validation.scenes import array_sonar, bed
 
 BELOW, MADE = 1e-2, {}

@@ -6,11 +6,11 @@ import pytest
 
 from mitsonar.device.arrays import arrays_of
 from mitsonar.echoes.point_targets import PointTargets
-from mitsonar.echoes.sights import Sights
+from mitsonar.echoes.sights.sights import Sights
 from mitsonar.scene.geometry import Geometry
-from mitsonar.tracing.connection import Connector
-from mitsonar.tracing.tracer import Tracer
-from mitsonar.tracing.water import DeviceWater
+from mitsonar.scene.tracing.connection import Connector
+from mitsonar.scene.tracing.tracer import Tracer
+from mitsonar.scene.tracing.water import DeviceWater
 from mitsonar.water import SoundSpeedProfile
 
 TARGETS = [((0.0, 30.0, -40.0), -20.0, 3), ((20.0, 0.0, -25.0), -35.0, 5), ((-15.0, -15.0, -45.0), -10.0, 4)]

@@ -8,8 +8,8 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mitsonar.echoes.scatterers import Scatterers
-from mitsonar.echoes.thinned_scatterers import Density, ThinnedScatterers
+from mitsonar.echoes.scatterers.scatterers import Scatterers
+from mitsonar.echoes.scatterers.thinned_scatterers import Density, ThinnedScatterers
 from mitsonar.scene.geometry import Geometry
 from mitsonar.validation import scenes
 

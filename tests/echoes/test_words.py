@@ -5,7 +5,7 @@ import pytest
 from drjit.auto import UInt32, UInt64
 
 from mitsonar.device.arrays import upload
-from mitsonar.echoes.energy_sums import add_words
+from mitsonar.echoes.sums.energy_sums import add_words
 
 
 @pytest.mark.parametrize("words", [2, 4, 8])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mitsonar
-from mitsonar.gradient_verbs import scene_model
+from mitsonar.verbs.gradients import scene_model
 
 KEY = "sonar.medium.absorption_offset"
 SCENE = """<scene version="3.0.0">

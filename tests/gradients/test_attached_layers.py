@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from drjit.llvm.ad import Float64
 
-from mitsonar.gradients.attached_layers import attached_layers
-from mitsonar.propagation.layer_table import layer_table
+from mitsonar.gradients.attached.layers import attached_layers
+from mitsonar.propagation.device_rays.layer_table import layer_table
 from mitsonar.water import SoundSpeedProfile
 
 DEPTH = np.array([2.0, 6, 14, 20, 32, 47, 140])

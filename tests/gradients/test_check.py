@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from fake_models import NUMBERS, Fake, FakeLinearised, of_key, shaken
 
-from mitsonar.gradients.check import check_gradients
+from mitsonar.gradients.check.check import check_gradients
 
 
 def verdicts(check, key):

@@ -30,7 +30,7 @@ def attached(scene, *keys):
 
 
 def test_gradients_are_those_of_the_closed_forms(made, rng):
-    from mitsonar.gradients.elements import ElementModel
+    from mitsonar.gradients.elements.elements import ElementModel
     params = attached(made, *KEYS)
     signals = mitsonar.differentiable_signals(made, params, [1], seed=2)
     with dr.suspend_grad():
@@ -47,7 +47,7 @@ def test_gradients_are_those_of_the_closed_forms(made, rng):
 
 
 def test_signals_move_as_their_parameters_do(made, rng):
-    from mitsonar.gradients.elements import ElementModel
+    from mitsonar.gradients.elements.elements import ElementModel
     params = attached(made, "sensor.rx_delay")
     signals, direction = mitsonar.differentiable_signals(made, params), rng.standard_normal(6)
     dr.set_grad(params["sensor.rx_delay"], mi.Float64(direction))

@@ -11,9 +11,9 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mitsonar.gradient_verbs import scene_model
-from mitsonar.gradients.jump_lines import triangles_meet
-from mitsonar.gradients.mesh_edges import NO_FACE, mesh_edges
+from mitsonar.gradients.edges.jump_lines import triangles_meet
+from mitsonar.gradients.edges.mesh_edges import NO_FACE, mesh_edges
+from mitsonar.verbs.gradients import scene_model
 
 TOGETHER = 8                       # bins
 THERMOCLINE = "0:1492, 18:1490, 24:1478, 30:1474, 50:1474"

@@ -30,7 +30,7 @@ def scene(profile="0:1500", speed=0.0):
 
 
 def model_of(made, keys=KEYS, **how):
-    from mitsonar.gradients.elements import ElementModel
+    from mitsonar.gradients.elements.elements import ElementModel
     return ElementModel(made, keys, **how)
 
 

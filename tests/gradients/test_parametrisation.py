@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from mitsonar.gradients.parametrisation import Heights, InDecibels, Log, Offset, OnNodes, Pose, parametrised
+from mitsonar.gradients.parameters.parametrisation import Heights, InDecibels, Log, Offset, OnNodes, Pose, parametrised
 
 VERTICES = np.random.default_rng(0).uniform(-2, 2, (15, 3)) + [10, 5, -20]
 
@@ -118,7 +118,7 @@ def test_a_transform_has_a_pose_about_its_origin():
 @pytest.mark.parametrize("cubic", [False, True])
 def test_nodes_follow_a_plane_exactly(cubic):
     # B-splines of both degrees reproduce linear functions of their nodes' places, and weights sum to one
-    from mitsonar.gradients.node_weights import node_weights
+    from mitsonar.gradients.parameters.node_weights import node_weights
 
     weights, shape = node_weights(VERTICES[:, :2], 0.7, cubic)
     middle = (VERTICES[:, :2].max(0) + VERTICES[:, :2].min(0)) / 2

@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.linalg import expm
 
-from mitsonar.gradient_verbs import scene_model
+from mitsonar.verbs.gradients import scene_model
 
 KEY, TOGETHER = "ball.to_world", 8
 THERMOCLINE = "0:1492, 18:1490, 24:1478, 30:1474, 50:1474"

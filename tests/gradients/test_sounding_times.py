@@ -7,9 +7,9 @@ of the bed within a step, which have no derivative there.
 import numpy as np
 import pytest
 
-from mitsonar.gradients.sounding_bed import BedGrid
-from mitsonar.gradients.sounding_times import BED, ROLL, SPEED, SoundingTimes
-from mitsonar.hydrography.sounding_beams import SoundingBeams
+from mitsonar.gradients.soundings.sounding_bed import BedGrid
+from mitsonar.gradients.soundings.sounding_times import BED, ROLL, SPEED, SoundingTimes
+from mitsonar.hydrography.detection.sounding_beams import SoundingBeams
 from mitsonar.water import SoundSpeedProfile
 
 NODES = np.array([0.0, 5, 10, 20, 30, 45, 60, 90])

@@ -11,10 +11,10 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mitsonar.gradient_verbs import scene_model
-from mitsonar.gradients.finish import _widening
-from mitsonar.gradients.walked_rays import walked
-from mitsonar.propagation.layer_table import layer_table
+from mitsonar.gradients.attached.finish import _widening
+from mitsonar.gradients.attached.walked_rays import walked
+from mitsonar.propagation.device_rays.layer_table import layer_table
+from mitsonar.verbs.gradients import scene_model
 from mitsonar.water import SoundSpeedProfile
 
 SCENE = """<scene version="3.0.0">

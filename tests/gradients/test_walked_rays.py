@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from drjit.llvm.ad import Bool, Float64
 
-from mitsonar.gradients.walked_rays import walked
-from mitsonar.propagation.layer_table import layer_table
+from mitsonar.gradients.attached.walked_rays import walked
+from mitsonar.propagation.device_rays.layer_table import layer_table
 from mitsonar.water import SoundSpeedProfile
 
 DEPTH = np.array([2.0, 6, 14, 20, 32, 47, 60, 90, 140])

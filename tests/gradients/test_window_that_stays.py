@@ -7,7 +7,7 @@ import pytest
 from gradient_scenes import sidescan
 
 import mitsonar
-from mitsonar.survey import sidescan as sidescan_kind
+from mitsonar.survey.sidescan import kind as sidescan_kind
 
 KEY = "sonar.medium.sound_speed"
 SPEEDS = np.array([1515.0, 1514.0, 1502.0, 1494.0, 1491.0])

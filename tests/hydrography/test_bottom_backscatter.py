@@ -3,9 +3,9 @@ import numpy as np
 import pytest
 from swath_echoes import SOUND_SPEED, Sounder, bed, halves, head_of, lambertian
 
-from mitsonar.hydrography.bottom_backscatter import DB_MEAN_BIAS, ensonified_area, strength_db
-from mitsonar.hydrography.detection import detect
-from mitsonar.hydrography.snippets import snippets
+from mitsonar.hydrography.detection.bottom_backscatter import DB_MEAN_BIAS, ensonified_area, strength_db
+from mitsonar.hydrography.detection.detection import detect
+from mitsonar.hydrography.detection.snippets import snippets
 
 
 def areas(sounder, found):

@@ -9,11 +9,11 @@ Rays are exact. The head's own speed is right, and c' begins at the next node: h
 import numpy as np
 import pytest
 
-from mitsonar.hydrography.attitude import Motion
-from mitsonar.hydrography.legs import Starts
-from mitsonar.hydrography.planning_errors import cast_error, depth_error, surface_layer_error
-from mitsonar.hydrography.reduction import Installation, Measured, located
+from mitsonar.hydrography.reduction.attitude import Motion
+from mitsonar.hydrography.reduction.legs import Starts
+from mitsonar.hydrography.reduction.reduction import Installation, Measured, located
 from mitsonar.hydrography.survey_orders import ORDERS, survey_order
+from mitsonar.planning.errors import cast_error, depth_error, surface_layer_error
 from mitsonar.water import SoundSpeedProfile
 
 ANGLES = np.deg2rad(np.linspace(0, 65, 14))

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from swath_echoes import Sounder, bed, halves, head_of, specular, time_of_plane
 
-from mitsonar.hydrography.amplitude_detection import along_delay
-from mitsonar.hydrography.detection import Detections, detect
-from mitsonar.hydrography.quality import coherent_phase_deviation, gravity_deviation, pulse_deviation
+from mitsonar.hydrography.detection.amplitude_detection import along_delay
+from mitsonar.hydrography.detection.detection import Detections, detect
+from mitsonar.hydrography.detection.quality import coherent_phase_deviation, gravity_deviation, pulse_deviation
 from mitsonar.hydrography.record import BY_AMPLITUDE, BY_PHASE
 
 

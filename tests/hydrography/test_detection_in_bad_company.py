@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 from swath_echoes import Sounder, bed, coloured, halves, head_of, lambertian, specular, time_of_plane, with_point
 
-from mitsonar.hydrography.amplitude_detection import slopes
-from mitsonar.hydrography.detection import detect
+from mitsonar.hydrography.detection.amplitude_detection import slopes
+from mitsonar.hydrography.detection.detection import detect
 from mitsonar.hydrography.record import BY_AMPLITUDE, BY_PHASE, NOT_DETECTED
 
 DEPTH = 20.0

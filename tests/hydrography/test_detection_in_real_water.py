@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitsonar.hydrography.detection import Head, detect
+from mitsonar.hydrography.detection.detection import Head, detect
 
 RECORD = Path(__file__).resolve().parents[3] / "shared" / "data" / "measured" / "multibeam" / "em2042_os01.kmwcd"
 

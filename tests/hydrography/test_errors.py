@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from sounded_line import ARMS, rocking, sounded, swath
 
-from mitsonar.hydrography.errors import Reduction, disturbed, errors
-from mitsonar.hydrography.reduction import Installation
+from mitsonar.hydrography.reduction.errors import Reduction, disturbed, errors
+from mitsonar.hydrography.reduction.reduction import Installation
 from mitsonar.water import SoundSpeedProfile
 
 DEPTH = 90.0

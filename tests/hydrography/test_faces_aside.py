@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from mitsonar.hydrography.faces_aside import AsideFace
+from mitsonar.hydrography.detection.faces_aside import AsideFace
 
 TILT = np.deg2rad(30.0)
 

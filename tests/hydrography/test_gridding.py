@@ -5,7 +5,7 @@ from soundings_line import ORIGIN, soundings_line
 
 from mitsonar.hydrography.gridding import gridded, residual
 from mitsonar.hydrography.record import variable
-from mitsonar.io import geotiff
+from mitsonar.io.records import geotiff
 
 CELL = 4.0
 

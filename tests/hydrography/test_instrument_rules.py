@@ -11,10 +11,10 @@ import pytest
 from sounded_line import recorded, rocking, sounded, swath
 from soundings_line import soundings_line
 
-from mitsonar.hydrography.instrument_rules import Rules, rules_of, time_residuals
 from mitsonar.hydrography.record import variable
-from mitsonar.hydrography.resounding import resounded
+from mitsonar.hydrography.reduction.resounding import resounded
 from mitsonar.io import survey_lines
+from mitsonar.planning.instrument_rules import Rules, rules_of, time_residuals
 
 RULES = [(node, under_way) for node in (True, False) for under_way in (True, False)]
 

@@ -6,8 +6,8 @@ from time import process_time
 import numpy as np
 import pytest
 
-from mitsonar.hydrography import legs
-from mitsonar.hydrography.legs import COEFFICIENTS, Column, Starts
+from mitsonar.hydrography.reduction import legs
+from mitsonar.hydrography.reduction.legs import COEFFICIENTS, Column, Starts
 from mitsonar.water import SoundSpeedProfile
 
 REFERENCE = Path(__file__).resolve().parents[2] / "../shared/reference/eigenrays.json"

@@ -3,10 +3,10 @@ import numpy as np
 import pytest
 from sounded_line import SUMMER
 
-from mitsonar.hydrography.attitude import Motion
-from mitsonar.hydrography.bottom_backscatter import mean_absorption, transmission_loss_db
-from mitsonar.hydrography.reduction import Installation, Measured, located
-from mitsonar.propagation.eigenrays import eigenray
+from mitsonar.hydrography.detection.bottom_backscatter import mean_absorption, transmission_loss_db
+from mitsonar.hydrography.reduction.attitude import Motion
+from mitsonar.hydrography.reduction.reduction import Installation, Measured, located
+from mitsonar.propagation.numpy_rays.eigenrays import eigenray
 from mitsonar.water import SoundSpeedProfile
 from mitsonar.water.column import AbsorptionColumn
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitsonar.hydrography.attitude import Motion
-from mitsonar.hydrography.reduction import Installation, Measured, located
+from mitsonar.hydrography.reduction.attitude import Motion
+from mitsonar.hydrography.reduction.reduction import Installation, Measured, located
 from mitsonar.water import SoundSpeedProfile
 
 LINE = Path(__file__).resolve().parents[2] / "../shared/data/measured/multibeam/em710_122m.all"

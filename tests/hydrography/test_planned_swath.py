@@ -8,12 +8,12 @@ the bed, linearly, and the tables are linear in depth: 1e-9 where all is linear,
 import numpy as np
 import pytest
 
-from mitsonar.hydrography.planning_area import LineFrame
-from mitsonar.hydrography.planning_bed import Bed, flat_bed
-from mitsonar.hydrography.planning_coverage import SwathSonar
-from mitsonar.hydrography.planning_lines import swath_edges
-from mitsonar.hydrography.planning_rays import swath_rays
-from mitsonar.propagation.eigenrays import eigenray
+from mitsonar.planning.area import LineFrame
+from mitsonar.planning.bed import Bed, flat_bed
+from mitsonar.planning.coverage import SwathSonar
+from mitsonar.planning.lines import swath_edges
+from mitsonar.planning.rays import swath_rays
+from mitsonar.propagation.numpy_rays.eigenrays import eigenray
 from mitsonar.water import SoundSpeedProfile
 
 THETA = np.deg2rad(65)

@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from mitsonar.hydrography.planning_turns import turn
+from mitsonar.planning.turns import turn
 
 
 @pytest.mark.parametrize("apart", [0.0, 10.0, 99.0, 100.0, 300.0])

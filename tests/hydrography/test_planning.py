@@ -7,11 +7,11 @@ import time
 import numpy as np
 import pytest
 
-from mitsonar.hydrography.planning import Layout, plan
-from mitsonar.hydrography.planning_area import polygon
-from mitsonar.hydrography.planning_bed import bed_of, flat_bed
-from mitsonar.hydrography.planning_coverage import SwathSonar
-from mitsonar.hydrography.planning_lines import Segment, in_sailing_order
+from mitsonar.planning.area import polygon
+from mitsonar.planning.bed import bed_of, flat_bed
+from mitsonar.planning.coverage import SwathSonar
+from mitsonar.planning.lines import Segment, in_sailing_order
+from mitsonar.planning.plan import Layout, plan
 from mitsonar.water import SoundSpeedProfile
 
 WATER = SoundSpeedProfile.constant(1500.0)

@@ -1,6 +1,6 @@
 """Soundings from angles and times: against exact eigenrays both ways, and against rays walked in small steps.
 
-The forward problem is solved by another code (`mitsonar.propagation.eigenrays`, itself checked against 60-digit
+The forward problem is solved by another code (`mitsonar.propagation.numpy_rays.eigenrays`, itself checked against 60-digit
 references, and here against Runge-Kutta steps written in the test), so agreement is limited by rounding: 1e-8 m.
 """
 from dataclasses import replace
@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from sounded_line import ARMS, HEAD, SUMMER, rocking, sounded, swath
 
-from mitsonar.hydrography.attitude import Motion, mounted
-from mitsonar.hydrography.reduction import Installation, Measured, located
+from mitsonar.hydrography.reduction.attitude import Motion, mounted
+from mitsonar.hydrography.reduction.reduction import Installation, Measured, located
 from mitsonar.water import SoundSpeedProfile
 
 
@@ -171,7 +171,7 @@ def test_motion_of_a_long_line_is_joined_once():
 
 
 def test_mountings_turn_as_tracks_do():
-    from mitsonar.sonar.track import rotation_matrix
+    from mitsonar.sonar.motion.track import rotation_matrix
 
     angles = (0.2, -0.3, 1.1)
     east, north, up = rotation_matrix(*map(np.float64, angles)) @ np.array([0.3, -0.5, 0.7])

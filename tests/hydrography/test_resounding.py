@@ -5,7 +5,7 @@ from sounded_line import HEAD, SUMMER
 from soundings_line import soundings_line
 
 from mitsonar.hydrography.record import check, variable
-from mitsonar.hydrography.resounding import resounded
+from mitsonar.hydrography.reduction.resounding import resounded
 from mitsonar.water import SoundSpeedProfile
 
 

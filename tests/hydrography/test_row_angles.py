@@ -6,7 +6,7 @@ Martin, 1992), good to some per cent for γ over 0.8 and N of 10 and more: 2000 
 import numpy as np
 import pytest
 
-from mitsonar.hydrography.row_angles import Rows, sector_of
+from mitsonar.hydrography.detection.row_angles import Rows, sector_of
 
 SECTOR = sector_of(np.deg2rad(30.0))
 PLACES = {"two": [0.0, 0.5], "three": [0.0, 0.6, 3.0], "four": [0.0, 0.5, 1.5, 4.0], "ten": list(0.5 * np.arange(10))}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from sounded_line import SUMMER, rocking, sounded, swath
 
-from mitsonar.hydrography.reduction import Installation, located
-from mitsonar.hydrography.smile import smile_of_head, smile_of_profile
+from mitsonar.hydrography.reduction.reduction import Installation, located
+from mitsonar.hydrography.reduction.smile import smile_of_head, smile_of_profile
 from mitsonar.water import SoundSpeedProfile
 
 DEPTH, HEAD_DEPTH = 100.0, 5.3

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitsonar.hydrography.legs import Starts
-from mitsonar.hydrography.resounding import profile_of, resounded
-from mitsonar.hydrography.sounding_beams import SoundingBeams, beams_of, beams_of_lines
+from mitsonar.hydrography.detection.sounding_beams import SoundingBeams, beams_of, beams_of_lines
+from mitsonar.hydrography.reduction.legs import Starts
+from mitsonar.hydrography.reduction.resounding import profile_of, resounded
 from mitsonar.io.survey_lines import reading
 from mitsonar.water import SoundSpeedProfile
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from sounded_line import recorded, rocking, sounded, swath
 
-from mitsonar.hydrography.attitude import Motion
-from mitsonar.hydrography.errors import disturbed
 from mitsonar.hydrography.record import variable
-from mitsonar.hydrography.reduction import Installation, located
-from mitsonar.hydrography.uncertainty import Accuracies, budget, with_uncertainty
+from mitsonar.hydrography.reduction.attitude import Motion
+from mitsonar.hydrography.reduction.errors import disturbed
+from mitsonar.hydrography.reduction.reduction import Installation, located
+from mitsonar.hydrography.reduction.uncertainty import Accuracies, budget, with_uncertainty
 from mitsonar.water import SoundSpeedProfile
 
 WATER = SoundSpeedProfile([0, 200], [1501, 1499])

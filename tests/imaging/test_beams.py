@@ -12,7 +12,7 @@ import pytest
 import xarray as xr
 
 from mitsonar import plots
-from mitsonar.plots import beams as beams_plot
+from mitsonar.plots.sheets import beams as beams_plot
 from mitsonar.signal import beamforming
 from mitsonar.sonar import beam_pattern, line_array
 

@@ -9,7 +9,7 @@ import xarray as xr
 
 import mitsonar
 from mitsonar.imaging import mosaic
-from mitsonar.io import geotiff
+from mitsonar.io.records import geotiff
 
 UTM31, UTM32 = "EPSG:32631", "EPSG:32632"
 ORIGIN = (512200.0, 5790240.0)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mitsonar.imaging.picture_statistics import first_return, measure, open_bed
-from mitsonar.io.xtf_amplitudes import read_amplitudes
+from mitsonar.io.xtf.amplitudes import read_amplitudes
 
 REAL = Path(__file__).resolve().parents[2] / "../shared/data/measured/sidescan/scotsman_600khz.xtf"
 PINGS, SAMPLES, FIRST, SPACING = 256, 384, 100, 0.05

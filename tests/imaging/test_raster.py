@@ -6,8 +6,8 @@ import pytest
 from synthetic_fan import BOXES, fan, head
 
 import mitsonar
-from mitsonar.imaging.raster import sweeps
-from mitsonar.imaging.raster_map import fan_grid, fan_map, in_order
+from mitsonar.imaging.maps.raster import sweeps
+from mitsonar.imaging.maps.raster_map import fan_grid, fan_map, in_order
 
 
 def extent(picture, shown):

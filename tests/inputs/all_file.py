@@ -5,7 +5,7 @@ import struct
 
 import numpy as np
 
-from mitsonar.io.survey_lines import all_datagrams as layouts
+from mitsonar.io.survey_lines.kongsberg import all_datagrams as layouts
 
 SERIAL, MODEL, DATE, MILLISECONDS = 221, 710, 20260501, 36_000_000        # 10:00 UTC
 INSTALLATION = (b"\0\0WLZ=1.5,SMH=221,STC=0,S1X=10.0,S1Y=-1.0,S1Z=5.0,S1H=0.1,S1P=0.2,S1R=0.3,S2X=9.0,S2Y=1.0,S2Z=5.5,"

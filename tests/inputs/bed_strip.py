@@ -11,8 +11,8 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicSpline
 
-from mitsonar.sonar.pulses import lfm
-from mitsonar.sonar.track import rotation_matrix
+from mitsonar.sonar.motion.track import rotation_matrix
+from mitsonar.sonar.pulses.pulses import lfm
 from mitsonar.synthetic_aperture.record import RAW_VARIABLES
 
 SOUND_SPEED, FREQUENCY, BANDWIDTH, DURATION = 1500.0, 300e3, 30e3, 1e-3

@@ -11,8 +11,8 @@ from mitsonar.scattering import (
     LambertSeabed,
     SeaSurface,
     Sediment,
-    lambert,
 )
+from mitsonar.scattering.laws import lambert
 
 MEASURED = dict(angles=np.radians([8, 20, 45, 75, 90]), frequencies=[30e3, 300e3],
                 strengths_db=[[-32, -28], [-26, -22], [-20, -18], [-14, -14], [-4, -9]])

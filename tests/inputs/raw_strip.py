@@ -14,8 +14,8 @@ import numpy as np
 import xarray as xr
 
 from mitsonar.propagation import eigenray
-from mitsonar.sonar.pulse import Pulse
-from mitsonar.sonar.track import rotation_matrix
+from mitsonar.sonar.motion.track import rotation_matrix
+from mitsonar.sonar.pulses.pulse import Pulse
 from mitsonar.synthetic_aperture.record import check_raw
 from mitsonar.water import SoundSpeedProfile
 

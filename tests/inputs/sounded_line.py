@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from mitsonar.hydrography.attitude import Motion
 from mitsonar.hydrography.record import variable
-from mitsonar.hydrography.reduction import Installation, Measured
-from mitsonar.propagation.eigenrays import eigenray
+from mitsonar.hydrography.reduction.attitude import Motion
+from mitsonar.hydrography.reduction.reduction import Installation, Measured
+from mitsonar.propagation.numpy_rays.eigenrays import eigenray
 from mitsonar.water import SoundSpeedProfile
 
 SUMMER = SoundSpeedProfile([0, 5, 11.2, 20, 30, 50, 60, 70, 90, 120],

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
-from mitsonar.hydrography.detection import Head
+from mitsonar.hydrography.detection.detection import Head
 
 SOUND_SPEED = 1500.0
 

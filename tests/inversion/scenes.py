@@ -37,7 +37,7 @@ def scene(folder, **parameters):
 
 
 def model(opened, *keys, seed=5):
-    from mitsonar.gradient_verbs import scene_model
+    from mitsonar.verbs.gradients import scene_model
 
     return scene_model(opened, keys, seed=seed)
 

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from summer import SUMMER
 
-from mitsonar.inversion.arrival_model import UNITS, ArrivalModel
-from mitsonar.inversion.arrival_times import MeasuredArrivals
-from mitsonar.sonar.track import Track
+from mitsonar.inversion.arrays.arrival_model import UNITS, ArrivalModel
+from mitsonar.inversion.arrays.arrival_times import MeasuredArrivals
+from mitsonar.sonar.motion.track import Track
 from mitsonar.water import SoundSpeedProfile
 
 RING = np.stack([np.zeros(6), 0.2 * np.cos(np.arange(6)), 0.2 * np.sin(np.arange(6))], 1)
@@ -61,7 +61,7 @@ def heard(model, values, rng, frequency=100e3, deviation=5e-8):
 
 def test_an_array_that_is_off_is_found_as_well_as_is_said(rng):
     """Errors are as large as the uncertainties say (within half, over a hundred numbers), and smaller than before."""
-    from mitsonar.inversion.calibration import BELIEVED, found
+    from mitsonar.inversion.arrays.calibration import BELIEVED, found
     model = ArrivalModel(track(), RING, np.zeros(3), TARGETS, UNIFORM, duration=0.05)
     believed = {name: np.full(start.shape, {**BELIEVED, "velocity_offset": 0.0}[name])
                 for name, start in model.start.items()}
@@ -81,7 +81,7 @@ def test_an_array_that_is_off_is_found_as_well_as_is_said(rng):
 
 
 def test_cycles_in_doubt_are_told(rng):
-    from mitsonar.inversion.calibration import BELIEVED, found
+    from mitsonar.inversion.arrays.calibration import BELIEVED, found
     model = ArrivalModel(track(), RING, np.zeros(3), TARGETS, UNIFORM, duration=0.05)
     believed = {name: np.full(start.shape, BELIEVED[name]) for name, start in model.start.items()}
     measured = heard(model, {}, rng)
@@ -90,7 +90,7 @@ def test_cycles_in_doubt_are_told(rng):
 
 
 def test_a_ping_whose_phases_are_of_another_cycle_is_left_out(rng):
-    from mitsonar.inversion.calibration import BELIEVED, found
+    from mitsonar.inversion.arrays.calibration import BELIEVED, found
     model = ArrivalModel(track(), RING, np.zeros(3), TARGETS, UNIFORM, duration=0.05)
     believed = {name: np.full(start.shape, 0.01 * BELIEVED[name]) for name, start in model.start.items()}
     measured = heard(model, {}, rng)
@@ -112,7 +112,7 @@ def test_models_that_cannot_be_are_refused(how, words):
 def test_an_array_is_calibrated_from_its_signals(variant, rng):
     """Element signals of an array that is 2 mm off, over a quiet bed: its shape to 0.3 mm, and gains to 2 %."""
     import mitsonar
-    from mitsonar.inversion.calibration import calibrated
+    from mitsonar.inversion.arrays.calibration import calibrated
     from mitsonar.validation.scenes import array_sonar, buried_bed, point_target
     shapes = {f"ball{number}": point_target(place, 5.0) for number, place in enumerate(TARGETS)}
     scene = array_sonar({"bed": buried_bed(30.0), **shapes}, integrator={"cell": 4.0}, film={"range": 32.0},

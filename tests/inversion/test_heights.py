@@ -7,10 +7,10 @@ asked for, and of the mean depth, that the first return tells, the start's error
 import numpy as np
 import pytest
 
-from mitsonar.inversion.heights import fit_heights
-from mitsonar.inversion.image_fit import Stage
-from mitsonar.inversion.image_record import ImageRecord
-from mitsonar.inversion.smooth_field import grid_of
+from mitsonar.inversion.fit.smooth_field import grid_of
+from mitsonar.inversion.images.heights import fit_heights
+from mitsonar.inversion.images.image_fit import Stage
+from mitsonar.inversion.images.image_record import ImageRecord
 from scenes import BED, STRENGTH, looked, model, scene, vertices
 
 STAGES = Stage(bins=6, steps=4, products=6, first_only=True), Stage(bins=6, steps=3, products=12)
@@ -69,7 +69,7 @@ def test_the_deviance_of_a_right_model_is_foretold(tmp_path):
 
 
 def test_a_model_takes_fewer_rays_where_it_is_asked_to(tmp_path):
-    from mitsonar.gradient_verbs import scene_model
+    from mitsonar.verbs.gradients import scene_model
 
     few, own, many = (scene_model(scene(tmp_path, rays=600), [BED], seed=5, rays=rays).value({})
                       for rays in (60, None, 10 ** 6))

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from mitsonar.inversion.image_fit import Stage, fit_image, spread_of, unknowns_of
-from mitsonar.inversion.image_record import ImageRecord
-from mitsonar.inversion.smooth_field import SmoothField, grid_of
+from mitsonar.inversion.fit.smooth_field import SmoothField, grid_of
+from mitsonar.inversion.images.image_fit import Stage, fit_image, spread_of, unknowns_of
+from mitsonar.inversion.images.image_record import ImageRecord
 
 SHAPE = (6, 2, 40)
 MANY = 1e8

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from mitsonar.inversion.scene_fit import image_intensities
+from mitsonar.inversion.images.scene_fit import image_intensities
 
 
 def _image(level=None, *, sonar="sidescan", last=10.0):

@@ -8,8 +8,8 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mitsonar.inversion.image_fit import Stage
-from mitsonar.inversion.sediment_map import fit_sediment_map
+from mitsonar.inversion.images.image_fit import Stage
+from mitsonar.inversion.images.sediment_map import fit_sediment_map
 from scenes import SCENE, looked, model
 
 KEY = "bed.bsdf.mu_db.data"

@@ -9,10 +9,10 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mitsonar.inversion.image_fit import Stage
-from mitsonar.inversion.image_record import saturated
-from mitsonar.inversion.pose import PosePrior, PoseUnknowns, fit_pose, searched
-from mitsonar.inversion.scene_fit import _model
+from mitsonar.inversion.images.image_fit import Stage
+from mitsonar.inversion.images.image_record import saturated
+from mitsonar.inversion.images.pose import PosePrior, PoseUnknowns, fit_pose, searched
+from mitsonar.inversion.images.scene_fit import _model
 from scenes import SCENE, looked, model
 
 BOX = "box.vertex_positions"

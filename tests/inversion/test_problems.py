@@ -8,8 +8,8 @@ import xarray as xr
 from raw_record import raw_record
 
 from mitsonar.inversion import problems
-from mitsonar.io import netcdf
-from mitsonar.plots.fit_sheet import fit_figure
+from mitsonar.io.records import netcdf
+from mitsonar.plots.sheets.fit_sheet import fit_figure
 
 WATER = '<medium type="seawater"><string name="profile" value="0:1500"/></medium>'
 BED = """<shape type="seabed" id="bed"><float name="depth" value="20"/> <float name="length" value="60"/>

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitsonar.gradients.sounding_bed import BedGrid
-from mitsonar.hydrography.sounding_beams import SoundingBeams
-from mitsonar.inversion.profile import fit_profile
-from mitsonar.inversion.profile_problem import ProfilePrior
+from mitsonar.gradients.soundings.sounding_bed import BedGrid
+from mitsonar.hydrography.detection.sounding_beams import SoundingBeams
+from mitsonar.inversion.profile.profile import fit_profile
+from mitsonar.inversion.profile.profile_problem import ProfilePrior
 from mitsonar.water import SoundSpeedProfile
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))

@@ -4,9 +4,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitsonar.inversion.profile import fit_lines, nodes_over
+from mitsonar.inversion.profile.profile import fit_lines, nodes_over
 from mitsonar.plots.canvas import save
-from mitsonar.plots.profile_fit import profile_fit_figure
+from mitsonar.plots.sheets.profile_fit import profile_fit_figure
 from mitsonar.water import SoundSpeedProfile
 
 REAL = Path(__file__).resolve().parents[2] / "../shared/data/measured/multibeam/em710_122m.all"

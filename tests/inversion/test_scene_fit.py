@@ -6,8 +6,8 @@ from closed_models import Matrix
 from gradient_scenes import sidescan
 
 import mitsonar
+from mitsonar.inversion.images.scene_fit import KeyPrior, fit_scene
 from mitsonar.inversion.problems import solve
-from mitsonar.inversion.scene_fit import KeyPrior, fit_scene
 
 
 def _quiet(done, total):
@@ -74,7 +74,7 @@ def test_every_option_of_a_problem_is_one_of_the_command():
 
 def test_an_answer_can_be_drawn_and_written(scenes, tmp_path):
     from mitsonar.inversion import Gaussian, Prior, fit
-    from mitsonar.plots.fit_sheet import fit_figure
+    from mitsonar.plots.sheets.fit_sheet import fit_figure
 
     found = fit(Matrix(np.random.default_rng(0).standard_normal((40, 20)), (4, 5)), Gaussian(np.ones(40), 1.0),
                 {"x": Prior(deviation=1.0)})

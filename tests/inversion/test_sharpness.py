@@ -2,14 +2,14 @@
 import numpy as np
 import pytest
 
-from mitsonar.synthetic_aperture.grids import ground_grid
+from mitsonar.synthetic_aperture.focusing.grids import ground_grid
 
 WAVELENGTH, PINGS = 0.015, 24
 
 
 def points(rng, count=14, sway=None, finer=1):
     """Images of pings of a straight way past points on the ground, of a sonar that was swayed unknown to them."""
-    from mitsonar.inversion.ping_images import PingImages
+    from mitsonar.inversion.arrays.ping_images import PingImages
     grid = ground_grid((-1.0, 1.0), (19.0, 21.0), (0.05 / finer, 0.05), 10.0)
     along = 0.12 * (np.arange(PINGS) - (PINGS - 1) / 2)
     sonar = np.stack([0 * along, along, 0 * along], 1)
@@ -32,7 +32,7 @@ def points(rng, count=14, sway=None, finer=1):
 
 
 def test_gradient_of_sharpness_agrees_with_differences(rng):
-    from mitsonar.inversion.sharpness import sharpness
+    from mitsonar.inversion.arrays.sharpness import sharpness
     pings, _ = points(rng)
     sway = 1e-3 * rng.standard_normal(PINGS)
     _, gradient = sharpness(pings, sway)
@@ -44,7 +44,7 @@ def test_gradient_of_sharpness_agrees_with_differences(rng):
 
 def test_sway_is_found_but_for_shift_and_trend(rng):
     """3 mm of smooth sway, a fifth of a wavelength, to a twentieth; the points' phases alone tell it as well."""
-    from mitsonar.inversion.sharpness import _curvature, _sharpest, sway_of_targets, without_trend
+    from mitsonar.inversion.arrays.sharpness import _curvature, _sharpest, sway_of_targets, without_trend
     sway = np.exp(-0.5 * ((np.arange(PINGS)[:, None] - np.arange(PINGS)) / 3) ** 2) @ rng.standard_normal(PINGS)
     along = np.arange(PINGS)
     sway = without_trend(sway, along)
@@ -69,7 +69,7 @@ def test_images_of_pings_add_up_to_the_focused_one_and_turn_as_the_trajectory_mo
     from small_strip import TEXT
 
     import mitsonar
-    from mitsonar.inversion.ping_images import PingImages, moved
+    from mitsonar.inversion.arrays.ping_images import PingImages, moved
     path = tmp_path / "strip.xml"
     path.write_text(TEXT)
     raw = mitsonar.raw_echoes(path)
@@ -89,8 +89,8 @@ def test_images_of_pings_add_up_to_the_focused_one_and_turn_as_the_trajectory_mo
 def test_what_cannot_be_is_refused(variant, tmp_path, rng):
     from raw_record import raw_record
 
-    from mitsonar.inversion.ping_images import PingImages
-    from mitsonar.inversion.sharpness import sharpened, sway_of_targets
+    from mitsonar.inversion.arrays.ping_images import PingImages
+    from mitsonar.inversion.arrays.sharpness import sharpened, sway_of_targets
     raw = raw_record()
     with pytest.raises(ValueError, match="three pings or more, got 2"):
         sharpened(raw.isel(ping=slice(2)))

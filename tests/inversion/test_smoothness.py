@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from mitsonar.inversion.smoothness import grid_root, independent_root, mesh_root
+from mitsonar.inversion.fit.smoothness import grid_root, independent_root, mesh_root
 
 
 def _mesh(count, step):

@@ -4,8 +4,8 @@ import json
 import numpy as np
 import pytest
 
-from mitsonar.io import areas
-from mitsonar.io.navigation import Frame
+from mitsonar.io.tracks.navigation import Frame
+from mitsonar.planning import areas
 
 SQUARE = [[5.0, 52.0], [5.01, 52.0], [5.01, 52.01], [5.0, 52.01], [5.0, 52.0]]
 HOLE = [[5.004, 52.004], [5.006, 52.004], [5.006, 52.006], [5.004, 52.004]]

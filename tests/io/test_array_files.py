@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from mitsonar.io import arrays
+from mitsonar.io.scene_files import arrays
 
 PLAIN = "x,y,z\n0.1,-0.2,0.3\n-0.1,0.2,0.3\n"
 FULL = ("x,y,z,nx,ny,nz,ax,ay,az,weight,delay\n"

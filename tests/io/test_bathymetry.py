@@ -12,7 +12,7 @@ import rasterio
 from rasterio.transform import Affine, from_origin
 from rasterio.warp import transform
 
-from mitsonar.io import bathymetry
+from mitsonar.io.grids import bathymetry
 
 WEST, NORTH = 500000.0, 5000080.0
 UPRIGHT = from_origin(WEST, NORTH, 2, 2)

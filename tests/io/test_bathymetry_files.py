@@ -18,7 +18,7 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 from rasterio.transform import from_origin
 from rasterio.warp import transform
 
-from mitsonar.io import bathymetry
+from mitsonar.io.grids import bathymetry
 
 WEST, SOUTH = 500000.0, 5000000.0
 SURVEY = Path(__file__).resolve().parents[2] / "../shared/data/bathymetry/JD211_public_Release_1-4_UTM.bag"

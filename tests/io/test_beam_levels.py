@@ -1,7 +1,7 @@
 """Measured beam patterns as CSV files."""
 import pytest
 
-from mitsonar.io import beam_levels
+from mitsonar.io.scene_files import beam_levels
 
 
 @pytest.mark.parametrize("level", ["1e300", "-1e300", "301", "-4000"])

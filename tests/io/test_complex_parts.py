@@ -4,9 +4,9 @@ import pytest
 import xarray as xr
 
 import mitsonar
-from mitsonar.io import netcdf
-from mitsonar.io.complex_parts import joined, split
-from mitsonar.io.records import SonarImage
+from mitsonar.io.records import netcdf
+from mitsonar.io.records.complex_parts import joined, split
+from mitsonar.io.records.records import SonarImage
 
 
 @pytest.fixture

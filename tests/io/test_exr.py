@@ -15,7 +15,8 @@ import pytest
 import xarray
 from synthetic_sidescan import sidescan
 
-from mitsonar.io import exr, files
+from mitsonar.device import files
+from mitsonar.io.records import exr
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 INPUTS = REPOSITORY / "tests" / "inputs"

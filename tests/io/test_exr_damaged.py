@@ -10,8 +10,8 @@ import xarray
 from mesh_files import damaged
 from synthetic_sidescan import sidescan
 
-from mitsonar.io import exr
-from mitsonar.io.records import SonarImage
+from mitsonar.io.records import exr
+from mitsonar.io.records.records import SonarImage
 
 
 @pytest.fixture(scope="module")

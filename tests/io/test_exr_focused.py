@@ -5,7 +5,7 @@ import pytest
 from focused_image import focused_image
 
 import mitsonar
-from mitsonar.io import exr
+from mitsonar.io.records import exr
 
 
 @pytest.mark.parametrize("banks", [1, 2])

@@ -9,8 +9,8 @@ from scipy.interpolate import CubicSpline
 import mitsonar
 from mitsonar.cli.main import main
 from mitsonar.hydrography.record import variable
-from mitsonar.io.like_line import like
 from mitsonar.io.survey_lines import reading, write
+from mitsonar.planning.like_line import like
 from tests.inputs.soundings_line import FREQUENCIES, soundings_line
 
 MEASURED = Path(__file__).resolve().parents[2] / "../shared/data/measured/multibeam"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mesh_files import FACES, HEADER, MAKERS, ascii_ply, binary_ply, damaged, obj
 
-from mitsonar.io import meshes
+from mitsonar.io.scene_files import meshes
 
 
 @pytest.fixture
@@ -122,7 +122,7 @@ def test_serialized_mesh_that_unpacks_without_end(checked):
 
 
 def test_long_meshes_are_read_in_blocks(checked, monkeypatch):
-    monkeypatch.setattr("mitsonar.io.ply.BLOCK", 16)
+    monkeypatch.setattr("mitsonar.io.scene_files.ply.BLOCK", 16)
     for make in (ascii_ply, binary_ply):
         checked(make(), "ply")
         with pytest.raises(ValueError, match="a face names vertex 7"):

@@ -2,9 +2,9 @@
 import numpy as np
 import pytest
 
-from mitsonar.io import tracks
-from mitsonar.io.errors import sentence, shortened
-from mitsonar.sonar.track import Track
+from mitsonar.device.sentences import sentence, shortened
+from mitsonar.io.tracks import tracks
+from mitsonar.sonar.motion.track import Track
 from mitsonar.water.profile import SoundSpeedProfile
 
 

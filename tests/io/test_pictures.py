@@ -9,7 +9,7 @@ from mesh_files import damaged
 from picture_files import png_of
 from PIL import Image
 
-from mitsonar.io import pictures
+from mitsonar.io.scene_files import pictures
 
 PIXELS = np.arange(60, dtype=np.uint8).reshape(6, 10) * 4
 

@@ -3,21 +3,13 @@ import os
 
 import pytest
 
-from mitsonar.io import (
-    arrays,
-    bathymetry,
-    casts,
-    exr,
-    files,
-    meshes,
-    pictures,
-    reading,
-    scenes,
-    signals,
-    tables,
-    tracks,
-)
+from mitsonar.device import files
+from mitsonar.io import casts, reading
+from mitsonar.io.grids import bathymetry
+from mitsonar.io.records import exr, signals
+from mitsonar.io.scene_files import arrays, meshes, pictures, scenes, tables
 from mitsonar.io.survey_lines import reading as survey_lines
+from mitsonar.io.tracks import tracks
 
 READERS = {"array": arrays.read, "bathymetry": bathymetry.read, "cast": casts.read, "exr": exr.read,
            "attributes": exr.attributes, "mesh": lambda path: meshes.check(path, "ply"), "target": meshes.check_target,

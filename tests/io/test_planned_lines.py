@@ -5,12 +5,13 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from mitsonar.hydrography.planning import Layout, plan
-from mitsonar.hydrography.planning_bed import flat_bed
-from mitsonar.hydrography.planning_coverage import SwathSonar
-from mitsonar.io import plan_summary, planned_lines, tracks
-from mitsonar.io.navigation import Frame
-from mitsonar.sonar.waypoints import Course
+from mitsonar.io.tracks import tracks
+from mitsonar.io.tracks.navigation import Frame
+from mitsonar.planning import line_files as planned_lines, summary as plan_summary
+from mitsonar.planning.bed import flat_bed
+from mitsonar.planning.coverage import SwathSonar
+from mitsonar.planning.plan import Layout, plan
+from mitsonar.sonar.motion.waypoints import Course
 from mitsonar.water import SoundSpeedProfile
 
 UTM = Frame(crs="EPSG:32631", origin=(637000.0, 5763000.0))

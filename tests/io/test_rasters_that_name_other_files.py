@@ -6,7 +6,7 @@ import pytest
 import rasterio
 from rasterio.transform import from_origin
 
-from mitsonar.io import bathymetry, raster_files, rasters, sediment_map
+from mitsonar.io.grids import bathymetry, raster_files, rasters, sediment_map
 
 VRT = """<VRTDataset rasterXSize="60" rasterYSize="60"><GeoTransform>500000,1,0,6000000,0,-1</GeoTransform>
 <VRTRasterBand dataType="Float32" band="1"><SimpleSource><SourceFilename>/vsicurl/ADDRESS/a.tif</SourceFilename>

@@ -16,8 +16,8 @@ import xarray as xr
 from raw_record import one_by_one, raw_record
 
 import mitsonar
-from mitsonar.io import ping_file, raw_echoes
-from mitsonar.io.records import encoded
+from mitsonar.io.records import ping_file, raw_echoes
+from mitsonar.io.records.records import encoded
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -164,7 +164,7 @@ def test_a_disk_without_room_is_told_before_the_first_ping(tmp_path, monkeypatch
 def test_a_disk_that_fills_up_keeps_whole_pings(tmp_path, monkeypatch):
     import errno
 
-    from mitsonar.io import ping_file
+    from mitsonar.io.records import ping_file
 
     flush = ping_file.PingFile._to_disk
 

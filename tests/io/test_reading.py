@@ -55,7 +55,7 @@ def test_folders_that_are_no_records(tmp_path):
 
 
 def test_an_image_of_every_kind_of_attribute(tmp_path):
-    from mitsonar.io.records import SonarImage
+    from mitsonar.io.records.records import SonarImage
 
     image = SonarImage.of(sidescan(4, 6)).assign_attrs(none=None, yes=True, nested={"a": [1, None]}, empty=[])
     image.to_netcdf(tmp_path / "a.nc")
@@ -71,7 +71,7 @@ def test_json_that_no_memory_holds_is_refused(tmp_path):
 
 
 def test_rooms_of_files_need_no_import_of_their_own():
-    text = ("import mitsonar; print(mitsonar.io.exr.read.__name__, mitsonar.io.signals.write.__name__, "
+    text = ("import mitsonar; print(mitsonar.io.records.exr.read.__name__, mitsonar.io.records.signals.write.__name__, "
             "sorted(set(dir(mitsonar.io)) & {'casts', 'exr', 'netcdf', 'signals', 'tracks'}))")
     said = subprocess.run([sys.executable, "-c", text], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     assert said == "read write ['casts', 'exr', 'netcdf', 'signals', 'tracks']\n"

@@ -17,9 +17,12 @@ from soundings_line import soundings_line
 from synthetic_sidescan import sidescan
 
 import mitsonar
-from mitsonar.io import bathymetry, raw_echoes, scattering_tables, survey_lines
-from mitsonar.io.ping_file import PingFile
-from mitsonar.io.self_contained import DataElsewhere, check_hdf5
+from mitsonar.io import survey_lines
+from mitsonar.io.grids import bathymetry
+from mitsonar.io.records import raw_echoes
+from mitsonar.io.records.ping_file import PingFile
+from mitsonar.io.records.self_contained import DataElsewhere, check_hdf5
+from mitsonar.io.scene_files import scattering_tables
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from mitsonar.io.scattering_tables import read
+from mitsonar.io.scene_files.scattering_tables import read
 
 FREQUENCY, ASPECT = np.array([90.0, 95.0, 100.0]), np.array([0.0, 45.0, 90.0, 180.0])
 FORM = (0.1 + 0.01 * np.arange(12).reshape(4, 3)) * np.exp(0.3j * np.arange(12).reshape(4, 3))

@@ -9,8 +9,8 @@ import rasterio
 from rasterio.transform import Affine, from_origin
 from rasterio.warp import transform
 
-from mitsonar.io import bathymetry, sediment_map
-from mitsonar.io.sediment_map import ClassTable, blended
+from mitsonar.io.grids import bathymetry, sediment_map
+from mitsonar.io.grids.sediment_map import ClassTable, blended
 
 WEST, SOUTH = 500000.0, 5000000.0
 TABLE = ClassTable.of("1: clay, 7: medium sand, 9: Sandy_Gravel, 12: clay")

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from mitsonar.io import signals as netcdf
+from mitsonar.io.records import signals as netcdf
 
 
 @pytest.fixture

@@ -65,7 +65,7 @@ def test_a_water_column_is_read_as_another_reader_does():
 
 def test_places_of_a_kmall_line_are_its_latitudes_and_longitudes():
     """The sounder gives places twice, in metres and in degrees. UTM's scale is left out: 0.05 % of 7 m here."""
-    from mitsonar.io.survey_lines.kmall_datagrams import datagrams, decoded
+    from mitsonar.io.survey_lines.kongsberg.kmall_datagrams import datagrams, decoded
 
     line = reading.read(EM2042, water_column=False)
     zone = Zone(crs=line.attrs["crs"], origin=line.attrs["origin"], convergence=0.0)

@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-from mitsonar.io import tracks
+from mitsonar.io.tracks import tracks
 
 PLAIN = "time,x,y,z,roll,pitch,heading\n0,1,2,-3,10,-20,350\n0.5,2,4,-3.5,0,0,370\n"
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from mitsonar.io import tracks
-from mitsonar.io.navigation import Frame, Waypoints, course
+from mitsonar.io.tracks import tracks
+from mitsonar.io.tracks.navigation import Frame, Waypoints, course
 
 BAY = "time,latitude,longitude,depth,heading\n0,37.75,-122.38,4,90\n1,37.75,-122.37998,4,90\n"
 UTM = Frame(crs="EPSG:32610", origin=(554000.0, 4178000.0))

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from mitsonar.io import navigation_xtf, tracks
-from mitsonar.io.navigation import course
+from mitsonar.io.tracks import tracks
+from mitsonar.io.tracks.navigation import course
+from mitsonar.io.xtf import navigation as navigation_xtf
 
 SURVEY = Path(__file__).resolve().parents[2] / "../shared/data/tracks/r2sonic_20150708.xtf"
 SCOTSMAN = Path(__file__).resolve().parents[2] / "../shared/data/measured/sidescan/scotsman_600khz.xtf"

@@ -8,8 +8,9 @@ import pyxtf
 import xtf_by_bytes
 from synthetic_sidescan import sidescan
 
-from mitsonar.io import tracks, xtf
-from mitsonar.io.navigation import Frame
+from mitsonar.io.tracks import tracks
+from mitsonar.io.tracks.navigation import Frame
+from mitsonar.io.xtf import xtf
 
 UTM = "EPSG:32631"
 ORIGIN = [512200.0, 5790240.0]

@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 from synthetic_sidescan import sidescan
 
-from mitsonar.io import xtf
-from mitsonar.io.xtf_amplitudes import read_amplitudes
+from mitsonar.io.xtf import xtf
+from mitsonar.io.xtf.amplitudes import read_amplitudes
 
 
 def test_samples_of_a_written_record_come_back_near_range_first(tmp_path):

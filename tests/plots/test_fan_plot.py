@@ -7,8 +7,8 @@ from matplotlib.colors import to_rgb
 from synthetic_fan import fan
 
 from mitsonar import plots
-from mitsonar.plots import fan_sheet, fans as room
-from mitsonar.plots.truth import BRIGHT, SHADOW_COLOUR
+from mitsonar.plots.fans import fan_sheet, fans as room
+from mitsonar.plots.images.truth import BRIGHT, SHADOW_COLOUR
 
 
 def beams(azimuth, sample=300, beam=None, samples=600):

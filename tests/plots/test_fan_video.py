@@ -10,7 +10,7 @@ from PIL import Image
 
 import mitsonar
 from mitsonar import plots
-from mitsonar.plots import fan_sheet, movie_files
+from mitsonar.plots.fans import fan_sheet, movie_files
 
 
 @pytest.fixture(autouse=True)

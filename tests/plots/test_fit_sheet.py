@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from mitsonar.inversion.answer import named
-from mitsonar.plots.fit_sheet import fit_figure
+from mitsonar.inversion.fit.answer import named
+from mitsonar.plots.sheets.fit_sheet import fit_figure
 
 
 def answer():

@@ -5,7 +5,7 @@ import xarray as xr
 from matplotlib.image import imread
 
 from mitsonar import plots
-from mitsonar.plots.fans import is_scan, turn_of
+from mitsonar.plots.fans.fans import is_scan, turn_of
 
 STEPS, BINS = 36, 50
 

@@ -17,9 +17,11 @@ from soundings_line import soundings_line
 from mitsonar import plots
 from mitsonar.cli import main as cli
 from mitsonar.hydrography.record import variable
-from mitsonar.hydrography.resounding import resounded
-from mitsonar.io import netcdf
-from mitsonar.plots import angle_curves, canvas, line_maps, line_sheet, ray_paths, ray_plot, water_column
+from mitsonar.hydrography.reduction import ray_paths
+from mitsonar.hydrography.reduction.resounding import resounded
+from mitsonar.io.records import netcdf
+from mitsonar.plots import canvas
+from mitsonar.plots.lines import angle_curves, line_maps, line_sheet, ray_plot, water_column
 from mitsonar.propagation import eigenray
 from mitsonar.water import SoundSpeedProfile
 

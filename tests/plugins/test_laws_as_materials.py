@@ -15,7 +15,7 @@ TABLE = "grazing, 30 kHz, 300 kHz\n8, -32, -28\n20, -26, -22\n45, -20, -18\n75, 
 
 def materials(folder):
     """The material of each law, and its object."""
-    from mitsonar.io import backscatter
+    from mitsonar.io.scene_files import backscatter
 
     (folder / "measured.csv").write_text(TABLE, encoding="utf-8")
     return {**laws.materials(),

@@ -41,7 +41,7 @@ def test_a_scene_that_was_altered_says_so(variant):
 def test_of_a_scene_that_mitsuba_loaded_nothing_is_known(variant):
     import mitsuba as mi
 
-    from mitsonar.io import scenes
+    from mitsonar.io.scene_files import scenes
 
     scene = mi.load_file(scenes.find("sidescan_flat"), optimize=False, pings="2", rays="2000", bins="40")
     assert mitsonar.render(scene).attrs["altered"] is None

@@ -8,7 +8,7 @@ import pytest
 
 from mitsonar.sonar import presets
 from mitsonar.survey.sensor import slowest_speed
-from mitsonar.survey.sidescan import sonar_at
+from mitsonar.survey.sidescan.kind import sonar_at
 
 DEPTH, WIDTH, LENGTH = 30.0, 60.0, 100.0
 KNOT = 1852 / 3600

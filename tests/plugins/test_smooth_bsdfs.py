@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from mitsonar.scattering.reflection import fluid_reflection
+from mitsonar.scattering.surfaces.reflection import fluid_reflection
 
 
 @pytest.fixture

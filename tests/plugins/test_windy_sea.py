@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from mitsonar.scattering.sea_surface import roughness, strength
+from mitsonar.scattering.laws.sea_surface import roughness, strength
 
 
 @pytest.fixture

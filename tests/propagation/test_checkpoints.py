@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from mitsonar.scattering import SEDIMENTS, Sediment, backscatter_strength_db, bubble_loss_db, sphere_target_strength_db
-from mitsonar.scattering.facets import triangle_integral
-from mitsonar.scattering.rough_interface import ALPHA_RANGE, lobe_integral
+from mitsonar.scattering.surfaces.facets import triangle_integral
+from mitsonar.scattering.surfaces.rough_interface import ALPHA_RANGE, lobe_integral
 from mitsonar.signal.doppler import two_way_doppler
 from mitsonar.water import (
     absorption_db,

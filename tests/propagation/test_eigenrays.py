@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitsonar.propagation import eigenray, eigenrays
+from mitsonar.propagation import eigenray
+from mitsonar.propagation.numpy_rays import eigenrays
 from mitsonar.water import SoundSpeedProfile
 
 REFERENCE = Path(__file__).resolve().parents[2] / ".." / "shared" / "reference" / "eigenrays.json"

@@ -11,9 +11,9 @@ from summer import SUMMER_TABLE
 
 from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.propagation import eigenray, return_time
-from mitsonar.propagation.exact_returns import exact_return
-from mitsonar.propagation.layer_table import layer_table
-from mitsonar.propagation.travel import steady
+from mitsonar.propagation.device_rays.layer_table import layer_table
+from mitsonar.propagation.numpy_rays.exact_returns import exact_return
+from mitsonar.propagation.returns.travel import steady
 from mitsonar.water import SoundSpeedProfile
 
 PROFILES = {

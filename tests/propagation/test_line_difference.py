@@ -8,7 +8,7 @@ import pytest
 from drjit.auto import Float
 
 from mitsonar.device.arrays import upload
-from mitsonar.propagation.line_difference import Line, polynomial
+from mitsonar.propagation.returns.line_difference import Line, polynomial
 
 C = 1500.0
 

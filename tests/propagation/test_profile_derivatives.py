@@ -9,8 +9,9 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import newton
 
-from mitsonar.propagation import eigenray, eigenrays
-from mitsonar.propagation.profile_derivatives import ray_derivatives
+from mitsonar.propagation import eigenray
+from mitsonar.propagation.numpy_rays import eigenrays
+from mitsonar.propagation.numpy_rays.profile_derivatives import ray_derivatives
 from mitsonar.water import SoundSpeedProfile
 
 DEPTH = np.array([2.0, 6, 14, 20, 32, 47, 60, 90, 140])

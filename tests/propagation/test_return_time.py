@@ -18,7 +18,7 @@ import pytest
 from scipy.optimize import brentq
 
 from mitsonar.propagation import eigenray, return_time, return_time_error
-from mitsonar.propagation.return_times import GUARD, METHODS
+from mitsonar.propagation.numpy_rays.return_times import GUARD, METHODS
 from mitsonar.water import SoundSpeedProfile
 
 REFERENCE = Path(__file__).resolve().parents[2] / ".." / "shared" / "reference" / "eigenrays.json"

@@ -10,10 +10,10 @@ from drjit.auto import Float, Float64
 from summer import SUMMER
 
 from mitsonar.device.arrays import arrays_of, upload
-from mitsonar.propagation import eigenrays, exact_returns
-from mitsonar.propagation.layer_table import layer_table
-from mitsonar.propagation.sole_range import sole_range
-from mitsonar.propagation.travel import REST
+from mitsonar.propagation.device_rays.layer_table import layer_table
+from mitsonar.propagation.device_rays.sole_range import sole_range
+from mitsonar.propagation.numpy_rays import eigenrays, exact_returns
+from mitsonar.propagation.returns.travel import REST
 from mitsonar.water import SoundSpeedProfile
 
 PROFILES, POINTS = 25, 1500

@@ -15,12 +15,12 @@ from scipy.spatial.transform import Rotation
 
 from mitsonar.device.arrays import upload
 from mitsonar.propagation import eigenray, return_time
-from mitsonar.propagation.layer_table import layer_table
-from mitsonar.propagation.return_paths import return_paths
-from mitsonar.propagation.slices import Slices
-from mitsonar.propagation.travel import REST, steady
-from mitsonar.propagation.two_point import source_state
-from mitsonar.propagation.vector_approximation import (
+from mitsonar.propagation.device_rays.layer_table import layer_table
+from mitsonar.propagation.device_rays.two_point import source_state
+from mitsonar.propagation.numpy_rays.slices import Slices
+from mitsonar.propagation.returns.return_paths import return_paths
+from mitsonar.propagation.returns.travel import REST, steady
+from mitsonar.propagation.returns.vector_approximation import (
     DIFFERENCES,
     ELEMENT_FIELDS,
     corrections,
@@ -30,7 +30,7 @@ from mitsonar.propagation.vector_approximation import (
     vector_difference,
     vector_element_fields,
 )
-from mitsonar.propagation.vector_legs import matched_leg
+from mitsonar.propagation.returns.vector_legs import matched_leg
 from mitsonar.water import SoundSpeedProfile
 
 DEPTH, HITS = 8.3, 300

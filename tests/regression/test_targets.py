@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitsonar.io import bathymetry
+from mitsonar.io.grids import bathymetry
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 SCRIPT = runpy.run_path(str(SCENES / "make_targets.py"))

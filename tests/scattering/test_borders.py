@@ -16,7 +16,7 @@ def test_displacements_are_triangular_and_independent():
     import mitsuba as mi
 
     from mitsonar.device.arrays import arrays_of
-    from mitsonar.scattering.borders import displacement
+    from mitsonar.scattering.surfaces.borders import displacement
 
     d = np.array([part.numpy() for part in displacement(arrays_of(mi.Float), *grid(300))])
     assert np.abs(d).max() <= 0.5
@@ -32,7 +32,7 @@ def test_a_square_has_one_number():
     import mitsuba as mi
 
     from mitsonar.device.arrays import arrays_of
-    from mitsonar.scattering.borders import drawn
+    from mitsonar.scattering.surfaces.borders import drawn
 
     x = mi.Float([0.101, 0.12, 0.149, 0.151, -0.001])
     first = drawn(arrays_of(mi.Float), x, mi.Float(0.01))[0].numpy()

@@ -27,8 +27,8 @@ from mitsonar.scattering import (
     backscatter_strength_db,
     bistatic_strength_db,
 )
-from mitsonar.scattering.arithmetic import NUMPY
-from mitsonar.scattering.elastic import STRONGEST_VOLUME, Elastic
+from mitsonar.scattering.surfaces.arithmetic import NUMPY
+from mitsonar.scattering.surfaces.elastic import STRONGEST_VOLUME, Elastic
 
 REFERENCE = Path(__file__).resolve().parents[2] / ".." / "shared" / "reference" / "physics_checkpoints.json"
 ANGLES = np.radians([20, 30, 45, 60, 80, 90])

@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from mitsonar.io import backscatter
+from mitsonar.io.scene_files import backscatter
 from mitsonar.scattering import EmpiricalSeabed, backscatter_strength_db, bistatic_strength_db
 
 TABLE = "grazing, 300 kHz, 30kHz\n45, -18, -20\n# a remark\n8, -28, -32\n\n90, -9, -4\n"

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.special import j1
 
-from mitsonar.scattering import facets, sphere_target_strength_db
-from mitsonar.scattering.facets import phase_mean, scattering_length, triangle_integral
-from mitsonar.scattering.reflection import fluid_reflection
+from mitsonar.scattering import sphere_target_strength_db
+from mitsonar.scattering.surfaces import facets
+from mitsonar.scattering.surfaces.facets import phase_mean, scattering_length, triangle_integral
+from mitsonar.scattering.surfaces.reflection import fluid_reflection
 
 WAVELENGTH = 0.015
 K = 2 * np.pi / WAVELENGTH

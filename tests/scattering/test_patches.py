@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mitsonar.scattering.patches import Patches, gamma_cells
+from mitsonar.scattering.surfaces.patches import Patches, gamma_cells
 
 
 @pytest.fixture

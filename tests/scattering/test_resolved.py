@@ -15,9 +15,9 @@ from scipy.integrate import quad
 from scipy.special import j0
 
 from mitsonar.scattering import Fractal, RoughnessSpectrum, Sediment
-from mitsonar.scattering.resolved import cut, log_ratio, resolved_factor
-from mitsonar.scattering.rough_interface import log_lobe
-from mitsonar.scattering.small_slope import lobe_factor
+from mitsonar.scattering.surfaces.resolved import cut, log_ratio, resolved_factor
+from mitsonar.scattering.surfaces.rough_interface import log_lobe
+from mitsonar.scattering.surfaces.small_slope import lobe_factor
 
 FINE = 200_001
 

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from mitsonar.scattering import MATERIALS, ScatteringTable, SphereBody, SphereScattering
-from mitsonar.scattering.echo_taps import EchoTaps, HeardBand
+from mitsonar.scattering.bodies.echo_taps import EchoTaps, HeardBand
 
 SPEED = 1500.0
 AHEAD = np.array([[1.0, 0.0, 0.0]])

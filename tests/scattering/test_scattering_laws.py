@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from laws import CASES, parameters_of
 
-from mitsonar.scattering import LAWS, backscatter_strength_db, bistatic_strength_db, lambert
+from mitsonar.scattering import LAWS, backscatter_strength_db, bistatic_strength_db
+from mitsonar.scattering.laws import lambert
 
 ALL = [pytest.param(law, id=f"{name}-{case}") for name, laws in CASES.items() for case, law in laws.items()]
 FREQUENCIES = 12e3, 30e3, 100e3, 300e3

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mitsonar.scattering import SeaSurface, backscatter_strength_db, bistatic_strength_db, bubble_loss_db
-from mitsonar.scattering.sea_surface import facet_density, roughness
+from mitsonar.scattering.laws.sea_surface import facet_density, roughness
 
 WINDS = [0.5, 2.0, 5.0, 8.0, 11.0, 15.0, 25.0]
 FREQUENCIES = [10e3, 30e3, 100e3, 400e3]

@@ -23,7 +23,7 @@ from mitsonar.scattering import (
     backscatter_strength_db,
     bistatic_strength_db,
 )
-from mitsonar.scattering.rough_interface import lobe_integral
+from mitsonar.scattering.surfaces.rough_interface import lobe_integral
 
 REFERENCE = Path(__file__).resolve().parents[2] / ".." / "shared" / "reference" / "physics_checkpoints.json"
 ANGLES = np.radians([10, 20, 30, 45, 60, 75, 85, 90])

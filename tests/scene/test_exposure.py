@@ -6,8 +6,8 @@ import mitsuba as mi
 import numpy as np
 import pytest
 
-from mitsonar.scene.exposure import exposed_shares
 from mitsonar.scene.geometry import Geometry
+from mitsonar.scene.shadows.exposure import exposed_shares
 
 CHANCE = 0.12
 

@@ -10,7 +10,7 @@ its own about its highest wavenumber: 2 dB (1.6 found).
 import numpy as np
 import pytest
 
-from mitsonar.io.survey_relief import refine
+from mitsonar.io.grids.survey_relief import refine
 from mitsonar.scattering import Fractal, RoughnessSpectrum
 from mitsonar.seabed.measured_roughness import fit_power_law, radial_spectrum
 

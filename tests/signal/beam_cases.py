@@ -6,7 +6,7 @@ from mitsonar.device.arrays import upload
 from mitsonar.signal.beam_grid import LineBeams
 from mitsonar.signal.impulses import BandLimited
 from mitsonar.signal.reception import band_filter, padded_length
-from mitsonar.sonar.pulses import lfm
+from mitsonar.sonar.pulses.pulses import lfm
 
 SPEED, SAMPLES, LEAD = 1500.0, 600, 20
 

@@ -14,7 +14,7 @@ from synthetic_echoes import FREQUENCY, SAMPLING_RATE, SOUND_SPEED, WAVELENGTH, 
 
 from mitsonar.signal import ElementNoise, beamforming
 from mitsonar.signal.beamforming import interpolation
-from mitsonar.sonar.shading import window_weights
+from mitsonar.sonar.arrays.shading import window_weights
 
 FAR = 5000.0                       # [m]
 AHEAD = "forward"

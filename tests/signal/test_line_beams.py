@@ -9,7 +9,7 @@ from beam_cases import LEAD, SAMPLES, Line, worst_db
 
 from mitsonar.device.arrays import arrays_of
 from mitsonar.signal.beam_grid import NoiseDensity
-from mitsonar.sonar.pulses import cw, hfm, lfm
+from mitsonar.sonar.pulses.pulses import cw, hfm, lfm
 
 ECHOES = (100.3, 0.0, 0.6 + 0.8j), (SAMPLES / 2 + 0.77, 0.51, -1.0), (200.5, -0.86, 1j), (420.25, 0.97, 1.0)
 LINES = {

@@ -8,7 +8,7 @@ import pytest
 from scipy import fft
 
 from mitsonar.signal.beam_grid import residual_doppler
-from mitsonar.sonar.pulses import PULSES
+from mitsonar.sonar.pulses.pulses import PULSES
 
 SWEPT = {"cw": (), "lfm": (20e3,), "hfm": (20e3,)}
 CASES = [(kind, window, duration) for kind in PULSES for window in (None, "hann", ("tukey", 0.2))

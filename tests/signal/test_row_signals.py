@@ -9,7 +9,7 @@ from mitsonar.signal.beam_grid import NoiseDensity, RowSignals
 from mitsonar.signal.impulses import element_responses
 from mitsonar.signal.matched_filter import matched_filter
 from mitsonar.signal.reception import absorbed, received
-from mitsonar.sonar.pulses import cw, lfm
+from mitsonar.sonar.pulses.pulses import cw, lfm
 
 SAMPLES, LEAD, PULSE = 800, 25, lfm(300e3, 20e3, 0.5e-3)
 RATE = PULSE.suggested_sampling_rate

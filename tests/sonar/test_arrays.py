@@ -21,8 +21,8 @@ from mitsonar.sonar import (
     planar_array,
     spherical_array,
 )
-from mitsonar.sonar.axes import AXES
-from mitsonar.sonar.shading import WINDOWS, taper_loss_db, window_weights
+from mitsonar.sonar.arrays.axes import AXES
+from mitsonar.sonar.arrays.shading import WINDOWS, taper_loss_db, window_weights
 
 ROUNDING = 1e-12
 SPEED, WAVELENGTH = 1500.0, 0.015

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.special import fresnel
 
-from mitsonar.sonar import beam_shapes
-from mitsonar.sonar.beam_shapes import BeamShape, half_power, line_shape, measured_shape
-from mitsonar.sonar.directivity import Aperture, length_for_beam_width
+from mitsonar.sonar.faces import beam_shapes
+from mitsonar.sonar.faces.beam_shapes import BeamShape, half_power, line_shape, measured_shape
+from mitsonar.sonar.faces.directivity import Aperture, length_for_beam_width
 
 SIZE = 60.0                        # [wavelengths]
 SINES = np.linspace(-1, 1, 20001)

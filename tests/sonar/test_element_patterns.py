@@ -12,7 +12,7 @@ import pytest
 from drjit.auto import Array3f, Float
 
 from mitsonar.sonar import directivity_index_db, element_array
-from mitsonar.sonar.element_patterns import BAFFLES, PATTERNS, element_pressure, piston
+from mitsonar.sonar.arrays.element_patterns import BAFFLES, PATTERNS, element_pressure, piston
 
 DOWN = {"normal": [0.0, 0.0, 1.0], "along": [1.0, 0.0, 0.0]}
 ROUNDING = 1e-12

@@ -3,10 +3,10 @@ import numpy as np
 import pytest
 from scipy.special import fresnel
 
-from mitsonar.sonar import near_field
-from mitsonar.sonar.beam_shapes import half_power, line_shape, measured_shape
-from mitsonar.sonar.directivity import Aperture, length_for_beam_width
-from mitsonar.sonar.near_field import near_pressure
+from mitsonar.sonar.faces import near_field
+from mitsonar.sonar.faces.beam_shapes import half_power, line_shape, measured_shape
+from mitsonar.sonar.faces.directivity import Aperture, length_for_beam_width
+from mitsonar.sonar.faces.near_field import near_pressure
 
 WAVELENGTH, WIDTH = 0.00375, np.deg2rad(0.4)
 U = np.linspace(0, 0.03, 200)

@@ -2,10 +2,10 @@
 import numpy as np
 import pytest
 
-from mitsonar.sonar.motion import RandomMotion
-from mitsonar.sonar.rotating_head import MOUNTS, Head, HeadTrajectory, Sweep, attitude_of, turned_voyage
-from mitsonar.sonar.track import Track, rotation_matrix
-from mitsonar.sonar.trajectory import Recorded, Trajectory, Voyage
+from mitsonar.sonar.motion.motion import RandomMotion
+from mitsonar.sonar.motion.rotating_head import MOUNTS, Head, HeadTrajectory, Sweep, attitude_of, turned_voyage
+from mitsonar.sonar.motion.track import Track, rotation_matrix
+from mitsonar.sonar.motion.trajectory import Recorded, Trajectory, Voyage
 
 PING = np.arange(10)
 

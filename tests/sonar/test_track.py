@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mitsonar.sonar.track import Track
+from mitsonar.sonar.motion.track import Track
 
 EAST, NORTH, UP = np.eye(3)
 RIGHT = np.pi / 2

@@ -7,7 +7,7 @@ from it by at most s / 2R. Tolerance 1e-9 m: roundings of sums over hundreds of 
 import numpy as np
 import pytest
 
-from mitsonar.sonar.waypoints import Course
+from mitsonar.sonar.motion.waypoints import Course
 
 SQUARE = [(0, 0), (0, 100), (80, 100), (80, 0)]
 ZIGZAG = [(-40, -60), (30, -60), (30, 40), (-30, 40), (0, 0), (0, -40)]

@@ -12,9 +12,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mitsonar.sonar import Track
-from mitsonar.sonar.motion import RandomMotion, strum_frequency
-from mitsonar.sonar.trajectory import PingTravel, Recorded, Sailed, Smooth, Trajectory, Voyage
-from mitsonar.sonar.waypoints import Course
+from mitsonar.sonar.motion.motion import RandomMotion, strum_frequency
+from mitsonar.sonar.motion.trajectory import PingTravel, Recorded, Sailed, Smooth, Trajectory, Voyage
+from mitsonar.sonar.motion.waypoints import Course
 
 
 def voyage(pings, interval, heading=1.0, motion=RandomMotion(), offset=(0, 0, 0)):

@@ -7,9 +7,9 @@ import pytest
 
 import mitsonar
 from mitsonar.echoes import ensonification
-from mitsonar.survey import cost as array_cost
-from mitsonar.survey.pressure import PressureRecord
-from mitsonar.survey.signals import LEAD
+from mitsonar.survey.pressure import cost as array_cost
+from mitsonar.survey.pressure.pressure import PressureRecord
+from mitsonar.survey.pressure.signals import LEAD
 from mitsonar.validation.scenes import array_sonar, bed
 
 CUTS = int(np.ceil(200 * np.sqrt(2) / 2.0))

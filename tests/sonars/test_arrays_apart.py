@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import mitsonar
-from mitsonar.survey.interferometry.instrument import both_sides
+from mitsonar.survey.interferometric.instrument import both_sides
 from mitsonar.validation.scenes import array_sonar, bed, interferometric, lambert, multibeam, synthetic_aperture
-from mitsonar.verbs import opened
+from mitsonar.verbs.images import opened
 
 SONAR, H, MU_DB, C = 1.0, 5.0, -20.0, 1500.0
 CASES = ["0.23, 0, 0", "-1, 0, 0", "0, 0.3, 0.3", "0.2, -0.2, -0.3"]

@@ -16,14 +16,14 @@ import mitsonar
 from mitsonar.imaging import fan
 from mitsonar.scene.loading import prepare
 from mitsonar.signal.beam_grid import LineBeams
-from mitsonar.survey import energy
 from mitsonar.survey.beam_domain.frames import Frames, why_not
 from mitsonar.survey.beam_domain.line import LineArray
-from mitsonar.survey.beams import Beams
-from mitsonar.survey.pressure import PressureRecord
-from mitsonar.survey.signals import LEAD, received_signals
+from mitsonar.survey.energy import energy
+from mitsonar.survey.fan.beams import Beams
+from mitsonar.survey.pressure.pressure import PressureRecord
+from mitsonar.survey.pressure.signals import LEAD, received_signals
 from mitsonar.validation import scenes
-from mitsonar.verbs import opened
+from mitsonar.verbs.images import opened
 
 SINES = np.linspace(-np.sin(np.pi / 3), np.sin(np.pi / 3), 61)
 LINE = {"frequency_khz": 300.0, "pulse": "lfm", "bandwidth_khz": 20.0, "pulse_ms": 0.5, "source_level_db": 205.0,

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from mitsonar.device.arrays import arrays_of, upload
-from mitsonar.echoes.thinned_scatterers import Density
-from mitsonar.survey.ground import FREE, Ground
-from mitsonar.survey.pressure import PressureRecord
-from mitsonar.tracing.connection import Connector
-from mitsonar.tracing.tracer import Tracer
+from mitsonar.echoes.scatterers.thinned_scatterers import Density
+from mitsonar.scene.tracing.connection import Connector
+from mitsonar.scene.tracing.tracer import Tracer
+from mitsonar.survey.beam_domain.ground import FREE, Ground
+from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.validation.scenes import array_sonar, bed, buried_bed, forward_looking, lambert
 
 DEPTH, RADIUS, SPEED, KILOHERTZ = 20.0, 0.5, 1500.0, 60.0

@@ -9,7 +9,7 @@ import pytest
 
 import mitsonar
 import mitsonar.scene.loading
-from mitsonar.survey.pressure import PressureRecord
+from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.validation.scenes import array_sonar, bed, buried_bed, lambert
 
 WAVELENGTH, RADIUS, LENGTH = 0.015, 0.1, 0.5

@@ -18,8 +18,8 @@ from track_files import write_track
 import mitsonar
 from mitsonar.signal import doppler_classes
 from mitsonar.sonar import Track, cw
-from mitsonar.survey.elements import echo_classes
-from mitsonar.survey.pressure import PressureRecord
+from mitsonar.survey.pressure import echo_classes
+from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.units import KNOT
 from mitsonar.validation.scenes import array_sonar, bed, buried_bed, point_target
 

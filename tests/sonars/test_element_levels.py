@@ -20,7 +20,7 @@ from summer import SUMMER_TEXT
 
 import mitsonar
 from mitsonar.echoes.ensonification import Ensonification
-from mitsonar.echoes.scatterers import Scatterers
+from mitsonar.echoes.scatterers.scatterers import Scatterers
 from mitsonar.propagation import eigenray
 from mitsonar.signal.impulses import BandLimited
 from mitsonar.signal.reception import band_filter
@@ -47,7 +47,7 @@ def db(ratio):
 @pytest.fixture
 def sure(monkeypatch):
     """Amplitudes without chance: |g| = 1."""
-    monkeypatch.setattr("mitsonar.echoes.scatterers.gaussian", lambda lib, *_: (lib.Float(1), lib.Float(0)))
+    monkeypatch.setattr("mitsonar.echoes.scatterers.scatterers.gaussian", lambda lib, *_: (lib.Float(1), lib.Float(0)))
 
 
 def echoes(scene, key=7):

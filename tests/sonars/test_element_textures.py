@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mitsonar.scene.loading import prepare
-from mitsonar.survey.pressure import PressureRecord
+from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.validation.scenes import array_sonar
 
 BRIGHTNESS = np.array([[1.0, 0.5], [0.25, 0.125]])
@@ -34,7 +34,7 @@ def square(kind, tmp_path):
                          ids=["scatterers", "rays"])
 @pytest.mark.parametrize("kind", ["rectangle", "obj"])
 def test_cells_see_the_texture(variant, monkeypatch, tmp_path, kind, integrator):
-    monkeypatch.setattr("mitsonar.echoes.scatterers.gaussian", lambda lib, *_: (lib.Float(1), lib.Float(0)))
+    monkeypatch.setattr("mitsonar.echoes.scatterers.scatterers.gaussian", lambda lib, *_: (lib.Float(1), lib.Float(0)))
     prepare()
     scene = array_sonar({"bed": square(kind, tmp_path)}, integrator=integrator)
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 import mitsonar
-from mitsonar.synthetic_aperture.grids import ground_grid
+from mitsonar.synthetic_aperture.focusing.grids import ground_grid
 from mitsonar.synthetic_aperture.record import check_image
 from mitsonar.validation.scenes import bed, lambert, point_target, synthetic_aperture
 

@@ -15,7 +15,7 @@ from itertools import product
 import numpy as np
 from scipy.stats import qmc
 
-from mitsonar.survey.pressure import PressureRecord
+from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.validation.scenes import array_sonar
 
 EDGES = np.array([34.0, 38.0])

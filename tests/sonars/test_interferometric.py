@@ -15,12 +15,12 @@ import pytest
 
 import mitsonar
 import mitsonar.scene.loading  # tells Dr.Jit its libraries before Mitsuba is imported
-from mitsonar.propagation.eigenrays import eigenray
+from mitsonar.propagation.numpy_rays.eigenrays import eigenray
 from mitsonar.scene.errors import as_exception
 from mitsonar.signal.matched_filter import matched_filter
-from mitsonar.sonar.track import rotation_matrix
-from mitsonar.survey.interferometry.instrument import both_sides
-from mitsonar.survey.interferometry.plan import up_along
+from mitsonar.sonar.motion.track import rotation_matrix
+from mitsonar.survey.interferometric.instrument import both_sides
+from mitsonar.survey.interferometric.plan import up_along
 from mitsonar.validation.scenes import (
     bed as bed_of,
     buried_bed,
@@ -30,7 +30,7 @@ from mitsonar.validation.scenes import (
     sediment,
     water_of,
 )
-from mitsonar.verbs import opened
+from mitsonar.verbs.images import opened
 from mitsonar.water import SoundSpeedProfile
 
 DEPTH, H, C = 10.0, 10.0, 1500.0

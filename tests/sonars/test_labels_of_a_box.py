@@ -17,7 +17,7 @@ from PIL import Image
 
 import mitsonar.scene.loading  # tells Dr.Jit its libraries before Mitsuba is imported
 from mitsonar.dataset.labels import Labels, write
-from mitsonar.io import exr
+from mitsonar.io.records import exr
 from mitsonar.validation.scenes import bed, lambert, sidescan
 
 H, HEIGHT, NEAR, FAR, HALF_LENGTH = 10.0, 1.0, 28.0, 30.0, 3.0

@@ -2,11 +2,11 @@
 import numpy as np
 import pytest
 
-from mitsonar.echoes.pieces import pieces_in_reach
-from mitsonar.echoes.scatterers import Scatterers
+from mitsonar.echoes.scatterers.pieces import pieces_in_reach
+from mitsonar.echoes.scatterers.scatterers import Scatterers
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.loading import prepare
-from mitsonar.survey.pressure import PressureRecord
+from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.validation.scenes import array_sonar, bed
 
 

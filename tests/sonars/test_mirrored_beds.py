@@ -10,7 +10,7 @@ all cells are lit or those that rays find. Tolerance 0.02 dB with every cell, 0.
 import numpy as np
 import pytest
 
-from mitsonar.survey.pressure import PressureRecord
+from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.validation.scenes import array_sonar, bed, lambert
 
 GATES = np.array([22.0, 26.0, 30.0, 34.0, 38.0])

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import mitsonar
-from mitsonar.hydrography.resounding import resounded
-from mitsonar.hydrography.smile import smile_of_head, smile_of_profile
+from mitsonar.hydrography.reduction.resounding import resounded
+from mitsonar.hydrography.reduction.smile import smile_of_head, smile_of_profile
 from mitsonar.validation.scenes import bed, multibeam, sediment
-from mitsonar.verbs import sounded_pings
+from mitsonar.verbs.images import sounded_pings
 from mitsonar.water import SoundSpeedProfile
 
 H, SONAR = 30.0, 2.0
@@ -343,7 +343,7 @@ def test_beams_are_those_that_the_elements_signals_make():
     degrees for lines of 0.24 m at 10 m.
     """
     from mitsonar.imaging import fan
-    from mitsonar.survey.swath.beams import SectorBeams
+    from mitsonar.survey.multibeam.beams import SectorBeams
     from mitsonar.validation.scenes import buried_bed, point_target
 
     places = [[3, 0.4, -12], [-6, -0.3, -11.5], [0.5, 0.8, -13], [8, 0.2, -10.5]]

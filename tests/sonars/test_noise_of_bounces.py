@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import mitsonar
-from mitsonar.echoes import chosen_partners
+from mitsonar.echoes.bounces import chosen_partners
 from mitsonar.validation.scenes import bed, lambert, sidescan, water_of
 from mitsonar.water import SoundSpeedProfile
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mitsonar
-from mitsonar.survey.sidescan import sonar_at
+from mitsonar.survey.sidescan.kind import sonar_at
 from mitsonar.validation.scenes import array_sonar, bed, buried_bed, point_target, sidescan
 
 

@@ -81,8 +81,8 @@ def test_what_xarray_makes_of_a_record_is_written_by_name(tmp_path):
 def test_signals_know_their_pulse(tmp_path):
     """The echo is compressed without the scene, to the last bit as with it."""
     heard = signals()
-    mitsonar.io.signals.write(tmp_path / "a.nc", heard)
-    there = mitsonar.io.signals.read(tmp_path / "a.nc")
+    mitsonar.io.records.signals.write(tmp_path / "a.nc", heard)
+    there = mitsonar.io.records.signals.read(tmp_path / "a.nc")
     sent, rate = small_array().sensors()[0].pulse, heard.attrs["sampling_rate"]
     assert there.pulse.numbers == sent.numbers == {"kind": "hfm", "frequency": 1e5, "duration": 1e-3, "bandwidth": -8e3,
                                                    "window": ["tukey", 0.1]}

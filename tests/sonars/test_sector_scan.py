@@ -282,7 +282,7 @@ def test_same_bytes_whatever_the_threads_and_blocks(monkeypatch, tmp_path):
 
     threads, first = dr.thread_count(), rendered()
     assert first["turn"].values.tolist() == [0, 0, 0, 0, 0, 1, 1]
-    monkeypatch.setattr("mitsonar.survey.rotating_head.steps.RAYS_PER_BLOCK", 1)
+    monkeypatch.setattr("mitsonar.survey.sector_scan.steps.RAYS_PER_BLOCK", 1)
     dr.set_thread_count(threads + 1)
     try:
         again = rendered()
@@ -290,7 +290,7 @@ def test_same_bytes_whatever_the_threads_and_blocks(monkeypatch, tmp_path):
         dr.set_thread_count(threads)
     assert again.identical(first)
     first.to_netcdf(tmp_path / "turn.nc")
-    mitsonar.io.exr.write(first, tmp_path / "turn.exr")
+    mitsonar.io.records.exr.write(first, tmp_path / "turn.exr")
     assert mitsonar.read(tmp_path / "turn.nc").identical(first)
     assert mitsonar.read(tmp_path / "turn.exr").identical(first)
 
@@ -310,8 +310,8 @@ def test_a_head_that_stands_still_is_the_same_whatever_the_threads_and_blocks(mo
         np.testing.assert_array_equal(rendered(), first)
     finally:
         dr.set_thread_count(threads)
-    monkeypatch.setattr("mitsonar.survey.rotating_head.signals.ROWS", 4)
-    monkeypatch.setattr("mitsonar.survey.rotating_head.echoes.AT_ONCE", 1)
+    monkeypatch.setattr("mitsonar.survey.sector_scan.signals.ROWS", 4)
+    monkeypatch.setattr("mitsonar.survey.sector_scan.echoes.AT_ONCE", 1)
     np.testing.assert_allclose(rendered(), first, atol=1e-3)
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
-from mitsonar.echoes.scatterers import Scatterers
+from mitsonar.echoes.scatterers.scatterers import Scatterers
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.loading import prepare
 from mitsonar.scene.tessellation import FINEST_SAGITTA
-from mitsonar.survey.pressure import PressureRecord
+from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.validation.scenes import array_sonar, buried_bed
 
 MU_DB = -20.0

@@ -10,7 +10,7 @@ import pytest
 
 import mitsonar
 import mitsonar.scene.loading
-from mitsonar.survey.sidescan import sonar_at
+from mitsonar.survey.sidescan.kind import sonar_at
 from mitsonar.validation.scenes import bed, lambert, sidescan
 
 ALTITUDE, BOX = 20.0, (40.0, 3.0)          # ground range of the box's front and its height

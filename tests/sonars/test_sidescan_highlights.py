@@ -10,7 +10,7 @@ import pytest
 import mitsonar
 from mitsonar.imaging.sidescan import realisation
 from mitsonar.scene.loading import prepare
-from mitsonar.survey.sidescan import sonar_at
+from mitsonar.survey.sidescan.kind import sonar_at
 from mitsonar.validation.scenes import bed, buried_bed, sidescan
 
 RIGID, SILENT = {"type": "rigid"}, -190.0

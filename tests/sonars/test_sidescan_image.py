@@ -9,8 +9,8 @@ from track_files import write_track
 import mitsonar
 import mitsonar.scene.loading
 from mitsonar.imaging.sidescan import pulse_shares
-from mitsonar.io import exr
-from mitsonar.survey.sidescan import sonar_at
+from mitsonar.io.records import exr
+from mitsonar.survey.sidescan.kind import sonar_at
 from mitsonar.validation.scenes import bed, lambert, sidescan
 
 ALTITUDE, HEIGHT, RANGE = 20.0, 1.5, 40.0          # sonar above the bed, box, ground range of its front
@@ -157,7 +157,7 @@ def test_same_seed_same_bytes_whatever_threads_and_blocks(tmp_path, monkeypatch)
         first = written("a.exr")
         dr.set_thread_count(5)
         assert written("b.exr") == first
-        monkeypatch.setattr("mitsonar.survey.sides.RAYS_PER_BLOCK", 40_000)
+        monkeypatch.setattr("mitsonar.survey.sidescan.sides.RAYS_PER_BLOCK", 40_000)
         assert written("c.exr") == first
         assert written("d.exr", seed=8) != first
     finally:

@@ -15,7 +15,7 @@ import pytest
 from mean_intensity import render
 from scipy.integrate import trapezoid
 
-from mitsonar.survey.sidescan import sonar_at
+from mitsonar.survey.sidescan.kind import sonar_at
 from mitsonar.validation.scenes import bed, lambert, sidescan
 
 ALPHA = 0.030

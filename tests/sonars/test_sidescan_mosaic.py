@@ -9,7 +9,7 @@ import rasterio
 from track_files import write_track
 
 import mitsonar
-from mitsonar.io import geotiff
+from mitsonar.io.records import geotiff
 from mitsonar.validation.scenes import bed, point_target, sidescan
 
 TARGETS = {"near": (16.1, 3.3), "far": (-24.6, -5.9)}

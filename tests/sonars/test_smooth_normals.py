@@ -93,7 +93,7 @@ def test_no_normal_looks_away_from_the_sound(variant, grazing):
     import drjit as dr
     import mitsuba as mi
 
-    from mitsonar.tracing.hits import LEAST_SINE, towards_sound
+    from mitsonar.scene.tracing.hits import LEAST_SINE, towards_sound
 
     tilt = np.linspace(-1.2, 1.2, 49)
     arrival = mi.Vector3f(float(np.cos(grazing)), 0, -float(np.sin(grazing)))

@@ -14,7 +14,7 @@ from scipy.special import j1
 from summer import SUMMER_TEXT
 
 from mitsonar.scattering import sphere_target_strength_db
-from mitsonar.survey.pressure import PressureRecord
+from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.validation.scenes import array_sonar, buried_bed, point_target
 
 WAVELENGTH, SPEED, FREQUENCY = 0.015, 1500.0, 100e3

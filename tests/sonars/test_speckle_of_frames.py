@@ -18,10 +18,10 @@ from track_files import write_track
 
 from mitsonar.imaging import fan
 from mitsonar.survey.beam_domain.frames import Frames
-from mitsonar.survey.pressure import PressureRecord
-from mitsonar.survey.signals import LEAD, received_signals
+from mitsonar.survey.pressure.pressure import PressureRecord
+from mitsonar.survey.pressure.signals import LEAD, received_signals
 from mitsonar.validation import scenes
-from mitsonar.verbs import opened
+from mitsonar.verbs.images import opened
 
 SPEED, WAVELENGTH, ALTITUDE = 1500.0, 0.005, 4.0
 SWEEP = exact.Sweep(frequency=300e3, bandwidth=20e3, duration=0.5e-3)

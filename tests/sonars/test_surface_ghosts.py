@@ -15,7 +15,7 @@ from summer import SUMMER_TEXT
 
 import mitsonar
 from mitsonar.propagation import eigenray
-from mitsonar.survey.pressure import PressureRecord
+from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.units import KNOT
 from mitsonar.validation.scenes import array_sonar, bed, buried_bed, lambert, point_target
 

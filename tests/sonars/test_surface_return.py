@@ -11,7 +11,7 @@ from scipy.integrate import trapezoid
 
 import mitsonar
 from mitsonar.scattering import backscatter_strength_db
-from mitsonar.survey.sidescan import sonar_at
+from mitsonar.survey.sidescan.kind import sonar_at
 from mitsonar.validation.scenes import bed, lambert, sidescan
 
 ALPHA = 0.030

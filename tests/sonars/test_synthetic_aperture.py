@@ -16,15 +16,15 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import mitsonar
-from mitsonar.sonar.element_patterns import element_pressure
+from mitsonar.sonar.arrays.element_patterns import element_pressure
+from mitsonar.sonar.motion.track import rotation_matrix
 from mitsonar.sonar.presets import presets
-from mitsonar.sonar.pulses import pulse_of
-from mitsonar.sonar.track import rotation_matrix
-from mitsonar.strip_verbs import raw_pings, scatterers
-from mitsonar.survey.strip.truth import strip_truth
+from mitsonar.sonar.pulses.pulses import pulse_of
+from mitsonar.survey.synthetic_aperture.truth import strip_truth
 from mitsonar.synthetic_aperture.record import check_raw
 from mitsonar.validation.scenes import bed, lambert, point_target, synthetic_aperture
-from mitsonar.verbs import opened
+from mitsonar.verbs.images import opened
+from mitsonar.verbs.strips import raw_pings, scatterers
 
 C = 1500.0
 WATER = {"sound_speed": C, "absorption_db_per_km": 0.0}

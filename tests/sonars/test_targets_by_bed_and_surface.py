@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 import mitsonar
-from mitsonar.survey.pressure import PressureRecord
-from mitsonar.survey.sidescan import sonar_at
+from mitsonar.survey.pressure.pressure import PressureRecord
+from mitsonar.survey.sidescan.kind import sonar_at
 from mitsonar.validation.scenes import array_sonar, bed, buried_bed, lambert, point_target, sidescan
 
 MIRROR = {"type": "sea_surface", "wind_speed": 0.0, "size": 400.0}
@@ -94,7 +94,7 @@ def where_heard(image, side, path):
 
 def test_a_sidescan_hears_targets_by_way_of_the_mirror(variant, monkeypatch):
     """To port a point, to starboard a sphere."""
-    monkeypatch.setattr("mitsonar.echoes.multipath.Bounces.follow", nothing)               # of rays: the bed is silent
+    monkeypatch.setattr("mitsonar.echoes.bounces.multipath.Bounces.follow", nothing)               # of rays: the bed is silent
     centre, radius, sonar = np.array([36.0, 0.0, -12.0]), 0.4, np.array([0.0, 0.0, -20.0])
     strength_db = 20 * np.log10(radius / 2)
     scene = sidescan({"bed": buried_bed(200.0, size=800.0), "sea": MIRROR,

@@ -17,8 +17,8 @@ from scipy.optimize import minimize_scalar
 
 import mitsonar
 from mitsonar.scattering import Sediment
-from mitsonar.survey.pressure import PressureRecord
-from mitsonar.tracing.connection import Connector
+from mitsonar.scene.tracing.connection import Connector
+from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.validation.scenes import array_sonar, bed, forward_looking, lambert, point_target, sidescan
 
 SONAR, SPEED, DEPTH, STRENGTH_DB = np.array([0.0, 0.0, -10.0]), 1500.0, 20.0, -20.0
@@ -146,7 +146,7 @@ def test_a_wall_or_a_box_at_the_bounce_hides_it(variant):
 
 def test_a_bed_that_is_rough_in_its_mesh_throws_on_less(variant):
     """A mesh of random heights of 1 cm: σ counts as the material's roughness does. 61 spots tell it to 10 %."""
-    from mitsonar.echoes.bed_planes import BedPlanes
+    from mitsonar.echoes.sights.bed_planes import BedPlanes
     from mitsonar.scene.geometry import Geometry
 
     mesh = {"type": "seabed", "depth": DEPTH, "length": 30.0, "width": 30.0, "spacing": 0.1, "fractal_rms": 0.01,

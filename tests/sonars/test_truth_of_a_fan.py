@@ -17,9 +17,9 @@ from track_files import write_track
 
 import mitsonar.scene.loading  # tells Dr.Jit its libraries before Mitsuba is imported
 from mitsonar.imaging.fan import fan_directions
-from mitsonar.survey.beams import Beams
-from mitsonar.survey.places import Places
-from mitsonar.survey.sound_paths import SoundPaths
+from mitsonar.survey.energy.sound_paths import SoundPaths
+from mitsonar.survey.fan.beams import Beams
+from mitsonar.survey.motion.places import Places
 from mitsonar.validation.scenes import array_sonar, bed, lambert, point_target
 
 H, HEIGHT, NEAR, FAR, HALF = 6.0, 1.2, 16.0, 18.0, 2.0
@@ -122,8 +122,8 @@ def test_a_single_beam_hears_what_it_looks_at():
 
 def test_a_level_bed_has_no_shadows_however_many_the_bins(monkeypatch):
     """Rays go out in passes of what fits into memory, as many as the bins need."""
-    monkeypatch.setattr("mitsonar.survey.beams.MOST_RAYS", 100_000)
-    monkeypatch.setattr("mitsonar.survey.beams.FEWEST_RAYS", 100_000)
+    monkeypatch.setattr("mitsonar.survey.fan.beams.MOST_RAYS", 100_000)
+    monkeypatch.setattr("mitsonar.survey.fan.beams.FEWEST_RAYS", 100_000)
     image = mitsonar.render(array_sonar({"seabed": bed(20, size=120)}, sensor=SONAR, film={"range": 28.0},
                                         integrator={"cell": 0.5}))
     lit = image["range"].values > H + 1
@@ -134,8 +134,8 @@ def test_a_level_bed_has_no_shadows_however_many_the_bins(monkeypatch):
 def test_pictures_that_do_not_fit_into_memory_are_refused_before_any_signal(monkeypatch):
     made = array_sonar({"seabed": bed(20, size=200.0)}, sensor={**SONAR, "pings": 1000}, film={"range": 20.0})
     monkeypatch.setattr("mitsonar.survey.limits._memory", lambda: 4e9)
-    monkeypatch.setattr("mitsonar.survey.fan_pictures.received_signals", lambda *_, **__: pytest.fail("signals made"))
-    monkeypatch.setattr("mitsonar.survey.fan_pictures.Frames", lambda *_, **__: pytest.fail("frames were made"))
+    monkeypatch.setattr("mitsonar.survey.beam_domain.fan_pictures.received_signals", lambda *_, **__: pytest.fail("signals made"))
+    monkeypatch.setattr("mitsonar.survey.beam_domain.fan_pictures.Frames", lambda *_, **__: pytest.fail("frames were made"))
     with pytest.raises(ValueError, match="1000 pings .* take fewer pings"):
         mitsonar.render(made)
 

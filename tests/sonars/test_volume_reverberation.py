@@ -12,11 +12,11 @@ from scipy.integrate import trapezoid
 
 import mitsonar
 from mitsonar.signal.matched_filter import compression
-from mitsonar.survey.pressure import PressureRecord
-from mitsonar.survey.sidescan import sonar_at
-from mitsonar.survey.swath.beams import sector_beams
+from mitsonar.survey.multibeam.beams import sector_beams
+from mitsonar.survey.pressure.pressure import PressureRecord
+from mitsonar.survey.sidescan.kind import sonar_at
 from mitsonar.validation.scenes import array_sonar, bed, buried_bed, lambert, multibeam, sidescan
-from mitsonar.verbs import opened
+from mitsonar.verbs.images import opened
 from mitsonar.water.volume import volume_reverberation_db
 
 ALPHA = 0.030

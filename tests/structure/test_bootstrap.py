@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from mitsonar.__main__ import main
-from mitsonar.cli import bootstrap
+from mitsonar.cli.setup import bootstrap
 from mitsonar.device import llvm
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -44,8 +44,8 @@ PHYSICS = {"units", "water", "seabed", "scattering", "propagation", "sonar", "si
            "hydrography", "synthetic_aperture"}
 WITHOUT_MITSUBA = PHYSICS | {"device", "io", "plots"}
 WITHOUT_DRJIT = {"units", "io", "plots"}
-STANDARD_LIBRARY_ONLY = {"mitsonar", "mitsonar.__main__", "mitsonar.cli", "mitsonar.cli.bootstrap",
-                         "mitsonar.cli.installer", "mitsonar.device", "mitsonar.device.debian", "mitsonar.device.llvm"}
+STANDARD_LIBRARY_ONLY = {"mitsonar", "mitsonar.__main__", "mitsonar.cli", "mitsonar.cli.setup.bootstrap",
+                         "mitsonar.cli.setup.installer", "mitsonar.device", "mitsonar.device.debian", "mitsonar.device.llvm"}
 # Loading a scene registers the plugins first, and what Mitsuba says of an unknown one is answered by their names.
 REGISTRATION = {("mitsonar.scene.loading", "mitsonar.plugins"), ("mitsonar.scene.errors", "mitsonar.plugins")}
 

@@ -10,7 +10,7 @@ import threading
 import distributed
 import pytest
 
-from mitsonar.cli import installer
+from mitsonar.cli.setup import installer
 
 # How uv and pip report what went wrong.
 UV = """error: Failed to fetch: `https://pypi.org/simple/affine/`

@@ -9,7 +9,7 @@ from packaging.markers import default_environment
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from mitsonar.cli import bootstrap, installer
+from mitsonar.cli.setup import bootstrap, installer
 
 ROOT = Path(__file__).resolve().parents[2]
 PYTHONS = [f"3.{minor}" for minor in range(10, 15)]

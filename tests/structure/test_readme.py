@@ -20,7 +20,7 @@ def test_it_is_short():
 
 def test_the_command_under_the_picture_of_the_fan_takes_in_all_that_is_in_the_picture():
     """Box, pipe and buoy of the scene lie within the ranges and angles that the command draws, and the cells suit."""
-    from mitsonar.survey.signals import LEAD
+    from mitsonar.survey.pressure.signals import LEAD
 
     text = (SCENES / "README.md").read_text(encoding="utf-8")
     command = re.search(r"render forward_looking(.*?) -o fan.exr --preview fan.png", text)[1]

@@ -1,7 +1,7 @@
 """When an array is too large for the vector approximation, and when nothing is said."""
 import pytest
 
-from mitsonar.survey.elements.delays import ArrivalCounts
+from mitsonar.survey.pressure.delays import ArrivalCounts
 
 
 def counts(radius):

@@ -4,7 +4,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from mitsonar.echoes.origin_sums import runs
+from mitsonar.echoes.sums.origin_sums import runs
 from mitsonar.imaging import truth
 from mitsonar.imaging.sidescan import mean_intensity, pulse_shares
 from mitsonar.scene.labels import ShapeLabels, classes_of, fingerprint

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from mitsonar.device.arrays import upload
-from mitsonar.echoes.element_beams import ElementBeams
-from mitsonar.survey import signals
-from mitsonar.survey.pressure import PressureRecord
-from mitsonar.survey.signals import closing_speeds
+from mitsonar.echoes.scatterers.element_beams import ElementBeams
+from mitsonar.survey.pressure import signals
+from mitsonar.survey.pressure.pressure import PressureRecord
+from mitsonar.survey.pressure.signals import closing_speeds
 from mitsonar.validation.scenes import array_sonar, bed
 
 SIDE = {f"{array}_{name}": value for array in ("transmit", "receive") for name, value in {

@@ -6,7 +6,7 @@ from small_scene import spoilt
 
 import mitsonar
 from mitsonar.cli.main import main
-from mitsonar.io.scenes import shipped
+from mitsonar.io.scene_files.scenes import shipped
 
 SENSORS = '<sensor type="sidescan" id="sonar">', '        <boolean name="speckle" value="$speckle"/>\n'
 COARSE = {"sidescan_wreck": {"bed_spacing": 0.5, "ripple_wavelength": 2.4}}      # of 2.6 million faces

@@ -5,8 +5,8 @@ Known bias: 1e-11 s are 3e-6 cycles of 300 kHz, -94 dB; float32 leaves as much. 
 import numpy as np
 import pytest
 
-from mitsonar.survey.elements import pairs
-from mitsonar.survey.pressure import PressureRecord
+from mitsonar.survey.pressure import pairs
+from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.validation.scenes import array_sonar
 
 SUMMER_TEXT = "0:1508, 8:1507, 14:1494, 40:1490"

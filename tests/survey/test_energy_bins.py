@@ -7,7 +7,7 @@ COUNT, START, LENGTH, SPEED = 40, 0.01, 0.5e-3, 1500.0
 
 @pytest.fixture
 def bins(variant):
-    from mitsonar.survey.energy_bins import EnergyBins
+    from mitsonar.survey.energy.energy_bins import EnergyBins
 
     return EnergyBins(start=START, length=LENGTH, count=COUNT, sound_speed=SPEED, beam=1e-3, absorption_db=3.0)
 

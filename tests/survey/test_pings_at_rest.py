@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from mitsonar.echoes.ensonification import Ensonification
-from mitsonar.survey.pressure import PressureRecord
+from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.validation.scenes import array_sonar
 
 

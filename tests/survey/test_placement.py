@@ -3,7 +3,7 @@ import numpy as np
 
 import mitsonar
 from mitsonar.scene.geometry import Geometry
-from mitsonar.sonar.track import Track
+from mitsonar.sonar.motion.track import Track
 from mitsonar.survey.placement import check, lines_up, soundings
 
 SCENE = """<scene version="3.0.0">

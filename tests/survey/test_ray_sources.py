@@ -2,8 +2,8 @@
 import numpy as np
 import pytest
 
-from mitsonar.sonar.array import Array
-from mitsonar.survey.sources import RaySources
+from mitsonar.sonar.arrays.array import Array
+from mitsonar.survey.pressure.sources import RaySources
 
 
 def placed(x):

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from mitsonar.imaging.fan import fan_directions
-from mitsonar.survey.beams import Beams
-from mitsonar.survey.energy import record
-from mitsonar.survey.places import Places
-from mitsonar.survey.sides import Sides
-from mitsonar.survey.sound_paths import SoundPaths
+from mitsonar.survey.energy.energy import record
+from mitsonar.survey.energy.sound_paths import SoundPaths
+from mitsonar.survey.fan.beams import Beams
+from mitsonar.survey.motion.places import Places
+from mitsonar.survey.sidescan.sides import Sides
 from mitsonar.validation.scenes import array_sonar, bed, lambert, point_target, sidescan
 
 H, MU_DB, TARGET = 8.0, -27.0, [0.0, 14.0, -17.5]
@@ -46,8 +46,8 @@ def beams(absorption=30.0, shapes=None, pings=3, **shape):
 
 @pytest.fixture(autouse=True)
 def few_rays(variant, monkeypatch):
-    monkeypatch.setattr("mitsonar.survey.beams.RAYS_PER_BIN", 2)
-    monkeypatch.setattr("mitsonar.survey.beams.FEWEST_RAYS", 20_000)
+    monkeypatch.setattr("mitsonar.survey.fan.beams.RAYS_PER_BIN", 2)
+    monkeypatch.setattr("mitsonar.survey.fan.beams.FEWEST_RAYS", 20_000)
 
 
 BOTH = pytest.mark.parametrize("rows_of", [sides, beams])
@@ -108,7 +108,7 @@ def test_water_that_absorbs_leaves_shares_as_they_are(rows_of):
 @BOTH
 def test_rows_receive_the_rays_that_they_launch(rows_of, monkeypatch):
     """Solid angles fill the sphere, patterns are 1 at most, and rows those of the block."""
-    monkeypatch.setattr("mitsonar.survey.beams.FEWEST_RAYS", 400_000)
+    monkeypatch.setattr("mitsonar.survey.fan.beams.FEWEST_RAYS", 400_000)
     survey, rows = rows_of()
     sound = SoundPaths.of(survey, 40.0)
     place = Places(survey, sound.tracer, rows.underway, rows.per_ping).of(np.arange(rows.pings_per_block))
@@ -128,7 +128,7 @@ def test_rows_receive_the_rays_that_they_launch(rows_of, monkeypatch):
 
 
 def test_levels_of_a_fan_of_beams_close_the_sonar_equation(monkeypatch):
-    monkeypatch.setattr("mitsonar.survey.beams.FEWEST_RAYS", 400_000)
+    monkeypatch.setattr("mitsonar.survey.fan.beams.FEWEST_RAYS", 400_000)
     survey, rows = beams(pings=1)
     power = record(survey, rows, 1).intensity[0].sum(0, dtype=float)
     R, width = rows.bins.slant_range, rows.bins.slant_range[1] - rows.bins.slant_range[0]
@@ -145,9 +145,9 @@ def test_levels_of_a_fan_of_beams_close_the_sonar_equation(monkeypatch):
 
 def test_too_many_sums_are_refused_before_anything_is_traced(monkeypatch):
     survey, _ = sides()
-    monkeypatch.setattr("mitsonar.survey.sides.MOST_SUMS", 1000)
+    monkeypatch.setattr("mitsonar.survey.sidescan.sides.MOST_SUMS", 1000)
     with pytest.raises(ValueError, match="60 bins and 1 shapes make .* sums a ping"):
         Sides(replace(survey))
-    monkeypatch.setattr("mitsonar.survey.beams.MOST_SUMS", 1000)
+    monkeypatch.setattr("mitsonar.survey.fan.beams.MOST_SUMS", 1000)
     with pytest.raises(ValueError, match="21 beams, .* take fewer beams, a shorter range"):
         beams()

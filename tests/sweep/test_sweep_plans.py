@@ -9,7 +9,7 @@ import pytest
 from hypothesis import strategies
 from small_scene import TEXT
 
-from mitsonar.io import scenes
+from mitsonar.io.scene_files import scenes
 from mitsonar.sweep import execute, load_plan, values
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -8,7 +8,7 @@ takes 3e-3 from that.
 import numpy as np
 import pytest
 
-from mitsonar.synthetic_aperture.coherence import (
+from mitsonar.synthetic_aperture.products.coherence import (
     aperture_coherence,
     baseline_coherence,
     delay_deviation,
@@ -16,7 +16,7 @@ from mitsonar.synthetic_aperture.coherence import (
     phase_deviation,
     shift_coherence,
 )
-from mitsonar.synthetic_aperture.coherence_statistics import (
+from mitsonar.synthetic_aperture.products.coherence_statistics import (
     coherence_at,
     coherence_chance,
     independent_looks,

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from mitsonar.propagation import eigenray
-from mitsonar.synthetic_aperture.delays import TravelTables, bends
+from mitsonar.synthetic_aperture.focusing.delays import TravelTables, bends
 from mitsonar.water import SoundSpeedProfile
 
 THERMOCLINE = SoundSpeedProfile([0, 8, 12, 14, 30, 60], [1525, 1524, 1505, 1490, 1484, 1482])

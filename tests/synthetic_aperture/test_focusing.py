@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 import mitsonar
-from mitsonar.sonar.pulses import cw, lfm
-from mitsonar.synthetic_aperture.focusing import Focuser, focus, overlap_shares
-from mitsonar.synthetic_aperture.grids import circle_grid, ground_grid
-from mitsonar.synthetic_aperture.point_response import point_response
+from mitsonar.sonar.pulses.pulses import cw, lfm
+from mitsonar.synthetic_aperture.focusing.focusing import Focuser, focus, overlap_shares
+from mitsonar.synthetic_aperture.focusing.grids import circle_grid, ground_grid
+from mitsonar.synthetic_aperture.products.point_response import point_response
 from mitsonar.water import SoundSpeedProfile
 from tests.inputs.raw_strip import circle, line_array, raw_strip, straight
 
@@ -199,5 +199,5 @@ def test_the_share_of_points_that_no_ping_sees_is_said(near):
 
 
 def test_a_grid_that_is_none_is_a_type_error(near):
-    with pytest.raises(TypeError, match="a grid of mitsonar.synthetic_aperture.grids, or None, was wanted, got a str"):
+    with pytest.raises(TypeError, match="a grid of mitsonar.synthetic_aperture.focusing.grids, or None, was wanted, got a str"):
         mitsonar.focus(near[0], grid="x")

@@ -2,9 +2,9 @@
 import numpy as np
 import pytest
 
-from mitsonar.sonar.pulses import lfm
-from mitsonar.synthetic_aperture.grids import default_grid, ground_grid, slant_grid, strip_grid
-from mitsonar.synthetic_aperture.motion import Motion
+from mitsonar.sonar.pulses.pulses import lfm
+from mitsonar.synthetic_aperture.focusing.grids import default_grid, ground_grid, slant_grid, strip_grid
+from mitsonar.synthetic_aperture.focusing.motion import Motion
 from tests.inputs.raw_strip import circle, line_array, raw_strip, straight
 
 PULSE = lfm(100e3, 20e3, 1e-3)

@@ -10,12 +10,17 @@ import pytest
 import xarray as xr
 from inputs.raw_strip import line_array, raw_strip, straight
 
-from mitsonar.sonar.pulses import lfm
-from mitsonar.synthetic_aperture.coherence_statistics import phase_spread
-from mitsonar.synthetic_aperture.focusing import focus
-from mitsonar.synthetic_aperture.geometry import array_paths
-from mitsonar.synthetic_aperture.grids import ground_grid
-from mitsonar.synthetic_aperture.interferometry import height_of_phase, interferogram, phase_of_height, unwrapped
+from mitsonar.sonar.pulses.pulses import lfm
+from mitsonar.synthetic_aperture.focusing.focusing import focus
+from mitsonar.synthetic_aperture.focusing.geometry import array_paths
+from mitsonar.synthetic_aperture.focusing.grids import ground_grid
+from mitsonar.synthetic_aperture.products.coherence_statistics import phase_spread
+from mitsonar.synthetic_aperture.products.interferometry import (
+    height_of_phase,
+    interferogram,
+    phase_of_height,
+    unwrapped,
+)
 
 FREQUENCY, SOUND_SPEED, BED = 100e3, 1500.0, 20.0
 WAVENUMBER = 2 * np.pi * FREQUENCY / SOUND_SPEED

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from inputs.bed_strip import SOUND_SPEED, bed_strip, rough_bed, straight
 
-from mitsonar.synthetic_aperture.coherence import aperture_coherence
-from mitsonar.synthetic_aperture.micronavigation import Trust, micronavigate, straightened
-from mitsonar.synthetic_aperture.micronavigation_track import compare
-from mitsonar.synthetic_aperture.poses import poses_of
+from mitsonar.synthetic_aperture.focusing.poses import poses_of
+from mitsonar.synthetic_aperture.micronavigation.micronavigation import Trust, micronavigate, straightened
+from mitsonar.synthetic_aperture.micronavigation.track import compare
+from mitsonar.synthetic_aperture.products.coherence import aperture_coherence
 
 HEADING, ELEMENT, SPEED = 0.6, 0.04, 1.5
 

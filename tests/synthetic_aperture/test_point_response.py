@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from mitsonar.synthetic_aperture.point_response import point_response
+from mitsonar.synthetic_aperture.products.point_response import point_response
 
 
 def picture(place=(0.0123, 20.0077), width=(0.02, 0.0125), carrier=300.0):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from mitsonar.synthetic_aperture.speckle import speckle
+from mitsonar.synthetic_aperture.products.speckle import speckle
 
 ROWS, COLUMNS, STEP = 256, 320, 0.05
 

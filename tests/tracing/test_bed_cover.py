@@ -17,13 +17,13 @@ def geometry(variant):
 
 
 def test_the_bed_is_found_under_what_lies_over_it_and_not_beyond_its_ends(geometry):
-    from mitsonar.tracing.bed_cover import bed_height
+    from mitsonar.scene.shadows.bed_cover import bed_height
 
     found = bed_height(geometry, np.array([3.0, -4.0, 30.0]), np.zeros(3))
     assert found[:2] == pytest.approx(-10, abs=1e-5) and np.isnan(found[2])
 
 
 def test_no_place_asks_for_no_height(geometry):
-    from mitsonar.tracing.bed_cover import bed_height
+    from mitsonar.scene.shadows.bed_cover import bed_height
 
     assert bed_height(geometry, np.zeros(0), np.zeros(0)).shape == (0,)

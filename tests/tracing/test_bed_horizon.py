@@ -9,7 +9,7 @@ import numpy as np
 
 from mitsonar.device.arrays import upload
 from mitsonar.scene.geometry import Geometry
-from mitsonar.tracing.bed_horizon import BedHorizon
+from mitsonar.scene.shadows.bed_horizon import BedHorizon
 from mitsonar.validation import scenes
 
 REACH, DEPTH = 40.0, 17.0

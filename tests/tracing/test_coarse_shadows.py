@@ -12,9 +12,9 @@ from summer import SUMMER_TABLE
 
 from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.scene.geometry import Geometry
-from mitsonar.tracing.connection import Connector
-from mitsonar.tracing.tracer import Tracer
-from mitsonar.tracing.water import DeviceWater
+from mitsonar.scene.tracing.connection import Connector
+from mitsonar.scene.tracing.tracer import Tracer
+from mitsonar.scene.tracing.water import DeviceWater
 from mitsonar.water import SoundSpeedProfile
 
 DEPTH, BED, HALF = 16.0, 20.0, 0.1

@@ -15,10 +15,10 @@ from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.echoes.point_targets import TARGET_RADIUS
 from mitsonar.propagation import eigenray
 from mitsonar.scene.geometry import Geometry
-from mitsonar.tracing.connection import Connector
-from mitsonar.tracing.occlusion import LIFT, LIFT_PER_RANGE
-from mitsonar.tracing.tracer import Tracer
-from mitsonar.tracing.water import DeviceWater
+from mitsonar.scene.shadows.occlusion import LIFT, LIFT_PER_RANGE
+from mitsonar.scene.tracing.connection import Connector
+from mitsonar.scene.tracing.tracer import Tracer
+from mitsonar.scene.tracing.water import DeviceWater
 from mitsonar.water import SoundSpeedProfile
 
 POINTS = 6000

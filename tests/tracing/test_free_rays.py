@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from mitsonar.device.arrays import arrays_of
-from mitsonar.tracing.connection import Connector
-from mitsonar.tracing.free_rays import FreeRays
-from mitsonar.tracing.tracer import Tracer
-from mitsonar.tracing.water import DeviceWater
+from mitsonar.scene.tracing.connection import Connector
+from mitsonar.scene.tracing.free_rays import FreeRays
+from mitsonar.scene.tracing.tracer import Tracer
+from mitsonar.scene.tracing.water import DeviceWater
 from mitsonar.water import SoundSpeedProfile
 
 SUMMER = [0, 11, 20, 40], [1513.2, 1506.4, 1494.2, 1492.2]

@@ -12,8 +12,7 @@ from drjit.auto import Float, UInt32
 from scipy.integrate import trapezoid
 
 from mitsonar.device.arrays import upload
-from mitsonar.sonar import Aperture, Sidescan
-from mitsonar.tracing.launch import (
+from mitsonar.scene.tracing.launch import (
     CELLS,
     along_quantiles,
     draw,
@@ -22,6 +21,7 @@ from mitsonar.tracing.launch import (
     quantiles,
     refine_quantiles,
 )
+from mitsonar.sonar import Aperture, Sidescan
 
 
 @pytest.fixture

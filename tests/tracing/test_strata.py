@@ -5,7 +5,7 @@ import pytest
 from drjit.auto import UInt32
 
 from mitsonar.device.arrays import arrays_of
-from mitsonar.tracing.launch import Strata
+from mitsonar.scene.tracing.launch import Strata
 
 BOTH = pytest.mark.parametrize("tall", [False, True])
 

@@ -14,10 +14,10 @@ import pytest
 from summer import SUMMER_TABLE
 
 from mitsonar.device.arrays import arrays_of, upload
-from mitsonar.propagation import eigenrays
+from mitsonar.propagation.numpy_rays import eigenrays
 from mitsonar.scene.geometry import Geometry
-from mitsonar.tracing.tracer import Tracer
-from mitsonar.tracing.water import DeviceWater
+from mitsonar.scene.tracing.tracer import Tracer
+from mitsonar.scene.tracing.water import DeviceWater
 from mitsonar.water import SoundSpeedProfile
 
 REFERENCE = Path(__file__).resolve().parents[2] / "../shared/reference/eigenrays.json"
@@ -35,7 +35,7 @@ RAYS = 4000
 
 def test_room_for_a_fan_is_found_once(bed, monkeypatch):
     """Rays in a zigzag need much room: the first fans find out how much by doubling it, the next ones begin there."""
-    from mitsonar.propagation import ray_fans as fans
+    from mitsonar.propagation.device_rays import ray_fans as fans
 
     rooms, traced = [], fans._trace_rows
 

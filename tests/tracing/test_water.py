@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mitsonar.device.arrays import arrays_of
-from mitsonar.tracing.water import DeviceWater
+from mitsonar.scene.tracing.water import DeviceWater
 from mitsonar.water import SoundSpeedProfile, VolumeScattering
 from mitsonar.water.column import AbsorptionColumn
 

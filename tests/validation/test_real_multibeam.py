@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitsonar.hydrography.instrument_rules import rules_of
 from mitsonar.io.survey_lines import reading
+from mitsonar.planning.instrument_rules import rules_of
 
 HERE = Path(__file__).resolve()
 MEASURED = HERE.parents[2] / "../shared/data/measured/multibeam"

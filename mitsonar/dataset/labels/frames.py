@@ -3,7 +3,7 @@
 They are the way up that previews are. A sidescan is one picture: a row per ping, the newest on top; port mirrored, then
 starboard. Of an array every ping is a picture, of a rotating head every turn or sector. Polar ones have a row per
 range, the farthest on top, or at the bottom where the fan looks down; a column per beam, in their order, or per bearing
-from left to right. Cartesian ones are in metres (`mitsonar.imaging.raster`). A focused image is one picture, of its
+from left to right. Cartesian ones are in metres (`mitsonar.imaging.maps.raster`). A focused image is one picture, of its
 first bank, for all share their truth: a row per point along the track, the farthest ahead on top; columns to starboard.
 An element of a Cartesian picture is a square, of others a bin.
 """
@@ -15,10 +15,10 @@ import numpy as np
 import xarray as xr
 from scipy import ndimage
 
+from mitsonar.device.files import FilePath
 from mitsonar.imaging.focused import GROUND, EvenGrid, even_grid, to_starboard
-from mitsonar.imaging.raster import Sweep, bearings, looks_down, sweeps
-from mitsonar.imaging.raster_map import in_order
-from mitsonar.io.files import FilePath
+from mitsonar.imaging.maps.raster import Sweep, bearings, looks_down, sweeps
+from mitsonar.imaging.maps.raster_map import in_order
 
 __all__ = ["FORMS", "CartesianFrame", "FocusedFrame", "Form", "Frame", "Part", "PolarFrame", "Tile", "Waterfall",
            "frames", "tiles"]

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from mitsonar.device.files import FilePath
 from mitsonar.imaging.focused import bin_dims, is_focused
-from mitsonar.io.files import FilePath
-from mitsonar.plots.gain import Tvg, display_gain, display_window
+from mitsonar.plots.images.gain import Tvg, display_gain, display_window
 
 from .frames import CartesianFrame, Frame
 
@@ -61,7 +61,7 @@ def grey(dataset: xr.Dataset, *, tvg: Tvg = "seabed",
     dataset : xarray.Dataset
         With ``level`` over (ping, ..., range).
     tvg : {'seabed', 'target', 'recorder', None}
-        See `mitsonar.plots.gain`.
+        See `mitsonar.plots.images.gain`.
     window : (float, float) or None [dB]
         Levels, with their gain, of black and white; None finds them in this dataset.
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from mitsonar import __version__
-from mitsonar.plots.gain import Tvg
+from mitsonar.plots.images.gain import Tvg
 
 from .frames import FORMS as PICTURES, Form
 from .yolo import FORMS

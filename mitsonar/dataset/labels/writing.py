@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
+from mitsonar.device.files import FilePath, check_writable, full_disk_said
 from mitsonar.imaging.focused import bin_dims, is_focused
 from mitsonar.imaging.objects import check_labelled
-from mitsonar.io.files import FilePath, check_writable, full_disk_said
 
 from ..sources import Source, class_order, find_sources
 from ..split import deal

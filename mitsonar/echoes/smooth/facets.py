@@ -24,7 +24,7 @@ from mitsonar.device.arrays import arrays_of, reinterpreted, upload
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.tessellation import FINEST_SAGITTA, Grids, grid_of
 
-from ..cells import place
+from ..scatterers.cells import place
 
 __all__ = ["SmoothCells", "SmoothFacets", "too_coarse", "warn_where_too_coarse"]
 

@@ -16,9 +16,9 @@ from collections.abc import Sequence
 import drjit as dr
 import mitsuba as mi
 
-from mitsonar.scattering.facets import phase_mean
+from mitsonar.scattering.surfaces.facets import phase_mean
 
-from ..cells import place
+from ..scatterers.cells import place
 from .facets import SmoothCells, SmoothFacets
 
 __all__ = ["further", "mean_sent_back"]

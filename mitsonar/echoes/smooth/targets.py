@@ -30,16 +30,16 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, compressed, upload
-from mitsonar.scattering.facets import phase_mean
+from mitsonar.scattering.surfaces.facets import phase_mean
 from mitsonar.scene.materials import reflection
-from mitsonar.tracing.hits import Hits
-from mitsonar.tracing.occlusion import LIFT
-from mitsonar.tracing.tracer import Sources
+from mitsonar.scene.shadows.occlusion import LIFT
+from mitsonar.scene.tracing.hits import Hits
+from mitsonar.scene.tracing.tracer import Sources
 
-from ..cells import divisions
 from ..record import Echoes, Leg
-from ..sight import path_of, product
-from ..sights import Sights
+from ..scatterers.cells import divisions
+from ..sights.sight import path_of, product
+from ..sights.sights import Sights
 from ..sonar_equation import absorbed, pressure_along_legs
 from .facets import SmoothFacets, warn_where_too_coarse
 from .kirchhoff import further, mean_sent_back

@@ -8,7 +8,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from ..files import FilePath, check_readable
+from mitsonar.device.files import FilePath, check_readable
+
 from . import aml, caris, castaway, hypack, kongsberg, seabird, table, text, valeport
 from .completion import EXTENSIONS, SOUND_SPEEDS, completed
 from .records import Cast, Cleaning, Samples

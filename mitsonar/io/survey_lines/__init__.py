@@ -16,9 +16,9 @@ from collections.abc import Iterator
 
 import xarray as xr
 
+from mitsonar.device.files import FilePath, check_readable, check_writable
 from mitsonar.hydrography.record import check
 
-from ..files import FilePath, check_readable, check_writable
 from . import lines
 from .lines import Blocks, Place, Written
 
@@ -97,7 +97,7 @@ def read_blocks(path: FilePath, *, column: bool = True, size: int = BLOCK) -> It
 
         yield from reading.blocks(path, water_column=column, size=size)
         return
-    from .. import netcdf
+    from ..records import netcdf
 
     with netcdf.opened(path) as record:
         if not isinstance(record, xr.Dataset):
@@ -124,7 +124,7 @@ def check_asked(place: Place | None, start: str | None, first: xr.Dataset | None
 
 def stored(path: FilePath) -> Iterator[xr.Dataset]:
     """Return the pings of a line that was made ping by ping (`io.ping_file`), one a block; raises as `read_blocks`."""
-    from .. import netcdf
+    from ..records import netcdf
 
     with netcdf.opened(path, unfinished=True) as record:
         for number in range(record.sizes["ping"]):

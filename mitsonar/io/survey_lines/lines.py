@@ -17,7 +17,7 @@ import xarray as xr
 
 from mitsonar.hydrography.record import VARIABLES, check
 
-from ..navigation import Frame
+from ..tracks.navigation import Frame
 
 __all__ = ["Blocks", "COLUMN", "Line", "Ping", "Place", "SOUNDINGS", "Written", "check_asked", "left_out", "line_of",
            "lost", "pings", "rated", "rotation"]

@@ -15,9 +15,10 @@ import h5py
 import numpy as np
 import xarray as xr
 
-from ..files import FilePath, replacing
-from ..netcdf import BESIDE, full_disk_told, has_room, packing, store
-from ..records import encoded
+from mitsonar.device.files import FilePath, replacing
+
+from ..records.netcdf import BESIDE, full_disk_told, has_room, packing, store
+from ..records.records import encoded
 from .lines import Blocks, Place, Written, line_of
 from .passage import passage_of
 from .sonar_netcdf4 import BACKSCATTER, add_groups, root_attributes

@@ -12,12 +12,13 @@ from collections.abc import Iterator
 import numpy as np
 import xarray as xr
 
-from .. import files
-from ..files import FilePath
+from mitsonar.device import files
+from mitsonar.device.files import FilePath
+
 from .assembly import dataset
-from .read_all import AllFile
-from .read_gsf import GsfFile
-from .read_kmall import KmallFile
+from .gsf.read_gsf import GsfFile
+from .kongsberg.read_all import AllFile
+from .kongsberg.read_kmall import KmallFile
 
 __all__ = ["blocks", "of_head", "read", "recognised", "sources"]
 

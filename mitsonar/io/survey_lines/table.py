@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from mitsonar.device.files import FilePath, replacing
 from mitsonar.hydrography.record import VARIABLES
 
-from ..files import FilePath, replacing
 from .clouds import ONLY_SOUNDINGS, cloud, of_soundings
 from .lines import Blocks, Place, Written, line_of
 

@@ -22,7 +22,7 @@ from scipy import fft
 from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.device.chance import Salt, salted
 from mitsonar.device.types import DrJitArray, Float
-from mitsonar.sonar.pulse import Pulse, Window
+from mitsonar.sonar.pulses.pulse import Pulse, Window
 
 from ..impulses import BandLimited, Bell
 from .grids import MARGIN, BeamGrid, GridShape

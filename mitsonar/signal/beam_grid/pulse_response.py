@@ -20,7 +20,7 @@ import numpy as np
 from scipy import fft
 
 from mitsonar.device.types import Real
-from mitsonar.sonar.pulse import Pulse, Window
+from mitsonar.sonar.pulses.pulse import Pulse, Window
 
 from ..impulses import BandLimited
 from ..reception import band_filter, check_record, excess_loss_rate, padded_length

@@ -21,7 +21,7 @@ from scipy.fft import fftfreq
 from scipy.optimize import minimize_scalar
 
 from mitsonar.device.types import Numbers
-from mitsonar.sonar.pulse import Pulse
+from mitsonar.sonar.pulses.pulse import Pulse
 
 __all__ = ["ResidualDoppler", "residual_doppler"]
 

@@ -14,7 +14,7 @@ import numpy as np
 from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.device.chance import Salt
 from mitsonar.device.types import DrJitArray
-from mitsonar.sonar.pulse import Pulse, Window
+from mitsonar.sonar.pulses.pulse import Pulse, Window
 
 from ..impulses import BandLimited, Bell
 from .grids import MARGIN, GridShape, RowGrid

@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 from scipy import fft
 
-from mitsonar.sonar.axes import axis_vector
+from mitsonar.sonar.arrays.axes import axis_vector
 from mitsonar.units import khz_from_hertz
 
 from .recording import Shading, beam_signals, read_recording, uniform_line, weights_of

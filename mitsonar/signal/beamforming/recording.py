@@ -13,8 +13,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from mitsonar.sonar.axes import body_direction
-from mitsonar.sonar.shading import window_weights
+from mitsonar.sonar.arrays.axes import body_direction
+from mitsonar.sonar.arrays.shading import window_weights
 
 __all__ = ["Recording", "beam_signals", "directions", "look_directions", "read_recording", "uniform_line", "weights_of"]
 

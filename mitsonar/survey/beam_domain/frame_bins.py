@@ -9,8 +9,8 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, held, upload
-from mitsonar.echoes.energy_sums import sum_size
-from mitsonar.echoes.origin_sums import SECTORS, sector
+from mitsonar.echoes.sums.energy_sums import sum_size
+from mitsonar.echoes.sums.origin_sums import SECTORS, sector
 from mitsonar.signal.beam_grid.stripes import cell_sums
 
 from .ping_echoes import GridEchoes

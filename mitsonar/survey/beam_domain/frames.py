@@ -22,7 +22,7 @@ from mitsonar.signal.beam_grid import BeamGrid, LineBeams, NoiseDensity
 from mitsonar.signal.reception import delayed
 from mitsonar.units import amplitude_from_db, power_from_db
 
-from ..array_survey import ArraySurvey
+from ..pressure.array_survey import ArraySurvey
 from .blur import Blur
 from .line import LineArray, refusal
 from .ping_echoes import GridEchoes, PingEchoes, TargetEchoes

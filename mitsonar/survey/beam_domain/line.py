@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitsonar.sonar.array import Array
+from mitsonar.sonar.arrays.array import Array
 
 __all__ = ["LineArray", "refusal"]
 

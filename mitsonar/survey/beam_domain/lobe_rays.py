@@ -19,8 +19,8 @@ import numpy as np
 
 from mitsonar.device.arrays import arrays_of, opaque_vector, upload
 from mitsonar.device.chance import pair, stratified, uniform
-from mitsonar.echoes.volume import GOLDEN
-from mitsonar.tracing.launch import CELLS, Strata, draw, quantiles
+from mitsonar.echoes.bounces.volume import GOLDEN
+from mitsonar.scene.tracing.launch import CELLS, Strata, draw, quantiles
 
 __all__ = ["LobeRays"]
 

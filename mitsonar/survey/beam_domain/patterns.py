@@ -13,11 +13,11 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import opaque_vector
-from mitsonar.echoes.element_beams import omni, pressure
-from mitsonar.sonar.array import Array
+from mitsonar.echoes.scatterers.element_beams import omni, pressure
+from mitsonar.sonar.arrays.array import Array
 
-from ..array_beams import ArraySum, LineSum, along_a_line
-from ..array_survey import ArraySurvey
+from ..fan.array_beams import ArraySum, LineSum, along_a_line
+from ..pressure.array_survey import ArraySurvey
 from .line import LineArray
 
 __all__ = ["Patterns"]

@@ -21,17 +21,17 @@ import numpy as np
 
 from mitsonar.device.arrays import arrays_of, compressed, held, upload
 from mitsonar.device.chance import ping_key
-from mitsonar.echoes.element_beams import ElementBeams
 from mitsonar.echoes.record import Echoes
-from mitsonar.echoes.thinned_scatterers import Density, TransmitLobe
+from mitsonar.echoes.scatterers.element_beams import ElementBeams
+from mitsonar.echoes.scatterers.thinned_scatterers import Density, TransmitLobe
 from mitsonar.signal.beam_grid.residual_doppler import residual_doppler
 
-from ..array_survey import ArraySurvey
-from ..ground import FREE, HIDDEN_BY_OBJECT, Ground
+from ..motion.reception import Arrival, Reception
+from ..pressure.array_survey import ArraySurvey
+from .ground import FREE, HIDDEN_BY_OBJECT, Ground
 from .line import LineArray
 from .lobe_rays import LobeRays
 from .patterns import Patterns
-from .reception import Arrival, Reception
 
 __all__ = ["GridEchoes", "PingEchoes", "TargetEchoes"]
 

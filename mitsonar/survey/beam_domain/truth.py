@@ -22,9 +22,9 @@ from mitsonar.imaging.energy_record import EnergyRecord
 from mitsonar.imaging.truth import HALF, BinTruth
 from mitsonar.scene.labels import ShapeLabels
 
-from ..ground import FREE
 from .blur import Blur, OneBeam
 from .frame_bins import FrameBins
+from .ground import FREE
 from .ping_echoes import GridEchoes, TargetEchoes
 
 __all__ = ["FrameTruth"]

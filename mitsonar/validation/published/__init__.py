@@ -6,8 +6,8 @@ that gives header and records of a CSV file, and ``plot(dataset)`` that draws a 
 import csv
 from pathlib import Path
 
-from mitsonar.io.files import FilePath, check_writable, replacing
-from mitsonar.spelling import meant
+from mitsonar.device.files import FilePath, check_writable, replacing
+from mitsonar.device.spelling import meant
 
 from . import effective_speed, figure_2, figure_3, table_1
 

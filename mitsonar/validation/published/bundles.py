@@ -17,7 +17,7 @@ import numpy.typing as npt
 if TYPE_CHECKING:
     import mitsuba as mi
 
-    from mitsonar.survey.array import ArraySurvey
+    from mitsonar.survey.fan.kind import ArraySurvey
 
 
 __all__ = ["Bundle", "scene_file", "send", "shipped_survey"]
@@ -60,7 +60,7 @@ def shipped_survey(name: str, **parameters: object) -> "ArraySurvey":
     -------
     ArraySurvey
     """
-    from mitsonar.verbs import opened
+    from mitsonar.verbs.images import opened
 
     scene, sensor, integrator = opened(load(name, **parameters))
     return integrator.array_survey(scene, sensor)
@@ -93,7 +93,7 @@ def send(survey: "ArraySurvey", offset: npt.ArrayLike, launch_angle: np.ndarray)
 
     from mitsonar.device.arrays import arrays_of, upload
     from mitsonar.scene.materials import scattering_strength
-    from mitsonar.tracing.tracer import Tracer
+    from mitsonar.scene.tracing.tracer import Tracer
 
     lib = arrays_of(mi.Float)
     rotation = survey.track.rotation()[0]

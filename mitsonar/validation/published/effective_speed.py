@@ -22,7 +22,7 @@ import numpy as np
 import xarray as xr
 
 from mitsonar.propagation import eigenray
-from mitsonar.propagation.paper_approximation import COEFFICIENT
+from mitsonar.propagation.numpy_rays.paper_approximation import COEFFICIENT
 from mitsonar.water import SoundSpeedProfile
 
 if TYPE_CHECKING:

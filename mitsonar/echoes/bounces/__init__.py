@@ -1,0 +1,1 @@
+"""Echoes by several bounces: multipath, ghosts, the water column."""

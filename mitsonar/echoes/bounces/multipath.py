@@ -1,0 +1,156 @@
+"""Paths of more than one bounce, from the first hits of a bundle of rays.
+
+A path of n bounces is put together from two bundles of rays that leave the sonar: ray i goes on from its hit by
+bounces drawn from the law of each surface until it has made n - 1, ray j makes one, and the two ends are connected
+along the exact bent ray. Both ends of the path then lie where the beams look, however narrow they are. With
+β the solid angle of a ray times the shares of power its bounces carried on,
+
+    e² = β_i (σ_i / sin θ_i) (1 / A_ij) (σ_j / sin θ_j) ΔΩ_j (c_j / c_0)² 10^(-ᾱ L / 10) / q_ij
+
+σ_i, σ_j towards each other, θ grazing angles that sound came in at, A_ij spreading area between the ends, c sound
+speeds at j and at the source, q_ij the chance that i was paired with j: partners are chosen by what the pair would
+bring (`chosen_partners`).
+(Bidirectional path tracing with one vertex from the receiver: Veach 1997, chapter 10; on sound: Siltanen et al. 2007.)
+A_ij is kept above the patch that ray j stands for, over π, so that corners do not flare.
+
+A point target is an end of its own, with its strength T in place of σ_j A_j ΔΩ_j / sin θ_j, A_j spreading area of the
+way there: each ray is connected to one of them, drawn evenly, and the path counts both ways round.
+
+What only mirrors cannot be an end of a connection. Smooth targets send rays on, and what they hit is connected to the
+sonar; paths that begin at a smooth target count the other way round too, for none can be drawn that ends there (and so
+those that begin and end at one, with something rough between, are left out). A flat sea surface is unfolded
+(`tracing.water`): each end is seen by way of it as well, and so are ends from each other; rays that meet it go on.
+"""
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from itertools import product
+
+import drjit as dr
+import mitsuba as mi
+
+from mitsonar.device.chance import Salt, salted
+from mitsonar.scene.tracing.connection import Connector
+from mitsonar.scene.tracing.free_rays import FreeRays
+from mitsonar.scene.tracing.hits import Hits
+from mitsonar.scene.tracing.launch import Strata
+from mitsonar.scene.tracing.tracer import Sources
+
+from ..paths import Paths
+from .chosen_partners import ChosenPartners
+from .connected_ends import ConnectedEnds
+from .ghosts import Ghosts
+from .path_ends import Ends, Origins, computed
+from .traced_ends import TracedEnds
+
+__all__ = ["Bounces"]
+
+
+NUMBER_STEP = 1 << 8               # of numbers of uses of chance: the candidates of each take the next few
+MOST_WAYS = 8                      # to connect ends: of either view, folded or not, like or unlike
+
+
+class Bounces:
+    """Make the ghosts of a scene.
+
+    Parameters
+    ----------
+    connector : Connector
+    free_rays : FreeRays
+    frequency : float [Hz]
+    paths : Paths
+    single : bool
+        Make those of one bounce with the mirror before or after it as well: arrays make theirs of cells.
+
+    Attributes
+    ----------
+    targets : bool
+        Whether the scene has point targets.
+    """
+
+    def __init__(self, connector: Connector, free_rays: FreeRays, *, frequency: float, paths: Paths,
+                 single: bool = True):
+        geometry = connector.geometry
+        self._most, self._single, self._lib = paths.max_depth, single, connector.lib
+        self._mirror = geometry.surface_mirrors
+        self._ends = TracedEnds(connector, free_rays, frequency=frequency)
+        self._connected = ConnectedEnds(connector, frequency=frequency, max_depth=paths.max_depth)
+        self._partners = ChosenPartners(connector.water.profile, frequency=frequency, surface=geometry.surface_label)
+        # pairs of a bed and a surface, and the others, each get partners of their own
+        self._unlike = (True, False) if geometry.surface_label and not self._mirror else (None,)
+        self.targets = bool(self._connected.targets)
+        self._smooth = any(getattr(shape.bsdf(), "smooth", False) for shape in geometry.scene.shapes())
+
+    def follow(self, hits: Hits, solid_angle: mi.Float, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32,
+               strata: Strata, key: mi.UInt32, seen: mi.Float | None = None, *, surfaces: bool = True,
+               targets: bool = True) -> Iterator[Ghosts]:
+        """Follow and connect a bundle of rays.
+
+        Parameters
+        ----------
+        hits : Hits
+        solid_angle : Float (R,) [sr]
+        sources : Sources
+        origin : Array3f64 (R,) [m]
+            Where each ray left.
+        source : UInt32 (R,)
+            Index into `sources`.
+        strata : Strata
+            How the rays are numbered; partners are of the same row.
+        key : UInt32 (R,)
+            Of the chance in partners and lobes; the same for all rays of a row.
+        seen : Float (R,) or None
+            Intensity of the sonar's beams towards each ray, in any unit: partners are chosen by it. None: all alike.
+        surfaces, targets : bool
+            Make the paths between surfaces alone; make those that meet a point target.
+
+        Yields
+        ------
+        Ghosts
+        """
+        most, targets = self._most, targets and self.targets
+        seen = dr.ones(mi.Float, strata.rays) if seen is None else seen
+        sonar = Origins(sources=sources, origin=origin, source=source,
+                        speed=mi.Float(sources.state.gather(self._lib, source)[1]))
+        views = {1: self._ends.first(hits, solid_angle, origin)}        # by bounces made so far
+        points = self._connected.points(sonar, strata, key) if targets else {}
+        if self._mirror:
+            views[2] = self._ends.folded(views[1], origin)
+            if self._single and surfaces:
+                yield from self._connected.by_the_mirror(views[1], views[2], sonar)
+        for made, a in views.items():
+            for bounces in range(made, most):
+                if surfaces:
+                    use = MOST_WAYS * (made * most + bounces)
+                    for ghosts in self._between(a, views, most - bounces, seen, sonar, strata, key, use):
+                        yield ghosts
+                        if self._smooth and bounces > made:
+                            yield ghosts.reversed(a, origin)
+                for more, target in points.items():
+                    for folded in (False, True)[:len(views)]:
+                        if bounces + folded + more <= most:
+                            ghosts = self._connected.at_target(a, target, folded)
+                            yield ghosts
+                            yield ghosts.turned(a, origin)
+                smooth = self._smooth and surfaces
+                if bounces + 1 < most or smooth:
+                    a, mirrored = self._ends.next(a, strata, salted(key, Salt.DIRECTION, bounces),
+                                                  smooth_only=bounces + 1 == most)
+                    if bounces == made:
+                        a = computed(replace(a, first_smooth=mirrored))
+                    if smooth:
+                        yield from self._connected.home(a.where(mirrored), sonar, bounces + 2 <= most)
+
+    def _between(self, a: Ends, views: Mapping[int, Ends], left: int, seen: mi.Float, sonar: Origins, strata: Strata,
+                 key: mi.UInt32, use: int) -> Iterator[Ghosts]:
+        """Yield ghosts from ends to chosen ones of the views, which have `left` bounces at most with the mirror's.
+
+        `use` numbers uses of chance, from which on those of these ghosts go.
+        """
+        ways = product(views.items(), (False, True)[:1 + self._mirror], self._unlike)
+        for number, ((more, b), folded, unlike) in enumerate(ways, use):
+            if more + folded <= left:
+                its_key = salted(key, Salt.PARTNER, dr.opaque(mi.UInt32, number * NUMBER_STEP))
+                partner, chance = self._partners.choose(a, b, seen, strata, its_key, folded=folded, unlike=unlike)
+                yield self._connected.pairs(a.where(chance > 0), b.chosen(partner), chance, sonar, folded)

@@ -1,0 +1,114 @@
+"""Echoes of the water itself: points drawn in the volume, each connected to the sonar along its bent ray.
+
+    S = s_v(z) dV,       dV = r² ΔΩ dr
+
+S is the strength of a point in the sonar equation (`sonar_equation.along_legs`). The point lies at r along a straight
+line from the sonar, for which dV is exact; the eigenray says how sound gets there, and whether it does. The distances
+of a row are a lattice over all its directions, shifted as a whole by chance: gates of time get their share of points
+almost without chance, and other points every ping.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import gcd
+
+import drjit as dr
+import mitsuba as mi
+
+from mitsonar.scene.tracing.connection import Connection, Connector
+from mitsonar.scene.tracing.launch import Strata
+from mitsonar.scene.tracing.tracer import Sources
+
+from ..sonar_equation import along_legs, leg_gain, speed_ratio
+
+__all__ = ["DrawnPoints", "WaterEchoes"]
+
+GOLDEN = 0.6180339887498949
+NEAREST = 0.25                     # [m]: what is nearer is no far field, and rings as long as the pulse is sent
+NEARER, FARTHER = 0.97, 1.03       # of the window's straight ranges: rays bend
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrawnPoints:
+    """Points of the water and their echoes.
+
+    Attributes
+    ----------
+    point : Array3f64 (R,) [m]
+    way : Connection
+    energy : Float (R,)
+        p² relative to 10^(SL/10), without B and absorption [1/m²].
+    loss_db : Float (R,)
+        Two-way absorption.
+    active : Bool (R,)
+    """
+
+    point: dr.ArrayBase
+    way: Connection
+    energy: mi.Float
+    loss_db: mi.Float
+    active: mi.Bool
+
+
+class WaterEchoes:
+    """Draw what a stratified volume sends back.
+
+    Parameters
+    ----------
+    connector : Connector
+        To points of water that scatters.
+    window : (float, float) [s]
+        Two-way times.
+    """
+
+    def __init__(self, connector: Connector, window: tuple[float, float]):
+        self.connector, self.water, self.lib = connector, connector.water, connector.lib
+        near, far = 0.5 * window[0] * self.water.slowest * NEARER, 0.5 * window[1] * self.water.fastest * FARTHER
+        near, far = max(near, NEAREST), max(far, 2 * NEAREST)
+        self.near, self.span = dr.opaque(mi.Float, near), dr.opaque(mi.Float, far - near)
+
+    def draw(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, direction: mi.Vector3f,
+             solid_angle: mi.Float, strata: Strata, chance: mi.Float) -> DrawnPoints:
+        """Draw one point along each direction.
+
+        Parameters
+        ----------
+        sources, origin, source
+            As of `Connector.connect`.
+        direction : Vector3f (R,)
+            Unit.
+        solid_angle : Float (R,) [sr]
+            That each direction stands for.
+        strata : Strata
+            How the rays are numbered.
+        chance : Float (R,)
+            In [0, 1), independent, and another for every ping.
+
+        Returns
+        -------
+        DrawnPoints
+        """
+        row, within, _, _ = strata.split(dr.arange(mi.UInt32, strata.rays))
+        first = dr.gather(mi.Float, chance, row * strata.per_row)
+        count = strata.shape[0] * strata.shape[1]
+        step = _coprime(count)
+        turn = mi.UInt32(mi.UInt64(within) * dr.opaque(mi.UInt64, step) % dr.opaque(mi.UInt64, count))
+        place = (mi.Float(turn) + chance) / mi.Float(strata.per_row) + first
+        r = self.near + self.span * (place - dr.floor(place))
+        point = origin + type(origin)(direction * r)
+        in_water = point.z < 0
+        way = self.connector.connect(sources, origin, source, point, mi.Vector3f(0, 0, 0), in_water)
+        strength = self.water.volume.at(mi.Float(-point.z), in_water)
+        source_speed = mi.Float(sources.state.gather(self.lib, source)[1])
+        gain = leg_gain(spreading_area=way.spreading_area, speed_ratio=speed_ratio(way.sound_speed, source_speed))
+        energy = along_legs(strength * r * r * solid_angle * self.span, gain, gain)
+        return DrawnPoints(point=point, way=way, energy=energy, loss_db=self.water.loss_db(origin, point, way),
+                           active=in_water & way.free & (energy > 0) & dr.isfinite(energy))
+
+
+def _coprime(count):
+    """A whole number near the golden share of `count` that has no divisor in common with it."""
+    step = max(1, round(GOLDEN * count))
+    while gcd(step, count) > 1:
+        step += 1
+    return step

@@ -1,0 +1,188 @@
+"""Pieces of facets: what of a scene may be within reach of a ping, cut so small that beams tell the pieces apart.
+
+A small facet is one piece. A large one is cut into blocks of k rows and k columns of its cells (`cells`), about `SHARE`
+of the reach long. With e and f the sides of the facet that has n rows, the block of the first row i and column j is the
+parallelogram
+
+    a + (i/n) e + (j/n) f + x e + y f,     0 <= x, y <= k/n
+
+or what of it lies in the facet; a ball about its middle holds it.
+
+Which pieces of facets the beams of an array make negligible, and which they do not touch: cells need not be asked.
+
+A piece of radius r whose middle is d away fills an angle of r / (d - r). Rays to its cells leave within WIDER times
+that of the ray to its middle: bent water spreads them. With `ElementBeams.bound` b at the middle, and that angle added
+to what the bound allows for, or taken from it,
+
+    b(+) negligible       no cell counts
+    b(-) large enough     all cells count
+    else                  each cell is looked at
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.scene.tracing.connection import Connector
+from mitsonar.scene.tracing.tracer import Sources
+
+from .element_beams import ElementBeams
+from .scatterers import Scatterers
+
+__all__ = ["NEGLIGIBLE", "Pieces", "pieces_in_beams", "pieces_in_reach"]
+
+
+SHARE = 0.01                       # of the reach, that a block is long,
+FEWEST = 8                         # but no fewer rows of cells
+LARGE = 0.04                       # of the reach: a facet of a larger radius is cut
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pieces:
+    """Pieces of facets, (P,) each.
+
+    Attributes
+    ----------
+    facet : (P,) uint32
+    cuts : (P,) int64
+        n of the facet.
+    row, column : (P,) int64
+        The first of each.
+    side : (P,) int64
+        k: how many rows and columns of cells; n of a whole facet.
+    centre : (P, 3) [m]
+    radius : (P,) [m]
+        Of a ball that holds the piece.
+    """
+
+    facet: np.ndarray
+    cuts: np.ndarray
+    row: np.ndarray
+    column: np.ndarray
+    side: np.ndarray
+    centre: np.ndarray
+    radius: np.ndarray
+
+    def chosen(self, index: np.ndarray) -> Pieces:
+        """The pieces of these numbers, or under this mask."""
+        return Pieces(**{name: value[index] for name, value in vars(self).items()})
+
+    @property
+    def cells(self) -> np.ndarray:
+        """How many cells each has, (P,) int64."""
+        piece, _, count = self.rows()
+        return np.bincount(piece, weights=count, minlength=len(self.facet)).astype(np.int64)
+
+    def runs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Give runs of cells by their numbers s, piece after piece.
+
+        Returns
+        -------
+        facet, first, count : (S,) uint32, int64, int64
+        """
+        piece, first, count = self.rows()
+        return self.facet[piece], first, count
+
+    def rows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Give runs as their piece's number, their first cell and how many: a block has one of each of its rows."""
+        whole = self.side == self.cuts
+        rows = np.where(whole, 1, np.minimum(self.side, self.cuts - self.row))
+        piece = np.repeat(np.arange(len(rows)), rows)
+        n, k, j = self.cuts[piece], self.side[piece], self.column[piece]
+        i = self.row[piece] + np.arange(len(piece)) - np.repeat(np.cumsum(rows) - rows, rows)
+        # a row's last column has one cell, the others two
+        count = np.where(whole[piece], n * n, np.minimum(2 * (j + k), 2 * (n - i) - 1) - 2 * j)
+        some = count > 0
+        return piece[some], (i * (2 * n - i) + 2 * j)[some], count[some]
+
+
+def pieces_in_reach(scatterers: Scatterers, facets: np.ndarray, origin: np.ndarray, nearest: float,
+                    farthest: float) -> Pieces:
+    """Cut facets (K,) and keep the pieces that reach from `nearest` to `farthest` [m] from `origin` (3,).
+
+    Small facets come first, then the blocks of large ones.
+    """
+    large = scatterers.radius[facets] > LARGE * farthest
+    whole = facets[~large]
+    cuts = scatterers.cuts[whole].astype(np.int64)
+    start = np.zeros(len(whole), np.int64)
+    parts = [Pieces(facet=whole, cuts=cuts, row=start, column=start, side=cuts, centre=scatterers.centre[whole],
+                    radius=scatterers.radius[whole])]
+    parts += [_blocks(scatterers, facet, origin, farthest) for facet in facets[large]]
+    pieces = Pieces(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])})
+    distance = np.linalg.norm(pieces.centre - origin, axis=1)
+    return pieces.chosen((distance - pieces.radius < farthest) & (distance + pieces.radius > nearest))
+
+
+def _blocks(scatterers: Scatterers, facet: np.uint32, origin: np.ndarray, farthest: float) -> Pieces:
+    """Blocks of a facet, all that come nearer than `farthest` and some more."""
+    n = int(scatterers.cuts[facet])
+    a, b, c = scatterers.corners(np.array([facet]))[0].astype(float)
+    e, f = (b - a) / n, (c - a) / n
+    k = min(max(FEWEST, int(SHARE * farthest * n / scatterers.longest_side[facet])), n)
+    row = np.arange(0, n, k)
+    # the middle of a row of blocks is the line q + f v; no point of a block is further from it than a block is long
+    q = a + (row + 0.5 * k)[:, None] * e - origin
+    reach = farthest + k * max(map(np.linalg.norm, (e, f, f - e)))
+    ff = max(f @ f, 1e-30)
+    foot = -(q @ f) / ff
+    half = np.sqrt(np.maximum(reach ** 2 - np.sum(q ** 2, axis=1) + ff * foot ** 2, 0) / ff)
+    first, last = (np.clip(np.floor(end / k), -1, (n - row - 1) // k).astype(np.int64)
+                   for end in (foot - half, foot + half))
+    first = np.maximum(first, 0)
+    count = np.where(half > 0, np.maximum(last - first + 1, 0), 0)
+    row = np.repeat(row, count)
+    column = k * (np.arange(len(row)) - np.repeat(np.cumsum(count) - count - first, count))
+    centre = a + (row + 0.5 * k)[:, None] * e + (column + 0.5 * k)[:, None] * f
+    radius = 0.5 * k * max(np.linalg.norm(e + f), np.linalg.norm(e - f))
+    size = len(row)
+    return Pieces(facet=np.full(size, facet, np.uint32), cuts=np.full(size, n), row=row, column=column,
+                  side=np.full(size, k), centre=centre, radius=np.full(size, radius))
+
+
+NEGLIGIBLE = 1e-8                  # two-way intensity of the beams below which a cell is not looked at
+WIDER = 2.0
+LARGEST = 0.1                      # [rad] pieces that fill more are looked at cell by cell,
+FEWEST_CELLS = 4                   # and all of them if they have fewer each
+
+
+def pieces_in_beams(pieces: Pieces, connector: Connector, beams: ElementBeams, sources: Sources, origin: dr.ArrayBase,
+                    rotation: np.ndarray, enough: float = NEGLIGIBLE) -> tuple[np.ndarray, np.ndarray]:
+    """Sort pieces of facets by what the beams make of them.
+
+    Parameters
+    ----------
+    pieces : Pieces
+    connector : Connector
+    beams : ElementBeams
+    sources, origin : Sources, Array3f64 (1,) [m]
+        As of `Connector.connect`.
+    rotation : (3, 3)
+        Body to scene.
+    enough : float [-]
+        Two-way intensity above which cells count.
+
+    Returns
+    -------
+    found : (P,) int
+        -1: negligible, 1: all count, 0: each cell has to be looked at.
+    bound : (P,) [-]
+        Two-way intensity that no cell of a piece exceeds.
+    """
+    if not len(pieces.facet) or pieces.cells.sum() < FEWEST_CELLS * len(pieces.facet):
+        return np.zeros(len(pieces.facet), int), np.ones(len(pieces.facet))
+    lib = arrays_of(mi.Float)
+    point = lib.Array3f64(*(upload(mi.Float64, column) for column in pieces.centre.T))
+    distance = dr.norm(point - origin)
+    radius = upload(mi.Float64, pieces.radius)
+    angle = mi.Float(WIDER * radius / dr.maximum(distance - radius, 1e-9))
+    direction = connector.launch_direction(sources, origin, mi.UInt32(0), point)
+    most, least = (beams.bound(direction, mi.Float(distance), rotation, wider) for wider in (angle, -angle))
+    small = angle < WIDER * LARGEST
+    dr.eval(small, most, least)
+    inside, outside = ((small & decided).numpy() for decided in (least > enough, most <= NEGLIGIBLE))
+    return inside.astype(int) - outside, np.where(small.numpy(), most.numpy(), 1.0)

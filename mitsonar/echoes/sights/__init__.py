@@ -1,0 +1,1 @@
+"""Sights of points from an array: eigenrays, mirrors of a flat bed."""

@@ -1,0 +1,145 @@
+"""The plane that the bed is under each target, for echoes by way of it.
+
+    z = a + b x + c y,      a, b, c by least squares over the bed within 2 h + r of the target's middle
+
+h its height over the bed, r its radius. What the bed departs from the plane, σ root mean square, counts as roughness.
+Sound that comes to a target at more than 27 degrees from the horizontal bounces within 2 h of what is under it.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.arrays import upload
+from mitsonar.scene.geometry import Geometry
+from mitsonar.scene.materials import reflects
+from mitsonar.scene.shadows.bed_cover import ROUNDING, bed_height
+
+__all__ = ["BedPlanes", "Planes", "first_zone"]
+
+SPOTS = 61                         # of the bed that a plane is laid through
+FEWEST = 12
+CLOSE = 0.1                        # [m] least radius
+
+
+@dataclass(frozen=True, kw_only=True)
+class Planes:
+    """Planes of the bed, one an entry.
+
+    Attributes
+    ----------
+    known : Bool (R,)
+        Whether there is one.
+    height : Float64 (R,) [m]
+        At x = y = 0: a.
+    slope : (Float64, Float64) (R,) [-]
+        b and c.
+    rest : Float (R,) [m]
+        σ.
+    """
+
+    known: mi.Bool
+    height: mi.Float64
+    slope: tuple[mi.Float64, mi.Float64]
+    rest: mi.Float
+
+
+class BedPlanes:
+    """Planes under the point targets and the smooth shapes of a scene.
+
+    Parameters
+    ----------
+    geometry : Geometry
+
+    Attributes
+    ----------
+    table : (L + 1, 5)
+        a, b, c, σ and whether there is one, by the targets' labels.
+    """
+
+    def __init__(self, geometry: Geometry):
+        self.table = np.zeros((len(geometry.named) + 1, 5))
+        targets = _targets(geometry) if reflects(geometry) else {}
+        if targets:
+            middle = np.array([middle for middle, _ in targets.values()])
+            radius = np.array([radius for _, radius in targets.values()])
+            over = middle[:, 2] - bed_height(geometry, *middle[:, :2].T)
+            some = over + radius > 0                                     # nor where there is no bed
+            label = np.array(list(targets))[some]
+            self.table[label] = _planes(geometry, middle[some],
+                                        np.maximum(radius + 2 * np.maximum(over, 0), CLOSE)[some])
+        self._device = upload(mi.Float64, self.table)
+        dr.eval(self._device)
+
+    def __bool__(self) -> bool:
+        return bool(self.table[:, 4].any())
+
+    def of(self, label: mi.UInt32) -> Planes:
+        """Give the planes under targets by their labels, UInt32 (R,)."""
+        a, b, c, rest, known = (dr.gather(mi.Float64, self._device, 5 * label + k) for k in range(5))
+        return Planes(known=known > 0, height=a, slope=(b, c), rest=mi.Float(rest))
+
+    def image(self, point: np.ndarray, label: np.ndarray) -> np.ndarray:
+        """Give the images of points (R, 3), or one (3,), in the planes under targets (R,): (R, 3) [m]."""
+        a, b, c = self.table[label, :3].T
+        normal = np.stack([-b, -c, np.ones_like(a)], -1) / np.sqrt(1 + b * b + c * c)[:, None]
+        point = np.broadcast_to(point, normal.shape)
+        height = (point[:, 2] - a - b * point[:, 0] - c * point[:, 1]) * normal[:, 2]
+        return point - 2 * height[:, None] * normal
+
+
+def first_zone(wavelength: mi.Float, first: mi.Float, second: mi.Float) -> mi.Float:
+    """Give the width across the way [m] of Fresnel's first zone between places so far from a plane [m].
+
+    2 √(λ l_1 l_2 / (l_1 + l_2)).
+    """
+    return dr.maximum(2 * dr.sqrt(wavelength * first * second / dr.maximum(first + second, 1e-6)), 1e-6)
+
+
+def _targets(geometry):
+    """Middle (3,) and radius [m] of point targets and smooth shapes, by label; no beds."""
+    found = {one.label: (one.position, 0.0) for one in geometry.targets()}
+    for _, shape, first, count in geometry.meshes:
+        if getattr(shape.bsdf(), "smooth", False) and not hasattr(shape, "target_strength_db"):
+            vertices, faces = geometry.mesh(first, count)
+            labels = geometry.named.of_faces(shape, count)
+            for label in np.unique(labels):
+                found[int(label)] = _ball(vertices[faces[labels == label]].reshape(-1, 3).astype(float))
+    for _, shape in geometry.others:
+        if getattr(shape.bsdf(), "smooth", False):
+            box = shape.bbox()
+            found[geometry.named.of(shape)] = _ball(np.array([box.min, box.max], float))
+    return {label: ball for label, ball in found.items() if label in geometry.named.objects}
+
+
+def _ball(points):
+    """Middle of what holds points (V, 3), and how far it reaches to the side [m]."""
+    low, high = points.min(0), points.max(0)
+    return 0.5 * (low + high), 0.5 * float(np.hypot(*(high - low)[:2]))
+
+
+def _planes(geometry, middle, radius):
+    """Rows of the table for places (T, 3) and radii about them (T,); zeros where there is too little bed."""
+    # evenly over a disc (Vogel 1979)
+    number = np.arange(SPOTS)
+    share, turn = np.sqrt((number + 0.5) / SPOTS), number * np.pi * (3 - np.sqrt(5))
+    spots = radius[:, None, None] * np.stack([share * np.cos(turn), share * np.sin(turn)], -1)             # (T, S, 2)
+    x, y = np.moveaxis(spots + middle[:, None, :2], -1, 0)
+    heights = bed_height(geometry, x.ravel(), y.ravel()).reshape(x.shape)
+    return np.array([_plane(*row) for row in zip(middle, spots, heights)]).reshape(-1, 5)
+
+
+def _plane(middle, spots, z):
+    """A row of the table: a, b, c, σ and 1."""
+    there = np.isfinite(z)
+    if there.sum() < FEWEST:
+        return np.zeros(5)
+    z, columns = z[there], np.concatenate([np.ones((there.sum(), 1)), spots[there]], 1)
+    (a, b, c), *_ = np.linalg.lstsq(columns, z, rcond=None)
+    rest, rounding = np.sqrt(np.mean((z - columns @ [a, b, c]) ** 2)), ROUNDING * np.abs(z).max()
+    if np.ptp(z) < 2 * rounding:                                         # level, but for what is rounded
+        a, b, c, rest = np.median(z), 0.0, 0.0, 0.0
+    return np.array([a - b * middle[0] - c * middle[1], b, c, rest if rest > rounding else 0.0, 1.0])

@@ -1,0 +1,177 @@
+"""Eigenrays from one depth to the points around it, as a table over horizontal range and depth.
+
+What sets a bent ray apart from the straight line to the same point is smooth, so few nodes hold it:
+
+    τ = T c_0 / R - 1                              T travel time, R straight distance, c_0 sound speed at the source
+    λ = sin θ_0 - h / R,   α = sin θ_1 - h / R     sines of launch and arrival, positive up; h height gained
+    γ = ln(g R²)                                   g gain of the leg, absorption included (`sonar_equation`)
+
+The nodes are exact eigenrays (`tracing.connection`); between them all four are bilinear. In water of one speed τ, λ and
+α vanish. Elsewhere the error is the curvature of these four over a cell.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.arrays import arrays_of, held, upload
+from mitsonar.scene.tracing.connection import Connector
+
+from ..sonar_equation import leg_gain, speed_ratio
+
+__all__ = ["EigenrayTable", "TableLegs"]
+
+RANGES, DEPTHS = 192, 64           # nodes
+BEYOND = 0.01                      # [m] that the table reaches past the scene
+NOTHING, FAINTEST = -60.0, -50.0   # γ of a node that no ray leads to; γ below which such a node is beside a point
+NEAREST = 1e-3                     # [m]: no division by zero
+STEEP = 0.05                       # sine from the vertical, and to the level, within which waves are taken for round
+CLOSEST = 0.05                     # [m] from the source, where spreading ends
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableLegs:
+    """Legs from the source to points, one each.
+
+    Attributes
+    ----------
+    exists : Bool (R,)
+    travel_time : Float64 (R,) [s]
+    launch_direction, arrival_direction : Vector3f (R,)
+        Unit, along the travel.
+    gain : Float (R,) [1/m²]
+        g.
+    horizontal_range, distance : Float (R,) [m]
+        Distance in a straight line.
+    """
+
+    exists: mi.Bool
+    travel_time: mi.Float64
+    launch_direction: mi.Vector3f
+    arrival_direction: mi.Vector3f
+    gain: mi.Float
+    horizontal_range: mi.Float
+    distance: mi.Float
+
+
+class EigenrayTable:
+    """Tabulate the eigenrays that leave one depth.
+
+    Parameters
+    ----------
+    connector : Connector
+        Finds the nodes' rays.
+    depth : float [m]
+        Of the source.
+    farthest : float [m]
+        Distance up to which points may lie.
+
+    Attributes
+    ----------
+    depth : float [m]
+    sound_speed : float [m/s]
+        c_0.
+    """
+
+    def __init__(self, connector: Connector, *, depth: float, farthest: float):
+        self.lib, self.depth = arrays_of(mi.Float), float(depth)
+        water = connector.water
+        self.sound_speed = float(water.profile.at(depth))
+        top, bottom = connector.geometry.depth_range
+        z0, z1 = max(top, depth - farthest) - BEYOND, min(bottom, depth + farthest) + BEYOND
+        z1, reach = max(z1, z0 + BEYOND), farthest + 1
+        x, z = (a.ravel() for a in np.meshgrid(np.maximum(np.linspace(0, reach, RANGES), NEAREST),
+                                               np.linspace(z0, z1, DEPTHS), indexing="ij"))
+        start = self.lib.Array3f64(*(dr.opaque(mi.Float64, v, len(x)) for v in (0.0, 0.0, -self.depth)))
+        point = self.lib.Array3f64(upload(mi.Float64, x), dr.opaque(mi.Float64, 0.0), upload(mi.Float64, -z))
+        nothing = mi.Vector3f(0, 0, 0)
+        way = connector.join(start, nothing, point, nothing, occlusion=False)
+        c0 = dr.opaque(mi.Float64, self.sound_speed)
+        height = point.z - start.z
+        R = dr.maximum(dr.sqrt(point.x * point.x + height * height), CLOSEST)
+        rise = mi.Float(height / R)
+        gain = leg_gain(spreading_area=way.spreading_area, speed_ratio=speed_ratio(way.sound_speed, c0),
+                        loss_db=water.loss_db(start, point, way))
+        nodes = [mi.Float(way.travel_time * c0 / R - 1), way.launch_direction.z - rise,
+                 way.arrival_direction.z - rise, dr.log(dr.maximum(gain * dr.square(mi.Float(R)), 1e-30))]
+        good = way.exists
+        for node in nodes:
+            good &= dr.isfinite(node)
+        nodes = [dr.select(good, node, nothing_there) for node, nothing_there in zip(nodes, (0, 0, 0, NOTHING))]
+        self._table = dr.zeros(mi.Float, 4 * len(x))
+        dr.scatter(self._table, self.lib.Array4f(*nodes), dr.arange(mi.UInt32, len(x)))
+        dr.eval(self._table)
+        self._per_x, self._per_z, self._top = (
+            dr.opaque(mi.Float, v) for v in ((RANGES - 1) / reach, (DEPTHS - 1) / (z1 - z0), z0))
+        self._speed = dr.opaque(mi.Float64, self.sound_speed)
+
+    def values(self, horizontal_range: mi.Float, depth: mi.Float) -> tuple[mi.Float, mi.Float, mi.Float, mi.Float]:
+        """Give τ, λ, α and γ at horizontal ranges and depths [m], Float (R,)."""
+        px = held(horizontal_range * self._per_x, 0.0, RANGES - 1.001)
+        pz = held((depth - self._top) * self._per_z, 0.0, DEPTHS - 1.001)
+        i, j = mi.UInt32(px), mi.UInt32(pz)
+        fx, fz, at = px - mi.Float(i), pz - mi.Float(j), i * DEPTHS + j
+        near, below, far, far_below = (dr.gather(self.lib.Array4f, self._table, at + step)
+                                       for step in (0, 1, DEPTHS, DEPTHS + 1))
+        low, high = near + (below - near) * fz, far + (far_below - far) * fz
+        value = low + (high - low) * fx
+        return value[0], value[1], value[2], value[3]
+
+    def launch_rise(self, horizontal_range: mi.Float, height: mi.Float) -> mi.Float:
+        """Give sin θ_0, positive up, of the rays to points `height` [m] above the source."""
+        _, launch, _, _ = self.values(horizontal_range, dr.opaque(mi.Float, self.depth) - height)
+        return height * dr.rsqrt(height * height + dr.square(dr.maximum(horizontal_range, NEAREST))) + launch
+
+    def curvatures(self, horizontal_range: mi.Float, height: mi.Float) -> tuple[mi.Float, mi.Float]:
+        """Give curvatures at the source of the waves of points `height` [m] above it, Float (R,) [1/m].
+
+        Across the ray's plane and in it; with k = cos θ_0, and x the horizontal range, they are k / x and
+        -(d sin θ_0 / dx) / (k sin θ_0). In water of one speed both are 1 / R.
+        """
+        x, step = dr.maximum(horizontal_range, NEAREST), 0.5 / self._per_x
+        R = dr.sqrt(dr.fma(x, x, height * height))
+        depth = dr.opaque(mi.Float, self.depth) - height
+        before, after = dr.maximum(x - step, 0), x + step
+        bent = (self.values(after, depth)[1] - self.values(before, depth)[1]) / (after - before)
+        rise = height / R + self.values(x, depth)[1]
+        level = dr.sqrt(dr.maximum(1 - rise * rise, 0))
+        across = level / x
+        within = (height * x / (R * R * R) - bent) / (rise * level)
+        # straight below both are one
+        steep = x < STEEP * R
+        across, within = dr.select(steep, 1 / R, across), dr.select(steep | (abs(rise) < STEEP), 1 / R, within)
+        good = (within * R > 0.2) & (within * R < 5)
+        return across, dr.select(good, within, across)
+
+    def legs(self, offset: dr.ArrayBase) -> TableLegs:
+        """Give the legs to points.
+
+        Parameters
+        ----------
+        offset : Array3f64 (R,) [m]
+            Points minus source.
+
+        Returns
+        -------
+        TableLegs
+        """
+        square = dr.fma(offset.x, offset.x, offset.y * offset.y)
+        R = dr.maximum(dr.sqrt(dr.fma(offset.z, offset.z, square)), CLOSEST)
+        x, distance = mi.Float(dr.sqrt(square)), mi.Float(R)
+        time, launch, arrival, gain = self.values(x, dr.opaque(mi.Float, self.depth) - mi.Float(offset.z))
+        rise, per_x = mi.Float(offset.z / R), dr.rcp(dr.maximum(x, NEAREST))
+        # straight up or down, any heading will do
+        heading = mi.Vector2f(dr.select(x > NEAREST, mi.Float(offset.x) * per_x, 1), mi.Float(offset.y) * per_x)
+        return TableLegs(
+            exists=gain > FAINTEST, travel_time=R / self._speed * (1 + mi.Float64(time)),
+            launch_direction=_towards(heading, rise + launch), arrival_direction=_towards(heading, rise + arrival),
+            gain=dr.exp(gain) / dr.square(distance), horizontal_range=x, distance=distance)
+
+
+def _towards(heading: mi.Vector2f, rise: mi.Float) -> mi.Vector3f:
+    """Unit vectors of a horizontal heading and a sine of elevation."""
+    cosine = dr.sqrt(dr.maximum(1 - rise * rise, 0))
+    return mi.Vector3f(heading.x * cosine, heading.y * cosine, rise)

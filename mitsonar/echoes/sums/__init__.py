@@ -1,0 +1,1 @@
+"""Sums of echoes into the bins of a record."""

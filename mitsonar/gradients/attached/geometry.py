@@ -1,0 +1,91 @@
+"""Corners of facets and the normals between them, attached to the arrays of their meshes.
+
+The numbers are those of `scene.geometry.Geometry`, to the last bit; only gradients come from here. Normals at nodes are
+those of `scene.vertex_normals`,
+
+    n_v = Σ_f α_fv n_f / |Σ_f α_fv n_f|
+"""
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+
+from mitsonar.device.arrays import arrays_of
+from mitsonar.scene.geometry import Geometry
+
+from .shapes import AttachedShapes
+
+__all__ = ["AttachedGeometry"]
+
+
+class AttachedGeometry:
+    """A scene's facets with gradients.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        Of the scene as it is now.
+
+    Attributes
+    ----------
+    vertices : Float
+        As of `Geometry`, four wide.
+    normals : Float or None
+    texcoords : Float or None
+    shapes : AttachedShapes or None
+        What is not made of facets; None where that is nothing that is known there.
+    textured : bool
+        Whether a material may read texture coordinates.
+    attached : bool
+        Whether anything carries a gradient.
+    """
+
+    def __init__(self, geometry: Geometry):
+        self.vertices: Any = geometry.vertices
+        self.normals: Any = geometry.normals
+        self.texcoords: Any = geometry.texcoords
+        meshes = [(first, shape, mi.traverse(shape)["vertex_positions"])
+                  for first, (_, shape, *_) in zip(geometry.first_vertices, geometry.meshes)]
+        moving = [(first, shape, positions) for first, shape, positions in meshes if dr.grad_enabled(positions)]
+        shapes = AttachedShapes(geometry)
+        self.shapes, self.textured = shapes if shapes.numbers else None, bool(geometry.textured)
+        self.attached = bool(moving or shapes.moving)
+        if not moving:
+            return
+        vertices = dr.zeros(mi.Float, dr.width(geometry.vertices))
+        normals = None if geometry.normals is None else dr.zeros(mi.Float, dr.width(geometry.normals))
+        for first, shape, positions in moving:
+            _put(vertices, positions, first)
+            if normals is not None and geometry.is_smooth(shape):
+                _put(normals, _normals(positions, mi.traverse(shape)["faces"]), first)
+        self.vertices = dr.replace_grad(geometry.vertices, vertices)
+        if normals is not None:
+            self.normals = dr.replace_grad(geometry.normals, normals)
+
+
+def _put(table: mi.Float, values: mi.Float, first: int) -> None:
+    """Write vectors of three, one after the other, to rows of four from a first row on."""
+    number = dr.arange(mi.UInt32, dr.width(values))
+    dr.scatter(table, values, 4 * (number // 3 + first) + number % 3)
+
+
+def _normals(positions: mi.Float, faces: mi.UInt32) -> mi.Float:
+    """Normals at nodes, three by three."""
+    lib: Any = arrays_of(mi.Float)
+    count = dr.width(faces) // 3
+    corner = dr.gather(lib.Array3u, faces, dr.arange(mi.UInt32, count))
+    points = [dr.gather(mi.Vector3f, positions, corner[i]) for i in range(3)]
+    total = dr.zeros(mi.Vector3f, dr.width(positions) // 3)
+    for i in range(3):
+        ahead, back = points[(i + 1) % 3] - points[i], points[(i + 2) % 3] - points[i]
+        across = dr.cross(ahead, back)
+        twice_area = dr.norm(across)
+        there = twice_area > 0
+        area = dr.select(there, twice_area, 1)
+        share = dr.select(there, dr.atan2(area, dr.dot(ahead, back)) / area, 0)
+        dr.scatter_add(total, across * share, corner[i])
+    there = dr.squared_norm(total) > 0
+    normals: Any = dr.ravel(dr.select(there, dr.normalize(dr.select(there, total, mi.Vector3f(0, 0, 1))), 0))
+    return normals

@@ -1,0 +1,178 @@
+"""A scene as a field sees it now: geometry, water and track, with gradients where its arrays carry them.
+
+Arrays that carry gradients are those of the plugins: vertices of meshes, ``sound_speed``, ``absorption_scale`` and
+``absorption_offset`` of the water, ``position_offset`` and ``attitude_offset`` of the sonar; materials hold their own.
+
+Losses of a water whose absorption carries a gradient.
+
+    A = s (A_0 + A[δ]),    dA = A ds / s + s A[dδ]
+
+A -> two-way loss [dB], s -> ``absorption_scale``, δ -> ``absorption_offset`` [dB/m] at the profile's nodes. Loss is
+linear in absorption: A[δ] is that of a water that absorbs δ (`water.column`), at constant speed
+
+    dA / dδ_i = 2 L <hat_i>              L the way one way, <> the mean over depth between its ends
+
+What a change of sound speed does to absorption along a given way is left out: 1e-3 of the loss where a speed changes by
+1 m/s over a whole way.
+"""
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.arrays import upload
+from mitsonar.scene.geometry import Geometry
+from mitsonar.scene.tracing.water import DeviceWater, Way
+from mitsonar.sonar.motion.track import Track
+from mitsonar.survey import placement
+from mitsonar.survey.survey import Survey
+from mitsonar.water.absorption_table import Absorption
+from mitsonar.water.profile import SoundSpeedProfile
+
+from ..records.energy_field import EnergyField, Scenery
+from ..records.pictures import Picture
+from .geometry import AttachedGeometry
+from .layers import attached_layers
+from .ray_shift import tangent
+from .track import AttachedTrack, Offsets
+
+__all__ = ["AttachedScene", "AttachedWater"]
+
+
+class AttachedWater:
+    """See the module's text.
+
+    Parameters
+    ----------
+    water : DeviceWater
+        With scale and offset as they are.
+    scale : Float64 (1,) [-]
+    offset : Float64 (K,) [dB/m]
+    """
+
+    def __init__(self, water: DeviceWater, scale: mi.Float64, offset: mi.Float64):
+        self._water, self._grows, self._more = water, None, None
+        table = water.direct.absorption
+        if dr.grad_enabled(scale):
+            self._grows = 1 + mi.Float(tangent(scale)) / dr.maximum(mi.Float(dr.detach(scale)), 1e-30)
+        if dr.grad_enabled(offset) and table is not None:
+            self._more = _more(table, water.profile, offset * dr.detach(scale))
+
+    def loss_db(self, start: dr.ArrayBase, end: dr.ArrayBase, way: Way) -> mi.Float:
+        """Two-way absorption [dB], Float (R,); see `DeviceWater.loss_db`."""
+        loss = self._water.loss_db(start, end, way)
+        if self._grows is not None:
+            loss = loss * self._grows
+        if self._more is not None:
+            z0, z1 = (mi.Float(-dr.detach(point).z) for point in (start, end))
+            arc, parameter = dr.detach(way.arc_length), mi.Float(dr.detach(way.ray_parameter))
+            loss = loss + tangent(self._more.two_way_db(z0, z1, arc, parameter))
+        return loss
+
+
+def _more(table: Absorption, profile: SoundSpeedProfile, offset: mi.Float64) -> Absorption:
+    """The same table, attached to what is added to absorption at the profile's nodes."""
+    nodes = profile.depth
+    inside = nodes[(nodes > table.depth[0]) & (nodes < table.depth[-1])]
+    fine = np.unique(np.concatenate([table.depth, inside]))
+    lower = np.clip(np.searchsorted(nodes, fine, side="right") - 1, 0, max(len(nodes) - 2, 0))
+    upper = np.minimum(lower + 1, len(nodes) - 1)
+    apart = np.where(upper > lower, nodes[upper] - nodes[lower], 1.0)
+    share = upload(mi.Float64, np.clip((fine - nodes[lower]) / apart, 0, 1))
+    low, high = (dr.gather(mi.Float64, offset, upload(mi.UInt32, node.astype(np.uint32))) for node in (lower, upper))
+    alpha = dr.lerp(low, high, share)
+    reference = float(table.c2.numpy()[0])
+    e = upload(mi.Float64, profile.at(fine) ** 2 / reference - 1)
+    ahead = dr.minimum(dr.arange(mi.UInt32, len(fine)) + 1, len(fine) - 1)
+    step = upload(mi.Float64, np.append(np.diff(fine), 0.0))
+    rows = upload(mi.UInt32, np.searchsorted(fine, table.depth).astype(np.uint32))
+    attached = dr.zeros(mi.Float, 4 * len(table.depth))
+    for column, values in ((0, alpha), (1, alpha * e)):
+        area = 0.5 * step * (values + dr.gather(mi.Float64, values, ahead))
+        integral = dr.prefix_reduce(dr.ReduceOp.Add, area, exclusive=True)
+        _put(attached, column, mi.Float(dr.gather(mi.Float64, integral, rows)))
+    _put(attached, 3, mi.Float(dr.gather(mi.Float64, alpha, rows)))
+    found: Any = copy.copy(table)
+    found.table = dr.replace_grad(dr.detach(table.table), attached)
+    return found
+
+
+def _put(table: mi.Float, column: int, values: mi.Float) -> None:
+    dr.scatter(table, values, 4 * dr.arange(mi.UInt32, dr.width(values)) + column)
+
+
+class AttachedScene:
+    """What a sonar's record is made of, whenever it is asked for.
+
+    Parameters
+    ----------
+    picture : Picture
+    survey : Survey
+        At the start; sonar, bins and the track that rays are drawn for are its own.
+    """
+
+    def __init__(self, picture: Picture, survey: Survey):
+        self._sensor, self._survey, self._frequency = picture.sensor, survey, picture.rows.frequency
+        self._start = self._offsets()
+        self._checked = survey.track.position, survey.geometry.vertices.numpy()
+
+    def _offsets(self) -> tuple[np.ndarray, np.ndarray]:
+        """Offsets of position and attitude as they are now, (rows, 3)."""
+        position, attitude = (dr.detach(offset).numpy().reshape(-1, 3) for offset in (
+            self._sensor.position_offset, self._sensor.attitude_offset))
+        return position, attitude
+
+    def _track(self) -> Track:
+        """The track as it is now."""
+        position, attitude = (now - start for now, start in zip(self._offsets(), self._start))
+        if not np.any(position) and not np.any(attitude):
+            return self._survey.track
+        return self._survey.track.moved(position, attitude)
+
+    def scenery(self, field: EnergyField) -> Scenery:
+        """Give the scene as it is now, without gradients."""
+        water, voyage = self._sensor.water, self._survey.voyage
+        with dr.suspend_grad():
+            survey = replace(
+                self._survey, geometry=Geometry(self._survey.geometry.scene, smooth_beds=True), profile=water.profile,
+                absorption=water.absorption_column(self._frequency),
+                passage=replace(self._survey.passage, voyage=replace(voyage, track=self._track())))
+            self._check(survey)
+            scenery = field.at(survey)
+            if np.any(survey.track.rotation() != self._survey.track.rotation()):
+                scenery = scenery.again(track=self._turned(scenery, survey.track, scenery.layers, attached=False))
+        return scenery
+
+    def _check(self, survey: Survey) -> None:
+        """Refuse a sonar that a fit has moved out of the water; at the start `survey` has been checked."""
+        places = survey.track.position, survey.geometry.vertices.numpy()
+        if not all(np.array_equal(now, before) for now, before in zip(places, self._checked)):
+            placement.check(survey.geometry, survey.track)
+            self._checked = places
+
+    def attached(self, scenery: Scenery) -> Scenery:
+        """Give the same scenery with gradients of its own: those of a product are used up by it."""
+        water: Any = self._sensor.water
+        layers = scenery.water.direct.layers
+        moving = [self._sensor.position_offset, self._sensor.attitude_offset]
+        if dr.grad_enabled(water.speeds):
+            layers = attached_layers(layers, water.speeds)
+            moving.append(water.speeds)
+        track = scenery.track
+        if any(dr.grad_enabled(value) for value in moving):
+            track = self._turned(scenery, scenery.survey.track, layers, attached=True)
+        losses = AttachedWater(scenery.water, water.absorption_scale, water.absorption_offset)
+        return scenery.again(facets=AttachedGeometry(scenery.survey.geometry), layers=layers, track=track,
+                             speeds=water.speeds, losses=losses)
+
+    def _turned(self, scenery: Scenery, track: Track, layers: Any, *, attached: bool) -> AttachedTrack:
+        sensor = self._sensor
+        position, attitude = (value if attached and dr.grad_enabled(value) else None for value in (
+            sensor.position_offset, sensor.attitude_offset))
+        offsets = Offsets(position=position, attitude=attitude, rows=sensor.rows)
+        return AttachedTrack(self._survey.track, track, offsets, layers)

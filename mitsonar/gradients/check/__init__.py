@@ -1,0 +1,1 @@
+"""The check of gradients against differences of rendered records."""

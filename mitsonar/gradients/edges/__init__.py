@@ -1,0 +1,1 @@
+"""Edge terms of gradients: outlines and lines where visibility jumps."""

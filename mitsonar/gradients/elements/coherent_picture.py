@@ -1,0 +1,206 @@
+"""Coherent pictures as a function of arrays, platform and point targets, speckle and all, and their Jacobian.
+
+    p = A s(x),    I = |p|²
+    dp = A J v,    dI = 2 Re(p* dp)
+    Jᵀ Aᴴ w,       w = 2 p I'                         w -> weights of p, real and imaginary parts
+
+s, J -> signals of elements and their Jacobian (`elements`), A -> the linear way to the beams (`coherent_fan`). Beams
+are formed with the arrays as they are at the start.
+
+The linear way from signals of elements to the beams of a fan, and its transpose.
+
+    p = B M D⁻¹ s,    s' = D⁻ᴴ Mᴴ Bᴴ p'
+
+D -> the receivers' delays, which the beams undo; M -> the matched filter; B -> delay and sum at every range. Arrays are
+those of the start: what is changed in elements later is an error that the beams do not know of.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+import xarray as xr
+
+from mitsonar.imaging import fan
+from mitsonar.signal.beamforming.transposed import delay_and_sum_transposed
+from mitsonar.signal.matched_filter import matched_filter_transposed
+from mitsonar.survey.fan import forward_looking, kind as array
+from mitsonar.survey.pressure.array_survey import ArraySurvey
+
+from ..model import Linearised, Values
+from .elements import ElementModel
+from .reception import delayed_transposed
+
+__all__ = ["CoherentFan", "CoherentJacobian", "CoherentPicture", "KINDS", "PARTS"]
+
+
+class CoherentFan:
+    """The beams of a ping as a function of the signals of its elements.
+
+    Parameters
+    ----------
+    survey : ArraySurvey
+        Its record leads by a pulse.
+    direction : (B, 3)
+        Of the beams, body frame.
+    speed : float [m/s]
+        That beams are formed with.
+
+    Attributes
+    ----------
+    shape : (int, int)
+        Beams and samples.
+    """
+
+    def __init__(self, survey: ArraySurvey, direction: np.ndarray, speed: float):
+        self._survey, self._direction = survey, direction
+        self.shape = len(direction), survey.samples - survey.lead
+        receive = survey.receive
+        places = {f"rx_{axis}": ("rx", column) for axis, column in zip("xyz", receive.position.T)}
+        self._frame = xr.DataArray(
+            np.zeros((1, 1, receive.elements, self.shape[1]), np.complex64), dims=("ping", "tx", "rx", "sample"),
+            coords={"time": ("sample", survey.time[survey.lead:]), "rx_weight": ("rx", receive.weight),
+                    "rx_delay": ("rx", receive.delay), **places},
+            attrs={"frequency": survey.frequency, "sampling_rate": survey.sampling_rate, "sound_speed": speed})
+
+    def beams(self, signals: np.ndarray) -> np.ndarray:
+        """Give beams complex64 (B, S) [µPa] of signals (rx, S) [µPa]."""
+        frame: Any = self._frame.copy(data=signals[None, None].astype(np.complex64))
+        return fan.formed(frame, self._survey.pulse, self._direction)[0]
+
+    def transposed(self, weights: np.ndarray) -> np.ndarray:
+        """Give weights of signals (rx, S) of those of beams (B, S): the conjugate transpose."""
+        survey, delay = self._survey, self._survey.receive.delay
+        summed = delay_and_sum_transposed(self._frame, self._direction, weights[None])[0, 0]
+        found = matched_filter_transposed(summed, survey.pulse, survey.sampling_rate)
+        return delayed_transposed(found, -delay, survey.sampling_rate, survey.frequency) if delay.any() else found
+
+
+KINDS: dict[str, Callable[[Any, Any], tuple[np.ndarray, np.ndarray]]] = {
+    "array": array.directions, "forward_looking": forward_looking.directions}
+PARTS = "intensity", "amplitude"
+
+
+class CoherentPicture:
+    """The picture of a sonar's beams as a `ForwardModel`, with its speckle, noise and targets.
+
+    Parameters
+    ----------
+    scene : mitsuba.Scene
+    keys : sequence of str
+        Parameters, as `element_parameters` names them.
+    pings : sequence of int, optional
+        Default: all.
+    sensor : int
+        Number of the sensor.
+    seed : int
+    of : {"intensity", "amplitude"}
+        y: |p|² [µPa²], or real and imaginary part of p [µPa] one after the other.
+
+    Attributes
+    ----------
+    start, units : dict
+        Of the parameters.
+    shape : tuple of int
+        Of y: pings, beams, samples, and 2 for amplitudes.
+    left_out : tuple of str
+        What the Jacobian does not hold.
+
+    Raises
+    ------
+    ValueError
+        If the sonar is of another kind, or as `ElementModel`.
+    """
+
+    def __init__(self, scene: mi.Scene, keys: Sequence[str], *, pings: Sequence[int] | None = None, sensor: int = 0,
+                 seed: int = 0, of: str = "intensity"):
+        sonar: Any = scene.sensors()[sensor]
+        kind = getattr(sonar, "kind", type(sonar).__name__)
+        if kind not in KINDS:
+            raise ValueError(f"gradients of coherent pictures are of {' and '.join(KINDS)}, and this sensor is a "
+                             f"{kind}; give the scene one of them, or take the signals of its elements")
+        if of not in PARTS:
+            raise ValueError(f"of is {of!r}; give one of {', '.join(PARTS)}")
+        self._of, pings = of, _all_pings(scene, sonar) if pings is None else pings
+        self._elements = ElementModel(scene, keys, pings=pings, sensor=sensor, seed=seed)
+        survey = self._elements.survey
+        directions = KINDS[kind](survey, sonar)[1]
+        self._fans = [CoherentFan(survey, directions, survey.sound_speed(int(ping))) for ping in pings]
+        self.start, self.units, self.left_out = self._elements.start, self._elements.units, self._elements.left_out
+        self.shape = (len(pings), *self._fans[0].shape, *((2,) if of == "amplitude" else ()))
+
+    def __repr__(self) -> str:
+        keys = ", ".join(f"{key} {value.shape}" for key, value in self.start.items())
+        return f"CoherentPicture of {self.shape[0]} pings, {self.shape[1]} beams, {self.shape[2]} samples by {keys}"
+
+    def value(self, values: Values) -> np.ndarray:
+        """Give the picture of values; see `ForwardModel.value`."""
+        return _shown(_beams(self._fans, self._elements.value(values), self._elements.shape), self._of)
+
+    def linearised(self, values: Values) -> CoherentJacobian:
+        """Give the picture about values, with its Jacobian; see `ForwardModel.linearised`."""
+        return CoherentJacobian(self._elements.linearised(values), self._elements.shape, self._fans, self._of)
+
+
+class CoherentJacobian:
+    """A coherent picture about some values, as a `Linearised`.
+
+    Parameters
+    ----------
+    elements : Linearised
+        Of the signals.
+    shape : (int, int, int, int)
+        Of their record.
+    fans : sequence of CoherentFan
+        One a ping.
+    of : str
+        As of `CoherentPicture`.
+
+    Attributes
+    ----------
+    value : (N,) float64
+    beams : complex (P, B, S) [µPa]
+    """
+
+    def __init__(self, elements: Linearised, shape: tuple[int, int, int, int], fans: Sequence[CoherentFan],
+                 of: str):
+        self._elements, self._shape, self._fans, self._of = elements, shape, fans, of
+        self.beams = _beams(fans, elements.value, shape)
+        self.value = _shown(self.beams, of)
+
+    def forward(self, tangents: Values) -> np.ndarray:
+        """Give J v; see `Linearised.forward`."""
+        moved = _beams(self._fans, self._elements.forward(tangents), self._shape)
+        return _shown(moved, self._of) if self._of == "amplitude" else 2 * np.real(self.beams.conj() * moved).ravel()
+
+    def backward(self, cotangent: np.ndarray) -> dict[str, np.ndarray]:
+        """Give Jᵀ w; see `Linearised.backward`."""
+        cotangent = np.asarray(cotangent, float)
+        if cotangent.shape != self.value.shape:
+            raise ValueError(f"weights have the shape {cotangent.shape}; give one for each of the "
+                             f"{self.value.shape[0]} numbers of the picture")
+        weights = cotangent.view(complex) if self._of == "amplitude" else 2 * self.beams.ravel() * cotangent
+        scale = np.abs(weights).max(initial=0)                         # float32 inside: far from its ends
+        if scale == 0:
+            return self._elements.backward(np.zeros(int(np.prod(self._shape))))
+        weights = (weights / scale).reshape(self.beams.shape)
+        signals = np.stack([fan.transposed(one) for fan, one in zip(self._fans, weights, strict=True)]).astype(complex)
+        found = self._elements.backward(np.ascontiguousarray(signals).view(float).ravel())
+        return {name: scale * gradient for name, gradient in found.items()}
+
+
+def _all_pings(scene: mi.Scene, sonar: Any) -> range:
+    integrator: Any = scene.integrator()
+    return range(integrator.survey(scene, sonar).track.pings)
+
+
+def _beams(fans: Sequence[CoherentFan], signals: np.ndarray, shape: tuple[int, int, int, int]) -> np.ndarray:
+    """Beams (P, B, S), complex128, of a record of signals."""
+    pings = np.ascontiguousarray(signals).view(complex).reshape(shape[:3])
+    return np.stack([fan.beams(one) for fan, one in zip(fans, pings, strict=True)]).astype(complex)
+
+
+def _shown(beams: np.ndarray, of: str) -> np.ndarray:
+    return beams.view(float).ravel() if of == "amplitude" else (np.abs(beams) ** 2).ravel()

@@ -1,0 +1,1 @@
+"""Parameters of a scene that gradients are taken of."""

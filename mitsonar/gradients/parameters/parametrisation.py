@@ -1,0 +1,136 @@
+"""A model by other parameters than its own: chain rule forward and backward.
+
+    F(g(x)),    J G dx,    Gᵀ Jᵀ w
+
+g -> `changes`. Several follow one another: the heights of a mesh, then those heights by fewer nodes:
+
+    parametrised(model, Heights("bed.vertex_positions"), OnNodes(key="bed.heights", places=xy, spacing=4.0))
+"""
+from __future__ import annotations
+
+import numpy as np
+
+from mitsonar.device.spelling import meant
+
+from ..model import ForwardModel, Linearised, Values
+from .changes import BoundChange, Change, Heights, InDecibels, Log, Offset, OnNodes, Pose
+
+__all__ = ["Heights", "InDecibels", "Log", "Offset", "OnNodes", "Parametrised", "Pose", "parametrised"]
+
+
+def parametrised(model: ForwardModel, *changes: Change) -> ForwardModel:
+    """Give a model by other parameters; each change is of a parameter of what the changes before it made.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown, a change does not fit its parameter, or makes a name that is there already.
+    """
+    for change in changes:
+        model = Parametrised(model, change)
+    return model
+
+
+class Parametrised:
+    """A model with one parameter by other numbers.
+
+    Parameters
+    ----------
+    model : ForwardModel
+    change : Change
+
+    Attributes
+    ----------
+    start, units
+        See `ForwardModel`.
+    shape : tuple of int
+        Of the record; there where the model has it.
+
+    Raises
+    ------
+    ValueError
+        As `parametrised`.
+    """
+
+    def __init__(self, model: ForwardModel, change: Change):
+        key = change.key
+        if key not in model.start:
+            raise ValueError(f"{key!r} is none of the model's parameters{meant(key, model.start)}: "
+                             f"{', '.join(model.start)}")
+        self._model, self._key = model, key
+        self._change = change.bound(np.asarray(model.start[key], float), model.units.get(key, ""))
+        if self._change.name in model.start:
+            raise ValueError(f"the model has a parameter {self._change.name!r} already; use that")
+        # in the place of the old one
+        self.start = {self._change.name if name == key else name: self._change.start if name == key else value
+                      for name, value in model.start.items()}
+        self.units = {self._change.name if name == key else name: self._change.unit if name == key else unit
+                      for name, unit in model.units.items()}
+        if hasattr(model, "shape"):
+            self.shape: tuple[int, ...] = tuple(getattr(model, "shape"))
+
+    def value(self, values: Values) -> np.ndarray:
+        """Give the record of values; see `ForwardModel.value`."""
+        return self._model.value(self._inner(self._checked(values)))
+
+    def linearised(self, values: Values) -> ParametrisedLine:
+        """Give the record about values; see `ForwardModel.linearised`."""
+        checked = self._checked(values)
+        at = checked.get(self._change.name, self._change.start)
+        return ParametrisedLine(self._model.linearised(self._inner(checked)), self._key, self._change, at)
+
+    def _checked(self, values: Values) -> dict[str, np.ndarray]:
+        found = {}
+        for name, value in values.items():
+            if name not in self.start:
+                raise ValueError(f"{name!r} is none of the model's parameters{meant(name, self.start)}: "
+                                 f"{', '.join(self.start)}")
+            found[name] = np.asarray(value, float)
+        own = found.get(self._change.name)
+        if own is not None:
+            _check_shape(self._change, own)
+        return found
+
+    def _inner(self, values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """The model's own parameters."""
+        return {self._key if name == self._change.name else name:
+                self._change.inner(value) if name == self._change.name else value for name, value in values.items()}
+
+
+class ParametrisedLine:
+    """A `Parametrised` model about some values: see `model.Linearised`.
+
+    Attributes
+    ----------
+    told : dict
+        Shares of what the model's own linearisation leaves out, where it tells.
+    """
+
+    def __init__(self, line: Linearised, key: str, change: BoundChange, at: np.ndarray):
+        self._line, self._key, self._change, self._at = line, key, change, at
+        self.value = line.value
+        self.told = getattr(line, "told", {})
+
+    def forward(self, tangents: Values) -> np.ndarray:
+        """Give J v; see `Linearised.forward`."""
+        if self._key in tangents:
+            raise ValueError(f"{self._key!r} is by {self._change.name!r} here; give directions of that")
+        inner = {name: value for name, value in tangents.items() if name != self._change.name}
+        if self._change.name in tangents:
+            own = np.asarray(tangents[self._change.name], float)
+            _check_shape(self._change, own)
+            inner[self._key] = self._change.push(self._at, own)
+        return self._line.forward(inner)
+
+    def backward(self, cotangent: np.ndarray) -> dict[str, np.ndarray]:
+        """Give Jᵀ w; see `Linearised.backward`."""
+        return {self._change.name if name == self._key else name:
+                self._change.pull(self._at, value) if name == self._key else value
+                for name, value in self._line.backward(cotangent).items()}
+
+
+def _check_shape(change: BoundChange, value: np.ndarray) -> None:
+    if value.shape != change.start.shape:
+        raise ValueError(f"{change.name} has the shape {value.shape}; give {change.start.shape}")
+    if not np.isfinite(value).all():
+        raise ValueError(f"{change.name} holds numbers that are not finite")

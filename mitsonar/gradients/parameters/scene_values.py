@@ -1,0 +1,286 @@
+"""Parameters of a scene as NumPy arrays, and as leaves that gradients begin at.
+
+What is written goes through `mi.traverse` and its `update`, so that whatever a plugin keeps of a parameter is made
+anew. Arrays of vectors have a row a vector; all else has the shape that Mitsuba gives it. The ``to_world`` of a sphere,
+cylinder, disk or rectangle is a matrix (4, 4), whose last row stays 0, 0, 0, 1.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.spelling import meant
+
+from ..attached.shapes import as_taken, kind_of
+from ..model import Values
+
+__all__ = ["AttachedValues", "SceneValues", "check_followed", "differentiable"]
+
+_attached: list["SceneValues"] = []    # whose leaves are in a scene now: calls look into all materials, of any scene
+
+VECTORS = ("vertex_positions", "vertex_normals", "position_offset", "attitude_offset", "tx_position", "rx_position")
+OF_EVERY_MESH = "vertex_positions", "vertex_normals", "vertex_texcoords"
+DERIVED = "vertex_normals", "vertex_texcoords"         # normals follow positions; sound reads no others
+POSE = "to_world"
+OF_ELEMENTS = "tx_position", "rx_position", "tx_delay", "rx_delay", "tx_weight", "rx_weight"
+UNITS = {POSE: "1 and m", "vertex_positions": "m", "position_offset": "m", "attitude_offset": "rad",
+         "sound_speed": "m/s", "absorption_offset": "dB/m", "absorption_db": "dB/m", "strength": "1", "mu_db": "dB",
+         "target_strength_db": "dB", "position": "m"}
+
+
+def differentiable(scene: mi.Scene) -> list[str]:
+    """Names of the parameters of a scene that gradients may be asked for."""
+    parameters: Any = mi.traverse(scene)
+    still, moving = _still(scene, parameters), _transforms(scene)
+    return [key for key in parameters.keys() if parameters.flags(key) & mi.ParamFlags.NonDifferentiable.value == 0
+            and key.rpartition(".")[2] not in DERIVED and key not in still
+            and (key in moving or not _is_transform(parameters[key]))]
+
+
+def _is_transform(value: Any) -> bool:
+    return hasattr(value, "inverse_transpose")
+
+
+def _transforms(scene: mi.Scene) -> dict[str, int]:
+    """Names of the poses that echoes follow, with the kind of their shapes: of those that are not made of facets."""
+    return {f"{shape.id()}.{POSE}": kind_of(shape) for shape in scene.shapes() if kind_of(shape) and shape.id()}
+
+
+def _still(scene: mi.Scene, parameters: Any) -> dict[str, str]:
+    """Names of parameters that Mitsuba calls differentiable and that echoes do not follow, with the reason."""
+    shapes = {shape.id(): shape for shape in scene.shapes()}
+    found = {}
+    for key in parameters.keys():
+        owner, _, name = key.rpartition(".")
+        if hasattr(shapes.get(key.partition(".")[0]), "target_strength_db"):
+            found[key] = ("a point target's echo stands still in mean levels; mitsonar.differentiable_signals and "
+                          "coherent_model move it")
+        elif name in OF_ELEMENTS:
+            found[key] = ("elements stand still in mean levels; mitsonar.differentiable_signals and coherent_model "
+                          "move them")
+        elif name == "vertex_positions" and getattr(shapes.get(owner), "sea_surface", False):
+            found[key] = "the sea surface stands still in gradients"
+        elif name == "vertex_positions" and "." in owner and owner not in shapes:
+            found[key] = "what instances show stands still in gradients; put the mesh itself into the scene"
+    return found
+
+
+def check_followed(scene: mi.Scene) -> None:
+    """Refuse gradients of what levels do not follow: they would be zero.
+
+    Raises
+    ------
+    ValueError
+        If such a parameter of the scene carries one.
+    """
+    parameters: Any = mi.traverse(scene)
+    for key, reason in _still(scene, parameters).items():
+        value = parameters[key]
+        if dr.is_diff_v(value) and dr.grad_enabled(value):
+            raise ValueError(f"{key!r} carries a gradient, and has none: {reason}")
+
+
+class SceneValues:
+    """Some parameters of a scene.
+
+    Parameters
+    ----------
+    scene : mitsuba.Scene
+    keys : sequence of str
+
+    Attributes
+    ----------
+    start : dict[str, array]
+        Their values when this was made.
+    units : dict[str, str]
+
+    Raises
+    ------
+    ValueError
+        If the scene has no such parameter, or it has no gradient.
+    """
+
+    def __init__(self, scene: mi.Scene, keys: Sequence[str]):
+        self._parameters: Any = mi.traverse(scene)
+        known = differentiable(scene)
+        if not keys:
+            raise ValueError(f"no parameter was asked for; give one or more of {', '.join(known)}")
+        for key in keys:
+            if key not in known and (reason := _still(scene, self._parameters).get(key)):
+                raise ValueError(f"{key!r} has no gradient: {reason}")
+            owner, _, name = key.rpartition(".")
+            if name == POSE and f"{owner}.vertex_positions" in known:
+                raise ValueError(f"a mesh such as {owner!r} has no {key!r}: its vertices are where they are; take "
+                                 f"{owner}.vertex_positions, or its pose by parametrisation.Pose")
+            if key not in known:
+                raise ValueError(f"the scene has no parameter {key!r} that gradients could be of{meant(key, known)}; "
+                                 f"it has {', '.join(known)}")
+        self.keys, self._kinds = tuple(dict.fromkeys(keys)), _transforms(scene)
+        self._holder: AttachedValues | None = None      # whose leaves are in the scene now
+        self.start = {key: self._array(key) for key in self.keys}
+        self.units = {key: UNITS.get(key.rpartition(".")[2], "") for key in self.keys}
+
+    def _array(self, key: str) -> np.ndarray:
+        value = self._parameters[key]
+        if _is_transform(value):
+            return np.array(dr.detach(value.matrix), float).reshape(4, 4)
+        value = dr.detach(value)
+        array = np.array(value, float)
+        if array.ndim > 1 and not dr.is_tensor_v(value):               # Dr.Jit's vectors have their axis first
+            array = array.T
+        return array.reshape(-1, 3) if key.rpartition(".")[2] in VECTORS else array
+
+    def write(self, values: Values) -> None:
+        """Put values into the scene; those left out are as at the start."""
+        checked, self._holder = self.checked(values), None
+        for key in self.keys:
+            new = checked.get(key, self.start[key])
+            if not np.array_equal(new, self._array(key)):
+                self._parameters[key] = self._put(key, self.value(key, new))
+        self._parameters.update()
+
+    def checked(self, values: Values) -> dict[str, np.ndarray]:
+        """Arrays of the right names and shapes, or `ValueError`."""
+        found = {}
+        for key, value in values.items():
+            if key not in self.start:
+                raise ValueError(f"{key!r} is none of the parameters{meant(key, self.keys)}: {', '.join(self.keys)}")
+            array, shape = np.asarray(value, float), self.start[key].shape
+            if array.shape != shape:
+                raise ValueError(f"{key} has the shape {array.shape}; give {shape}")
+            if not np.all(np.isfinite(array)):
+                raise ValueError(f"{key} holds numbers that are not finite")
+            found[key] = array
+        return found
+
+    def _put(self, key: str, value: Any) -> Any:
+        """A value as the scene takes it: of a matrix, the transform."""
+        return type(self._parameters[key])(value) if key in self._kinds else value
+
+    def direction(self, key: str, array: np.ndarray) -> Any:
+        """A direction as Mitsuba's own kind of value."""
+        return mi.Matrix4f(array) if key in self._kinds else self.value(key, array)
+
+    def value(self, key: str, array: np.ndarray) -> Any:
+        """An array as Mitsuba's own kind of value; of a transform, its matrix."""
+        kind = type(self._parameters[key])
+        if key in self._kinds:
+            return mi.Matrix4f(as_taken(self._kinds[key], array, key))
+        if kind is float:
+            return float(array)
+        if dr.is_tensor_v(kind):
+            return kind(np.ascontiguousarray(array, np.float32))
+        if dr.depth_v(kind) > 1:
+            return kind(*np.atleast_2d(array).T.tolist()) if array.ndim > 1 else kind(*array.tolist())
+        wide = np.float64 if dr.type_v(kind) == dr.VarType.Float64 else np.float32
+        return kind(np.ascontiguousarray(array.ravel(), wide))
+
+    def attached(self) -> AttachedValues:
+        """Give the parameters as leaves, in the scene."""
+        leaves = {}
+        for key in self.keys:
+            leaf = self.value(key, self._array(key))
+            dr.enable_grad(leaf)
+            leaves[key] = leaf
+        found = AttachedValues(self, leaves)
+        self.hold(found, leaves)
+        return found
+
+    def is_read(self, key: str) -> bool:
+        """Whether it is the vertices of a mesh with attributes of its own, which textures may read."""
+        mesh, _, name = key.rpartition(".")
+        own = (other.removeprefix(f"{mesh}.") for other in self._parameters.keys() if other.startswith(f"{mesh}."))
+        return name == "vertex_positions" and any(
+            other.startswith(("vertex_", "face_")) and other not in OF_EVERY_MESH for other in own)
+
+    def give_up(self, holder: AttachedValues) -> None:
+        """Have a holder's leaves put in anew when they are next asked for."""
+        if self._holder is holder:
+            self._holder = None
+
+    def hold(self, holder: AttachedValues, leaves: Mapping[str, Any]) -> None:
+        """Put leaves into the scene, unless they are there; nothing else in it carries gradients then."""
+        if self._holder is holder:
+            return
+        while _attached:
+            _attached.pop().let_go()
+        for key in self._parameters.keys():                            # an earlier model's would push along with ours
+            if key not in leaves and dr.grad_enabled(self._parameters[key]):
+                self._parameters[key] = dr.detach(self._parameters[key])
+        for key, leaf in leaves.items():
+            self._parameters[key] = self._put(key, leaf)
+        self._parameters.update()
+        self._holder = holder
+        _attached.append(self)
+
+    def let_go(self) -> None:
+        """Leave values without gradients in the scene: another model's products would end at them in an error."""
+        self._holder = None
+        for key in self.keys:
+            if dr.grad_enabled(self._parameters[key]):
+                self._parameters[key] = dr.detach(self._parameters[key])
+        self._parameters.update()
+
+
+class AttachedValues:
+    """Leaves of a scene's parameters.
+
+    Parameters
+    ----------
+    values : SceneValues
+    leaves : dict[str, Dr.Jit array]
+    """
+
+    def __init__(self, values: SceneValues, leaves: Mapping[str, Any]):
+        self._values, self._leaves = values, dict(leaves)
+
+    def hold(self) -> None:
+        """Be in the scene, whatever has been written into it since."""
+        self._values.hold(self, self._leaves)
+
+    def directions(self, tangents: Values) -> dict[str, np.ndarray]:
+        """Directions of all leaves, 0 where none is given."""
+        checked = self._values.checked(tangents)
+        return {key: checked.get(key, np.zeros_like(start)) for key, start in self._values.start.items()}
+
+    def set_tangents(self, directions: Mapping[str, np.ndarray]) -> None:
+        """Let the leaves move in these directions, and what their plugins made of them.
+
+        A texture keeps a copy of its data, and a law that is called for it may be looked into by calls alone: Dr.Jit
+        wants tangents to be there before. That uses up the way from the leaf to the copy, which is made anew. The same
+        holds for a mesh whose attributes a texture reads.
+        """
+        copied = [key for key, leaf in self._leaves.items() if dr.is_tensor_v(leaf) or self._values.is_read(key)]
+        if copied:
+            for key in copied:                             # what earlier products left behind leads on from old leaves
+                self._leaves[key] = type(self._leaves[key])(dr.detach(self._leaves[key]))
+                dr.enable_grad(self._leaves[key])
+            self._values.give_up(self)
+            self.hold()
+        for key, leaf in self._leaves.items():
+            dr.clear_grad(leaf)
+            dr.set_grad(leaf, self._values.direction(key, directions[key]))
+        if copied:
+            for key in copied:
+                dr.enqueue(dr.ADMode.Forward, self._leaves[key])
+            dr.traverse(dr.ADMode.Forward, flags=dr.ADFlag.ClearEdges)
+            self._values.give_up(self)
+
+    def clear(self) -> None:
+        """Forget gradients."""
+        dr.clear_grad(self._leaves)
+
+    def gradients(self) -> dict[str, np.ndarray]:
+        """What has come back to the leaves."""
+        found = {}
+        for key, leaf in self._leaves.items():
+            array = np.array(dr.grad(leaf), float)
+            if array.ndim > 1 and not dr.is_tensor_v(leaf) and not dr.is_matrix_v(leaf):
+                array = array.T
+            found[key] = array.reshape(self._values.start[key].shape)
+        self.clear()
+        return found

@@ -1,0 +1,69 @@
+"""Gradients of the levels that `mi.render` gives: products with the Jacobian of the picture in decibels.
+
+    L = 10 log I,    dL = 10 / ln 10  dI / I
+
+I -> the mean intensities of `record_field`, noise included. A picture with speckle moves as its mean does: speckle is a
+factor that belongs to the ground. Bins without any echo stand still.
+"""
+from __future__ import annotations
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.survey.kinds import kind_of
+
+from ..parameters.scene_values import check_followed
+from .pictures import picture_of
+from .record_field import About, RecordField
+
+__all__ = ["LevelProducts", "wants_gradients"]
+
+PER_INTENSITY = 10 / np.log(10)    # dB
+
+
+class LevelProducts:
+    """The levels of a scene's picture, and how they move with what carries gradients in it.
+
+    Parameters
+    ----------
+    scene : mitsuba.Scene
+    sensor : mitsuba.Sensor
+    integrator : mitsuba.Integrator
+    seed : int
+
+    Raises
+    ------
+    ValueError
+        If there are none of this kind of sonar, or something carries a gradient that levels have none of.
+    """
+
+    def __init__(self, scene: mi.Scene, sensor: Any, integrator: Any, seed: int):
+        with dr.resume_grad():
+            check_followed(scene)
+        field = RecordField(picture_of(scene, sensor, integrator), sensor.own_seed(seed))
+        self._about: About = field.about()
+        intensity = self._about.value
+        self._slope = np.divide(PER_INTENSITY, intensity, out=np.zeros_like(intensity), where=intensity > 0)
+        order = kind_of(sensor).rows(np.arange(intensity.size).reshape(field.shape))
+        self._shape, self._order = order.shape, order.ravel()
+
+    def forward(self) -> np.ndarray:
+        """Give dL, (rows, columns) [dB], of the tangents that are set at the leaves."""
+        moved = self._about.pushed(lambda: None) * self._slope
+        return moved[self._order].reshape(self._shape)
+
+    def backward(self, weights: np.ndarray) -> None:
+        """Send the gradient of Σ w L of weights (rows, columns) to the leaves."""
+        spread = np.zeros(self._slope.size)
+        spread[self._order] = np.ravel(weights)
+        self._about.pull(spread * self._slope)
+
+
+def wants_gradients(scene: mi.Scene) -> bool:
+    """Whether anything in a scene carries a gradient, be they suspended or not."""
+    parameters: Any = mi.traverse(scene)
+    with dr.resume_grad():
+        return any(dr.grad_enabled(value) for _, value in parameters.items() if dr.is_diff_v(value))

@@ -1,0 +1,215 @@
+"""What of a sonar's picture gradients can be of: its rows, and the linear way from their energies to intensities.
+
+    I = P L E,    dI = P L dE,    Eᵀ = Lᵀ Pᵀ Iᵀ
+
+P -> what the pulse makes of neighbouring bins; L -> what the sides of a sidescan hear of each other. Both are
+symmetric.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Protocol
+
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.imaging.recorder import leaked
+from mitsonar.imaging.sidescan import mean_intensity, pulse_shares
+from mitsonar.survey.energy import energy
+from mitsonar.survey.energy.rows import Rows
+from mitsonar.survey.fan import forward_looking, kind as array
+from mitsonar.survey.fan.beams import Beams
+from mitsonar.survey.kinds import kind_of
+from mitsonar.survey.pressure.array_survey import ArraySurvey
+from mitsonar.survey.sector_scan import kind as sector_scan
+from mitsonar.survey.sidescan.kind import noise_db
+from mitsonar.survey.sidescan.sides import Sides
+from mitsonar.survey.sidescan.sidescan_survey import SidescanSurvey
+from mitsonar.survey.survey import Survey
+from mitsonar.units import power_from_db
+
+__all__ = ["FanPicture", "Picture", "SidescanPicture", "StepPicture", "has_phases", "picture_of"]
+
+
+class Picture(Protocol):
+    """A sonar's picture.
+
+    Attributes
+    ----------
+    survey : Survey
+    sensor : mitsuba.Sensor
+    rows : Rows
+    noise : float [µPa²]
+        The part of `still` that is noise, in every bin.
+    """
+
+    survey: Survey
+    sensor: Any
+    rows: Rows
+    noise: float
+
+    def shown(self, energy: np.ndarray) -> np.ndarray:
+        """Give what the picture shows of energies (ping, row, bin) [µPa²]."""
+        ...
+
+    def transposed(self, cotangent: np.ndarray) -> np.ndarray:
+        """Give the transpose of `shown`, of weights (ping, row, bin)."""
+        ...
+
+    def still(self, survey: Survey, seed: int) -> np.ndarray:
+        """Give what stands still (N,) [µPa²]: noise, and echoes other than those of first hits."""
+        ...
+
+
+class SidescanPicture:
+    """The picture of a sidescan; see `Picture`.
+
+    Parameters
+    ----------
+    survey : SidescanSurvey
+    sensor : mitsuba.Sensor
+    """
+
+    def __init__(self, survey: SidescanSurvey, sensor: Any):
+        self.survey: Survey = survey
+        self.sensor = sensor
+        self.rows: Rows = Sides(survey, shadows=False)       # of few rays, those in lit bins count
+        self._shares = pulse_shares(survey.bin_length, survey.sonar.pulse_length)
+        noise = noise_db(sensor, survey.sonar)
+        self.noise = 0.0 if noise is None else float(power_from_db(noise))
+
+    def shown(self, energy: np.ndarray) -> np.ndarray:
+        """Give what the picture shows of energies."""
+        return leaked(mean_intensity(energy, self._shares), self.sensor.recorder)
+
+    def transposed(self, cotangent: np.ndarray) -> np.ndarray:
+        """Give the transpose of `shown`: pulse and leakage are symmetric."""
+        return mean_intensity(leaked(cotangent, self.sensor.recorder), self._shares)
+
+    def still(self, survey: Survey, seed: int) -> np.ndarray:
+        """Give noise, and echoes other than those of first hits."""
+        total = np.full((survey.track.pings, 2, self.rows.bins.count), self.noise)
+        if len(self.rows.paths) > 1 or has_phases(survey):
+            record = energy.record(survey, self.rows, seed)
+            if record.path_intensity is not None:
+                others = record.path_intensity[:, :, 1:].astype(float).sum(2)
+                total += self.shown(others)
+            if record.coherent is not None:
+                total += leaked(record.coherent.intensity.astype(float), self.sensor.recorder)
+        return total.ravel()
+
+
+class FanPicture:
+    """The mean intensities of a fan of beams; see `Picture`. Noise is left out.
+
+        <|y|²> = Σ_r E_r |R(t - t_r)|²,    R the compressed pulse, 1 at its peak
+
+    so that a bin's mean is what beams mix, smeared over range, times Σ_k |R(k / f_s)|².
+
+    Parameters
+    ----------
+    survey : ArraySurvey
+    sensor : mitsuba.Sensor
+    directions : (B,) [rad], (B, 3)
+        Of the beams.
+    """
+
+    def __init__(self, survey: ArraySurvey, sensor: Any, directions: tuple[np.ndarray, np.ndarray]):
+        self.survey: Survey = survey
+        self.sensor, self._beams = sensor, Beams(survey, *directions)
+        self.rows: Rows = self._beams
+        self.noise = 0.0
+        self._gain = _compressed_energy(survey)
+
+    def shown(self, energy: np.ndarray) -> np.ndarray:
+        """Give what the picture shows of energies."""
+        return self._gain * np.moveaxis(self._beams.shown(np.moveaxis(energy, 0, 1)), 0, 1)
+
+    def transposed(self, cotangent: np.ndarray) -> np.ndarray:
+        """Give the transpose of `shown`."""
+        return self._gain * np.moveaxis(self._beams.shown_transposed(np.moveaxis(cotangent, 0, 1)), 0, 1)
+
+    def still(self, survey: Survey, seed: int) -> np.ndarray:
+        """Give what has a phase of its own."""
+        return _with_phase(survey, self.rows, seed)
+
+
+def _compressed_energy(survey: ArraySurvey) -> float:
+    """Energy of the compressed pulse [samples], of a peak of 1."""
+    length = 2 ** int(np.ceil(np.log2(4 * survey.pulse.duration * survey.sampling_rate + 64)))
+    sent = survey.pulse.spectrum(survey.sampling_rate, length)
+    compressed = np.abs(np.fft.ifft(np.abs(sent) ** 2)) ** 2
+    return float(compressed.sum() / compressed.max())
+
+
+class StepPicture:
+    """The mean intensities of a sector scan; see `Picture`. Noise is left out.
+
+    Parameters
+    ----------
+    survey : ArraySurvey
+    sensor : mitsuba.Sensor
+    """
+
+    def __init__(self, survey: ArraySurvey, sensor: Any):
+        self.survey: Survey = survey
+        self.sensor, self._steps = sensor, sector_scan.steps_of(survey, sensor)
+        self.rows: Rows = self._steps
+        self.noise = 0.0
+
+    def shown(self, energy: np.ndarray) -> np.ndarray:
+        """Give what the picture shows of energies."""
+        return self._steps.shown(energy)
+
+    def transposed(self, cotangent: np.ndarray) -> np.ndarray:
+        """Give the transpose of `shown`: the pulse is symmetric."""
+        return self._steps.shown(cotangent)
+
+    def still(self, survey: Survey, seed: int) -> np.ndarray:
+        """Give what has a phase of its own."""
+        return _with_phase(survey, self.rows, seed)
+
+
+def _with_phase(survey: Survey, rows: Rows, seed: int) -> np.ndarray:
+    """Intensities (N,) [µPa²] of what has a phase of its own, as pictures show them."""
+    shape = survey.track.pings, rows.per_ping, rows.bins.count
+    coherent = energy.record(survey, rows, seed).coherent if has_phases(survey) else None
+    return np.zeros(int(np.prod(shape))) if coherent is None else coherent.intensity.astype(float).ravel()
+
+
+def has_phases(survey: Survey) -> bool:
+    """Whether anything in a scene has an echo of a phase of its own."""
+    geometry = survey.geometry
+    smooth = any(getattr(shape.bsdf(), "smooth", False) for shape in geometry.scene.shapes())
+    return bool(geometry.targets()) or smooth or geometry.surface_mirrors
+
+
+def picture_of(scene: mi.Scene, sensor: Any, integrator: Any, rays: int | None = None) -> Picture:
+    """Plan what gradients can be of; of so many rays a ping at most.
+
+    Raises
+    ------
+    ValueError
+        If they cannot be of this kind of sonar, or scene and sonar do not fit together.
+    """
+    kind_of(sensor)
+    if sensor.kind not in PICTURES:
+        raise ValueError(f"gradients are of {', '.join(PICTURES)}, and this sensor is a {sensor.kind}; give the scene "
+                         "one of them")
+    survey = integrator.survey(scene, sensor)
+    if rays is not None:
+        survey = replace(survey, rays=min(survey.rays, rays))
+    return PICTURES[sensor.kind](survey, sensor)
+
+
+def _array(survey: ArraySurvey, sensor: Any) -> Picture:
+    return FanPicture(survey, sensor, array.directions(survey, sensor))
+
+
+def _forward_looking(survey: ArraySurvey, sensor: Any) -> Picture:
+    return FanPicture(survey, sensor, forward_looking.directions(survey, sensor))
+
+
+PICTURES: dict[str, Callable[[Any, Any], Picture]] = {
+    "sidescan": SidescanPicture, "array": _array, "forward_looking": _forward_looking, "sector_scan": StepPicture}

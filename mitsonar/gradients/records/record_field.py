@@ -1,0 +1,211 @@
+"""The mean intensities that a sonar's picture shows, as a field that gradients pass through.
+
+    I = P L [Σ_r E_r] + I_other + N        [µPa²], (ping, row, bin)
+
+E_r -> the first-hit echoes of rays that stay the same (`energy_field`), P L -> pulse and sides (`pictures`), I_other ->
+echoes of several bounces, of the water and of what has a phase, N -> noise; the last two are those at the start, and
+stand still. Seabeds are met, and lit, by normals between their nodes, in values and in gradients: of facets, neither
+would be smooth.
+
+Gradients are those of Dr.Jit, of arrays in the scene: whoever owns the leaves asks for products (`About`).
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.scene.geometry import Geometry
+
+from ..attached.scene import AttachedScene
+from ..edges.edge_terms import EdgeTerms
+from ..edges.jump_lines import LineMaker
+from ..edges.unseen import may_meet, seen_in, shares
+from .energy_field import Block, EnergyField, Kept, Samplers, Scenery
+from .pictures import Picture
+
+__all__ = ["About", "RecordField"]
+
+MOST_KEPT = 8_000_000              # rays of which hits are kept between products: 150 bytes each
+
+
+class RecordField:
+    """A sonar's record as a field.
+
+    Parameters
+    ----------
+    picture : Picture
+    seed : int
+        Of ray directions.
+    edges : bool
+        Whether derivatives know that outlines move, and with them what is lit.
+
+    Attributes
+    ----------
+    shape : (int, int, int)
+        Pings, rows and bins.
+    still : (N,) [µPa²]
+        What stands still.
+    still_echoes : float [µPa²]
+        Sum of that without noise.
+    outlines : bool
+        As `edges`.
+    unsampled : list of (str, str)
+        Names of moving shapes that may meet along lines that derivatives do not know of.
+    """
+
+    def __init__(self, picture: Picture, seed: int, *, edges: bool = True):
+        survey = picture.survey
+        survey = replace(survey, geometry=Geometry(survey.geometry.scene, smooth_beds=True))
+        self._picture = picture
+        self.outlines, self._makers = edges, {}
+        self.unsampled: list[tuple[str, str]] = []
+        self.energy = EnergyField(survey, picture.rows, seed)
+        self.shape = _shape(picture)
+        self.scene = AttachedScene(picture, survey)
+        with dr.suspend_grad():
+            self.still = picture.still(survey, seed)
+            self.still_echoes = max(float(np.sum(self.still - picture.noise)), 0.0)
+
+    def value(self, picture: Picture | None = None) -> np.ndarray:
+        """Return the record of the scene as it is, (N,) [µPa²].
+
+        Parameters
+        ----------
+        picture : Picture, optional
+            Planned for the scene as it is now: its bins and beams receive the rays. Default: those of the start, which
+            gradients hold.
+
+        Raises
+        ------
+        ValueError
+            If that picture has another shape than the one at the start.
+        """
+        picture = self._picture if picture is None else picture
+        shape = _shape(picture)
+        if shape != self.shape:
+            raise ValueError(f"a render of the changed scene has the shape {shape} (ping, row, bin), and the record "
+                             f"{self.shape}; gradients need both alike")
+        energy = self.energy.of_rows(picture.rows)
+        scenery = self.scene.scenery(energy)
+        with dr.suspend_grad():
+            sums = [_array(energy.sums(scenery, block, energy.kept(scenery, block))) for block in energy.blocks]
+        return self._linear(picture, sums) + self.still
+
+    def about(self) -> About:
+        """Give the record about the scene as it is, with products by its Jacobian."""
+        return About(self)
+
+    def samplers(self, scenery: Scenery) -> Samplers | None:
+        """Give what draws points on lines that move with what carries gradients; None where none does."""
+        if not self.outlines:
+            return None
+        geometry, attached = scenery.tracer.geometry, self.scene.attached(scenery)
+        meshes = tuple(range(len(geometry.meshes)) if attached.moves else geometry.moving())
+        shapes = attached.facets.shapes
+        outlined = [] if shapes is None else shapes.numbers if attached.moves else shapes.moving
+        self.unsampled = [] if not geometry.others else may_meet(geometry, outlined, meshes)
+        if meshes not in self._makers:
+            self._makers = {meshes: LineMaker(geometry, list(meshes))}
+        lines = self._makers[meshes].lines(geometry)
+        if not len(lines.ends) and not outlined:
+            return None
+        return self.energy.sampler(scenery, lines if len(lines.ends) else None, outlined)
+
+    def shown(self, energy: list[np.ndarray]) -> np.ndarray:
+        """What the picture shows of blocks of energies [1/m²]."""
+        return self.linear(energy) + self.still
+
+    def linear(self, energy: list[np.ndarray]) -> np.ndarray:
+        """The same without what stands still."""
+        return self._linear(self._picture, energy)
+
+    def _linear(self, picture: Picture, energy: list[np.ndarray]) -> np.ndarray:
+        """Return what a picture shows of blocks of energies, without what stands still."""
+        return picture.shown(np.concatenate(energy).reshape(self.shape) * self.energy.unit).ravel()
+
+    def transposed(self, cotangent: np.ndarray) -> np.ndarray:
+        """The transpose of `linear`."""
+        return (self._picture.transposed(cotangent.reshape(self.shape)) * self.energy.unit).ravel()
+
+
+class About:
+    """A record about the scene as it is.
+
+    Parameters
+    ----------
+    field : RecordField
+
+    Attributes
+    ----------
+    value : (N,) [µPa²]
+    """
+
+    def __init__(self, field: RecordField):
+        self._field, self._energy = field, field.energy
+        self._scenery = field.scene.scenery(field.energy)
+        self._samplers = field.samplers(self._scenery)
+        self._unsampled = field.unsampled
+        rays = sum(dr.width(rays.direction) for block in field.energy.blocks for rays in block.rays)
+        self._kept = [self._traced(block) for block in field.energy.blocks] if rays <= MOST_KEPT else None
+        with dr.suspend_grad():
+            self.value = field.shown([_array(self._energy.sums(self._scenery, block, kept))
+                                      for block, kept, _ in self._each(edges=False)])
+
+    @property
+    def told(self) -> dict[str, float]:
+        """What the record and its derivatives do not see, as shares."""
+        found = [seen_in(self._energy, self._scenery, block, kept) for block, kept, _ in self._each(edges=False)]
+        told, echoes = shares(found, outlines=self._field.outlines), self._field.still_echoes
+        told |= {f"where {one} and {other} meet, left out": 1.0 for one, other in self._unsampled}
+        if echoes > 0:                                     # of several bounces, of the water, of what has a phase
+            moving = float(np.sum(self.value - self._field.still))
+            told["echoes that stand still"] = echoes / (echoes + moving)
+        return told
+
+    def _traced(self, block: Block, edges: bool = True) -> tuple[list[Kept], list[EdgeTerms]]:
+        kept = self._energy.kept(self._scenery, block)
+        dr.eval(kept)
+        if self._samplers is None or not edges:
+            return kept, []
+        return kept, self._energy.edges(self._scenery, block, self._samplers)
+
+    def _each(self, edges: bool = True) -> Iterator[tuple[Block, list[Kept], list[EdgeTerms]]]:
+        """Blocks with their hits, traced anew where they are not kept; those may go without edges."""
+        for number, block in enumerate(self._energy.blocks):
+            yield block, *(self._traced(block, edges) if self._kept is None else self._kept[number])
+
+    def pushed(self, set_tangents: Callable[[], None]) -> np.ndarray:
+        """Give J v, (N,): `set_tangents` sets v at the leaves, and is called for every block."""
+        found = []
+        for block, kept, edges in self._each():
+            set_tangents()
+            sums = self._energy.sums(self._field.scene.attached(self._scenery), block, kept, edges)
+            if dr.grad_enabled(sums):
+                dr.forward_to(sums, flags=dr.ADFlag.ClearVertices)
+            found.append(_array(dr.grad(sums)))
+        return self._field.linear(found)
+
+    def pull(self, cotangent: np.ndarray) -> None:
+        """Send Jᵀ w of weights (N,) to the leaves."""
+        weights, first = self._field.transposed(cotangent), 0
+        for block, kept, edges in self._each():
+            sums = self._energy.sums(self._field.scene.attached(self._scenery), block, kept, edges)
+            count = dr.width(sums)
+            if dr.grad_enabled(sums):
+                dr.set_grad(sums, mi.Float64(np.ascontiguousarray(weights[first:first + count])))
+                dr.enqueue(dr.ADMode.Backward, sums)
+                dr.traverse(dr.ADMode.Backward, flags=dr.ADFlag.ClearVertices)
+            first += count
+
+
+def _shape(picture: Picture) -> tuple[int, int, int]:
+    """Return how many pings, rows and bins a picture has."""
+    return picture.survey.track.pings, picture.rows.per_ping, picture.rows.bins.count
+
+
+def _array(sums: mi.Float64) -> np.ndarray:
+    return dr.detach(sums).numpy().astype(float)

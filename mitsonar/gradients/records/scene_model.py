@@ -1,0 +1,118 @@
+"""A scene's record as a function of what is in the scene: the `ForwardModel` of a sonar's mean intensities.
+
+Parameters are what `mi.traverse(scene)` names. The model writes them into the scene: nobody else should meanwhile. What
+the record is: `record_field`.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import mitsuba as mi
+import numpy as np
+
+from ..model import Values
+from ..parameters.scene_values import SceneValues
+from .pictures import Picture
+from .record_field import RecordField
+
+__all__ = ["SceneLinearised", "SceneModel"]
+
+
+class SceneModel:
+    """The mean intensities of a sonar's record, as a function of parameters.
+
+    Parameters
+    ----------
+    scene : mitsuba.Scene
+    keys : sequence of str
+        Names of `mi.traverse(scene)` of parameters that can vary.
+    picture : Picture
+        Of the sonar: what is to be made.
+    seed : int
+        Of ray directions.
+    edges : bool
+        Whether derivatives know that outlines move, and with them what is lit.
+    plan : function, optional
+        Returns the picture that a render of the scene as it is now would plan. Records of other values are then those
+        of its bins and beams, so that a check sees what a render moves and a gradient holds. Default: they stay.
+
+    Attributes
+    ----------
+    start, units
+        See `ForwardModel`.
+    shape : (int, int, int)
+        Pings, rows and bins of the record.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown or its parameter has no gradient, or sonar and scene do not fit together.
+    """
+
+    def __init__(self, scene: mi.Scene, keys: Sequence[str], picture: Picture, *, seed: int = 0,
+                 edges: bool = True, plan: Callable[[], Picture] | None = None):
+        self._values = SceneValues(scene, keys)
+        self.start, self.units = self._values.start, self._values.units
+        self._field, self._plan = RecordField(picture, seed, edges=edges), plan
+        self.shape = self._field.shape
+
+    def __repr__(self) -> str:
+        pings, rows, bins = self.shape
+        return (f"SceneModel of {pings} pings, {rows} rows, {bins} bins by "
+                + ", ".join(f"{key} {start.shape}" for key, start in self.start.items()))
+
+    def value(self, values: Values) -> np.ndarray:
+        """Give the record of values, (N,) [µPa²]; see `ForwardModel.value`."""
+        self._values.write(values)
+        return self._field.value(None if self._plan is None else self._plan())
+
+    def linearised(self, values: Values) -> SceneLinearised:
+        """Give the record about values, with its Jacobian; see `ForwardModel.linearised`."""
+        self._values.write(values)
+        return SceneLinearised(self._values, self._field)
+
+
+class SceneLinearised:
+    """A `SceneModel` about the values that its scene has now: see `model.Linearised`.
+
+    Parameters
+    ----------
+    values : SceneValues
+    field : RecordField
+
+    Attributes
+    ----------
+    told : dict[str, float]
+        What the record and its derivatives do not see, as shares; see `unseen`.
+    """
+
+    def __init__(self, values: SceneValues, field: RecordField):
+        self._values = values.attached()
+        self._about = field.about()
+        self.value = self._about.value
+
+    @property
+    def told(self) -> dict[str, float]:
+        """What the record and its derivatives do not see, as shares."""
+        return self._about.told
+
+    def forward(self, tangents: Values) -> np.ndarray:
+        """Give J v; see `Linearised.forward`."""
+        directions = self._values.directions(tangents)
+        self._values.hold()
+        moved = self._about.pushed(lambda: self._values.set_tangents(directions))
+        self._values.clear()
+        return moved
+
+    def backward(self, cotangent: np.ndarray) -> dict[str, np.ndarray]:
+        """Give Jᵀ w; see `Linearised.backward`."""
+        weights = np.asarray(cotangent, float)
+        if weights.shape != self.value.shape:
+            raise ValueError(f"weights have the shape {weights.shape}, and the record {self.value.shape}; give one for "
+                             "every value of it")
+        if not np.all(np.isfinite(weights)):
+            raise ValueError("weights hold numbers that are not finite; give 0 where a value does not count")
+        self._values.hold()
+        self._values.clear()
+        self._about.pull(weights)
+        return self._values.gradients()

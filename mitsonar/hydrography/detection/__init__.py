@@ -1,0 +1,1 @@
+"""Detection of the bed in the beams of a ping, and its strength."""

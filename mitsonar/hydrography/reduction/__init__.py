@@ -1,0 +1,1 @@
+"""Reduction of angles and travel times to soundings, with their errors."""

@@ -1,0 +1,258 @@
+"""Which way the sound of beams went: directions by two cones, and rays by the layers of a profile.
+
+With a_t and a_r along the transmit and the receive array and g = a_t·a_r, the direction l that is seen at the angles
+t and r of the two is (see `mitsonar.hydrography.record`)
+
+    l = α a_t + β a_r + γ n      α = (sin t - g sin r) / (1 - g²)      β = (sin r - g sin t) / (1 - g²)
+
+where n = a_t x a_r / |a_t x a_r| looks down and γ ≥ 0 makes l a unit vector. The head's own sound speed c_h makes an
+angle of it: what the ray keeps is p = |l_h| / c_h, l_h the level part of l. In a layer of thickness h and constant
+gradient, s = (1 - p² c²)^½ and e = c2 s1 + c1 s2,
+
+    range h p (c1 + c2) / (s1 + s2)        time (2 h / e) atanh(y) / y,  y = (c2 - c1) / e
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from mitsonar.water import SoundSpeedProfile
+
+from .attitude import mounted
+
+__all__ = ["ATTITUDE", "HELD", "Head", "SEVERAL", "head_of", "launches", "layer_sums", "ray_places", "receiving_axes",
+           "refraction_error", "used_profile", "water_profile"]
+
+ATTITUDE = ("ping_time", "ping_heading", "receive_mounting", "motion_time", "motion_roll", "motion_pitch",
+            "motion_heading")      # variables that `receiving_axes` looks at, and those of `head_of`
+HELD = ("ping_roll", "ping_pitch", "ping_depth", "transmit_offset", "receive_offset", "transmit_mounting",
+        "receive_mounting", "head_sound_speed", "cast_depth", "cast_sound_speed")
+SEVERAL = ("head", "head_receive_offset", "head_receive_mounting")         # of a line of several heads
+
+STEPS = 240                        # layers that the water under the head is cut into, beside the profile's own
+FLATTEST = 1e-4                    # least sine of a ray that is followed: flatter ones turn
+
+
+@dataclass(frozen=True, kw_only=True)
+class Head:
+    """The arrays in one ping, level axes along the heading: forward, starboard, down.
+
+    Attributes
+    ----------
+    depth : float [m]
+        Of the middle between the arrays.
+    across : float [m]
+        Their way to starboard from the reference point.
+    sound_speed : float [m/s]
+        By the head's own sensor.
+    transmit, receive : (3,)
+        Unit vectors along the arrays at the transmission.
+    """
+
+    depth: float
+    across: float
+    sound_speed: float
+    transmit: np.ndarray
+    receive: np.ndarray
+
+
+def head_of(line: xr.Dataset, ping: int) -> Head:
+    """Give where the arrays of a ping are, and how they lie."""
+    one = _with_head(line[[name for name in (*HELD, *SEVERAL) if name in line]].isel(ping=ping))
+    held = float(one["ping_roll"]), float(one["ping_pitch"]), 0.0
+    middle = _turned(0.5 * (one["transmit_offset"].values + one["receive_offset"].values), *held)
+    along = [_turned(_mounting(one, name), *held) for name in ("transmit", "receive")]
+    speed = float(one["head_sound_speed"])
+    if not speed > 0:
+        speed = float(np.interp(0.0, one["cast_depth"].values, one["cast_sound_speed"].values))
+    return Head(depth=float(np.nan_to_num(one["ping_depth"])) + float(middle[2]), across=float(middle[1]),
+                sound_speed=speed, transmit=along[0], receive=along[1])
+
+
+def _with_head(one: xr.Dataset) -> xr.Dataset:
+    """A ping with the receive array of its own head, where the line has several."""
+    if not set(SEVERAL) <= set(one):
+        return one
+    head = int(np.clip(one["head"], 0, one.sizes["receive_head"] - 1))
+    return one.assign({name: one[f"head_{name}"][head] for name in ("receive_offset", "receive_mounting")})
+
+
+def _turned(vector: np.ndarray, roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> np.ndarray:
+    """A vector (3,) of a frame that is held at angles (...) in the outer one (..., 3); what is unknown counts as 0."""
+    roll, pitch, heading = (np.nan_to_num(np.asarray(angle, float)) for angle in (roll, pitch, heading))
+    return np.stack(mounted(np.nan_to_num(vector), (roll, pitch, heading)), -1)
+
+
+def _mounting(line: xr.Dataset, name: str) -> np.ndarray:
+    """The direction along the transmit or the receive array in the body (3,)."""
+    return _turned(np.eye(3)[("transmit", "receive").index(name)], *line[f"{name}_mounting"].values)
+
+
+def receiving_axes(line: xr.Dataset, ping: int, head: Head, time: np.ndarray) -> np.ndarray:
+    """Give the directions of the receive array when echoes return.
+
+    Parameters
+    ----------
+    line : xarray.Dataset
+    ping : int
+    head : Head
+    time : (N,) [s]
+        After the ping's first transmission.
+
+    Returns
+    -------
+    (N, 3)
+        Unit vectors in the level axes of the transmission; those of `head` where motion sensors tell nothing.
+    """
+    when = float(line["ping_time"][ping]) + time
+    clock = line["motion_time"].values
+    told = [line[f"motion_{name}"].values for name in ("roll", "pitch", "heading")]
+    known = np.isfinite([clock, *told]).all(0)
+    axes = np.broadcast_to(head.receive, (time.size, 3)).copy()
+    if not known.any():
+        return axes
+    clock, told = clock[known], [values[known] for values in told]
+    north = float(np.nan_to_num(line["ping_heading"][ping]))
+    inside = (when >= clock[0]) & (when <= clock[-1])
+    roll, pitch, heading = (np.interp(when[inside], clock, values) for values in (*told[:2], np.unwrap(told[2])))
+    one = _with_head(line[[name for name in (*ATTITUDE, *SEVERAL) if name in line]].isel(ping=ping))
+    axes[inside] = _turned(_mounting(one, "receive"), roll, pitch, heading - north)
+    return axes
+
+
+def launches(head: Head, angle: ArrayLike, transmit_angle: ArrayLike, receive: np.ndarray | None = None) -> np.ndarray:
+    """Give the directions of beams at the head.
+
+    Parameters
+    ----------
+    head : Head
+    angle, transmit_angle : array_like (N,) [rad]
+        Of the receiving beams and of the transmission; an unknown one of the latter counts as 0.
+    receive : (N, 3) or (1, 3), optional
+        Directions of the receive array at the reception; by default that at the transmission.
+
+    Returns
+    -------
+    (N, 3)
+        Unit vectors forward, starboard, down; NaN where the two cones do not meet.
+    """
+    received, sent = np.sin(np.asarray(angle, float)), np.sin(np.nan_to_num(np.asarray(transmit_angle, float)))
+    receive = head.receive[None] if receive is None else receive
+    common = receive @ head.transmit
+    normal = np.cross(head.transmit, receive)
+    first, second = ((one - common * other) / (1 - common**2) for one, other in ((sent, received), (received, sent)))
+    along = first[:, None] * head.transmit + second[:, None] * receive
+    with np.errstate(invalid="ignore"):
+        rest = np.sqrt(1 - (along**2).sum(1))
+    return along + rest[:, None] * normal / np.linalg.norm(normal, axis=1)[:, None]
+
+
+def used_profile(line: xr.Dataset, head: Head) -> SoundSpeedProfile:
+    """Give the profile that the soundings of a ping were made with: the cast, and the head's own speed as its node.
+
+    Below the cast's last node, where there is none to go to, rays see the cast at once (`mitsonar.hydrography.reduction.legs`).
+    """
+    profile = _profile(line, "cast")
+    try:
+        return profile.with_node(head.depth, head.sound_speed)
+    except ValueError:
+        return profile
+
+
+def water_profile(line: xr.Dataset) -> SoundSpeedProfile | None:
+    """Give the water's own profile, where the line tells it."""
+    return _profile(line, "true_cast") if {"true_cast_depth", "true_cast_sound_speed"} <= set(line) else None
+
+
+def _profile(line: xr.Dataset, name: str) -> SoundSpeedProfile:
+    depth, speed = line[f"{name}_depth"].values, line[f"{name}_sound_speed"].values
+    known = np.isfinite(depth) & np.isfinite(speed)
+    return SoundSpeedProfile(depth[known], speed[known])
+
+
+def ray_places(profile: SoundSpeedProfile, depth: float, slowness: np.ndarray,
+               time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Follow rays that go down.
+
+    Parameters
+    ----------
+    profile : SoundSpeedProfile
+    depth : float [m]
+        Where they begin.
+    slowness : (N,) [s/m]
+        p of each, level.
+    time : (N, T) [s]
+        One way.
+
+    Returns
+    -------
+    away, depth : (N, T) [m]
+        Level way from the beginning, and depth below the surface; NaN from where a ray turns.
+    """
+    edges, ways, times = layer_sums(profile, depth, slowness, float(np.nanmax(time, initial=0.0)))
+    places = np.full((2, *time.shape), np.nan)
+    for ray, (way, passed) in enumerate(zip(ways, times)):
+        crossed = np.isfinite(passed)
+        if np.count_nonzero(crossed) > 1:
+            for place, values in zip(places, (way, edges)):
+                place[ray] = np.interp(time[ray], passed[crossed], values[crossed], right=np.nan)
+    return places[0], places[1]
+
+
+def layer_sums(profile: SoundSpeedProfile, depth: float, slowness: np.ndarray,
+               longest: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Give depths (D,) that rays cross within a time [s], and there the ways and times (N, D) of each; NaN from a turn.
+    """
+    reach = depth + max(1.01 * longest * float(profile.sound_speed.max()), 1e-3)
+    nodes = profile.depth[(profile.depth > depth) & (profile.depth < reach)]
+    edges = np.unique(np.concatenate([np.linspace(depth, reach, STEPS), nodes]))
+    speed, thickness = profile.at(edges), np.diff(edges)
+    cosine = slowness[:, None] * speed
+    sine = np.sqrt(np.where(np.minimum.accumulate(cosine < 1 - FLATTEST, axis=1), 1 - cosine**2, np.nan))
+    above, below = sine[:, :-1], sine[:, 1:]
+    total = speed[1:] * above + speed[:-1] * below
+    bend = (speed[1:] - speed[:-1]) / total
+    ways = thickness * slowness[:, None] * (speed[:-1] + speed[1:]) / (above + below)
+    times = 2 * thickness / total * (1 + bend**2 / 3 + bend**4 / 5)              # of thin layers: bend is small
+    before = np.zeros((slowness.size, 1))
+    return edges, np.cumsum(np.hstack([before, ways]), axis=1), np.cumsum(np.hstack([before, times]), axis=1)
+
+
+def refraction_error(used: SoundSpeedProfile, water: SoundSpeedProfile, head: Head, bed: float,
+                     angle: np.ndarray) -> np.ndarray:
+    """Give by ray theory what a wrong profile does to soundings of a level bed.
+
+    Parameters
+    ----------
+    used, water : SoundSpeedProfile
+        That of the soundings, and that which the echoes travelled in.
+    head : Head
+        Its sound speed, that beams were steered with and read by, plays no part of its own: arrays measure slowness.
+    bed : float [m]
+        Depth of the bed.
+    angle : (N,) [rad]
+        From the vertical, as the soundings say it of the straight line from the head.
+
+    Returns
+    -------
+    (N,) [m]
+        Depth of the soundings less that of the bed; NaN where no ray goes.
+
+    Notes
+    -----
+    A ray of slowness p takes t(p) in the water to the bed, and is placed where a ray of the same p is after t(p) in the
+    profile used. The errors of many p are found, and read off at the angles under which soundings lie then.
+    """
+    slowness = np.linspace(0.0, 0.999, 400) / head.sound_speed
+    edges, _, times = layer_sums(water, head.depth, slowness, 3 * (bed - head.depth) / float(water.sound_speed.min()))
+    time = np.array([np.interp(bed, edges, passed) for passed in times])
+    way, depth = (part[:, 0] for part in ray_places(used, head.depth, slowness, time[:, None]))
+    straight = np.arctan2(way, depth - head.depth)
+    known = np.isfinite(straight)
+    if not known.any():
+        return np.full(angle.shape, np.nan)
+    order = np.argsort(straight[known])
+    return np.interp(np.abs(angle), straight[known][order], (depth - bed)[known][order], right=np.nan)

@@ -1,0 +1,145 @@
+"""The refraction smile: what a wrong profile, or a wrong sound speed at the head, does to a level bed, by ray theory.
+
+A beam of slowness p is heard after the time t. With s = √(1 - p² c²), to first order in the error δc(z) of the profile
+
+    δz = c_b s_b ∫ (1 - 2 p² c²) / (c² s³) δc dz          δx = ∫ p / s³ δc dz + δz p c_b / s_b
+
+from the derivatives of time and range at fixed p; the integrals run from the array to the bed, b is at the bed. Of a
+speed δc_h that the sines of a level array are read with wrongly, δp = -p δc_h / c_h, with D = dx/dp = ∫ c / s³ dz:
+
+    δz = c_b s_b p² D δc_h / c_h                          δx = -p D δc_h / c_h + δz p c_b / s_b
+
+In uniform water this is δz = z (1 - tan²θ) δc / c and z tan²θ δc_h / c_h: the first changes sign at 45 degrees. What
+the first order leaves out is of the size of δc / (c s²) of it.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mitsonar.propagation.numpy_rays.eigenrays import eigenray
+from mitsonar.water import SoundSpeedProfile
+
+__all__ = ["Smile", "smile_of_head", "smile_of_profile"]
+
+POINTS = 8                         # of Gauss and Legendre in every layer
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Smile:
+    """Errors across a swath over a level bed.
+
+    Attributes
+    ----------
+    across : array (...) [m]
+        Where the soundings truly are.
+    depth_error, across_error : array (...) [m]
+        Too deep, and too far to starboard; NaN where no direct ray goes.
+    """
+
+    across: np.ndarray
+    depth_error: np.ndarray
+    across_error: np.ndarray
+
+
+def smile_of_profile(true: SoundSpeedProfile, used: SoundSpeedProfile, head_depth: float, bed_depth: float,
+                     across: ArrayLike) -> Smile:
+    """Give the smile of a wrong profile.
+
+    Parameters
+    ----------
+    true, used : SoundSpeedProfile
+        Both hold the head's speed where they are to: what is read at the head is a node of both, or of none.
+    head_depth, bed_depth : float [m]
+    across : array (...) [m]
+        True places across track.
+
+    Returns
+    -------
+    Smile
+
+    Raises
+    ------
+    ValueError
+        If the bed is not below the head.
+    """
+    ways = _Ways.to(true, head_depth, bed_depth, across, (used,))
+    off = used.at(ways.depth) - ways.speed
+    p, s, c = ways.slowness[..., None], ways.sines, ways.speed
+    deeper = ways.end_speed * ways.end_sine * ways.integral((1 - 2 * (p * c) ** 2) / (c * c * s**3) * off)
+    further = ways.integral(p / s**3 * off) + deeper * ways.slowness * ways.end_speed / ways.end_sine
+    return Smile(across=ways.across, depth_error=deeper, across_error=np.sign(ways.across) * further)
+
+
+def smile_of_head(true: SoundSpeedProfile, error: float, head_depth: float, bed_depth: float,
+                  across: ArrayLike) -> Smile:
+    """Give the smile of a wrong sound speed at the head: right sines of a level array, read with it.
+
+    Parameters
+    ----------
+    true : SoundSpeedProfile
+    error : float [m/s]
+        Of the head's speed: what is read less what is true.
+    head_depth, bed_depth : float [m]
+    across : array (...) [m]
+
+    Returns
+    -------
+    Smile
+
+    Raises
+    ------
+    ValueError
+        If the bed is not below the head.
+    """
+    ways = _Ways.to(true, head_depth, bed_depth, across)
+    slope = ways.integral(ways.speed / ways.sines**3)
+    change = error / true.at(head_depth)
+    deeper = ways.end_speed * ways.end_sine * ways.slowness**2 * slope * change
+    further = -ways.slowness * slope * change + deeper * ways.slowness * ways.end_speed / ways.end_sine
+    return Smile(across=ways.across, depth_error=deeper, across_error=np.sign(ways.across) * further)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Ways:
+    """Rays from a head to a level bed, and points (Q,) of depth to integrate along them; sines are (..., Q)."""
+
+    across: np.ndarray
+    slowness: np.ndarray
+    depth: np.ndarray
+    weight: np.ndarray
+    speed: np.ndarray
+    end_speed: float
+
+    @classmethod
+    def to(cls, profile: SoundSpeedProfile, head_depth: float, bed_depth: float, across: ArrayLike,
+           others: tuple[SoundSpeedProfile, ...] = ()) -> _Ways:
+        if not head_depth < bed_depth:
+            raise ValueError(f"the bed at {bed_depth:g} m is not below the head at {head_depth:g} m; give depths that "
+                             "increase downwards.")
+        across = np.asarray(across, float)
+        ray = eigenray(profile, head_depth, bed_depth, np.abs(across))
+        slowness = np.where(np.isnan(ray.turning_depth), ray.ray_parameter, np.nan)
+        nodes = np.concatenate([profile.depth, *(other.depth for other in others)])
+        edges = np.unique(np.r_[head_depth, nodes[(nodes > head_depth) & (nodes < bed_depth)], bed_depth])
+        place, weight = np.polynomial.legendre.leggauss(POINTS)
+        half = 0.5 * np.diff(edges)
+        depth = (0.5 * (edges[1:] + edges[:-1])[:, None] + half[:, None] * place).ravel()
+        return cls(across=across, slowness=slowness, depth=depth, weight=np.outer(half, weight).ravel(),
+                   speed=profile.at(depth), end_speed=float(profile.at(bed_depth)))
+
+    @property
+    def sines(self) -> np.ndarray:
+        """Along the rays."""
+        return np.sqrt(1 - (self.slowness[..., None] * self.speed) ** 2)
+
+    @property
+    def end_sine(self) -> np.ndarray:
+        """At the bed."""
+        return np.sqrt(1 - (self.slowness * self.end_speed) ** 2)
+
+    def integral(self, values: np.ndarray) -> np.ndarray:
+        """Over depth, of values (..., Q)."""
+        return values @ self.weight

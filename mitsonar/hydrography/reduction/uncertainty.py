@@ -1,0 +1,203 @@
+"""Uncertainty of soundings, a priori: what the accuracies of all sensors come to at every sounding.
+
+With the sounding at x ahead, y to starboard and h below, r and ρ its distances along the ray and in the plane, α the
+steered angle, β the tilt of the receive array (roll and mounting), and tan θ = ρ / h, all from the arrays, but of roll,
+pitch and heading from the reference point, about which those turn the arrays, too:
+
+    cause          vertical v                     horizontal w
+    detection      (h / r) c σ_t / 2              (ρ / r) c σ_t / 2
+    angle, roll    -y σ                           h σ
+    pitch          x σ                            h σ
+    heading        -                              ρ σ
+    heave          max(σ, share |heave|)          -
+    draught        σ                              -
+    position       -                              σ
+    latency        rates of roll, pitch and heave times σ, as above; speed over ground times σ
+    profile        h (1 - tan²θ) σ_c / c          2 ρ σ_c / c
+    head           -y σ_θ                         h σ_θ,     σ_θ = |sin β / (cos α cos(α - β))| σ_ch / c
+
+A sounding's depth is right if it is that of the bed where the sounding lies. Detection, angle, roll, profile and head
+move a sounding within the plane of its beam: up or down and aside at once. On a bed that falls to starboard by tan s,
+the depth is off by v - w tan s of theirs, w to starboard; the fall is taken from the beams around. Other causes count
+by v alone. Squares are added. The first rows are those of Hare (1995), International Hydrographic Review 72(2), 37; the
+profile's is of beams whose slowness is right (`smile`), and the head's what is left of its error where the angles are
+read with the speed they were steered with: nothing of a level array (`reduction`). Rays are taken to be straight in all
+that multiplies an accuracy. σ_t is the travel time over 10^quality where the record has the quality of detection.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import xarray as xr
+
+from ..detection.amplitude_detection import slopes
+from ..record import check, variable
+
+__all__ = ["Accuracies", "Deviations", "budget", "with_uncertainty"]
+
+STEEPEST = 1.0                     # of a fall that is believed
+
+
+@dataclass(frozen=True, kw_only=True)
+class Accuracies:
+    """Standard deviations of what a sounding is made of; the defaults are those of a good inertial system.
+
+    Attributes
+    ----------
+    time : float [s]
+        Of detection, both ways, where the record has no quality.
+    angle, roll, pitch, heading : float [rad]
+        The first is that of the beam's steering.
+    heave : float [m]
+    heave_share : float
+        Of the heave, if that is more.
+    draught : float [m]
+        Of the arrays' depth.
+    position : float [m]
+        Of the distance in the plane.
+    latency : float [s]
+        Between motion sensors and sonar.
+    profile, head : float [m/s]
+        Sound speed over the column, and at the head.
+    """
+
+    time: float = 2e-5
+    angle: float = 3e-4
+    roll: float = 3.5e-4
+    pitch: float = 3.5e-4
+    heading: float = 9e-4
+    heave: float = 0.05
+    heave_share: float = 0.05
+    draught: float = 0.05
+    position: float = 0.3
+    latency: float = 0.002
+    profile: float = 0.5
+    head: float = 0.25
+
+    def __post_init__(self):
+        for one in fields(self):
+            value = getattr(self, one.name)
+            if not (np.isfinite(value) and value >= 0):
+                raise ValueError(f"accuracies: {one.name} is {value!r}; give a finite number of 0 or more.")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Deviations:
+    """Standard deviations of what each sounding of a record was measured by, where detection knows them.
+
+    Attributes
+    ----------
+    time : array (ping, beam) [s]
+        In place of the record's quality.
+    angle : array (ping, beam) [rad]
+        In place of the steering's.
+    """
+
+    time: np.ndarray
+    angle: np.ndarray
+
+
+def with_uncertainty(soundings: xr.Dataset, accuracies: Accuracies | None = None,
+                     deviations: Deviations | None = None) -> xr.Dataset:
+    """Add ``uncertainty`` and ``horizontal_uncertainty`` to a record, by the square root of all causes.
+
+    Parameters
+    ----------
+    soundings : xarray.Dataset
+    accuracies : Accuracies or None
+        None: its defaults.
+    deviations : Deviations or None
+
+    Returns
+    -------
+    xarray.Dataset
+    """
+    causes = budget(soundings, accuracies or Accuracies(), deviations).values()
+    sums = [np.sqrt(sum(np.square(one[side]) for one in causes)) for side in (0, 1)]
+    return soundings.assign(uncertainty=variable("uncertainty", sums[0]),
+                            horizontal_uncertainty=variable("horizontal_uncertainty", sums[1]))
+
+
+def budget(soundings: xr.Dataset, accuracies: Accuracies,
+           deviations: Deviations | None = None) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Give vertical and horizontal standard deviations [m] by cause.
+
+    Parameters
+    ----------
+    soundings : xarray.Dataset
+    accuracies : Accuracies
+    deviations : Deviations or None
+
+    Returns
+    -------
+    dict of (array (ping, beam), array (ping, beam))
+        Of the causes of the module's table; the first is that of the depth against the bed's.
+
+    Raises
+    ------
+    ValueError
+        If it is no line of soundings.
+    """
+    check(soundings)
+    arms = 0.5 * (soundings["transmit_offset"].values + soundings["receive_offset"].values)
+    head = soundings["head_sound_speed"].values[:, None]
+    valid = soundings["valid"].values
+    x, y, h = (np.where(valid, soundings[name].values, np.nan) for name in ("along_track", "across_track", "depth"))
+    h = h - soundings["ping_depth"].values[:, None]
+    roll, pitch = (accuracies.roll * y, accuracies.roll * h), (accuracies.pitch * x, accuracies.pitch * h)
+    heading = accuracies.heading * np.hypot(x, y)
+    x, y, h = x - arms[0], y - arms[1], h - arms[2]
+    level = np.hypot(x, y)
+    distance, still = np.hypot(level, h), np.zeros(h.shape)
+    rolling, pitching, heaving, speed = (accuracies.latency * one[:, None] for one in _rates(soundings))
+    tilt = (soundings["ping_roll"].values + soundings["receive_mounting"].values[0])[:, None]
+    steered = soundings["angle"].values
+    turn = np.abs(np.sin(tilt) / (np.cos(steered) * np.cos(steered - tilt))) * accuracies.head / head
+    span = 0.5 * head * (_time(soundings, accuracies) if deviations is None else deviations.time)
+    steering = accuracies.angle if deviations is None else deviations.angle
+    heave = np.abs(soundings["ping_depth"].values - soundings["motion_depth"].values.mean())[:, None]
+    off, fall = accuracies.profile / head, _fall(soundings)
+    causes = {
+        "detection": ((h - fall * y) / distance * span, level / distance * span),
+        "angle": (steering * (y + fall * h), steering * h), "roll": (roll[0] + fall * roll[1], roll[1]), "pitch": pitch,
+        "heading": (still, heading),
+        "heave": (still + np.maximum(accuracies.heave, accuracies.heave_share * heave), still),
+        "draught": (still + accuracies.draught, still), "position": (still, still + accuracies.position),
+        "latency": (np.sqrt((rolling * (y + fall * h))**2 + (pitching * x)**2 + heaving**2),
+                    np.sqrt((rolling * h)**2 + (pitching * h)**2 + speed**2)),
+        "profile": ((h * (1 - (level / h)**2) - 2 * fall * y) * off, 2 * level * off),
+        "head": (turn * (y + fall * h), turn * h)}
+    return {name: (np.where(valid, np.abs(vertical), np.nan), np.where(valid, np.abs(horizontal), np.nan))
+            for name, (vertical, horizontal) in causes.items()}
+
+
+def _fall(soundings: xr.Dataset) -> np.ndarray:
+    """Return how the bed falls to starboard, tan s, by the beams around: (ping, beam); 0 where too few are valid."""
+    found = np.zeros(soundings["depth"].shape)
+    angles, across, depths = (soundings[name].values.astype(float) for name in ("angle", "across_track", "depth"))
+    for ping, some in enumerate(soundings["valid"].values):
+        beams = np.flatnonzero(some)[np.argsort(angles[ping, some])]
+        deeper, farther = (slopes(one[ping, beams], angles[ping, beams], np.ones(len(beams), bool))
+                           for one in (depths, across))
+        found[ping, beams] = np.nan_to_num(deeper / np.where(farther > 0, farther, np.nan))
+    return np.clip(found, -STEEPEST, STEEPEST)
+
+
+def _time(soundings: xr.Dataset, accuracies: Accuracies) -> np.ndarray:
+    """Standard deviation of detection [s]: (ping, beam)."""
+    given = np.full(soundings["depth"].shape, accuracies.time)
+    if "quality" not in soundings:
+        return given
+    quality = soundings["quality"].values.astype(float)
+    return np.where(np.isfinite(quality), soundings["travel_time"].values * 10.0**-quality, given)
+
+
+def _rates(soundings: xr.Dataset) -> list[np.ndarray]:
+    """Of roll, pitch and heave, and the speed over ground, at every ping (ping,)."""
+    time, when = soundings["motion_time"].values, soundings["ping_time"].values
+    if time.size < 2:
+        return [np.zeros(when.size)] * 4
+    roll, pitch, depth, x, y = (np.interp(when, time, np.gradient(soundings[f"motion_{name}"].values, time))
+                                for name in ("roll", "pitch", "depth", "x", "y"))
+    return [roll, pitch, depth, np.hypot(x, y)]

@@ -1,0 +1,1 @@
+"""Images on maps: mosaics, pictures in metres, places on Earth."""

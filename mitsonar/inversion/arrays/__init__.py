@@ -1,0 +1,1 @@
+"""Fits to signals of arrays: calibration, arrivals, sharpness."""

@@ -1,0 +1,350 @@
+"""Calibration of an array from the echoes of point targets: where elements are, how late and how strong they hear.
+
+    x̂ = argmin Σ ρ((t - t(x)) / σ_t) + |(x - x₀) / σ_x|²            Gauss-Newton on arrival times, ρ Huber's
+    Ĉ = (Jᵀ W J + P⁻¹)⁻¹,   observability: eigenvalues of S Jᵀ W J S,   S = diag σ_x,  P = S²
+
+t -> first the times of envelopes, then those of phases, whose cycles the former fix. What is believed beforehand, σ_x,
+settles what arrivals cannot tell: the array as a whole may be moved and turned against platform and targets. Directions
+whose eigenvalue is below 1 are told by it more than by the data. A channel's phase and its delay are one at one
+carrier, and stand in ``rx_delay``. Gains are ratios of elements, so that a level that is off does not matter.
+
+References
+----------
+Huber (1964), Ann. Math. Statist. 35, 73; Rockah and Schultheiss (1987), IEEE Trans. ASSP 35, 286 and 724.
+"""
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from mitsonar.sonar.motion.track import Track
+from mitsonar.sonar.pulses.pulse import Pulse
+from mitsonar.sonar.pulses.pulses import pulse_of
+from mitsonar.water.profile import SoundSpeedProfile
+
+from ..fit.answer import named
+from .arrival_model import UNITS, ArrivalModel
+from .arrival_times import MeasuredArrivals, measured_arrivals
+
+__all__ = ["BELIEVED", "Calibration", "calibrated", "found"]
+
+# σ_x where none is given; 0 holds still
+BELIEVED = {"rx_position": 3e-3, "rx_delay": 1e-6, "tx_position": 0.0, "lever_arm": 0.0, "position_offset": 0.05,
+            "attitude_offset": np.deg2rad(0.3), "velocity_offset": 0.2, "target_position": 0.1}
+HUBER = 2.5                        # deviations beyond which a time counts less
+ENVELOPES, PHASES = 4, 8           # steps of Gauss-Newton by each
+SPREAD = 3.0                       # deviations within which peaks are looked for
+LEAST = {"envelope": 1e-7, "phase": 5e-9}       # [s] of a deviation
+MOST_LEFT_OUT = 0.3                # of the pings, whose cycles are wrong
+SLIPPED = 0.4                      # [cycles] that envelopes are off on the median over elements, where cycles are wrong
+MOST_AMBIGUOUS = 0.05              # share of phases near half a cycle off, from which cycles are in doubt
+RIGID = ("shift forward", "shift to starboard", "shift down", "roll", "pitch", "yaw")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Calibration:
+    """What arrivals say of an array.
+
+    Attributes
+    ----------
+    values, start, uncertainty, believed : dict of arrays
+        By the parameters' names: found, at the start, deviations after and before.
+    units : dict of str
+    gain, gain_uncertainty : (E,) [-]
+        Of the receivers' channels, about a mean of 1.
+    singular_values : (unknowns,)
+        √ of the eigenvalues of the module's equation, falling: deviations before over those of data alone.
+    rigid : dict of (float, float)
+        Deviations [m] or [rad], before and after, of what moves or turns the receive array as a whole: `RIGID`.
+    residual : (float, float) [s]
+        Of arrivals by phase, after the envelopes and at the end: medians of magnitudes over 0.6745.
+    used : int
+        Arrivals that were measured,
+    asked : int
+        of so many.
+    ambiguous : float [-]
+        Share of the phases that are more than a quarter of a cycle off.
+    slipped : int
+        Echoes of a target at a ping that were used, and whose envelopes say another cycle.
+    left_out : (P,) bool
+        Pings that were left out because of that.
+    """
+
+    values: dict[str, np.ndarray]
+    start: dict[str, np.ndarray]
+    uncertainty: dict[str, np.ndarray]
+    believed: dict[str, np.ndarray]
+    units: dict[str, str]
+    gain: np.ndarray
+    gain_uncertainty: np.ndarray
+    singular_values: np.ndarray
+    rigid: dict[str, tuple[float, float]]
+    residual: tuple[float, float]
+    used: int
+    asked: int
+    ambiguous: float
+    slipped: int
+    left_out: np.ndarray
+
+    @property
+    def effective(self) -> float:
+        """Number of unknowns that data tell: Σ λ / (1 + λ)."""
+        power = self.singular_values ** 2
+        return float(np.sum(power / (1 + power)))
+
+    def resolved(self, name: str) -> np.ndarray:
+        """Give the share of a parameter's doubt that data have taken: 1 - variance after / before."""
+        return 1 - (self.uncertainty[name] / np.maximum(self.believed[name], 1e-300)) ** 2
+
+    def sentences(self) -> list[str]:
+        """Say what was observable."""
+        said = [f"{self.used} of {self.asked} arrivals were measured; {self.effective:.0f} of "
+                f"{len(self.singular_values)} unknowns are told by them, the others by what was believed."]
+        for name, (before, after) in self.rigid.items():
+            if after > 0.5 * before > 0:
+                size = (f"{1e3 * after:.2g} mm of {1e3 * before:.2g}" if name.startswith("shift")
+                        else f"{np.rad2deg(after):.2g} degrees of {np.rad2deg(before):.2g}")
+                said.append(f"The array's {name} is not observable against platform and targets: {size} are left.")
+        if self.ambiguous > MOST_AMBIGUOUS:
+            said.append(f"{100 * self.ambiguous:.0f} % of the phases are more than a quarter of a cycle off: cycles "
+                        "are in doubt; take more bandwidth, stronger targets or better beliefs.")
+        if self.slipped:
+            said.append(f"At {self.slipped} echoes of targets the envelopes say another cycle than the phases: what "
+                        "was found is in doubt.")
+        if self.left_out.any():
+            said.append(f"Pings {', '.join(map(str, np.flatnonzero(self.left_out)))} were left out: their envelopes "
+                        "and phases say different cycles.")
+        return said
+
+    def to_dataset(self) -> xr.Dataset:
+        """Give it as a dataset, by the names of `Fit.to_dataset`: each parameter with its start and deviations."""
+        dims = {"rx_position": ("rx", "axis"), "rx_delay": ("rx",), "tx_position": ("axis",), "lever_arm": ("axis",),
+                "position_offset": ("ping", "axis"), "attitude_offset": ("ping", "angle"),
+                "velocity_offset": ("ping", "axis"), "target_position": ("target", "axis")}
+        found = {}
+        for name in self.values:
+            found |= named(name, dims[name], self.units[name], value=self.values[name], start=self.start[name],
+                           deviation=self.uncertainty[name], prior_deviation=self.believed[name],
+                           resolved=self.resolved(name))
+        found["rx_gain"] = (("rx",), self.gain, {"units": "1"})
+        found["rx_gain_deviation"] = (("rx",), self.gain_uncertainty, {"units": "1"})
+        found["singular_value"] = (("unknown",), self.singular_values, {"units": "1"})
+        free = [name for name, deviation in self.believed.items() if np.any(deviation > 0)]
+        return xr.Dataset(found, attrs={"kind": "fit", "parameters": free, "observable": " ".join(self.sentences()),
+                                        "residual_before": self.residual[0], "residual_after": self.residual[1]})
+
+
+def calibrated(signals: xr.DataArray, targets: np.ndarray, profile: SoundSpeedProfile, *,
+               transmit: np.ndarray = np.zeros(3),
+               believed: Mapping[str, float | np.ndarray] | None = None) -> Calibration:
+    """Calibrate an array from the echoes of point targets.
+
+    Parameters
+    ----------
+    signals : DataArray (ping, tx, rx, sample)
+        As `mitsonar.element_signals` gives them: with the array and the track as they are believed.
+    targets : (K, 3) [m]
+        Where point targets are believed, scene coordinates, z up. Their echoes have no phase of their own.
+    profile : SoundSpeedProfile
+    transmit : (3,) [m]
+        The transmit element, or the middle of the transmit array, body frame.
+    believed : dict or None
+        Deviations of parameters, see `BELIEVED`, numbers or arrays of their shape; 0 holds one still.
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    ValueError
+        If the signals have no track or pulse, a name is unknown, or too few echoes of the targets are found.
+    """
+    model, pulse, time = _model(signals, np.atleast_2d(np.asarray(targets, float)), profile, transmit)
+    doubt = _deviations(model, believed or {})
+    jacobian, free = model.linearised(model.start), np.concatenate([np.ravel(part) for part in doubt.values()])
+    reach = SPREAD * _reach(jacobian.dense(), free).reshape(model.shape).max(-1)
+    heard = measured_arrivals(np.asarray(signals.values)[:, 0], time, pulse, float(signals.attrs["sampling_rate"]),
+                              predicted=jacobian.value.reshape(model.shape), doppler=model.doppler(), reach=reach)
+    return found(model, heard, doubt, couplings=_couplings(pulse))
+
+
+def found(model: ArrivalModel, heard: MeasuredArrivals, believed: dict[str, np.ndarray], *,
+          couplings: Mapping[str, float] | None = None) -> Calibration:
+    """Fit a model's parameters to measured arrivals.
+
+    Parameters
+    ----------
+    model : ArrivalModel
+    heard : MeasuredArrivals
+    believed : dict
+        Deviations before of all parameters, in their shapes; 0 holds one still.
+    couplings : dict or None
+        κ of `arrival_model` [s] of "envelope" and "phase"; None: 0.
+
+    Raises
+    ------
+    ValueError
+        If too few arrivals were measured, or nothing is free.
+    """
+    coupling = {"envelope": 0.0, "phase": 0.0, **(couplings or {})}
+    free = np.concatenate([np.ravel(part) for part in believed.values()])
+    unknown = np.flatnonzero(free > 0)
+    prior = free[unknown]
+    start = np.concatenate([np.ravel(part) for part in model.start.values()])
+    seen = np.isfinite(heard.time).ravel()
+    if seen.sum() < 3 * model.shape[2] or seen.sum() < 0.1 * seen.size:
+        raise ValueError(f"echoes of the targets were found in {seen.sum()} of {seen.size} places; give places and "
+                         "deviations that hold them, and targets that stand out and apart")
+    if not len(unknown):
+        raise ValueError("all parameters are believed to be right, with deviations of 0; leave some free")
+
+    def system(at: np.ndarray, kind: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Residuals [s], their weights, and the Jacobian by unknowns in deviations."""
+        jacobian = model.linearised(model.shaped(at), coupling[kind])
+        residual, deviation = _residual(heard, jacobian.value.reshape(model.shape), kind, seen)
+        return residual, _weights(residual / deviation) / deviation ** 2, jacobian.dense()[seen][:, unknown] * prior
+
+    def stepped(at: np.ndarray, kind: str, steps: int) -> np.ndarray:
+        """Steps of Gauss-Newton."""
+        for _ in range(steps):
+            residual, weight, matrix = system(at, kind)
+            normal = matrix.T @ (weight[:, None] * matrix) + np.eye(len(unknown))
+            pull = matrix.T @ (weight * residual) - (at - start)[unknown] / prior
+            at = at.copy()
+            at[unknown] += prior * np.linalg.solve(normal, pull)
+        return at
+
+    left_out = np.zeros(model.shape[0], bool)
+    while True:
+        rough = stepped(start, "envelope", ENVELOPES)
+        at = stepped(rough, "phase", PHASES)
+        envelopes = model.linearised(model.shaped(at), coupling["envelope"]).value.reshape(model.shape)
+        slipped = _slipped(heard, envelopes) & ~left_out[:, None]
+        # a ping on another cycle bends all else: the others are asked again without it
+        if not slipped.any() or left_out.sum() + slipped.any(1).sum() > MOST_LEFT_OUT * len(left_out):
+            break
+        left_out |= slipped.any(1)
+        seen = seen & np.repeat(~left_out, model.shape[1] * model.shape[2])
+    before = _spread(system(rough, "phase")[0])
+    residual, weight, matrix = system(at, "phase")
+    eigenvalues, vectors = np.linalg.eigh(matrix.T @ (weight[:, None] * matrix))
+    eigenvalues = np.maximum(eigenvalues, 0)
+    root = np.zeros((len(free), len(unknown)))
+    root[unknown] = prior[:, None] * vectors / np.sqrt(1 + eigenvalues)
+    gain, gain_doubt = _gains(heard)
+    return Calibration(
+        values=model.shaped(at), start=dict(model.start), uncertainty=model.shaped(np.linalg.norm(root, axis=1)),
+        believed=believed, units=model.units, gain=gain, gain_uncertainty=gain_doubt,
+        singular_values=np.sqrt(eigenvalues[::-1]), rigid=_rigid(model, root, free),
+        residual=(before, _spread(residual)), used=int(seen.sum()), asked=seen.size,
+        ambiguous=float(np.mean(np.abs(residual) * heard.frequency > 0.25)), slipped=int(slipped.sum()),
+        left_out=left_out)
+
+
+def _model(signals: xr.DataArray, targets: np.ndarray, profile: SoundSpeedProfile, transmit: np.ndarray):
+    """The model of arrivals, the pulse, and the times of the samples."""
+    needed = ("x", "y", "z", "roll", "pitch", "heading", "ping_time", "rx_x", "rx_y", "rx_z", "time")
+    missing = [name for name in needed if name not in signals.coords]
+    missing += [name for name in ("pulse", "sampling_rate") if name not in signals.attrs]
+    if missing or signals.dims != ("ping", "tx", "rx", "sample"):
+        raise ValueError(f"signals over {', '.join(map(str, signals.dims))} without {', '.join(missing) or 'nothing'}; "
+                         "give what mitsonar.element_signals gives, over ping, tx, rx and sample")
+    track = Track(time=signals["ping_time"].values, position=np.stack([signals[axis].values for axis in "xyz"], 1),
+                  **{angle: signals[angle].values for angle in ("roll", "pitch", "heading")})
+    receive = np.stack([signals[f"rx_{axis}"].values for axis in "xyz"], 1)
+    time = signals["time"].values
+    return (ArrivalModel(track, receive, transmit, targets, profile, duration=float(time[-1])),
+            pulse_of(signals.attrs["pulse"]), time)
+
+
+def _couplings(pulse: Pulse) -> dict[str, float]:
+    """κ of `arrival_model` [s]: peaks of a sweep of rate k stand (η - 1) f₀/k too early; its middle tells the phase."""
+    sweeps = pulse.numbers is not None and "bandwidth" in pulse.numbers
+    rate = (pulse.band[1] - pulse.band[0]) / pulse.duration if sweeps else np.inf
+    return {"envelope": pulse.frequency / rate, "phase": 0.5 * pulse.duration}
+
+
+def _deviations(model: ArrivalModel, believed: Mapping[str, float | np.ndarray]) -> dict[str, np.ndarray]:
+    """Deviations before, of all parameters in their shapes."""
+    unknown = [name for name in believed if name not in UNITS]
+    if unknown:
+        raise ValueError(f"{unknown[0]!r} is no parameter of a calibration; there are {', '.join(UNITS)}")
+    found = {}
+    for name, start in model.start.items():
+        value = np.asarray(believed.get(name, BELIEVED[name]), float)
+        try:
+            found[name] = np.array(np.broadcast_to(value, start.shape))
+        except ValueError:
+            raise ValueError(f"deviations of {name} have the shape {value.shape}; give a number or {start.shape}"
+                             ) from None
+        if not (np.isfinite(found[name]).all() and np.all(found[name] >= 0)):
+            raise ValueError(f"deviations of {name} must be finite numbers of at least 0")
+    return found
+
+
+def _reach(jacobian: np.ndarray, deviation: np.ndarray) -> np.ndarray:
+    """Deviations [s] of predicted times."""
+    return np.sqrt(jacobian ** 2 @ deviation ** 2)
+
+
+def _residual(heard: MeasuredArrivals, predicted: np.ndarray, kind: str,
+              seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What times are later than predicted by, and their deviations [s]."""
+    if kind == "envelope":
+        times, deviation = heard.time, heard.deviation(heard.bandwidth)
+    else:
+        times, deviation = heard.phase_time(predicted), heard.deviation(heard.frequency)
+    return (times - predicted).ravel()[seen], np.maximum(deviation.ravel()[seen], LEAST[kind])
+
+
+def _slipped(heard: MeasuredArrivals, predicted: np.ndarray) -> np.ndarray:
+    """At which pings (P, K) envelopes of a target are nearly half a cycle off where phases have been fitted."""
+    off = np.ma.masked_invalid(heard.time - predicted)
+    return np.ma.filled(np.abs(np.ma.median(off, axis=2)) * heard.frequency > SLIPPED, False)
+
+
+def _weights(residual: np.ndarray) -> np.ndarray:
+    """Huber's weights of residuals in deviations, which grow with what residuals really are."""
+    scale = max(1.0, _spread(residual))
+    return np.minimum(1.0, HUBER * scale / np.maximum(np.abs(residual), 1e-12)) / scale ** 2
+
+
+def _spread(residual: np.ndarray) -> float:
+    """Deviation of residuals, which outliers do not move."""
+    return float(np.median(np.abs(residual))) / 0.6745
+
+
+def _gains(heard: MeasuredArrivals) -> tuple[np.ndarray, np.ndarray]:
+    """Gains of elements about a mean of 1, and their deviations, from the levels of all echoes."""
+    level = np.log(np.abs(heard.peak)).reshape(-1, heard.peak.shape[-1])
+    level = level[np.isfinite(level).all(1)]
+    level = level - level.mean(1, keepdims=True)
+    if not len(level):
+        return np.full(level.shape[1], np.nan), np.full(level.shape[1], np.nan)
+    gain = np.exp(np.median(level, 0))
+    return gain / gain.mean(), 1.2533 * np.std(level, 0) / np.sqrt(len(level)) * gain
+
+
+def _rigid(model: ArrivalModel, root: np.ndarray, believed: np.ndarray) -> dict[str, tuple[float, float]]:
+    """Deviations before and after of shifts and turns of the receive array as a whole."""
+    place = model.start["rx_position"] - model.start["rx_position"].mean(0)
+    begin, told = 0, {}
+    for name, start in model.start.items():
+        if name == "rx_position":
+            break
+        begin += start.size
+    index = begin + np.arange(place.size)
+    axes = np.eye(3)
+    for which, name in enumerate(RIGID):
+        move = np.broadcast_to(axes[which], place.shape) if which < 3 else np.cross(axes[which - 3], place)
+        size = np.sum(move ** 2)
+        if size < 1e-12:
+            continue
+        functional = np.zeros(len(believed))
+        functional[index] = np.ravel(move) / size
+        told[name] = (float(np.linalg.norm(functional * believed)), float(np.linalg.norm(functional @ root)))
+    return told

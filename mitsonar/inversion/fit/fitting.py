@@ -1,0 +1,146 @@
+"""Fit parameters of a model to a record: the most probable values, what they may be off, and what could be seen.
+
+    Φ(x) = ½ Σ D(y, F(x)) - ln p(x),       steps -> `gauss_newton` or `first_order`
+
+y -> in the ``likelihood``; F -> ``model``; p -> ``priors``.
+"""
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from mitsonar.device.files import FilePath, check_writable
+from mitsonar.gradients.model import ForwardModel
+
+from .answer import Fit, FittedParameter
+from .gauss_newton import GaussNewton
+from .iteration import FitStage, Method, State, Stopping
+from .likelihood import Likelihood
+from .misfit import Misfit
+from .observability import Observability, observe
+from .priors import Prior
+from .saved_state import fingerprint, load_state, save_state
+from .unknowns import Unknowns
+
+__all__ = ["fit"]
+
+
+def fit(model: ForwardModel, likelihood: Likelihood, priors: Mapping[str, Prior], *, method: Method | None = None,
+        stopping: Stopping | None = None, earlier: Sequence[FitStage] = (), moves: np.ndarray | None = None,
+        directions: int = 40, seed: int = 0, begin: Callable[[], np.ndarray] | None = None,
+        state_file: FilePath | None = None, about: str = "",
+        progress: Callable[[float, float], object] | None = None) -> Fit:
+    """Fit parameters of a model to a record.
+
+    Parameters
+    ----------
+    model : ForwardModel
+    likelihood : Likelihood
+        With the record.
+    priors : dict[str, Prior]
+        Of the parameters that are fitted; others stay as at the start.
+    method : Method, optional
+        Default: `GaussNewton`.
+    stopping : Stopping, optional
+    earlier : sequence of FitStage
+        Coarser fits that come first, one after the other.
+    moves : (n,) array of bool, optional
+        As of `FitStage`.
+    directions : int
+        In which to look at what the record tells; three products with the Jacobian each.
+    seed : int
+        Of those directions.
+    begin : callable, optional
+        That gives the unknowns z (n,) to begin with; asked where no state is gone on with. Default: the priors' means.
+    state_file : str or path, optional
+        Written after each step, and gone on with where it is there: the answer is the same. It stays when the fit is
+        done.
+    about : str
+        What tells this fit from others with the same record and priors.
+    progress : callable, optional
+        Called with steps done and their total.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown, shapes do not fit, the model's derivatives forward and backward differ, or the state is of
+        another fit.
+    """
+    method, stopping = method or GaussNewton(), stopping or Stopping()
+    if directions < 1:
+        raise ValueError(f"the record is looked at in {directions} directions; give 1 or more")
+    unknowns = Unknowns(model, priors)
+    stages = [*earlier, FitStage(model=model, likelihood=likelihood, method=method, stopping=stopping, moves=moves)]
+    misfits = [Misfit(one.model, one.likelihood, unknowns, one.moves) for one in stages]
+    mark = _mark(unknowns, stages, about, seed) if state_file is not None else ""
+    if state_file is not None:
+        check_writable(state_file)
+    if state_file is not None and os.path.exists(state_file):
+        state = load_state(state_file, mark, unknowns.size, len(stages))
+    else:
+        state = _begun(misfits[0], np.zeros(unknowns.size) if begin is None else begin(), seed)
+    total = sum(one.stopping.iterations for one in stages)
+    while True:
+        misfit, stage = misfits[state.stage], stages[state.stage]
+        if reason := stage.stopping.reason(misfit, state):
+            if state.stage + 1 == len(stages):
+                break
+            state = state.onward(misfits[state.stage + 1].cost(state.z, state.iteration))
+            continue
+        state = stage.method.step(misfit, state)
+        if state_file is not None:
+            save_state(state_file, state, mark)
+        if progress is not None:
+            progress(sum(one.stopping.iterations for one in stages[:state.stage]) + state.within, total)
+    final = Misfit(model, likelihood, unknowns).about(state.z, state.iteration, record_alone=True)
+    look = observe(final, directions, seed)
+    expected = np.repeat([one.likelihood.expected for one in stages], np.diff([*state.begins, state.cost.size]))
+    return Fit(parameters=_parameters(model, unknowns, state, look), predicted=np.asarray(final.predicted),
+               deviance=state.deviance / expected, cost=state.cost, step=state.step, observability=look,
+               stopped=reason)
+
+
+def _mark(unknowns: Unknowns, stages: Sequence[FitStage], about: str, seed: int) -> str:
+    """What tells this fit from others."""
+    mark = f"{about}\n{stages[-1].method!r}\n{seed}"
+    for number, one in enumerate(reversed(stages)):
+        if number:
+            moves = None if one.moves is None else np.flatnonzero(one.moves).tolist()
+            mark += f"\n{one.method!r}\n{one.stopping!r}\n{moves}"
+        mark = fingerprint(unknowns, one.likelihood, mark)
+    return mark
+
+
+def _begun(misfit: Misfit, z: np.ndarray, seed: int) -> State:
+    """The state at the start, where the model is checked."""
+    from mitsonar.device.chance import Salt
+
+    first = misfit.about(np.asarray(z, float), 0)
+    first.check(np.random.default_rng([seed, Salt.PROBES, 1]))
+    return State.at(first.z, first.cost)
+
+
+def _parameters(model: ForwardModel, unknowns: Unknowns, state: State, look: Observability) \
+        -> dict[str, FittedParameter]:
+    """What the answer says of each parameter."""
+    values, begin = unknowns.values(state.z), unknowns.values(np.zeros(unknowns.size))
+    found = {}
+    for name, part in unknowns.parts.items():
+        shape = values[name].shape
+        classes = unknowns.bound[name].classes
+        odds = None if classes is None else classes.probabilities(values[name].ravel(), look.deviation[part])
+        found[name] = FittedParameter(
+            value=values[name], start=begin[name], uncertainty=look.deviation[part].reshape(shape),
+            prior_deviation=unknowns.bound[name].deviation.reshape(shape),
+            resolved=look.resolved[part].reshape(shape), seen=look.seen[:, part].reshape(-1, *shape),
+            unseen=look.unseen[:, part].reshape(-1, *shape), unit=model.units.get(name, ""),
+            labels=None if odds is None else odds.argmax(1).reshape(shape),
+            probabilities=None if odds is None else odds.reshape(*shape, -1),
+            classes=None if classes is None else classes.values)
+    return found

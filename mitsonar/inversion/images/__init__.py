@@ -1,0 +1,1 @@
+"""Fits to images: scene values, heights, sediments, poses."""

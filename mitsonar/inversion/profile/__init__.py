@@ -1,0 +1,1 @@
+"""Fits of sound-speed profiles to lines of soundings."""

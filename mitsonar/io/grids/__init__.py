@@ -1,0 +1,1 @@
+"""Grids of depths and sediments in files."""

@@ -1,0 +1,252 @@
+"""Surveyed bathymetry from grids (GeoTIFF, BAG, netCDF, ESRI ASCII, what else GDAL opens, ``.npy``) and soundings.
+
+`read` gives the heights as they will be meshed: z up, rows running north, columns east, metres about a local origin,
+NaN where nothing was measured. Grids in degrees, in feet or turned against north are warped to a grid in metres; every
+node then is interpolated from measured nodes only, so fill values never bleed into the seabed.
+"""
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from mitsonar.device.files import FilePath
+from mitsonar.scattering import RoughnessSpectrum
+
+from . import hole_filling, raster_files, rasters, survey_relief
+
+_DEEPEST = 12000.0  # [m], beyond any ocean: larger numbers are undeclared fill values
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bathymetry:
+    """Hold the heights of a seabed on a regular grid.
+
+    Parameters
+    ----------
+    x, y : float64 array (X,), (Y,) [m]
+        Local coordinates of columns (east) and rows (north), increasing by a constant step.
+    heights : float32 array (Y, X) [m]
+        z up from the survey's datum; NaN where there is no depth.
+    local_origin : tuple of 2 floats [m]
+        Easting and northing of x = 0, y = 0.
+    crs : str
+        Coordinate system of the origin, as an EPSG code or WKT; empty where the file names none.
+    vertical : str
+        How the file's numbers were taken: "elevation" (positive up) or "depth" (positive down).
+    roughness : RoughnessSpectrum or None
+        That of the relief which was added below the survey's resolution.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    heights: np.ndarray
+    local_origin: tuple[float, float]
+    crs: str = ""
+    vertical: str = "elevation"
+    roughness: RoughnessSpectrum | None = None
+
+    @property
+    def valid(self) -> np.ndarray:
+        """Tell which nodes have a depth: bool array (Y, X)."""
+        return np.isfinite(self.heights)
+
+    @property
+    def spacing(self) -> tuple[float, float]:
+        """Give the distance of columns and of rows [m]."""
+        across, along = (float((axis[-1] - axis[0]) / (axis.size - 1)) for axis in (self.x, self.y))
+        return across, along
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """Give west, south, east and north [m] of the nodes in the coordinate system ``crs``."""
+        east, north = self.local_origin
+        return (float(self.x[0] + east), float(self.y[0] + north), float(self.x[-1] + east),
+                float(self.y[-1] + north))
+
+    def height_at(self, x: npt.ArrayLike, y: npt.ArrayLike) -> np.ndarray:
+        """Give the height [m] at local points by bilinear interpolation; NaN beside holes and beyond the grid."""
+        from scipy.interpolate import RegularGridInterpolator
+
+        x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
+        surface = RegularGridInterpolator((self.y, self.x), self.heights, bounds_error=False, fill_value=np.nan)
+        return surface(np.stack((y, x), axis=-1)).reshape(x.shape)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Relief:
+    """Ask for relief below a survey's resolution.
+
+    Parameters
+    ----------
+    seed : int
+        Realisation.
+    w2 : float [m^(4 - gamma)], optional
+        Spectral strength; measured on the survey unless given, and then ``gamma`` with it.
+    gamma : float, optional
+        Spectral exponent; measured unless given.
+
+    Raises
+    ------
+    ValueError
+        If the strength is given alone, or a number is out of the range of `RoughnessSpectrum`.
+    """
+
+    seed: int = 0
+    w2: float | None = None
+    gamma: float | None = None
+
+    def __post_init__(self):
+        if self.w2 is not None and self.gamma is None:
+            raise ValueError("relief_w2 is given without relief_gamma, on which its unit depends; give both.")
+        if self.gamma is not None:
+            RoughnessSpectrum(w2=1.0 if self.w2 is None else self.w2, gamma=self.gamma)
+
+    @property
+    def spectrum(self) -> RoughnessSpectrum | None:
+        """Give the spectrum, where both numbers are given, else None."""
+        if self.w2 is None or self.gamma is None:
+            return None
+        return RoughnessSpectrum(w2=self.w2, gamma=self.gamma, outer_scale=1e6)
+
+
+def read(path: FilePath, *, crop: Sequence[float] | None = None, centre: Sequence[float] | None = None,
+         size: Sequence[float] | None = None, frame: str = "projected", resolution: float | None = None,
+         vertical: str = "auto", band: int = 1, variable: str | None = None, spacing: float | None = None,
+         nodata: float | None = None, crs: str | None = None, local_origin: Sequence[float] | None = None,
+         holes: str = "cut", holes_max: float | None = None, relief: Relief | None = None) -> Bathymetry:
+    """Read a bathymetry grid.
+
+    Parameters
+    ----------
+    path : path
+        A raster GDAL can open, an ``.npy`` array (Y, X) whose rows run north, or text of lines of x, y and z as
+        `soundings.read` takes it. Of a BAG of variable resolution the finest is taken, which the driver interpolates
+        to where it is coarser; the northernmost row of nodes is left out by it.
+    crop : 4 floats, optional
+        West, south, east, north of the part to read; nodes on the edge belong to it.
+    centre, size : 2 floats each, optional
+        The same as middle (by default the file's) and as width and height [m].
+    frame : str
+        Coordinates of ``crop`` and ``centre``: "projected" for the file's own, be they metres or degrees, "local" for
+        metres from the middle of the file's extent, rounded to metres.
+    resolution : float [m], optional
+        Distance of the nodes; a coarser one averages, a finer one interpolates. By default the file's own; of
+        scattered soundings their mean distance, which is logged.
+    vertical : str
+        "elevation" (positive up), "depth" (positive down), or "auto": depth if most numbers are positive. What was
+        taken is in the record, and logged.
+    band : int
+        Band of the file, from 1.
+    variable : str, optional
+        Which grid of a netCDF file; needed if it holds several of which not exactly one is called as heights are.
+    spacing : float [m], optional
+        Distance of the nodes of a file without georeference, such as ``.npy``.
+    nodata : float, optional
+        Fill value, where the file does not declare it.
+    crs : str, optional
+        Coordinate system, where the file does not name it, such as "EPSG:4326".
+    local_origin : 2 floats [m], optional
+        Easting and northing of the local origin; by default the middle of what is read, rounded to metres. Several
+        files in one scene need a common one.
+    holes : str
+        "cut", or "filled" where the part that is read surrounds them, see `hole_filling.fill_holes`.
+    holes_max : float [m], optional
+        Width of the widest hole to fill.
+    relief : Relief, optional
+        Lay the survey on the finer ``resolution`` by splines and add relief that continues the survey's spectrum,
+        see `survey_relief`. The spectrum is measured on the whole file, so that every part has the same.
+
+    Returns
+    -------
+    Bathymetry
+
+    Raises
+    ------
+    ValueError
+        If there is no such file, it is no raster, an argument does not fit it, nothing is left in the crop, or it
+        holds numbers that cannot be depths.
+    """
+    if vertical not in ("auto", "elevation", "depth"):
+        raise ValueError(f'{path}: vertical is "{vertical}"; it must be "auto", "elevation" or "depth".')
+    if holes not in ("cut", "filled"):
+        raise ValueError(f'{path}: holes is "{holes}"; it must be "cut" or "filled".')
+    if holes_max is not None and holes == "cut":
+        raise ValueError(f'{path}: holes_max is {holes_max:g} m, but holes are cut; write holes "filled" too.')
+    if resolution is not None and not resolution > 0:
+        raise ValueError(f"{path}: resolution is {resolution} m; it must be above 0.")
+    try:
+        part = rasters.Part(crop=crop, centre=centre, size=size, frame=frame)
+        with raster_files.opened(path, spacing=spacing, variable=variable, crs=crs, nodata=nodata,
+                                 resolution=None if relief else resolution) as (raster, source):
+            rasters.check(raster, band)
+            native = raster.crs or source
+            with rasters.in_metres(raster, native, None if relief else resolution, nodata,
+                                   smooth=relief is not None) as grid:
+                def depths(window):
+                    return _values(grid, raster, band, window, nodata)
+                if relief:
+                    finer = survey_relief.FinerGrid.over(grid, resolution)
+                    finer_x, finer_y, _ = rasters.window(finer, part, source)
+                    roughness = relief.spectrum or _measured(grid, depths, relief.gamma)
+                    x, y, window = rasters.window_about(grid, finer_x, finer_y, survey_relief.MARGIN)
+                else:
+                    roughness = None
+                    x, y, window = rasters.window(grid, part, source)
+                values = depths(window)
+                crs = rasters.name_of(native if grid is raster else grid.crs)
+        heights, vertical = _z_up(values, vertical)
+        if holes == "filled":
+            steps = tuple(abs(axis[-1] - axis[0]) / (axis.size - 1) for axis in (x, y))
+            heights = hole_filling.fill_holes(heights, steps, holes_max)
+        if relief and roughness:
+            heights = survey_relief.refine(x, y, heights, finer_x, finer_y, roughness, relief.seed)
+            x, y = finer_x, finer_y
+            if np.isnan(heights).all():
+                raise ValueError("there is no depth in the part asked for, only holes.")
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    _log.info("%s: taken as %s, heights from %g to %g m", path, vertical, np.nanmin(heights), np.nanmax(heights))
+    if roughness:
+        _log.info("%s: relief of w2 = %.3g m^(4 - gamma), gamma = %.3g", path, roughness.w2, roughness.gamma)
+    if local_origin is None:
+        local_origin = round((x[0] + x[-1]) / 2), round((y[0] + y[-1]) / 2)
+    if y[0] > y[-1]:
+        y, heights = y[::-1], heights[::-1]
+    return Bathymetry(x=x - local_origin[0], y=y - local_origin[1], heights=np.ascontiguousarray(heights, np.float32),
+                      local_origin=(float(local_origin[0]), float(local_origin[1])), crs=crs, vertical=vertical,
+                      roughness=roughness)
+
+
+def _values(grid, raster, band, window, nodata):
+    masked = grid.read(band, window=window, masked=True)
+    values = masked.astype(np.result_type(masked.dtype, np.float32)).filled(np.nan)
+    if nodata is not None:
+        values[values == values.dtype.type(nodata)] = np.nan
+    values[~np.isfinite(values)] = np.nan
+    scale, offset = raster.scales[band - 1], raster.offsets[band - 1]
+    return values if (scale, offset) == (1, 0) else values * scale + offset
+
+
+def _measured(grid, depths, gamma):
+    def read_window(row, column, size):
+        return depths(rasters.window_at(int(column), int(row), size, size))
+    return survey_relief.measure(read_window, grid.shape, grid.res, gamma)
+
+
+def _z_up(values, vertical):
+    """Give the heights, z up, and how the numbers were taken."""
+    if np.isnan(values).all():
+        raise ValueError("there is no depth in the part asked for, only holes.")
+    low, high = np.nanmin(values), np.nanmax(values)
+    if max(-low, high) > _DEEPEST:
+        fill = low if -low > high else high
+        raise ValueError(f"numbers reach from {low:g} to {high:g} m; if {fill:g} stands for no data, say so by nodata.")
+    if vertical == "auto":
+        vertical = "depth" if np.nanmedian(values) > 0 else "elevation"
+    return (-values if vertical == "depth" else values), vertical

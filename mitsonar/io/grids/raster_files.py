@@ -1,0 +1,273 @@
+"""Survey files as rasters, whatever they are: GDAL's formats, NumPy arrays, ESRI ASCII grids and lists of soundings.
+
+GDAL reads most of them. What it would read wrongly or not at all comes in other ways: of a BAG of variable resolution
+it shows the coarse overview unless asked for the refinements, of netCDF axes it asks for attributes that many files
+lack, and of text grids it takes words, and what is missing, for 0.
+
+Files are opened as one of `DRIVERS`, formats that hold their grid themselves, whatever the file's name. GDAL knows more
+by their content: descriptions that send it to other files or over the network, which a survey must not.
+"""
+import contextlib
+import os
+import threading
+import tokenize
+import warnings
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mitsonar.device.files import FilePath, is_of_the_kernel
+
+from ..records.self_contained import DataElsewhere, check_hdf5
+from . import ascii_grid, soundings
+from .rasters import MOST_NODES, source_crs
+
+if TYPE_CHECKING:
+    from rasterio.crs import CRS
+    from rasterio.io import DatasetReader
+    from rasterio.transform import Affine
+
+
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_HEIGHTS = ("z", "elevation", "depth", "bathymetry", "bathy", "topo", "topography", "height", "altitude", "band1")
+DRIVERS = ("GTiff", "BAG", "netCDF", "HDF5", "S102", "AAIGrid", "GRASSASCIIGrid", "XYZ", "ZMap", "ISG", "GSAG", "GSBG",
+           "GS7BG", "EHdr", "ENVI", "HFA", "RST", "SAGA", "RRASTER", "PCRaster", "USGSDEM", "DTED", "SRTMHGT", "GRIB",
+           "GPKG", "BT", "Leveller", "Terragen", "HF2", "SIGDEM", "NWT_GRD", "NWT_GRC", "PNG", "JPEG", "GIF", "BMP")
+_COMPANIONS = (".ovr", ".msk")              # files of coarser copies and masks, which GDAL opens as anything they are
+_RASTERS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"EHFA")
+_stderr = threading.Lock()  # Mitsuba loads shapes in parallel
+
+
+@contextlib.contextmanager
+def opened(path: FilePath, *, spacing: float | None = None, variable: str | None = None, crs: str | None = None,
+           resolution: float | None = None, nodata: float | None = None,
+           what: str = "bathymetry grid") -> "Iterator[tuple[DatasetReader, CRS | None]]":
+    """Open a survey as a raster, and say what GDAL objects to in a sentence.
+
+    Parameters
+    ----------
+    path : path
+    spacing : float [m], optional
+        Distance of the nodes of an ``.npy`` array, which needs it; no other file takes it.
+    variable : str, optional
+        Which grid of a netCDF file that holds several.
+    crs : str, optional
+        Coordinate system of a file that names none.
+    resolution : float [m], optional
+        Distance of the nodes on which scattered soundings are laid.
+    nodata : float, optional
+        Depth of soundings that stands for none.
+    what : str
+        What errors call the file.
+
+    Yields
+    ------
+    raster : rasterio dataset
+    source : rasterio.crs.CRS or None
+        System of the file's own coordinates. Of soundings in degrees or feet the raster has another, in metres.
+
+    Raises
+    ------
+    ValueError
+        If there is no such file, or none of its kind can be read.
+    """
+    import rasterio.errors
+    from rasterio._err import CPLE_BaseError
+
+    if not os.path.exists(path):
+        raise ValueError("there is no such file.")
+    if not os.path.isfile(path):
+        raise ValueError("it is a folder, a device or a pipe; give a file.")
+    if is_of_the_kernel(path):
+        raise ValueError("it is a file of the kernel, which may have no end; give another.")
+    is_array = str(path).endswith(".npy")
+    if is_array != (spacing is not None):
+        raise ValueError("an .npy array needs the spacing of its nodes." if is_array else
+                         "the file has its own spacing; use resolution for another.")
+    with contextlib.ExitStack() as stack:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+                stack.enter_context(_hushed(path))
+                if is_array:
+                    raster = _array_as_raster(path, spacing)
+                elif soundings.holds_soundings(path):
+                    raster, source = _soundings_as_raster(path, crs, resolution, nodata)
+                    yield stack.enter_context(raster), source
+                    return
+                elif ascii_grid.is_ascii_grid(path):
+                    raster = _ascii_as_raster(path)
+                else:
+                    raster = _by_gdal(path, variable)
+            stack.enter_context(raster)
+            if variable is not None and raster.driver != "netCDF":
+                raise ValueError(f'variable is "{variable}", but only netCDF files hold variables; leave it out.')
+            yield raster, source_crs(raster, crs)
+        except (rasterio.errors.RasterioError, CPLE_BaseError) as error:    # of rasterio's own, and GDAL's as they are
+            reason = str(error.__cause__ or error).replace(f"'{os.path.abspath(path)}'", "")
+            reason = " ".join(reason.split()).rstrip(".")
+            raise ValueError(f"this is not a {what} that GDAL can read ({reason}).") from None
+        except OSError as error:
+            raise ValueError(f"the file cannot be read ({error.strerror or error}).") from None
+
+
+@contextlib.contextmanager
+def _hushed(path):
+    """Keep the HDF5 library from printing its stack of errors: GDAL turns them into one exception all the same."""
+    if not _is_hdf5(path):
+        yield
+        return
+    with _stderr:
+        kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, 2)
+        try:
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+            os.close(nowhere)
+
+
+def _by_gdal(path, variable):
+    import rasterio
+
+    _check_companions(path)
+    if _is_hdf5(path):
+        _check_hdf5(path)
+    raster = _open(path)
+    if raster.tags(ns="OVERVIEWS"):
+        raster.close()
+        raise ValueError("the file names another one for its coarser copies; leave that out (gdaladdo writes copies "
+                         "into the file or beside it).")
+    if raster.driver == "BAG":
+        refined = raster.tags().get("HAS_SUPERGRIDS") == "TRUE"
+        raster.close()
+        # The finest resolution of the refinements, by linear interpolation within each.
+        return _open(path, REPORT_VERTCRS="NO", **({"MODE": "INTERPOLATED"} if refined else {}))
+    if raster.driver != "netCDF":
+        return raster
+    _refuse_cut_classic(path)
+    # Of one grid alone the driver makes no parts.
+    parts = [name.rpartition(":")[2] for name in raster.subdatasets] or \
+        [raster.tags(band).get("NETCDF_VARNAME") for band in raster.indexes[:1]]
+    raster.close()
+    if variable is None and len(parts) > 1:
+        likely = [part for part in parts if part.lower() in _HEIGHTS]
+        if len(likely) != 1:
+            raise ValueError(f"the file holds the grids {', '.join(parts)}; name the one of heights by variable.")
+        variable = likely[0]
+    if variable is not None and variable not in parts:
+        raise ValueError(f'the file holds no grid "{variable}"; it has {", ".join(map(str, parts)) or "none"}.')
+    name = f'netcdf:"{path}":{variable}' if variable else path
+    # Axes called other than the conventions have it, or without their attributes, are axes all the same.
+    return rasterio.open(name, driver="netCDF", IGNORE_XY_AXIS_NAME_CHECKS="YES", ASSUME_LONGLAT="YES")
+
+
+def _is_hdf5(path):
+    """Return True if a file is HDF5: that may begin at 0, 512, 1024, 2048, ... bytes, after other bytes."""
+    with open(path, "rb") as file:
+        size, place = file.seek(0, os.SEEK_END), 0
+        while place < size:
+            file.seek(place)
+            if file.read(len(_HDF5)) == _HDF5:
+                return True
+            place = max(512, 2 * place)
+    return False
+
+
+def _check_hdf5(path):
+    """Refuse HDF5 that refers to other files, which GDAL's drivers for BAG and netCDF would follow."""
+    try:
+        check_hdf5(path)
+    except DataElsewhere:
+        raise
+    except Exception as error:                         # of many kinds, by where the file is damaged
+        raise ValueError(f"the HDF5 file is damaged ({' '.join(str(error).split())}).") from None
+
+
+def _open(path, **options):
+    import rasterio
+    from rasterio.io import DatasetReader
+
+    with rasterio.Env():                       # which rasterio.open makes as well, but it takes one driver, not several
+        # by its whole path: GDAL takes some relative names for addresses
+        return DatasetReader(os.path.abspath(path), driver=list(DRIVERS), **options)
+
+
+def _check_companions(path):
+    folder, name = os.path.split(os.path.abspath(path))
+    wanted = {f"{known}{suffix}".lower() for known in (name, os.path.splitext(name)[0]) for suffix in _COMPANIONS}
+    for beside in os.listdir(folder):
+        if beside.lower() in wanted and os.path.isfile(os.path.join(folder, beside)):
+            with open(os.path.join(folder, beside), "rb") as file:
+                if not file.read(4).startswith(_RASTERS):
+                    raise ValueError(f"{beside}, which lies beside the file, is no raster; remove it.")
+
+
+def _refuse_cut_classic(path):
+    """Refuse a netCDF file of the classic format that is cut off: the driver reads zeros for what is missing."""
+    from scipy.io import netcdf_file
+
+    with open(path, "rb") as file:
+        if file.read(4) not in (b"CDF\1", b"CDF\2"):
+            return
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)         # views of the map that are still about
+            netcdf_file(path, mmap=True).close()                    # lays every variable on the file, reads none
+    except Exception as error:                                      # of many kinds, by where the file ends
+        raise ValueError(f"the netCDF file is cut off or broken ({' '.join(str(error).split())}).") from None
+
+
+def _array_as_raster(path, spacing):
+    from rasterio.transform import Affine
+
+    try:
+        heights = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (ValueError, EOFError, OSError, SyntaxError, tokenize.TokenError) as error:
+        raise ValueError(f"this is not a NumPy array ({' '.join(str(error).split())}).") from None
+    if heights.ndim != 2 or heights.dtype.kind not in "fiu":
+        raise ValueError(f"the array is {heights.dtype} of shape {heights.shape}; expected numbers (Y, X).")
+    if not 0 < spacing < np.inf:
+        raise ValueError(f"spacing is {spacing} m; it must be above 0.")
+    check_size(*heights.shape)
+    return in_memory(heights, Affine(spacing, 0, -spacing / 2, 0, spacing, -spacing / 2))
+
+
+def _ascii_as_raster(path):
+    _check_companions(path)
+    with _open(path) as header:                  # GDAL knows the keys, and a .prj beside the file
+        rows, columns = header.shape
+        check_size(rows, columns)
+        heights = ascii_grid.read_values(path, rows, columns)
+        return in_memory(heights, header.transform, crs=header.crs, nodata=header.nodata)
+
+
+def _soundings_as_raster(path, crs, resolution, nodata):
+    from rasterio.transform import from_origin
+
+    survey = soundings.read(path, crs=crs, nodata=nodata)
+    west, north, step, heights = survey.gridded(resolution)
+    transform = from_origin(west - step[0] / 2, north + step[1] / 2, *step)
+    return in_memory(heights, transform, crs=survey.crs), survey.source
+
+
+def in_memory(values: np.ndarray, transform: "Affine", *, crs: "CRS | None" = None,
+              nodata: float | None = None) -> "DatasetReader":
+    """Make a raster of an array: (Y, X), rows in the order that ``transform`` says."""
+    from rasterio.io import MemoryFile
+
+    rows, columns = values.shape
+    memory = MemoryFile()
+    with memory.open(driver="GTiff", height=rows, width=columns, count=1, dtype="float32",
+                     nodata=np.nan if nodata is None else nodata, transform=transform, crs=crs) as raster:
+        raster.write(np.asarray(values, np.float32), 1)
+    return memory.open()
+
+
+def check_size(rows: int, columns: int) -> None:
+    """Raise `ValueError` if a grid that must be held whole has too many nodes."""
+    if rows * columns > MOST_NODES:
+        raise ValueError(f"{rows} x {columns} nodes are more than {MOST_NODES:.0e}; make a GeoTIFF of it, of which "
+                         "parts can be read.")

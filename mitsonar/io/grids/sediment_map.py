@@ -1,0 +1,294 @@
+"""Maps of sediment classes laid on a survey: a raster of codes, and a table of what each code is.
+
+    1: clay, 7: medium sand, nodata: sandy silt
+
+Cells of the survey take the class of the map's cell that their middle falls into, whatever system the map is in. Across
+a border `Painting` has the share of the class on its other side.
+
+How a map of classes goes over from one to the next: for each cell of a survey its class, another one, and that one's
+share.
+
+Shares are those of `scattering.borders`, of the classes about a cell under a triangle of base w in both directions: two
+running means, each over half of w. Of more than two classes the most frequent other one counts.
+"""
+import os
+from dataclasses import dataclass
+
+import numpy as np
+
+from mitsonar.device.files import FilePath
+from mitsonar.seabed.roughness import sediment_key
+
+from ..scene_files import tables
+from . import raster_files
+from .bathymetry import Bathymetry
+
+
+def blended(numbers: np.ndarray, known: np.ndarray, count: int,
+            width: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Give the other class of every cell, and its share.
+
+    Parameters
+    ----------
+    numbers : integer array (Y, X)
+        Classes, from 0 to ``count`` - 1.
+    known : bool array (Y, X)
+        Where there is one.
+    count : int
+    width : (float, float) [cells]
+        w along rows and columns, as numbers of cells in y and x.
+
+    Returns
+    -------
+    other : uint32 array (Y, X)
+    share : float32 array (Y, X)
+        From 0 to 1; 0 where no other class is about, and where none is known.
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    half = [min(max(1, round(0.5 * cells)), length) for cells, length in zip(width, numbers.shape)]
+
+    def smoothed(values):
+        values = values.astype(np.float32)
+        for axis, size in enumerate(half):
+            # two means over an even number of cells lean to one side each
+            values = uniform_filter1d(values, size, axis, mode="nearest")
+            values = uniform_filter1d(values, size, axis, mode="nearest", origin=-1 if size % 2 == 0 else 0)
+        return values
+
+    most, own = np.zeros(numbers.shape, np.float32), np.zeros(numbers.shape, np.float32)
+    other = numbers.astype(np.uint32)
+    for number in range(count):
+        here = known & (numbers == number)
+        about = smoothed(here)
+        own[here] = about[here]
+        better = ~here & (about > np.maximum(most, 1e-6))
+        most[better], other[better] = about[better], number
+    share = np.where(known, most / np.maximum(own + most, 1e-6), 0)
+    return other, share.astype(np.float32)
+
+
+_SHOWN = 10                   # codes that an error lists
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClassTable:
+    """Say what the codes of a map stand for.
+
+    Parameters
+    ----------
+    classes : dict of int to str
+        Code -> sediment of TR 9407.
+    elsewhere : str, optional
+        Sediment where the map has no code; without it the map must have one everywhere.
+    """
+
+    classes: dict[int, str]
+    elsewhere: str | None = None
+
+    @classmethod
+    def of(cls, text: str) -> "ClassTable":
+        """Make a table of a text such as "1: clay, 7: medium sand, nodata: sand", or of a CSV file's path.
+
+        The file has columns ``code`` and ``sediment``; "nodata" is a code in both.
+
+        Raises
+        ------
+        ValueError
+            If a code is no whole number or is there twice, or a sediment is unknown.
+        """
+        if os.path.isfile(text):
+            names, _, rows = tables.records(text, "class table")
+            if not {"code", "sediment"} <= set(names):
+                raise ValueError(f"{text}: the columns are {', '.join(names)}; a class table has code and sediment.")
+            pairs = [(row[names.index("code")], row[names.index("sediment")]) for row in rows]
+        else:
+            pairs = [entry.partition(":")[::2] for entry in text.split(",") if entry.strip()]
+        classes = {}
+        for code, sediment in pairs:
+            code = code.strip().lower()
+            if code != "nodata":
+                try:
+                    code = int(code)
+                except ValueError:
+                    raise ValueError(f'the class table has the code "{code}", which is no whole number; write it as '
+                                     '"1: clay, 7: sand, nodata: silt", or name a CSV file.') from None
+            if code in classes:
+                raise ValueError(f"the class table has the code {code} twice.")
+            classes[code] = sediment_key(sediment.strip())
+        elsewhere = classes.pop("nodata", None)
+        if not classes:
+            raise ValueError('the class table has no codes; write it as "1: clay, 7: sand, nodata: silt", or name a '
+                             "CSV file.")
+        return cls(classes=classes, elsewhere=elsewhere)
+
+    @property
+    def sediments(self) -> list[str]:
+        """Give the sediments, each once, in the order of the numbers that `numbers` gives."""
+        named = [*self.classes.values(), *([self.elsewhere] if self.elsewhere else [])]
+        return list(dict.fromkeys(named))
+
+    def numbers(self, codes: np.ndarray) -> np.ndarray:
+        """Give the places (N,) in ``sediments`` of codes (N,); NaN is where the map has none.
+
+        Raises
+        ------
+        ValueError
+            If a code is not in the table, or there is none where the table does not say what then.
+        """
+        found, inverse = np.unique(codes, return_inverse=True)
+        place = np.zeros(found.size, np.uint32)
+        unknown = [code for code in found if np.isfinite(code) and code not in self.classes]
+        if unknown:
+            listed = ", ".join(f"{code:g}" for code in unknown[:_SHOWN])
+            share = np.isin(codes, unknown).mean()
+            known = ", ".join(map(str, self.classes))
+            raise ValueError(f"the map has the code{'s' * (len(unknown) > 1)} {listed} on {share:.1%} of the seabed, "
+                             f"and the class table knows {known}; add what is missing.")
+        for index, code in enumerate(found):
+            sediment = self.classes[int(code)] if np.isfinite(code) else self.elsewhere
+            if sediment is None:
+                raise ValueError(f"the map has no class on {np.isnan(codes).mean():.1%} of the seabed; say what lies "
+                                 'there by the code nodata in the class table: "nodata: medium sand".')
+            place[index] = self.sediments.index(sediment)
+        return place[inverse.ravel()]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Painting:
+    """What a map paints on the cells of a survey.
+
+    Attributes
+    ----------
+    number : uint32 array (N,)
+        Places in `ClassTable.sediments`.
+    other : uint32 array (N,)
+        The class beyond the nearest border.
+    share : float32 array (N,)
+        Of that class, 0 away from borders.
+    """
+
+    number: np.ndarray
+    other: np.ndarray
+    share: np.ndarray
+
+
+def paint(path: FilePath, survey: Bathymetry, table: ClassTable, cells: np.ndarray | None = None, *,
+          crs: str | None = None, border: float | None = None) -> Painting:
+    """Read what `read` does, with borders of a width.
+
+    Parameters
+    ----------
+    path, survey, table, cells, crs
+        As of `read`.
+    border : float, optional [m]
+        Width over which one class goes over into the next; by default a cell of the map, which knows its borders no
+        better.
+
+    Returns
+    -------
+    Painting
+
+    Raises
+    ------
+    ValueError
+        As `read`.
+    """
+    codes, cell = _read(path, survey, crs)
+    chosen = np.arange(codes.size) if cells is None else cells
+    number = _named(path, table, codes.ravel()[chosen])
+    known = np.isin(codes, list(table.classes)) | (np.isnan(codes) & (table.elsewhere is not None))
+    whole = np.zeros(codes.shape, np.uint32)
+    whole[known] = table.numbers(codes[known])
+    width = cell if border is None else border
+    step = survey.spacing
+    other, share = blended(whole, known, len(table.sediments), (width / step[1], width / step[0]))
+    return Painting(number=number, other=other.ravel()[chosen], share=share.ravel()[chosen])
+
+
+def read(path: FilePath, survey: Bathymetry, table: ClassTable, cells: np.ndarray | None = None, *,
+         crs: str | None = None) -> np.ndarray:
+    """Read the classes of a map on the cells between the nodes of a survey.
+
+    Parameters
+    ----------
+    path : path
+        A raster as `bathymetry.read` takes them, of one band of whole numbers.
+    survey : bathymetry.Bathymetry
+    table : ClassTable
+    cells : integer array (N,), optional
+        Which cells, counted along the rows from the south-west; by default all.
+    crs : str, optional
+        Coordinate system of a map that names none; by default it is the survey's.
+
+    Returns
+    -------
+    uint32 array (N,)
+        Places in ``table.sediments``.
+
+    Raises
+    ------
+    ValueError
+        If the file is no such raster, it lies elsewhere, or it holds what the table does not say.
+    """
+    codes = _read(path, survey, crs)[0].ravel()
+    return _named(path, table, codes if cells is None else codes[cells])
+
+
+def _read(path, survey, crs):
+    """Codes of the survey's cells, and the size of the map's own [m]."""
+    try:
+        with raster_files.opened(path, crs=crs, what="map of classes") as (raster, source):
+            return _codes(raster, source, survey), _cell(raster, source, survey)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _named(path, table, codes):
+    try:
+        return table.numbers(codes)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _cell(raster, source, survey):
+    """Mean side of the map's cells in its middle [m], in the survey's system."""
+    from rasterio.warp import transform
+
+    column, row = raster.width / 2, raster.height / 2
+    east, north = zip(*(raster.transform * place for place in ((column, row), (column + 1, row), (column, row + 1))))
+    if source is not None and survey.crs:
+        east, north = transform(source, survey.crs, east, north)
+    east, north = np.asarray(east), np.asarray(north)
+    return float(np.mean(np.hypot(east[1:] - east[0], north[1:] - north[0])))
+
+
+def _codes(raster, source, survey):
+    """Give the codes (Y - 1, X - 1) of the cells, rows from the south; NaN where the map has none."""
+    from rasterio.crs import CRS
+    from rasterio.enums import Resampling
+    from rasterio.transform import from_origin
+    from rasterio.vrt import WarpedVRT
+
+    if raster.count != 1:
+        raise ValueError(f"the file has {raster.count} bands; a map of classes has one, not colours.")
+    if raster.transform.is_identity:
+        raise ValueError("the file has no georeference; add one (gdal_translate -a_ullr).")
+    if source is not None and not survey.crs:
+        raise ValueError("the map has a coordinate system and the survey none; give the survey's by crs.")
+    west, south, east, north = survey.bounds
+    rows, columns = (length - 1 for length in survey.heights.shape)
+    step = survey.spacing
+    system = CRS.from_user_input(survey.crs) if survey.crs else CRS()
+    with WarpedVRT(raster, crs=system, src_crs=source or system, transform=from_origin(west, north, *step),
+                   width=columns, height=rows, resampling=Resampling.nearest, dtype="float64", nodata=np.nan,
+                   src_nodata=np.nan if raster.nodata is None else raster.nodata) as view:
+        codes = view.read(1)[::-1]
+    if np.isnan(codes).all():
+        raise ValueError(f"the map has no class anywhere on the survey, which covers {west:.12g}, {south:.12g}, "
+                         f"{east:.12g}, {north:.12g} (west, south, east, north{', ' * bool(survey.crs)}{survey.crs}); "
+                         f"the map covers {', '.join(f'{value:.12g}' for value in raster.bounds)}.")
+    odd = codes[np.isfinite(codes) & (codes != np.rint(codes))]
+    if odd.size:
+        raise ValueError(f"the map holds {odd[0]:g}, which is no code; classes are whole numbers.")
+    return codes

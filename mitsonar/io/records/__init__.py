@@ -1,0 +1,1 @@
+"""Records of mitsonar in files: EXR, netCDF, HDF5, GeoTIFF."""

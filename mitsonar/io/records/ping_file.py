@@ -1,0 +1,329 @@
+"""A netCDF-4 file whose places are all given away at the start, and filled ping by ping.
+
+HDF5 keeps lists of where things lie; a file whose lists are half written cannot be opened. So the file is made whole,
+with room for every ping, and closed. From then on only numbers change, in place: those of a ping, and, once these are
+on the disk, the count of whole pings.
+"""
+from __future__ import annotations
+
+import contextlib
+import errno
+import hashlib
+import itertools
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from mitsonar.device.files import FULL, replacing
+
+from .netcdf import BESIDE, WRITTEN, packing
+from .records import ENGINE, JSON, encoded, plain_value
+from .self_contained import DataElsewhere, check_hdf5
+
+__all__ = ["PingFile", "fill", "lay_out", "part_of", "size_of"]
+
+RUN = "run"                        # attribute: a digest of all that the pings have in common
+TOLD = ("seed", "file", "parameters", "sonar", "versions", "scene")     # what tells runs apart in words, in this order
+
+
+def part_of(path: Path) -> Path:
+    """Give the name of a file while it is written."""
+    return path.with_name(path.name + ".part")
+
+
+def size_of(first: xr.Dataset, count: int) -> int:
+    """Return the bytes that so many pings like the first take [bytes], to within some thousands."""
+    return sum(int(variable.nbytes) * (count if "ping" in variable.dims else 1)
+               for variable in first.variables.values())
+
+
+def fill(pings_from: Callable[[int], Iterator[xr.Dataset]], path: Path, *, count: int,
+         check: Callable[[xr.Dataset], object], progress: Callable[[int, int], None] | None = None,
+         target: Path | None = None) -> int:
+    """Write pings to a file of `lay_out`, or go on where the writing of the same pings was interrupted.
+
+    Parameters
+    ----------
+    pings_from : callable(start) -> iterator of xarray.Dataset
+        The pings from that number on, each a record of one ping, all with the same variables without ``ping``.
+    path : pathlib.Path
+    count : int
+        Of all pings.
+    check : callable(ping)
+        Called with the first ping that is made, before anything is written; raises if the record is not wanted.
+    progress : callable(done, total) or None
+        Called after every ping.
+    target : pathlib.Path or None
+        The name that the file gets when it is whole; None: it keeps its own.
+
+    Returns
+    -------
+    int
+        Number of the first ping that was written now; above 0 if an earlier writing goes on.
+
+    Raises
+    ------
+    ValueError
+        If what is there is of other pings, or `pings_from` gives too few pings or unlike ones.
+    OSError
+        If the disk has not enough room; the pings that are whole stay.
+    """
+    start = 0
+    if path.exists():
+        with PingFile(path, count) as file:
+            # the last ping is made again where all are there: it tells whose they are
+            start = min(file.written, count - 1)
+    made = iter(pings_from(start))
+    first = next(made, None)
+    if first is None:
+        raise ValueError(f"there is no ping {start}, and {count} were announced")
+    check(first)
+    if not path.exists():
+        _check_room(first, count, path)
+        lay_out(path, encoded(first), count)
+    with PingFile(path, count) as file:
+        file.check_run(encoded(first))
+        for number, one in enumerate(itertools.chain([first], made), start):
+            if number == count:
+                raise ValueError(f"there are more pings than the {count} that were announced")
+            file.put(number, encoded(one[[name for name, some in one.variables.items() if "ping" in some.dims]]))
+            if progress is not None:
+                progress(number + 1, count)
+        if file.written < count:
+            raise ValueError(f"{count} pings were announced, and there were {file.written}")
+        if target is not None:
+            file.finish(target)
+    return start
+
+
+def lay_out(path: Path, first: xr.Dataset, count: int) -> None:
+    """Make the file with room for all pings and none of them, whole or not at all.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    first : xarray.Dataset
+        A record of one ping, as `records.encoded` gives it.
+    count : int
+        Of all pings.
+
+    Raises
+    ------
+    ValueError
+        If a variable over ``ping`` is text, or has ``ping`` in another place than the first; or if another program has
+        made the file meanwhile.
+    OSError
+        If the file cannot be written there.
+    """
+    import h5netcdf
+    import h5py
+
+    names = _moving(first)
+    still = first.drop_vars(names)
+    coords = [str(name) for name in names if name in first.coords and name != "ping"]
+    still = still.assign_attrs({**first.attrs, RUN: _digest(first), BESIDE: json.dumps([RUN])})
+    early = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    early.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    early.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    with _alone(path), replacing(path, anew=True) as temporary:
+        still.to_netcdf(temporary, engine=ENGINE, encoding=packing(still))
+        with h5netcdf.File(temporary, "r+") as file:
+            for name, size in first.sizes.items():
+                if name not in file.dimensions:
+                    file.dimensions[str(name)] = count if name == "ping" else size
+            for name in names:
+                variable = first.variables[name]
+                dtype = _stored(variable)
+                stored = file.create_variable(str(name), variable.dims, dtype, dcpl=early.copy())
+                told = variable.attrs if dtype == variable.dtype else {**variable.attrs, "dtype": "bool"}
+                for key, value in told.items():
+                    stored.attrs[key] = value
+            counter = file.create_variable(WRITTEN, (), np.dtype(np.int64), dcpl=early.copy())
+            counter[...] = 0
+            counter.attrs["long_name"] = "pings that are whole, from the first on"
+            if coords:
+                file.attrs["coordinates"] = " ".join([*file.attrs.get("coordinates", "").split(), *coords])
+
+
+@contextlib.contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """Raise `ValueError` where another program makes, fills or has just finished the same file."""
+    try:
+        yield
+    except (BlockingIOError, FileExistsError, FileNotFoundError):
+        raise ValueError(f"{path} is being written by another program; wait until it ends, or give another name."
+                         ) from None
+
+
+class PingFile:
+    """A file of `lay_out`, open to be filled.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    count : int
+        Of all pings.
+
+    Raises
+    ------
+    ValueError
+        If it has another number of pings, or another program writes it.
+    """
+
+    def __init__(self, path: Path, count: int):
+        import h5py
+
+        self.path, self.count = path, count
+        try:
+            with _alone(path):
+                check_hdf5(path)
+                self.file = h5py.File(path, "r+")
+        except DataElsewhere as error:
+            raise ValueError(f"cannot go on with {path}: {error}") from None
+        except (OSError, RuntimeError, KeyError) as error:
+            raise ValueError(f"{path} is no netCDF-4 file that can be read ({error}); remove it.") from None
+        if WRITTEN not in self.file or RUN not in self.file.attrs:
+            self.file.close()
+            raise ValueError(f"{path} is whole, or of another program; remove it, or give another name.")
+        self.written = int(self.file[WRITTEN][()])
+        there = len(self.file["ping"]) if "ping" in self.file else -1
+        if there != count:
+            self.file.close()
+            raise ValueError(f"{path} is of {there} pings, and these echoes have {count}; remove it, or give another "
+                             "name.")
+
+    def __enter__(self) -> PingFile:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        self.file.close()
+
+    def check_run(self, first: xr.Dataset) -> None:
+        """Refuse a ping, as `records.encoded` gives it, that is of other echoes than those in the file.
+
+        Raises
+        ------
+        ValueError
+            With what is not the same.
+        """
+        if self.file.attrs.get(RUN) == _digest(first):
+            return
+        for name in (*TOLD, *(key for key in first.attrs if key not in TOLD)):
+            there, here = (np.asarray(attrs[name]).reshape(-1).tolist() if name in attrs else None
+                           for attrs in (self.file.attrs, first.attrs))
+            if there and here and there != here:
+                there, here = _said(there[0]), _said(here[0])
+                words = "" if max(len(there), len(here)) > 40 else f" ({there}, and here {here})"
+                other = "other parameters" if name == "parameters" else f"another {name}"
+                raise ValueError(f"{self.path} was begun with {other}{words}; remove it, or give another name.")
+        raise ValueError(f"{self.path} was begun with another scene; remove it, or give another name.")
+
+    def put(self, number: int, one: xr.Dataset) -> None:
+        """Write a ping, as `records.encoded` gives it, and once it is on the disk the count.
+
+        Raises
+        ------
+        ValueError
+            If its variables are not those of the file.
+        OSError
+            If the disk is full; the pings before stay.
+        """
+        for name in _moving(one):
+            found, place = one.variables[name], self.file.get(str(name))
+            if place is None or found.shape != (1, *place.shape[1:]) or _stored(found) != place.dtype:
+                there = "nothing" if place is None else f"{place.dtype} {place.shape[1:]}"
+                raise ValueError(f"{name} of ping {number} is {found.dtype} {found.shape[1:]}, and the file has room "
+                                 f"for {there}")
+        try:
+            for name in _moving(one):
+                self.file[str(name)][number] = one.variables[name].values[0]
+            self._to_disk()
+            self.file[WRITTEN][()] = number + 1
+            self._to_disk()
+        except (OSError, RuntimeError) as error:
+            raise self._told(error, number) from error
+        self.written = number + 1
+
+    def finish(self, target: Path) -> None:
+        """Rename the file to its final name while it is still locked: nobody else can begin to write it.
+
+        Raises
+        ------
+        ValueError
+            If another program has taken the file away, where files cannot be locked.
+        """
+        with _alone(self.path):
+            os.replace(self.path, target)
+
+    def _to_disk(self) -> None:
+        self.file.flush()
+        try:
+            os.fsync(self.file.id.get_vfd_handle())
+        except OSError as error:
+            if error.errno not in (errno.EINVAL, errno.ENOTSUP):       # some network file systems cannot
+                raise
+
+    def _told(self, error: Exception, number: int) -> Exception:
+        """A full disk in words; HDF5 does not always give it a number."""
+        for code, words in FULL.items():
+            if getattr(error, "errno", None) == code or os.strerror(code) in str(error):
+                plain = OSError(f"cannot write ping {number}: {words}; {self.path} keeps the pings before it, free "
+                                "some space and run it again.")
+                plain.errno = code
+                return plain
+        return error
+
+
+def _said(value: Any) -> str:
+    """Return an attribute in words: dictionaries are JSON in the file."""
+    text = str(value)
+    held = json.loads(text[len(JSON):]) if text.startswith(JSON) else text
+    return (", ".join(f"{key}={one}" for key, one in held.items()) or "none") if isinstance(held, dict) else str(held)
+
+
+def _stored(variable: xr.Variable) -> np.dtype:
+    """Type of a variable in the file: netCDF has no booleans, and xarray reads bytes that are said to be some."""
+    return np.dtype(np.int8) if variable.dtype == bool else variable.dtype
+
+
+def _check_room(first: xr.Dataset, count: int, path: Path) -> None:
+    """Refuse to begin what does not fit on the disk."""
+    needed, free = size_of(first, count), shutil.disk_usage(path.parent).free
+    if needed > free:
+        raise OSError(f"cannot write {path}: {count} pings take {needed / 1e9:.3g} GB, and the disk has "
+                      f"{free / 1e9:.3g} GB left; free some space or choose another disk.")
+
+
+def _moving(first: xr.Dataset) -> list[Any]:
+    """Names of the variables over pings."""
+    names = [name for name, variable in first.variables.items() if "ping" in variable.dims]
+    for name in names:
+        variable = first.variables[name]
+        if variable.dims[0] != "ping" or variable.dtype.kind not in "biuf":
+            raise ValueError(f"{name} is {variable.dtype} over {variable.dims}, and what changes from ping to ping are "
+                             "numbers with ping as their first dimension")
+    return names
+
+
+def _digest(first: xr.Dataset) -> str:
+    """What all pings of one run have in common, and no other run has."""
+    digest = hashlib.sha256()
+    digest.update(json.dumps({str(name): plain_value(value) for name, value in first.attrs.items()}, default=str,
+                             sort_keys=True).encode())
+    for name in sorted(map(str, first.variables)):
+        variable = first.variables[name]
+        moves = "ping" in variable.dims
+        about = (name, variable.dims, variable.dtype.str, variable.shape[moves:])
+        digest.update(repr(about).encode())
+        if not moves:
+            digest.update(np.ascontiguousarray(variable.values).tobytes() if variable.dtype.kind != "O"
+                          else repr(variable.values.tolist()).encode())
+    return digest.hexdigest()

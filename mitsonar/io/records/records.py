@@ -1,0 +1,193 @@
+"""Images and signals as xarray has them, and able to go into netCDF files.
+
+netCDF knows neither dictionaries nor truth values, nothing that stands for None, and no complex numbers. So the
+attributes that are no plain value go as JSON in text that begins with "json:", complex signals as the variables
+``real`` and ``imag``, and complex variables of a dataset as `complex_parts` says. xarray reads such files without
+mitsonar; `mitsonar.read` gives what was written, bit for bit.
+Zarr holds all of it by itself.
+"""
+import json
+from typing import Any, TypeVar
+
+import numpy as np
+import xarray as xr
+
+from mitsonar.device.files import FilePath
+from mitsonar.sonar.pulses.pulses import Pulse, pulse_of
+
+from . import complex_parts
+
+__all__ = ["SonarImage", "SonarSignals", "check_numbers", "decoded", "encoded", "not_all_nan", "plain_value"]
+
+JSON = "json:"                     # marks an attribute that was no plain value
+ENGINE = "h5netcdf"
+RECORDED = ("level", "image", "signal")            # variables without which images and raw echoes are nothing
+Record = TypeVar("Record", bound=xr.Dataset | xr.DataArray)
+
+
+class SonarImage(xr.Dataset):
+    """An `xarray.Dataset` that can be written to netCDF as it is."""
+
+    __slots__ = ()
+
+    @classmethod
+    def of(cls, dataset: xr.Dataset) -> "SonarImage":
+        """Give the dataset as an image."""
+        return cls(dataset.data_vars, dataset.coords, dataset.attrs)
+
+    def to_netcdf(self, path: FilePath | None = None, *arguments: Any, **options: Any) -> Any:
+        """Write to netCDF-4; arguments are those of `xarray.Dataset.to_netcdf`, the engine h5netcdf if not given."""
+        return encoded(self).to_netcdf(path, *arguments, **_engine(arguments, options))
+
+
+class SonarSignals(xr.DataArray):
+    """An `xarray.DataArray` of element signals, responses or beams that can be written to netCDF as it is."""
+
+    __slots__ = ()
+
+    @classmethod
+    def of(cls, array: xr.DataArray) -> "SonarSignals":
+        """Give the array as signals."""
+        return cls(array.variable, array.coords, name=array.name)
+
+    @property
+    def pulse(self) -> Pulse:
+        """What was transmitted.
+
+        Raises
+        ------
+        ValueError
+            If the attributes do not say.
+        """
+        if self.attrs.get("pulse") is None:
+            raise ValueError("these signals do not say which pulse was transmitted; take that of the scene's sensor.")
+        return pulse_of(self.attrs["pulse"])
+
+    def to_netcdf(self, path: FilePath | None = None, *arguments: Any, **options: Any) -> Any:
+        """Write to netCDF-4 as `encoded` says; arguments are those of `xarray.DataArray.to_netcdf`."""
+        return encoded(self).to_netcdf(path, *arguments, **_engine(arguments, options))
+
+
+def not_all_nan(record: Record) -> Record:
+    """Return a record, or refuse it where its levels or samples are no numbers, or all NaN.
+
+    Raises
+    ------
+    ValueError
+    """
+    arrays = [record] if isinstance(record, xr.DataArray) else [record[name] for name in RECORDED if name in record]
+    for array in arrays:
+        values = array.values
+        if values.dtype.kind not in "biufc":
+            raise ValueError(f"{array.name or 'the signals'} holds {values.dtype}, which is no number; write it again")
+        # few records begin with NaN: of the others only one number is looked at
+        if values.dtype.kind in "fc" and values.size and np.isnan(values.flat[0]) and np.isnan(values).all():
+            raise ValueError(f"all numbers of {array.name or 'the signals'} are NaN, so the record holds nothing; "
+                             "check the largest and smallest numbers of the scene")
+    return record
+
+
+def encoded(record: xr.Dataset | xr.DataArray, *, whole: bool = False) -> xr.Dataset:
+    """Give a dataset that netCDF can hold.
+
+    Parameters
+    ----------
+    record : xarray.Dataset or xarray.DataArray
+        The latter becomes the variables ``real`` and ``imag``, or ``values`` where it is not complex; its name becomes
+        the attribute ``name``. A pulse in its attributes is also sampled, as ``replica_real`` and ``replica_imag``.
+    whole : bool
+        Leave the complex variables of a dataset in one piece, which HDF5 can hold and netCDF cannot.
+
+    Raises
+    ------
+    TypeError
+        If an attribute cannot be written as JSON.
+    ValueError
+        If a part of a complex variable has the name of another.
+    """
+    attrs = {key: plain_value(value) for key, value in record.attrs.items()}
+    if isinstance(record, xr.DataArray):
+        parts = {"real": np.real, "imag": np.imag} if np.iscomplexobj(record) else {"values": np.asarray}
+        units = {"units": record.attrs.get("units", "1")}
+        variables = {name: (record.dims, part(record.values), units) for name, part in parts.items()}
+        return xr.Dataset({**variables, **_replica(record)}, record.coords, {"name": record.name or "signals", **attrs})
+    record = record if whole else complex_parts.split(record)
+    plain = xr.Dataset(record.data_vars, record.coords, attrs)
+    for name, variable in record.variables.items():
+        plain[name].attrs = {key: plain_value(value) for key, value in variable.attrs.items()}
+    return plain
+
+
+def decoded(dataset: xr.Dataset) -> SonarImage | SonarSignals:
+    """Give back what `encoded` was given.
+
+    Raises
+    ------
+    ValueError
+        If parts of a complex variable do not fit together.
+    """
+    dataset = dataset.assign_coords({name: (coord.dims, coord.values.astype(str), coord.attrs)
+                                     for name, coord in dataset.coords.items() if coord.dtype.kind not in "biufmMU"})
+    attrs = {key: _value(value) for key, value in dataset.attrs.items()}
+    if {"real", "imag"} <= set(dataset):
+        signals = xr.DataArray(complex_parts.together(dataset["real"].variable, dataset["imag"].variable),
+                               dataset["real"].coords)
+    elif set(dataset) - {"replica_real", "replica_imag"} == {"values"}:
+        signals = dataset["values"]
+    else:
+        whole = complex_parts.joined(dataset)
+        image = SonarImage(whole.data_vars, whole.coords, attrs)
+        for variable in image.variables.values():
+            variable.attrs = {key: _value(value) for key, value in variable.attrs.items()}
+        return image
+    signals.name, signals.attrs = attrs.pop("name", None), attrs
+    return SonarSignals.of(signals)
+
+
+def check_numbers(record: SonarImage | SonarSignals, path: FilePath) -> None:
+    """Check that an image has a level, or signals or raw echoes a sample, that is a number.
+
+    Parameters
+    ----------
+    record : SonarImage or SonarSignals
+        In memory.
+    path : str or path
+        Where it was read, for the error.
+
+    Raises
+    ------
+    ValueError
+        If they are of another type, or all NaN.
+    """
+    try:
+        not_all_nan(record)
+    except ValueError as error:
+        raise ValueError(f"cannot use {path}: {error}.") from None
+
+
+def _replica(record):
+    """The samples of the pulse at the signals' rate."""
+    pulse, rate = (record.attrs.get(name) for name in ("pulse", "sampling_rate"))
+    if pulse is None or rate is None:
+        return {}
+    samples = pulse_of(pulse).sampled_at(rate)
+    about = {"long_name": "transmitted envelope", "sampling_rate": rate}
+    return {f"replica_{part}": ("replica", getattr(samples, part), about) for part in ("real", "imag")}
+
+
+def plain_value(value: Any) -> str | int | float | np.integer | np.floating:
+    """Give a value that files hold as it is, or JSON."""
+    if isinstance(value, (str, int, float, np.integer, np.floating)) and not isinstance(value, bool):
+        return value
+    return JSON + json.dumps(value)
+
+
+def _value(value):
+    if isinstance(value, str) and value.startswith(JSON):
+        return json.loads(value[len(JSON):])
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _engine(arguments, options):
+    """The options with an engine, unless one is given by name or place."""
+    return options if len(arguments) > 3 else {"engine": ENGINE, **options}

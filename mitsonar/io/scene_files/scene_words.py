@@ -1,0 +1,86 @@
+"""What a scene file says of itself: its heading, its parameters with their defaults, and what they are given to.
+
+The heading is the comment before ``<scene>``. A comment behind a ``<default>``, on its line, says what the parameter
+means.
+"""
+import re
+from dataclasses import dataclass
+from xml.etree import ElementTree
+
+from mitsonar.device.files import FilePath
+
+from .scenes import root
+
+__all__ = ["Parameter", "described"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """A parameter of a scene.
+
+    Attributes
+    ----------
+    name : str
+    default : str
+    comment : str
+        Of the file's author; empty where there is none.
+    uses : tuple of (str, str, str)
+        Type and id of the object, and the attribute that the value becomes.
+    """
+
+    name: str
+    default: str
+    comment: str
+    uses: tuple[tuple[str, str, str], ...]
+
+
+def described(path: FilePath) -> tuple[str, list[Parameter]]:
+    """Read the heading and the parameters of a scene file, in its order.
+
+    Parameters
+    ----------
+    path : str or path
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is no XML.
+    """
+    root(path)                                     # says what is wrong with it
+    with open(path, encoding="utf-8", errors="replace") as stream:
+        heading = re.search(r"^[^<]*(?:<\?[^>]*\?>)?\s*<!--(.*?)-->", stream.read(), re.DOTALL)
+    top = ElementTree.parse(path, ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))).getroot()
+    found, uses = {}, {}
+    for element in top.iter():
+        children = list(element)
+        for child, behind in zip(children, [*children[1:], None]):
+            if child.tag == "default":
+                comment = ""
+                if behind is not None and behind.tag is ElementTree.Comment and "\n" not in (child.tail or ""):
+                    comment = _line(behind.text)
+                found.setdefault(child.get("name"), (child.get("value", ""), comment))
+            elif isinstance(child.tag, str) and element.get("type"):
+                for value in child.attrib.values():
+                    for name in re.findall(r"(?<!\\)\$(\w+)", value):
+                        uses.setdefault(name, []).append((element.get("type"), element.get("id", ""),
+                                                          child.get("name", "")))
+    return _heading(heading[1]) if heading else "", [
+        Parameter(name=name, default=value, comment=comment, uses=tuple(uses.get(name, ())))
+        for name, (value, comment) in found.items()]
+
+
+def _heading(text):
+    """Return a heading's paragraphs, a line each: a command stands alone."""
+    paragraphs = [""]
+    for line in map(str.strip, text.splitlines()):
+        if line.startswith("mitsonar "):
+            paragraphs += [line, ""]
+        else:
+            paragraphs[-1] = f"{paragraphs[-1]} {line}".strip()
+    return "\n".join(filter(None, paragraphs))
+
+
+def _line(text):
+    return " ".join((text or "").split())

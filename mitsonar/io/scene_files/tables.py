@@ -1,0 +1,106 @@
+"""Tables in text files: a header names the columns, then a record a line.
+
+Commas, semicolons or tabs divide the fields; empty lines and those starting with # are skipped. What is wrong is said
+with the file and, where there is one, the line.
+"""
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from mitsonar.device.files import FilePath, check_readable
+
+__all__ = ["floats", "records"]
+
+
+def records(path: FilePath, what: str) -> tuple[list[str], list[int], list[list[str]]]:
+    """Read the header and the records of a table.
+
+    Parameters
+    ----------
+    path : str or path
+    what : str
+        What the file holds, as errors say it: "track".
+
+    Returns
+    -------
+    names : list of str
+        Of the columns, lower case.
+    lines : list of int
+        Line number of each record.
+    rows : list of list of str
+        The records, at least one, each with a field for every name.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is no text file, has no header, holds no record, or a record has too few fields or open quotation marks.
+    """
+    path = Path(path)
+    check_readable(path, f"the {what}", "a CSV file")
+    try:
+        text = path.read_text(encoding="utf-8-sig").splitlines()
+    except UnicodeDecodeError:
+        raise ValueError(f"cannot read the {what} {path}: it is not a text file; give a CSV file.") from None
+    kept = [(number, line) for number, line in enumerate(text, 1) if line.strip() and not line.startswith("#")]
+    if len(kept) < 2:
+        raise ValueError(f"cannot read the {what} {path}: it has {'a header but no' if kept else 'no header and no'} "
+                         "records; give a header line and a line per record.")
+    divider = max(",;\t", key=kept[0][1].count)
+    try:
+        header, *rows = csv.reader([line for _, line in kept], delimiter=divider, skipinitialspace=True, strict=True)
+        if len(rows) != len(kept) - 1:
+            raise csv.Error("a field runs over several lines")
+    except csv.Error as error:
+        raise ValueError(f"cannot read the {what} {path}: {error}; close the quotation marks.") from None
+    if all(np.isfinite(_number(name)) for name in header):
+        raise ValueError(f"{path}, line {kept[0][0]}: numbers where the names of columns belong; give a header line.")
+    names, lines = [name.strip().lower() for name in header], [number for number, _ in kept[1:]]
+    for number, row in zip(lines, rows, strict=True):
+        if len(row) < len(names):
+            raise ValueError(f"{path}, line {number}: {len(row)} fields, but the header names {len(names)}; "
+                             "complete the line or remove it.")
+    return names, lines, rows
+
+
+def floats(path: FilePath, lines: Sequence[int], name: str, column: Sequence[str]) -> np.ndarray:
+    """Give a column as finite numbers: all at once if they are sound, else one by one to find the first that is not.
+
+    Parameters
+    ----------
+    path : str or path
+    lines : list of int (R,)
+        Line number of each record.
+    name : str
+        Of the column.
+    column : list of str (R,)
+
+    Returns
+    -------
+    array (R,)
+
+    Raises
+    ------
+    ValueError
+        If a field is no finite number; file and line are named.
+    """
+    try:
+        values = np.array(column, dtype=np.float64)
+    except ValueError:
+        values = np.array([_number(text) for text in column])
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        first = int(bad[0])
+        raise ValueError(f"{path}, line {lines[first]}: {name} is {column[first].strip() or 'empty'!r}, which is not "
+                         "a finite number; repair the line or remove it.")
+    return values
+
+
+def _number(text):
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan

@@ -1,0 +1,1 @@
+"""Lines of soundings in Generic Sensor Format."""

@@ -1,0 +1,1 @@
+"""Lines of soundings in the files of Kongsberg."""

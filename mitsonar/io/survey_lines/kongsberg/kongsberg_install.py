@@ -1,0 +1,153 @@
+"""Where a Kongsberg survey line's arrays and sensors are, from the text of its installation parameters.
+
+.all: ``WLZ=1.031,S1X=12.341,...`` (STC tells which of S0 to S3 send and receive). KMALL: ``TRAI_TX1:X=..;Y=..``.
+Angles are R, P, H of an array whose cable leaves forward or aft: see `places.straight`.
+"""
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..places import straight
+
+__all__ = ["Installation", "of_all", "of_kmall", "part_of"]
+
+# Of an EM 2040's arrays in their housings: port, middle and starboard part of the transmitter, and the receiver, as the
+# installation text of its KMALL files lists them; .all files leave them to the reader.
+_HOUSED = np.array([[0.0, -0.05538, -0.012], [0.0, 0.01315, -0.006], [0.0, 0.05538, -0.012]])
+_HOUSED_RECEIVER = np.array([0.011, 0.0, -0.006])
+_EM2040 = 2040
+_SENDING = {0: "1", 1: "1", 2: "1", 3: "1", 4: "0", 5: "1", 6: "1"}           # by STC: number of the first that sends
+_RECEIVING = {0: "2", 1: "1", 2: "12", 3: "23", 4: "23", 5: "1", 6: "2"}      # of those that receive
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Installation:
+    """Hold lever arms and mounting angles.
+
+    Attributes
+    ----------
+    waterline : float [m]
+        Below the reference point.
+    transmit_offset, transmit_mounting : (3,) [m], [rad]
+    receive_offset, receive_mounting : (R, 3) [m], [rad]
+    transmit_parts : (3, 3) [m]
+        Port, middle and starboard part of the transmit array from its offset, body frame.
+    antenna : (3,) [m]
+        Of the active position sensor.
+    motion_mounting : (3,) [rad]
+        Of the active attitude sensor.
+    backwards : bool
+        The transmit array's cable leaves forward.
+    receive_backwards : tuple of bool
+    """
+
+    waterline: float
+    transmit_offset: np.ndarray
+    transmit_mounting: np.ndarray
+    receive_offset: np.ndarray
+    receive_mounting: np.ndarray
+    transmit_parts: np.ndarray
+    antenna: np.ndarray
+    motion_mounting: np.ndarray
+    backwards: bool
+    receive_backwards: tuple[bool, ...]
+
+
+def of_all(text: str, model: int) -> Installation:
+    """Read the parameters of an .all file of a sounder's model.
+
+    Raises
+    ------
+    ValueError
+        If a number is none.
+    """
+    values = dict(re.findall(r"(\w+)=([^,\x00]*)", text))
+    configuration = int(_number(values, "STC"))
+    arrays = [f"S{_SENDING.get(configuration, '1')}"] + [f"S{one}" for one in _RECEIVING.get(configuration, "2")]
+    active = int(_number(values, "APS")) + 1
+    sensor = "NS" if int(_number(values, "ARO")) in (3, 9) else "MS"
+    mountings = [np.deg2rad(_three(values, array, "RPH")) for array in arrays]
+    offsets = [_three(values, array, "XYZ") for array in arrays]
+    parts = np.zeros((3, 3))
+    if model == _EM2040:
+        offsets[0] = offsets[0] + _turned(mountings[0], _HOUSED[1])
+        parts = _turned(mountings[0], _HOUSED - _HOUSED[1])
+        offsets[1:] = [offset + _turned(mounting, _HOUSED_RECEIVER)
+                       for offset, mounting in zip(offsets[1:], mountings[1:])]
+    return _installation(
+        waterline=_number(values, "WLZ"), parts=parts, offsets=offsets, mountings=mountings,
+        antenna=_three(values, f"P{active}", "XYZ"), motion=np.deg2rad(_three(values, sensor, "RPG")))
+
+
+def of_kmall(text: str) -> Installation:
+    """Read the parameters of a KMALL file.
+
+    Raises
+    ------
+    ValueError
+        If a number is none.
+    """
+    groups = {name: dict(re.findall(r"(\w+)=([^;,]*)", rest))
+              for name, rest in re.findall(r"(\w+):(\w+=[^,]*)", text)}
+    names = sorted(name for name in groups if re.fullmatch(r"TRAI_RX\d", name))
+    if names:
+        arrays = ["TRAI_TX1", *names]
+    else:
+        heads = sorted(name for name in groups if re.fullmatch(r"TRAI_HD\d", name)) or ["TRAI_HD1"]
+        arrays = [heads[0], *heads]
+    inner = ["IT" if arrays[0].startswith("TRAI_HD") else "IC",
+             *("IR" if name.startswith("TRAI_HD") else "I" for name in arrays[1:])]
+    mountings = [np.deg2rad(_three(groups.get(name, {}), "", "RPH")) for name in arrays]
+    own = [_turned(mounting, _three(groups.get(name, {}), prefix, "XYZ"))
+           for name, prefix, mounting in zip(arrays, inner, mountings)]
+    parts = [_turned(mountings[0], _three(groups.get(arrays[0], {}), prefix, "XYZ")) - own[0]
+             if f"{prefix}X" in groups.get(arrays[0], {}) else np.zeros(3) for prefix in ("IP", "IC", "IS")]
+    active = {kind: next((values for name, values in sorted(groups.items())
+                          if name.startswith(kind) and values.get("U") == "ACTIVE"), {}) for kind in ("POSI", "ATTI")}
+    return _installation(
+        waterline=_number(groups.get("EMXI", {}), "SWLZ"), parts=np.array(parts),
+        offsets=[_three(groups.get(name, {}), "", "XYZ") + inside for name, inside in zip(arrays, own)],
+        mountings=mountings, antenna=_three(active["POSI"], "", "XYZ"),
+        motion=np.deg2rad(_three(active["ATTI"], "", "RPH")))
+
+
+def part_of(installed: Installation, sector: np.ndarray) -> np.ndarray:
+    """Give where the parts lie that send sectors (S,): 0 port, 1 middle, 2 starboard of the vessel."""
+    return installed.transmit_parts[2 - sector if installed.backwards else sector]
+
+
+def _installation(*, waterline, parts, offsets, mountings, antenna, motion):
+    """Put it together; the first array sends."""
+    turned = [straight(mounting) for mounting in mountings]
+    return Installation(
+        waterline=waterline, transmit_parts=parts, antenna=antenna, motion_mounting=motion,
+        transmit_offset=offsets[0], transmit_mounting=turned[0][0], backwards=turned[0][1],
+        receive_offset=np.array(offsets[1:]), receive_mounting=np.array([mounting for mounting, _ in turned[1:]]),
+        receive_backwards=tuple(backwards for _, backwards in turned[1:]))
+
+
+def _turned(mounting, inside):
+    """Give a place in an array's frame in the body's."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_euler("ZYX", mounting[::-1]).apply(inside)
+
+
+def _three(values: Mapping[str, str], prefix: str, letters: str) -> np.ndarray:
+    return np.array([_number(values, prefix + letter) for letter in letters])
+
+
+def _number(values: Mapping[str, str], name: str) -> float:
+    """Give a parameter, 0 where it is not there."""
+    text = values.get(name, "0") or "0"
+    try:
+        number = float(text)
+    except ValueError:
+        raise ValueError(f"its installation parameter {name} is {text!r}, no number; it is damaged.") from None
+    if not abs(number) < 1e4:
+        raise ValueError(f"its installation parameter {name} is {number:g}, which is no ship's; it is damaged.")
+    return number

@@ -1,0 +1,1 @@
+"""XTF files of sidescans."""

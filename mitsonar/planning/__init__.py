@@ -1,0 +1,1 @@
+"""Plan surveys, and make scenes and lines like a survey that was run."""

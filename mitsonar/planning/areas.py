@@ -1,0 +1,177 @@
+"""Areas to survey: corners written in a line, or the polygons of a GeoJSON file.
+
+    "0 0, 900 0, 900 400"      "37.75N 122.38W, 37.76N 122.38W, 37.76N 122.36W"      area.geojson
+
+Corners in metres are in the bathymetry's own coordinates. GeoJSON (RFC 7946) has longitudes and latitudes on WGS 84; a
+member ``crs`` of before that standard names another system. Of its polygons a place is inside that lies in an odd
+number of rings, so that holes are holes; points and lines are left out.
+"""
+from __future__ import annotations
+
+import json
+import os
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mitsonar.device.files import FilePath, check_readable
+from mitsonar.io.grids import rasters
+from mitsonar.io.tracks import tracks
+from mitsonar.io.tracks.navigation import WGS84, Frame
+
+__all__ = ["Corners", "read"]
+
+LARGEST_FILE = 10_000_000          # bytes; corners take some twenty times as much while they are read
+MOST_CORNERS = 200_000
+_WITHIN = {"FeatureCollection": "features", "GeometryCollection": "geometries", "Feature": "geometry"}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Corners:
+    """Hold the rings of an area as they were written.
+
+    Attributes
+    ----------
+    rings : tuple of arrays (N, 2)
+        x and y [m], or longitude and latitude [degrees].
+    crs : str
+        Their coordinate system; empty for metres of the bathymetry's own.
+    """
+
+    rings: tuple[np.ndarray, ...]
+    crs: str
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """Give the smallest and largest first, and second coordinates: west, south, east, north."""
+        corners = np.concatenate(self.rings)
+        (west, south), (east, north) = corners.min(0), corners.max(0)
+        return float(west), float(south), float(east), float(north)
+
+    def utm(self) -> str:
+        """Give the UTM system that the middle lies in; empty for metres of no system."""
+        if not self.crs:
+            return ""
+        west, south, east, north = self.bounds
+        return rasters.name_of(rasters.utm((west + east) / 2, (south + north) / 2, rasters.crs_of(self.crs)))
+
+    def placed(self, frame: Frame) -> list[np.ndarray]:
+        """Give the rings about the origin of a frame, arrays (N, 2) [m].
+
+        Raises
+        ------
+        ValueError
+            If the frame has no coordinate system where one is needed, or a corner lies where it does not reach.
+        """
+        if not self.crs:
+            return [ring - frame.origin for ring in self.rings]
+        if self.crs == WGS84:
+            return [frame.project(ring[:, 1], ring[:, 0])[0] for ring in self.rings]
+        import pyproj
+
+        if not frame.crs:
+            raise ValueError(f"the area is in {self.crs}, and the bathymetry names no coordinate system; say which it "
+                             "has.")
+        way = pyproj.Transformer.from_crs(self.crs, frame.crs, always_xy=True)
+        found = [np.stack(way.transform(*ring.T), -1) - frame.origin for ring in self.rings]
+        if not all(np.isfinite(ring).all() for ring in found):
+            raise ValueError(f"the area lies outside what {frame.crs[:80]} can map; check its coordinates.")
+        return found
+
+
+def read(text: FilePath) -> Corners:
+    """Read an area.
+
+    Parameters
+    ----------
+    text : str or path
+        Corners as `tracks.waypoints` reads them, or the name of a GeoJSON file.
+
+    Raises
+    ------
+    FileNotFoundError
+        If it is neither corners nor a file.
+    ValueError
+        If the file is too large, no GeoJSON, or holds no polygon; or the corners are not written as they should be.
+    """
+    if os.path.exists(text) or not re.search(r"\d[^/\\]*[,;\s]", str(text)):
+        return _of_file(text)
+    try:
+        points = tracks.waypoints(str(text))
+    except ValueError as error:
+        raise ValueError(f"the area: {str(error).replace('way point', 'corner')}") from None
+    return Corners(rings=(np.stack([points.x, points.y], -1),), crs=WGS84 if points.geographic else "")
+
+
+def _of_file(path):
+    check_readable(path, "the area", "a GeoJSON file")
+    name = f"cannot read the area {path}"
+    size = os.path.getsize(path)
+    if size > LARGEST_FILE:
+        raise ValueError(f"{name}: it has {size / 1e6:.0f} MB, more than {LARGEST_FILE / 1e6:g}; simplify it.")
+    try:
+        with open(path, encoding="utf-8-sig") as file:
+            content = json.load(file)
+    except (ValueError, RecursionError):
+        raise ValueError(f"{name}: it is no GeoJSON; give a file with a polygon, or the corners themselves.") from None
+    try:
+        return Corners(rings=tuple(_rings(content)), crs=_system(content))
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+
+
+def _rings(content: Any) -> list[np.ndarray]:
+    """All rings of all polygons."""
+    found, left, corners = [], [content], 0
+    while left:
+        one = left.pop()
+        if not isinstance(one, dict):
+            continue                                   # a feature without a geometry
+        kind = one.get("type")
+        if kind in _WITHIN:
+            within = one.get(_WITHIN[kind])
+            left += within if isinstance(within, list) else [within]
+        elif kind in ("Polygon", "MultiPolygon"):
+            polygons = [one.get("coordinates")] if kind == "Polygon" else one.get("coordinates")
+            for ring in _ring_lists(polygons):
+                found.append(_corners(ring))
+                corners += len(found[-1])
+                if corners > MOST_CORNERS:
+                    raise ValueError(f"it has more than {MOST_CORNERS} corners; simplify its polygons.")
+    if not found:
+        raise ValueError("it holds no polygon; draw one around the area.")
+    return found
+
+
+def _ring_lists(polygons):
+    """The rings of a list of polygons."""
+    for polygon in polygons if isinstance(polygons, list) else [None]:
+        if not isinstance(polygon, list):
+            raise ValueError("a polygon's coordinates are no list of rings; save it as GeoJSON again.")
+        yield from polygon
+
+
+def _corners(ring):
+    try:
+        corners = np.array([[float(x), float(y)] for x, y, *_ in ring])
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError("a ring's corners are no pairs of numbers; save it as GeoJSON again.") from None
+    if corners.ndim != 2 or not np.isfinite(corners).all():
+        raise ValueError("a ring is empty, or a corner is not a finite number; repair it.")
+    return corners
+
+
+def _system(content: Any) -> str:
+    """The coordinate system of GeoJSON, by the member that the standard of today has no more."""
+    named = content.get("crs") if isinstance(content, dict) else None
+    if named is None:
+        return WGS84
+    properties = named.get("properties") if isinstance(named, dict) else None
+    name = properties.get("name") if isinstance(properties, dict) else None
+    if not isinstance(name, str) or len(name) > 200:
+        raise ValueError("its crs has no name; save it in longitudes and latitudes on WGS 84.")
+    if name.upper().endswith("CRS84"):
+        return WGS84
+    return rasters.name_of(rasters.crs_of(name))

@@ -1,0 +1,109 @@
+"""How wrong the depths of a swath are when they are made with another sound-speed profile: the smile.
+
+The sonar measures the angle of a beam at its head and the time of the echo. Its own sensor knows the sound speed at the
+head, so p = sin(θ) / c(h) is right. The water bends the ray by the true profile; the survey follows it through its own,
+
+    t = T(p, d; c)           d' : T(p, d'; c') = t           error = d' - d
+
+T the time down to a depth, see `legs`. The head's own speed is the other profile's node at the head, as `reduction` and
+instruments have it: what `mitsonar.soundings` makes with that profile is wrong by as much.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mitsonar.hydrography.reduction.legs import Starts
+from mitsonar.hydrography.survey_orders import SurveyOrder
+from mitsonar.water import SoundSpeedProfile
+
+__all__ = ["CastError", "cast_error", "depth_error", "surface_layer_error"]
+
+MOST_NODES = 1000
+_EDGE = 0.01                       # [m] in which the error of a surface layer ends
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CastError:
+    """Hold the depth errors of a swath over a level bed.
+
+    Attributes
+    ----------
+    depth : float [m]
+        Of the bed.
+    angle : array (A,) [rad]
+        Of the beams at the head, from the vertical, to the side.
+    error : array (A,) [m]
+        Depth found less the true one; NaN where no ray gets there.
+    allowed : float [m]
+        Total vertical uncertainty of the order.
+    """
+
+    depth: float
+    angle: np.ndarray
+    error: np.ndarray
+    allowed: float
+
+    @property
+    def outer(self) -> float:
+        """Give the error [m] of the outermost beam."""
+        return float(self.error[-1])
+
+    @property
+    def good_angle(self) -> float:
+        """Give the angle [rad] up to which the error stays within the order."""
+        bad = ~(np.abs(self.error) <= self.allowed)
+        if not bad.any():
+            return float(self.angle[-1])
+        first = int(np.argmax(bad))
+        if first == 0:
+            return 0.0
+        before, after = np.abs(self.error[first - 1:first + 1])
+        share = (self.allowed - before) / (after - before) if np.isfinite(after) else 0.0
+        return float(self.angle[first - 1] + share * (self.angle[first] - self.angle[first - 1]))
+
+
+def depth_error(true: SoundSpeedProfile, used: SoundSpeedProfile, head_depth: float, depth: float,
+                angle: np.ndarray) -> np.ndarray:
+    """Give the depth errors [m] of beams over a level bed; NaN where no ray gets there.
+
+    Parameters
+    ----------
+    true, used : SoundSpeedProfile
+        Of the water, and of the survey.
+    head_depth, depth : float [m]
+        Of the sonar, and of the bed.
+    angle : array (A,) [rad]
+        At the head, from the vertical.
+    """
+    slowness = np.sin(angle) / true.at(head_depth)
+    head = np.full(angle.shape, float(head_depth))
+    time = Starts(profile=true, depth=head).to_depth(slowness, np.full(angle.shape, float(depth))).time
+    known = Starts(profile=used, depth=head, head_speed=true.at(head))
+    return known.depth_after(slowness, time) - depth
+
+
+def cast_error(true: SoundSpeedProfile, used: SoundSpeedProfile, head_depth: float, depth: float, half_angle: float,
+               order: SurveyOrder) -> CastError:
+    """Find the depth errors of a swath over a level bed.
+
+    Parameters
+    ----------
+    true, used : SoundSpeedProfile
+    head_depth, depth : float [m]
+    half_angle : float [rad]
+    order : SurveyOrder
+        That errors are measured against.
+    """
+    angle = np.linspace(0.0, half_angle, 65)
+    return CastError(depth=float(depth), angle=angle, error=depth_error(true, used, head_depth, depth, angle),
+                     allowed=float(order.vertical(depth)))
+
+
+def surface_layer_error(profile: SoundSpeedProfile, error: float, layer: float) -> SoundSpeedProfile:
+    """Give a profile that is wrong by an error [m/s] from the surface down to a depth [m], a node a metre."""
+    edges = [layer, layer + _EDGE]
+    depth = np.union1d(profile.depth, [*np.linspace(0, layer, min(int(np.ceil(layer)), MOST_NODES) + 1), *edges])
+    share = np.interp(depth, edges, [1.0, 0.0])
+    return SoundSpeedProfile(depth, profile.at(depth) + error * share)

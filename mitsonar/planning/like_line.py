@@ -1,0 +1,254 @@
+"""A scene like a recorded line: its track, its water, its sounder's settings, and a bed of its own soundings.
+
+    line.all  ->  scene.xml, scene_track.csv, scene_cast.csv, scene_bed.tif, scene_backscatter.csv
+
+The bed is the mean depth of the soundings in a cell, laid straight over cells without any and level beyond the swath's
+edges, as far as a beam may see. The track is the recorded motion without its steps: splines of least squares with a
+knot every half second (`survey_lines.motion.smoothed`), dated as the line. The water has the head's sound speed as its
+node where the line's own soundings were made so (`hydrography.instrument_rules`). The bed's backscatter is the line's
+own by grazing angle; recorded levels are seldom calibrated, so its shape is the line's and its level what the recorder
+said. Settings that a file does not tell, such as the widths of beams, are those of the preset whose frequencies are
+nearest.
+"""
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Sequence
+from datetime import datetime, timedelta
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+import xarray as xr
+
+from mitsonar.device.files import FilePath, check_writable, replacing_all
+from mitsonar.hydrography.gridding import gridded
+from mitsonar.io.records import geotiff
+from mitsonar.io.survey_lines import reading
+from mitsonar.io.survey_lines.motion import smoothed
+from mitsonar.io.survey_lines.places import across_and_along, levelled
+from mitsonar.sonar.presets import presets
+from mitsonar.units import deg_from_radians
+
+from .instrument_rules import rules_of
+from .like_settings import Settings, settings_of
+
+__all__ = ["like"]
+
+MOST_CELLS = 4_000_000
+ANGLES = np.arange(10.0, 90.1, 2.5)                    # [degrees] of grazing, that strengths are given at
+FEWEST = 10                                            # soundings behind a strength
+LOUDEST_DB, QUIETEST_DB = -4.0, -70.0                  # of a bed
+BEYOND = 0.25                                          # of the depth, that the bed goes on beyond the soundings
+AROUND = 5.0                                           # [s] of motion before the first ping and behind the last
+LISTENS = 0.9                                          # of the time between pings, that the track goes on behind them
+STEP, WAY_STEP = 0.5, 2.0                              # [s] between the knots of attitude and depth, and of places
+EVERY = 0.1                                            # [s] between the track's records
+NAMES = ("x", "y", "depth", "roll", "pitch", "heading")
+NOT_TAKEN = ("pulse forms, depth modes and other settings of the run, the antenna's lever arm and tides are not in the "
+             "scene")
+SHALLOWEST = 0.05                                      # [m] that the sonar may be
+REACH = 1.2                                            # of the longest echo
+
+
+def like(line: FilePath, scene: FilePath, *, cell: float | None = None,
+         pings: slice | None = None, say: Callable[[str], object] | None = None) -> tuple[str, ...]:
+    """Write a scene like a line.
+
+    Parameters
+    ----------
+    line : str or path
+        A file that `mitsonar.read` opens as a line of soundings.
+    scene : str or path
+        The scene's XML file; what it names is written beside it, under its name.
+    cell : float [m] or None
+        Of the bed's grid; None: as fine as the soundings are.
+    pings : slice or None
+        Of the line; None: all.
+    say : callable or None
+        Called with each clause on what was settled and what is left out; they stand in the scene's comment, too.
+
+    Returns
+    -------
+    tuple of str
+        What was written, the scene first.
+
+    Raises
+    ------
+    ValueError
+        If the line cannot be read, has no times and angles, or fewer than two pings; or ``scene`` does not end in .xml.
+    FileNotFoundError, PermissionError, OSError
+        If a file cannot be read, or written there.
+    """
+    stem, suffix = os.path.splitext(os.fspath(scene))
+    if suffix.lower() != ".xml":
+        raise ValueError(f"cannot write {scene}: a scene's name ends in .xml.")
+    check_writable(scene)
+    soundings = reading.read(line, pings=pings, water_column=False)
+    _check(soundings, line)
+    settings = settings_of(soundings, presets("multibeam"))
+    rules, strengths = rules_of(soundings), _strengths(soundings)
+    track, smoothing = _track(soundings, settings.ping_rate)
+    words = (*settings.words, *(text for text in (str(soundings.attrs.get("left_out", "")), smoothing) if text),
+             *rules.words, NOT_TAKEN)
+    names = {"track": f"{stem}_track.csv", "cast": f"{stem}_cast.csv", "bed": f"{stem}_bed.tif"}
+    if strengths is not None:
+        names["backscatter"] = f"{stem}_backscatter.csv"
+    inside = {name: os.path.basename(path) for name, path in names.items()}
+    texts = {"track": track, "cast": _table("depth,sound speed", soundings["cast_depth"].values,
+                                                        soundings["cast_sound_speed"].values)}
+    if strengths is not None:
+        texts["backscatter"] = _table("grazing angle,strength", *strengths)
+    with replacing_all((scene, *names.values())) as (whole, *rest):
+        parts = dict(zip(names, rest))
+        for name, text in texts.items():
+            parts[name].write_text(text, encoding="utf-8")
+        geotiff.write(_bed(soundings, cell), parts["bed"])
+        whole.write_text(_scene(soundings, settings, inside, os.path.basename(os.fspath(line)), words, rules.node),
+                         encoding="utf-8")
+    if say is not None:
+        for text in words:
+            say(text)
+    return (os.fspath(scene), *names.values())
+
+
+def _check(soundings, line):
+    """Refuse what makes no scene."""
+    if soundings.sizes["ping"] < 2:
+        raise ValueError(f"{line} has {soundings.sizes['ping']} ping; a track takes two or more.")
+    valid = soundings["valid"].values
+    if not np.isfinite(soundings["travel_time"].values[valid]).any() or not np.isfinite(
+            soundings["angle"].values[valid]).any():
+        raise ValueError(f"{line} has no travel times and angles, so that nothing is known of its beams.")
+
+
+def _table(head, *columns):
+    return "\n".join((head, *(",".join(f"{value:.6g}" for value in row) for row in zip(*columns)))) + "\n"
+
+
+def _track(soundings: xr.Dataset, ping_rate: float) -> tuple[str, str]:
+    """Return the way of the transmit array from the first ping to the last echo, and a clause on how it was smoothed.
+
+    The reference point may be out of the water. Pings outside the motion's records have their own places.
+    """
+    sent, time = soundings["ping_time"].values, soundings["motion_time"].values
+    inside = (time > sent[0] - AROUND) & (time < sent[-1] + AROUND)
+    alone = np.unique(sent, return_index=True)[1]
+    if inside.sum() > 1:
+        alone = alone[(sent[alone] < time[inside][0]) | (sent[alone] > time[inside][-1])]
+    times = np.concatenate([time[inside], sent[alone]])
+    order = np.argsort(times, kind="stable")
+    values = np.concatenate([np.stack([soundings[f"{of}_{name}"].values[some] for name in NAMES], -1)
+                             for of, some in (("motion", inside), ("ping", alone))])[order]
+    times, values[:, 5] = times[order], np.unwrap(values[:, 5])
+    apart, end = float(np.median(np.diff(times))), sent[-1] + LISTENS / ping_rate
+    ways = [(columns, smoothed(times, values[:, columns], max(step, apart), end))
+            for columns, step in ((slice(0, 2), WAY_STEP), (slice(2, 6), STEP))]
+    off = np.sqrt(np.mean((np.concatenate([way(times) for _, way in ways], -1) - values) ** 2, axis=0))
+    when = np.linspace(sent[0], end, 1 + int(np.ceil((end - sent[0]) / EVERY)))
+    x, y, depth, roll, pitch, heading = np.concatenate([way(when) for _, way in ways], -1).T
+    arm = levelled(soundings["transmit_offset"].values, roll, pitch)
+    x, y = across_and_along(x, y, heading, arm[:, 1], arm[:, 0])
+    depth = np.maximum(depth + arm[:, 2], SHALLOWEST)
+    start = datetime.fromisoformat(str(soundings.attrs["start"]).removesuffix("Z"))
+    rows = zip(when, x, y, -depth, *(deg_from_radians(one) for one in (roll, pitch, heading)))
+    text = "time,x,y,z,roll_deg,pitch_deg,heading_deg\n" + "".join(
+        ",".join([f"{(start + timedelta(seconds=row[0])).isoformat(timespec='microseconds')}Z",
+                  *(f"{value:.5f}" for value in row[1:])]) + "\n" for row in rows)
+    turns = ", ".join(f"{value:.2g}" for value in deg_from_radians(off[3:]))
+    return text, (f"the track is the recorded motion, {times.size} records {apart:.2g} s apart, smoothed by splines "
+                  f"with a knot every {STEP:g} s (places: {WAY_STEP:g} s); left out are {np.hypot(*off[:2]):.2g} m of "
+                  f"the place, {off[2]:.2g} m of the depth and {turns} degrees of roll, pitch and heading (rms)")
+
+
+def _bed(soundings: xr.Dataset, cell: float | None) -> xr.Dataset:
+    """Lay the soundings on a grid without holes, with a margin."""
+    from scipy.interpolate import LinearNDInterpolator
+    from scipy.ndimage import distance_transform_edt
+
+    valid = soundings["valid"].values
+    x, y, depth = (soundings[name].values[valid] for name in ("x", "y", "depth"))
+    margin = BEYOND * float(np.median(depth)) + 2.0
+    width, height = np.ptp(x) + 2 * margin, np.ptp(y) + 2 * margin
+    if cell is None:
+        swath = float(np.nanmax(soundings["across_track"].values) - np.nanmin(soundings["across_track"].values))
+        sailed = np.hypot(*(np.diff(soundings[name].values) for name in ("ping_x", "ping_y"))).sum()
+        cell = float(np.sqrt(max(swath * max(sailed, 1.0), 1.0) / x.size)) * 1.5
+    cell = float(f"{max(cell, np.sqrt(width * height / MOST_CELLS)):.2g}")
+    origin = soundings.attrs.get("origin") or (0.0, 0.0)
+    west, south = x.min() - margin + origin[0], y.min() - margin + origin[1]
+    grid = gridded(soundings, cell, bounds=(west, south, west + width, south + height))
+    known = np.isfinite(grid["depth"].values)
+    columns, rows = np.meshgrid(np.arange(known.shape[1]), np.arange(known.shape[0]))
+    away, (row, column) = distance_transform_edt(~known, return_indices=True)
+    values = grid["depth"].values[row, column]
+    points = np.column_stack([columns[known], rows[known]])
+    if min(np.ptp(points, axis=0)) > 0:
+        straight = LinearNDInterpolator(points, grid["depth"].values[known])(columns, rows)
+        values = np.where(np.isfinite(straight) & ~known, straight, values)
+    values = np.where(away * cell > margin, np.nan, values)
+    return grid[["depth"]].assign(depth=(("y", "x"), values.astype(np.float32), grid["depth"].attrs))
+
+
+def _strengths(soundings: xr.Dataset) -> tuple[np.ndarray, np.ndarray] | None:
+    """Give grazing angles [degrees] and the median strength [dB] about them; None where there is none."""
+    if "backscatter_db" not in soundings:
+        return None
+    level = soundings["backscatter_db"].values
+    grazing = 90.0 - np.abs(deg_from_radians(np.arctan2(
+        soundings["across_track"].values, soundings["depth"].values - soundings["ping_depth"].values[:, None])))
+    some = np.isfinite(level) & np.isfinite(grazing)
+    found = [(angle, np.median(level[near])) for angle in ANGLES
+             if (near := some & (np.abs(grazing - angle) <= 1.25)).sum() >= FEWEST]
+    if len(found) < 3:
+        return None
+    angles, strengths = np.array(found).T
+    return angles, np.clip(strengths, QUIETEST_DB, LOUDEST_DB)
+
+
+def _scene(soundings: xr.Dataset, settings: Settings, files: dict[str, str], line: str, words: Sequence[str],
+           node: bool) -> str:
+    """Write the scene."""
+    speed = float(np.median(soundings["head_sound_speed"].values))
+    depth = settings.head_depth
+    longest = float(np.nanmax(soundings["travel_time"].values))
+    reach = 0.5 * speed * max(min(REACH * longest, 0.98 / settings.ping_rate), 1.01 * longest)
+    bsdf = _element("string", "filename", "$backscatter") if "backscatter" in files else _element("float", "mu_db", -24)
+    defaults = [*files.items(), ("pings", settings.pings), ("range", f"{reach:.5g}"), ("preset", settings.preset)]
+    sensor = [_element("string", "preset", "$preset"), *(_element(*row) for row in settings.rows),
+              _element("string", "track", "$track"), _element("integer", "pings", "$pings"),
+              _element("float", "ping_rate_hz", f"{settings.ping_rate:.6g}")]
+    water = [_element("string", "cast", "$cast")]
+    if node:
+        water += [_element("float", "head_sound_speed", f"{speed:.6g}"),
+                  _element("float", "head_depth", f"{max(depth, 0.0):.5g}")]
+    origin = soundings.attrs.get("origin")
+    local = [] if origin is None else [_element("string", "local_origin", f"{origin[0]:.10g}, {origin[1]:.10g}")]
+    return "\n".join((
+        '<?xml version="1.0" encoding="utf-8"?>',
+        f"<!-- Like {_comment(line)}: {soundings.attrs['sonar']}, {soundings.attrs['start']}. -->",
+        *(f"<!-- {_comment(text)} -->" for text in words),
+        '<scene version="3.0.0">',
+        *(f"    <default name={quoteattr(str(name))} value={quoteattr(str(value))}/>" for name, value in defaults),
+        '\n    <integrator type="sonar_path"/>\n', '    <sensor type="multibeam" id="sonar">', *_indented(sensor, 2),
+        '        <medium type="seawater" id="water">', *_indented(water, 3), "        </medium>",
+        '        <film type="sonar_film">', *_indented([_element("float", "range", "$range")], 3), "        </film>",
+        "    </sensor>\n",
+        '    <shape type="bathymetry" id="seabed">',
+        *_indented([_element("string", "filename", "$bed"), _element("string", "vertical", "depth"),
+                    _element("boolean", "smooth_normals", "true"), *local], 2),
+        f'        <bsdf type="{"empirical" if "backscatter" in files else "lambert"}" id="bed">',
+        *_indented([bsdf], 3), "        </bsdf>", "    </shape>", "</scene>", ""))
+
+
+def _comment(text):
+    """Write a text so that it may stand in a comment."""
+    return re.sub("-(?=-)", "- ", text)
+
+
+def _element(kind, name, value):
+    return f'<{kind} name="{name}" value={quoteattr(str(value))}/>'
+
+
+def _indented(lines: Sequence[str], depth: int) -> list[str]:
+    return ["    " * depth + line for line in lines]

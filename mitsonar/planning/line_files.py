@@ -1,0 +1,129 @@
+"""Survey lines as files: CSV, GeoJSON (WGS 84) and GPX.
+
+    line,point,x,y,latitude,longitude
+    1,run-in,431000.000,5200000.000,46.951083000,8.093111000
+
+A CSV file is read by `tracks` as way points, in the order of sailing: of every line its run-in (where it has one), its
+start and its end. x and y are eastings and northings; latitudes and longitudes stand beside them where the coordinate
+system is known. GeoJSON has a line string for each line, GPX a route.
+"""
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from mitsonar.device.files import FilePath, replacing
+from mitsonar.io.tracks.navigation import Frame
+
+from .plan import Plan, SurveyLine
+
+__all__ = ["FORMATS", "check", "on_earth", "write"]
+
+FORMATS = (".csv", ".geojson", ".gpx")
+_GPX = "http://www.topografix.com/GPX/1/1"
+Points = list[tuple[str, np.ndarray]]
+
+
+def check(path: FilePath, frame: Frame | None = None) -> str:
+    """Check that lines can go into a file, and give its format.
+
+    Parameters
+    ----------
+    path : str or path
+    frame : Frame, optional
+        Where the plan lies, once it is known.
+
+    Raises
+    ------
+    ValueError
+        If the file's name asks for none of `FORMATS`, or for degrees where the coordinate system is unknown.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in FORMATS:
+        raise ValueError(f"cannot write {path}: its name says no kind of file; let it end in .csv, .geojson or .gpx.")
+    if suffix != ".csv" and frame is not None and not frame.crs:
+        raise ValueError(f"cannot write {path}: it takes latitudes and longitudes, and the bathymetry names no "
+                         "coordinate system; say it by --crs, or write a .csv.")
+    return suffix
+
+
+def write(plan: Plan, path: FilePath, frame: Frame) -> None:
+    """Write the lines of a plan.
+
+    Parameters
+    ----------
+    plan : Plan
+    path : str or path
+        Ends in .csv, .geojson or .gpx.
+    frame : Frame
+        Where the plan's x = y = 0 lies.
+
+    Raises
+    ------
+    ValueError
+        As `check`.
+    FileNotFoundError, PermissionError, OSError
+        As `files.replacing`.
+    """
+    kind = check(path, frame)
+    text = {".csv": _csv, ".geojson": _geojson, ".gpx": _gpx}[kind](plan, frame)
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="")
+
+
+def on_earth(frame: Frame, places: np.ndarray) -> np.ndarray:
+    """Give latitudes and longitudes (P, 2) [degrees] of places (P, 2) [m]."""
+    return np.stack(frame.on_globe(places)[:2], -1)
+
+
+def _points(line: SurveyLine) -> Points:
+    """The way points of a line, and what they are."""
+    same = np.array_equal(line.run_in, line.start)
+    return [*([] if same else [("run-in", line.run_in)]), ("start", line.start), ("end", line.end)]
+
+
+def _csv(plan, frame):
+    rows = [(line.number, what, place) for line in plan.lines for what, place in _points(line)]
+    places = np.array([place for _, _, place in rows])
+    degrees = on_earth(frame, places) if frame.crs else None
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(["line", "point", "x", "y", *(["latitude", "longitude"] if degrees is not None else [])])
+    for number, ((line, what, _), (x, y)) in enumerate(zip(rows, places + frame.origin)):
+        globe = [] if degrees is None else [f"{value:.9f}" for value in degrees[number]]
+        table.writerow([line, what, f"{x:.3f}", f"{y:.3f}", *globe])
+    return text.getvalue()
+
+
+def _geojson(plan, frame):
+    features = []
+    for line in plan.lines:
+        degrees = on_earth(frame, np.stack([line.start, line.end]))
+        width, depth = line.track.edges.width, line.track.depth
+        features.append({
+            "type": "Feature",
+            "properties": {"line": line.number, "heading_deg": round(float(np.rad2deg(line.heading)), 3),
+                           "length_m": round(line.length, 2), "mean_depth_m": round(float(depth.mean()), 2),
+                           "mean_swath_m": round(float(width.mean()), 2)},
+            "geometry": {"type": "LineString",
+                         "coordinates": [[round(float(value), 9) for value in place[::-1]] for place in degrees]}})
+    return json.dumps({"type": "FeatureCollection", "features": features}, indent=1, allow_nan=False) + "\n"
+
+
+def _gpx(plan, frame):
+    root = ElementTree.Element("gpx", {"version": "1.1", "creator": "mitsonar", "xmlns": _GPX})
+    for line in plan.lines:
+        route = ElementTree.SubElement(root, "rte")
+        ElementTree.SubElement(route, "name").text = f"line {line.number}"
+        ElementTree.SubElement(route, "number").text = str(line.number)
+        points = _points(line)
+        for (what, _), (latitude, longitude) in zip(points, on_earth(frame, np.array([place for _, place in points]))):
+            point = ElementTree.SubElement(route, "rtept", {"lat": f"{latitude:.9f}", "lon": f"{longitude:.9f}"})
+            ElementTree.SubElement(point, "name").text = f"{line.number} {what}"
+    ElementTree.indent(root)
+    return f"<?xml version='1.0' encoding='UTF-8'?>\n{ElementTree.tostring(root, encoding='unicode')}\n"

@@ -1,0 +1,346 @@
+"""Plan a survey: lines over an area, the order to sail them in, how long that takes, and what the swath covers.
+
+The swath is that of bent rays (`planning_rays`) over the bed that is there (`planning_lines`). The time is
+
+    (lines + run-ins + turns) / speed
+
+where a turn is the shortest way with the vessel's radius from a line's end to the next run-in (`planning_turns`).
+"""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mitsonar.hydrography.survey_orders import ORDERS, SurveyOrder
+from mitsonar.units import KNOT
+from mitsonar.water import SoundSpeedProfile
+
+from .area import Area, LineFrame
+from .bed import Bed, heading_along_area, heading_along_contours
+from .coverage import Coverage, Gap, SwathSonar, Track, coverage, gaps, track
+from .errors import CastError, cast_error
+from .lines import Lattice, even_segments, fitted_segments, in_sailing_order, refuse_many
+from .rays import SwathRays, swath_rays
+from .turns import Turn, turn
+
+__all__ = ["Layout", "Plan", "SurveyLine", "plan"]
+
+SPACINGS = ("line", "shoalest", "mean")
+MOST_STATIONS = 1000               # of a lattice along lines,
+FINEST = 0.02                      # of the swath's width: distance of stations
+MOST_OFFSETS = 20_000              # and across
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """Say how lines are to lie and to be sailed.
+
+    Attributes
+    ----------
+    spacing : float [m] or None
+        Between lines; None: by the overlap.
+    overlap : float
+        Share of the swath's width that neighbours have in common, 0 to below 1.
+    swath_at : str
+        Whose swath the spacing follows by the overlap: "line" for each line's own, or that of the "shoalest" or the
+        "mean" depth of the area for all.
+    heading : float [rad] or None
+        Clockwise from north; None: along the contours.
+    speed : float [m/s]
+    run_in : float [m]
+        Straight before each line.
+    turn_radius : float [m]
+    least_depth : float [m] or None
+        Shoaler bed is left out of the area; None: a metre below the sonar's head.
+
+    Raises
+    ------
+    ValueError
+        If a number is out of its range.
+    """
+
+    spacing: float | None = None
+    overlap: float = 0.1
+    swath_at: str = "line"
+    heading: float | None = None
+    speed: float = 5 * KNOT
+    run_in: float = 50.0
+    turn_radius: float = 50.0
+    least_depth: float | None = None
+
+    def __post_init__(self):
+        if self.spacing is not None and not 0 < self.spacing < np.inf:
+            raise ValueError(f"the spacing of lines is {self.spacing:g} m; it must be above 0.")
+        if not 0 <= self.overlap < 1:
+            raise ValueError(f"the overlap is {100 * self.overlap:g} %; give 0 to below 100 (lines that overlap wholly "
+                             "never get on), or a spacing.")
+        if self.swath_at not in SPACINGS:
+            raise ValueError(f"the spacing follows the swath of {self.swath_at!r}; choose of {', '.join(SPACINGS)}.")
+        if self.heading is not None and not np.isfinite(self.heading):
+            raise ValueError("the heading is no finite number; give degrees clockwise from north.")
+        if not 0 < self.speed <= 100:
+            raise ValueError(f"the speed is {self.speed / KNOT:g} knots; give above 0, at most {100 / KNOT:.0f}.")
+        for what, value in (("run-in", self.run_in), ("turn radius", self.turn_radius),
+                            ("least depth", self.least_depth or 0.0)):
+            if not 0 <= value <= 1e5:
+                raise ValueError(f"the {what} is {value:g} m; give 0 to 100000.")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SurveyLine:
+    """Hold a line, as it is sailed.
+
+    Attributes
+    ----------
+    number : int
+        From 1, in the order of sailing.
+    heading : float [rad]
+    run_in, start, end : array (2,) [m]
+        x and y.
+    length : float [m]
+        From start to end.
+    track : Track
+        Its swath, along the heading of the plan.
+    turn : Turn or None
+        Way to the next line's run-in; None after the last.
+    """
+
+    number: int
+    heading: float
+    run_in: np.ndarray
+    start: np.ndarray
+    end: np.ndarray
+    length: float
+    track: Track
+    turn: Turn | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plan:
+    """Hold a plan.
+
+    Attributes
+    ----------
+    lines : tuple of SurveyLine
+    frame : LineFrame
+    contours : bool or None
+        Whether the heading follows contours (True) or the area's longer axis (False); None: it was given.
+    area : Area or None
+        None: all of the bed that is known.
+    bed : Bed
+        About the area.
+    sonar, layout, rays
+        It was made with.
+    coverage : Coverage
+    gaps : tuple of Gap
+        The largest first.
+    refraction : tuple of CastError
+        At the shoalest, mean and deepest depth; empty where no error of the cast was given.
+    order : SurveyOrder
+    unknown, shoal : float
+        Shares of the area without a depth, and shoaler than ``least_depth``.
+    least_depth : float [m]
+    """
+
+    lines: tuple[SurveyLine, ...]
+    frame: LineFrame
+    contours: bool | None
+    area: Area | None
+    bed: Bed
+    sonar: SwathSonar
+    layout: Layout
+    rays: SwathRays
+    coverage: Coverage
+    gaps: tuple[Gap, ...]
+    refraction: tuple[CastError, ...]
+    order: SurveyOrder
+    unknown: float
+    shoal: float
+    least_depth: float
+
+    def pings(self, line: SurveyLine) -> int:
+        """Count the pings of a line."""
+        s, rate = line.track.s, line.track.rate
+        return int(np.sum(0.5 * (rate[1:] + rate[:-1]) * np.diff(s)) / self.layout.speed) + 1
+
+    @property
+    def depths(self) -> tuple[float, float, float]:
+        """Give the shoalest, the mean and the deepest depth of the area [m]."""
+        some = self.bed.depth[self.coverage.wanted]
+        return float(some.min()), float(some.mean(dtype=float)), float(some.max())
+
+
+def plan(bed: Bed, profile: SoundSpeedProfile, sonar: SwathSonar, layout: Layout | None = None, *,
+         area: Area | None = None, used: SoundSpeedProfile | None = None, order: SurveyOrder = ORDERS["1a"]) -> Plan:
+    """Plan the lines of a survey.
+
+    Parameters
+    ----------
+    bed : Bed
+    profile : SoundSpeedProfile
+        Of the water.
+    sonar : SwathSonar
+    layout : Layout, optional
+    area : Area, optional
+        In the bed's coordinates; by default all of the bed that is known.
+    used : SoundSpeedProfile, optional
+        Another one, that depths are made with: what is wrong with them then.
+    order : SurveyOrder
+        That their errors are measured against.
+
+    Returns
+    -------
+    Plan
+
+    Raises
+    ------
+    ValueError
+        If the area lies outside the bed, is too small for its grid, has no swath, or needs too many lines.
+    """
+    layout = layout or Layout()
+    least = sonar.head_depth + 1.0 if layout.least_depth is None else layout.least_depth
+    asked, bed = _nodes(bed, area, sonar)
+    inside = asked & ~(bed.known & (bed.depth < least))
+    wanted = inside & bed.known
+    if not wanted.any():
+        deepest = float(bed.depth[asked & bed.known].max())
+        raise ValueError(f"the area is nowhere deeper than {deepest:.3g} m, and what is shoaler than {least:.3g} m is "
+                         "left out; say a smaller least depth, or another area.")
+    some = bed.depth[wanted]
+    rays = swath_rays(profile, head_depth=sonar.head_depth, half_angle=0.5 * sonar.swath,
+                      deepest=float(bed.depth.max()), max_range=sonar.max_range)
+    mean = float(some.mean(dtype=float))
+    width = 2 * float(rays.reach_at(mean))
+    heading, contours = _heading(bed, wanted, width, layout, area)
+    frame = LineFrame(heading=heading)
+    lattice = _lattice(bed, inside, asked & ~inside, area, frame, width,
+                       layout.spacing or 2 * float(rays.reach.max()) * (1 - layout.overlap))
+    shortest = 2 * layout.run_in + np.pi * layout.turn_radius
+    if layout.spacing is None and layout.swath_at == "line":
+        segments = fitted_segments(bed, rays, lattice, layout.overlap, shortest)
+    else:
+        spacing = layout.spacing or (1 - layout.overlap) * 2 * float(rays.reach_at(
+            mean if layout.swath_at == "mean" else float(some.min())))
+        if not spacing > 0:
+            raise ValueError(f"the shoalest bed of the area is {float(some.min()):.3g} m deep, where the sonar has no "
+                             "swath; leave the shoal out of the area, or let the spacing follow each line.")
+        segments = even_segments(lattice, spacing, shortest)
+    step = max(*bed.step, FINEST * width)
+    tracks = [(track(bed, rays, sonar, frame, one, float(profile.at(sonar.head_depth)), step), ahead)
+              for one, ahead in in_sailing_order(segments)]
+    found = coverage(bed, rays, sonar, frame, [one for one, _ in tracks], layout.speed, wanted)
+    depths = dict.fromkeys((float(some.min()), mean, float(some.max())))
+    refraction = [] if used is None else [cast_error(profile, used, sonar.head_depth, depth, 0.5 * sonar.swath, order)
+                                          for depth in depths if depth > sonar.head_depth]
+    return Plan(lines=_lines(tracks, frame, layout), frame=frame, contours=contours, area=area, bed=bed, sonar=sonar,
+                layout=layout, rays=rays, coverage=found, gaps=tuple(gaps(bed, found)), refraction=tuple(refraction),
+                order=order, unknown=np.count_nonzero(asked & ~bed.known) / np.count_nonzero(asked),
+                shoal=1 - np.count_nonzero(inside) / np.count_nonzero(asked), least_depth=least)
+
+
+def _nodes(bed: Bed, area: Area | None, sonar: SwathSonar) -> tuple[np.ndarray, Bed]:
+    """Tell which nodes lie in the area, and cut the bed to what lies about it."""
+    if area is None:
+        return _without_specks(bed.known), bed
+    west, south, east, north = area.bounds
+    covers = ", ".join(f"{value:.7g}" for value in (bed.x[0], bed.y[0], bed.x[-1], bed.y[-1]))
+    outside = ValueError(f"the area (west {west:.7g}, south {south:.7g}, east {east:.7g}, north {north:.7g} m) lies "
+                         f"where the bathymetry has no depth; it covers {covers}.")
+    if west > bed.x[-1] or east < bed.x[0] or south > bed.y[-1] or north < bed.y[0]:
+        raise outside
+    deepest = float(bed.window(west, south, east, north).depth.max())
+    margin = 1.5 * np.tan(min(0.5 * sonar.swath, np.deg2rad(85))) * deepest
+    near = bed.window(west - margin, south - margin, east + margin, north + margin)
+    inside = area.nodes(near.x, near.y)
+    if not inside.any():
+        raise ValueError(f"the area is {area.size:.3g} m², and no node of the bathymetry ({near.step[0]:.3g} m apart) "
+                         "lies in it; draw a larger one, or read the bathymetry at a finer resolution.")
+    if not (inside & near.known).any():
+        raise outside
+    return inside, near
+
+
+def _without_specks(known: np.ndarray) -> np.ndarray:
+    """Close single holes of a survey, which no line is cut for, and leave single depths outside it."""
+    from scipy.ndimage import binary_closing, binary_opening
+
+    # beyond the edge counts as known for the closing, and so would grow it: the frame keeps it out
+    framed = np.pad(known, 3)
+    closed = binary_closing(framed, np.ones((3, 3)), iterations=2)
+    opened = binary_opening(closed, np.ones((3, 3)))
+    kept = (opened if opened.any() else closed)[3:-3, 3:-3]
+    return kept if (kept & known).any() else known
+
+
+def _heading(bed: Bed, wanted: np.ndarray, width: float, layout: Layout,
+             area: Area | None) -> tuple[float, bool | None]:
+    """Give the heading, and whether it follows contours."""
+    if layout.heading is not None:
+        return float(layout.heading % (2 * np.pi)), None
+    found = heading_along_contours(bed, wanted, width)
+    if found is not None:
+        return found, True
+    return heading_along_area(_outline(bed, wanted) if area is None else np.concatenate(area.rings)), False
+
+
+def _outline(bed: Bed, inside: np.ndarray) -> np.ndarray:
+    """Give the first and the last node inside of every row: places (N, 2) [m] with the hull of all."""
+    row = np.flatnonzero(inside.any(axis=1))
+    first, last = np.argmax(inside[row], axis=1), inside.shape[1] - 1 - np.argmax(inside[row, ::-1], axis=1)
+    return np.concatenate([np.stack([bed.x[column], bed.y[row]], -1) for column in (first, last)])
+
+
+def _lattice(bed: Bed, inside: np.ndarray, shoal: np.ndarray, area: Area | None, frame: LineFrame,
+             width: float, spacing: float) -> Lattice:
+    """Lay nodes along and across the lines over the area but its shoals, about as close as those of the bed.
+
+    Along the lines there are no more than 50 to the width of a swath [m], across several. ``spacing`` [m] is the widest
+    that lines may have.
+    """
+    if area is None:
+        corners = np.stack(frame.along_across(*_outline(bed, inside).T))
+    else:
+        corners = np.concatenate([np.stack(frame.along_across(*ring.T)) for ring in area.rings], axis=1)
+    low, high = corners.min(1), corners.max(1)
+    refuse_many((high[1] - low[1]) / max(spacing, 1e-9), spacing)
+    step = max(min(bed.step), float(np.max(high - low)) / MOST_STATIONS)
+    steps = max(step, FINEST * width), max(min(step, width / 8), float(high[1] - low[1]) / MOST_OFFSETS)
+    number = [max(int(np.ceil(span / one)) + 1, 3) for span, one in zip(high - low, steps)]
+    s, u = (np.linspace(*ends, size) for ends, size in zip(zip(low, high), number))
+    # nodes on the border of the area are in it
+    inner = [middle + (axis - middle) * (1 - 1e-7) for axis, middle in zip((s, u), 0.5 * (low + high))]
+    if area is not None:
+        return Lattice(frame=frame, s=s, u=u, inside=area.rows(frame, *inner) & ~_at(bed, shoal, frame, *inner))
+    return Lattice(frame=frame, s=s, u=u, inside=_at(bed, inside, frame, *inner))
+
+
+def _at(bed: Bed, grid: np.ndarray, frame: LineFrame, along: np.ndarray, across: np.ndarray) -> np.ndarray:
+    """Look nodes of a lattice (S, U) up in a grid (Y, X) of true and false; false beyond it."""
+    row, column = np.rint(bed.places(*frame.place(along[:, None], across))).astype(int)
+    there = (row >= 0) & (row < bed.y.size) & (column >= 0) & (column < bed.x.size)
+    found = np.zeros(there.shape, bool)
+    found[there] = grid[row[there], column[there]]
+    return found
+
+
+def _lines(tracks: Sequence[tuple[Track, bool]], frame: LineFrame, layout: Layout) -> tuple[SurveyLine, ...]:
+    """Put lines together with their run-ins, and the turns between."""
+    ends = []
+    for one, ahead in tracks:
+        segment = one.segment
+        along = np.array([segment.begin, segment.end] if ahead else [segment.end, segment.begin])
+        places = np.stack(frame.place(along, np.full(2, segment.offset)), -1)
+        heading = (frame.heading + (0 if ahead else np.pi)) % (2 * np.pi)
+        forward = np.array([np.sin(heading), np.cos(heading)])
+        ends.append((places[0] - layout.run_in * forward, *places, heading))
+    lines = []
+    for number, ((one, _), (run_in, start, end, heading)) in enumerate(zip(tracks, ends), 1):
+        after = None
+        if number < len(ends):
+            there, _, _, course = ends[number]
+            after = turn(end, heading, there, course, layout.turn_radius)
+        lines.append(SurveyLine(number=number, heading=heading, run_in=run_in, start=start, end=end,
+                                length=float(np.hypot(*(end - start))), track=one, turn=after))
+    return tuple(lines)

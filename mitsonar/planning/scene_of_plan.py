@@ -1,0 +1,189 @@
+"""A plan as a scene: a multibeam sonar that sails the planned lines over the bed that they were planned for.
+
+Its way points are the starts and ends of all lines, in the order of sailing, as far as there is bed below; turns are
+left out. A comment has those of every line alone. Where the ways between lines lead over no bed, the scene sails the
+longest alone. Of a line that crosses a hole of the bathymetry it is the longer piece.
+"""
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from xml.etree import ElementTree
+
+import numpy as np
+
+from mitsonar.device.files import FilePath, replacing
+from mitsonar.io.tracks.navigation import Frame
+from mitsonar.sonar.presets import presets
+from mitsonar.units import KNOT
+
+from .plan import Plan, SurveyLine
+
+__all__ = ["BedFile", "check", "write"]
+
+ROOM = 1.25                        # of the window, in slant ranges of the farthest beam
+FIRST_PINGS = 200
+WHOLE = 0.999                      # of the nodes about a place
+DEFAULT_PRESET = "shallow_400khz"
+
+
+@dataclass(frozen=True, kw_only=True)
+class BedFile:
+    """Say which files a plan was made of.
+
+    Attributes
+    ----------
+    bathymetry : str or None
+        None: a level bed.
+    vertical : str
+    resolution : float [m] or None
+    crs : str or None
+        That the file does not name.
+    cast : str or None
+        None: 1500 m/s.
+    """
+
+    bathymetry: str | None = None
+    vertical: str = "auto"
+    resolution: float | None = None
+    crs: str | None = None
+    cast: str | None = None
+
+
+def write(plan: Plan, path: FilePath, frame: Frame, files: BedFile) -> None:
+    """Write the scene of a plan.
+
+    Parameters
+    ----------
+    plan : Plan
+    path : str or path
+        Ends in .xml.
+    frame : Frame
+        Where the plan's x = y = 0 lies.
+    files : BedFile
+
+    Raises
+    ------
+    ValueError
+        If the name does not end in .xml, or no line lies over the bed.
+    FileNotFoundError, PermissionError, OSError
+        As `files.replacing`.
+    """
+    check(path)
+    root = _scene(plan, frame, files, os.path.dirname(os.path.abspath(path)))
+    ElementTree.indent(root, "    ")
+    with replacing(path) as temporary:
+        temporary.write_text(f"{ElementTree.tostring(root, encoding='unicode')}\n", encoding="utf-8")
+
+
+def check(path: FilePath) -> None:
+    """Refuse a name that does not end in .xml."""
+    if not str(path).lower().endswith(".xml"):
+        raise ValueError(f"cannot write the scene {path}: its name must end in .xml.")
+
+
+def _scene(plan: Plan, frame: Frame, files: BedFile, folder: str) -> ElementTree.Element:
+    origin = np.asarray(frame.origin) if files.bathymetry is not None else np.zeros(2)
+    lines = {line.number: ends for line in plan.lines if (ends := _over_bed(plan, line)) is not None}
+    if not lines:
+        raise ValueError("no planned line lies over a bed of known depth, so there is no scene of them.")
+    places = np.concatenate(list(lines.values()))
+    whole = bool(_known(plan, _between(plan, places)).all())
+    root = ElementTree.Element("scene", {"version": "3.0.0"})
+    words = [f" {'All planned lines' if whole else 'The longest planned line'}. -D waypoints=\"...\" sails one:",
+             *(f"         line {number}: {_points(ends + origin)}" for number, ends in lines.items())]
+    # two hyphens would end the comment
+    root.append(ElementTree.Comment("\n".join(words).replace("--", "- -") + " "))
+    longest = max(lines.values(), key=lambda ends: float(np.hypot(*(ends[1] - ends[0]))))
+    sailed = _points((places if whole else longest) + origin)
+    for name, value in (("waypoints", sailed), ("pings", FIRST_PINGS), ("rays", 100_000)):
+        _add(root, "default", name, value)
+    _add(ElementTree.SubElement(root, "integrator", {"type": "sonar_path"}), "integer", "rays", "$rays")
+    _sensor(root, plan, files, folder)
+    _add(ElementTree.SubElement(root, "bsdf", {"type": "lambert", "id": "sand"}), "float", "mu_db", -25)
+    bed = ElementTree.SubElement(root, "shape", {"type": "seabed" if files.bathymetry is None else "bathymetry",
+                                                 "id": "seabed"})
+    if files.bathymetry is None:
+        reach = np.abs([*plan.bed.x[[0, -1]], *plan.bed.y[[0, -1]]]) + float(plan.rays.reach.max()) + 50
+        for name, value in (("depth", plan.depths[0]), ("length", 2 * reach[2:].max()), ("width", 2 * reach[:2].max()),
+                            ("spacing", max(plan.bed.step))):
+            _add(bed, "float", name, f"{value:.3f}")
+    else:
+        _add(bed, "string", "filename", _relative(files.bathymetry, folder))
+        _add(bed, "string", "vertical", files.vertical)
+        if files.crs is not None:
+            _add(bed, "string", "crs", files.crs)
+        if files.resolution is not None:
+            _add(bed, "float", "resolution", files.resolution)
+    ElementTree.SubElement(bed, "ref", {"id": "sand"})
+    return root
+
+
+def _sensor(root: ElementTree.Element, plan: Plan, files: BedFile, folder: str) -> None:
+    sonar = plan.sonar
+    sensor = ElementTree.SubElement(root, "sensor", {"type": "multibeam", "id": "sonar"})
+    preset = sonar.name if sonar.name in presets("multibeam") else DEFAULT_PRESET
+    _add(sensor, "string", "preset", preset)
+    _add(sensor, "float", "swath_deg", round(float(np.rad2deg(sonar.swath)), 6))
+    _add(sensor, "string", "beam_spacing", sonar.even)
+    _add(sensor, "integer", "beams", max(sonar.beams // int(presets("multibeam")[preset]["swaths"]), 2))
+    _add(sensor, "string", "waypoints", "$waypoints")
+    _add(sensor, "boolean", "georeferenced", "true" if files.bathymetry is not None else "false")
+    _add(sensor, "float", "turn_radius", 0)
+    _add(sensor, "float", "depth", sonar.head_depth)
+    _add(sensor, "float", "speed_knots", round(plan.layout.speed / KNOT, 6))
+    _add(sensor, "integer", "pings", "$pings")
+    if np.isfinite(sonar.rate):
+        _add(sensor, "float", "ping_rate_hz", sonar.rate)
+    water = ElementTree.SubElement(sensor, "medium", {"type": "seawater", "id": "water"})
+    if files.cast is not None:
+        _add(water, "string", "cast", _relative(files.cast, folder))
+    else:
+        _add(water, "float", "sound_speed", 1500)
+    film = ElementTree.SubElement(sensor, "film", {"type": "sonar_film"})
+    _add(film, "float", "range", f"{min(ROOM * _farthest(plan), sonar.max_range):.1f}")
+
+
+def _farthest(plan: Plan) -> float:
+    """The farthest slant range of all lines [m]."""
+    reach = max(max(float(line.track.edges.port.max()), float(line.track.edges.starboard.max())) for line in plan.lines)
+    return float(np.hypot(reach, plan.depths[2]))
+
+
+def _over_bed(plan: Plan, line: SurveyLine) -> np.ndarray | None:
+    """The ends (2, 2) of a line's longest piece over known bed; None where there is none."""
+    along = _between(plan, np.stack([line.start, line.end]))
+    edges = np.flatnonzero(np.diff(np.r_[False, _known(plan, along), False].astype(int))).reshape(-1, 2)
+    if not edges.size:
+        return None
+    begin, end = edges[np.argmax(np.diff(edges, axis=1))]
+    return along[[begin, end - 1]] if end - begin > 1 else None
+
+
+def _between(plan: Plan, places: np.ndarray) -> np.ndarray:
+    """Places (P, 2) every half node along the straight ways between places."""
+    ways = [np.linspace(one, other, 2 + int(2 * np.hypot(*(other - one)) / min(plan.bed.step)))
+            for one, other in zip(places, places[1:])]
+    return np.concatenate(ways)
+
+
+def _known(plan: Plan, places: np.ndarray) -> np.ndarray:
+    """Tell where the bed is known all around, and deeper than the sonar's head."""
+    from scipy.ndimage import map_coordinates
+
+    bed = plan.bed
+    about = map_coordinates(bed.known.astype(np.float32), bed.places(*places.T), order=1, mode="constant")
+    return (about > WHOLE) & (bed.depth_at(*places.T) > plan.sonar.head_depth)
+
+
+def _points(places: np.ndarray) -> str:
+    return ", ".join(f"{x:.3f} {y:.3f}" for x, y in places)
+
+
+def _relative(file: str, folder: str) -> str:
+    """The way to a file from the scene's folder, whose siblings may move with it."""
+    return os.path.relpath(os.path.abspath(file), folder)
+
+
+def _add(parent: ElementTree.Element, tag: str, name: str, value: object) -> None:
+    ElementTree.SubElement(parent, tag, {"name": name, "value": str(value)})

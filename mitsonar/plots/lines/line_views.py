@@ -1,0 +1,279 @@
+"""The views of a line of soundings, a function each, named in the table `LINE_VIEWS`."""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from mitsonar.device.files import FilePath
+from mitsonar.device.spelling import meant
+from mitsonar.hydrography.record import check
+from mitsonar.imaging.gain import Tvg
+from mitsonar.water import SoundSpeedProfile
+
+from .. import canvas
+from . import angle_curves
+from .column_plot import draw_column, draw_curtain
+from .line_maps import draw_map, map_shape
+from .line_sheet import CAUSES, headed, line_title, line_words, sounded
+from .motion_plot import MOTIONS, draw_attitude, draw_motion
+from .ray_plot import draw_profiles, draw_rays
+from .water_column import COLUMN, has_column
+
+__all__ = ["LINE_VIEWS", "LineView", "draw_line", "is_line", "line_figure"]
+
+WIDE = 1200                        # picture elements
+LONGER, SHORTER = 1000, 330        # of a map, the former its longer side, the latter the least of the other
+LEAST_WIDE = 800                   # that the words above need
+FLAT = 1.6                         # of a panel's sides in metres: beyond it equal scales leave most of the paper empty
+HEAD_ROOM = 62                     # picture elements above what is drawn
+OF_A_PING, OF_LEVELS = ("column", "rays", "overview"), ("column", "curtain", "overview")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """What a view is asked for; see `line_figure`."""
+
+    ping: int
+    tvg: Tvg
+    colours: str
+    bend: bool
+    theory: tuple[np.ndarray, np.ndarray] | None
+    water: SoundSpeedProfile | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineView:
+    """A view.
+
+    Attributes
+    ----------
+    words : str
+        What it shows, for the title.
+    needs : tuple of str
+        Variables that not every line has.
+    size : (int, int) or None
+        Of the sheet [picture elements]; None: as the map asks for.
+    draw : callable(figure, line, options)
+    """
+
+    words: str
+    needs: tuple[str, ...] = ()
+    size: tuple[int, int] | None = (WIDE, 720)
+    draw: Callable[[Figure, xr.Dataset, Options], None]
+
+
+def is_line(dataset: xr.Dataset) -> bool:
+    """Tell whether a dataset is a line of soundings."""
+    return {"travel_time", "angle"} <= set(map(str, dataset.variables))
+
+
+def draw_line(line: xr.Dataset, what: str, path: FilePath | None, *, ping: int | None = None, tvg: Tvg = "recorder",
+              colours: str = "copper") -> Figure:
+    """Draw a view of a line of soundings, to a file if there is a path; arguments and errors as of `plot`."""
+    canvas.check_path(path)
+    return canvas.saved(line_figure(line, what, ping=ping, tvg=tvg, colours=colours), path)
+
+
+def line_figure(line: xr.Dataset, what: str = "overview", *, ping: int | None = None, tvg: Tvg = "recorder",
+                colours: str = "copper", bend: bool = True, theory: tuple[np.ndarray, np.ndarray] | None = None,
+                water: SoundSpeedProfile | None = None) -> Figure:
+    """Draw a view of a line of soundings.
+
+    Parameters
+    ----------
+    line : xarray.Dataset
+        As `mitsonar.soundings` and the readers of instruments' files make it.
+    what : str
+        ``overview``: several in one; ``column``: water column of a ping, with its soundings; ``curtain``: that of all
+        pings against time; ``swath``: soundings on the map by depth; ``error``, ``error_detection``,
+        ``error_refraction``, ``error_motion``: by error; ``backscatter``: a mosaic and the mean by angle; ``smile``:
+        errors by angle; ``rays``: ray paths of a ping over the bed; ``quality``: quality, uncertainty and the ways of
+        detection by angle; ``motion``: what the motion sensors said.
+    ping : int, optional
+        Of ``column``, ``rays`` and the overview, by position; the middle one by default.
+    tvg : {'seabed', 'target', 'recorder', None}
+        Gain over range of the water column (see `mitsonar.plots.images.gain`).
+    colours : str
+        Of the water column: ``copper`` or ``grey``.
+    bend : bool
+        The water column lies along the rays of the profile in use; else along straight lines.
+    theory : pair of arrays, optional
+        Angles from the vertical [rad] and errors [m]: a curve beside the smile. By default that of ray theory on a
+        level bed, where the line tells the water's own profile.
+    water : SoundSpeedProfile, optional
+        The water's own, for ``rays``; by default as the line tells it.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    ValueError
+        If the dataset is no such line, there is no such view or ping, or nothing to be drawn in it.
+    """
+    check(line)
+    if what not in LINE_VIEWS:
+        raise ValueError(f"there is no plot {what!r} of a line of soundings{meant(what, LINE_VIEWS)}; choose one of "
+                         f"{', '.join(LINE_VIEWS)}.")
+    if not line.sizes["ping"] or not line.sizes["beam"]:
+        raise ValueError(f"the line has {line.sizes['ping']} pings of {line.sizes['beam']} beams, so there is nothing "
+                         "to draw.")
+    canvas.colours_of(colours)
+    _refuse_idle(what, ping is not None, OF_A_PING, "a ping is", "leave it out")
+    _refuse_idle(what, colours != "copper" or tvg != "recorder", OF_LEVELS, "colours and the gain are",
+                 "leave them out")
+    view = LINE_VIEWS[what]
+    missing = [name for name in view.needs if name not in line]
+    if missing:
+        simulated = "; only simulated lines have it" if missing[0].startswith(("error", "true_")) else ""
+        raise ValueError(f"the plot {what!r} needs the variable {missing[0]!r}, which this line has not{simulated}.")
+    options = Options(ping=_ping(line, ping), tvg=tvg, colours=colours, bend=bend, theory=theory, water=water)
+    figure = canvas.sheet(*(view.size or _map_size(line)))
+    view.draw(figure, line, options)
+    figure.set_layout_engine("constrained", rect=(0.005, 0.005, 0.99, 0.99 - HEAD_ROOM / figure.bbox.height),
+                             hspace=0.06, wspace=0.04)
+    words = f", ping {options.ping}" if what in OF_A_PING[:2] else ""
+    headed(figure, f"{line_title(line)}: {view.words}{words}", line_words(line))
+    return canvas.darkened(figure)
+
+
+def _refuse_idle(what: str, given: bool, of: tuple[str, ...], name: str, remedy: str) -> None:
+    if given and what not in of:
+        raise ValueError(f"{name} of the plots {', '.join(of)}, and the plot is {what!r}; {remedy}.")
+
+
+def _ping(line: xr.Dataset, ping: int | None) -> int:
+    pings = line.sizes["ping"]
+    if ping is None:
+        return pings // 2
+    if not 0 <= ping < pings:
+        raise ValueError(f"there is no ping {ping}; there are {pings}, the first is 0.")
+    return ping
+
+
+def _map_size(line: xr.Dataset) -> tuple[int, int]:
+    shape = map_shape(line)
+    across, up = (LONGER, LONGER / shape) if shape > 1 else (LONGER * shape, LONGER)
+    return round(max(across + 190, LEAST_WIDE)), round(max(up, SHORTER) + 120)
+
+
+def _column(figure: Figure, line: xr.Dataset, options: Options) -> None:
+    shape = draw_column(figure.subplots(), line, options.ping, bend=options.bend, tvg=options.tvg,
+                        colours=canvas.colours_of(options.colours))
+    high = np.clip((WIDE - 190) / shape, 0.5 * SHORTER, LONGER) + HEAD_ROOM + 90
+    figure.set_size_inches(WIDE / canvas.DPI, round(high) / canvas.DPI)
+
+
+def _curtain(figure: Figure, line: xr.Dataset, options: Options) -> None:
+    draw_curtain(figure.subplots(2, 1, sharex=True), line, tvg=options.tvg, colours=canvas.colours_of(options.colours))
+
+
+def _map(figure: Figure, line: xr.Dataset, options: Options, *, what: str) -> None:
+    draw_map(figure.subplots(), line, what)
+
+
+def _backscatter(figure: Figure, line: xr.Dataset, options: Options) -> None:
+    above, below = figure.subplots(2, 1, height_ratios=(3, 2))
+    draw_map(above, line, "backscatter")
+    angle_curves.draw_response(below, line)
+
+
+def _smile(figure: Figure, line: xr.Dataset, options: Options) -> None:
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    angle_curves.draw_smile(above, line, options.theory)
+    angle_curves.draw_exceeded(below, line)
+    above.set_xlabel("")
+
+
+def _rays(figure: Figure, line: xr.Dataset, options: Options) -> None:
+    left, right = figure.subplots(1, 2, sharey=True, width_ratios=(1, 4))
+    draw_rays(right, line, options.ping, options.water)
+    draw_profiles(left, line, options.ping, max(right.get_ylim()), options.water)
+    right.set_ylabel("")
+
+
+def _quality(figure: Figure, line: xr.Dataset, options: Options) -> None:
+    there = sounded(line)
+    drawn = [draw for draw, names in (
+        (angle_curves.draw_uncertainty, ("uncertainty", "horizontal_uncertainty")),
+        (angle_curves.draw_quality, ("quality",)), (angle_curves.draw_methods, ("detection",)))
+        if any(name in line and np.isfinite(line[name].values[there]).any() for name in names)]
+    if not drawn:
+        raise ValueError("the plot 'quality' needs one of quality, uncertainty, horizontal_uncertainty and detection, "
+                         "and no sounding of this line has any.")
+    panels = np.atleast_1d(figure.subplots(len(drawn), 1, sharex=True))
+    for draw, axes in zip(drawn, panels, strict=True):
+        draw(axes, line)
+    for axes in panels[:-1]:
+        axes.set_xlabel("")
+
+
+def _motion(figure: Figure, line: xr.Dataset, options: Options) -> None:
+    if not line.sizes["motion"]:
+        raise ValueError("the line has no sample of the motion sensors, so there is nothing to draw.")
+    draw_motion(list(figure.subplots(len(MOTIONS), 1, sharex=True)), line)
+
+
+def _overview(figure: Figure, line: xr.Dataset, options: Options) -> None:
+    """Six of the panels that the line has something for."""
+    colours = canvas.colours_of(options.colours)
+    panels: list[Callable[[Axes], object]] = [draw for draw, needed in (
+        (lambda axes: draw_map(axes, line, "swath"), True),
+        (lambda axes: draw_column(axes, line, options.ping, bend=options.bend, tvg=options.tvg,
+                                  colours=colours), has_column(line)),
+        (lambda axes: draw_map(axes, line, "error"), "error" in line),
+        (lambda axes: angle_curves.draw_smile(axes, line, options.theory), "error" in line),
+        (lambda axes: draw_rays(axes, line, options.ping, options.water), True),
+        (lambda axes: draw_curtain([axes], line, tvg=options.tvg, colours=colours),
+         has_column(line) and "error" not in line),
+        (lambda axes: draw_map(axes, line, "backscatter"), "backscatter_db" in line and "error" not in line),
+        (lambda axes: angle_curves.draw_response(axes, line), "backscatter_db" in line),
+        (lambda axes: angle_curves.draw_uncertainty(axes, line), "uncertainty" in line and "error" not in line),
+        (lambda axes: draw_attitude(axes, line), line.sizes["motion"] > 0)) if needed]
+    columns = 3 if len(panels) > 4 else 2
+    places = figure.add_gridspec(2, columns)
+    drawn, said = 0, ""
+    for draw in panels:
+        if drawn == 2 * columns:
+            break
+        axes = figure.add_subplot(places[divmod(drawn, columns)])
+        try:
+            draw(axes)
+        except ValueError as error:                    # there is nothing of the kind in the line
+            axes.remove()
+            said = said or str(error)
+        else:
+            _fill(axes)
+            drawn += 1
+    if not drawn:
+        raise ValueError(said)
+
+
+def _fill(axes: Axes) -> None:
+    """Let a panel of equal scales fill its room by other scales across and up, if it is flat or narrow."""
+    across, up = (abs(end - start) for start, end in (axes.get_xlim(), axes.get_ylim()))
+    if axes.get_aspect() != "auto" and not 1 / FLAT < across / up < FLAT:
+        axes.set_aspect("auto")
+        axes.text(0.02, 0.02, "scales differ across and up", transform=axes.transAxes, fontsize=9)
+
+
+LINE_VIEWS = {
+    "overview": LineView(words="overview", size=(1900, 1150), draw=_overview),
+    "column": LineView(words="water column", needs=COLUMN, size=(WIDE, 760), draw=_column),
+    "curtain": LineView(words="water column along the track", needs=COLUMN, size=(WIDE, 900), draw=_curtain),
+    "swath": LineView(words="depth", size=None, draw=partial(_map, what="swath")),
+    **{name: LineView(words="error of depth" if name == "error" else f"error of depth by {words}", needs=(name,),
+                      size=None, draw=partial(_map, what=name)) for name, (words, _, _) in CAUSES.items()},
+    "backscatter": LineView(words="backscatter", needs=("backscatter_db",), size=(WIDE, 1100), draw=_backscatter),
+    "smile": LineView(words="error across the swath", needs=("error",), size=(WIDE, 860), draw=_smile),
+    "rays": LineView(words="ray paths", size=(1400, 720), draw=_rays),
+    "quality": LineView(words="quality and uncertainty", size=(WIDE, 980), draw=_quality),
+    "motion": LineView(words="motion", size=(WIDE, 980), draw=_motion),
+}

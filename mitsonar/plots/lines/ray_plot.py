@@ -1,0 +1,114 @@
+"""Rays of one ping over the bed: where the echoes came from, and where the profile in use says they did."""
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from mitsonar.hydrography.reduction.ray_paths import (
+    Head,
+    head_of,
+    launches,
+    ray_places,
+    receiving_axes,
+    used_profile,
+    water_profile,
+)
+from mitsonar.water import SoundSpeedProfile
+
+from .line_sheet import curve_axes, key_above, sounded
+
+__all__ = ["draw_profiles", "draw_rays", "ray_lines"]
+
+MOST_RAYS = 25
+POINTS = 60                        # of a ray
+USED, WATER = "#0072b2", "#d55e00"
+
+
+def draw_rays(axes: Axes, line: xr.Dataset, ping: int, water: SoundSpeedProfile | None = None) -> None:
+    """Draw some rays of a ping by the profile in use and by the water's own, soundings and the bed.
+
+    Parameters
+    ----------
+    axes : Axes
+        Depth grows downwards.
+    line : xarray.Dataset
+    ping : int
+    water : SoundSpeedProfile, optional
+        By default the line's own, where it tells it.
+
+    Raises
+    ------
+    ValueError
+        If the ping has no sounding.
+    """
+    one = line.isel(ping=[ping])
+    there = np.flatnonzero(_of_ping(one, ping))
+    across, depth = (one[name].values[0] for name in ("across_track", "depth"))
+    chosen = there[np.unique(np.linspace(0, there.size - 1, MOST_RAYS).round().astype(int))]
+    chosen = chosen[np.argsort(across[chosen], kind="stable")]
+    head = head_of(line, ping)
+    water = water_profile(line) if water is None else water
+    for profile, colour, style, words in ((used_profile(line, head), USED, "-", "rays by the profile in use"),
+                                          (water, WATER, "--", "rays by the water's own")):
+        if profile is not None:
+            ways, depths = ray_lines(one.isel(beam=chosen), head, profile)
+            axes.plot(ways.T, depths.T, color=colour, linestyle=style, linewidth=0.8)
+            axes.plot([], [], color=colour, linestyle=style, linewidth=1.2, label=words)
+    if "true_depth" in one:
+        order = there[np.argsort(across[there], kind="stable")]
+        axes.plot(across[order], one["true_depth"].values[0][order], color="#000000", linewidth=1.4, label="bed")
+    axes.plot(across[there], depth[there], ".", color="#cc79a7", markersize=4, label="soundings")
+    axes.plot(head.across, head.depth, "v", color="#000000", markersize=7)
+    axes.invert_yaxis()
+    curve_axes(axes, "port   ←   across track [m]   →   starboard", "depth [m]")
+    key_above(axes)
+
+
+def _of_ping(one: xr.Dataset, ping: int) -> np.ndarray:
+    try:
+        return sounded(one)[0] & np.isfinite(one["angle"].values[0]) & np.isfinite(one["travel_time"].values[0])
+    except ValueError:
+        raise ValueError(f"ping {ping} has no valid sounding, so there are no rays to draw; choose another.") from None
+
+
+def ray_lines(beams: xr.Dataset, head: Head, profile: SoundSpeedProfile) -> tuple[np.ndarray, np.ndarray]:
+    """Give the rays from the head to the soundings of some beams of one ping.
+
+    Parameters
+    ----------
+    beams : xarray.Dataset
+        A line with one ping.
+    head : Head
+    profile : SoundSpeedProfile
+
+    Returns
+    -------
+    across, depth : (N, POINTS) [m]
+        From the reference point to starboard, and below the surface.
+    """
+    time = beams["travel_time"].values[0]
+    towards = launches(head, beams["angle"].values[0], beams["transmit_angle"].values[0],
+                       receiving_axes(beams, 0, head, time))
+    level = np.hypot(towards[:, 0], towards[:, 1])
+    way, depth = ray_places(profile, head.depth, level / head.sound_speed,
+                            0.5 * time[:, None] * np.linspace(0, 1, POINTS))
+    aside = np.divide(towards[:, 1], level, out=np.ones_like(level), where=level > 0)
+    return head.across + way * aside[:, None], depth
+
+
+def draw_profiles(axes: Axes, line: xr.Dataset, ping: int, deepest: float,
+                  water: SoundSpeedProfile | None = None) -> None:
+    """Draw the profile in use, the water's own and what the head's sensor says, over depth."""
+    water = water_profile(line) if water is None else water
+    head = head_of(line, ping)
+    for profile, colour, style, words in ((used_profile(line, head), USED, "-", "in use"),
+                                          (water, WATER, "--", "water's own")):
+        if profile is not None:
+            depth = np.unique(np.concatenate([[0.0, deepest], profile.depth[profile.depth < deepest]]))
+            axes.plot(profile.at(depth), depth, color=colour, linestyle=style, linewidth=1.6, label=words)
+    axes.plot(head.sound_speed, head.depth, "v", color="#000000", markersize=7, label="head's sensor")
+    curve_axes(axes, "sound speed [m/s]", "depth [m]")
+    axes.ticklabel_format(useOffset=False, style="plain")
+    axes.margins(x=0.15)
+    key_above(axes)

@@ -1,0 +1,1 @@
+"""Sheets of fits, plans and beam patterns."""

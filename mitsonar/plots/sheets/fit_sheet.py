@@ -1,0 +1,114 @@
+"""The picture of a fit of a scene: start, answer, what it may be off, how much of it was told, and the truth."""
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from ..canvas import sheet
+from ..lines.line_sheet import bar_beside, curve_axes, headed, key_above
+
+__all__ = ["fit_figure"]
+
+ROW, WIDTH, HEAD = 330, 1300, 70   # picture elements
+VALUES, ERRORS, DEVIATIONS, SHARES = "viridis", "RdBu_r", "magma", "Greys"
+MOST_ROWS = 8
+LONG = 2.0                         # times as long as wide: a map that is longer fills its axes
+
+
+def fit_figure(answer: xr.Dataset) -> Figure:
+    """Draw an answer of `mitsonar.inversion.fit`.
+
+    Parameters
+    ----------
+    answer : xarray.Dataset
+        As `Fit.to_dataset` makes it; ``NAME_truth`` is drawn, too, and ``NAME_east``, ``NAME_north`` [m] place numbers
+        on a map.
+
+    Returns
+    -------
+    Figure
+
+    Raises
+    ------
+    ValueError
+        If the dataset is no such answer.
+    """
+    names = list(answer.attrs.get("parameters", []))
+    if not names or any(name not in answer or f"{name}_deviation" not in answer for name in names):
+        raise ValueError("this dataset is no answer of a fit; give what Fit.to_dataset makes")
+    shown = names[:MOST_ROWS]
+    figure = sheet(WIDTH, HEAD + ROW * len(shown))
+    headed(figure, "fit of " + ", ".join(names), str(answer.attrs.get("stopped", "")))
+    top = 1 - HEAD / (HEAD + ROW * len(shown))
+    height = top / len(shown)
+    for number, name in enumerate(shown):
+        low = top - (number + 1) * height
+        _draw(figure, answer, name, {"left": 0.08, "right": 0.95, "bottom": low + 0.2 * height,
+                                     "top": low + 0.86 * height, "wspace": 0.75})
+    return figure
+
+
+def _draw(figure: Figure, answer: xr.Dataset, name: str, place: dict[str, float]) -> None:
+    """One parameter's row."""
+    if f"{name}_east" in answer or answer[name].ndim == 2 and min(answer[name].shape) > 3:
+        _maps(figure, answer, name, place)
+    else:
+        _curves(figure.add_gridspec(1, 1, **place).subplots(squeeze=False)[0, 0], answer, name)
+
+
+def _maps(figure: Figure, answer: xr.Dataset, name: str, place: dict[str, float]) -> None:
+    unit = answer[name].attrs.get("units", "1")
+    columns = [(f"{name}_start", "start", VALUES), (name, "answer", VALUES),
+               (f"{name}_deviation", "one deviation", DEVIATIONS), (f"{name}_resolved", "share told", SHARES)]
+    if f"{name}_truth" in answer:
+        columns.insert(0, (f"{name}_truth", "truth", VALUES))
+    same = np.concatenate([answer[key].values.ravel() for key, _, colours in columns if colours == VALUES])
+    limits = {VALUES: tuple(np.percentile(same, (1, 99))), SHARES: (0.0, 1.0),
+              DEVIATIONS: (0.0, float(answer[f"{name}_prior_deviation"].values.max()))}
+    if f"{name}_truth" in answer:
+        columns.insert(3, (f"{name}_error", "answer - truth", ERRORS))
+        answer = answer.assign({f"{name}_error": answer[name] - answer[f"{name}_truth"]})
+        most = max(float(np.percentile(np.abs(answer[f"{name}_error"].values), 98)), 1e-12)
+        limits[ERRORS] = -most, most
+    row = figure.add_gridspec(1, len(columns), **place).subplots(squeeze=False)[0]
+    for axes, (key, title, colours) in zip(row, columns):
+        low, high = limits[colours]
+        values = answer[key].values
+        if f"{name}_east" in answer:
+            east, north = answer[f"{name}_east"].values, answer[f"{name}_north"].values
+            drawn = axes.tripcolor(east, north, values.ravel(), shading="gouraud", cmap=colours, vmin=low, vmax=high)
+            axes.set_aspect("equal" if 1 / LONG < np.ptp(east) / max(np.ptp(north), 1e-9) < LONG else "auto")
+            curve_axes(axes, "east [m]", "north [m]")
+        else:
+            across, up = answer[name].dims if answer[name].dims[0] == "x" else answer[name].dims[::-1]
+            values = answer[key].transpose(up, across).values
+            placed = [answer[one].values if one in answer.coords else np.arange(answer.sizes[one])
+                      for one in (across, up)]
+            drawn = axes.pcolormesh(*placed, values, shading="nearest", cmap=colours, vmin=low, vmax=high)
+            curve_axes(axes, *(f"{one} [m]" if one in answer.coords else "" for one in (across, up)))
+        if title != columns[0][1]:
+            axes.set_ylabel("")
+            axes.tick_params(labelleft=False)
+        axes.set_title(f"{name}: {title}" if title == columns[0][1] else title, fontsize=10.5)
+        bar = bar_beside(axes, drawn, "")
+        bar.ax.set_title("" if colours == SHARES else f"[{unit}]", fontsize=9.5)
+        bar.locator = MaxNLocator(4)
+        bar.update_ticks()
+
+
+def _curves(axes: Axes, answer: xr.Dataset, name: str) -> None:
+    """Few numbers: each with its bar."""
+    values = answer[name].values.ravel()
+    at = np.arange(values.size)
+    axes.errorbar(at, values, answer[f"{name}_deviation"].values.ravel(), fmt="o", color="#0072b2", capsize=3,
+                  label="answer, and one deviation")
+    axes.plot(at, answer[f"{name}_start"].values.ravel(), "x", color="#999999", label="start")
+    if f"{name}_truth" in answer:
+        axes.plot(at, answer[f"{name}_truth"].values.ravel(), "+", color="black", markersize=12, label="truth")
+    unit = answer[name].attrs.get("units", "1")
+    curve_axes(axes, f"number of {name}", f"[{unit}]")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    key_above(axes)

@@ -1,0 +1,1 @@
+"""Rays through layers on the device: tables, fans, and rays between two points."""

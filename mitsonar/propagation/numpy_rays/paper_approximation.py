@@ -1,0 +1,159 @@
+"""The published return time: a straight vector, and equation 2 for the speed along it.
+
+    ev_r = ev_i + 0.503 g (h_r - h_i),    t_r = |F - I| / ev_r
+
+ev_i effective speed of the traced leg, its chord over its time; h_i and h_r the heights of transmission and reception;
+g the mean gradient dc/dh between the two, so that g (h_r - h_i) is the difference of the sound speeds there whichever
+way the depth is counted. The position F at reception solves |F - I| = ev_r t_r for a platform that moves on, the
+closed form of what equation 1 constructs from angles (that one fails along the track, and takes ev_i for ev_r).
+
+The coefficient is 1/2 - g h / (6 c) for one gradient over the whole path, and has nothing to do with the local gradient
+in any other water: kept for comparison; `vector_approximation` is the method to use.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mitsonar.device.types import Numbers, Triple
+from mitsonar.water import SoundSpeedProfile
+
+from ..returns.straight_vectors import Leg, library, shared_element_fields
+from ..returns.travel import Travel
+
+__all__ = ["COEFFICIENT", "paper_centre_return", "paper_difference", "paper_element_fields", "published_time"]
+
+COEFFICIENT = 0.503
+PASSES = 3                 # each leaves 2e-4 of the error of the height at reception, at 5 1/s and 1 m/s of heave
+
+
+def published_time(travel_time: Numbers, effective_speed: Numbers, vector: Triple, velocity: Triple,
+                   faster: Callable[[Numbers], Numbers]) -> tuple[Numbers, Numbers, Numbers]:
+    """Solve for the return time, the speed along the vector and the height won.
+
+    Parameters
+    ----------
+    travel_time : float64 (...) [s]
+        Of the traced ray.
+    effective_speed : float64 (...) [m/s]
+        ev_i.
+    vector : triple of float64 (...) [m]
+        From the hit to where the receiver is at that instant.
+    velocity : triple [m/s]
+    faster : callable
+        Climb of the platform since the ping [m] -> c at reception less c at transmission [m/s].
+
+    Returns
+    -------
+    return_time [s], speed [m/s], climb [m] : float64 (...)
+    """
+    x, y, z = vector
+    vx, vy, vz = velocity
+    square, toward = x * x + y * y + z * z, x * vx + y * vy + z * vz
+    time, speed, climb = travel_time, effective_speed, 0.0
+    for _ in range(PASSES):
+        climb = vz * (travel_time + time)
+        speed = effective_speed + COEFFICIENT * faster(climb)
+        remaining = speed * speed - (vx * vx + vy * vy + vz * vz)
+        time = (toward + library(square).sqrt(toward * toward + remaining * square)) / remaining
+    return time, speed, climb
+
+
+def paper_centre_return(travel_time: Numbers, displacement: Triple, travel: Travel,
+                        speed_at: Callable[[Numbers], Numbers],
+                        elapsed: Numbers | None = None) -> tuple[Numbers, Leg, Triple, Numbers]:
+    """Find when and from where the echo meets the array's centre.
+
+    Parameters
+    ----------
+    travel_time : float64 (H,) [s]
+        Of the traced ray.
+    displacement : triple of float64 (H,) [m]
+        From the hit to the origin.
+    travel : Travel
+        Of the platform since the ping.
+    speed_at : callable
+        Height above the origin [m] -> sound speed [m/s].
+    elapsed : float64 (H,) [s] or None
+        From the ping to when the hit sends the echo back; None: the travel time.
+
+    Returns
+    -------
+    return_time : float64 (H,) [s]
+        From the hit to the centre, where that is at reception.
+    leg : Leg
+        From the hit to there, with the speed of equation 2.
+    direction : triple of float64 (H,)
+    rise : float64 (H,) [m]
+        Height of the centre at reception above the origin.
+    """
+    xp = library(travel_time)
+    here = speed_at(0 * travel_time)
+    effective = xp.sqrt(sum(component * component for component in displacement)) / travel_time
+    elapsed = travel_time if elapsed is None else elapsed
+    # one velocity, as published: that which leads to where the platform is when the echo is there
+    wait = travel_time + elapsed
+    velocity = [part / wait for part in travel.moved(wait)]
+    start = [component + v * elapsed for component, v in zip(displacement, velocity)]
+    time, speed, climb = published_time(elapsed, effective, start, velocity, lambda rise: speed_at(rise) - here)
+    x, y, z = (component + v * time for component, v in zip(start, velocity))
+    across = xp.sqrt(x * x + y * y)
+    length = xp.sqrt(across * across + z * z)
+    return time, Leg(length, speed, across / length, abs(z) / length, 0 * length), (
+        x / length, y / length, z / length), climb
+
+
+def paper_element_fields(offsets: ArrayLike, depth: float, profile: SoundSpeedProfile) -> list[np.ndarray]:
+    """Make what `paper_difference` needs of the elements (NumPy).
+
+    Parameters
+    ----------
+    offsets : array (E, 3) [m]
+        From the array's centre, scene coordinates, as the array stands at the ping.
+    depth : float [m]
+        Of the centre at the ping.
+    profile : SoundSpeedProfile
+
+    Returns
+    -------
+    list of float64 (E,)
+        d (3), |d|²; 0.503 times: c(element) - c(centre) [m/s], dc/dz (upwards) at the element
+        less that at the centre, dc/dz at the element [1/s].
+    """
+    shared = shared_element_fields(offsets)
+    there = depth - shared[2]
+    gradients = [-0.5 * (profile.gradient(z, "below") + profile.gradient(z, "above"))
+                 for z in (there, np.asarray(depth))]
+    return [*shared, COEFFICIENT * (profile.at(there) - profile.at(depth)),
+            COEFFICIENT * (gradients[0] - gradients[1]), COEFFICIENT * gradients[0]]
+
+
+def paper_difference(hits: Sequence[Numbers], elements: Sequence[Numbers]) -> Numbers:
+    """Give how much later than at the array's centre an echo arrives at an element, both by the published formula.
+
+    Parameters
+    ----------
+    hits : sequence of arrays
+        As of `straight_vectors.hit_fields`.
+    elements : sequence of arrays
+        As of `paper_element_fields`; both broadcast.
+
+    Returns
+    -------
+    array [s]
+        Of the type of the fields.
+    """
+    nx, ny, nz, zx, zy, zz, inverse, speed, closing, speeds, _, vz, _, rise, _, gx, gy, gz = hits
+    dx, dy, dz, square, faster, bend, slope = elements
+    along = nx * dx + ny * dy + nz * dz
+    higher = zx * dx + zy * dy + zz * dz - dz
+    gain = (faster + bend * rise + slope * higher) / speed
+    # the platform climbs on until the echo is there
+    gain = gain + slope * vz * (along + inverse * square / 2 - gain / inverse) / (closing * speed)
+    more = gain * (2 + gain)                                             # (ev of the element / of the centre)^2 - 1
+    length = 2 * along + inverse * square - more / inverse
+    closing = closing + speed * more - (gx * dx + gy * dy + gz * dz)
+    return length / (closing + library(along).sqrt(
+        closing * closing + (speeds + speed * speed * more) * inverse * length))

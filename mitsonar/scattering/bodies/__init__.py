@@ -1,0 +1,1 @@
+"""Scattering of bodies: spheres, cylinders, measured patterns."""

@@ -1,0 +1,1 @@
+"""Scattering laws of surfaces, one a file."""

@@ -1,0 +1,1 @@
+"""Parts that scattering laws are made of: reflection, roughness, facets."""

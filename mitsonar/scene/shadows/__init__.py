@@ -1,0 +1,1 @@
+"""Shadows of a scene: of objects, of the bed, of its cover."""

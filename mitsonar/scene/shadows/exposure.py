@@ -1,0 +1,101 @@
+"""Shares of objects' surfaces that the sonar could see: what labels call ``exposed``.
+
+Points are drawn evenly over an object's surface. Of those on the side that faces the sonar, at the ping nearest to the
+object, a share is seen along a straight line. The rest is buried, behind something else, or behind the object itself.
+Refraction and the beam are left out: this is a property of the scene, the same for every kind of sonar.
+"""
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.arrays import upload
+
+from ..geometry import Geometry
+
+__all__ = ["exposed_shares"]
+
+POINTS = 256                       # an object: a share is good to some 3 %
+CLEAR = 2e-3                       # [m] in front of the surface at which a line of sight begins
+STREAM = 0x5ee                     # of the points, the same for every render of a scene
+
+
+def exposed_shares(geometry: Geometry, objects: Sequence[int], places: np.ndarray) -> dict[int, float]:
+    """Compute the share of every object's facing surface that is seen from the sonar's nearest place.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    objects : sequence of int
+        Labels.
+    places : array (P, 3) [m]
+        Of the sonar at its pings.
+
+    Returns
+    -------
+    dict of int to float
+        By label, from 0 (buried or hidden) to 1.
+    """
+    samples = {label: surface for label, surface in _surfaces(geometry, set(objects)) if len(surface[0])}
+    if not samples:
+        return {}
+    points, normals = (np.concatenate([surface[k] for surface in samples.values()]) for k in range(2))
+    sonar = np.concatenate([np.broadcast_to(_nearest(surface[0], places), surface[0].shape)
+                            for surface in samples.values()])
+    away = sonar - points
+    away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
+    faces = np.sum(away * normals, axis=1) > 0
+    seen = faces & ~_in_the_way(geometry.scene, points + CLEAR * away, sonar)
+    ends = np.cumsum([len(surface[0]) for surface in samples.values()])[:-1]
+    return {label: round(float(lit.sum() / max(1, front.sum())), 3)
+            for label, lit, front in zip(samples, np.split(seen, ends), np.split(faces, ends))}
+
+
+def _surfaces(geometry: Geometry, wanted: set[int]):
+    """Yield labels with points (N, 3) on their surface and the normals there, outward of closed meshes."""
+    for _, shape, first, count in geometry.meshes:
+        labels = geometry.named.of_faces(shape, count)
+        present = wanted.intersection(np.unique(labels).tolist())
+        if not present:
+            continue
+        vertices, faces = geometry.mesh(first, count)
+        for label in sorted(present):
+            yield label, _on_facets(vertices[faces[labels == label]].astype(float), label)
+    for _, shape in geometry.others:
+        label = geometry.named.of(shape)
+        if label in wanted and shape.class_name() != "Instance":           # which Mitsuba cannot draw points on
+            share = np.random.default_rng([STREAM, label]).random((2, POINTS)).astype(np.float32)
+            sample = shape.sample_position(0.0, mi.Point2f(*(upload(mi.Float, row) for row in share)))
+            point, normal = (column.numpy().T.astype(float) for column in (sample.p, sample.n))
+            yield label, (np.broadcast_to(point, (POINTS, 3)), np.broadcast_to(normal, (POINTS, 3)))
+
+
+def _on_facets(corners: np.ndarray, label: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return points evenly over triangles (F, 3, 3), and their normals."""
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(across, axis=1)
+    if not area.sum() > 0:
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    share = np.random.default_rng([STREAM, label]).random((3, POINTS))
+    face = np.searchsorted(np.cumsum(area) / area.sum(), share[0], side="right").clip(0, len(area) - 1)
+    root, second = np.sqrt(share[1])[:, None], share[2][:, None]
+    first, other, third = corners[face].transpose(1, 0, 2)
+    return (1 - root) * first + root * (1 - second) * other + root * second * third, across[face] / area[face, None]
+
+
+def _nearest(points: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Return the place (3,) nearest to the middle of points (N, 3)."""
+    return places[np.linalg.norm(places - points.mean(0), axis=1).argmin()]
+
+
+def _in_the_way(scene: mi.Scene, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Return where something lies between points (N, 3) and (N, 3)."""
+    length = np.linalg.norm(end - start, axis=1)
+    origin, direction = (mi.Vector3f(*(upload(mi.Float, column.astype(np.float32)) for column in vectors.T))
+                         for vectors in (start, (end - start) / np.maximum(length, 1e-9)[:, None]))
+    ray = mi.Ray3f(mi.Point3f(origin), direction, upload(mi.Float, length.astype(np.float32)), mi.Float(0),
+                   mi.Color0f())
+    return dr.detach(scene.ray_test(ray)).numpy().astype(bool)

@@ -1,0 +1,192 @@
+"""Points of a scene connected along the exact bent ray, and whether the way is free.
+
+The ray is the earliest arrival (`propagation.arrivals`), an exact eigenray. It starts at a source, whose ray fan is
+there, or at any point of the water; that may be by way of a flat surface that mirrors, through water unfolded about it
+(`tracing.water`). The way is free if none of the ray's chords meets anything (`tracing.occlusion`).
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import cast
+
+import drjit as dr
+import mitsuba as mi
+
+from mitsonar.device.arrays import arrays_of
+from mitsonar.propagation.device_rays.aiming import aim
+from mitsonar.propagation.device_rays.arrivals import earliest
+from mitsonar.propagation.device_rays.two_point import PointState
+
+from ..geometry import Geometry
+from ..shadows.occlusion import LIFT, LIFT_PER_RANGE, TOLERANCE, along_arcs, along_fan
+from .tracer import Sources
+from .water import DeviceWater
+
+__all__ = ["Connection", "Connector"]
+
+UPRIGHT = 1e-6         # [m] horizontal range below which a way leads straight up or down
+
+
+@dataclass(frozen=True, kw_only=True)
+class Connection:
+    """Ways to points, one each.
+
+    Attributes
+    ----------
+    exists : Bool (R,)
+        A direct ray, or one that turns between, was found.
+    free : Bool (R,)
+        Nothing is in its way.
+    horizontal_range : Float64 (R,) [m]
+    travel_time : Float64 (R,) [s]
+    arc_length : Float (R,) [m]
+    spreading_area : Float (R,) [m²/sr]
+    launch_direction, arrival_direction : Vector3f (R,)
+        Unit, along the travel, at the start and at the point.
+    ray_parameter : Float64 (R,) [s/m]
+    sound_speed : Float64 (R,) [m/s]
+        At the point.
+    """
+
+    exists: mi.Bool
+    free: mi.Bool
+    horizontal_range: mi.Float64
+    travel_time: mi.Float64
+    arc_length: mi.Float
+    spreading_area: mi.Float
+    launch_direction: mi.Vector3f
+    arrival_direction: mi.Vector3f
+    ray_parameter: mi.Float64
+    sound_speed: mi.Float64
+
+
+class Connector:
+    """Connect points in the water and the scene.
+
+    Parameters
+    ----------
+    geometry : Geometry
+    water : DeviceWater
+    """
+
+    def __init__(self, geometry: Geometry, water: DeviceWater):
+        self.geometry, self.water = geometry, water
+        self.lib = arrays_of(mi.Float)
+
+    def connect(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, point: dr.ArrayBase,
+                normal: mi.Vector3f, active: mi.Bool | bool = True, *, occlusion: bool = True,
+                short: float = 0.0, coarse: bool = False) -> Connection:
+        """Connect points to sources, one pair an entry.
+
+        Parameters
+        ----------
+        sources : Sources
+        origin : Array3f64 (R,) [m]
+            Scene coordinates; the depth must be that of the source.
+        source : UInt32 (R,)
+            Index into `sources`.
+        point : Array3f64 (R,) [m]
+        normal : Vector3f (R,)
+            Of the surface the point lies on, either side; zero for a point in free water.
+        active : Bool (R,)
+        occlusion : bool
+            Look for what lies in the way; else every way is free.
+        short : float [m]
+            The last of the way that is not looked at, for a target that stands in front of itself.
+        coarse : bool
+            Look along few chords, `Sources.shadow_fans`: worth their making for many points.
+
+        Returns
+        -------
+        Connection
+        """
+        x, heading = _seen_from(origin, point)
+        way, (cosine, _) = self._eigenray(self.water.layers(), sources.state, source, x, heading, -point.z, active)
+        if not occlusion:
+            return way
+        end, nearer = _end(way, point, normal, heading, short)
+        fans = sources.shadow_fans if coarse else sources.ray_fans
+        blocked = along_fan(self.geometry.scene, fans, mi.Point3f(origin), source,
+                            dr.atan2(-way.launch_direction.z, cosine), heading, end, mi.Float(x) + nearer, way.exists)
+        return replace(way, free=way.exists & ~blocked)
+
+    def join(self, start: dr.ArrayBase, start_normal: mi.Vector3f, end: dr.ArrayBase, end_normal: mi.Vector3f,
+             active: mi.Bool | bool = True, *, folded: bool = False, occlusion: bool = True,
+             short: float = 0.0) -> Connection:
+        """Connect points to points, wherever they lie, one pair an entry.
+
+        Parameters
+        ----------
+        start, end : Array3f64 (R,) [m]
+            Where ways are folded, below the surface both.
+        start_normal, end_normal : Vector3f (R,)
+            Of the surfaces they lie on, either side; zero for points in free water.
+        active : Bool (R,)
+        folded : bool
+            By way of the mirror that the surface is; the launch direction is then the one that leads up to it.
+        occlusion, short
+            As of `connect`.
+
+        Returns
+        -------
+        Connection
+        """
+        table = self.water.medium(folded).layers
+        z0 = start.z if folded else -start.z
+        x, heading = _seen_from(start, end)
+        speed, moments = table.at(z0)
+        here = PointState(depth=z0, speed=speed, moments=moments)
+        way, (_, sine) = self._eigenray(table, here, self.lib.UInt32(0), x, heading, -end.z, active)
+        if folded:
+            image = way.launch_direction
+            way = replace(way, launch_direction=mi.Vector3f(image.x, image.y, -image.z))
+        if not occlusion:
+            return way
+        lift = LIFT + LIFT_PER_RANGE * mi.Float(x)
+        aside = cast(mi.Float, dr.copysign(lift, dr.dot(start_normal, way.launch_direction)))
+        begin = mi.Point3f(start) + mi.Point3f(aside * start_normal)
+        finish, nearer = _end(way, end, end_normal, heading, short)
+        blocked = along_arcs(self.geometry.scene, table, self.lib, begin, heading, z0, sine, way.ray_parameter, finish,
+                             x + nearer, dr.opaque(self.lib.Float64, 8 * TOLERANCE), folded,
+                             self.geometry.only_meshes, way.exists)
+        return replace(way, free=way.exists & ~blocked)
+
+    def launch_direction(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32,
+                         point: dr.ArrayBase) -> mi.Vector3f:
+        """Where the ray to each point leaves for, Vector3f (R,), as aimed; arguments as of `connect`."""
+        x, heading = _seen_from(origin, point)
+        sine, cosine, _ = aim(self.water.layers(), self.lib, sources.state, source, x, -point.z,
+                              self.lib.Bool(True))
+        return mi.Vector3f(heading.x * mi.Float(cosine), heading.y * mi.Float(cosine), -mi.Float(sine))
+
+    def _eigenray(self, table, state, source, x, heading, z, active):
+        """Ways of eigenrays, all of them free; cosine, Float, and sine, Float64, of the launch angle, positive down."""
+        ray = earliest(table, self.lib, state, source, x, z, self.lib.Bool(active))
+        time, area, p, c = ray.travel_time, ray.spreading_area, ray.ray_parameter, ray.sound_speed
+        _, c0, _ = state.gather(self.lib, source)
+        cosine0, cosine = mi.Float(p * c0), mi.Float(p * c)
+        square = dr.maximum(1 - dr.square(p * c0), 0)
+        sine0 = cast(mi.Float, dr.copysign(dr.sqrt(mi.Float(square)), mi.Float(ray.launch_sine)))
+        exists = ray.found & dr.isfinite(time) & dr.isfinite(area)
+        way = Connection(exists=exists, free=exists, horizontal_range=x, travel_time=time, arc_length=ray.arc_length,
+                         spreading_area=area, ray_parameter=p, sound_speed=c,
+                         launch_direction=mi.Vector3f(heading.x * cosine0, heading.y * cosine0, -sine0),
+                         arrival_direction=mi.Vector3f(heading.x * cosine, heading.y * cosine, -ray.arrival_sine))
+        return way, (cosine0, cast(mi.Float64, dr.copysign(dr.sqrt(square), ray.launch_sine)))
+
+
+def _seen_from(origin, point):
+    """Horizontal distance [m], Float64, of points, and the horizontal unit vector towards them."""
+    dx, dy = point.x - origin.x, point.y - origin.y
+    x = dr.sqrt(dr.fma(dx, dx, dy * dy))
+    upright = x < UPRIGHT
+    scale = mi.Float(dr.rcp(dr.maximum(x, 1e-9)))
+    return x, mi.Vector2f(dr.select(upright, 1, mi.Float(dx) * scale), dr.select(upright, 0, mi.Float(dy) * scale))
+
+
+def _end(way, point, normal, heading, short):
+    """Where a way ends in front of its point's surface, and how much nearer that is in horizontal range [m], <= 0."""
+    lift = LIFT + LIFT_PER_RANGE * mi.Float(way.horizontal_range)
+    arrival = way.arrival_direction
+    back = cast(mi.Float, dr.copysign(lift, -dr.dot(normal, arrival))) * normal - short * arrival
+    return mi.Point3f(point) + back, dr.minimum(heading.x * back.x + heading.y * back.y, 0)

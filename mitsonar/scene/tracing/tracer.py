@@ -1,0 +1,321 @@
+"""Bent rays against a Mitsuba scene: the one room of physics that knows Mitsuba.
+
+Each ray follows the chords of its row of the ray fan (`propagation.ray_fans`), one triangle query a chord, until the
+first hit. The hit point is rebuilt in float64 from barycentrics and vertices (float32 along the ray would cost 1e-5 m),
+and the exact eigenray to that point gives time, spreading and angles (`propagation.two_point`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property, partial
+from typing import cast
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.arrays import arrays_of, where_any
+from mitsonar.device.types import Record
+from mitsonar.propagation.device_rays.ray_fans import FEWEST_VERTICES, RayFans, build_ray_fans
+from mitsonar.propagation.device_rays.two_point import SourceState, to_hit
+
+from ..geometry import Geometry, interpolated
+from ..labels import OBJECT, SEABED
+from .hits import Hits, towards_sound
+from .water import DeviceWater
+
+__all__ = ["Sources", "Tracer", "registry_index"]
+
+# [m] chord against arc: where neighbouring rows of a ray fan have other chords the hits of random rays leap by as much,
+# over the sine of the grazing angle, and leave a gap or crowd: a tenth of a bin of 0.1 m at 5 degrees would be 0.4 dB
+FAN_TOLERANCE = 0.0002
+SHADOW_TOLERANCE = 0.002         # [m] the same where only what lies in the way is looked for: a third of the chords
+BEYOND = 0.001         # [m] behind a hit on an object at which its ray goes on, over what float32 knows of places
+
+
+class Sources(Record):
+    """Ray fans and medium of the depths that a block's pings are sent from.
+
+    Attributes
+    ----------
+    ray_fans : RayFans
+        For hits.
+    state : SourceState
+    coarser : callable
+        Makes `shadow_fans`.
+    """
+
+    ray_fans: RayFans
+    state: SourceState
+    coarser: Callable[[], RayFans]
+
+    @cached_property
+    def shadow_fans(self) -> RayFans:
+        """Ray fans of fewer chords, for occlusion alone: made when first asked for."""
+        return self.coarser()
+
+
+class Tracer:
+    """Find what refracted rays hit.
+
+    Parameters
+    ----------
+    scene : mitsuba.Scene or Geometry
+    water : DeviceWater
+    max_range : float [m]
+        Horizontal range at which rays end.
+    tolerance : float [m]
+        Largest distance between a ray and its chords.
+    """
+
+    def __init__(self, scene: mi.Scene | Geometry, water: DeviceWater, *, max_range: float,
+                 tolerance: float = FAN_TOLERANCE):
+        self.geometry = scene if isinstance(scene, Geometry) else Geometry(scene)
+        self.water = water
+        self.max_range = float(max_range)
+        self.tolerance = float(tolerance)
+        self.lib = arrays_of(mi.Float)
+        self._layers = water.layers()
+        self._known: tuple[bytes, Sources | None] = b"", None
+        self._room = FEWEST_VERTICES
+
+    def sources(self, source_depth: np.ndarray | list[float]) -> Sources:
+        """Prepare the ray fans of the source depths (D,) [m]; the last answer is kept: a straight track asks again."""
+        source_depth = np.atleast_1d(np.asarray(source_depth, float))
+        key = source_depth.tobytes()
+        known, sources = self._known
+        if sources is None or known != key:
+            build = partial(build_ray_fans, self._layers, self.water.profile, source_depth,
+                            slab=self.geometry.depth_range, max_range=self.max_range)
+            fans = build(tolerance=self.tolerance, max_vertices=self._room)
+            self._room = int(fans.stride[0])        # found by trials; the next depths will need as much
+            sources = Sources(ray_fans=fans, state=self.water.direct.at(source_depth),
+                              coarser=partial(build, tolerance=max(self.tolerance, SHADOW_TOLERANCE)))
+            self._known = key, sources
+        return sources
+
+    def trace(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, direction: mi.Vector3f,
+              active: mi.Bool | bool = True) -> Hits:
+        """Trace one ray per entry of `direction`.
+
+        Parameters
+        ----------
+        sources : Sources
+        origin : Array3f64 (R,) [m]
+            Start points, scene coordinates; their depth must be that of their source.
+        source : UInt32 (R,)
+            Index into `sources` of each ray.
+        direction : Vector3f (R,)
+            Unit launch directions.
+        active : Bool (R,)
+
+        Returns
+        -------
+        Hits
+        """
+        return self.trace_met(sources, origin, source, direction, active)[0]
+
+    def trace_met(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, direction: mi.Vector3f,
+                  active: mi.Bool | bool = True) -> tuple[Hits, mi.PreliminaryIntersection3f]:
+        """Trace as `trace` does, and tell what Mitsuba met: of `facet`."""
+        launch_angle, heading = _angles(direction)
+        found = _first_hit(self.geometry.scene, sources.ray_fans, mi.Point3f(origin), source, launch_angle, heading,
+                           mi.Bool(active))
+        return self._hits(sources, origin, source, direction, heading, *found[:3]), found[1]
+
+    def trace_with_hidden(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, direction: mi.Vector3f,
+                          add_hidden: Callable[[Hits, Hits], None]) -> Hits:
+        """Trace as `trace` does, and on through objects to the seabed that they hide.
+
+        Parameters
+        ----------
+        add_hidden : callable(hits, hidden)
+            Called once, for its scatters alone: `hidden` is valid where a ray met an object first and would have met
+            the seabed without it. What it does is left out in every packet of rays that met no object.
+
+        Returns
+        -------
+        Hits
+        """
+        scene, kinds, o = self.geometry.scene, self.geometry.kinds, mi.Point3f(origin)
+        launch_angle, heading = _angles(direction)
+        valid, pi, chord, vertex = _first_hit(scene, sources.ray_fans, o, source, launch_angle, heading, mi.Bool(True))
+        hits = self._hits(sources, origin, source, direction, heading, valid, pi, chord)
+
+        def follow(met: mi.Bool) -> None:
+            behind = _seabed_behind(scene, kinds, sources.ray_fans, o, source, launch_angle, heading, chord, vertex,
+                                    pi.t, met)
+            add_hidden(hits, self._hits(sources, origin, source, direction, heading, *behind))
+
+        where_any(valid & (_kind(kinds, pi, valid) == OBJECT), follow)
+        return hits
+
+    def _hits(self, sources, origin, source, direction, heading, valid, pi, chord):
+        """Complete the hits that were found on chords by their eigenrays."""
+        lib = self.lib
+        point, facet_normal, smooth, uv, label, shape = self.rebuilt(pi, chord, mi.Point3f(origin), heading, valid)
+        dx, dy = point.x - origin.x, point.y - origin.y
+        x = dr.sqrt(dr.fma(dx, dx, dy * dy))
+        s0, cosine0 = _unit_sine(direction, lib.Float64)
+        time, arc, area, p, sine, c = to_hit(self._layers, lib, sources.state, source, s0, cosine0, x, -point.z, valid,
+                                             dr.opaque(lib.Float64, self.tolerance))
+        # the hit may lie a hair off the launch bearing: directions are those of the eigenray
+        along = mi.Vector2f(dx, dy) * dr.rcp(dr.maximum(mi.Float(x), 1e-9))
+        along = dr.select(mi.Float(x) > 1e-6, along, heading)
+        _, c0, _ = sources.state.gather(lib, source)
+        cosine0, cosine = mi.Float(p * c0), mi.Float(p * c)
+        sine0 = dr.sqrt(mi.Float(dr.maximum(1 - dr.square(p * c0), 0)))
+        launch = mi.Vector3f(along.x * cosine0, along.y * cosine0, dr.copysign(sine0, direction.z))
+        arrival = mi.Vector3f(along.x * cosine, along.y * cosine, -sine)
+        normal = dr.select(dr.dot(facet_normal, arrival) > 0, -facet_normal, facet_normal)
+        return Hits(valid=valid, point=point, normal=normal, shape=shape, primitive=pi.prim_index, uv=uv,
+                    label=label, travel_time=time, arc_length=arc, spreading_area=area, ray_parameter=p, sound_speed=c,
+                    launch_direction=launch, smooth=towards_sound(smooth, normal, arrival), arrival_direction=arrival)
+
+    def facet(self, pi: mi.PreliminaryIntersection3f,
+              valid: mi.Bool) -> tuple[mi.Bool, dr.ArrayBase, mi.Float64, mi.Float64]:
+        """Give which hits are on meshes, their corners and label (Array4u, see `Geometry`), and barycentrics."""
+        geometry, row = self.geometry, registry_index(pi)
+        first_face = dr.gather(mi.UInt32, geometry.rows, 4 * row + 1, valid)
+        mesh = valid
+        if not geometry.only_meshes:
+            mesh = valid & (dr.gather(mi.UInt32, geometry.rows, 4 * row + 2, valid) != 0)
+        face = dr.gather(self.lib.Array4u, geometry.faces, dr.select(mesh, first_face + pi.prim_index, 0), mesh)
+        # a miss leaves its barycentrics undefined; a NaN depth would later index a table with anything
+        u, v = (self.lib.Float64(dr.select(mesh, w, 0)) for w in (pi.prim_uv.x, pi.prim_uv.y))
+        return mesh, face, u, v
+
+    def rebuilt(self, pi: mi.PreliminaryIntersection3f, chord: tuple[mi.Float, ...], origin: mi.Point3f,
+                heading: mi.Vector2f, valid: mi.Bool) -> tuple:
+        """Hit point in float64, facet normal, smooth one, texture coordinates, label and shape of hits on chords."""
+        geometry, wide = self.geometry, self.lib.Array3f64
+        row = registry_index(pi)
+        mesh, face, u, v = self.facet(pi, valid)
+        a, b, c = (mi.Point3f(v[0], v[1], v[2]) for v in
+                   (dr.gather(self.lib.Array4f, geometry.vertices, face[i], mesh) for i in range(3)))
+        point = wide(a) * (1 - u - v) + wide(b) * u + wide(c) * v
+        normal = dr.cross(b - a, c - a)
+        normal *= dr.rsqrt(dr.maximum(dr.squared_norm(normal), 1e-30))
+        smooth = None
+        if geometry.normals is not None:
+            smooth = interpolated(self.lib, geometry.normals, face, mi.Float(u), mi.Float(v), mesh)
+        uv = pi.prim_uv
+        if geometry.texcoords is not None:
+            mapped = dr.gather(mi.UInt32, geometry.rows, 4 * row + 3, valid) != 0
+            a_uv, b_uv, c_uv = (mi.Point2f(dr.gather(self.lib.Array2f, geometry.texcoords, face[i], mesh & mapped))
+                                for i in range(3))
+            s, t = mi.Float(u), mi.Float(v)
+            uv = dr.select(mapped, a_uv * (1 - s - t) + b_uv * s + c_uv * t, uv)
+        if not geometry.only_meshes:
+            flags = mi.RayFlags.UV if geometry.textured else mi.RayFlags.Minimal
+            si = pi.compute_surface_interaction(_chord_ray(origin, heading, *chord), flags, valid & ~mesh)
+            uv = dr.select(mesh, uv, si.uv)
+            point = dr.select(mesh, point, dr.select(valid, wide(si.p), 0))
+            normal = dr.select(mesh, normal, si.n)
+            label = dr.select(mesh, face[3], dr.gather(mi.UInt32, geometry.rows, 4 * row, valid & ~mesh))
+            # of an instance, the shape within its group: until then nobody knows it
+            return point, normal, smooth, uv, label, dr.select(valid & ~mesh, si.shape, pi.shape)
+        return point, normal, smooth, uv, face[3], pi.shape
+
+
+def registry_index(pi: mi.PreliminaryIntersection3f | mi.SurfaceInteraction3f) -> mi.UInt32:
+    """Give the row of `Geometry.rows` and `Geometry.kinds` of what was hit: of an instance, the instance's."""
+    solid = dr.select(pi.instance != None, pi.instance, pi.shape)    # noqa: E711  (element-wise)
+    return cast(mi.UInt32, dr.reinterpret_array(mi.UInt32, solid))
+
+
+def _kind(kinds, pi, active):
+    """Kind of what was hit."""
+    return dr.gather(mi.UInt32, kinds, registry_index(pi), active)
+
+
+def _angles(direction):
+    """Launch angle, positive down, and unit horizontal heading of directions."""
+    across = dr.sqrt(dr.fma(direction.x, direction.x, direction.y * direction.y))
+    upright = across < 1e-9
+    scale = dr.rcp(dr.select(upright, 1, across))
+    heading = mi.Vector2f(dr.select(upright, 1, direction.x * scale), direction.y * scale)
+    return dr.atan2(-direction.z, across), heading
+
+
+def _unit_sine(direction, wide):
+    """Sine (positive down) and cosine of the launch angle in float64, unit to the last bit."""
+    x, y, z = wide(direction.x), wide(direction.y), wide(direction.z)
+    across = dr.sqrt(dr.fma(x, x, y * y))
+    scale = dr.rsqrt(dr.fma(z, z, across * across))
+    sine = -z * scale
+    return dr.select(abs(sine) < 1e-12, 1e-12, sine), across * scale    # exactly level rays spread 0/0
+
+
+def _chord_ray(origin, heading, r0, z0, r1, z1):
+    """Ray along a chord. Of unit direction: Mitsuba's spheres and cylinders misplace hits of others by centimetres."""
+    across, down = r1 - r0, z1 - z0
+    square = dr.fma(across, across, down * down)
+    per_length = dr.rsqrt(dr.maximum(square, 1e-12))
+    across, down = across * per_length, down * per_length
+    start = mi.Point3f(dr.fma(r0, heading.x, origin.x), dr.fma(r0, heading.y, origin.y), -z0)
+    return mi.Ray3f(mi.Ray3f(start, mi.Vector3f(across * heading.x, across * heading.y, -down)), square * per_length)
+
+
+@dr.syntax
+def _first_hit(scene, fans, origin, source, launch_angle, heading, active):
+    """Follow each ray's chords to its first hit.
+
+    Returns the validity, the preliminary intersection, the chord's end points (r0, z0, r1, z1) and the vertex after.
+    """
+    row, off = fans.row(source, launch_angle)
+    base = row * fans.stride
+    size = dr.gather(mi.UInt32, fans.size, row)
+    v = dr.gather(fans.lib.Array4f, fans.vertex, base)
+    # -------------------------------------------------- loop state
+    r0, z0 = dr.fma(off, v[2], v[0]), dr.fma(off, v[3], v[1])    # start of the present chord
+    r1, z1 = mi.Float(r0), mi.Float(z0)                          # its end
+    i = mi.UInt32(1)                                             # its vertex
+    pi = dr.zeros(mi.PreliminaryIntersection3f, dr.width(launch_angle))
+    valid = mi.Bool(False)
+    active &= size > 1
+    while active:
+        v = dr.gather(fans.lib.Array4f, fans.vertex, base + i, active)
+        r1, z1 = dr.fma(off, v[2], v[0]), dr.fma(off, v[3], v[1])
+        pi = scene.ray_intersect_preliminary(_chord_ray(origin, heading, r0, z0, r1, z1), coherent=True, active=active)
+        valid = pi.is_valid() & active
+        i += 1
+        active = active & ~valid & (i < size)
+        r0, z0 = dr.select(active, r1, r0), dr.select(active, z1, z0)
+    return valid, pi, (r0, z0, r1, z1), i
+
+
+@dr.syntax
+def _seabed_behind(scene, kinds, fans, origin, source, launch_angle, heading, chord, vertex, distance, active):
+    """Follow rays on, from an object hit at a `distance` along a chord, through all objects to the seabed.
+
+    Returns what `_first_hit` does, but for the vertex.
+    """
+    row, off = fans.row(source, launch_angle)
+    base = row * fans.stride
+    size = dr.gather(mi.UInt32, fans.size, row)
+    # -------------------------------------------------- loop state
+    r0, z0, r1, z1 = (mi.Float(end) for end in chord)            # the present chord, from the last hit on
+    i, t = mi.UInt32(vertex), mi.Float(distance)                 # the vertex after it; how far along it the last hit is
+    pi = dr.zeros(mi.PreliminaryIntersection3f, dr.width(launch_angle))
+    valid = mi.Bool(False)
+    while active:
+        across, down = r1 - r0, z1 - z0
+        share = dr.minimum((t + BEYOND) * dr.rsqrt(dr.maximum(across * across + down * down, 1e-12)), 1)
+        r0, z0 = dr.fma(share, across, r0), dr.fma(share, down, z0)
+        pi = scene.ray_intersect_preliminary(_chord_ray(origin, heading, r0, z0, r1, z1), coherent=True, active=active)
+        met = pi.is_valid() & active
+        valid = met & (_kind(kinds, pi, met) == SEABED)
+        t = dr.select(met, pi.t, 0)
+        # past the end of a chord the next begins, where there is one; else, through what was met and on
+        ended = active & ~met
+        more = ended & (i < size)
+        v = dr.gather(fans.lib.Array4f, fans.vertex, base + i, more)
+        r0, z0 = dr.select(more, r1, r0), dr.select(more, z1, z0)
+        r1 = dr.select(more, dr.fma(off, v[2], v[0]), r1)
+        z1 = dr.select(more, dr.fma(off, v[3], v[1]), z1)
+        t = dr.select(ended, -BEYOND, t)
+        i = dr.select(more, i + 1, i)
+        active = active & ~valid & (met | more)
+    return valid, pi, (r0, z0, r1, z1)

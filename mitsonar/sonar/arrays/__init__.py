@@ -1,0 +1,1 @@
+"""Arrays of elements: positions, shading, and the beams they form."""

@@ -1,0 +1,1 @@
+"""Faces of transducers: shapes of beams, directivity, the near field."""

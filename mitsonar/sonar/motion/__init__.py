@@ -1,0 +1,1 @@
+"""Motion of what carries a sonar: tracks, trajectories, rotating heads."""

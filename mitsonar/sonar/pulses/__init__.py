@@ -1,0 +1,1 @@
+"""Pulses: what a sonar transmits."""

@@ -1,0 +1,139 @@
+"""Pictures of a fan of beams: all pings of a survey at once, or one after the other.
+
+They are made in the beam domain (`beam_domain.frames`) or of the signals of elements (`signals`), and say which way
+(attribute ``picture``).
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from mitsonar.imaging import fan
+from mitsonar.imaging.energy_record import EnergyRecord, gathered
+from mitsonar.scene import objects
+from mitsonar.scene.labels import classes_of
+
+from .. import limits
+from ..energy import energy
+from ..fan.beams import Beams
+from ..pressure.array_survey import ArraySurvey
+from ..pressure.pressure import PressureRecord
+from ..pressure.signals import ping_attributes, ping_coordinates, received_signals
+from .frames import Frames, why_not
+
+__all__ = ["FanPictures"]
+
+Progress = Callable[[float, float], None]
+Say = Callable[[str], None]
+
+
+class FanPictures:
+    """Make the pictures of a survey's pings.
+
+    Parameters
+    ----------
+    survey : ArraySurvey
+        Its record must lead by a pulse.
+    directions : (B,) [rad], (B, 3)
+        Of the beams, as `fan.fan_directions` gives them.
+    seed : int
+    way : {"beams", "elements"} or None
+        In the beam domain, or by the signals of elements; None: the first where that can be done.
+
+    Attributes
+    ----------
+    way : {"beams", "elements"}
+
+    Raises
+    ------
+    ValueError
+        If "beams" is asked for and the array or the run do not allow it, or a frame is too large.
+    """
+
+    def __init__(self, survey: ArraySurvey, directions: tuple[np.ndarray, np.ndarray], *, seed: int,
+                 way: str | None = None):
+        self._survey, self._directions, self._seed = survey, directions, seed
+        self.way = way or ("elements" if why_not(survey, directions[1]) else "beams")
+        limits.check_beams(survey, len(directions[0]), pings=1)
+        # either refuses what is too large before the hours of signals
+        self._beams = None if self.way == "beams" else Beams(survey, *directions)
+
+    @cached_property
+    def _frames(self) -> Frames:
+        """In the beam domain."""
+        return Frames(self._survey, self._directions[1], per_cell=self._survey.per_cell)
+
+    def whole(self, progress: Progress | None = None, say: Say | None = None) -> xr.Dataset:
+        """Make the pictures of all pings; arguments as of `mitsonar.render`.
+
+        Raises
+        ------
+        ValueError
+            If they do not fit into memory together.
+        """
+        survey, pings = self._survey, range(self._survey.track.pings)
+        limits.check_beams(survey, len(self._directions[0]), pings=len(pings))
+        if self._beams is None:
+            level, record = self._framed(self._frames, pings, progress)
+        else:
+            level, record = self._of_elements(pings, progress, say), energy.record(survey, self._beams, self._seed)
+        image = self._image(pings, level, record)
+        return image.assign_attrs(unseen=objects.unseen(image))
+
+    def one_by_one(self) -> Iterator[xr.Dataset]:
+        """Make the pictures of the pings one after the other: what is kept does not grow with their number."""
+        survey = self._survey
+        block = None if self._beams is None else energy.EnergyBlock(survey, self._beams, self._seed)
+        for ping in range(survey.track.pings):
+            if block is None:
+                level, record = self._framed(self._frames, [ping], None)
+            else:
+                level = self._of_elements([ping], None, None)
+                record = gathered([block.echoes(np.array([ping]))], pings=1, rows=level.shape[1])
+            image = self._image([ping], level, record)
+            yield image.assign_attrs(unseen=objects.unseen(image, warn=False))
+
+    def _framed(self, frames: Frames, pings: Sequence[int],
+                progress: Progress | None) -> tuple[np.ndarray, EnergyRecord]:
+        """Levels (ping, beam, sample) of frames made one after the other, and their truth."""
+        level = []
+
+        def records() -> Iterator[EnergyRecord]:
+            for done, ping in enumerate(pings, 1):
+                beams, truth = frames.frame(ping, self._seed)
+                level.append(fan.levels(beams).astype(np.float32))
+                yield truth
+                if progress is not None:
+                    progress(done, len(pings))
+
+        record = gathered(records(), pings=len(pings), rows=frames.beams)
+        return np.stack(level), record
+
+    def _of_elements(self, pings: Sequence[int], progress: Progress | None, say: Say | None) -> np.ndarray:
+        """Levels (ping, beam, sample) of beams formed of the elements' signals."""
+        survey = self._survey
+        signals = received_signals(PressureRecord(survey, seed=self._seed), pings, progress=progress, say=say)
+        # each ping's beams are steered at the sound speed where it is
+        own = (signals.isel(ping=[number]).assign_attrs(sound_speed=survey.sound_speed(ping))
+               for number, ping in enumerate(pings))
+        return np.concatenate([fan.levels(fan.formed(one, survey.pulse, self._directions[1])) for one in own])
+
+    @cached_property
+    def _known(self) -> dict[str, Any]:
+        """What every picture says of the scene."""
+        return objects.known(*classes_of(self._survey.labels), self._survey.geometry,
+                             self._survey.track.position)
+
+    def _image(self, pings: Sequence[int], level: np.ndarray, record: EnergyRecord) -> xr.Dataset:
+        """The picture of some pings."""
+        survey = self._survey
+        about = xr.Dataset(
+            coords={**ping_coordinates(survey, pings), "time": ("sample", survey.time[survey.lead:])},
+            attrs={**ping_attributes(survey, pings), "seed": self._seed, "source_level_db": survey.source_level_db})
+        image = fan.image(about, level, *self._directions, depth_below=survey.depth_below[list(pings)],
+                          labels=survey.labels, class_of=classes_of(survey.labels)[1], record=record)
+        return image.assign_attrs(picture=self.way, **self._known)

@@ -1,0 +1,235 @@
+"""The scatterers of a scene as a ping finds them: how strong each echo is at the sonar, and what hides it.
+
+    thin       scatterers that the resolution asks for                                  `echoes.thinned_scatterers`
+    reach      their eigenrays, from a table of the sonar's depth                       `echoes.eigenray_table`
+    scatter    strength of the material, times the sonar equation                       `echoes.sonar_equation`
+    hide       behind the bed's horizon, or behind objects          `tracing.bed_horizon`, `tracing.object_shadows`
+
+All of it is one kernel of whoever takes it further: nothing is evaluated here but the list of candidates.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import cast
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.echoes.scatterers.scatterers import Cells, Scatterers
+from mitsonar.echoes.scatterers.thinned_scatterers import Density, ThinnedScatterers, ThinnedSet
+from mitsonar.echoes.sights.eigenray_table import EigenrayTable, TableLegs
+from mitsonar.echoes.sonar_equation import GRAZING, along_legs
+from mitsonar.scene.labels import OBJECT, SEABED
+from mitsonar.scene.materials import scattering_strength
+from mitsonar.scene.shadows.bed_cover import bed_height, covered
+from mitsonar.scene.shadows.bed_horizon import BedHorizon
+from mitsonar.scene.shadows.object_shadows import ObjectShadows
+from mitsonar.scene.tracing.hits import Hits
+
+from ..pressure.array_survey import ArraySurvey
+from ..pressure.ensonified_ping import ensonification_of
+
+__all__ = ["FREE", "HIDDEN_BY_BED", "HIDDEN_BY_OBJECT", "Ground", "LitScatterers"]
+
+FREE, HIDDEN_BY_BED, HIDDEN_BY_OBJECT = 0, 1, 2
+DEEP = 1e-3                        # [m] under the bed from which on something is buried
+ASIDE = 5e-4                       # [m] off its own surface that the bed over a scatterer is looked for
+TOGETHER = 1 << 19                 # scatterers that are looked at by way of the surface at a time
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LitScatterers:
+    """Scatterers around a sonar, on the device.
+
+    Attributes
+    ----------
+    scatterers : ThinnedSet
+    legs : TableLegs
+        To them.
+    energy : Float (R,)
+        Mean square of what comes back to the sonar for a source level of 0 dB, without beams, as if the way were free;
+        0 of those that do not exist or send nothing back.
+    state : UInt32 (R,)
+        FREE, HIDDEN_BY_BED or HIDDEN_BY_OBJECT.
+    """
+
+    scatterers: ThinnedSet
+    legs: TableLegs
+    energy: mi.Float
+    state: mi.UInt32
+
+
+class Ground:
+    """Find the scatterers of a survey's scene.
+
+    Parameters
+    ----------
+    survey : ArraySurvey
+    beside : Ground or None
+        Of another survey over the same scene, from the same track and as far: its patches are shared.
+
+    Attributes
+    ----------
+    ensonification : Ensonification
+        Makes what else there is: targets, ghosts, the water.
+    nearest, farthest : float [m]
+        Distances that matter.
+    """
+
+    def __init__(self, survey: ArraySurvey, beside: Ground | None = None):
+        geometry, reach = survey.geometry, 0.5 * survey.time[-1] * survey.water.fastest
+        facets = Scatterers(geometry, np.inf, survey.pass_number) if beside is None else beside._facets
+        self._survey, self._lib = survey, arrays_of(mi.Float)
+        self.ensonification = ensonification_of(survey, facets)
+        self.nearest, self.farthest = self.ensonification.nearest, self.ensonification.farthest
+        self._facets = facets
+        self._scatterers = beside._scatterers if beside is not None else ThinnedScatterers(
+            facets, farthest=reach, places=survey.track.position)
+        self._horizon = BedHorizon(geometry, self.farthest)
+        self._objects = ObjectShadows(geometry, survey.water, self.farthest)
+        self._kinds = upload(mi.UInt32, geometry.named.label_kinds())
+        self._buried = beside._buried if beside is not None else self._partly_buried()
+        self._table: EigenrayTable | None = None
+        dr.eval(self._kinds)
+
+    def lit(self, density: Density, useful: Callable[[mi.Vector3f, mi.Float], mi.Bool]) -> LitScatterers | None:
+        """Find the scatterers around a place.
+
+        Parameters
+        ----------
+        density : Density
+            Of the scatterers; its origin is the place.
+        useful : callable(direction, distance) -> Bool
+            Whether a direction (Vector3f, scene) is looked into at a distance (Float) [m].
+
+        Returns
+        -------
+        LitScatterers or None
+            None where there are none.
+        """
+        patch, number = self._scatterers.candidates(density, useful)
+        if not dr.width(patch):
+            return None
+        table = self._table_of(-float(density.origin[2]))
+        scatterers = self._scatterers.at(patch, number, density)
+        legs = table.legs(scatterers.offset)
+        energy = self._energy(scatterers, legs, table, density.origin)
+        return LitScatterers(scatterers=scatterers, legs=legs, energy=energy,
+                             state=self._state(scatterers, legs, table, density.origin, energy > 0))
+
+    def hiding(self, origin: np.ndarray, hidden: mi.UInt32, offset: tuple[mi.Float, mi.Float],
+               launch_sine: mi.Float) -> mi.UInt32:
+        """Give the numbers of the objects that hide scatterers, 0 where none is found.
+
+        Parameters
+        ----------
+        origin : (3,) [m]
+        hidden : UInt32 (H,)
+            Numbers of the scatterers.
+        offset : (Float, Float) (R,) [m]
+            x and y of all scatterers from the origin.
+        launch_sine : Float (R,)
+            Below the horizon, of their rays.
+        """
+        x, y, launch = (dr.gather(mi.Float, column, hidden) for column in (*offset, launch_sine))
+        across = dr.sqrt(x * x + y * y)
+        cosine = dr.sqrt(dr.maximum(1 - launch * launch, 0)) / dr.maximum(across, 1e-6)
+        return self._objects.first(self._objects.sources(-float(origin[2])), _point(origin),
+                                   mi.Vector3f(x * cosine, y * cosine, -launch), across)
+
+    def mirrored(self, density: Density,
+                 useful: Callable[[mi.Vector3f, mi.Float], mi.Bool]) -> Iterator[Cells]:
+        """Yield the scatterers around a place block by block, if a flat surface mirrors them and that is to count."""
+        sights = self.ensonification.sights
+        if not sights.mirror or sights.max_depth == 1:
+            return
+        patch, number = self._scatterers.candidates(density, useful)
+        start = self._lib.Array3f64(*(dr.opaque(mi.Float64, float(v)) for v in density.origin))
+        for first in range(0, dr.width(patch), TOGETHER):
+            index = dr.arange(mi.UInt32, min(TOGETHER, dr.width(patch) - first)) + first
+            some = self._scatterers.at(dr.gather(mi.UInt32, patch, index), dr.gather(mi.UInt32, number, index),
+                                       density).where_existing()
+            if dr.width(some.area):
+                yield Cells(point=start + some.offset, normal=some.normal, area=some.area, amplitude=some.amplitude,
+                            shape=some.shape, primitive=some.primitive, uv=some.uv, smooth=some.smooth)
+
+    def table(self, ping: int) -> EigenrayTable:
+        """Give the eigenrays of a ping."""
+        return self._table_of(-float(self._survey.track.position[ping, 2]))
+
+    def _table_of(self, depth: float) -> EigenrayTable:
+        """The table of a depth; the last one is kept."""
+        if self._table is None or self._table.depth != depth:
+            self._table = EigenrayTable(self.ensonification.connector, depth=depth, farthest=self.farthest)
+        return self._table
+
+    def _energy(self, scatterers: ThinnedSet, legs: TableLegs, table: EigenrayTable, origin: np.ndarray) -> mi.Float:
+        """What comes back, without beams."""
+        lit = scatterers.exists & legs.exists
+        start = self._lib.Array3f64(*(dr.opaque(mi.Float64, float(v)) for v in origin))
+        # materials that differ from place to place know places of the scene
+        hits = Hits.on_surface(valid=lit, point=start + scatterers.offset, normal=scatterers.normal,
+                               arrival_direction=legs.arrival_direction,
+                               sound_speed=dr.opaque(mi.Float64, table.sound_speed), shape=scatterers.shape,
+                               primitive=scatterers.primitive, uv=scatterers.uv, smooth=scatterers.smooth)
+        strength, sin_grazing = scattering_strength(hits, lit, self._survey.frequency)
+        energy = along_legs(strength * scatterers.area, legs.gain, legs.gain)
+        return dr.select(lit & (sin_grazing > GRAZING) & dr.isfinite(energy), dr.maximum(energy, 0), 0)
+
+    def _partly_buried(self) -> mi.Bool | None:
+        """Which numbers are those of objects that reach below the bed, Bool by number; None where there are none."""
+        geometry, facets = self._survey.geometry, self._facets
+        kinds = geometry.named.label_kinds()
+        some = np.flatnonzero(facets.scattering & (kinds[facets.label] == OBJECT)).astype(np.uint32)
+        if not some.size or not self._horizon.exists:
+            return None
+        corners = facets.corners(some).reshape(-1, 3)
+        # none under the bed is higher than the bed's highest point: few are left of tall objects
+        low = np.flatnonzero(corners[:, 2] < self._horizon.highest)
+        if not low.size:
+            return None
+        # three corners to a facet, and many facets to a corner: one of them
+        corners, number = np.unique(corners[low], axis=0, return_index=True)
+        below = corners[:, 2] < bed_height(geometry, *corners[:, :2].T.astype(float)) - DEEP
+        buried = np.zeros(len(kinds), bool)
+        buried[facets.label[some[low[number[below]] // 3]]] = True
+        return upload(mi.Bool, buried) if buried.any() else None
+
+    def _state(self, scatterers: ThinnedSet, legs: TableLegs, table: EigenrayTable, origin: np.ndarray,
+               active: mi.Bool) -> mi.UInt32:
+        """What hides scatterers."""
+        launch, arrival = legs.launch_direction, legs.arrival_direction
+        on_bed = dr.gather(mi.UInt32, self._kinds, scatterers.label) == SEABED
+        state = dr.zeros(mi.UInt32, dr.width(scatterers.label))
+        heading = mi.Vector2f(launch.x, launch.y)
+        horizon = self._horizon.around(origin, table.launch_rise)
+        if horizon is not None:
+            hidden = horizon.hidden(heading, legs.horizontal_range, launch.z, on_bed)
+            # the far side of a crest: its normal, turned up, looks away
+            hidden |= on_bed & (dr.dot(scatterers.normal, arrival) * scatterers.normal.z > 0)
+            state = dr.select(active & hidden, HIDDEN_BY_BED, state)
+        if self._buried is not None:
+            # the horizon tells what lies under the bed only where that is deep
+            some = active & (state == FREE) & dr.gather(mi.Bool, self._buried, scatterers.label)
+            aside = dr.copysign(dr.opaque(mi.Float, ASIDE), -dr.dot(scatterers.normal, arrival))
+            outward = cast(mi.Float, aside) * scatterers.normal
+            place = mi.Point3f(*(dr.opaque(mi.Float, float(v)) + mi.Float(part) + away
+                                 for v, part, away in zip(origin, scatterers.offset, outward)))
+            state = dr.select(some & covered(self._survey.geometry, place, some), HIDDEN_BY_BED, state)
+        if self._objects.exist:
+            behind = self._objects.sectors(origin).behind(heading, legs.horizontal_range)
+            here = [dr.opaque(mi.Float, float(v)) for v in origin]
+            point = mi.Point3f(*(v + mi.Float(part) for v, part in zip(here, scatterers.offset)))
+            hidden = self._objects.hidden(
+                self._objects.sources(-float(origin[2])), mi.Point3f(*here), launch, arrival, point, scatterers.normal,
+                legs.horizontal_range, active & (state == FREE) & behind)
+            state = dr.select(hidden, HIDDEN_BY_OBJECT, state)
+        return state
+
+
+def _point(origin: np.ndarray) -> mi.Point3f:
+    return mi.Point3f(*(dr.opaque(mi.Float, float(v)) for v in origin))
+

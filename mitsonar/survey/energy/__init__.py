@@ -1,0 +1,1 @@
+"""Energy records: powers of echoes summed by row and time bin."""

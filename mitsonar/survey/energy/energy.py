@@ -1,0 +1,154 @@
+"""The energy record: powers summed per row, bin, label and path.
+
+The stages of a block of pings, in order (`EnergyBlock.echoes`):
+
+    place      where the pings are sent, and how the sonar moves meanwhile                   `places`, `underway`
+    launch     directions drawn where beam and time axis need them, with solid angles        `sides`, `beams`
+    trace      bent rays to their first hit, and on to the seabed that objects hide          `tracing.tracer`
+    scatter    strength of the hit's material, times the sonar equation                      `first_hits`
+    sum        into time bins, by row, label and path                                        `echoes.energy_sums`
+    others     echoes of several bounces, of the water, and those that have a phase          `sides`, `beams`
+    read       physical units, and the truth of every bin                                    `truth`
+
+What a row is, the rows say (`rows.Rows`). Everything between launch and the bins is one Dr.Jit kernel; its numbers are
+opaque, so a scene compiles once. Random numbers are hashed from (seed, ping, row, ray): neither blocks nor threads
+change them.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import Generic
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.arrays import arrays_of
+from mitsonar.echoes.paths import Paths
+from mitsonar.echoes.sums.energy_sums import EchoSums
+from mitsonar.echoes.sums.origin_sums import OriginSums
+from mitsonar.imaging.energy_record import EnergyRecord, gathered
+from mitsonar.scene.tracing.hits import Hits
+
+from ..motion.places import Place, Places
+from ..survey import Survey
+from .first_hits import FirstHits, received
+from .rows import RaysOf, Rows
+from .sound_paths import SoundPaths
+from .truth import TruthSums
+
+__all__ = ["record"]
+
+
+def record(survey: Survey, rows: Rows, seed: int = 0,
+           progress: Callable[[int, int], None] | None = None) -> EnergyRecord:
+    """Make the energy record of a survey.
+
+    Parameters
+    ----------
+    survey : Survey
+    rows : Rows
+        `sides.Sides` or `beams.Beams` of the survey.
+    seed : int
+    progress : callable(done, total) or None
+        Called after every block with the number of pings done.
+
+    Returns
+    -------
+    EnergyRecord
+        Arrays (ping, row, ..., bin).
+    """
+    pings, size = survey.track.pings, rows.pings_per_block
+    block = EnergyBlock(survey, rows, int(seed))
+
+    def blocks():
+        for start in range(0, pings, size):
+            end = min(start + size, pings)
+            yield block.echoes(np.arange(start, end))
+            if progress is not None:
+                progress(end, pings)
+
+    return gathered(blocks(), pings=pings, rows=rows.per_ping)
+
+
+class EnergyBlock(Generic[RaysOf]):
+    """Blocks of pings, and what they share.
+
+    Parameters
+    ----------
+    survey : Survey
+    rows : Rows
+    seed : int
+    """
+
+    def __init__(self, survey: Survey, rows: Rows[RaysOf], seed: int):
+        geometry, self._lib = survey.geometry, arrays_of(mi.Float)
+        self._rows, self._seed, self._depth_range = rows, seed, geometry.depth_range
+        # half the two-way time, and what a sonar gains that comes nearer meanwhile
+        fastest = float(np.max(survey.profile.sound_speed))
+        self._sound = SoundPaths.of(
+            survey, 0.5 * rows.bins.end * fastest * (1 + 0.5 * rows.underway.drift(rows.bins.sound_speed)),
+            rows.frequency)
+        self._places = Places(survey, self._sound.tracer, rows.underway, rows.per_ping)
+        self._first_hits = FirstHits(rows, self._sound.water, smooth_patches=geometry.smooth_beds)
+        self._truth = TruthSums(geometry, rows)
+        self._others, self._coherent = rows.other_sources(self._sound, seed), rows.coherent(self._sound)
+        self._mirrors, self._surface = geometry.surface_mirrors, dr.opaque(mi.UInt32, geometry.surface_label)
+
+    def echoes(self, ping: np.ndarray) -> EnergyRecord:
+        """Give the record of pings with these numbers (B,); arrays (B x rows, ..., bins)."""
+        rows, place = self._rows, self._places.of(ping)
+        sums = EchoSums(self._lib, place.rows, rows.labels, rows.bins.count, self._depth_range, len(rows.paths))
+        origins = self._truth.sums(place.rows)
+        for rays in rows.passes(place, self._seed, self._bins_of):
+            hits = self._traced(place, rays, origins if self._truth.hides else None)
+            self._add(sums, origins, place, rays, hits)
+            for source in self._others:
+                source.add(place, rays, hits, sums)
+            dr.eval(sums.sums(), origins.sums())
+        return self._read(sums, origins, place)
+
+    def _traced(self, place: Place, rays: RaysOf, origins: OriginSums | None = None) -> Hits:
+        """Trace to the first hits; what objects hide from there goes into `origins`."""
+        way = place.sources, place.origin(rays.ping), place.source(rays.ping), rays.direction
+        if origins is None:
+            hits = self._sound.tracer.trace(*way)
+        else:
+            hits = self._sound.tracer.trace_with_hidden(*way, partial(self._add_hidden, origins, place, rays))
+        if self._mirrors:
+            # no energy comes back from there: other sources have what a mirror sends on
+            hits = replace(hits, valid=hits.valid & (hits.label != self._surface))
+        return hits
+
+    def _bins_of(self, place: Place, rays: RaysOf) -> tuple[mi.UInt32, mi.Bool]:
+        """Bins that echoes of rays arrive in, and whether they do."""
+        hits = self._traced(place, rays)
+        return self._rows.bins.of(received(place, rays, hits).delay, hits.valid)
+
+    def _add(self, sums: EchoSums, origins: OriginSums, place: Place, rays: RaysOf, hits: Hits) -> None:
+        """Add the echoes of what rays hit first, and where they come from."""
+        echoes = self._first_hits.echoes(place, rays, hits)
+        path = self._rows.paths.numbers(Paths.extended(mi.UInt32(1), hits.label == self._surface))
+        sums.add(row=echoes.response.row, label=hits.label, bin=echoes.bin, units=echoes.units, path=path,
+                 in_beam=echoes.response.in_beam, depth=mi.Float(-hits.point.z), active=echoes.active)
+        self._truth.add(origins, place, rays, hits, response=echoes.response, bin=echoes.bin, units=echoes.units,
+                        active=echoes.active)
+
+    def _add_hidden(self, origins: OriginSums, place: Place, rays: RaysOf, hits: Hits, hidden: Hits) -> None:
+        """Add what the seabed would send back if no object hid it, by the objects that do."""
+        echoes = self._first_hits.echoes(place, rays, hidden)
+        counted = echoes.response.in_beam if self._rows.hidden_in_beam else True
+        origins.add_hidden(row=echoes.response.row, label=hits.label, bin=echoes.bin, units=echoes.units,
+                           active=echoes.active & counted)
+
+    def _read(self, sums: EchoSums, origins: OriginSums, place: Place) -> EnergyRecord:
+        """The sums in physical units, with what has a phase and with the truth."""
+        unit = 10 ** (self._rows.source_level_db / 10) * self._rows.bins.unit
+        energy = sums.read(unit)
+        coherent = None if self._coherent is None else self._coherent.sum(place)
+        return EnergyRecord(
+            intensity=energy.intensity, depth=energy.depth, rays=energy.rays, rays_in_beam=energy.rays_in_beam,
+            path_intensity=energy.path_intensity, coherent=None if coherent is None else coherent.record,
+            truth=self._truth.read(origins, unit, energy, coherent))

@@ -1,0 +1,174 @@
+"""The time bins of an energy record, and the unit that energies are summed in.
+
+One unit of a bin is 2^-50 of 10^(SL/10) 10^(-2 α R / 10) Φ / R² (`echoes.energy_sums`), R the bin's slant range.
+Absorption stays in decibels until an echo meets its bin: in single precision powers end at -380 dB.
+
+Where a pass of rays shows that more are needed: in the directions that lead into time bins which few rays reach.
+"""
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.types import DrJitArray
+from mitsonar.echoes.sonar_equation import absorbed
+from mitsonar.echoes.sums.energy_sums import UNIT_BITS, sum_size
+from mitsonar.scene.tracing.launch import CELLS
+
+__all__ = ["EnergyBins", "aside_need", "ray_need"]
+
+
+class EnergyBins:
+    """Time bins on the device.
+
+    Parameters
+    ----------
+    start, length : float [s]
+        Two-way time at which the first bin begins; duration of a bin.
+    count : int
+    sound_speed : float [m/s]
+        That turns time into slant range.
+    beam : float [sr]
+        Φ, a sonar's equivalent beam.
+    absorption_db : float [dB/m]
+        α, the least of the water.
+
+    Attributes
+    ----------
+    count : int
+    end : float [s]
+        When the last bin ends.
+    sound_speed : float [m/s]
+    slant_range : (bins,) [m]
+        Of the bins' centres.
+    unit : (bins,) [1/m²]
+        Worth of one unit, relative to 10^(SL/10).
+    """
+
+    def __init__(self, *, start: float, length: float, count: int, sound_speed: float, beam: float,
+                 absorption_db: float):
+        self.count, self.end, self.sound_speed = count, start + length * count, sound_speed
+        self.slant_range = 0.5 * sound_speed * (start + (np.arange(count) + 0.5) * length)
+        nearest = 0.25 * sound_speed * length
+        unit = beam / (np.maximum(self.slant_range, nearest) ** 2 * 2.0 ** UNIT_BITS)
+        loss_db = 2 * absorption_db * self.slant_range
+        self.unit = unit * 10 ** (-loss_db / 10)
+        self._row = arrays_of(mi.Float).Array2f
+        self._per_bin = upload(mi.Float, np.stack([1 / unit, loss_db], 1).astype(np.float32))
+        dr.eval(self._per_bin)
+        self.opaque_count = dr.opaque(mi.UInt32, count)
+        self._start, self._per_second = dr.opaque(mi.Float64, start), dr.opaque(mi.Float64, 1 / length)
+
+    @property
+    def farthest(self) -> float:
+        """Slant range at which the record ends [m]."""
+        return 0.5 * self.sound_speed * self.end
+
+    def place(self, delay: mi.Float64) -> mi.Float64:
+        """Give two-way times [s] in bins from the beginning of the first."""
+        return (delay - self._start) * self._per_second
+
+    def of(self, delay: mi.Float64, valid: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:
+        """Give the bins of two-way times [s], and whether they lie in the record."""
+        place = self.place(delay)
+        inside = valid & (place >= 0) & (place < mi.Float64(self.opaque_count))
+        return mi.UInt32(dr.select(inside, place, 0)), inside
+
+    def worth(self, bin: mi.UInt32, inside: mi.Bool, loss_db: mi.Float) -> tuple[DrJitArray, DrJitArray]:
+        """Give how many units make 1/m² in bins, and what a two-way absorption leaves relative to that of the unit."""
+        units, unit_loss_db = dr.gather(self._row, self._per_bin, bin, inside)
+        return units, absorbed(loss_db - unit_loss_db)
+
+    def units(self, energy: mi.Float, loss_db: mi.Float, bin: mi.UInt32, inside: mi.Bool) -> mi.Float64:
+        """Give echo energies [1/m²] that lose `loss_db` to absorption in units of their bins, 0 where not finite."""
+        units, loss = self.worth(bin, inside, loss_db)
+        energy = energy * loss
+        return dr.select(dr.isfinite(energy), mi.Float64(energy) * mi.Float64(units), 0)
+
+
+WINDOW_RAYS = 8                    # rays aside that a window of bins holds
+
+
+def aside_need(row: mi.UInt32, cell: mi.UInt32, bin: mi.UInt32, inside: mi.Bool, aside: mi.Bool, *, rows: int,
+               bins: EnergyBins, drawn: float, wanted: float) -> np.ndarray:
+    """Return how far each cell leads into bins that few rays reach, of rays within the core and of those aside of it.
+
+    A bin that only side lobes reach is reached by few rays of a first pass, if by any. What side lobes bring changes
+    slowly along the record, so that rays aside count for the bins around theirs:
+
+        v = K n_a w/d,   c = n_c (1 - w) / (1 - d),   need_c = Σ c/n_c 1/(c + v),   need_a = Σ v/(K n_a) K [1/(c + v)]
+
+    n -> rays of the first pass in a bin, d -> ``drawn``, w -> ``wanted``, K -> mean over a window of bins.
+
+    Parameters
+    ----------
+    row, cell, bin, inside, rows, bins
+        As of `ray_need`.
+    aside : Bool (R,)
+        Whether rays lie aside of the core.
+    drawn, wanted : float
+        Share of rays aside, as they were drawn and as they are to be where a bin lacks nothing.
+
+    Returns
+    -------
+    (2, rows, CELLS)
+        Of the rays within the core, and of those aside.
+    """
+    kind = dr.select(aside, dr.opaque(mi.UInt32, rows), mi.UInt32(0)) + row
+    index = kind * bins.opaque_count + bin
+    count = dr.zeros(mi.UInt32, sum_size(2 * rows * bins.count))
+    dr.scatter_add(count, mi.UInt32(1), index, inside)
+    dr.eval(count, index, inside, aside, cell)
+    core, beside = count.numpy()[:2 * rows * bins.count].reshape(2, rows, bins.count).astype(float)
+    per_row = max(beside.sum() / rows, 1)
+    reach = min(int(np.ceil(0.5 * WINDOW_RAYS * bins.count / per_row)), bins.count // 8)
+    near, far = _averaged(beside, reach), _averaged(beside, 4 * reach)
+    core, beside = core * ((1 - wanted) / (1 - drawn)), np.where(near > 0, near, far) * (wanted / drawn)
+    total = core + beside
+    lack = np.where(total > 0, 1 / np.maximum(total, 1e-30), 0)
+    worth = np.stack([lack * ((1 - wanted) / (1 - drawn)), _averaged(lack, reach) * (wanted / drawn)])
+    padded = np.zeros(sum_size(worth.size))
+    padded[:worth.size] = worth.ravel()
+    share = mi.UInt64(2.0 ** 32 * dr.gather(mi.Float64, upload(mi.Float64, padded), index, inside))
+    need = dr.zeros(mi.UInt64, sum_size(2 * rows * CELLS))
+    dr.scatter_add(need, share, dr.select(aside, dr.opaque(mi.UInt32, rows * CELLS), mi.UInt32(0)) + cell, inside)
+    return need.numpy()[:2 * rows * CELLS].reshape(2, rows, CELLS) / 2.0 ** 32
+
+
+def _averaged(values: np.ndarray, reach: int) -> np.ndarray:
+    """Means of values (rows, bins) over the bins up to `reach` away."""
+    bins = values.shape[1]
+    summed = np.concatenate([np.zeros((len(values), 1)), np.cumsum(values, 1)], 1)
+    low, high = (np.clip(np.arange(bins) + end, 0, bins) for end in (-reach, reach + 1))
+    return (summed[:, high] - summed[:, low]) / (high - low)
+
+
+def ray_need(row: mi.UInt32, cell: mi.UInt32, bin: mi.UInt32, inside: mi.Bool, *, rows: int,
+             bins: EnergyBins) -> np.ndarray:
+    """Give how far each cell of the table that rays were drawn through leads into bins that few rays reach.
+
+    Parameters
+    ----------
+    row, cell, bin : UInt32 (R,)
+        Of the rays: row of the block, cell of the table (rows, CELLS), time bin.
+    inside : Bool (R,)
+        Whether they arrive within the record.
+    rows : int
+        Of the block.
+    bins : EnergyBins
+
+    Returns
+    -------
+    (rows, CELLS)
+        Sum over the rays of 1 / (rays in the bin).
+    """
+    index = row * bins.opaque_count + bin
+    count = dr.zeros(mi.UInt32, sum_size(rows * bins.count))
+    dr.scatter_add(count, mi.UInt32(1), index, inside)
+    dr.eval(count, index, inside, cell)
+    share = mi.UInt64(2.0 ** 32 / mi.Float64(dr.maximum(dr.gather(mi.UInt32, count, index, inside), 1)))
+    need = dr.zeros(mi.UInt64, sum_size(rows * CELLS))
+    dr.scatter_add(need, share, cell, inside)
+    return need.numpy()[:rows * CELLS].reshape(rows, CELLS) / 2.0 ** 32

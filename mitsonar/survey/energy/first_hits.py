@@ -1,0 +1,100 @@
+"""What the rows of an energy record receive of what rays hit first: the way back, the beam, the sonar equation.
+
+It is all arithmetic on the device, without a loop. So gradients pass through it where hits carry them (`gradients`),
+and the sums of a record and the field that gradients are of have the same echoes.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import drjit as dr
+import mitsuba as mi
+
+from mitsonar.echoes.sonar_equation import echo_energy, speed_ratio
+from mitsonar.scene.materials import scattering_strength
+from mitsonar.scene.tracing.hits import Hits
+from mitsonar.scene.tracing.water import Way
+
+from ..motion.places import Place
+from ..motion.underway import Reception
+from .rows import Rays, RowResponse, Rows
+
+__all__ = ["Binning", "Echoes", "FirstHits", "Losses", "received"]
+
+
+class Binning(Protocol):
+    """Gives the bins of two-way times [s], and which of them count."""
+
+    def __call__(self, delay: mi.Float64, valid: mi.Bool, /) -> tuple[mi.UInt32, mi.Bool]: ...
+
+
+
+@dataclass(frozen=True, kw_only=True)
+class Echoes:
+    """Echoes of rays.
+
+    Attributes
+    ----------
+    units : Float64 (R,)
+        Energy, in units of the bins.
+    delay : Float64 (R,) [s]
+        From transmission to reception.
+    response : RowResponse
+        How the rows receive them.
+    bin : UInt32 (R,)
+    active : Bool (R,)
+        Which of them count.
+    """
+
+    units: mi.Float64
+    delay: mi.Float64
+    response: RowResponse
+    bin: mi.UInt32
+    active: mi.Bool
+
+
+class Losses(Protocol):
+    """What knows absorption: `DeviceWater`."""
+
+    def loss_db(self, start: dr.ArrayBase, end: dr.ArrayBase, way: Way) -> mi.Float:
+        """Two-way absorption [dB], Float (R,), along ways between points, Array3f64 (R,) [m]."""
+        ...
+
+
+class FirstHits:
+    """Echoes of first hits.
+
+    Parameters
+    ----------
+    rows : Rows
+    water : Losses
+    binning : Binning or None
+        None: that of the rows.
+    smooth_patches : bool
+        See `scattering_strength`.
+    """
+
+    def __init__(self, rows: Rows, water: Losses, binning: Binning | None = None, *, smooth_patches: bool = False):
+        self._rows, self._water, self._smooth_patches = rows, water, smooth_patches
+        self._binning: Binning = rows.bins.of if binning is None else binning
+
+    def echoes(self, place: Place, rays: Rays, hits: Hits) -> Echoes:
+        """Give the echoes of hits, as the rows receive them."""
+        bins, reception = self._rows.bins, received(place, rays, hits)
+        response = self._rows.response(place, rays, reception.towards)
+        bin, inside = self._binning(reception.delay, hits.valid & response.active)
+        strength, sin_grazing = scattering_strength(hits, inside, self._rows.frequency,
+                                                     smooth_patches=self._smooth_patches)
+        _, speed = place.medium(rays.ping)
+        units, loss = bins.worth(bin, inside, self._water.loss_db(place.origin(rays.ping), hits.point, hits))
+        energy = echo_energy(solid_angle=rays.solid_angle, pattern=response.pattern, strength=strength,
+                             sin_grazing=sin_grazing, spreading_area=hits.spreading_area,
+                             speed_ratio=speed_ratio(hits.sound_speed, speed), loss=loss)
+        return Echoes(units=mi.Float64(energy) * mi.Float64(units), delay=reception.delay, response=response, bin=bin,
+                      active=inside & dr.isfinite(energy))
+
+
+def received(place: Place, rays: Rays, hits: Hits) -> Reception:
+    """Give when and from where the echoes of hits come back."""
+    return place.receive(rays.ping, rays.direction, hits.point - place.origin(rays.ping), 2 * hits.travel_time)

@@ -1,0 +1,147 @@
+"""What an energy record asks of its rows: which rays, which row, which weight, how a bin shows.
+
+A row is what one beam of the sonar receives of a ping: a side of a sidescan (`sides`), a beam of an array (`beams`).
+Both are classes of the protocol `Rows`; all else about an energy record is the same for them (`energy`).
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.types import Vector
+from mitsonar.echoes.paths import Paths
+from mitsonar.echoes.sums.energy_sums import EchoSums
+from mitsonar.imaging.energy_record import CoherentSums
+from mitsonar.scene.tracing.hits import Hits
+
+from ..motion.places import Place
+from ..motion.underway import Underway
+from .energy_bins import EnergyBins
+from .sound_paths import SoundPaths
+
+__all__ = ["CoherentSource", "EchoSource", "Rays", "RaysOf", "RowResponse", "Rows"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rays:
+    """Rays of a pass, on the device.
+
+    Attributes
+    ----------
+    ping : UInt32 (R,)
+        Number within the block.
+    direction : Vector3f (R,)
+        Unit, scene coordinates.
+    solid_angle : Float (R,) [sr]
+        That each ray stands for.
+    """
+
+    ping: mi.UInt32
+    direction: mi.Vector3f
+    solid_angle: mi.Float
+
+
+@dataclass(frozen=True, kw_only=True)
+class RowResponse:
+    """How the rows of a record receive echoes.
+
+    Attributes
+    ----------
+    row : UInt32 (R,)
+        Row of the block that an echo belongs to.
+    pattern : Float (R,) [-]
+        Two-way intensity pattern.
+    in_beam : Bool (R,)
+        Whether the echo comes through the main lobe.
+    active : Bool (R,)
+        Whether any row receives the echo.
+    """
+
+    row: mi.UInt32
+    pattern: mi.Float
+    in_beam: mi.Bool
+    active: mi.Bool
+
+
+RaysOf = TypeVar("RaysOf", bound=Rays)
+_RaysIn = TypeVar("_RaysIn", bound=Rays, contravariant=True)
+
+
+class EchoSource(Protocol[_RaysIn]):
+    """Echoes other than those of what rays hit first."""
+
+    def add(self, place: Place, rays: _RaysIn, hits: Hits, sums: EchoSums) -> None:
+        """Add the echoes of a pass of rays to the sums."""
+        ...
+
+
+class CoherentSource(Protocol):
+    """Echoes that have a phase of their own."""
+
+    def sum(self, place: Place) -> CoherentSums:
+        """Sum them over a block of pings."""
+        ...
+
+
+class Rows(Protocol[RaysOf]):
+    """The rows of an energy record.
+
+    Attributes
+    ----------
+    per_ping, pings_per_block : int
+        Rows of a ping; pings that are rendered together.
+    labels : int
+        Number of instances that are told apart.
+    hidden_in_beam : bool
+        Whether what objects hide is told in the main lobe alone: where the bed hides itself, what side lobes miss would
+        be all there is.
+    paths : Paths
+        That are told apart.
+    frequency : float [Hz]
+    source_level_db : float [dB re 1 µPa @ 1 m]
+    bins : EnergyBins
+    underway : Underway
+    """
+
+    per_ping: int
+    hidden_in_beam: bool
+    pings_per_block: int
+    labels: int
+    paths: Paths
+    frequency: float
+    source_level_db: float
+    bins: EnergyBins
+    underway: Underway
+
+    def passes(self, place: Place, seed: int,
+               bins_of: Callable[[Place, RaysOf], tuple[mi.UInt32, mi.Bool]]) -> Iterator[RaysOf]:
+        """Yield the rays of a block, pass by pass.
+
+        `bins_of` tells in which bins the echoes of rays arrive, and whether they do: for rows that first find out where
+        rays are needed.
+        """
+        ...
+
+    def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float) -> RaysOf:
+        """Give rays of directions that somebody else chose, Vector3f (R,), of pings with these numbers in the block."""
+        ...
+
+    def response(self, place: Place, rays: RaysOf, towards: Vector) -> RowResponse:
+        """Give how echoes are received that come back from `towards`, the way their rays went."""
+        ...
+
+    def shown(self, intensity: np.ndarray) -> np.ndarray:
+        """Give what the picture makes of intensities (rows, ..., bins)."""
+        ...
+
+    def other_sources(self, sound: SoundPaths, seed: int) -> Sequence[EchoSource[RaysOf]]:
+        """Give the sources of the echoes that no first hit brings."""
+        ...
+
+    def coherent(self, sound: SoundPaths) -> CoherentSource | None:
+        """Give the source of the echoes that have a phase of their own; None where the scene has none."""
+        ...

@@ -1,0 +1,46 @@
+"""What finds the ways of sound through a survey's scene, made once for a run."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mitsonar.echoes.sights.sights import Sights
+from mitsonar.scene.tracing.connection import Connector
+from mitsonar.scene.tracing.free_rays import FreeRays
+from mitsonar.scene.tracing.tracer import Tracer
+from mitsonar.scene.tracing.water import DeviceWater
+
+from ..survey import Survey
+
+__all__ = ["SoundPaths"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SoundPaths:
+    """Ways of sound from a sonar and back.
+
+    Attributes
+    ----------
+    water : DeviceWater
+    tracer : Tracer
+        To what rays meet first.
+    connector : Connector
+        To given points, from the sonar and from any other.
+    free_rays : FreeRays
+        From any point to what rays meet there.
+    sights : Sights
+        To given points, straight and by way of a flat surface.
+    """
+
+    water: DeviceWater
+    tracer: Tracer
+    connector: Connector
+    free_rays: FreeRays
+    sights: Sights
+
+    @classmethod
+    def of(cls, survey: Survey, farthest: float, frequency: float | None = None) -> SoundPaths:
+        """The ways of a survey out to a range [m]; without a frequency [Hz], none by way of the bed."""
+        tracer = Tracer(survey.geometry, survey.water, max_range=farthest)
+        connector = Connector(survey.geometry, survey.water)
+        return cls(water=survey.water, tracer=tracer, connector=connector, free_rays=FreeRays(tracer),
+                   sights=Sights(connector, max_depth=survey.max_depth, frequency=frequency))

@@ -1,0 +1,1 @@
+"""Fans of beams of an array, and forward-looking sonars."""

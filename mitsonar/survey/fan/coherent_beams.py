@@ -1,0 +1,114 @@
+"""Echoes that have a phase, as the beams of an array or of a rotating head receive them: targets and smooth surfaces.
+
+Pressures of an instance in a bin add, and are then squared. The pulse and the beams' side lobes blur what is squared as
+they do all energies (`array_beams`): the picture itself takes its pressures from the elements' signals.
+"""
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Protocol
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.types import Vector
+from mitsonar.echoes.point_targets import PointTargets
+from mitsonar.echoes.record import Echoes
+from mitsonar.echoes.smooth.targets import SmoothTargets
+from mitsonar.imaging.energy_record import CoherentRecord, CoherentSums
+
+from ..energy.energy_bins import EnergyBins
+from ..energy.sound_paths import SoundPaths
+from ..energy.target_echoes import band_of, target_echoes
+from ..motion.places import Place
+from ..pressure.array_survey import ArraySurvey
+
+__all__ = ["CoherentBeams"]
+
+FLAT_BAND = 0.75                   # c / 2B of the two thirds of a sampled band that are used, over c / 2 a sample
+
+
+class BeamsOfPings(Protocol):
+    """Beams that receive echoes.
+
+    Attributes
+    ----------
+    count : int
+        Of a ping.
+    """
+
+    count: int
+
+    def receive(self, place: Place, ping: mi.UInt32, sent: Vector,
+                towards: Vector) -> tuple[mi.UInt32, mi.Float]:
+        """Give the beam that receives echoes, and its two-way intensity; see `array_beams.ArrayBeams`."""
+        ...
+
+    def shown(self, intensity: np.ndarray) -> np.ndarray:
+        """Give what the picture makes of intensities (rows, ..., bins)."""
+        ...
+
+
+class CoherentBeams:
+    """The coherent echoes that beams of an array receive.
+
+    Parameters
+    ----------
+    survey : ArraySurvey
+    sound : SoundPaths
+    beams : BeamsOfPings
+    bins : EnergyBins
+    drift : float [-]
+        How far the array moves while sound goes a metre out and back, at most.
+    """
+
+    def __init__(self, survey: ArraySurvey, sound: SoundPaths, beams: BeamsOfPings, bins: EnergyBins, *, drift: float):
+        self._sights, self._beams, self._bins = sound.sights, beams, bins
+        self._labels, self._targets = len(survey.labels), PointTargets(
+            survey.geometry.targets(), band_of(survey.pulse), survey.profile)
+        self._smooth = SmoothTargets(
+            sound.sights, frequency=survey.frequency, reach=0.0, drift=drift,
+            resolution=FLAT_BAND * survey.sound_speed(0) / survey.sampling_rate, farthest=sound.tracer.max_range)
+        self._source_power = 10 ** (survey.source_level_db / 10)
+        self._frequency = dr.opaque(mi.Float64, survey.frequency)
+
+    @property
+    def silent(self) -> bool:
+        """Whether nothing in the scene has a phase of its own."""
+        return not (self._smooth or self._targets)
+
+    def sum(self, place: Place) -> CoherentSums:
+        """Sum the echoes of a block of pings; arrays (pings x beams, ..., bins)."""
+        power = self._power(place)
+        return CoherentSums(label_power=power, record=CoherentRecord(
+            intensity=self._beams.shown(power.sum(1)), in_beam=np.asarray(power.any(1), np.uint32)))
+
+    def _power(self, place: Place) -> np.ndarray:
+        """Squared pressures, (pings x beams, labels, bins) [µPa²]."""
+        shape = len(place.ping) * self._beams.count, self._labels, self._bins.count
+        real_sum, imaginary_sum = np.zeros(shape), np.zeros(shape)
+        for ping, label, echoes in self._echoes(place):
+            delay = echoes.out.travel_time + echoes.between + echoes.back.travel_time
+            received = place.receive(ping, echoes.back.sent_towards, echoes.back.offset, delay)
+            row, pattern = self._beams.receive(place, ping, echoes.out.sent_towards, received.towards)
+            bin, inside = self._bins.of(received.delay, pattern > 0)
+            cycles = received.delay * self._frequency
+            phase = mi.Float(cycles - dr.floor(cycles)) * (2 * np.pi)
+            row = ping * self._beams.count + row
+            columns = row, label, bin, inside, dr.sqrt(pattern), phase, *echoes.amplitude
+            dr.eval(columns)
+            row, label, bin, inside, root, phase, real, imaginary = (
+                np.broadcast_to(column.numpy(), dr.width(inside)) for column in columns)
+            where = ((row.astype(np.int64) * self._labels + label - 1) * self._bins.count + bin)[inside]
+            z = ((real + 1j * imaginary) * root * np.exp(-1j * phase))[inside]
+            # what comes in several blocks is one echo: it is squared when it is whole
+            real_sum += np.bincount(where, z.real, real_sum.size).reshape(shape)
+            imaginary_sum += np.bincount(where, z.imag, real_sum.size).reshape(shape)
+        return self._source_power * (real_sum ** 2 + imaginary_sum ** 2)
+
+    def _echoes(self, place: Place) -> Iterator[tuple[mi.UInt32, mi.UInt32, Echoes]]:
+        """Yield the numbers of pings in the block, the labels and the echoes of all targets and smooth surfaces."""
+        if self._targets:
+            yield from target_echoes(self._sights, self._targets, place, len(place.ping), 0, mirrored=False)
+        yield from self._smooth.echoes(place.sources, place.position, place.source_of)

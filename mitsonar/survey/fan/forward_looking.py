@@ -1,0 +1,60 @@
+"""Forward-looking sonar: an array across the bow, whose picture is a fan of beams with the bearing of each.
+
+Its run is that of a sonar with arrays (`survey.array`). Its beams have equal steps of the bearing ψ or of sin ψ.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Protocol
+
+import numpy as np
+import xarray as xr
+
+from mitsonar.imaging import fan
+
+from ..beam_domain.fan_pictures import FanPictures
+from ..pressure.array_survey import ArraySurvey
+from .kind import ArraySensor, plan, plan_elements, rows
+
+__all__ = ["ForwardLookingSensor", "directions", "frames", "picture", "plan", "plan_elements", "rows"]
+
+
+class ForwardLookingSensor(ArraySensor, Protocol):
+    """What the sensor of a forward-looking sonar says, beside what one with arrays does.
+
+    Attributes
+    ----------
+    beam_steps : str
+        What grows by equal steps from beam to beam: one of `fan.STEPS`.
+    """
+
+    beam_steps: str
+
+
+def picture(survey: ArraySurvey, sensor: ForwardLookingSensor, seed: int,
+            progress: Callable[[float, float], None] | None = None,
+            say: Callable[[str], None] | None = None) -> xr.Dataset:
+    """Render the picture of the beams, with its truth and the coordinate ``bearing`` [rad]; see `mitsonar.render`."""
+    return _with_bearings(_pictures(survey, sensor, seed).whole(progress, say), survey)
+
+
+def frames(survey: ArraySurvey, sensor: ForwardLookingSensor, seed: int) -> Iterator[xr.Dataset]:
+    """Yield the pictures of pings one by one; see `mitsonar.frames`."""
+    for image in _pictures(survey, sensor, seed).one_by_one():
+        yield _with_bearings(image, survey)
+
+
+def _pictures(survey: ArraySurvey, sensor: ForwardLookingSensor, seed: int) -> FanPictures:
+    return FanPictures(survey, directions(survey, sensor), seed=seed, way=sensor.picture)
+
+
+def directions(survey: ArraySurvey, sensor: ForwardLookingSensor) -> tuple[np.ndarray, np.ndarray]:
+    """Angles (B,) [rad] and directions (B, 3) of the picture's beams, body frame."""
+    return fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width, sensor.beam_steps)
+
+
+def _with_bearings(image: xr.Dataset, survey: ArraySurvey) -> xr.Dataset:
+    head_depth = float(np.mean(-survey.track.position[:, 2]))
+    words = {"units": "rad", "long_name": "angle from the middle of the fan, positive to starboard"}
+    return image.assign_coords(bearing=("beam", image["beam"].values, words)).assign_attrs(
+        sonar="forward_looking", absorption_db=float(survey.absorption.at(head_depth)))

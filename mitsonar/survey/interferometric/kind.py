@@ -1,0 +1,94 @@
+"""Interferometric sidescan: rows of receivers on either side, whose phases tell where echoes come from.
+
+    plan       a run of arrays for either side                                          `interferometry.plan`
+    rows       their signals in the beam domain, and the truth                          `interferometry.sides`
+    soundings  angles of phases, reduction                          `interferometry.instrument`, `swath.soundings`
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import xarray as xr
+
+from mitsonar.hydrography.reduction.attitude import mounted
+from mitsonar.imaging import interferometric as imaging
+from mitsonar.imaging.energy_record import EnergyRecord, gathered, joined
+from mitsonar.scene import objects
+from mitsonar.scene.labels import classes_of
+from mitsonar.water.profile import SoundSpeedProfile
+
+from .. import limits
+from ..multibeam.soundings import SoundingLine
+from .instrument import Interferometer, measured_rows
+from .plan import InterferometricSensor, InterferometricSurvey, plan, plan_elements
+
+__all__ = ["picture", "plan", "plan_elements", "rows", "sounding_line"]
+
+KEPT = ("depth", "x", "y", "across_track", "uncertainty")
+
+
+def picture(survey: InterferometricSurvey, sensor: InterferometricSensor, seed: int,
+            progress: Callable[[float, float], None] | None = None,
+            say: Callable[[str], None] | None = None) -> xr.Dataset:
+    """Render the picture of both sides, with its truth; see `mitsonar.render`."""
+    side, pings = survey.sides[0], survey.track.pings
+    limits.check_rows(side, 2 * survey.bins, pings=pings)
+    instrument = Interferometer(survey, seed)
+    line, measured = SoundingLine(survey, instrument, seed), []
+
+    def records() -> Iterator[EnergyRecord]:
+        for ping in range(pings):
+            heard = [one.frame(ping, seed) for one in instrument.sides]
+            made = measured_rows(survey, (heard[0][0], heard[1][0]))
+            found = line.ping(ping, made)
+            columns = {"power": made.level, "phase": made.phase, "coherence": made.coherence,
+                       **{name: np.where(found["valid"].values[0], found[name].values[0], np.nan) for name in KEPT},
+                       "valid": found["valid"].values[0], "angle": _depression(found)}
+            measured.append({name: made.by_side(values) for name, values in columns.items()})
+            yield joined([truth for _, truth in heard])
+            if progress is not None:
+                progress(ping + 1, pings)
+
+    record = gathered(records(), pings=pings, rows=2)
+    classes, class_of = classes_of(survey.labels)
+    image = imaging.image(
+        imaging.Measured(**{name: np.stack([one[name] for one in measured]) for name in measured[0]}), record,
+        track=survey.track, time=survey.time, sound_speed=side.sound_speed(0), depth_below=survey.depth_below,
+        labels=survey.labels, class_of=class_of,
+        attrs={"seed": int(seed), "preset": survey.preset, "frequency": float(side.frequency),
+               "pulse": side.pulse.numbers, "source_level_db": float(side.source_level_db),
+               "rows": (survey.rows.place - survey.rows.place[0]).tolist(), "tilt": float(sensor.tilt),
+               "absorption_db": float(survey.absorption.at(float(np.mean(-survey.track.position[:, 2]))))})
+    return objects.annotated(image, classes, class_of, survey.geometry, survey.track.position)
+
+
+def rows(level: np.ndarray) -> np.ndarray:
+    """Levels (ping, side, range) as rows of one picture: port mirrored, then starboard."""
+    return np.concatenate([level[:, 0, ::-1], level[:, 1]], -1)
+
+
+def sounding_line(survey: InterferometricSurvey, seed: int, *, profile: SoundSpeedProfile | None, column: bool,
+                  snippets: int) -> SoundingLine:
+    """Make what makes the soundings of a line.
+
+    Raises
+    ------
+    ValueError
+        If a water column or snippets are asked for.
+    """
+    if column or snippets:
+        raise ValueError("an interferometric sidescan has no beams, whose water column or snippets could be kept; "
+                         "leave that out, or render its picture")
+    limits.check_rows(survey.sides[0], 2 * survey.bins, pings=1)
+    return SoundingLine(survey, Interferometer(survey, seed), seed, profile=profile)
+
+
+def _depression(found: xr.Dataset) -> np.ndarray:
+    """Angles of soundings below the horizontal (B,) [rad], by the attitude that the motion sensors say."""
+    angle, forward = found["angle"].values[0], np.sin(found["transmit_angle"].values[0])
+    starboard = np.sin(angle)
+    down = np.sqrt(np.maximum(1 - starboard ** 2 - forward ** 2, 0))
+    roll, pitch = (float(found[name].values[0]) for name in ("ping_roll", "ping_pitch"))
+    _, _, level = mounted(np.stack([forward, starboard, down], -1), (np.array(roll), np.array(pitch), np.array(0.0)))
+    return np.where(found["valid"].values[0], np.arcsin(np.clip(level, -1, 1)), np.nan)

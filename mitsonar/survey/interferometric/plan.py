@@ -1,0 +1,185 @@
+"""Planning of an interferometric sidescan's run: one route, and for either side a run of arrays over the same scene.
+
+What a run of an interferometric sidescan is: a run of arrays for either side, and how rows are compared.
+"""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.hydrography.detection.row_angles import Rows, sector_of
+from mitsonar.hydrography.reduction.errors import MotionErrors
+from mitsonar.scene import materials
+from mitsonar.scene.geometry import Geometry
+from mitsonar.signal.matched_filter import compression, rms_bandwidth
+from mitsonar.sonar.arrays.array import Array
+from mitsonar.sonar.arrays.array_makers import element_array
+from mitsonar.sonar.pulses.pulse import Pulse
+from mitsonar.units import db_from_amplitude
+
+from ..fan.kind import survey_of
+from ..multibeam.survey import SoundedSurvey, Transmission
+from ..pressure.array_survey import ArraySurvey
+from ..pressure.signals import LEAD
+from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
+
+__all__ = ["InterferometricSensor", "InterferometricSurvey", "SIDES", "plan", "plan_elements"]
+
+
+SIDES = ("port", "starboard")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InterferometricSurvey(SoundedSurvey):
+    """A run of an interferometric sidescan.
+
+    Attributes
+    ----------
+    sides : (ArraySurvey, ArraySurvey)
+        Port and starboard. The receive elements are the rows, from the lowest up.
+    bins : int
+        Of each side's record, which are as many soundings.
+    rows : Rows
+        Those of either side.
+    looks : float
+        Range cells that phases are averaged over, at least.
+    least_coherence : float
+        Of a valid sounding.
+    """
+
+    sides: tuple[ArraySurvey, ArraySurvey]
+    bins: int
+    rows: Rows
+    looks: float
+    least_coherence: float
+
+    @property
+    def per_bin(self) -> int:
+        """Samples of a bin."""
+        return (self.sides[0].samples - self.sides[0].lead) // self.bins
+
+    @cached_property
+    def relative_bandwidth(self) -> float:
+        """Of an even band that strays as the compressed pulse's, over the carrier."""
+        side = self.sides[0]
+        return float(np.sqrt(12) * rms_bandwidth(side.pulse, side.sampling_rate) / side.frequency)
+
+    @cached_property
+    def pulse_length(self) -> float:
+        """∫|χ|² dt of the compressed pulse [s]."""
+        return float(compression(self.sides[0].pulse, self.sides[0].sampling_rate)[0])
+
+    @property
+    def window(self) -> int:
+        """Samples that phases are averaged over."""
+        per_bin, wanted = self.per_bin, int(np.ceil(self.looks * self.pulse_length * self.sides[0].sampling_rate))
+        return per_bin + 2 * max(0, -(-(wanted - per_bin) // 2))
+
+    @property
+    def time(self) -> np.ndarray:
+        """Of the bins' middles (bins,) [s]."""
+        side = self.sides[0]
+        return side.time[side.lead:].reshape(self.bins, -1).mean(1)
+
+    @property
+    def transmissions(self) -> Sequence[Transmission]:
+        """One a side, at once; soundings run from port's last bin to starboard's."""
+        pings = self.track.pings
+        return [Transmission(survey=side, delay=0.0, sines=np.zeros(pings),
+                             beams=slice(k * self.bins, (k + 1) * self.bins)) for k, side in enumerate(self.sides)]
+
+
+SAMPLES = 2.0, 3.0                 # to one over a pulse's bandwidth: of sweeps, whose skirts are steep, and of others
+SWEEP = 4.0                        # duration times bandwidth from which on a pulse is one
+
+
+class InterferometricSensor(Sensor, Protocol):
+    """What the sensor of an interferometric sidescan says, beside what all do.
+
+    Attributes
+    ----------
+    preset : str
+    source_level_db : float [dB re 1 µPa @ 1 m]
+        Of each side, on its axis.
+    pulse : Pulse
+    transmit, receive : (Array, Array)
+        Of port and starboard; the rows of the latter from the lowest up.
+    tilt : float [rad]
+        Of the faces' normals below the horizontal.
+    looks, least_coherence, head_speed_error, motion_errors, depth_gate
+        As of `InterferometricSurvey`.
+    self_noise_db : float or None [dB re 1 µPa²/Hz]
+        Of each row's receiver.
+    """
+
+    preset: str
+    source_level_db: float
+    pulse: Pulse
+    transmit: tuple[Array, Array]
+    receive: tuple[Array, Array]
+    tilt: float
+    looks: float
+    least_coherence: float
+    head_speed_error: float
+    motion_errors: MotionErrors
+    depth_gate: tuple[float, float] | None
+    self_noise_db: float | None
+
+
+def plan(scene: mi.Scene, sensor: InterferometricSensor, settings: RunSettings,
+         lead: float = LEAD) -> InterferometricSurvey:
+    """Plan a run over a scene; `lead` as of `survey.array.plan_elements`.
+
+    Raises
+    ------
+    ValueError
+        If sensor and scene do not fit together.
+    """
+    sides = [_run(scene, sensor, settings, lead, transmit, receive, sensor.source_level_db)
+             for transmit, receive in zip(sensor.transmit, sensor.receive)]
+    port, starboard = sides
+    place = (starboard.receive.position - starboard.receive.position.mean(0)) @ up_along(starboard.receive)
+    _, bins = sensor.film().window(head_speed(sensor, port.passage.depth))
+    return InterferometricSurvey(
+        geometry=port.geometry, profile=port.profile, absorption=port.absorption, volume=port.volume,
+        passage=port.passage, rays=settings.rays, max_depth=settings.max_depth, sides=(port, starboard), bins=bins,
+        rows=Rows(place=place / port.wavelength, sector=sector_of(sensor.tilt)), looks=sensor.looks,
+        least_coherence=sensor.least_coherence, head_speed_error=sensor.head_speed_error,
+        motion_errors=sensor.motion_errors, depth_gate=sensor.depth_gate, preset=sensor.preset)
+
+
+def plan_elements(scene: mi.Scene, sensor: InterferometricSensor, settings: RunSettings,
+                  lead: float = 0.0) -> ArraySurvey:
+    """Plan the same run with both sides' faces as elements: transmitters and rows of port, then those of starboard."""
+    transmit, receive = (element_array(
+        np.concatenate([side.position for side in sides]), normal=np.concatenate([side.normal for side in sides]),
+        along="forward", length=sides[0].length, height=sides[0].height, pattern=sides[0].pattern,
+        baffle=sides[0].baffle) for sides in (sensor.transmit, sensor.receive))
+    # each side has the source level, and a direction hears one of them: both together would make twice the pressure
+    level = sensor.source_level_db + float(db_from_amplitude(2.0))
+    return _run(scene, sensor, settings, lead, transmit, receive, level)
+
+
+def up_along(receive: Array) -> np.ndarray:
+    """The axis that rows stand along: up the face, unit, body frame."""
+    across = np.cross(receive.normal[0], receive.along[0])
+    return across * -np.sign(across[2])
+
+
+def _run(scene: mi.Scene, sensor: InterferometricSensor, settings: RunSettings, lead: float, transmit: Array,
+         receive: Array, source_level_db: float) -> ArraySurvey:
+    """The run of some faces."""
+    geometry = Geometry(scene)
+    passage = sensor.route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1])
+    speed = head_speed(sensor, passage.depth)
+    materials.check(geometry, sensor.water.profile, sensor.pulse.frequency)
+    samples = SAMPLES[0 if sensor.pulse.duration * sensor.pulse.bandwidth > SWEEP else 1]
+    rate = min(samples * sensor.pulse.bandwidth, sensor.pulse.suggested_sampling_rate)
+    return survey_of(geometry, sensor, settings, passage, lead=lead, sound_speed=speed, transmit=transmit,
+                     receive=receive, pulse=sensor.pulse, source_level_db=source_level_db, bins_are_samples=False,
+                     whole_bins=True, self_noise_db=sensor.self_noise_db, usual_rate=rate)

@@ -1,0 +1,1 @@
+"""Motion of a platform between transmission and reception."""

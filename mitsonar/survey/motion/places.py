@@ -1,0 +1,154 @@
+"""Where the pings of a block are when they are sent, and how their echoes are received: look-ups on the device."""
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from typing import cast
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.chance import row_keys
+from mitsonar.device.types import DrJitArray, UInt32, Vector
+from mitsonar.scene.tracing.tracer import Sources, Tracer
+
+from ..survey import Survey
+from .underway import Reception, Underway
+
+__all__ = ["Place", "Places"]
+
+
+class Places:
+    """Where the pings of a survey are.
+
+    Parameters
+    ----------
+    survey : Survey
+    tracer : Tracer
+    underway : Underway
+        The motion within pings.
+    per_ping : int
+        Rows of a ping.
+    """
+
+    def __init__(self, survey: Survey, tracer: Tracer, underway: Underway, per_ping: int):
+        self._survey, self._tracer, self._underway, self._per_ping = survey, tracer, underway, per_ping
+        self._rotation = survey.track.rotation()
+
+    def of(self, ping: np.ndarray) -> Place:
+        """Give the place of a block of pings with these numbers (B,)."""
+        position = self._survey.track.position[ping]
+        depths, source = np.unique(-position[:, 2], return_inverse=True)
+        return Place(ping=ping, per_ping=self._per_ping, position=position, rotation=self._rotation[ping],
+                     source=source.astype(np.uint32), sources=self._tracer.sources(depths),
+                     depth_below=self._survey.depth_below[ping], underway=self._underway, others=self.of)
+
+
+class Place:
+    """Look-ups by a ping's number within the block.
+
+    Parameters
+    ----------
+    ping : (B,) int
+        Numbers of the pings in the survey.
+    per_ping : int
+        Rows of a ping.
+    position, rotation : (B, 3) [m], (B, 3, 3)
+        At transmission.
+    source : (B,) uint32
+        Index of each into `sources`.
+    sources : Sources
+    depth_below : (B,) [m]
+        Seabed below the sonar.
+    underway : Underway
+        How they go on.
+    others : callable
+        Gives the place of any pings.
+
+    Attributes
+    ----------
+    rows : int
+        Of the block.
+    still : bool
+        Whether the sonar stands still until echoes are back.
+    """
+
+    def __init__(self, *, ping: np.ndarray, per_ping: int, position: np.ndarray, rotation: np.ndarray,
+                 source: np.ndarray, sources: Sources, depth_below: np.ndarray, underway: Underway,
+                 others: Callable[[np.ndarray], Place]):
+        self.ping, self.rows, self.sources = ping, per_ping * len(ping), sources
+        self.position, self.rotation, self.source_of = position, rotation, source
+        self.depth_below_of, self.motion = np.asarray(depth_below, float), underway.motion(ping)
+        self.still, self._underway, self._others = self.motion is None, underway, others
+        self._lib = arrays_of(mi.Float)
+        # a word of chance for every row, by its number in the survey
+        number = ping.astype(np.uint64)[:, None] * np.uint64(per_ping) + np.arange(per_ping, dtype=np.uint64)
+        self._key = upload(mi.UInt32, row_keys(number.ravel()))
+        self._position = upload(mi.Float64, np.concatenate([position, np.zeros((len(ping), 1))], 1))
+        rotation = np.concatenate([rotation, np.zeros((len(ping), 3, 1))], 2)
+        self._rotation = upload(mi.Float, rotation.astype(np.float32))
+        self._source = upload(mi.UInt32, source)
+        self._below = upload(mi.Float, self.depth_below_of.astype(np.float32))
+        dr.eval(self._key, self._position, self._rotation, self._source, self._below)
+
+    def of(self, ping: np.ndarray) -> Place:
+        """Give the place of pings of the survey; that of some of the block's shares its ray fans."""
+        here = np.searchsorted(self.ping, ping)
+        if not np.isin(ping, self.ping).all():
+            return self._others(ping)
+        return Place(ping=ping, per_ping=self.rows // len(self.ping), position=self.position[here],
+                     rotation=self.rotation[here], source=self.source_of[here], sources=self.sources,
+                     depth_below=self.depth_below_of[here], underway=self._underway, others=self._others)
+
+    def attached(self, position: mi.Float64 | None, rotation: mi.Float | None, sources: Sources) -> Place:
+        """The same place with positions (4 B,) and rotations (12 B,) that carry gradients, and a source a ping."""
+        moved = copy.copy(self)
+        moved.sources, moved._source = sources, dr.arange(mi.UInt32, len(self.ping))
+        if position is not None:
+            moved._position = dr.replace_grad(self._position, position)
+        if rotation is not None:
+            moved._rotation = dr.replace_grad(self._rotation, rotation)
+        return moved
+
+    def key(self, row: DrJitArray) -> mi.UInt32:
+        """Give the word of chance of rows."""
+        return dr.gather(mi.UInt32, self._key, row)
+
+    def origin(self, ping: mi.UInt32) -> dr.ArrayBase:
+        """Give the position of the sonar, Array3f64 [m]."""
+        row = dr.gather(self._lib.Array4f64, self._position, ping)
+        return self._lib.Array3f64(row[0], row[1], row[2])
+
+    def source(self, ping: mi.UInt32) -> mi.UInt32:
+        """Give the index into `sources`."""
+        return dr.gather(mi.UInt32, self._source, ping)
+
+    def depth_below(self, ping: mi.UInt32) -> mi.Float:
+        """Give the seabed below the sonar [m]."""
+        return dr.gather(mi.Float, self._below, ping)
+
+    def medium(self, ping: mi.UInt32) -> tuple[mi.Float, mi.Float]:
+        """Give depth [m] and sound speed [m/s] at the sonar."""
+        depth, speed, _ = self.sources.state.gather(self._lib, cast(UInt32, self.source(ping)))
+        return mi.Float(depth), mi.Float(speed)
+
+    def body(self, ping: mi.UInt32, direction: Vector) -> mi.Vector3f:
+        """Turn scene directions into body directions."""
+        rows = [dr.gather(self._lib.Array4f, self._rotation, 3 * ping + i) for i in range(3)]
+        return mi.Vector3f(*(sum(row[k] * part for row, part in zip(rows, direction)) for k in range(3)))
+
+    def scene(self, ping: mi.UInt32, body: mi.Vector3f) -> mi.Vector3f:
+        """Turn body directions into scene directions."""
+        x, y, z = (dr.gather(self._lib.Array4f, self._rotation, 3 * ping + i) for i in range(3))
+        return mi.Vector3f(*(r[0] * body.x + r[1] * body.y + r[2] * body.z for r in (x, y, z)))
+
+    def receive(self, ping: mi.UInt32, towards: Vector, offset: dr.ArrayBase, delay: mi.Float64) -> Reception:
+        """Give how echoes are received from points `offset` [m] away.
+
+        `delay` [s] is the two-way time, and `towards` where the return leg comes from, of a sonar that stands still.
+        """
+        if self.motion is None:
+            return Reception(delay=delay, towards=towards)
+        return self.motion.receive(ping, towards, mi.Float(dr.norm(offset)), delay, self.medium(ping)[1])

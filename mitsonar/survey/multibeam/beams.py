@@ -1,0 +1,182 @@
+"""The beams of a sector's pings in the beam domain: those of either half of the receiving line, and their truth."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mitsuba as mi
+import numpy as np
+from scipy import ndimage
+
+from mitsonar.device.chance import Salt, ping_key, sonar_seed
+from mitsonar.imaging.energy_record import EnergyRecord
+from mitsonar.signal.beam_grid import LineBeams, NoiseDensity
+from mitsonar.sonar.arrays.sectors import half_power_width
+from mitsonar.units import amplitude_from_db, power_from_db
+
+from ..beam_domain.blur import Blur
+from ..beam_domain.frames import LaidPing, lay
+from ..beam_domain.line import LineArray
+from ..beam_domain.ping_echoes import PingEchoes
+from ..beam_domain.truth import FrameTruth
+from .survey import SectorRun, SwathSurvey
+
+__all__ = ["Halves", "SectorBeams", "sector_beams"]
+
+MAIN_LOBE = 0.25                   # of its axis: half the amplitude
+FINER = 8                          # steps of a side lobe
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Halves:
+    """Beams of a ping, compressed.
+
+    Attributes
+    ----------
+    port, starboard : complex64 (B, T) [µPa]
+        Of either half of the receiving line.
+    """
+
+    port: np.ndarray
+    starboard: np.ndarray
+
+    @property
+    def whole(self) -> np.ndarray:
+        """Beams of the whole line."""
+        return 0.5 * (self.port + self.starboard)
+
+
+def sector_beams(survey: SwathSurvey) -> list[SectorBeams]:
+    """Make what forms the beams of each sector."""
+    made: list[SectorBeams] = []
+    for number, run in enumerate(survey.sectors):
+        made.append(SectorBeams(run, number, survey.receive_flaws, beside=made[0] if made else None))
+    return made
+
+
+class SectorBeams:
+    """Form the beams of one sector, ping by ping.
+
+    Parameters
+    ----------
+    run : SectorRun
+    number : int
+        Of the sector: its noise is its own.
+    flaws : float
+        As of `SwathSurvey.receive_flaws`.
+    beside : SectorBeams or None
+        Of another sector: what it knows of the scene is shared.
+    """
+
+    def __init__(self, run: SectorRun, number: int, flaws: float = 0.0, beside: SectorBeams | None = None):
+        self.run, self._number = run, number
+        survey = run.survey
+        self.line = line = _line(run)
+        self._echoes = PingEchoes(survey, line, per_cell=survey.per_cell, beams_from_origin=False,
+                                  beside=None if beside is None else beside._echoes)
+        port = line.place < 0
+        halves = np.stack([np.where(port, line.weight, 0.0), np.where(port, 0.0, line.weight)])
+        flawed = _flawed(halves, flaws)
+        # beams are relative to the sum of their weights' sizes, and are to be right on their axes
+        self._gain = np.abs(flawed).sum(1) / np.abs(halves).sum(1)
+        #: between the phase centres of the halves [wavelengths]
+        self.baseline = float(np.diff((halves @ line.place) / halves.sum(1))[0]) / survey.wavelength
+        #: of beams at right angles to the line, at -3 dB [sine]
+        self.lobe_width = half_power_width(line.place, line.weight) * survey.wavelength
+        self._lobes = _side_lobes(line.place / survey.wavelength, flawed.sum(0))
+        self._beams = LineBeams(
+            mi.Float, position=line.place, weight=flawed, pulse=survey.pulse, samples=survey.samples,
+            sampling_rate=survey.sampling_rate, lead=survey.lead, start=survey.start,
+            sines=np.array([run.sines.min(), run.sines.max()]), sound_speed=survey.sound_speed(0),
+            absorption_db=survey.absorption_db)
+        self._noise = NoiseDensity.of(survey.noise, survey.source_level_db)
+        self._truth: tuple[np.ndarray, FrameTruth] | None = None
+
+    def beam_width(self, sines: np.ndarray) -> np.ndarray:
+        """Widths of beams at sines (B,), at -3 dB [rad]."""
+        return self.lobe_width / np.sqrt(np.maximum(1 - sines ** 2, 1e-3))
+
+    def side_lobes(self, sines: np.ndarray, others: np.ndarray) -> np.ndarray:
+        """Power pattern (B, J) of beams at sines (B,) towards others (J,), 0 within their main lobes."""
+        gap, level = self._lobes
+        return np.interp(np.abs(sines[:, None] - others), gap, level)
+
+    @property
+    def transmit_width(self) -> float:
+        """Of the transmission along the track, at -3 dB, steered straight down [rad]."""
+        transmit = self.run.survey.transmit
+        return half_power_width(transmit.position @ transmit.along[0], transmit.weight) * self.run.survey.wavelength
+
+    @property
+    def time(self) -> np.ndarray:
+        """Of the samples after the transmission [s], (T,)."""
+        return self.run.survey.time[self.run.survey.lead:]
+
+    def halves(self, ping: int, seed: int) -> Halves:
+        """Form the beams of a ping."""
+        return self._formed(ping, seed)[0]
+
+    def frame(self, ping: int, seed: int) -> tuple[np.ndarray, EnergyRecord]:
+        """Form the beams (B, T) [µPa] of the whole line, and their truth."""
+        halves, laid = self._formed(ping, seed)
+        survey = self.run.survey
+        truth = self._truth_of(ping).of(
+            laid.scatterers, self._echoes.hiding(ping, laid.scatterers), laid.targets,
+            origin=survey.track.position[ping], depth_below=float(survey.depth_below[ping]),
+            farthest=0.5 * survey.time[-1] * survey.sound_speed(ping),
+            source_power=float(power_from_db(survey.source_level_db)))
+        return halves.whole, truth
+
+    def _formed(self, ping: int, seed: int) -> tuple[Halves, LaidPing]:
+        own = seed if not self._number else sonar_seed(seed, f"sector {self._number}")
+        grid = self._beams.grid()
+        laid = lay(self._echoes, grid, ping, own)
+        beams = self._beams.form_each(grid, doppler=self._echoes.doppler(ping), noise=self._noise,
+                                      key=ping_key(own, ping), sines=self.run.sines[ping])
+        beams *= (amplitude_from_db(self.run.survey.source_level_db) * self._gain)[:, None, None].astype(np.float32)
+        return Halves(port=beams[0], starboard=beams[1]), laid
+
+    def _truth_of(self, ping: int) -> FrameTruth:
+        """The truth's beams of a ping; the last ones are kept."""
+        sines = self.run.sines[ping]
+        if self._truth is None or not np.array_equal(self._truth[0], sines):
+            survey, line = self.run.survey, self.line
+            blur = Blur(sines, line.place / survey.wavelength, line.weight,
+                        survey.pulse.bandwidth / survey.sampling_rate)
+            self._truth = sines, FrameTruth(blur, lead=survey.lead, bins=survey.samples - survey.lead,
+                                            named=survey.geometry.named)
+        return self._truth[1]
+
+
+def _flawed(halves: np.ndarray, flaws: float) -> np.ndarray:
+    """Weights (2, E) of elements that are off; each half is calibrated, so that it is right on its axis."""
+    if not flaws:
+        return halves
+    draw = np.random.default_rng([halves.shape[1], Salt.RECEIVER_FLAWS]).standard_normal((2, halves.shape[1]))
+    off = halves * (1 + flaws * draw[0]) * np.exp(1j * flaws * draw[1])
+    size = np.abs(halves).sum(1, keepdims=True)
+    return off * (size / off.sum(1, keepdims=True))
+
+
+def _line(run: SectorRun) -> LineArray:
+    """The receiving line, whose fan lies about where its elements look."""
+    receive = run.survey.receive
+    along, normal = receive.along[0], receive.normal[0]
+    sines = np.array([-0.5, 0.0, 0.5])
+    fan = sines[:, None] * along + np.sqrt(1 - sines ** 2)[:, None] * normal
+    return LineArray.of(receive, fan, run.survey.wavelength)
+
+
+def _side_lobes(place: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Power pattern of a line (N,) [wavelengths] against the gap of sines, peaks of its side lobes joined.
+
+    It is 0 where it is above `MAIN_LOBE`, that of beams that hear the same bed, and nowhere more than that: two beams
+    that are each other's grating lobe are not told apart.
+    """
+    step = 1 / (FINER * np.ptp(place))
+    gap = np.arange(0.0, 2.0 + step, step)
+    level = np.concatenate([np.abs(np.exp(2j * np.pi * np.multiply.outer(some, place)) @ weight) ** 2
+                            for some in np.array_split(gap, -(-len(gap) // 1024))])
+    level = level / np.abs(weight).sum() ** 2
+    main = np.flatnonzero(level < MAIN_LOBE)[0]
+    joined = ndimage.maximum_filter1d(level, FINER + 1, mode="nearest")
+    return gap, np.where(np.arange(len(gap)) < main, 0.0, np.minimum(joined, MAIN_LOBE))

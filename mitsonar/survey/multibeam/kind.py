@@ -1,0 +1,132 @@
+"""Multibeam echo sounder: a swath of beams in sectors, whose picture is the water column.
+
+    plan       one route, a run of arrays a sector                                      `swath.plan`
+    beams      halves of the receiving line in the beam domain                          `swath.beams`
+    soundings  detection and reduction                                                  `swath.soundings`
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+import xarray as xr
+
+from mitsonar.imaging import fan
+from mitsonar.imaging.energy_record import EnergyRecord, gathered, joined
+from mitsonar.scene import objects
+from mitsonar.scene.labels import classes_of
+from mitsonar.water.profile import SoundSpeedProfile
+
+from .. import limits
+from ..pressure.array_survey import ArraySurvey
+from ..pressure.signals import ping_attributes, ping_coordinates
+from ..sensor import RunSettings
+from .beams import sector_beams
+from .instrument import Multibeam
+from .plan import MultibeamSensor, plan
+from .soundings import SoundingLine
+from .survey import SwathSurvey
+
+__all__ = ["frames", "picture", "plan", "plan_elements", "rows", "sounding_line"]
+
+
+def plan_elements(scene: mi.Scene, sensor: MultibeamSensor, settings: RunSettings, lead: float = 0.0) -> ArraySurvey:
+    """Plan a run whose record is the signals of elements.
+
+    Raises
+    ------
+    ValueError
+        If the swath has several sectors: each has signals of its own.
+    """
+    survey = plan(scene, sensor, settings, lead)
+    if len(survey.sectors) > 1:
+        raise ValueError(f"a ping of this multibeam has {len(survey.sectors)} transmissions, and signals of elements "
+                         "are of one; give frequency_khz one number and swaths 1")
+    return survey.sectors[0].survey
+
+
+def picture(survey: SwathSurvey, sensor: MultibeamSensor, seed: int,
+            progress: Callable[[float, float], None] | None = None,
+            say: Callable[[str], None] | None = None) -> xr.Dataset:
+    """Render the picture of the water column, with its truth; see `mitsonar.render`."""
+    pings = range(survey.track.pings)
+    limits.check_beams(survey.sectors[0].survey, survey.beams, pings=len(pings))
+    image = _Pictures(survey, seed).of(pings, progress)
+    return image.assign_attrs(unseen=objects.unseen(image))
+
+
+def frames(survey: SwathSurvey, sensor: MultibeamSensor, seed: int) -> Iterator[xr.Dataset]:
+    """Yield the pictures of pings one by one; see `mitsonar.frames`."""
+    pictures = _Pictures(survey, seed)
+    for ping in range(survey.track.pings):
+        image = pictures.of([ping], None)
+        yield image.assign_attrs(unseen=objects.unseen(image, warn=False))
+
+
+def rows(level: np.ndarray) -> np.ndarray:
+    """Levels (ping, beam, sample) as rows of one picture, ping after ping."""
+    return level.reshape(-1, level.shape[-1])
+
+
+def sounding_line(survey: SwathSurvey, seed: int, *, profile: SoundSpeedProfile | None, column: bool,
+                  snippets: int) -> SoundingLine:
+    """Make what makes the soundings of a line; arguments as of `mitsonar.soundings`."""
+    return SoundingLine(survey, Multibeam(survey, seed, column=column, snippets=snippets), seed, profile=profile)
+
+
+class _Pictures:
+    """Make pictures of pings."""
+
+    def __init__(self, survey: SwathSurvey, seed: int):
+        self._survey, self._seed = survey, seed
+        self._sectors = sector_beams(survey)
+
+    def of(self, pings: Sequence[int], progress: Callable[[float, float], None] | None) -> xr.Dataset:
+        """The picture of some pings."""
+        survey, levels = self._survey, []
+
+        def records() -> Iterator[EnergyRecord]:
+            for done, ping in enumerate(pings, 1):
+                made = [sector.frame(ping, self._seed) for sector in self._sectors]
+                levels.append(np.concatenate([fan.levels(beams).astype(np.float32) for beams, _ in made]))
+                yield joined([truth for _, truth in made])
+                if progress is not None:
+                    progress(done, len(pings))
+
+        record = gathered(records(), pings=len(pings), rows=survey.beams)
+        first = survey.sectors[0].survey
+        about = xr.Dataset(
+            coords={**ping_coordinates(first, pings), "time": ("sample", self._sectors[0].time)},
+            attrs={**ping_attributes(first, pings), "seed": self._seed, "source_level_db": first.source_level_db})
+        image = fan.image(about, np.stack(levels), self._angle, self._direction,
+                          depth_below=survey.depth_below[list(pings)], labels=survey.labels,
+                          class_of=classes_of(survey.labels)[1], record=record)
+        return self._told(image, pings).assign_attrs(self._known, sonar="multibeam", preset=survey.preset)
+
+    def _told(self, image: xr.Dataset, pings: Sequence[int]) -> xr.Dataset:
+        """Say of every beam where it looked, and which sector it listened to."""
+        survey = self._survey
+        sines = np.concatenate([run.sines[list(pings)] for run in survey.sectors], 1)
+        sector = np.repeat(np.arange(len(survey.sectors)), [run.sines.shape[1] for run in survey.sectors])
+        frequency = np.array([run.survey.frequency for run in survey.sectors])[sector]
+        return image.assign_coords(
+            beam_angle=(("ping", "beam"), np.arcsin(sines), {"units": "rad", "long_name": "from the array's normal"}),
+            sector=("beam", sector, {"units": "1", "long_name": "number of the transmission"}),
+            beam_frequency=("beam", frequency, {"units": "Hz", "long_name": "of the transmission"}))
+
+    @property
+    def _angle(self) -> np.ndarray:
+        return np.concatenate([run.sector.beams for run in self._survey.sectors])
+
+    @property
+    def _direction(self) -> np.ndarray:
+        """Of beams, body frame, where the body is level."""
+        return np.stack([np.zeros_like(self._angle), np.sin(self._angle), np.cos(self._angle)], -1)
+
+    @cached_property
+    def _known(self) -> dict[str, Any]:
+        return objects.known(*classes_of(self._survey.labels), self._survey.geometry,
+                             self._survey.track.position)

@@ -1,0 +1,164 @@
+"""What a run of a sonar with arrays is: scene, water, pulse, arrays, and the record that is asked for. Data only.
+
+When the samples of a record are taken, and about which carrier.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mitsonar.device.types import Float, Float64, Int32
+from mitsonar.signal.accumulation import centre
+from mitsonar.signal.noise import ElementNoise
+from mitsonar.sonar.arrays.array import Array
+from mitsonar.sonar.motion.trajectory import PingTravel
+from mitsonar.sonar.pulses.pulses import Pulse
+
+from ..survey import Survey
+from .sources import RaySources
+
+__all__ = ["ArraySurvey", "Sampling"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sampling:
+    """The samples of a record in complex baseband.
+
+    Attributes
+    ----------
+    start : float [s]
+        Time of sample 0, from the transmission on.
+    sampling_rate, frequency : float [Hz]
+        Of the samples; of the carrier.
+    """
+
+    start: float
+    sampling_rate: float
+    frequency: float
+
+    def place(self, delay: Float64) -> tuple[Float, Int32, Float]:
+        """Give the carrier phase [cycles], the sample and the fraction of a sample of delays (R,) [s]; see `centre`."""
+        return centre(delay, start=self.start, frequency=self.frequency, sampling_rate=self.sampling_rate)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArraySurvey(Survey):
+    """A run of a sonar with arrays.
+
+    Attributes
+    ----------
+    pulse : Pulse
+    source_level_db : float [dB re 1 µPa @ 1 m]
+        Of all transmit elements together, where their waves add up.
+    transmit, receive : Array
+    start : float [s]
+        Time of sample 0, from the transmission on.
+    sampling_rate : float [Hz]
+    samples : int
+    lead : int
+        How many of the samples come before the record that was asked for.
+    cell_size : float [m]
+        Longest side of a cell, which holds one scatterer.
+    per_cell : float [-]
+        Scatterers of a resolution cell, of a picture in the beam domain.
+    ensonification : str
+        How scatterers are found: one of `ensonification.METHODS`.
+    sources : RaySources
+        Where rays start.
+    pass_number : int
+        Which pass over the ground it is: scatterers may differ.
+    noise : ElementNoise or None
+    steering : (P, 3) or None [-]
+        What the transmit array is steered by at each ping, besides its own delays: body frame, the part of a unit
+        vector that its elements tell apart. None: by nothing.
+    sending : (P,) int or None
+        Number of the transmit element that sends alone at each ping; None: all send together.
+    thin_below : float [-]
+        Two-way intensity of the elements' beams below which cells are thinned, their mean energy kept; 0: none are.
+    absorption_db : callable or None
+        Absorption [dB/m] at frequencies [Hz], mean over the water; None where it is the same for all.
+
+    Notes
+    -----
+    `rays` counts the rays of one source and ping. It matters only where rays find the scatterers, and for echoes that
+    are drawn by chance.
+    """
+
+    pulse: Pulse
+    source_level_db: float
+    transmit: Array
+    receive: Array
+    start: float
+    sampling_rate: float
+    samples: int
+    lead: int
+    cell_size: float
+    per_cell: float
+    ensonification: str
+    sources: RaySources
+    pass_number: int = 0
+    noise: ElementNoise | None = None
+    steering: np.ndarray | None = None
+    sending: np.ndarray | None = None
+    thin_below: float = 0.0
+    absorption_db: Callable[[np.ndarray], np.ndarray] | None = None
+
+    @cached_property
+    def velocity(self) -> np.ndarray:
+        """At the transmissions, (P, 3) [m/s], scene frame."""
+        return self.voyage.velocity
+
+    @property
+    def frequency(self) -> float:
+        """Of the carrier [Hz]."""
+        return self.pulse.frequency
+
+    @property
+    def wavelength(self) -> float:
+        """Of the carrier, at the array at the first ping [m]."""
+        return self.sound_speed(0) / self.frequency
+
+    @property
+    def radius(self) -> float:
+        """Distance of the farthest element, of either array, from the arrays' centre [m]."""
+        return max(self.transmit.radius, self.receive.radius)
+
+    @property
+    def sampling(self) -> Sampling:
+        """When the record's samples are taken, about which carrier."""
+        return Sampling(start=self.start, sampling_rate=self.sampling_rate, frequency=self.frequency)
+
+    @property
+    def time(self) -> np.ndarray:
+        """Of the samples [s], (S,)."""
+        return self.start + np.arange(self.samples) / self.sampling_rate
+
+    def sound_speed(self, ping: int) -> float:
+        """At the array [m/s]."""
+        return float(self.profile.at(-self.track.position[ping, 2]))
+
+    def transmit_delay(self, ping: int) -> np.ndarray:
+        """Of the transmit elements at a ping, (E,) [s]: their own, and r_e·u / c about their middle, by `steering`."""
+        array = self.transmit
+        if self.steering is None:
+            return array.delay
+        place = array.position - array.position[array.working].mean(0)
+        return array.delay + place @ self.steering[ping] / self.sound_speed(ping)
+
+    def sender(self, ping: int) -> int:
+        """Give the number of the transmit element that sends at a ping; the first where all send together."""
+        return 0 if self.sending is None else int(self.sending[ping])
+
+    def transmit_weight(self, ping: int) -> np.ndarray:
+        """Of the transmit elements at a ping, (E,): magnitudes add to 1."""
+        weight = self.transmit.weight
+        if self.sending is not None:
+            weight = np.where(np.arange(len(weight)) == self.sending[ping], weight, 0)
+        return weight / np.abs(weight).sum()
+
+    def travel(self, ping: int, position: np.ndarray) -> PingTravel:
+        """Follow a point (3,) [m] of the body while the echoes of a ping come in: a `PingTravel` of one ping."""
+        return self.voyage.trajectory.carried(position).during(self.track.time[[ping]], self.time[-1]).trimmed()

@@ -1,0 +1,144 @@
+"""Delays of echoes between one source of rays and the elements of an array: what all ways to find them share.
+
+Counts of the arrivals of echoes at elements, and of those for which the vector approximation is in doubt.
+"""
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, fields
+from typing import TypeVar
+
+import drjit as dr
+import numpy as np
+
+from mitsonar.device.types import Float, Float64, Int32
+from mitsonar.signal.accumulation import ImpulseResponses
+from mitsonar.sonar.arrays.array import Array
+
+from .array_survey import Sampling
+from .doppler import factor_per_metre
+from .echo_classes import SortedEchoes
+from .ping_source import PingSource
+
+__all__ = ["ALL_ROWS", "ArrivalCounts", "ElementDelays"]
+
+
+MOST_DOUBTFUL = 0.5                # share of doubtful echoes at which an array is too large for the approximation,
+SMALL_ARRAY = 1.0                  # [m] unless it is smaller: then they are traced one by one without a word
+FEWEST_JUDGED = 1000               # echoes: fewer say little
+
+
+class ArrivalCounts:
+    """Count arrivals while pings are made.
+
+    Parameters
+    ----------
+    radius : float [m]
+        Of the arrays.
+    guard : float [s]
+        Expected error of a delay above which an echo is in doubt.
+
+    Attributes
+    ----------
+    arrivals, lost : int
+        Arrivals of echoes at elements, and those among them that no ray brings although one reaches the centre.
+    judged, doubtful : int
+        Echoes whose expected error was looked at, and those in doubt.
+    """
+
+    def __init__(self, *, radius: float, guard: float):
+        self.radius, self.guard = radius, guard
+        self.arrivals = self.lost = self.judged = self.doubtful = 0
+
+    def count(self, arrivals: int, lost: int = 0) -> None:
+        """Count arrivals, and how many of them are lost."""
+        self.arrivals, self.lost = self.arrivals + arrivals, self.lost + lost
+
+    def judge(self, echoes: int, doubtful: int) -> None:
+        """Count echoes in doubt.
+
+        Raises
+        ------
+        ValueError
+            If they are so many that a large array had better be computed with eigenrays altogether.
+        """
+        self.judged, self.doubtful = self.judged + echoes, self.doubtful + doubtful
+        if self.radius > SMALL_ARRAY and self.doubtful > MOST_DOUBTFUL * max(self.judged, FEWEST_JUDGED):
+            raise ValueError(f"the array reaches {self.radius:.3g} m from its centre, too far for the vector "
+                             f"approximation here: for {100 * self.doubtful / self.judged:.0f} % of the echoes it may "
+                             f"be off by more than {1e9 * self.guard:g} ns, soonest where rays turn or run nearly "
+                             "level; take return_path=\"eigenray\", a smaller array or a shorter range")
+
+
+ALL_ROWS = slice(None)
+DRIFT = 1e-3                       # [cycles] that elements may drift from the source until a pulse's middle
+Kind = TypeVar("Kind", bound="ElementDelays")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ElementDelays(ABC):
+    """A way to find delays, and to sum echoes with them. Subclasses say which: `vectors`, `eigenrays`, `guarded`.
+
+    Attributes
+    ----------
+    source : PingSource
+    transmit, receive : Array
+    wavelength : float [m]
+        Of the carrier, for which elements' patterns are taken.
+    sampling : Sampling
+        Of the record.
+    counts : ArrivalCounts
+        Where arrivals are counted.
+    """
+
+    source: PingSource
+    transmit: Array
+    receive: Array
+    wavelength: float
+    sampling: Sampling
+    counts: ArrivalCounts
+
+    @abstractmethod
+    def add(self, responses: ImpulseResponses, some: SortedEchoes, element: int, *, weight: float,
+            rows: slice = ALL_ROWS) -> None:
+        """Sum the echoes of one transmit element at receive elements.
+
+        Parameters
+        ----------
+        responses : ImpulseResponses
+            They are added here.
+        some : SortedEchoes
+        element : int
+            The transmit element.
+        weight : float [-]
+            Of what it transmits.
+        rows : slice
+            Receive elements.
+        """
+
+    def stands_off(self, element: int) -> bool:
+        """Whether a transmit element is not where the source is."""
+        return bool(np.any(self.transmit.position[element] != self.source.position))
+
+    def moment(self, some: SortedEchoes, rows: slice) -> float:
+        """Give the moment of the pulse [s] whose echoes tell how far receive elements are apart from the source.
+
+        Where an array passes, its elements close in on an echo at other speeds than the source, so that what is right
+        for the beginning of a long pulse is not for its middle. 0 where that matters less than `DRIFT`.
+        """
+        if not some.moment:
+            return 0.0
+        reach = np.linalg.norm(self.receive.position[rows] - self.source.position, axis=1).max()
+        cycles = some.moment * factor_per_metre(self.source, some.echoes) * reach * self.source.speed / self.wavelength
+        return some.moment if cycles > DRIFT else 0.0
+
+    def placed(self, some: SortedEchoes, arrival: Float64) -> tuple[Float, Int32, Float]:
+        """Give phase, sample and fraction of echoes that arrive then (R,) [s], as `Sampling.place` does."""
+        phase, sample, fraction = self.sampling.place(arrival + some.late)
+        if some.turn is not None:
+            phase -= type(phase)(some.turn - dr.floor(some.turn))
+        return phase, sample, fraction
+
+    def changed_to(self, kind: type[Kind]) -> Kind:
+        """Give the same with another way to find delays."""
+        return kind(**{field.name: getattr(self, field.name) for field in fields(ElementDelays)})

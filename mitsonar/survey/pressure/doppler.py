@@ -1,0 +1,102 @@
+"""Doppler of echoes between a moving array's elements: their time scale, and which receivers share one.
+
+    η = (c + v_back·n_back) / (c - v_out·n_out)      at a moment of the pulse, v of the elements, n towards the echo
+
+The factor changes while the platform passes, so that what is sent at a moment t arrives at t/η̄ after the beginning of
+the echo, η̄ the mean over [0, t]: the bend grows with the speed across and with 1 / range.
+"""
+from __future__ import annotations
+
+from typing import Any, cast
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.arrays import arrays_of
+from mitsonar.device.types import Float64
+from mitsonar.echoes.record import Echoes
+from mitsonar.propagation.returns.travel import rotated
+from mitsonar.signal.doppler import two_way_doppler
+
+from .ping_source import PingSource, opaque64
+
+__all__ = ["factor_per_metre", "receiver_groups", "time_scale"]
+
+SHORTEST_WAY = 1e-3                # [m], [s]: no division by zero
+
+
+def time_scale(source: PingSource, echoes: Echoes, *, sender: np.ndarray, receiver: np.ndarray,
+               moment: float = 0.0) -> tuple[Float64, Float64]:
+    """Give the two-way factor of what is sent at a moment, and when its echoes arrive.
+
+    Parameters
+    ----------
+    source : PingSource
+    echoes : Echoes
+    sender, receiver : (3,) [m]
+        Where sound is sent and received, body frame.
+    moment : float [s]
+        After the beginning of the pulse.
+
+    Returns
+    -------
+    doppler : Float64 (R,) [-]
+    when : Float64 (R,) [s]
+        After the beginning of the echo; second order in the moment.
+    """
+    back, speed = source.way_back(echoes), dr.opaque(mi.Float64, source.speed)
+    slower, bend, wide = [], 0, cast(Any, arrays_of(mi.Float).Array3f64)
+    sent = dr.opaque(mi.Float64, moment)
+    ways = ((echoes.out, wide(echoes.out.launch_direction), echoes.out.travel_time, sender, mi.Float64(0)),
+            (echoes.back, -wide(*map(mi.Float64, back.direction)), back.return_time, receiver,
+             echoes.arrival + back.return_time))
+    # the mean velocity until the moment, and that at the moment
+    for share in (0.5, 1.0):
+        closing = []
+        for leg, towards, time, position, begin in ways:
+            view, when = source.view(leg), begin + share * sent
+            arm = rotated(opaque64(view.rotation @ (position - source.position)), view.travel.turned(when))
+            velocity = wide(*view.travel.velocity(when)) + dr.cross(wide(*view.travel.turn_rate(when)), wide(*arm))
+            distance = time * speed
+            towards = dr.normalize(towards * distance - wide(*arm))
+            closing.append(dr.dot(velocity, towards))
+            if share < 1:
+                across = dr.maximum(dr.squared_norm(velocity) - dr.square(closing[-1]), 0)
+                bend += across / dr.maximum(distance, SHORTEST_WAY) / speed
+        slower.append(1 / two_way_doppler(closing[0], speed, closing[1]))
+    return 1 / (slower[1] + bend * sent), (slower[0] + 0.5 * bend * sent) * sent
+
+
+def receiver_groups(source: PingSource, echoes: Echoes, position: np.ndarray,
+                    tolerance: float) -> list[tuple[slice, np.ndarray]]:
+    """Group receive elements that hear all these echoes with factors within a tolerance.
+
+    Parameters
+    ----------
+    source : PingSource
+    echoes : Echoes
+    position : (E, 3) [m]
+        Of the receive elements, body frame.
+    tolerance : float [-]
+
+    Returns
+    -------
+    list of (slice, (3,) [m])
+        Rows of the receive array, and their middle in the body frame.
+    """
+    widest, groups, first = tolerance / max(factor_per_metre(source, echoes), 1e-30), [], 0
+    for last in range(1, len(position) + 1):
+        some = position[first:last + 1]
+        if last == len(position) or np.linalg.norm(some - some.mean(0), axis=1).max() > widest:
+            groups.append((slice(first, last), position[first:last].mean(0)))
+            first = last
+    return groups
+
+
+def factor_per_metre(source: PingSource, echoes: Echoes) -> float:
+    """Give what the factors of elements a metre apart differ by at most [1/m]."""
+    nearest = source.speed * min(float(dr.min(leg.travel_time)[0]) for leg in (echoes.out, echoes.back))
+    travel = source.travel
+    return float((travel.peak(travel.displacement, 1)[0] / max(nearest, SHORTEST_WAY)
+                  + travel.peak(travel.turn, 1)[0]) / source.speed)

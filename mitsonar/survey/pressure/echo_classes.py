@@ -1,0 +1,173 @@
+"""Echoes in classes of nearly one Doppler factor, each of which is convolved with its own time scale of the pulse.
+
+Two kinds: `OneClass` takes all echoes as if they had one factor; `DopplerClasses` puts each echo into the class whose
+factor is nearest, delayed so that the middle of the pulse arrives when it does, and with its frequency if it sweeps.
+"""
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import cast
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.arrays import arrays_of, compressed, held, picked
+from mitsonar.device.types import Float64, UInt32
+from mitsonar.echoes.record import Echoes
+from mitsonar.signal.doppler import Glide, factor_tolerance
+from mitsonar.sonar.pulses.pulses import Pulse
+
+from .doppler import receiver_groups, time_scale
+from .ping_source import PingSource
+
+__all__ = ["DopplerClasses", "EchoClasses", "OneClass", "SortedEchoes"]
+
+SAME_PLACE = 1e-9                  # [m]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SortedEchoes:
+    """Echoes, and what their classes do to them.
+
+    Attributes
+    ----------
+    echoes : Echoes
+    late : Float64 (R,) or (1,) [s]
+        By how much they arrive later, in their phase as in their place.
+    turn : Float64 (R,) or None [cycles]
+        By which their phases are ahead; None: not.
+    sheet : UInt32 (R,) or None
+        Numbers of their classes, counted from the first one wanted; None: there is but one.
+    moment : float [s]
+        Of the pulse that `late` is told for, of an element at the source: others differ from it by what they do then.
+    """
+
+    echoes: Echoes
+    late: Float64
+    turn: Float64 | None = None
+    sheet: UInt32 | None = None
+    moment: float = 0.0
+
+    def chosen(self, index: UInt32) -> SortedEchoes:
+        """The echoes with these numbers."""
+        return SortedEchoes(echoes=self.echoes.chosen(index), late=picked(self.late, index),
+                            turn=None if self.turn is None else picked(self.turn, index),
+                            sheet=None if self.sheet is None else picked(self.sheet, index), moment=self.moment)
+
+
+class EchoClasses(ABC):
+    """Classes of echoes.
+
+    Attributes
+    ----------
+    factors : (K,) [-]
+        Two-way Doppler factors that stand for them.
+    """
+
+    factors: np.ndarray
+
+    @abstractmethod
+    def receiver_groups(self, source: PingSource, echoes: Echoes,
+                        position: np.ndarray) -> list[tuple[slice, np.ndarray]]:
+        """Group receive elements at positions (E, 3) [m] that sort echoes alike: their rows, and their middle (3,)."""
+
+    @abstractmethod
+    def sort(self, source: PingSource, echoes: Echoes, wanted: range, *, sender: np.ndarray, receiver: np.ndarray,
+             delay: float) -> SortedEchoes | None:
+        """Put echoes into classes.
+
+        Parameters
+        ----------
+        source : PingSource
+        echoes : Echoes
+        wanted : range
+            Numbers of the classes asked for: echoes of others are left out.
+        sender, receiver : (3,) [m]
+            Where sound is sent and received, body frame.
+        delay : float [s]
+            By which it is sent later.
+
+        Returns
+        -------
+        SortedEchoes or None
+            None if there are none.
+        """
+
+
+class OneClass(EchoClasses):
+    """All echoes, as if one factor were that of all."""
+
+    def __init__(self, factor: float = 1.0):
+        self.factors = np.array([factor])
+
+    def receiver_groups(self, source: PingSource, echoes: Echoes,
+                        position: np.ndarray) -> list[tuple[slice, np.ndarray]]:
+        """Put all receive elements into one group; see `EchoClasses.receiver_groups`."""
+        return [(slice(None), source.position)]
+
+    def sort(self, source: PingSource, echoes: Echoes, wanted: range, *, sender: np.ndarray, receiver: np.ndarray,
+             delay: float) -> SortedEchoes:
+        """Take all echoes; see `EchoClasses.sort`."""
+        late = dr.opaque(arrays_of(mi.Float).Float64, 0.0)
+        if delay:
+            late = time_scale(source, echoes, sender=sender, receiver=receiver, moment=delay)[1]
+        return SortedEchoes(echoes=echoes, late=late)
+
+
+class DopplerClasses(EchoClasses):
+    """Echoes sorted by their Doppler factors: each is in one class, rounding or not.
+
+    Parameters
+    ----------
+    factors : (K,) [-]
+        Equally spaced and rising, as of `signal.doppler.doppler_classes`.
+    begin : float [s]
+        When the pulse begins, or its piece.
+    pulse : Pulse
+    glide : Glide or None
+        Of a whole pulse that sweeps: its echoes are shifted by what is left of their factors.
+    """
+
+    def __init__(self, factors: np.ndarray, begin: float, pulse: Pulse, glide: Glide | None = None):
+        self.factors, self.begin, self.pulse, self.glide = np.asarray(factors, float), begin, pulse, glide
+
+    def receiver_groups(self, source: PingSource, echoes: Echoes,
+                        position: np.ndarray) -> list[tuple[slice, np.ndarray]]:
+        """Group receive elements whose factors differ too little to matter; see `EchoClasses.receiver_groups`."""
+        return receiver_groups(source, echoes, position, factor_tolerance(self.pulse))
+
+    def sort(self, source: PingSource, echoes: Echoes, wanted: range, *, sender: np.ndarray, receiver: np.ndarray,
+             delay: float) -> SortedEchoes | None:
+        """Put each echo into the class of the nearest factor; see `EchoClasses.sort`."""
+        moment = self.begin + 0.5 * self.pulse.duration + delay
+        doppler, when = time_scale(source, echoes, sender=sender, receiver=receiver, moment=moment)
+        if not np.allclose(receiver, source.position, rtol=0, atol=SAME_PLACE):
+            _, when = time_scale(source, echoes, sender=sender, receiver=source.position, moment=moment)
+        number, factor = self._nearest(doppler)
+        if len(wanted) < len(self.factors):
+            dr.eval(doppler, when, number, factor)
+            index = compressed((number >= wanted.start) & (number < wanted.stop))
+            if not dr.width(index):
+                return None
+            echoes, number = echoes.chosen(index), dr.gather(type(number), number, index)
+            doppler, when, factor = (dr.gather(type(part), part, index) for part in (doppler, when, factor))
+        kind, turn = arrays_of(mi.Float).Float64, None
+        late = when - dr.opaque(kind, 0.5 * self.pulse.duration) / factor
+        if self.glide is not None:
+            # opaque, so that another pulse makes no other kernel
+            glide = Glide(*cast(list[float], [dr.opaque(kind, part) for part in self.glide]))
+            more, turn = glide.shift(doppler, factor)
+            late += more
+        return SortedEchoes(echoes=echoes, late=late, turn=turn,
+                            sheet=number - wanted.start if len(wanted) > 1 else None, moment=moment)
+
+    def _nearest(self, doppler: Float64) -> tuple[UInt32, Float64]:
+        """Give number and factor of the class nearest to each factor."""
+        width = float(self.factors[1] - self.factors[0]) if len(self.factors) > 1 else 1.0
+        lib = arrays_of(mi.Float)
+        first, width, last = (dr.opaque(lib.Float64, value)
+                              for value in (float(self.factors[0]), width, len(self.factors) - 1))
+        number = held(dr.round((doppler - first) / width), 0, last)
+        return lib.UInt32(number), dr.fma(number, width, first)

@@ -1,0 +1,67 @@
+"""Echoes at the elements by an eigenray for every echo and element: exact, and slow."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import cast
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.arrays import arrays_of
+from mitsonar.device.types import UInt32
+from mitsonar.echoes.scatterers.element_beams import omni
+from mitsonar.propagation.numpy_rays.exact_returns import exact_return
+from mitsonar.propagation.returns.travel import REST, rotated
+from mitsonar.signal.accumulation import ImpulseResponses
+
+from .delays import ALL_ROWS, ElementDelays
+from .echo_classes import SortedEchoes
+from .ping_source import opaque64
+
+__all__ = ["EigenrayDelays"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EigenrayDelays(ElementDelays):
+    """Delays by exact eigenrays."""
+
+    def add(self, responses: ImpulseResponses, some: SortedEchoes, element: int, *, weight: float,
+            rows: slice = ALL_ROWS) -> None:
+        """Sum the echoes of one transmit element at receive elements; see `ElementDelays.add`."""
+        echoes = some.echoes
+        transmit, receive, lib = self.transmit, self.receive, arrays_of(mi.Float)
+        way_out, view = self.source.view(echoes.out), self.source.view(echoes.back)
+        depth, travel = dr.opaque(lib.Float64, view.depth), view.travel
+        # ---- from the transmit element to what is met first
+        factor, first, towards = dr.opaque(lib.Float, weight), echoes.out.travel_time, echoes.out.launch_direction
+        if self.stands_off(element):
+            offset = opaque64(way_out.offsets(transmit)[element])
+            first, towards = exact_return(way_out.layers, lib, dr.opaque(lib.Float64, way_out.depth), echoes.out.offset,
+                                          lib.Float64(0), offset, REST, first)
+            factor = factor * lib.Float(echoes.out.travel_time / first)
+        if not omni(transmit):
+            factor *= way_out.pattern(transmit, element, towards, self.wavelength)
+        # ---- back to the source, and from there a guess for each receive element
+        place, out = echoes.back.offset, first + echoes.between
+        real, imaginary = (part * factor for part in echoes.amplitude)
+        centre = opaque64(np.zeros(3))
+        middle, _ = exact_return(view.layers, lib, depth, place, out, centre, travel, echoes.back.travel_time)
+        met, arrival, then = out, out + middle, middle
+        moment = self.moment(some, rows)
+        if moment:
+            met = out + dr.opaque(lib.Float64, moment)
+            then, _ = exact_return(view.layers, lib, depth, place, met, centre, travel, middle)
+        dr.eval(met, arrival, real, imaginary, then)
+        for row in range(receive.elements)[rows]:
+            offset = opaque64(view.offsets(receive)[row])
+            back, towards = exact_return(view.layers, lib, depth, place, met, offset, travel, then)
+            self.counts.count(echoes.count, lost=int(cast(UInt32, dr.count(dr.isnan(met + back)))[0]))
+            phase, sample, fraction = self.placed(some, arrival + (back - then))
+            spread = lib.Float(then / back)
+            if not omni(receive):
+                turned = rotated(towards, travel.turned(met + back), back=True)
+                spread *= view.pattern(receive, row, turned, self.wavelength)
+            responses.add(amplitude=(real * spread, imaginary * spread), phase=phase, sample=sample,
+                          fraction=fraction, hit_fields=[], element_fields=[np.zeros(1)],
+                          difference=lambda hit, at: at[0], rows=[row], sheet=some.sheet)

@@ -1,0 +1,117 @@
+"""One ping of an array: its sources of rays, and the echoes of the scatterers that each of them ensonifies.
+
+Scatterers have phases of their own, so their echoes are the same for every transmit element that a source stands for.
+Other echoes are drawn by chance: those of paths of more bounces, and those of the water. They are drawn from one place,
+the array's centre, so that they too are the same for all transmit elements.
+
+A ping from the very place and attitude of the one before ensonifies the same scatterers, to the last bit: those echoes
+are taken over. On the way nothing is: from one ping to the next the platform moves by many wavelengths, and what would
+still be true, which cells are seen, is a quarter of the work.
+"""
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from mitsonar.device.chance import ping_key
+from mitsonar.echoes.ensonification import Ensonification
+from mitsonar.echoes.record import Echoes
+from mitsonar.echoes.scatterers.element_beams import ElementBeams
+from mitsonar.echoes.scatterers.scatterers import Scatterers
+
+from ..energy.target_echoes import band_of
+from .array_survey import ArraySurvey
+from .ping_source import PingSource
+
+__all__ = ["EnsonifiedPing", "KEPT_ECHOES", "ensonification_of"]
+
+BAND = 0.75                        # c / 2B of two thirds of the sampling rate
+KEPT_ECHOES = 1 << 22              # kept from one transmit element to the next; more are made again
+BY_CHANCE = -1                     # number of the source of what is drawn by chance
+
+
+def ensonification_of(survey: ArraySurvey, scatterers: Scatterers | None = None) -> Ensonification:
+    """Make what ensonifies the scatterers of a survey's scene, or some given ones."""
+    end = survey.time[-1]
+    moved, turned = (float(np.linalg.norm(rate, axis=1).max()) * end
+                     for rate in (survey.velocity, survey.voyage.turn_rate))
+    return Ensonification(
+        scatterers or Scatterers(survey.geometry, survey.cell_size, survey.pass_number), survey.water,
+        frequency=survey.frequency,
+        window=(survey.start, end), margin=survey.radius + survey.receive.radius + moved,
+        method=survey.ensonification, rays=survey.rays,
+        beams=ElementBeams(survey.transmit, survey.receive, survey.wavelength, turned), max_depth=survey.max_depth,
+        thin_below=survey.thin_below, band=band_of(survey.pulse),
+        resolution=BAND * survey.sound_speed(0) / survey.sampling_rate)
+
+
+class EnsonifiedPing:
+    """Make the echoes of a ping. Unless they are too many, they are kept for the next transmit element.
+
+    Parameters
+    ----------
+    survey : ArraySurvey
+    ensonification : Ensonification
+    ping, seed : int
+    before : EnsonifiedPing or None
+        One made before, whose echoes are taken over if the platform still stands where it stood.
+    """
+
+    def __init__(self, survey: ArraySurvey, ensonification: Ensonification, ping: int, seed: int,
+                 before: "EnsonifiedPing | None" = None):
+        self.survey, self.ensonification, self.ping, self.seed = survey, ensonification, int(ping), int(seed)
+        self._rotation = survey.track.rotation()[ping]
+        self._sources: dict[int, PingSource] = {}
+        self._kept: dict[int, list[Echoes]] = {}
+        if before is not None and self._stands_as(before):
+            self._kept = {number: blocks for number, blocks in before._kept.items() if number != BY_CHANCE}
+
+    def _stands_as(self, other: "EnsonifiedPing") -> bool:
+        """Whether the platform is where it was at another ping, and scatterers are found without chance."""
+        track = self.survey.track
+        return (self.survey.ensonification == "scatterers" and np.array_equal(self._rotation, other._rotation)
+                and np.array_equal(track.position[self.ping], track.position[other.ping]))
+
+    def shares(self, element: int) -> list[tuple[int, float]]:
+        """Give the numbers of the sources that stand for a transmit element, each with its share."""
+        share = self.survey.sources.share[:, element]
+        return [*((int(number), float(share[number])) for number in np.flatnonzero(share)), (BY_CHANCE, 1.0)]
+
+    def source(self, number: int) -> PingSource:
+        """Give a source by its number."""
+        if number not in self._sources:
+            position = np.zeros(3) if number == BY_CHANCE else self.survey.sources.position[number]
+            self._sources[number] = PingSource(
+                position=position, centre=self.survey.track.position[self.ping], rotation=self._rotation,
+                travel=self.survey.travel(self.ping, position), water=self.survey.water)
+        return self._sources[number]
+
+    def echoes(self, number: int, progress: Callable[[float], None] | None = None) -> Iterator[Echoes]:
+        """Yield the echoes from a source in blocks.
+
+        Parameters
+        ----------
+        number : int
+            Of the source.
+        progress : callable(share) or None
+            Called with the share of the cells that are done, block by block.
+        """
+        if number in self._kept:
+            yield from self._kept[number]
+            return
+        room = KEPT_ECHOES - sum(block.count for blocks in self._kept.values() for block in blocks)
+        kept = []
+        for block in self._made(number, progress):
+            room -= block.count
+            kept = kept + [block] if kept is not None and room >= 0 else None
+            yield block
+        if kept is not None:
+            self._kept[number] = kept
+
+    def _made(self, number: int, progress: Callable[[float], None] | None) -> Iterator[Echoes]:
+        """Make the echoes from a source."""
+        source = self.source(number)
+        key = ping_key(self.seed, self.ping, max(number, 0))
+        below = float(self.survey.depth_below[self.ping])
+        if number == BY_CHANCE:
+            return self.ensonification.random_echoes(source.origin, source.rotation, below, key)
+        return self.ensonification.scatterer_echoes(source.origin, source.rotation, below, key, progress=progress)

@@ -1,0 +1,187 @@
+"""What echoes do at elements, pair by pair: how much later than at the source they arrive, and how strong they are.
+
+    delay    the difference of the method                                                `vector_approximation`
+    gain     1 / (1 + x) of an echo that is later by x of its way, times the element's pressure towards the echo
+
+The pattern of an element is that towards where its own ray comes from. With n towards the echo at the source, 1/R the
+curvature of its wavefront there and d the element's offset, that is (n - d/R) / |n - d/R|.
+
+Elements of one face, all of which look one way, hear nothing of what comes from behind their rigid baffle: that is
+asked once an echo. Along a level line of such elements delay and gain are polynomials, each echo's own, as long as
+their bounds are small (`line_difference`); the pressure of a face of the side L towards directions that differ by up to
+β leaves 2 (x/2)^N / ((N + 1) N!), x = π β L / λ. As many points are taken as leave `PATTERN_ERROR`.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import factorial
+from typing import TypeAlias
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.arrays import arrays_of
+from mitsonar.device.types import Bool, Float, Triple
+from mitsonar.propagation.returns.line_difference import NODES, Line, polynomial
+from mitsonar.propagation.returns.return_paths import ReturnPaths
+from mitsonar.propagation.returns.straight_vectors import dot
+from mitsonar.propagation.returns.vector_approximation import (
+    ELEMENT_FIELDS,
+    difference_of,
+    level_difference,
+    vector_element_fields,
+)
+from mitsonar.sonar.arrays.array import Array
+from mitsonar.sonar.arrays.element_patterns import element_pressure
+
+from .ping_source import Method, View, opaque
+
+__all__ = ["CURVATURE", "Pairs", "ReceivedEchoes", "offset_from", "seen_from"]
+
+CURVATURE = 6                      # where 1/R stands among `straight_vectors.hit_fields`
+SAME_PLANE = 1e-9                  # [m]
+FEWEST_ON_A_LINE = 16              # elements for which polynomials pay,
+LINE_ERROR = 1e-11                 # [s] the most by which their delays may be off,
+PATTERN_ERROR = 6.75e-6            # and their pressures: of five points x = 0.6
+
+OfPair: TypeAlias = Callable[[Sequence[Float], Sequence[Float]], Float]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pairs:
+    """What `ImpulseResponses.add` asks of pairs of echoes and elements.
+
+    Attributes
+    ----------
+    hits : list of Float (H,) or (1,)
+    elements : list of arrays (E,)
+    delay, gain : callable
+        Of the fields of both: [s], [-].
+    """
+
+    hits: list[Float]
+    elements: list[np.ndarray]
+    delay: OfPair
+    gain: OfPair
+
+
+class ReceivedEchoes:
+    """Echoes on their way to the elements of one array.
+
+    Parameters
+    ----------
+    back : ReturnPaths
+    view : View
+        What the way back sees.
+    receive : Array
+    wavelength : float [m]
+    method : {"vector", "paper"}
+    towards : triple of Float (H,) or None
+        Unit vectors from the source towards the echoes as the array sees them; None where it hears all alike.
+    """
+
+    def __init__(self, back: ReturnPaths, view: View, receive: Array, *, wavelength: float, method: Method,
+                 towards: Triple | None):
+        self.back, self.view, self.receive = back, view, receive
+        self.wavelength, self.towards = wavelength, towards
+        self.method: Method = method
+        self.flat = _one_face(receive)
+        self.baffle = "none" if self.flat and receive.baffle == "hard" else receive.baffle
+
+    @property
+    def ahead(self) -> Bool | None:
+        """Which echoes come from before the one rigid baffle of all elements; None where elements differ."""
+        if self.towards is None or self.baffle == self.receive.baffle:
+            return None
+        offset = opaque(mi.Float, self.view.offsets(self.receive)[0])
+        seen = offset_from(self.towards, offset, self.back.hit_fields[CURVATURE])
+        return dot(seen, opaque(mi.Float, self.view.rotation @ self.receive.normal[0])) >= 0
+
+    def pairs(self, rows: slice, nearest: float, speed: float) -> Pairs:
+        """Pair the echoes, all of them beyond `nearest` [m], with elements; sound of a `speed` [m/s] at the array."""
+        view, receive = self.view, self.receive
+        offsets = view.offsets(receive)[rows]
+        difference = difference_of(self.method, offsets, view.profile, view.tilt, view.climb)
+        if difference is level_difference and len(offsets) >= FEWEST_ON_A_LINE:
+            for count in NODES:
+                line = Line.through(offsets, count)
+                if line is not None and self._smooth(line, nearest, speed):
+                    return self._along(line, difference)
+        fields = ELEMENT_FIELDS[self.method](offsets, view.depth, view.profile)
+        faces = [] if self._alike else [*(receive.normal[rows] @ view.rotation.T).T,
+                                        *(receive.along[rows] @ view.rotation.T).T]
+        return self._each(difference, [*fields, *faces], len(fields))
+
+    @property
+    def _alike(self) -> bool:
+        """Whether what is left of the elements' patterns is the same towards all directions."""
+        return self.towards is None or (self.receive.pattern == "omni" and self.baffle == "none")
+
+    def _smooth(self, line: Line, nearest: float, speed: float) -> bool:
+        """Whether polynomials along a line are good enough."""
+        if line.error(nearest, speed) > LINE_ERROR:
+            return False
+        side = max(self.receive.length, self.receive.height) / self.wavelength
+        half, many = 0.5 * np.pi * side * line.angle(nearest), line.count
+        return self._alike or (self.flat and self.baffle in ("none", "cardioid")
+                               and 2 * half ** many / ((many + 1) * factorial(many)) < PATTERN_ERROR)
+
+    def _each(self, difference: OfPair, elements: list[np.ndarray], fields: int) -> Pairs:
+        """Every pair by itself; so many of the elements' fields are those of the difference."""
+        lib, receive, alike, baffle = arrays_of(mi.Float), self.receive, self._alike, self.baffle
+        count = len(self.back.hit_fields)
+        hits = [*self.back.hit_fields, lib.Float(dr.rcp(self.back.return_time))]
+        if self.towards is not None and not alike:
+            hits += [*self.towards, *opaque(lib.Float, (self.wavelength, receive.length, receive.height))]
+
+        def delay(hit: Sequence[Float], at: Sequence[Float]) -> Float:
+            return difference(hit[:count], at[:fields])
+
+        def gain(hit: Sequence[Float], at: Sequence[Float]) -> Float:
+            later = delay(hit, at) * hit[count]
+            spread = 1 - later * (1 - later)
+            if alike:
+                return spread
+            wavelength, length, height = hit[count + 4:]
+            direction = seen_from(hit[count + 1:count + 4], at[:3], hit[CURVATURE])
+            return spread * element_pressure(direction, wavelength, at[fields:fields + 3], at[fields + 3:],
+                                             length=length, height=height, pattern=receive.pattern, baffle=baffle)
+
+        return Pairs(hits=hits, elements=elements, delay=delay, gain=gain)
+
+    def _along(self, line: Line, difference: OfPair) -> Pairs:
+        """By polynomials through what some points of a line hear."""
+        view, receive = self.view, self.receive
+        fields = np.broadcast_arrays(*vector_element_fields(line.nodes, view.depth, view.profile))
+        faces = [] if self._alike else [*(view.rotation @ receive.normal[0]), *(view.rotation @ receive.along[0])]
+        exact = self._each(difference, [], len(fields))
+        nodes = [opaque(mi.Float, [*node, *faces]) for node in np.transpose(fields)]
+        delays, gains = (Line.coefficients([of_pair(exact.hits, node) for node in nodes])
+                         for of_pair in (exact.delay, exact.gain))
+        return Pairs(hits=[*delays, *gains], elements=[line.place],
+                     delay=lambda hit, at: polynomial(hit[:line.count], at[0]),
+                     gain=lambda hit, at: polynomial(hit[line.count:], at[0]))
+
+
+def _one_face(array: Array) -> bool:
+    """Whether all elements lie in one plane, look one way and are turned alike."""
+    plane = np.sum(array.position * array.normal, axis=-1)
+    return bool(np.all(array.normal == array.normal[0]) and np.all(array.along == array.along[0])
+                and np.ptp(plane) < SAME_PLANE)
+
+
+def offset_from(towards: Triple, offset: Triple, curvature: Float) -> list[Float]:
+    """Turn unit vectors from the source towards echoes into those from an element, not of unit length: triples.
+
+    `offset` of the element [m], `curvature` of the echo's wavefront at the source [1/m].
+    """
+    return [part - d * curvature for part, d in zip(towards, offset)]
+
+
+def seen_from(towards: Triple, offset: Triple, curvature: Float) -> list[Float]:
+    """Turn unit vectors from the source towards echoes into those from an element: see `offset_from`."""
+    seen = offset_from(towards, offset, curvature)
+    per_length = dr.rsqrt(seen[0] * seen[0] + seen[1] * seen[1] + seen[2] * seen[2])
+    return [part * per_length for part in seen]

@@ -1,0 +1,179 @@
+"""A source of rays at one ping: where it stands, how it moves on, and the water that its rays see.
+
+A leg that goes by way of the flat surface is straightened out: the platform is seen as its image above the surface, in
+water mirrored there. `View` is the one or the other, so that what follows is written once for both.
+"""
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, TypeAlias
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.arrays import arrays_of
+from mitsonar.device.types import Float, Float64, Triple
+from mitsonar.echoes.record import Echoes, Leg
+from mitsonar.echoes.scatterers.element_beams import pressure
+from mitsonar.propagation.device_rays.layer_table import LayerTable
+from mitsonar.propagation.device_rays.two_point import SourceState
+from mitsonar.propagation.returns.return_paths import ReturnPaths, return_paths
+from mitsonar.propagation.returns.travel import REST, Travel
+from mitsonar.scene.tracing.water import DeviceWater, Medium
+from mitsonar.sonar.arrays.array import Array
+from mitsonar.sonar.motion.trajectory import PingTravel
+from mitsonar.water.profile import SoundSpeedProfile
+
+__all__ = ["PingSource", "View", "opaque", "opaque64"]
+
+Method: TypeAlias = Literal["vector", "paper"]
+UPSIDE_DOWN = np.diag([1.0, 1.0, -1.0])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class View:
+    """The platform and the water as legs see them: as they are, or mirrored at the surface.
+
+    Attributes
+    ----------
+    medium : Medium
+        The water, or the water unfolded about the surface.
+    state : SourceState
+        Of the source's depth.
+    depth : float [m]
+        Of the source; negative for an image.
+    position : (3,) [m]
+        Of the source, body frame.
+    rotation : (3, 3)
+        Body to scene.
+    travel : Travel
+        Of the source since the ping, of opaque Float64.
+    tilt : float [rad]
+        The most that the platform leans over while echoes come in.
+    climb : float [m/s]
+        Its largest vertical speed meanwhile.
+    """
+
+    medium: Medium
+    state: SourceState
+    depth: float
+    position: np.ndarray
+    rotation: np.ndarray
+    travel: Travel
+    tilt: float
+    climb: float
+
+    @property
+    def layers(self) -> LayerTable:
+        """Layers of the water that is seen."""
+        return self.medium.layers
+
+    @property
+    def profile(self) -> SoundSpeedProfile:
+        """Its sound speed."""
+        return self.medium.profile
+
+    @classmethod
+    def of(cls, travel: PingTravel, medium: Medium, depth: float, position: np.ndarray, rotation: np.ndarray,
+           mirror: np.ndarray = np.ones(3)) -> View:
+        """See a source from its `PingTravel` of one ping, or its image under the diagonal of a mirror (3,)."""
+        # A rotation vector is axial: its image turns the other way, but for the part about the mirror's normal.
+        axial = mirror * np.prod(mirror)
+        d, r = travel.displacement[0] * mirror, travel.turn[0] * axial
+        powers = np.arange(1, len(d) + 1)
+        on_device = Travel.within(d, r, travel.duration, lambda number: dr.opaque(mi.Float64, float(number)))
+        return cls(medium=medium, state=medium.at(depth), depth=depth, position=position, rotation=rotation,
+                   travel=on_device, tilt=float(np.linalg.norm(travel.reach(travel.turn)[:2])),
+                   climb=float((powers * travel.duration ** (powers - 1)) @ np.abs(d[:, 2])))
+
+    def offsets(self, array: Array) -> np.ndarray:
+        """Give the elements relative to the source at the transmission: (E, 3) [m], scene coordinates."""
+        return (array.position - self.position) @ self.rotation.T
+
+    def pattern(self, array: Array, element: int, direction: Triple, wavelength: float) -> Float:
+        """Give the pressure pattern of an element towards unit vectors, at the attitude of the transmission."""
+        return pressure(array, [mi.Float(part) for part in direction], wavelength,
+                        self.rotation @ array.normal[element], self.rotation @ array.along[element])
+
+    def carried(self, leg: Leg, method: Method, travel: Travel, elapsed: Float64) -> ReturnPaths:
+        """Carry echoes along a leg back to the source, which moves; arguments as of `return_paths`."""
+        only_source = arrays_of(mi.Float).UInt32(0)
+        return return_paths(self.layers, self.state, only_source, leg.offset, leg.travel_time, leg.ray_parameter,
+                            leg.spreading_area, -leg.launch_direction.z, travel=travel, method=method,
+                            elapsed=elapsed)
+
+
+class PingSource:
+    """A source of rays at one ping.
+
+    Parameters
+    ----------
+    position : (3,) [m]
+        Body frame.
+    centre : (3,) [m]
+        The body's origin at the transmission, scene coordinates.
+    rotation : (3, 3)
+        Body to scene.
+    travel : PingTravel
+        Of the source, which is carried round the body's origin as the platform turns.
+    water : DeviceWater
+
+    Attributes
+    ----------
+    origin : (3,) [m]
+        The source at the transmission, scene coordinates.
+    speed : float [m/s]
+        Of sound at the source.
+    """
+
+    def __init__(self, *, position: np.ndarray, centre: np.ndarray, rotation: np.ndarray, travel: PingTravel,
+                 water: DeviceWater):
+        self.position, self.rotation, self.travel, self._water = position, rotation, travel, water
+        self.origin = centre + rotation @ position
+        self.depth = -float(self.origin[2])
+        self.speed = float(water.profile.at(self.depth))
+        self._last: tuple[Echoes, Method, ReturnPaths] | None = None
+
+    @cached_property
+    def direct(self) -> View:
+        """The platform and the water as they are."""
+        return View.of(self.travel, self._water.direct, self.depth, self.position, self.rotation)
+
+    @cached_property
+    def mirrored(self) -> View:
+        """Their image above the surface."""
+        return View.of(self.travel, self._water.folded, -self.depth, self.position, UPSIDE_DOWN @ self.rotation,
+                       mirror=np.diag(UPSIDE_DOWN))
+
+    def view(self, leg: Leg) -> View:
+        """Give what a leg sees."""
+        return self.mirrored if leg.folded else self.direct
+
+    def way_back(self, echoes: Echoes, method: Method = "vector", met: Float64 | None = None) -> ReturnPaths:
+        """Carry echoes back to where the source is then; `met` [s]: when they leave, else `Echoes.arrival`.
+
+        The last answer for `Echoes.arrival` is kept: Doppler, doubt and delays of the same echoes ask for it.
+        """
+        view = self.view(echoes.back)
+        if met is not None:
+            return view.carried(echoes.back, method, view.travel, met)
+        if self._last is None or self._last[0] is not echoes or self._last[1] != method:
+            self._last = echoes, method, view.carried(echoes.back, method, view.travel, echoes.arrival)
+        return self._last[2]
+
+    def way_out(self, echoes: Echoes) -> ReturnPaths:
+        """Turn the ways out round: from what was met first to the array as it stands at the transmission."""
+        return self.view(echoes.out).carried(echoes.out, "vector", REST, echoes.out.travel_time)
+
+
+def opaque(kind: type, vector: Iterable[float]) -> list:
+    """Give the components of a vector as opaque numbers: they change without a new kernel."""
+    return [dr.opaque(kind, float(component)) for component in vector]
+
+
+def opaque64(vector: Iterable[float]) -> tuple[Float64, ...]:
+    """Give the components of a vector as opaque Float64."""
+    return tuple(opaque(mi.Float64, vector))

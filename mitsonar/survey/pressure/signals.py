@@ -1,0 +1,286 @@
+"""Responses and signals of an array survey's pings, as labelled arrays.
+
+    h[tx, rx](t)    pressure at rx per unit pressure that tx makes at 1 m [-], complex baseband
+    s[rx](t) = 10^(SL/20) Σ_tx w_tx (h[tx, rx] * s_b)(t - τ_tx) + noise                                     [µPa]
+
+SL -> source level, w_tx and τ_tx -> weight and delay of the transmit elements, Σ |w_tx| made 1, s_b -> the pulse's
+envelope. The level is that of the steered transmission on its axis. Squares are mean squares: no factor √2.
+
+How fast elements close in on what they hear: the bounds of the Doppler factors that stand for the echoes of a ping.
+
+    -v <= u <= v                                v speed of the fastest element
+    min, max of v·d over directions d of the beams, ± v β        where side lobes are thinned
+
+Of the beams are all directions in which `ElementBeams.bound` is above the intensity that cells are thinned below. They
+are looked for among N of a Fibonacci lattice, no direction farther from one of them than β. Echoes from beyond are as
+weak, and are of the outermost class: their level, delay and mid frequency are right, the ends of a sweep are off.
+"""
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import xarray as xr
+
+from mitsonar.device.arrays import upload
+from mitsonar.echoes.scatterers.element_beams import ElementBeams
+from mitsonar.signal.doppler import Glide, doppler_classes, glide_of, pieces_of
+from mitsonar.signal.reception import absorbed, check_record, delayed, received
+from mitsonar.sonar.pulses.pulses import Pulse
+from mitsonar.units import amplitude_from_db
+
+from .array_survey import ArraySurvey
+from .cost import sentence
+from .delays import ArrivalCounts
+from .pressure import PressureRecord
+
+__all__ = ["LEAD", "SentPiece", "closing_speeds", "echoes_of_the_pulse", "pair_responses", "ping_attributes",
+           "ping_coordinates", "received_signals", "sent_pieces"]
+
+
+DIRECTIONS = 1 << 14               # N
+APART = 4.0 / np.sqrt(DIRECTIONS)  # β [rad]: no place of the sphere is farther off, by a wide margin
+GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
+
+
+def closing_speeds(survey: ArraySurvey, ping: int, *, fastest: float, acceleration: float,
+                   nearest: float) -> tuple[float, float]:
+    """Give the least and the largest closing speed of a ping's echoes, one way [m/s].
+
+    Parameters
+    ----------
+    survey : ArraySurvey
+    ping : int
+    fastest, acceleration : float [m/s], [m/s²]
+        Of the fastest element while echoes come in.
+    nearest : float [m]
+        From which on echoes matter.
+    """
+    beams = ElementBeams(survey.transmit, survey.receive, survey.wavelength)
+    if not (survey.thin_below and beams):
+        return -fastest, fastest
+    direction = _lattice()
+    bound = beams.bound(mi.Vector3f(*(upload(mi.Float, column.astype(np.float32)) for column in direction.T)),
+                        dr.opaque(mi.Float, nearest), survey.track.rotation()[ping], dr.opaque(mi.Float, APART))
+    heard = direction[bound.numpy() > survey.thin_below]
+    if not len(heard):
+        return -fastest, fastest
+    velocity = survey.velocity[ping]
+    along = heard @ velocity
+    # what elements do besides: they turn, and the platform speeds up and down
+    spare = (fastest * APART + (fastest - float(np.linalg.norm(velocity)))
+             + acceleration * (survey.time[-1] + survey.pulse.duration))
+    return max(float(along.min()) - spare, -fastest), min(float(along.max()) + spare, fastest)
+
+
+@lru_cache(maxsize=1)
+def _lattice() -> np.ndarray:
+    """Directions (N, 3) that lie evenly on the sphere: of a Fibonacci lattice."""
+    number = np.arange(DIRECTIONS) + 0.5
+    height, angle = 1 - 2 * number / DIRECTIONS, GOLDEN_ANGLE * number
+    level = np.sqrt(1 - height ** 2)
+    return np.stack([level * np.cos(angle), level * np.sin(angle), height], 1)
+
+
+LEAD = 1.05                        # pulses that records must begin earlier: a slow Doppler factor stretches them
+NEAREST = 1.0                      # [m]: nearer echoes do not decide into how many pieces a pulse is cut
+
+Progress = Callable[[float, int], None]
+Say = Callable[[str], None]
+
+
+def pair_responses(record: PressureRecord, pings: Sequence[int], *, progress: Progress | None = None,
+                   say: Say | None = None) -> xr.DataArray:
+    """Make the responses of every pair of elements.
+
+    Parameters
+    ----------
+    record : PressureRecord
+    pings : sequence of int
+    progress, say
+        As of `mitsonar.impulse_response`.
+
+    Returns
+    -------
+    DataArray (ping, tx, rx, sample)
+        complex64 [-].
+    """
+    survey = record.survey
+    _say_cost(say, record, pings, all_transmit=True)
+    blocks, total = [], len(pings) * survey.transmit.elements
+    for number, ping in enumerate(pings):
+        def within(done: float, elements: int, before: int = number) -> None:
+            if progress is not None:
+                progress(before * elements + done, total)
+
+        blocks.append(record.responses(ping, progress=within))
+    values = np.stack(blocks)
+    values[:, ~survey.transmit.working] = 0
+    values[:, :, ~survey.receive.working] = 0
+    _warn_of_lost(record.counts)
+    return _labelled(values, survey, pings, name="impulse response", unit="1", lost=record.counts.lost,
+                     transmitters=True)
+
+
+def received_signals(record: PressureRecord, pings: Sequence[int], *, progress: Progress | None = None,
+                     say: Say | None = None) -> xr.DataArray:
+    """Make the signals of every receive element. The survey's record must lead by a pulse.
+
+    Parameters
+    ----------
+    record : PressureRecord
+    pings : sequence of int
+    progress, say
+        As of `mitsonar.element_signals`.
+
+    Returns
+    -------
+    DataArray (ping, tx, rx, sample)
+        complex64 [µPa], tx of size 1.
+
+    Raises
+    ------
+    ValueError
+        If the sampling rate is below the pulse's bandwidth, or the pulse longer than the record.
+    """
+    survey, kept = record.survey, record.survey.samples - record.survey.lead
+    try:
+        check_record(survey.pulse, survey.sampling_rate, kept)
+    except ValueError as error:
+        raise ValueError(f"{error} In a scene the film's sample_rate_khz or bins set the rate, and its range the "
+                         "record.") from None
+    _say_cost(say, record, pings)
+    blocks = []
+    for number, ping in enumerate(pings):
+        def within(share: float, before: int = number) -> None:
+            if progress is not None:
+                progress(before + share, len(pings))
+
+        signals = amplitude_from_db(survey.source_level_db) * echoes_of_the_pulse(record, ping, within)
+        if survey.noise is not None:
+            signals = signals + survey.noise.drawn(survey.samples, record.seed, int(ping))
+        if survey.receive.delay.any():
+            signals = delayed(signals, survey.receive.delay, survey.sampling_rate, survey.frequency)
+        signals[~survey.receive.working] = 0
+        blocks.append(signals[:, -kept:].astype(np.complex64))
+        if progress is not None:
+            progress(number + 1, len(pings))
+    _warn_of_lost(record.counts)
+    array = _labelled(np.stack(blocks)[:, None], survey, pings, name="element signals", unit="µPa",
+                      lost=record.counts.lost, transmitters=False)
+    return array.assign_attrs(seed=record.seed, source_level_db=survey.source_level_db)
+
+
+def echoes_of_the_pulse(record: PressureRecord, ping: int, progress: Callable[[float], None]) -> np.ndarray:
+    """Sum the echoes of the pulse, for a source level of 0 dB: complex64 (rx, sample)."""
+    survey, speed = record.survey, record.survey.sound_speed(ping)
+    signals = np.zeros((survey.receive.elements, survey.samples), np.complex64)      # there may be no echo
+    pieces = sent_pieces(survey, ping)
+    for done, sent in enumerate(pieces):
+        def within(share: float, before: int = done) -> None:
+            progress((before + share) / len(pieces))
+
+        for factor, response in record.transmissions(ping, sent.factors, piece=(sent.begin, sent.pulse),
+                                                     progress=within):
+            if survey.absorption_db is not None:
+                # as long as the way, not from the beginning of the pulse on
+                response = absorbed(response, survey.sampling_rate, survey.frequency, survey.absorption_db, speed,
+                                    survey.start - sent.begin)
+            signals = signals + received(response, sent.pulse, survey.sampling_rate, factor)
+    return signals
+
+
+class SentPiece(NamedTuple):
+    """A piece of the pulse, when it begins [s], and the Doppler factors (K,) that stand for its echoes."""
+
+    begin: float
+    pulse: Pulse
+    factors: np.ndarray
+
+
+def sent_pieces(survey: ArraySurvey, ping: int) -> list[SentPiece]:
+    """Cut the pulse into pieces, so short that each echo has one Doppler factor for all of one."""
+    speed = survey.sound_speed(ping)
+    fastest, acceleration = _fastest(survey, ping)
+    nearest = _nearest(survey, ping)
+    pieces = survey.pulse.pieces(pieces_of(survey.pulse, fastest, speed, nearest, acceleration))
+    closing = closing_speeds(survey, ping, fastest=fastest, acceleration=acceleration, nearest=nearest)
+    return [SentPiece(begin, piece, _doppler_factors(piece, closing, speed,
+                                                     glide_of(piece) if len(pieces) == 1 else None))
+            for begin, piece in pieces]
+
+
+def _say_cost(say: Say | None, record: PressureRecord, pings: Sequence[int], *, all_transmit: bool = False) -> None:
+    """Say how much there is to do, where that is worth a sentence."""
+    if say is not None:
+        words = sentence(record, pings, threads=dr.thread_count(), all_transmit=all_transmit)
+        if words:
+            say(words)
+
+
+def _warn_of_lost(counts: ArrivalCounts) -> None:
+    """Warn of arrivals that no ray brings, in the name of whoever called `mitsonar.element_signals` or its like."""
+    if counts.lost:
+        warnings.warn(f"{counts.lost:,} of {counts.arrivals:,} arrivals at elements are missing: the echoes meet the "
+                      "array's centre, but no direct or once-turned ray leads to those elements", stacklevel=4)
+
+
+def _labelled(values: np.ndarray, survey: ArraySurvey, pings: Sequence[int], *, name: str, unit: str,
+              lost: int, transmitters: bool) -> xr.DataArray:
+    """Put coordinates beside responses or signals (ping, tx, rx, sample)."""
+    pings_of = ping_coordinates(survey, pings)
+    coords = {**pings_of, "time": ("sample", survey.time[-values.shape[-1]:], {"units": "s"})}
+    for prefix, array in (("tx", survey.transmit), ("rx", survey.receive))[0 if transmitters else 1:]:
+        for axis, column in zip("xyz", array.position.T):
+            coords[f"{prefix}_{axis}"] = (prefix, column, {"units": "m", "frame": "body: forward, starboard, down"})
+    if not transmitters:
+        coords["rx_weight"] = ("rx", survey.receive.weight, {"units": "1", "long_name": "shading for beamformers"})
+        coords["rx_delay"] = ("rx", survey.receive.delay, {"units": "s", "long_name": "delay of the signals"})
+    return xr.DataArray(values, dims=("ping", "tx", "rx", "sample"), coords=coords, name=name,
+                        attrs={"units": unit, "lost_arrivals": lost, **ping_attributes(survey, pings)})
+
+
+def ping_coordinates(survey: ArraySurvey, pings: Sequence[int]) -> dict[str, tuple | Sequence[int]]:
+    """Give the coordinates of pings: where the platform is, how it is held, and when."""
+    track = survey.track
+    coords: dict[str, tuple | Sequence[int]] = {"ping": pings}
+    for axis, column in zip("xyz", track.position[pings].T):
+        coords[axis] = ("ping", column, {"units": "m"})
+    for angle in ("roll", "pitch", "heading"):
+        coords[angle] = ("ping", getattr(track, angle)[pings], {"units": "rad"})
+    coords["ping_time"] = ("ping", track.time[pings], {"units": "s"})
+    return coords
+
+
+def ping_attributes(survey: ArraySurvey, pings: Sequence[int]) -> dict:
+    """Give the attributes of a record of pings."""
+    return {"frequency": survey.frequency, "sampling_rate": survey.sampling_rate,
+            "sound_speed": survey.sound_speed(pings[0]), "pulse": survey.pulse.numbers}
+
+
+def _fastest(survey: ArraySurvey, ping: int) -> tuple[float, float]:
+    """Speed of the fastest element [m/s], and its largest acceleration [m/s²], while echoes come in."""
+    travel = survey.travel(ping, np.zeros(3))
+    moved, turned = ([float(travel.peak(powers, order)[0]) for order in (1, 2)]
+                     for powers in (travel.displacement, travel.turn))
+    # An element off the track's point is carried round it as the platform turns.
+    return moved[0] + turned[0] * survey.radius, moved[1] + (turned[1] + turned[0] ** 2) * survey.radius
+
+
+def _nearest(survey: ArraySurvey, ping: int) -> float:
+    """Range from which on echoes matter [m]: of the record's beginning, or half of that of bed and surface."""
+    beginning = 0.5 * survey.sound_speed(ping) * survey.time[survey.lead]
+    return max(beginning, 0.5 * min(float(survey.depth_below[ping]), -survey.track.position[ping, 2]), NEAREST)
+
+
+def _doppler_factors(pulse: Pulse, closing: tuple[float, float], speed: float, glide: Glide | None) -> np.ndarray:
+    """Choose the factors that stand for all echoes of a ping, for elements that close in as fast [m/s]."""
+    if not any(closing):
+        return np.ones(1)
+    lowest, highest = ((speed + one) / (speed - one) for one in closing)
+    return doppler_classes(pulse, lowest, highest, glide=glide)

@@ -1,0 +1,159 @@
+"""Echoes at the elements by the one ray to each scatterer, and a difference of delay for each element.
+
+    transmit    delay and pattern of a transmit element, by reciprocity                      `vector_approximation`
+    return      when each echo meets the source, where that is then                          `return_paths`
+    sum         every echo at every element, with its own delay                     `pairs`, `signal.accumulation`
+
+The pattern of an element is that towards where its own ray leaves or comes from: at the transmission on the way out,
+and as the turned array sees it at the echo's own reception on the way back.
+
+Echoes at the elements by the vector approximation, and by eigenrays where that is in doubt.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, cast
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.arrays import arrays_of, compressed
+from mitsonar.device.types import Bool, Float, Float64, UInt32
+from mitsonar.echoes.record import Echoes
+from mitsonar.echoes.scatterers.element_beams import omni
+from mitsonar.propagation.returns.return_paths import ReturnPaths
+from mitsonar.propagation.returns.travel import rotated
+from mitsonar.propagation.returns.vector_approximation import vector_difference, vector_element_fields
+from mitsonar.signal.accumulation import NOWHERE, ImpulseResponses
+
+from .delays import ALL_ROWS, ElementDelays
+from .echo_classes import SortedEchoes
+from .eigenrays import EigenrayDelays
+from .pairs import CURVATURE, ReceivedEchoes, seen_from
+from .ping_source import View, opaque
+
+__all__ = ["GUARD", "GuardedDelays", "VectorDelays"]
+
+
+GUARD = 5e-10                      # [s] expected error of the vector approximation above which it is not used
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class VectorDelays(ElementDelays):
+    """Delays by the vector approximation, or by the published one.
+
+    Attributes
+    ----------
+    method : {"vector", "paper"}
+    """
+
+    method: Literal["vector", "paper"] = "vector"
+
+    def add(self, responses: ImpulseResponses, some: SortedEchoes, element: int, *, weight: float,
+            rows: slice = ALL_ROWS, without: Bool | None = None) -> None:
+        """Sum the echoes of one transmit element at receive elements; see `ElementDelays.add`.
+
+        Those `without` (R,) are left out; they are evaluated in one kernel with the others.
+        """
+        source, receive, lib, echoes = self.source, self.receive, arrays_of(mi.Float), some.echoes
+        # ---- transmit: the still array, by reciprocity
+        view, off = source.view(echoes.back), self.stands_off(element)
+        way_out = source.way_out(echoes) if off else None
+        farther = self._transmit_delay(echoes, element, way_out) if way_out is not None else None
+        # ---- return to the source, where it is then; from an element farther off the scatterer is met later
+        met = None if farther is None else echoes.arrival + farther
+        back = source.way_back(echoes, self.method, met)
+        total = (echoes.arrival if met is None else met) + back.return_time
+        phase, sample, fraction = self.placed(some, total)
+        if without is not None:
+            sample = dr.select(without, NOWHERE, sample)
+        factor = self._transmitted(echoes, element, weight, way_out)
+        if farther is not None:
+            factor *= lib.Float(echoes.out.travel_time / (echoes.out.travel_time + farther))
+        # ---- each element by its own difference, of the moment that stands for the pulse
+        moment = self.moment(some, rows)
+        if moment:
+            later = dr.opaque(lib.Float64, moment)
+            back = source.way_back(echoes, self.method, (echoes.arrival if met is None else met) + later)
+            total = total + later
+        towards = None
+        if not omni(receive):
+            towards = rotated([-lib.Float64(part) for part in back.direction], view.travel.turned(total), back=True)
+            towards = [lib.Float(part) for part in towards]
+        received = ReceivedEchoes(back, view, receive, wavelength=self.wavelength, method=self.method, towards=towards)
+        if received.ahead is not None:
+            factor = dr.select(received.ahead, factor, 0)
+        nearest = source.speed * float(dr.min(echoes.back.travel_time)[0])
+        pairs = received.pairs(rows, nearest, source.speed)
+        real, imaginary = echoes.amplitude
+        dr.schedule(without)                   # only now: what is asked of the host on the way would compute it alone
+        responses.add(amplitude=(real * factor, imaginary * factor), phase=phase, sample=sample,
+                      fraction=fraction, hit_fields=pairs.hits, element_fields=pairs.elements,
+                      difference=pairs.delay, gain=pairs.gain, rows=np.arange(receive.elements)[rows],
+                      sheet=some.sheet)
+        left_out = 0 if without is None else int(cast(UInt32, dr.count(without))[0])
+        self.counts.count((echoes.count - left_out) * len(range(receive.elements)[rows]))
+
+    def doubtful(self, echoes: Echoes) -> Bool:
+        """Say for which echoes the approximation may be off by more than GUARD at some element: Bool (R,), yet to be
+        evaluated.
+        """
+        source = self.source
+        error = source.way_back(echoes).expected_error(self._outermost(source.view(echoes.back)))
+        if not echoes.single:
+            error = dr.maximum(error, source.way_out(echoes).expected_error(self._outermost(source.view(echoes.out))))
+        # An error that is not a number is in doubt, too.
+        return ~(error <= dr.opaque(arrays_of(mi.Float).Float, GUARD))
+
+    def _outermost(self, view: View) -> list:
+        """Fields of the elements farthest out, transmitting and receiving."""
+        offsets = np.concatenate([view.offsets(array) for array in (self.transmit, self.receive)])
+        outermost = np.unique([pick(column) for column in offsets.T for pick in (np.argmin, np.argmax)])
+        return vector_element_fields(offsets[outermost], view.depth, view.profile)
+
+    def _transmit_delay(self, echoes: Echoes, element: int, way_out: ReturnPaths) -> Float64:
+        """How much later than from the source scatterers are reached from a transmit element [s]."""
+        view = self.source.view(echoes.out)
+        fields = vector_element_fields(view.offsets(self.transmit)[element][None], view.depth, view.profile)
+        fields = [dr.opaque(mi.Float, float(field[0])) for field in np.broadcast_arrays(*fields)]
+        return arrays_of(mi.Float).Float64(vector_difference(way_out.hit_fields, fields))
+
+    def _transmitted(self, echoes: Echoes, element: int, weight: float, way_out: ReturnPaths | None) -> Float:
+        """What a transmit element's weight and pattern make of echoes; `way_out` is None for one at the source."""
+        transmit, factor = self.transmit, dr.opaque(arrays_of(mi.Float).Float, weight)
+        if omni(transmit):
+            return factor
+        view, towards = self.source.view(echoes.out), echoes.out.launch_direction
+        if way_out is not None:
+            offset = opaque(mi.Float, view.offsets(transmit)[element])
+            towards = seen_from(towards, offset, way_out.hit_fields[CURVATURE])
+        return factor * view.pattern(transmit, element, towards, self.wavelength)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GuardedDelays(ElementDelays):
+    """Delays by the vector approximation, exact where it may be off by more than `vectors.GUARD`."""
+
+    def add(self, responses: ImpulseResponses, some: SortedEchoes, element: int, *, weight: float,
+            rows: slice = ALL_ROWS) -> None:
+        """Sum the echoes of one transmit element at receive elements; see `ElementDelays.add`.
+
+        Raises
+        ------
+        ValueError
+            If most echoes are in doubt and the array is large; see `ArrivalCounts.judge`.
+        """
+        vector = self.changed_to(VectorDelays)
+        doubtful = vector.doubtful(some.echoes) if self._extended else None
+        vector.add(responses, some, element, weight=weight, rows=rows, without=doubtful)
+        if doubtful is not None:
+            exact = compressed(doubtful)
+            if dr.width(exact):
+                self.counts.judge(some.echoes.count, dr.width(exact))
+                self.changed_to(EigenrayDelays).add(responses, some.chosen(exact), element, weight=weight, rows=rows)
+
+    @property
+    def _extended(self) -> bool:
+        """Whether any element is not where the source is."""
+        return any(np.any(array.position != self.source.position) for array in (self.transmit, self.receive))

@@ -1,0 +1,91 @@
+"""The one beam of a rotating head, in the head's frame: x along the beam, y the way it turns, z across.
+
+    b(u, v) = sinc(L u / λ) sinc(H v / λ),    u = d·y,  v = d·z;    nothing behind the face
+
+L and H -> length and height of its face (`sonar.directivity`). Sound is sent to where the head looks at the
+transmission and received from where it looks when the echo is back: lobes side by side, if it turns on meanwhile.
+"""
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.types import Vector
+from mitsonar.imaging.sidescan import mean_intensity, pulse_shares
+from mitsonar.signal.matched_filter import compression
+from mitsonar.sonar.faces.directivity import Aperture
+from mitsonar.sonar.faces.sidescan import Sidescan
+
+from ..motion.places import Place
+from ..pressure.array_survey import ArraySurvey
+from ..sidescan.face_beams import BEAM_EDGE, FaceBeams
+
+__all__ = ["StepBeam", "face_of"]
+
+FAINTEST = 1e-6
+
+
+def face_of(survey: ArraySurvey) -> Sidescan:
+    """Give the face and the pulse of a head: those of a sidescan's side that looks along the beam."""
+    transmit, receive = (Aperture(length=array.length, height=array.height)
+                         for array in (survey.transmit, survey.receive))
+    return Sidescan(frequency=survey.frequency, source_level_db=survey.source_level_db,
+                    pulse_length=compression(survey.pulse, survey.sampling_rate)[0],
+                    transmit=transmit, receive=receive, depression_angle=0.0, sound_speed=survey.sound_speed(0))
+
+
+class StepBeam:
+    """The beam of a head.
+
+    Parameters
+    ----------
+    face : Sidescan
+        As `face_of` gives it.
+    bin_length : float [s]
+
+    Attributes
+    ----------
+    count : int
+        One beam a ping.
+    reach : float [-]
+        Cosine u beyond which the envelope of the two-way intensity is fainter than 1e-6.
+    """
+
+    count = 1
+
+    def __init__(self, face: Sidescan, bin_length: float):
+        self._faces, self._shares = FaceBeams(face), pulse_shares(bin_length, face.pulse_length)
+        lengths = np.array([face.transmit.length, face.receive.length]) / face.wavelength
+        # where Π 1 / (π u L / λ)² is as faint as that
+        self.reach = float(FAINTEST ** -0.25 / (np.pi * np.sqrt(max(lengths.prod(), 1e-12))))
+
+    def two_way(self, sent: mi.Vector3f, back: mi.Vector3f) -> tuple[mi.Float, mi.Bool]:
+        """Give the two-way intensity, and whether it is the main lobe's, of directions of the head's frame."""
+        along, across = self._faces.two_way(sent.y, sent.z, back.y, back.z)
+        pattern = dr.select((sent.x >= 0) & (back.x >= 0), along * across, 0)
+        return mi.Float(pattern), mi.Bool(self._faces.lobe(sent.y, back.y) > BEAM_EDGE)
+
+    def pressure(self, sent: mi.Vector3f, back: mi.Vector3f) -> mi.Float:
+        """Give the two-way pressure pattern of directions of the head's frame."""
+        pressure = mi.Float(1)
+        for face, direction in ((self._faces.transmit, sent), (self._faces.receive, back)):
+            pressure *= dr.select(direction.x >= 0, face.pressure(direction.y, direction.z), 0)
+        return pressure
+
+    def receive(self, place: Place, ping: mi.UInt32, sent: Vector, towards: Vector) -> tuple[mi.UInt32, mi.Float]:
+        """Give the beam that receives echoes, which is the only one, and its two-way intensity.
+
+        Parameters
+        ----------
+        place : Place
+        ping : UInt32 (R,)
+        sent, towards : Vector3f (R,)
+            Scene directions that sound leaves in and comes back from.
+        """
+        pattern, _ = self.two_way(place.body(ping, sent), place.body(ping, towards))
+        return dr.zeros(mi.UInt32, dr.width(pattern)), pattern
+
+    def shown(self, intensity: np.ndarray) -> np.ndarray:
+        """Give the mean level that the pulse makes of intensities (rows, ..., bins)."""
+        return mean_intensity(intensity, self._shares)

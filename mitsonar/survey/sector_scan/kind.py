@@ -1,0 +1,201 @@
+"""Sector scan: a head with a single beam that turns from ping to ping; its run over a scene, and its picture.
+
+The head is a sonar with one element (`survey.array`) whose body is the head itself: forward is along the beam, and the
+track has the beam's attitude (`sonar.rotating_head`). So every echo is sent with the pattern of the transmission and
+received with that of its own reception, from where head and platform are then.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Protocol
+
+import mitsuba as mi
+import numpy as np
+import xarray as xr
+
+from mitsonar.imaging import sector_scan as imaging
+from mitsonar.imaging.energy_record import EnergyRecord, only_row
+from mitsonar.scene import objects
+from mitsonar.scene.geometry import Geometry
+from mitsonar.scene.labels import classes_of
+from mitsonar.signal.matched_filter import compression, matched_filter
+from mitsonar.sonar.arrays.array import Array
+from mitsonar.sonar.arrays.array_makers import element_array
+from mitsonar.sonar.arrays.beam_patterns import element_directivity_index_db
+from mitsonar.sonar.faces.directivity import length_for_beam_width
+from mitsonar.sonar.motion.rotating_head import Head, HeadTrajectory, turned_voyage
+from mitsonar.sonar.pulses.pulses import Pulse
+from mitsonar.units import db_from_power, power_from_db
+
+from .. import limits
+from ..energy import energy
+from ..fan import kind as array
+from ..pressure.array_survey import ArraySurvey
+from ..pressure.pressure import PressureRecord
+from ..pressure.signals import LEAD, received_signals
+from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
+from .echoes import StepEchoes
+from .signals import StepSignals
+from .steps import Steps
+
+__all__ = ["SectorScanSensor", "picture", "plan", "plan_elements", "rows", "steps_of"]
+
+SIGNALS, ELEMENT_SIGNALS = 0.3, 0.98           # of the work, before that of the truth: by beams, and by elements
+
+
+class SectorScanSensor(Sensor, Protocol):
+    """What the sensor of a rotating head says, beside what all do.
+
+    Attributes
+    ----------
+    source_level_db : float [dB re 1 µPa @ 1 m]
+        On the axis of the beam.
+    pulse : Pulse
+    beam_widths : (float, float) [rad]
+        Full one-way -3 dB widths, in the plane that the beam turns in and across.
+    head : Head
+    self_noise_db : float or None [dB re 1 µPa²/Hz]
+        Of the receiver.
+    picture : {"beams", "elements"} or None
+        How the picture is made; None: by beams where that can be done.
+    """
+
+    source_level_db: float
+    pulse: Pulse
+    beam_widths: tuple[float, float]
+    head: Head
+    self_noise_db: float | None
+    picture: str | None
+
+
+def plan(scene: mi.Scene, sensor: SectorScanSensor, settings: RunSettings) -> ArraySurvey:
+    """Plan a run whose record is to become a picture: it begins a pulse early; see `plan_elements`."""
+    return plan_elements(scene, sensor, settings, LEAD)
+
+
+def plan_elements(scene: mi.Scene, sensor: SectorScanSensor, settings: RunSettings, lead: float = 0.0) -> ArraySurvey:
+    """Plan a run over a scene.
+
+    Parameters
+    ----------
+    lead : float [-]
+        How many pulses earlier than the film's window the record starts: echoes that begin before it last into it.
+
+    Raises
+    ------
+    ValueError
+        If sensor and scene do not fit together.
+    """
+    geometry = Geometry(scene)
+    shortest = sensor.film().window(slowest_speed(sensor))[0][1]
+    passage = sensor.route.lay(geometry, shortest)
+    interval = 1 / sensor.route.ping_rate if sensor.route.ping_rate else shortest
+    passage = replace(passage, voyage=turned_voyage(passage.voyage, sensor.head, interval))
+    speed = head_speed(sensor, passage.depth)
+    face = _face(sensor, speed)
+    return array.survey_of(geometry, sensor, settings, passage, lead=lead, sound_speed=speed, transmit=face,
+                           receive=face, pulse=sensor.pulse, source_level_db=sensor.source_level_db,
+                           bins_are_samples=False, whole_bins=True, self_noise_db=sensor.self_noise_db)
+
+
+def picture(survey: ArraySurvey, sensor: SectorScanSensor, seed: int,
+            progress: Callable[[float, float], None] | None = None,
+            say: Callable[[str], None] | None = None) -> xr.Dataset:
+    """Render the picture of the head's pings, with its truth; see `mitsonar.render`."""
+    speed, steps = head_speed(sensor, survey.passage.depth), steps_of(survey, sensor)
+    window, bins = sensor.film().window(speed)
+    echoes = StepEchoes(survey, steps.face, per_cell=survey.per_cell)
+    way = sensor.picture or ("beams" if survey.ensonification == "scatterers" else "elements")
+    if way == "beams":
+        power = _by_beams(survey, steps, echoes, bins, seed, _part_of(progress, 0.0, SIGNALS))
+    else:
+        power = _by_elements(survey, bins, seed, _part_of(progress, 0.0, ELEMENT_SIGNALS), say)
+    before = SIGNALS if way == "beams" else ELEMENT_SIGNALS
+    record = only_row(energy.record(survey, steps, seed, _part_of(progress, before, 1.0)))
+    classes, class_of = classes_of(survey.labels)
+    image = imaging.image(
+        power, record, _mean_power(survey, record, steps, echoes), turns=_turns(survey, sensor), sound_speed=speed,
+        time=window[0] + (np.arange(bins) + 0.5) * (window[1] - window[0]) / bins, depth_below=survey.depth_below,
+        labels=survey.labels, class_of=class_of,
+        attrs={"seed": int(seed), "picture": way, "frequency": float(survey.frequency), "pulse": survey.pulse.numbers,
+               "source_level_db": float(survey.source_level_db), "noise_db": _noise_db(survey, sensor, speed),
+               "absorption_db": float(survey.absorption.at(float(np.mean(-survey.track.position[:, 2]))))})
+    return objects.annotated(image, classes, class_of, survey.geometry, survey.track.position)
+
+
+def steps_of(survey: ArraySurvey, sensor: SectorScanSensor) -> Steps:
+    """The rows of the picture's energy record."""
+    limits.check_beams(survey, 1, pings=survey.track.pings)
+    return Steps(survey, *sensor.film().window(head_speed(sensor, survey.passage.depth)))
+
+
+def _part_of(progress: Callable[[float, float], None] | None, begin: float,
+             end: float) -> Callable[[float, float], None] | None:
+    """Make the progress of a part, from a share of the whole to another."""
+    if progress is None:
+        return None
+    return lambda done, total: progress(begin * total + (end - begin) * done, total)
+
+
+def _by_beams(survey: ArraySurvey, steps: Steps, echoes: StepEchoes, bins: int, seed: int,
+              progress: Callable[[float, float], None] | None) -> np.ndarray:
+    """Powers (P, bins) [µPa²] of echoes that the beam weighs."""
+    if survey.ensonification != "scatterers":
+        raise ValueError("picture is beams, but rays are to find the scatterers (ensonification); leave one of them "
+                         "out, or let picture be elements")
+    signals = StepSignals(survey, steps.beam, steps.underway, echoes, seed)
+    return np.concatenate([imaging.mean_power(block, bins) for block in signals.blocks(progress)])
+
+
+def _by_elements(survey: ArraySurvey, bins: int, seed: int, progress: Callable[[float, float], None] | None,
+                 say: Callable[[str], None] | None) -> np.ndarray:
+    """Powers (P, bins) [µPa²] of the signals of the head as an element."""
+    signals = received_signals(PressureRecord(survey, seed=seed), range(survey.track.pings), progress=progress, say=say)
+    return imaging.mean_power(matched_filter(signals.values[:, 0, 0], survey.pulse, survey.sampling_rate), bins)
+
+
+def rows(level: np.ndarray) -> np.ndarray:
+    """Levels (ping, range) as rows of one picture: as they are."""
+    return level
+
+
+def _face(sensor: SectorScanSensor, sound_speed: float) -> Array:
+    """The element of the head, which sends and receives."""
+    length, height = (length_for_beam_width(width, sound_speed / sensor.pulse.frequency)
+                      for width in sensor.beam_widths)
+    return element_array([0.0, 0.0, 0.0], normal="forward", along="starboard", length=length, height=height,
+                         pattern="rectangular", baffle="hard")
+
+
+def _turns(survey: ArraySurvey, sensor: SectorScanSensor) -> imaging.Turns:
+    """Where the head looks at its pings."""
+    head, trajectory, time = sensor.head, survey.voyage.trajectory, survey.track.time
+    if not isinstance(trajectory, HeadTrajectory):
+        raise ValueError("the survey of a sector scan has the voyage of a head; make it by the sensor's own plan")
+    ping = np.arange(len(time))
+    bearing = np.angle(np.exp(1j * head.sweep.bearing(ping)))
+    return imaging.Turns(bearing=np.where(bearing > np.pi - 1e-9, bearing - 2 * np.pi, bearing),
+                         turn=head.sweep.turn(ping), platform=trajectory.platform.track(time), mount=head.mount,
+                         tilt=head.tilt, sector=head.sweep.sector)
+
+
+def _mean_power(survey: ArraySurvey, record: EnergyRecord, steps: Steps, echoes: StepEchoes) -> np.ndarray:
+    """Mean over speckle and noise, (P, bins) [µPa²]: of the rays' energies, and of signals that have a phase."""
+    mean = steps.shown(record.intensity.astype(float))
+    if record.coherent is None:
+        return mean
+    signals = StepSignals(survey, steps.beam, steps.underway, echoes, 0, by_chance=False)
+    return mean + np.concatenate([imaging.mean_power(block, steps.bins.count) for block in signals.blocks()])
+
+
+def _noise_db(survey: ArraySurvey, sensor: SectorScanSensor, sound_speed: float) -> float | None:
+    """Noise behind the matched filter [dB re 1 µPa]; None where there is none."""
+    if survey.noise is None:
+        return None
+    spectra = [] if sensor.self_noise_db is None else [sensor.self_noise_db]
+    if sensor.noise:
+        wavelength = sound_speed / survey.frequency
+        spectra.append(sensor.noise_level_db() - element_directivity_index_db(survey.receive, wavelength))
+    bandwidth = compression(survey.pulse, survey.sampling_rate)[1]
+    return float(db_from_power(bandwidth * sum(power_from_db(one) for one in spectra)))

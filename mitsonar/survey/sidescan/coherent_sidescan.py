@@ -1,0 +1,172 @@
+"""Echoes of a sidescan that have a phase: smooth surfaces, point targets, and a flat sea surface.
+
+    a_i = 10^(SL/20) b_t b_r e_i e^(-i2πf₀τ_i)
+
+e_i and τ_i are amplitude and delay of an echo (`echoes.record`, `underway`), b_t and b_r the pressure patterns of the
+transmitting face where it left and of the receiving one where it comes back from, as they are turned then. The echoes'
+pulses are summed as pressures (`coherent_pulses`).
+
+Under a surface that mirrors, targets are seen by way of it too (`echoes.sights`). The surface's own echo, from straight
+above, is shared by both sides: half to each, or as Fresnel's integral has it where the platform rolls.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from scipy.special import fresnel
+
+from mitsonar.device.arrays import upload
+from mitsonar.echoes.point_targets import PointTargets
+from mitsonar.echoes.record import Echoes
+from mitsonar.echoes.smooth.targets import SmoothTargets
+from mitsonar.imaging.energy_record import CoherentSums, joined
+
+from ..energy.coherent_pulses import Arrivals, CoherentPulses
+from ..energy.sound_paths import SoundPaths
+from ..energy.target_echoes import band_of_tone, target_echoes
+from ..motion.places import Place
+from .face_beams import BEAM_EDGE, FaceBeams
+from .sidescan_survey import SidescanSurvey
+
+__all__ = ["CoherentSidescan"]
+
+FAINT = 1e-7                       # two-way intensity of the beams' envelope below which facets are not looked at
+
+
+class CoherentSidescan:
+    """The coherent echoes of a sidescan.
+
+    Parameters
+    ----------
+    survey : SidescanSurvey
+    sound : SoundPaths
+    beams : FaceBeams
+    drift : float [-]
+        How far the sonar moves while sound goes a metre out and back, at most.
+    shift : float [-]
+        By how much cosines along the body change between transmission and reception, at most.
+    """
+
+    def __init__(self, survey: SidescanSurvey, sound: SoundPaths, beams: FaceBeams, *, drift: float, shift: float):
+        self._survey, self._sights, self._beams, self._shift = survey, sound.sights, beams, shift
+        sonar, window = survey.sonar, survey.window
+        fastest = float(np.max(survey.profile.sound_speed))
+        self._smooth = SmoothTargets(sound.sights, frequency=sonar.frequency,
+                                     resolution=0.5 * sonar.sound_speed * sonar.pulse_length, reach=0.0, drift=drift,
+                                     farthest=0.5 * (window[1] + sonar.pulse_length) * fastest * (1 + 0.5 * drift))
+        self._targets = PointTargets(survey.geometry.targets(), band_of_tone(sonar.frequency, sonar.pulse_length),
+                                     survey.profile)
+        self._pulses = CoherentPulses(survey)
+        self._source_pressure = dr.opaque(mi.Float, 10 ** (sonar.source_level_db / 20))
+        self._turns_per_second = dr.opaque(mi.Float64, sonar.frequency)
+
+    @property
+    def silent(self) -> bool:
+        """Whether nothing in the scene has a phase of its own."""
+        return not (self._smooth or self._targets or self._sights.mirror)
+
+    def sum(self, place: Place) -> CoherentSums:
+        """Sum the echoes of a block of pings; arrays (rows, ..., bins)."""
+        pings, size = len(place.ping), self._pulses.pings_at_once
+        return joined([self._group(place, first, min(first + size, pings)) for first in range(0, pings, size)])
+
+    def _group(self, place: Place, first: int, end: int) -> CoherentSums:
+        """The sums of the pings from `first` to before `end` of a block."""
+        found = [self._arrivals(place, first, *echoes) for echoes in self._echoes(place, first, end)]
+        found = [arrivals for arrivals in found if len(arrivals.row)]
+        rows = 2 * (end - first)
+        return self._pulses.sum(found, rows) if found else self._pulses.silence(rows)
+
+    def _echoes(self, place: Place, first: int, end: int) -> Iterator[tuple]:
+        """Yield the numbers of pings (from `first` on 0), of shapes, the echoes, and for some the side they belong to.
+        """
+        position, rotation = place.position[first:end], place.rotation[first:end]
+        if self._sights.mirror:
+            yield from self._overhead(place, position, rotation, first)
+        if self._targets:
+            yield from target_echoes(self._sights, self._targets, place, end - first, first)
+        if self._smooth:
+            yield from self._smooth.echoes(place.sources, position, place.source_of[first:end],
+                                           self._within_beams(position, rotation))
+
+    def _within_beams(self, position: np.ndarray, rotation: np.ndarray) -> Callable[..., np.ndarray]:
+        """Which facets lie in the beams, for each ping: by the envelope of their side lobes along the platform."""
+        sonar = self._survey.sonar
+        faces = ((sonar.transmit, 0.0), (sonar.receive, self._shift))
+
+        def choose(number, centre, radius):
+            towards = (centre - position[number]) @ rotation[number]
+            distance = np.linalg.norm(towards, axis=1)
+            u = np.maximum(np.abs(towards[:, 0]) - radius, 0) / np.maximum(distance, 1e-9)
+            pressure = np.prod([face.along_shape.envelope(np.maximum(u - turned, 0), face.length / sonar.wavelength)
+                                for face, turned in faces], axis=0)
+            return pressure ** 2 > FAINT
+
+        return choose
+
+    def _overhead(self, place: Place, position: np.ndarray, rotation: np.ndarray, first: int) -> Iterator[tuple]:
+        """The echo of a flat surface, as the faces of either side receive it."""
+        number = dr.arange(mi.UInt32, len(position))
+        ping = number + dr.opaque(mi.UInt32, first)
+        echoes, free = self._sights.overhead(place.sources, place.origin(ping), place.source(ping))
+        # how far the platform's middle plane meets the surface from straight above, in Fresnel's units
+        height, up = np.maximum(-position[:, 2], 1e-3), rotation[:, 2]
+        aside = height * up[:, 1] / np.maximum(np.hypot(up[:, 0], up[:, 2]), 1e-9)
+        sine, cosine = fresnel(aside * np.sqrt(4 / (self._survey.sonar.wavelength * height)))
+        starboard = 0.5 + (cosine - 1j * sine) / (1 - 1j)
+        label = dr.full(mi.UInt32, self._survey.geometry.surface_label, len(position))
+        for side, share in ((-1.0, 1 - starboard), (1.0, starboard)):
+            real, imaginary = (upload(mi.Float, part.astype(np.float32)) for part in (share.real, share.imag))
+            pressure = dr.select(free, echoes.amplitude[0], 0)
+            yield number, label, replace(echoes, amplitude=(pressure * real, pressure * imaginary)), side
+
+    def _arrivals(self, place: Place, first: int, number: mi.UInt32, label: mi.UInt32, echoes: Echoes,
+                  side: float | None = None) -> Arrivals:
+        """What the faces receive of echoes within the record.
+
+        `side` is -1 where it is port's face that receives them, 1 for starboard's; None: that which they come from.
+        """
+        ping = number + dr.opaque(mi.UInt32, first)
+        still = echoes.out.travel_time + echoes.between + echoes.back.travel_time
+        received = place.receive(ping, echoes.back.sent_towards, echoes.back.offset, still)
+        delay, pressure, along, sides, cosines = received.delay, self._source_pressure, mi.Float(1), [], []
+        for towards, face in ((echoes.out.sent_towards, self._beams.transmit),
+                              (received.towards, self._beams.receive)):
+            body = place.body(ping, towards)
+            along *= face.along.pressure(body.x)
+            pressure = pressure * face.across.pressure(self._beams.across(body))
+            sides.append(body.y > 0 if side is None else dr.full(mi.Bool, side > 0, dr.width(body)))
+            cosines.append(body.x)
+        lobe = along
+        if not place.still:
+            # half-way between the lobes, see `FaceBeams.lobe`
+            half = 0.5 * (cosines[1] - place.body(ping, echoes.back.sent_towards).x)
+            lobe = (self._beams.transmit.along.pressure(cosines[0] + half)
+                    * self._beams.receive.along.pressure(cosines[1] - half))
+        cycles = delay * self._turns_per_second
+        sine, cosine = dr.sincos(mi.Float(cycles - dr.floor(cycles)) * float(-2 * np.pi))
+        real, imaginary = echoes.amplitude
+        real, imaginary = real * cosine - imaginary * sine, real * sine + imaginary * cosine
+        pressure = pressure * along
+        start = place.origin(ping).z
+        depth = -mi.Float((-start if echoes.back.folded else start) + echoes.back.offset.z)
+        row = 2 * number + dr.select(sides[0], mi.UInt32(1), mi.UInt32(0))
+        columns = {"row": row, "label": label, "delay": delay, "real": real * pressure, "depth": depth,
+                   "imaginary": imaginary * pressure, "in_beam": lobe * lobe > BEAM_EDGE,
+                   "same_side": sides[0] == sides[1]}
+        dr.eval(columns)
+        return self._within_record({name: column.numpy() for name, column in columns.items()}, echoes.path)
+
+    def _within_record(self, columns: dict[str, np.ndarray], path: str) -> Arrivals:
+        """Those of a path that come back to the side they left from, while the record lasts, and are not zero."""
+        half, window = 0.5 * self._survey.sonar.pulse_length, self._survey.window
+        delay = columns["delay"]
+        good = columns["same_side"] & (delay >= window[0] - half) & (delay < window[1] + half)
+        good &= (columns["real"] != 0) | (columns["imaginary"] != 0)
+        number = self._survey.paths.number(path) - 1
+        return Arrivals(path=np.full(np.count_nonzero(good), number),
+                         **{name: column[good] for name, column in columns.items() if name != "same_side"})

@@ -1,0 +1,380 @@
+"""Rays of a sidescan's sides, drawn through quantile tables: see `tracing.launch`.
+
+A direction of a side is (u, φ), as `sonar.sidescan` has it. The tables of u follow the beam along the platform,
+wherever it turns while echoes are under way (`underway`); those of φ follow the time axis, or the beam across.
+
+Rays aside of the core, |u| < u_c, are drawn by azimuth α and angle β below the plane of the body, u = cos β sin α:
+
+    ΔΩ = 2 (π/2 - α_c) cos β Δβ / w,    sin α_c = u_c,    β = φ + δ cos φ
+
+and those with |u| < u_c weigh nothing. w -> share of rays aside in the cell; δ(α) makes up for how the body is tilted
+towards α, so that a cell of φ is about one slant range on a level bed whatever α is.
+
+Pings that find out for their neighbours where rays are needed.
+
+The first pass of a ping tells which cells of its table lead into time bins that few rays reach (`ray_need`). Pings of a
+group ask one of them, the scout. Its table is carried to their own roll and height (`side_launch.SideLaunch.carried`):
+far off, a degree of roll is worth the range over the height. It decides where rays go, never what they weigh.
+
+    |x_i - x_s| + R |e_i - e_s| < w R
+
+x -> position, e -> forward axis of the body, R -> ``farthest``, w -> ``width``: a ping asks its scout s where both see
+ground in common at the end of the record, else it is a scout itself. Nearer by, the scout's answer is that of ground
+beside the ping's. Groups are numbered in the whole survey: blocks do not matter.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from types import ModuleType
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.chance import Salt, even_bits, hashed, other_pair, pair, salted, seeded, stratified, uniform
+from mitsonar.device.types import DrJitArray
+from mitsonar.scene.tracing.launch import (
+    CELLS,
+    WIDE_SHARE,
+    Strata,
+    across_quantiles,
+    along_quantiles,
+    core_of,
+    core_quantiles,
+    draw,
+    first_quantiles,
+    one_way_quantiles,
+)
+from mitsonar.sonar.motion.track import Track
+
+from ..energy.rows import Rays
+from ..motion.places import Place
+from ..motion.underway import Underway
+from .sidescan_survey import SidescanSurvey
+
+__all__ = ["GROUP", "SideLaunch", "SideRays", "Tables", "drawn_across", "ray_grid", "scouts", "strata_of"]
+
+
+GROUP = 4                          # pings that may have a scout in common
+
+
+def scouts(track: Track, farthest: float, width: float) -> np.ndarray:
+    """Give the number of the ping that each ping asks, (P,) int.
+
+    Parameters
+    ----------
+    track : Track
+    farthest : float [m]
+        Slant range where the record ends.
+    width : float [rad]
+        Of the beam along the track.
+    """
+    ping = np.arange(track.pings)
+    scout = np.minimum(ping // GROUP * GROUP + GROUP // 2, track.pings - 1)
+    position, forward = track.position, track.rotation()[..., 0]
+    apart = np.linalg.norm(position - position[scout], axis=-1)
+    apart += farthest * np.linalg.norm(forward - forward[scout], axis=-1)
+    return np.where(apart < width * farthest, scout, ping)
+
+
+TALL = 16                          # strata of φ in a tall tile
+BOUNCE_SHARE = 1 / 3               # of a pass's rays: as many more are drawn for paths of several bounces
+WIDEST_CORE = 0.5                  # u at which the core ends, at most
+MOST_TILT = 0.7                    # [rad] that angles below the body's plane are mended by: below 1 they stay in order
+LAYERS = 16                        # of the water, for the time that rays take to a level bed
+MANY_ASIDE, WAYS = 0.15, 8         # share of rays aside from which a tile sends them in so many directions, not in one
+FIRST_ASIDE = 0.25                 # of the rays of a first pass: what lies in shadows for the beam is to be found out
+
+
+@dataclass(frozen=True)
+class Tables:
+    """Tables that the rays of rows are drawn through.
+
+    Attributes
+    ----------
+    phi : (rows, CELLS + 1) [rad]
+        Quantiles.
+    aside : (rows, CELLS)
+        Share of rays aside of the core in each cell.
+    """
+
+    phi: np.ndarray
+    aside: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class SideRays(Rays):
+    """Rays of sides.
+
+    Attributes
+    ----------
+    row : UInt32 (R,)
+        Side of a ping of the block.
+    side : Float (R,)
+        -1 port, 1 starboard.
+    cell : UInt32 (R,)
+        Of the table of φ that the ray was drawn through, (rows, CELLS).
+    aside : Bool (R,)
+        Whether the ray was drawn aside of the core.
+    u, v : Float (R,)
+        Of the direction, see `face_beams`.
+    strata : Strata
+        How the rays are numbered.
+    quantiles : (rows, CELLS + 1) [rad] or None
+        Tables of φ that the rays were drawn through; None: one for all.
+    """
+
+    row: mi.UInt32
+    side: mi.Float
+    cell: mi.UInt32
+    aside: mi.Bool
+    u: DrJitArray
+    v: DrJitArray
+    strata: Strata
+    quantiles: np.ndarray | None
+
+
+class SideLaunch:
+    """Draw rays of sides.
+
+    Parameters
+    ----------
+    survey : SidescanSurvey
+    underway : Underway
+    depression : Float [rad]
+        Of the faces.
+    shadows : bool
+        Send more rays aside of the beam where bins lack them, as in shadows.
+    """
+
+    def __init__(self, survey: SidescanSurvey, underway: Underway, depression: mi.Float, *, shadows: bool = True):
+        sonar = survey.sonar
+        self._survey, self._lib, self._depression = survey, arrays_of(mi.Float), depression
+        self._group, shifts = underway.along_shifts(survey.track.rotation(), sonar.sound_speed,
+                                                   sonar.wavelength / sonar.longest)
+        self._shifts = shifts
+        self.largest_shift = max(float(np.abs(some).max()) for some in shifts)
+        tables = np.stack([along_quantiles(sonar, some) for some in shifts])
+        self._along = upload(mi.Float, tables.astype(np.float32))
+        core = min(core_of(sonar, self.largest_shift), WIDEST_CORE)
+        cores, outside = zip(*(core_quantiles(sonar, some, core) for some in shifts))
+        self._cores, self.aside = upload(mi.Float, np.stack(cores).astype(np.float32)), max(outside)
+        self._core, self._span = dr.opaque(mi.Float, core), dr.opaque(mi.Float, 0.5 * np.pi - float(np.arcsin(core)))
+        self.shadows, self.first_aside = shadows, max(FIRST_ASIDE, self.aside) if shadows else self.aside
+        self._across = upload(mi.Float, across_quantiles(sonar).astype(np.float32))
+        dr.eval(self._along, self._across, self._cores)
+
+    def grids(self) -> tuple[tuple[int, int] | None, tuple[int, int]]:
+        """Strata (φ, u) of the first pass, None where there is none, and of the second, for one side."""
+        survey = self._survey
+        first = int(round(survey.rays * survey.first_pass / 2))
+        return ray_grid(first) if first else None, ray_grid(max(1, survey.rays // 2 - first))
+
+    def first_quantiles(self, place: Place) -> np.ndarray:
+        """Give the tables of φ, (rows, CELLS + 1) [rad], that suit a level bed."""
+        survey = self._survey
+        phi = np.linspace(-np.pi / 2, np.pi / 2, CELLS + 1)
+        side = np.array([-1.0, 1.0])
+        body = np.stack(np.broadcast_arrays(0.0, side[:, None] * np.cos(phi), np.sin(phi)), -1)      # (side, phi, 3)
+        down = -np.einsum("pj,skj->psk", place.rotation[:, 2], body)                                 # (ping, side, phi)
+        depression = np.arcsin(np.clip(down, -1, 1)).reshape(-1, CELLS + 1)
+        below = np.repeat(place.depth_below_of, 2)
+        mean_speed = float(np.mean(survey.profile.at(np.linspace(*survey.geometry.depth_range, 9))))
+        depression = self._straight(depression, np.repeat(-place.position[:, 2], 2), below, mean_speed)
+        above = None
+        if survey.geometry.surface_label and not survey.geometry.surface_mirrors:
+            above = np.repeat(-place.position[:, 2], 2)
+        return first_quantiles(survey.sonar, depression, below, mean_speed, survey.window, above)
+
+    def _straight(self, depression, depth, below, speed):
+        """Angles that straight rays of one speed would leave at to be back from the bed when rays at `depression` are.
+
+            1 / sin θ = <c̄ / (c sin θ(z))>,    cos θ(z) = cos θ₀ c(z) / c(z₀)
+        """
+        profile, layers = self._survey.profile, (np.arange(LAYERS) + 0.5) / LAYERS
+        there = profile.at(depth[:, None] + np.maximum(below, 0)[:, None] * layers)[:, None]
+        cosine = np.cos(depression)[..., None] * there / profile.at(depth)[:, None, None]
+        slower = speed / (there * np.sqrt(np.maximum(1 - cosine ** 2, 1e-12)))
+        straight = np.arcsin(np.minimum(1 / slower.mean(-1), 1))
+        return np.where(depression > 0, straight, depression)
+
+    def drawn(self, place: Place, tables: Tables, grid: tuple[int, int], seed: int, salt: int) -> SideRays:
+        """Draw the rays of a pass: `grid` strata in φ and u for each row."""
+        return self._drawn(place, tables.phi, grid, seed, salt, self._cores,
+                           upload(mi.Float, tables.aside.astype(np.float32)))
+
+    def carried(self, tables: np.ndarray, asked: np.ndarray, ping: np.ndarray) -> np.ndarray:
+        """Carry tables of φ (B, 2, CELLS + 1) from the pings that they were found for to others, (B,) each.
+
+        The world does not roll: a table is one of depression angles in the athwart plane. Those of another height see
+        the same share of a level bed, and of the surface, at the same share of the record.
+        """
+        survey, side = self._survey, np.array([-1.0, 1.0])
+        rotation, depth = survey.track.rotation(), -survey.track.position[:, 2]
+        tilt = np.arctan2(-rotation[:, 2, 1, None] * side, -rotation[:, 2, 2, None])[..., None]
+        below, above = (_ratio(values[ping], values[asked])[:, None, None] for values in (survey.depth_below, depth))
+        depression = tables + tilt[asked]
+        ratio = np.where(depression > 0, below, above)
+        phi = np.arctan2(ratio * np.sin(depression), np.cos(depression)) - tilt[ping]
+        phi = np.maximum.accumulate(np.clip(phi, -np.pi / 2, np.pi / 2), -1)
+        phi[..., 0], phi[..., -1] = -np.pi / 2, np.pi / 2
+        return phi
+
+    def one_way(self, place: Place, rays: SideRays, seed: int) -> SideRays:
+        """Draw rays for paths of several bounces: across like those of a pass, along by the beams of single faces."""
+        first, second = rays.strata.shape
+        grid = ray_grid(max(1, round(first * second * BOUNCE_SHARE)))
+        return self._drawn(place, rays.quantiles, grid, seed, Salt.BOUNCE_RAYS, self._along_one_way)
+
+    @cached_property
+    def _along_one_way(self) -> DrJitArray:
+        """The tables of u that follow the beams of the faces one by one."""
+        tables = np.stack([one_way_quantiles(self._survey.sonar, some) for some in self._shifts])
+        along = upload(mi.Float, tables.astype(np.float32))
+        dr.eval(along)
+        return along
+
+    def _drawn(self, place, quantiles, grid, seed, salt, along, aside=None):
+        strata = strata_of(self._lib, place.rows, grid)
+        drawn = drawn_across(self._lib, place, strata, quantiles, seed, salt, aside)
+        return self._rays(place, *drawn, strata, quantiles, along, aside)
+
+    def across_beam(self, place: Place, grid: tuple[int, int], seed: int) -> tuple[SideRays, mi.Float]:
+        """Draw rays over the whole beam, whatever they meet, and a number of [0, 1) more for each of them."""
+        lib, strata = self._lib, strata_of(self._lib, place.rows, grid)
+        row, within, i_phi, i_u = strata.split(dr.arange(mi.UInt32, strata.rays))
+        key = seeded(place.key(row), seed, Salt.WATER)
+        a, b = pair(within, key)
+        c, _ = other_pair(a, key)
+        xi_phi = stratified(lib, i_phi, uniform(lib, a), strata.first)
+        phi, phi_width, cell = draw(self._across, mi.UInt32(0), xi_phi)
+        xi_u = stratified(lib, i_u, uniform(lib, b), strata.second)
+        rays = self._rays(place, row, phi, phi_width, cell, xi_u, strata, None, self._along)
+        return rays, mi.Float(uniform(lib, c))
+
+    def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float,
+              grid: tuple[int, int]) -> SideRays:
+        """Give rays of given directions, which come from no table, each of the side that it leaves by."""
+        body = place.body(ping, direction)
+        side = dr.select(body.y < 0, mi.Float(-1), mi.Float(1))
+        v = body.z * dr.cos(self._depression) - abs(body.y) * dr.sin(self._depression)
+        row = 2 * ping + dr.select(side > 0, mi.UInt32(1), mi.UInt32(0))
+        return SideRays(row=row, ping=ping, cell=mi.UInt32(0), direction=direction, side=side, u=body.x, v=v,
+                        aside=mi.Bool(False), strata=strata_of(self._lib, place.rows, grid), quantiles=None,
+                        solid_angle=solid_angle)
+
+    def _rays(self, place, row, phi, phi_width, cell, xi_u, strata, quantiles, along, aside=None):
+        """Rays at angles φ, their u drawn through the tables `along` with numbers of [0, 1).
+
+        Where cells have shares `aside`, those of the numbers at either end of [0, 1) go aside of the core: there φ is
+        the angle below the plane of the body, and the azimuth is even beyond |u| = core.
+        """
+        sin_phi, cos_phi = dr.sincos(phi)
+        out, share = mi.Bool(False), None
+        if aside is not None:
+            share = dr.gather(mi.Float, aside, cell)
+            out, end, xi_u = _ends(xi_u, share)
+        u, width, _ = draw(along, self._table_of(place, row), xi_u)
+        w = dr.sqrt(dr.maximum(1 - u * u, 0))
+        across, down, v = w * cos_phi, w * sin_phi, w * dr.sin(phi - self._depression)
+        side = mi.Float(row & 1) * 2 - 1
+        if share is not None:
+            sine, cosine = dr.sincos(dr.copysign(dr.fma(abs(end), -self._span, 0.5 * np.pi), end))
+            level = place.body(row >> 1, mi.Vector3f(0, 0, -1))
+            tilt = (level.y * side * (1 - cosine) - level.x * sine) / dr.maximum(level.z, 0.1)
+            tilt = dr.clip(tilt, -MOST_TILT, MOST_TILT)
+            sin_beta, cos_beta = dr.sincos(dr.fma(tilt, cos_phi, phi))
+            width = dr.select(out, 2 * self._span / share * cos_beta * (1 - tilt * sin_phi), width / (1 - share))
+            u = dr.select(out, cos_beta * sine, u)
+            width = dr.select(out & (abs(u) < self._core), 0, width)
+            across, down = dr.select(out, cos_beta * cosine, across), dr.select(out, sin_beta, down)
+            v = dr.select(out, down * dr.cos(self._depression) - across * dr.sin(self._depression), v)
+        direction = place.scene(row >> 1, mi.Vector3f(u, side * across, down))
+        return SideRays(row=row, ping=row >> 1, cell=cell, direction=direction, side=side, strata=strata, u=u, v=v,
+                        aside=out, quantiles=quantiles, solid_angle=phi_width * width / mi.Float(strata.per_row))
+
+    def _table_of(self, place, row):
+        """Number of the table of u that rays of a row are drawn through."""
+        if place.still:
+            return mi.UInt32(0)
+        return dr.gather(mi.UInt32, upload(mi.UInt32, self._group[place.ping]), row)
+
+
+def _ratio(values: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Return values divided by others, 1 where either is not above 0."""
+    there = (values > 0) & (others > 0)
+    return np.where(there, values / np.where(there, others, 1), 1)
+
+
+def _ends(xi, share):
+    """Return which numbers of [0, 1) lie at its ends, how far off with the sign of the end, and the rest on [0, 1)."""
+    half = 0.5 * share
+    low, high = xi < half, xi > 1 - half
+    end = dr.select(low, xi, 1 - xi) / half
+    return low | high, dr.select(low, -end, end), dr.clip((xi - half) / (1 - share), 0, 1)
+
+
+def drawn_across(lib: ModuleType, place: Place, strata: Strata, quantiles: np.ndarray, seed: int, salt: int,
+                 aside: DrJitArray | None = None) -> tuple[mi.UInt32, mi.Float, mi.Float, mi.UInt32, mi.Float]:
+    """Draw φ of the rays of a pass through tables of it, (rows, CELLS + 1).
+
+    `aside` (rows CELLS,) are the shares of rays that leave aside of the beam, `WIDE_SHARE` where it is None.
+
+    Returns
+    -------
+    row : UInt32 (R,)
+        Of the block.
+    phi, width : Float (R,) [rad]
+        The angle, and the reciprocal of its density.
+    cell : UInt32 (R,)
+        Of the tables, (rows, CELLS).
+    along : Float (R,)
+        A stratified number of [0, 1) to draw u with.
+    """
+    row, within, i_phi, i_u = strata.split(dr.arange(mi.UInt32, strata.rays))
+    key = seeded(place.key(row), seed, salt)
+    a, b = pair(within, key)
+    # the n_u rays of a stratum of φ share it out: each of them a slice of its own, scrambled so that every ray may
+    # get every slice (no bias). Time bins then see n_phi n_u strata, not n_phi, and their edges cost little noise.
+    scramble, _ = other_pair(i_phi, key)
+    slice_phi = i_u ^ (scramble & (strata.second - 1))
+    within_phi = (mi.Float(slice_phi) + uniform(lib, a)) / mi.Float(strata.second)
+    xi_phi = stratified(lib, i_phi, within_phi, strata.first)
+    phi, phi_width, cell = draw(upload(mi.Float, quantiles.astype(np.float32)), row, xi_phi)
+    share = WIDE_SHARE if aside is None else dr.gather(mi.Float, aside, cell)
+    xi_u = stratified(lib, i_u, _within_u(lib, strata, key, i_phi, i_u, uniform(lib, b), share), strata.second)
+    return mi.UInt32(row), mi.Float(phi), mi.Float(phi_width), mi.UInt32(cell), xi_u
+
+
+def _within_u(lib, strata, key, i_phi, i_u, chance, share):
+    """Places of rays in [0, 1) within their strata of u.
+
+    The rays of a tile in one stratum of u share it out, as those of a stratum of φ do. The outermost strata begin with
+    what leaves aside of the beam, a `share` of the rays. A ray aside of the beam costs as much as a packet of rays that
+    stay together, so those of a tile leave it in one direction, drawn evenly from tile to tile.
+    """
+    tile, key = i_phi >> strata.high_bits, salted(key, Salt.TAILS)
+    high = mi.UInt32(1) << strata.high_bits
+    # neighbours lie nearly half a stratum apart: a time bin may hold only a few strata of φ
+    slice_u = (7 * i_phi + hashed(lib, key, tile, i_u)) & (high - 1)
+    place = (mi.Float(slice_u) + chance) / mi.Float(high)
+    from_end = dr.minimum(i_u, strata.second - 1 - i_u)
+    aside = dr.clip(mi.Float(strata.second) * (0.5 * share) - mi.Float(from_end), 0, 1)
+    ways = dr.select(share > MANY_ASIDE, lib.UInt32(WAYS), 1)
+    shared = aside * uniform(lib, even_bits(lib, ways * tile + (i_phi & (ways - 1)), key, i_u))
+    place = dr.select(place < aside, shared, place)
+    return dr.select((i_u > from_end) & (aside > 0), dr.maximum(1 - place, 0), place)
+
+
+def ray_grid(rays: int) -> tuple[int, int]:
+    """Give the strata (φ, u) for about this many rays, multiples of a tile: u needs few, the beam is narrow."""
+    steps_u = 4 if rays < 4096 else 8 if rays < 32768 else 16
+    step = 4 if rays < 4096 else TALL
+    return max(step, step * round(rays / (step * steps_u))), steps_u
+
+
+def strata_of(lib: ModuleType, rows: int, grid: tuple[int, int]) -> Strata:
+    """Give strata (φ, u) of rows. Strata of φ are much narrower than those of u: tiles are tall where they fit."""
+    return Strata(lib, rows, *grid, tall=grid[0] % TALL == 0)

@@ -1,0 +1,48 @@
+"""A sidescan's run over a scene: what is to be made."""
+from dataclasses import dataclass
+
+import numpy as np
+
+from mitsonar.sonar.faces.sidescan import Sidescan
+
+from ..survey import Survey
+
+__all__ = ["SidescanSurvey"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SidescanSurvey(Survey):
+    """A run of a sidescan.
+
+    Attributes
+    ----------
+    sonar : Sidescan
+    window : (float, float) [s]
+        Two-way time recorded.
+    bins : int
+    first_pass : float
+        Share of the rays that only finds out where rays are needed; 0 for none.
+
+    `rays` are both sides and both passes together; each side's share of a pass is rounded to strata, at least 16.
+    """
+
+    sonar: Sidescan
+    window: tuple[float, float]
+    bins: int
+    first_pass: float
+
+    @property
+    def bin_length(self) -> float:
+        """Duration of a time bin [s]."""
+        return (self.window[1] - self.window[0]) / self.bins
+
+    @property
+    def slant_range(self) -> np.ndarray:
+        """Slant range of the bins' centres [m], (bins,), at the sonar's sound speed."""
+        return 0.5 * self.sonar.sound_speed * (self.window[0] + (np.arange(self.bins) + 0.5) * self.bin_length)
+
+    @property
+    def labels(self) -> dict[int, str]:
+        """Number → what it stands for: the scene's shapes and, where it scatters, the water."""
+        labels = self.geometry.labels
+        return labels if self.volume is None else {**labels, 1 + max(labels): "water"}

@@ -1,0 +1,157 @@
+"""The image of a strip: raw echoes focused ping by ping, and the truth of every point.
+
+Raw echoes of a strip ping by ping, each with what all pings have in common: see `synthetic_aperture.record`.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+import drjit as dr
+import numpy as np
+import xarray as xr
+
+from mitsonar.hydrography.detection.bottom_backscatter import mean_absorption
+from mitsonar.scene import objects
+from mitsonar.scene.labels import classes_of
+from mitsonar.synthetic_aperture.focusing.focusing import Focuser
+from mitsonar.synthetic_aperture.focusing.grids import Grid, default_grid
+from mitsonar.synthetic_aperture.record import RAW_VARIABLES
+
+from ..pressure.cost import sentence
+from ..pressure.pressure import PressureRecord
+from ..pressure.signals import received_signals
+from .plan import StripSurvey
+from .truth import strip_truth
+
+__all__ = ["RATE", "common", "focused", "raw_pings", "strip_image", "survey_grid", "with_truth"]
+
+
+RATE = 200.0                       # [Hz] of the trajectory: splines through it err by 1e-6 m for the fastest strum
+MARGIN = 0.05                      # [s] before the first transmission and after the last reception
+
+
+def raw_pings(survey: StripSurvey, seed: int, start: int = 0, *, kernel: str = "band_limited",
+              return_path: str = "vector") -> Iterator[xr.Dataset]:
+    """Yield raw echoes of one ping after the other; a ping's are the same wherever one starts.
+
+    Parameters
+    ----------
+    survey : StripSurvey
+        It must lead by a pulse.
+    seed : int
+        Of the noise.
+    start : int
+        The first ping.
+    kernel, return_path
+        As of `mitsonar.element_signals`.
+    """
+    record = PressureRecord(survey, seed=seed, kernel=kernel, return_path=return_path)
+    known = common(survey)
+    for ping in range(start, survey.track.pings):
+        heard = received_signals(record, [ping])
+        yield known.assign({name: _variable(name, values) for name, values in (
+            ("signal", heard.values[:, 0]), ("ping_time", survey.track.time[[ping]]),
+            ("transmitter", np.array([survey.sender(ping)], np.int32)))}).assign_coords(ping=[ping])
+
+
+def common(survey: StripSurvey) -> xr.Dataset:
+    """Give what all pings of a strip have in common: arrays, trajectory, water, targets and attributes."""
+    trajectory, track = survey.voyage.trajectory, survey.track
+    first = track.time[0] - MARGIN
+    count = int(np.ceil((track.time[-1] + survey.time[-1] + MARGIN - first) * RATE)) + 1
+    time = first + np.arange(count) / RATE
+    position, attitude = trajectory.pose(time)
+    values = {
+        "time": survey.time[survey.lead:], "tx_position": survey.transmit.position,
+        "rx_position": survey.receive.position, "rx_bank": survey.bank.astype(np.int32),
+        "motion_time": time, "motion_x": position[:, 0], "motion_y": position[:, 1], "motion_depth": -position[:, 2],
+        "motion_roll": attitude[:, 0], "motion_pitch": attitude[:, 1], "motion_heading": np.unwrap(attitude[:, 2]),
+        "cast_depth": survey.profile.depth, "cast_sound_speed": survey.profile.sound_speed, **_targets(survey)}
+    top = -float(track.position[:, 2].mean())
+    return xr.Dataset({name: _variable(name, some) for name, some in values.items()}, attrs={
+        "sonar": "synthetic_aperture", "preset": survey.preset, "frequency": survey.frequency,
+        "sampling_rate": survey.sampling_rate, "pulse": survey.pulse.numbers,
+        "source_level_db": survey.source_level_db,
+        "absorption_db": float(mean_absorption(survey.absorption, top, max(survey.bed_depth, top + 1.0))),
+        "look": [float(part) for part in survey.look], "tx_length": survey.transmit.length,
+        "rx_length": survey.receive.length, "bed_depth": survey.bed_depth})
+
+
+def _targets(survey: StripSurvey) -> dict[str, np.ndarray]:
+    """Point targets of the scene."""
+    found = survey.geometry.targets()
+    place = np.array([one.position for one in found], float).reshape(-1, 3)
+    return {"target_x": place[:, 0], "target_y": place[:, 1], "target_depth": -place[:, 2],
+            "target_strength_db": np.array([
+                one.strength_at(survey.frequency, float(survey.profile.at(-one.position[2]))) for one in found], float),
+            "target_name": np.array([survey.labels[one.label] for one in found], str)}
+
+
+def _variable(name: str, values: np.ndarray) -> tuple[tuple[str, ...], np.ndarray, dict[str, str]]:
+    """A variable of the record with its dimensions, unit and meaning."""
+    one = RAW_VARIABLES[name]
+    return one.dims, values, {"units": one.unit, "long_name": one.meaning}
+
+
+Progress = Callable[[float, float], None]
+
+
+def strip_image(survey: StripSurvey, seed: int, progress: Progress | None = None,
+                say: Callable[[str], None] | None = None) -> xr.Dataset:
+    """Make the image that a strip's sensor asks for, with its truth; memory does not grow with the pings.
+
+    Parameters
+    ----------
+    survey : StripSurvey
+        It must lead by a pulse.
+    seed : int
+    progress, say
+        As of `mitsonar.render`.
+
+    Returns
+    -------
+    xarray.Dataset
+        As `synthetic_aperture.record` says of focused images.
+    """
+    if say is not None:
+        words = sentence(PressureRecord(survey, seed=seed), range(survey.track.pings), threads=dr.thread_count())
+        if words:
+            say(words)
+    image = focused(raw_pings(survey, seed), survey.track.pings, progress, grid=survey_grid(survey),
+                    window=survey.aperture_window, range_window=survey.range_window)
+    return with_truth(image.assign_attrs(seed=seed), survey, seed)
+
+
+def survey_grid(survey: StripSurvey) -> Grid:
+    """Give the grid that a strip's sensor asks for; `ValueError` where there is but one ping."""
+    if survey.track.pings < 2:
+        raise ValueError("an aperture is made of two or more pings, and the strip has one; give pings more, or take "
+                         "its raw echoes")
+    return default_grid(common(survey).assign(ping_time=("ping", survey.track.time)), spacing=survey.grid_spacing,
+                        kind=survey.grid)
+
+
+def focused(pings: Iterable[xr.Dataset], count: int, progress: Progress | None = None, **how: Any) -> xr.Dataset:
+    """Focus pings one after the other; `how` is passed on to `synthetic_aperture.focusing.Focuser`."""
+    focuser: Focuser | None = None
+    for done, one in enumerate(pings, 1):
+        if focuser is None:
+            focuser = Focuser(one, **how)
+        focuser.add(one)
+        if progress is not None:
+            progress(done, count)
+    if focuser is None:
+        raise ValueError("there are no pings to be focused; give two or more")
+    return focuser.image()
+
+
+def with_truth(image: xr.Dataset, survey: StripSurvey, seed: int) -> xr.Dataset:
+    """Put the truth of every point beside a focused image of a survey."""
+    truth = strip_truth(survey, image["x"].values, image["y"].values, image["depth"].values, seed)
+    whole = image.assign(truth.data_vars).assign_coords(truth.coords)
+    whole = whole.assign_attrs(labels={str(number): name for number, name in survey.labels.items()})
+    classes, class_of = classes_of(survey.labels)
+    if "share" in truth:
+        return objects.annotated(whole, classes, class_of, survey.geometry, survey.track.position)
+    return whole.assign_attrs(objects.known(classes, class_of, survey.geometry, survey.track.position))

@@ -1,0 +1,42 @@
+"""Synthetic aperture: a strip of raw echoes, and the image that is focused of them.
+
+    plan       arrays, the pace of the pings, the bed                                   `strip.plan`
+    raw        echoes of every receiver, ping by ping, with the true trajectory         `strip.raw`
+    image      focused on a grid, with its truth                                        `strip.image`
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import mitsuba as mi
+import numpy as np
+import xarray as xr
+
+from ..pressure.signals import LEAD
+from ..sensor import RunSettings
+from .image import strip_image
+from .plan import StripSensor, StripSurvey, plan as plan_strip
+
+__all__ = ["picture", "plan", "plan_elements", "rows"]
+
+
+def plan(scene: mi.Scene, sensor: StripSensor, settings: RunSettings) -> StripSurvey:
+    """Plan a run over a scene: its record begins a pulse early; see `strip.plan.plan`."""
+    return plan_strip(scene, sensor, settings, LEAD)
+
+
+def plan_elements(scene: mi.Scene, sensor: StripSensor, settings: RunSettings, lead: float = 0.0) -> StripSurvey:
+    """Plan a run whose record is the signals of elements; `lead` as of `survey.array.plan_elements`."""
+    return plan_strip(scene, sensor, settings, lead)
+
+
+def picture(survey: StripSurvey, sensor: StripSensor, seed: int,
+            progress: Callable[[float, float], None] | None = None,
+            say: Callable[[str], None] | None = None) -> xr.Dataset:
+    """Focus the image, with its truth; see `mitsonar.render`."""
+    return strip_image(survey, seed, progress, say)
+
+
+def rows(level: np.ndarray) -> np.ndarray:
+    """Levels (bank, along track, across track) as rows of one picture, bank after bank."""
+    return level.reshape(-1, level.shape[-1])

@@ -1,0 +1,160 @@
+"""Planning of a synthetic aperture's run: the survey of its arrays, which of them sends, and the bed that it sees.
+
+What a run of a synthetic aperture is. Data only.
+"""
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, fields
+from typing import Protocol
+
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.scene.geometry import Geometry
+from mitsonar.sonar.arrays.array import Array
+from mitsonar.sonar.pulses.pulses import Pulse
+
+from .. import placement
+from ..fan.kind import survey_of
+from ..pressure.array_survey import ArraySurvey
+from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
+
+__all__ = ["StripSensor", "StripSurvey", "plan"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StripSurvey(ArraySurvey):
+    """A run of a synthetic aperture.
+
+    Attributes
+    ----------
+    bank : (rx,) int
+        Number of the row that each receiver is in.
+    look : (3,) [-]
+        Unit vector that the elements look along, body frame.
+    bed_depth : float [m]
+        Mean depth of the bed that the record sees.
+    grid : {"ground", "slant"}
+        Of the picture.
+    grid_spacing : float or None [m]
+        Between its points; None: half the resolution.
+    aperture_window, range_window : str
+        Over the aperture's angles and over the pulse's band, of the picture.
+    preset : str
+    """
+
+    bank: np.ndarray
+    look: np.ndarray
+    bed_depth: float
+    grid: str
+    grid_spacing: float | None
+    aperture_window: str
+    range_window: str
+    preset: str
+
+
+ALONG, ACROSS = 9, 17              # soundings of the bed that a record sees
+
+
+class StripSensor(Sensor, Protocol):
+    """What the sensor of a synthetic aperture says, beside what all do.
+
+    Attributes
+    ----------
+    preset : str
+    source_level_db : float [dB re 1 µPa @ 1 m]
+        Of a transmitter.
+    pulse : Pulse
+    transmit, receive : Array
+    bank : (rx,) int
+    grid : {"ground", "slant"}
+    grid_spacing : float or None [m]
+    windows : (str, str)
+        Over the aperture's angles and the pulse's band.
+    self_noise_db : float or None [dB re 1 µPa²/Hz]
+    thin_below : float [-]
+        As of `ArraySurvey`.
+    """
+
+    preset: str
+    source_level_db: float
+    pulse: Pulse
+    transmit: Array
+    receive: Array
+    bank: np.ndarray
+    grid: str
+    grid_spacing: float | None
+    windows: tuple[str, str]
+    self_noise_db: float | None
+    thin_below: float
+
+
+def plan(scene: mi.Scene, sensor: StripSensor, settings: RunSettings, lead: float) -> StripSurvey:
+    """Plan a run over a scene; `lead` as of `survey.array.plan_elements`.
+
+    Raises
+    ------
+    ValueError
+        If sensor and scene do not fit together, or the record sees no bed.
+    """
+    geometry = Geometry(scene)
+    passage = sensor.route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1] + sensor.pulse.duration)
+    track = passage.voyage.track
+    speed = head_speed(sensor, passage.depth)
+    survey = survey_of(geometry, sensor, settings, passage, lead=lead, sound_speed=speed, transmit=sensor.transmit,
+                       receive=sensor.receive, pulse=sensor.pulse, source_level_db=sensor.source_level_db,
+                       bins_are_samples=True, self_noise_db=sensor.self_noise_db)
+    # echoes from the end of the range are heard to their own end: compression needs all of a pulse
+    longer = survey.samples + int(np.ceil(sensor.pulse.duration * survey.sampling_rate))
+    _warn_of_gaps(survey, sensor)
+    senders = sensor.transmit.elements
+    return StripSurvey(
+        **{**{one.name: getattr(survey, one.name) for one in fields(ArraySurvey)},
+           "samples": longer, "sending": np.arange(track.pings) % senders, "thin_below": sensor.thin_below,
+           "cell_size": settings.cell_size or _cell_size(sensor, settings, speed)},
+        bank=sensor.bank, look=sensor.receive.normal[0], bed_depth=_bed_depth(survey, sensor), grid=sensor.grid,
+        grid_spacing=sensor.grid_spacing, aperture_window=sensor.windows[0], range_window=sensor.windows[1],
+        preset=sensor.preset)
+
+
+def _cell_size(sensor: StripSensor, settings: RunSettings, sound_speed: float) -> float:
+    """Side of cells of which a resolution cell, half an element by c / 2B, holds as many as the settings ask for.
+
+    A cell is half a square whose diagonal is its longest side.
+    """
+    along = 0.5 * max(sensor.transmit.length, sensor.receive.length)
+    across = 0.5 * sound_speed / sensor.pulse.bandwidth
+    return 2 * float(np.sqrt(along * across / settings.scatterers_per_cell))
+
+
+def _bed_depth(survey: ArraySurvey, sensor: StripSensor) -> float:
+    """Mean depth of the bed within the record [m]: where rays along straight lines would meet a level bed."""
+    track, below = survey.track, float(np.mean(survey.depth_below))
+    speed = survey.sound_speed(0)
+    nearest, farthest = (0.5 * speed * survey.time[i] for i in (survey.lead, -1))
+    reach = np.sqrt(np.maximum(np.linspace(max(nearest, 0.0), farthest, ACROSS) ** 2 - below ** 2, 0.0))
+    some = np.unique(np.linspace(0, track.pings - 1, ALONG).astype(int))
+    rotation, looks = track.rotation()[some], sensor.receive.normal[0]
+    aside = (rotation @ looks)[:, :2]
+    aside = aside / np.maximum(np.linalg.norm(aside, axis=1, keepdims=True), 1e-9)
+    place = track.position[some, None, :2] + reach[:, None] * aside[:, None, :]
+    depth = placement.soundings(survey.geometry, place[..., 0].ravel(), place[..., 1].ravel())
+    if np.isnan(depth).all():
+        raise ValueError("the synthetic aperture sees no seabed within its record; turn side or heading_deg, or change "
+                         "the film's range_min and range")
+    return float(np.nanmean(depth))
+
+
+def _warn_of_gaps(survey: ArraySurvey, sensor: StripSensor) -> None:
+    """Warn where pings are too far apart for the aperture to be filled."""
+    track = survey.track
+    if track.pings < 2:
+        return
+    place = sensor.receive.position[sensor.bank == 0, 0]
+    length = float(np.diff(np.sort(place)).min()) if len(place) > 1 else sensor.receive.length
+    filled = 0.5 * len(place) * length
+    step = float(np.linalg.norm(np.diff(track.position, axis=0), axis=1).max())
+    if step > filled * 1.001:
+        warnings.warn(f"pings are {step:.3g} m apart, and each fills {filled:.3g} m of the aperture: the image will "
+                      "have ghosts along the track; sail slower, ping faster, or give overlap", stacklevel=2)

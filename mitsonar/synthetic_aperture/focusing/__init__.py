@@ -1,0 +1,1 @@
+"""Focusing of raw echoes to images."""

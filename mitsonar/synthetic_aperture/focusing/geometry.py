@@ -1,0 +1,130 @@
+"""Where the arrays were when they passed a row of an image: what phases of its banks are read with.
+
+    ρ_b(p) = |p - P_t| + |p - P_b|                       two-way path of bank b, in the plane across the track
+
+P_t -> ``sender``, P_b -> ``bank``: places to starboard of the line through the grid's first points, and z, up. An
+image of bank b holds at p the echo of s with the phase -k (ρ_b(s) - ρ_b(p)).
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from scipy.interpolate import CubicSpline
+
+from mitsonar.sonar.pulses.pulses import pulse_of
+
+from ..micronavigation.pairs import arrays_of
+from ..record import IMAGE_VARIABLES
+from .poses import poses_of
+
+__all__ = ["ArrayPaths", "array_paths", "bank_paths", "ground_across", "with_array_paths"]
+
+FINE = 2001                        # moments along the track, splined between
+PATHS = ("sender_across", "sender_depth", "bank_across", "bank_depth")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArrayPaths:
+    """Places of the arrays abeam of an image's rows.
+
+    Attributes
+    ----------
+    sender : (A, 2) [m]
+        Across the track and z.
+    bank : (B, A, 2) [m]
+    """
+
+    sender: np.ndarray
+    bank: np.ndarray
+
+
+def with_array_paths(image: xr.Dataset, raw: xr.Dataset, trajectory: xr.Dataset | None = None) -> xr.Dataset:
+    """Add to an image where the arrays were when they passed each of its rows.
+
+    Parameters
+    ----------
+    image : Dataset
+        Focused.
+    raw : Dataset
+        That it was focused of; one ping of it is enough.
+    trajectory : Dataset or None
+        That it was focused with; None: the raw echoes' own.
+
+    Returns
+    -------
+    Dataset
+        With sender_across, sender_depth (along_track), bank_across, bank_depth (bank, along_track) and the attribute
+        sound_speed: one, between the arrays and the bed.
+
+    Raises
+    ------
+    ValueError
+        If the sonar does not pass the rows one after the other, as on a circle.
+    """
+    poses = poses_of(raw if trajectory is None else trajectory)
+    along, across, start = _axes(image)
+    time = np.linspace(poses.first, poses.last, FINE)
+    way = (poses.position(time)[:, :2] - start) @ along
+    if not np.all(np.diff(way) > 0):
+        raise ValueError("the sonar does not pass the image's rows one after the other; heights from banks need a "
+                         "track along the image")
+    rows = image["along_track"].values
+    tx, rx = (np.asarray(raw[name].values, float) for name in ("tx_position", "rx_position"))
+    bank, half = np.asarray(raw["rx_bank"].values), 0.5 * pulse_of(raw.attrs["pulse"]).duration
+    passed = CubicSpline(way, time)(np.clip(rows, way[0], way[-1]))
+    sender = _seen(poses.place(passed, tx.mean(0)), across, start)
+    # A receiver hears while the sonar sails on: as far as that moves it aside, it counts.
+    later = passed + half + float(raw["time"].values.mean())
+    banks = [_seen(poses.place(later, rx[bank == number].mean(0)), across, start) for number in np.unique(bank)]
+    values = {"sender_across": sender[:, 0], "sender_depth": -sender[:, 1],
+              "bank_across": np.stack([one[:, 0] for one in banks]),
+              "bank_depth": np.stack([-one[:, 1] for one in banks])}
+    return image.assign({name: (IMAGE_VARIABLES[name].dims, some, {
+        "units": IMAGE_VARIABLES[name].unit, "long_name": IMAGE_VARIABLES[name].meaning})
+        for name, some in values.items()}).assign_attrs(sound_speed=arrays_of(raw).sound_speed)
+
+
+def array_paths(image: xr.Dataset) -> ArrayPaths:
+    """Take them out of an image that has them.
+
+    Raises
+    ------
+    ValueError
+        If it has none.
+    """
+    missing = [name for name in PATHS if name not in image.variables]
+    if missing:
+        raise ValueError(f"the image lacks {', '.join(missing)}: where its arrays were; take with_array_paths(image, "
+                         "raw) first")
+    values = {name: np.asarray(image[name].values, float) for name in PATHS}
+    return ArrayPaths(sender=np.stack([values["sender_across"], -values["sender_depth"]], -1),
+                      bank=np.stack([values["bank_across"], -values["bank_depth"]], -1))
+
+
+def ground_across(image: xr.Dataset) -> np.ndarray:
+    """Give how far (A, C) [m] an image's points are to starboard of its first one's line along the track."""
+    _, across, start = _axes(image)
+    return (np.stack([image["x"].values, image["y"].values], -1) - start) @ across
+
+
+def bank_paths(paths: ArrayPaths, bank: int, across: np.ndarray, height: np.ndarray) -> np.ndarray:
+    """Give two-way paths ρ (A, C) [m] of a bank to points at `across` and `height` (A, C) [m], z up."""
+    out, home = (np.hypot(across - place[:, :1], height - place[:, 1:]) for place in (paths.sender, paths.bank[bank]))
+    return out + home
+
+
+def _axes(image: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The grid's directions ahead and to starboard, and its origin, from the places of its points."""
+    x, y = image["x"].values, image["y"].values
+    rows = image["along_track"].values
+    if x.shape[0] < 2:
+        raise ValueError("the image has one row; where the sonar passed it is told from two or more")
+    along = np.array([x[-1, 0] - x[0, 0], y[-1, 0] - y[0, 0]]) / (rows[-1] - rows[0])
+    return along, np.array([along[1], -along[0]]), np.array([x[0, 0], y[0, 0]]) - rows[0] * along
+
+
+def _seen(place: np.ndarray, across: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Places (A, 3) as (A, 2): to starboard of the grid's first column's line, and z."""
+    return np.stack([(place[:, :2] - start) @ across, place[:, 2]], -1)

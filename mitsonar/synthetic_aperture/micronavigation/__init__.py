@@ -1,0 +1,1 @@
+"""Track of a synthetic aperture from the echoes of overlapping pings."""

@@ -1,0 +1,194 @@
+"""Displaced phase centres: which receivers of one ping stand where receivers of the ping before have stood.
+
+    C = (P_t(t) + P_r(t + τ)) / 2          the phase centre of a transmitter and a receiver
+    d = (C' - C) · a                       of a pair of them from successive pings, along the array's axis a
+
+Echoes of a bed are alike in both as far as |d| is small beside half an element (see `coherence.aperture_coherence`).
+Delays are told from the bed beside a pair's middle, perpendicular to the array: the mean of two directions, ahead and
+astern of abeam by what the beam's power deviates. The whole beam hears a sway s as s (1 - <sin²θ> / 2 cos² g), g the
+grazing angle.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from ..focusing.poses import Poses, two_way_delay
+
+__all__ = ["Arrays", "Correction", "Pairs", "arrays_of", "ground_points", "overlapping", "pair_delays",
+           "together"]
+
+NODES = 49                         # of delays along a line of the bed; cubic between: 1e-12 s beyond 1.05 altitudes
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arrays:
+    """What stands still in the body.
+
+    Attributes
+    ----------
+    tx : (tx, 3) [m]
+    rx : (rx, 3) [m]
+    bank : (rx,) int
+    side : float
+        1: they look to starboard, -1: to port.
+    sound_speed : float [m/s]
+    bed_depth : float [m]
+    """
+
+    tx: np.ndarray
+    rx: np.ndarray
+    bank: np.ndarray
+    side: float
+    sound_speed: float
+    bed_depth: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Correction:
+    """What the second ping of two is off where it was believed, in the frame of the first: metres and radians."""
+
+    surge: float = 0.0
+    sway: float = 0.0
+    heave: float = 0.0
+    yaw: float = 0.0
+
+
+def together(one: Correction, other: Correction) -> Correction:
+    """Give the sum of two small corrections."""
+    return Correction(surge=one.surge + other.surge, sway=one.sway + other.sway, heave=one.heave + other.heave,
+                      yaw=one.yaw + other.yaw)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pairs:
+    """Pairs of phase centres of two successive pings.
+
+    Attributes
+    ----------
+    first, second : (Q,) int
+        Receivers.
+    apart : (Q,) [m]
+        Of their phase centres along the array, as far as is believed.
+    centre_first, centre_second : (Q,) [m]
+        Of the phase centres along the array, from the first ping's body.
+    """
+
+    first: np.ndarray
+    second: np.ndarray
+    apart: np.ndarray
+    centre_first: np.ndarray
+    centre_second: np.ndarray
+
+
+def arrays_of(raw: xr.Dataset) -> Arrays:
+    """Take the arrays out of raw echoes, and one sound speed between them and the bed: the mean slowness's inverse."""
+    bed = float(raw.attrs["bed_depth"])
+    depth, speed = (np.asarray(raw[name].values, float) for name in ("cast_depth", "cast_sound_speed"))
+    inside = np.linspace(float(np.mean(raw["motion_depth"].values)), bed, 257)
+    return Arrays(tx=np.asarray(raw["tx_position"].values, float), rx=np.asarray(raw["rx_position"].values, float),
+                  bank=np.asarray(raw["rx_bank"].values), side=float(np.sign(raw.attrs["look"][1])) or 1.0,
+                  sound_speed=float(1 / np.mean(1 / np.interp(inside, depth, speed))), bed_depth=bed)
+
+
+def overlapping(poses: Poses, arrays: Arrays, time: np.ndarray, sender: np.ndarray, slant_range: float,
+                reach: float | None, correction: Correction) -> Pairs:
+    """Find the pairs of two pings whose phase centres are at most `reach` [m] apart along the array.
+
+    Parameters
+    ----------
+    time : (2,) [s]
+        Of the transmissions.
+    sender : (2,) int
+        Transmitters.
+    slant_range : float [m]
+        At which echoes come back.
+    reach : float or None [m]
+        None: three quarters of the way between neighbouring phase centres.
+
+    Raises
+    ------
+    ValueError
+        If there is none: the pings do not overlap.
+    """
+    delay = 2 * slant_range / arrays.sound_speed
+    centres = [0.5 * (_placed(poses, arrays, time[n], time[n], arrays.tx[sender[n]], n, correction)
+                      + _placed(poses, arrays, time[n], time[n] + delay, arrays.rx, n, correction)) for n in (0, 1)]
+    axis = poses.rotation(time[0] + delay)[:, 0]
+    along = [(one - poses.position(time[0])) @ axis for one in centres]
+    between = along[1][None, :] - along[0][:, None]
+    steps = np.diff(np.unique(np.round(arrays.rx[:, 0], 9)))
+    near = reach if reach is not None else 0.375 * float(steps.min() if len(steps) else np.inf)
+    first, second = np.nonzero((np.abs(between) <= near) & (arrays.bank[:, None] == arrays.bank))
+    if not len(first):
+        raise ValueError(f"pings at {time[0]:.3f} and {time[1]:.3f} s have no phase centres in common within "
+                         f"{near:.3g} m; micronavigation needs pings that overlap: sail slower, or give overlap")
+    return Pairs(first=first, second=second, apart=between[first, second], centre_first=along[0][first],
+                 centre_second=along[1][second])
+
+
+def ground_points(poses: Poses, arrays: Arrays, time: np.ndarray, sender: np.ndarray, pairs: Pairs,
+                  slant_range: np.ndarray, correction: Correction, ahead: float) -> np.ndarray:
+    """Give points of the bed at slant ranges from every pair's middle, (Q, N, 3) [m].
+
+    They lie abeam, or `ahead` of that: by the sine of the angle.
+    """
+    delay = 2 * float(np.mean(slant_range)) / arrays.sound_speed
+    middle = 0.5 * np.mean([
+        _placed(poses, arrays, time[n], time[n], arrays.tx[sender[n]], n, correction)
+        + _placed(poses, arrays, time[n], time[n] + delay, arrays.rx[one], n, correction)
+        for n, one in ((0, pairs.first), (1, pairs.second))], axis=0)
+    heading = float(np.mean([poses.heading(time[n] + part) for n in (0, 1) for part in (0.0, delay)]))
+    heading += 0.5 * correction.yaw
+    abeam = arrays.side * np.array([np.cos(heading), -np.sin(heading)])
+    above = arrays.bed_depth + middle[:, None, 2]
+    aside = np.sqrt(np.maximum(slant_range ** 2 * (1 - ahead ** 2) - above ** 2, 0.0))
+    flat = middle[:, None, :2] + aside[..., None] * abeam + (ahead * slant_range)[:, None] * _frame(heading)[0][:2]
+    return np.concatenate([flat, np.full((*flat.shape[:2], 1), -arrays.bed_depth)], -1)
+
+
+def pair_delays(poses: Poses, arrays: Arrays, time: np.ndarray, sender: np.ndarray, pairs: Pairs, target: np.ndarray,
+                correction: Correction) -> tuple[np.ndarray, np.ndarray]:
+    """Give two-way delays (2, Q, N) [s] of both pings' receivers, and what they change by (Q, N, 3) [s/m, s/m, s/rad].
+
+    The change is that of the second ping's delay with its sway, heave and yaw.
+    """
+    first = two_way_delay(poses, np.full(target.shape[:2], time[0]), arrays.tx[sender[0]],
+                          arrays.rx[pairs.first][:, None], target, arrays.sound_speed)
+    # A body that is moved and turned sees what it would see unmoved of a bed that is moved and turned back.
+    believed = two_way_delay(poses, np.full(target.shape[:2], time[1]), arrays.tx[sender[1]],
+                             arrays.rx[pairs.second][:, None], target, arrays.sound_speed)
+    second = believed
+    for _ in range(3):
+        out = _placed(poses, arrays, time[1], np.full(target.shape[:2], time[1]), arrays.tx[sender[1]], 1, correction)
+        home = _placed(poses, arrays, time[1], time[1] + second, arrays.rx[pairs.second][:, None], 1, correction)
+        legs = [target - out, target - home]
+        lengths = [np.linalg.norm(leg, axis=-1, keepdims=True) for leg in legs]
+        second = (lengths[0] + lengths[1])[..., 0] / arrays.sound_speed
+    towards = [leg / length for leg, length in zip(legs, lengths)]
+    ahead, aside, down = _frame(float(poses.heading(time[0])))
+    pull = -(towards[0] + towards[1]) / arrays.sound_speed
+    origin = poses.position(np.array(time[1]))
+    turn = sum(-np.sum(toward * np.cross(down, place - origin), -1) / arrays.sound_speed
+               for toward, place in zip(towards, (out, home)))
+    return np.stack([first, second]), np.stack([pull @ aside, pull @ down, turn], -1)
+
+
+def _frame(heading: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Ahead, to starboard and down in the scene's frame, z up."""
+    sine, cosine = np.sin(heading), np.cos(heading)
+    return np.array([sine, cosine, 0.0]), np.array([cosine, -sine, 0.0]), np.array([0.0, 0.0, -1.0])
+
+
+def _placed(poses: Poses, arrays: Arrays, sent: float, time: np.ndarray | float, lever: np.ndarray, number: int,
+            correction: Correction) -> np.ndarray:
+    """Where elements are; the second ping's (number 1) are moved and turned by the correction."""
+    place = poses.place(np.asarray(time, float), lever)
+    if not number:
+        return place
+    ahead, aside, down = _frame(float(poses.heading(np.array(sent))))
+    origin = poses.position(np.asarray(time, float))
+    moved = place + correction.surge * ahead + correction.sway * aside + correction.heave * down
+    return moved + correction.yaw * np.cross(down, place - origin)

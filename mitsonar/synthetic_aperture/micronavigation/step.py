@@ -1,0 +1,250 @@
+"""What two overlapping pings say of the way between them.
+
+    y_q = Δτ_q = [∂τ/∂(sway, heave, yaw)]_q x + ε_q,        x̂ = (AᵀW A + P⁻¹)⁻¹ (AᵀW y - P⁻¹ x₀)
+    W⁻¹_qq' = (R_jj' R_ii' - R_ji' R_j'i) / (2 N γ_q γ_q' (2π f₀)²)            of pairs q = (i, j), q' = (i', j')
+    |γ_q| = γ₀ T(d_q + surge)                                                   T: van Cittert and Zernike
+
+R -> coherence of two channels by theory: T of their phase centres' distance, times γ₀ where they are two; N -> looks of
+a window; P -> what navigation is trusted to, ``Trust``; x₀ -> what was corrected already. The errors' covariance is
+that of products of circular Gaussian signals; its diagonal is the bound of Cramér and Rao.
+
+Delays and coherence of pairs of phase centres, in windows of range.
+
+    x(r) = s(τ(r)) e^(i2π f₀ τ(r))                             both signals, laid on the same points of the bed
+    c(l) = Σ x₂(r + l) x₁*(r) / √(Σ|x₁|² Σ|x₂|²)               over a window
+    Δτ   = 2 l̂ / c  (envelope)      or      -arg c(0) / (2π f₀)  (phase, once Δτ is less than half a cycle)
+
+τ(r) -> ``delays``, as far as they are known; Δτ is what they are off.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft, optimize
+from scipy.interpolate import CubicSpline
+
+from .pairs import Correction, Pairs
+
+__all__ = ["Found", "Trust", "correlated", "finer", "fitted_surge", "lagged", "laid_on_ground", "least_squares",
+           "phase_covariance", "slants"]
+
+
+FINER = 8                          # times the sampling rate, before interpolation by cubics: 1e-4 of the signal
+LAGS_FINER = 4
+
+
+def finer(signal: np.ndarray) -> np.ndarray:
+    """Give signals (..., S) at 8 times their rate, by Fourier's series."""
+    count = signal.shape[-1]
+    spectrum = fft.fftshift(fft.fft(signal, axis=-1), axes=-1)
+    wide = np.zeros((*signal.shape[:-1], FINER * count), complex)
+    start = FINER * count // 2 - count // 2
+    wide[..., start:start + count] = spectrum
+    return FINER * fft.ifft(fft.ifftshift(wide, axes=-1), axis=-1)
+
+
+def laid_on_ground(signal: np.ndarray, channel: np.ndarray, first: float, rate: float, node_range: np.ndarray,
+                   delays: np.ndarray, slant_range: np.ndarray, frequency: float) -> np.ndarray:
+    """Take signals at the delays of points, the carrier's phase of the way there taken out.
+
+    Parameters
+    ----------
+    signal : complex (rx, S)
+        From `finer`.
+    channel : (Q,) int
+    first, rate : float [s], [Hz]
+        Of the signal's samples as they were before `finer`.
+    node_range : (K,) [m]
+    delays : (Q, K) [s]
+    slant_range : (N,) [m]
+
+    Returns
+    -------
+    complex (Q, N)
+    """
+    delay = CubicSpline(node_range, delays, axis=-1)(slant_range)
+    place = np.clip((delay - first) * rate * FINER, 1.0, signal.shape[-1] - 3.0)
+    whole = np.floor(place).astype(np.int64)
+    part = place - whole
+    taps = (-part * (part - 1) * (part - 2) / 6, (part + 1) * (part - 1) * (part - 2) / 2,
+            -(part + 1) * part * (part - 2) / 2, (part + 1) * part * (part - 1) / 6)
+    value = sum(tap * signal[channel[:, None], whole + k - 1] for k, tap in enumerate(taps))
+    return value * np.exp(2j * np.pi * np.mod(frequency * delay, 1.0))
+
+
+def correlated(first: np.ndarray, second: np.ndarray, windows: int) -> np.ndarray:
+    """Give the complex coherence (Q, W) of signals (Q, N) in W windows, without a lag."""
+    one, two = (part[:, :part.shape[1] // windows * windows].reshape(len(part), windows, -1)
+                for part in (first, second))
+    power = np.sum(np.abs(one) ** 2, -1) * np.sum(np.abs(two) ** 2, -1)
+    return np.sum(two * np.conj(one), -1) / np.sqrt(np.maximum(power, 1e-300))
+
+
+def lagged(first: np.ndarray, second: np.ndarray, windows: int, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Find by how many samples (Q, W) the second signal comes late, at most `most`, and the coherence there."""
+    size = first.shape[1] // windows
+    one, two = (part[:, :size * windows].reshape(len(part), windows, size) for part in (first, second))
+    length = fft.next_fast_len(2 * size)
+    product = fft.fft(two, length) * np.conj(fft.fft(one, length))
+    half = length // 2
+    wide = np.zeros((*product.shape[:-1], LAGS_FINER * length), complex)
+    wide[..., :half], wide[..., half - length:] = product[..., :half], product[..., half:]
+    lags = LAGS_FINER * fft.ifft(wide)
+    reach = np.arange(-most * LAGS_FINER, most * LAGS_FINER + 1)
+    height = np.abs(lags[..., reach])
+    best = np.clip(height.argmax(-1), 1, len(reach) - 2)
+    below, top, above = (np.take_along_axis(height, (best + step)[..., None], -1)[..., 0] for step in (-1, 0, 1))
+    bent = below - 2 * top + above
+    late = (reach[best] + 0.5 * (below - above) / np.where(bent < 0, bent, np.inf)) / LAGS_FINER
+    power = np.sum(np.abs(one) ** 2, -1) * np.sum(np.abs(two) ** 2, -1)
+    return late, top / np.sqrt(np.maximum(power, 1e-300))
+
+
+LEAST, HIGHEST = 0.05, 0.9995      # coherence that errors are told from
+PHASE_FLOOR = 1e-4                 # [rad] of every phase, whatever its coherence: interpolation
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trust:
+    """Standard deviations of what navigation says of the way from one ping to the next.
+
+    Attributes
+    ----------
+    surge, sway, heave : float [m]
+    yaw : float [rad]
+    """
+
+    surge: float = 0.01
+    sway: float = 0.05
+    heave: float = 0.002
+    yaw: float = 0.005
+
+    def __post_init__(self):
+        for name in ("surge", "sway", "heave", "yaw"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise ValueError(f"the trust in {name} is a standard deviation of {value}; give a finite number above "
+                                 "0")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """What a step is found to be.
+
+    Attributes
+    ----------
+    correction : Correction
+    deviation : Correction
+        Standard deviations, by theory.
+    slant, slant_deviation : (W,) [m]
+        Towards the bed at every window, of the correction and what it leaves over.
+    coherence, expected : (Q, W), (Q,)
+        As measured, and by theory without noise.
+    apart : (Q,) [m]
+        Of the pairs' phase centres along the array, with the correction.
+    pairs : Pairs
+    """
+
+    correction: Correction
+    deviation: Correction
+    slant: np.ndarray
+    slant_deviation: np.ndarray
+    coherence: np.ndarray
+    expected: np.ndarray
+    apart: np.ndarray
+    pairs: Pairs
+
+
+def fitted_surge(coherence: np.ndarray, apart: np.ndarray, theory: Callable[[np.ndarray], np.ndarray], looks: float,
+                 known: float, trust: float) -> tuple[float, float, float]:
+    """Fit γ₀ T(d + surge) to coherences.
+
+    Parameters
+    ----------
+    coherence : (Q,)
+    apart : (Q,) [m]
+        With the surge `known` so far.
+    theory : callable(d) -> T
+    looks : float
+        Of each coherence.
+    known, trust : float [m]
+
+    Returns
+    -------
+    surge, deviation : float [m]
+        Less what is known; errors of pairs are taken as independent.
+    strength : float
+        γ₀.
+    """
+    spread = np.maximum((1 - np.clip(coherence, LEAST, HIGHEST) ** 2) / np.sqrt(2 * looks), 1e-4)
+
+    def misfit(x: np.ndarray) -> np.ndarray:
+        return np.append((x[0] * theory(apart + x[1]) - coherence) / spread, (known + x[1]) / trust)
+
+    scale = float(np.ptp(apart)) or trust
+    fit = optimize.least_squares(misfit, [min(coherence.max(), HIGHEST), 0.0], x_scale=[1.0, 0.1 * scale],
+                                 bounds=([0.0, -3 * trust], [1.0, 3 * trust]))
+    covariance = np.linalg.pinv(fit.jac.T @ fit.jac)
+    return float(fit.x[1]), float(np.sqrt(covariance[1, 1])), float(fit.x[0])
+
+
+def phase_covariance(pairs: Pairs, chosen: np.ndarray, surge: float, theory: Callable[[np.ndarray], np.ndarray],
+                     strength: float, looks: float) -> np.ndarray:
+    """Give the covariance of the phases of chosen pairs in one window, (Q, Q) [rad²]."""
+    here, there = pairs.centre_first[chosen], pairs.centre_second[chosen] + surge
+    first, second = pairs.first[chosen], pairs.second[chosen]
+    strength = min(strength, HIGHEST)
+
+    def alike(one: np.ndarray, two: np.ndarray, same: np.ndarray | bool) -> np.ndarray:
+        return np.where(same, 1.0, strength * theory(two[None, :] - one[:, None]))
+
+    crossed = alike(there, here, False)                                       # (j, i')
+    own = np.maximum(np.diagonal(crossed), LEAST)
+    covariance = (alike(there, there, second[:, None] == second) * alike(here, here, first[:, None] == first)
+                  - crossed * crossed.T) / (2 * looks * np.multiply.outer(own, own))
+    return covariance + PHASE_FLOOR ** 2 * np.eye(len(chosen))
+
+
+def least_squares(late: np.ndarray, change: np.ndarray, weight: np.ndarray, known: Correction, trust: Trust
+                  ) -> tuple[np.ndarray, np.ndarray]:
+    """Estimate sway, heave and yaw beside what is known of them, and their covariance.
+
+    Parameters
+    ----------
+    late : (Q, W) [s]
+    change : (Q, W, 3) [s/m, s/m, s/rad]
+    weight : (W, Q, Q) [1/s²]
+    known : Correction
+    trust : Trust
+
+    Returns
+    -------
+    (3,), (3, 3)
+    """
+    design, delay = np.moveaxis(change, 1, 0), np.moveaxis(late, 1, 0)[..., None]
+    prior = np.diag([trust.sway ** -2.0, trust.heave ** -2.0, trust.yaw ** -2.0])
+    normal = np.sum(np.swapaxes(design, 1, 2) @ weight @ design, 0) + prior
+    right = np.sum(np.swapaxes(design, 1, 2) @ weight @ delay, 0)[:, 0]
+    right = right - prior @ np.array([known.sway, known.heave, known.yaw])
+    covariance = np.linalg.inv(normal)
+    return covariance @ right, covariance
+
+
+def slants(late: np.ndarray, change: np.ndarray, weight: np.ndarray, sound_speed: float, trust: Trust
+           ) -> tuple[np.ndarray, np.ndarray]:
+    """Give how far (W,) [m] the way to the bed is shorter than believed, window by window with a yaw of its own.
+
+    Returns
+    -------
+    shorter, deviation : (W,) [m]
+    """
+    shorter, deviation = np.empty(late.shape[1]), np.empty(late.shape[1])
+    for number in range(late.shape[1]):
+        design = np.stack([np.full(len(late), -2 / sound_speed), change[:, number, 2]], -1)
+        normal = design.T @ weight[number] @ design + np.diag([0.0, trust.yaw ** -2.0])
+        covariance = np.linalg.inv(normal)
+        shorter[number] = (covariance @ (design.T @ weight[number] @ late[:, number]))[0]
+        deviation[number] = np.sqrt(covariance[0, 0])
+    return shorter, deviation

@@ -1,0 +1,1 @@
+"""Products of focused images: heights, coherence, change, statistics."""
