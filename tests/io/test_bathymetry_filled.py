@@ -9,8 +9,7 @@ import rasterio
 from rasterio.transform import from_origin
 
 from mitsonar.io.grids import bathymetry
-from mitsonar.io.grids.bathymetry import Relief
-from mitsonar.io.grids.hole_filling import fill_holes
+from mitsonar.io.grids.bathymetry import Relief, fill_holes
 from mitsonar.scattering import Fractal, RoughnessSpectrum
 
 X, Y = np.meshgrid(np.linspace(-1, 1, 81), np.linspace(-1, 1, 61))
@@ -60,7 +59,7 @@ def test_wide_holes_stay_open():
 
 
 def test_too_large_holes_are_refused(monkeypatch):
-    monkeypatch.setattr("mitsonar.io.grids.hole_filling._MOST_NODES", 100)
+    monkeypatch.setattr("mitsonar.io.grids.bathymetry._MOST_NODES", 100)
     with pytest.raises(ValueError, match="fill smaller ones by holes_max"):
         fill_holes(np.where(HOLE, np.nan, -40.0).astype(np.float32), STEPS)
 

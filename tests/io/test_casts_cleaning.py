@@ -7,7 +7,7 @@ import pytest
 from test_casts import MEASURED
 
 from mitsonar.io import casts
-from mitsonar.io.casts import cleaning
+from mitsonar.io.casts import completion
 from mitsonar.io.casts.records import Samples
 from mitsonar.water import sound_speed
 
@@ -27,7 +27,7 @@ def counts(cleaned):
 
 def test_a_plain_way_down_is_kept_as_it_is():
     samples = recording(np.arange(1, 9.0), 1500 + np.arange(8))
-    after, counted = cleaning.cleaned(samples)
+    after, counted = completion.cleaned(samples)
     assert counted == casts.Cleaning(read=8)
     assert all(np.array_equal(after.columns[what], samples.columns[what]) for what in samples.columns)
 
@@ -35,21 +35,21 @@ def test_a_plain_way_down_is_kept_as_it_is():
 def test_way_up_air_and_heave_go():
     depth = [0, 0, 1, 2, 3, 2.9, 3.5, 4, 6, 5, 3, 1, 0]
     speed = [0, 340, *[1500] * 10, 0]
-    cleaned = cleaning.cleaned(recording(depth, speed))
+    cleaned = completion.cleaned(recording(depth, speed))
     assert counts(cleaned) == {"in_air": 3, "upcast": 3, "reversals": 1}
     assert list(cleaned[0].columns["depth"]) == [1, 2, 3, 3.5, 4, 6]
 
 
 def test_the_soak_goes_from_its_last_turn():
     down = np.arange(1, 30.0)
-    cleaned = cleaning.cleaned(recording([0.3, *[1.5] * 20, 1.0, 0.8, 0.6, 0.7, *down]))
+    cleaned = completion.cleaned(recording([0.3, *[1.5] * 20, 1.0, 0.8, 0.6, 0.7, *down]))
     assert counts(cleaned) == {"soak": 23}
     assert list(cleaned[0].columns["depth"]) == [0.6, 0.7, *down]
 
 
 def test_neither_heave_further_down_nor_one_wrong_pressure_is_a_soak():
     depth = [0.5, 1, 2, 3, 4, 5, 4.6, 4.2, 4.5, 6, 7, 8, 0.1, 9, 10]
-    cleaned = cleaning.cleaned(recording(depth))
+    cleaned = completion.cleaned(recording(depth))
     assert counts(cleaned) == {"reversals": 4}
     assert cleaned[0].columns["depth"][0] == 0.5
 
@@ -58,20 +58,20 @@ def test_neither_heave_further_down_nor_one_wrong_pressure_is_a_soak():
 def test_a_wrong_pressure_is_neither_the_deepest_sample_nor_a_turn(wrong):
     depth = np.r_[np.arange(1, 30.0), np.arange(29, 0, -1.0)]
     depth[10] = wrong
-    cleaned = cleaning.cleaned(recording(depth))
+    cleaned = completion.cleaned(recording(depth))
     assert counts(cleaned) == {"spikes": 1, "upcast": 29}
     assert cleaned[0].columns["depth"].size == 28
 
 
 def test_a_cell_half_full_of_water_is_in_air_and_a_fresh_layer_is_not():
     conductivity = np.array([1.0, 10, 3, 40, 40, 40])
-    cleaned = cleaning.cleaned(recording([0.1, 0.2, 0.8, 2, 3, 4], conductivity=conductivity))
+    cleaned = completion.cleaned(recording([0.1, 0.2, 0.8, 2, 3, 4], conductivity=conductivity))
     assert counts(cleaned) == {"in_air": 2}
     assert cleaned[0].columns["conductivity"][0] == 3
 
 
 def test_samples_at_one_depth_are_averaged():
-    cleaned = cleaning.cleaned(recording([1, 1.02, 1.04, 1.06, 2, 2, 3], [1500, 1501, 1502, 1510, 1490, 1492, 1488]))
+    cleaned = completion.cleaned(recording([1, 1.02, 1.04, 1.06, 2, 2, 3], [1500, 1501, 1502, 1510, 1490, 1492, 1488]))
     assert counts(cleaned) == {"merged": 3}
     np.testing.assert_allclose(cleaned[0].columns["depth"], [1.02, 1.06, 2, 3])
     np.testing.assert_allclose(cleaned[0].columns["sound speed"], [1501, 1510, 1491, 1488])
@@ -85,7 +85,7 @@ def test_samples_at_one_depth_are_averaged():
 ])
 def test_recordings_of_no_use(depth, speed, words):
     with pytest.raises(ValueError, match=words):
-        cleaning.cleaned(recording(depth, speed))
+        completion.cleaned(recording(depth, speed))
 
 
 @pytest.fixture

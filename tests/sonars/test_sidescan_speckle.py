@@ -20,8 +20,7 @@ from track_files import write_track
 from mitsonar.echoes.scatterers.ground_speckle import LATTICES
 from mitsonar.imaging.sidescan import pulse_shares, realisation
 from mitsonar.scene.loading import prepare
-from mitsonar.survey.sidescan.kind import plan
-from mitsonar.survey.sidescan.side_speckle import _lattices, side_speckle
+from mitsonar.survey.sidescan.kind import _lattices, plan, side_speckle
 from mitsonar.units import metres_per_second_from_knots
 from mitsonar.validation.scenes import bed, sidescan
 

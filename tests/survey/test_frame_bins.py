@@ -3,8 +3,8 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import upload
-from mitsonar.survey.beam_domain.frame_bins import FrameBins
 from mitsonar.survey.beam_domain.ping_echoes import GridEchoes
+from mitsonar.survey.beam_domain.truth import FrameBins
 
 EDGES = np.sin(np.deg2rad(np.linspace(-61, 59, 42)))                       # equal steps of angle
 BINS, LEAD = 50, 7

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from mitsonar.synthetic_aperture.products.change import change_map, laid_on
-from mitsonar.synthetic_aperture.products.change_registration import shift_between
+from mitsonar.synthetic_aperture.products.change import change_map, laid_on, shift_between
 
 ROWS, COLUMNS, STEP, BAND = 160, 256, 0.02, 0.6
 WHOLE = (ROWS // 2, COLUMNS // 2)

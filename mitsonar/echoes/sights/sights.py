@@ -7,24 +7,173 @@ An echo of a point under a mirror went out by one of the two and comes back by o
 m ways by the mirror, whose reflection is -1, f the point's pressure at 1 m from the one towards the other, g the gain
 of a leg (`sonar_equation`). By way of the mirror the sonar stands at its image, in water unfolded about the surface
 (`tracing.water`). By way of the bed it is seen by `bed_mirror`.
+
+Targets as a sonar sees them by way of the bed, which is a plane under each (`bed_planes`).
+
+Sound that the plane throws on to a target comes to the target's image, h below the plane, along the bent ray there. A
+target of height h is heard four times (Ingenito 1987, J. Acoust. Soc. Am. 82, 2051; Williams and others 2010, J.
+Acoust. Soc. Am. 127, 3356): straight, by way of the bed on either leg, and on both,
+
+    e = f √(g_out g_back) V_out V_back,     V = 1 straight,     V = R(θ) exp(-2 (k σ sin θ)²) by way of the bed
+
+R the coefficient of the bed's material where the sound bounces, θ the grazing angle there on the plane, σ the root
+mean square of what is rough within the first Fresnel zone (Eckart 1953, J. Acoust. Soc. Am. 25, 566): that of the
+material, with waves no longer than 2 √(λ l_1 l_2 / (l_1 + l_2)), and that of the mesh about the plane. Beds whose
+material has no coefficient, laws of scattering alone as `lambert`, throw nothing on.
+
+The water under the plane is not the mirror of that above. So the time is that of both parts of the way, to and from the
+place x where the ray to the image crosses the plane, as they would add up to at the true place nearby (Fermat; Newton's
+step),
+
+    τ = T_1(x) + T_2(x) - Σ_i g_i² / 2 H_i,     g = ∇(T_1 + T_2),   H = (1/l_1 + 1/l_2) / c  (across),  H sin² θ (along)
 """
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
 from mitsonar.device.arrays import arrays_of
+from mitsonar.scene.geometry import Geometry
+from mitsonar.scene.labels import SEABED
+from mitsonar.scene.materials import coherent_reflection
 from mitsonar.scene.tracing.connection import Connection, Connector
-from mitsonar.scene.tracing.tracer import Sources
+from mitsonar.scene.tracing.hits import Hits
+from mitsonar.scene.tracing.tracer import Sources, registry_index
 
 from ..record import Echoes, Leg
 from ..sonar_equation import leg_gain, mirrored_overhead, speed_ratio
-from .bed_mirror import BedMirror
+from .bed_planes import BedPlanes, Planes, first_zone
 from .sight import Sight
 
-__all__ = ["Sights"]
+__all__ = ["BedMirror", "Sights"]
+
+
+FLATTEST = 0.01                    # sine of the grazing angle below which nothing bounces
+LIFT = 0.05                        # [m] above the plane, and σ times LIFTED, from where the bed is looked for
+LIFTED = 4.0
+LYING = 0.02                       # [m] over the bed, up to which a point target lies on it: its strength is that there
+
+
+class BedMirror:
+    """See targets by way of the bed.
+
+    Parameters
+    ----------
+    connector : Connector
+    frequency : float [Hz]
+
+    Attributes
+    ----------
+    planes : BedPlanes
+    """
+
+    def __init__(self, connector: Connector, frequency: float):
+        self._connector, self._frequency = connector, float(frequency)
+        self._geometry: Geometry = connector.geometry
+        self._lib, self.planes = arrays_of(mi.Float), BedPlanes(connector.geometry)
+
+    def see(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, point: dr.ArrayBase, normal: mi.Vector3f,
+            label: mi.UInt32, *, short: float = 0.0, smooth: bool = False) -> Sight:
+        """See one point an entry.
+
+        Parameters
+        ----------
+        sources, origin, source, point, normal, short
+            As of `Connector.connect`.
+        label : UInt32 (R,)
+            Of the targets that the points belong to.
+        smooth : bool
+            The points are those of smooth surfaces: by way of smooth beds they are met otherwise.
+
+        Returns
+        -------
+        Sight
+            Its way is as sound comes to the point itself, its leg leads to the image.
+        """
+        lib, water, plane = self._lib, self._connector.water, self.planes.of(label)
+        upward, up = self._upward(plane)
+        over, sonar_over = (_over(plane, up, some) for some in (point, origin))
+        wide = lib.Array3f64
+        image = point - 2 * over * upward
+        known = plane.known & (over > (0.0 if smooth else LYING)) & (sonar_over > 0)
+        way = self._connector.connect(sources, origin, source, image, mi.Vector3f(0, 0, 0), known, occlusion=False)
+        down = way.arrival_direction
+        flat = mi.Vector3f(upward)
+        sine = -dr.dot(down, flat)
+        known &= way.exists & (sine > FLATTEST)
+        last = over / dr.maximum(lib.Float64(sine), FLATTEST)
+        met = image - last * wide(down)
+        direction = dr.normalize(down + 2 * sine * flat)
+        speed = water.layers().at(-point.z)[0]
+        known, hits = self._bounce(met, flat, plane, down, speed, known)
+        first = self._connector.connect(sources, origin, source, hits.point, hits.normal, known)
+        second = self._connector.join(hits.point, hits.normal, point, normal, known, short=short)
+        free = known & first.free & second.free
+        later = self._time(sources, origin, source, met, point, flat, way, last, known) - way.travel_time
+        real, imaginary = self._thrown_on(hits, sine, plane, way, mi.Float(last), free, smooth)
+        ratio = speed_ratio(speed, sources.state.gather(lib, source)[1])
+        gain = leg_gain(spreading_area=way.spreading_area, speed_ratio=ratio,
+                        loss_db=water.loss_db(origin, image, way))
+        return Sight(way=replace(way, free=free, arrival_direction=direction, sound_speed=speed),
+                     leg=Leg.along(way, origin, image), gain=gain, factor=(real, imaginary), later=later)
+
+    def _upward(self, plane: Planes) -> tuple[dr.ArrayBase, mi.Float64]:
+        """Normals of planes, Array3f64 (R,), and their parts upwards."""
+        b, c = plane.slope
+        up = dr.rsqrt(1 + b * b + c * c)
+        return self._lib.Array3f64(-b * up, -c * up, up), up
+
+    def _bounce(self, met: dr.ArrayBase, flat: mi.Vector3f, plane: Planes, down: mi.Vector3f, speed: mi.Float64,
+                active: mi.Bool) -> tuple[mi.Bool, Hits]:
+        """Whether there is bed where sound meets the planes, and the bed there."""
+        wide = self._lib.Array3f64
+        lift = LIFT + LIFTED * plane.rest
+        start = mi.Point3f(met + self._lib.Float64(lift) * wide(flat))
+        ray = mi.Ray3f(mi.Ray3f(start, -flat), 2 * lift)
+        si = self._geometry.scene.ray_intersect(ray, active)
+        kind = dr.gather(mi.UInt32, self._geometry.kinds, registry_index(si), si.is_valid())
+        active = active & si.is_valid() & (kind == SEABED)
+        point = wide(start) - self._lib.Float64(si.t) * wide(flat)
+        return active, Hits.on_surface(valid=active, point=dr.select(active, point, met), normal=mi.Vector3f(si.n),
+                                       arrival_direction=down, sound_speed=speed, shape=si.shape,
+                                       primitive=si.prim_index, uv=si.uv)
+
+    def _time(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, met: dr.ArrayBase, point: dr.ArrayBase,
+              flat: mi.Vector3f, way: Connection, last: mi.Float64, active: mi.Bool) -> mi.Float64:
+        """τ [s]."""
+        nothing = mi.Vector3f(0, 0, 0)
+        first = self._connector.connect(sources, origin, source, met, nothing, active, occlusion=False)
+        second = self._connector.join(met, nothing, point, nothing, active, occlusion=False)
+        gradient = first.arrival_direction - second.launch_direction
+        down = way.arrival_direction
+        across = dr.normalize(dr.cross(down, flat) + mi.Vector3f(1e-9, 0, 0))
+        sine = dr.maximum(-dr.dot(down, flat), FLATTEST)
+        a, b = dr.dot(gradient, across), dr.dot(gradient, dr.cross(flat, across)) / sine
+        bent = 1 / dr.maximum(way.arc_length - mi.Float(last), 1e-3) + 1 / dr.maximum(mi.Float(last), 1e-6)
+        return first.travel_time + second.travel_time - (
+            self._lib.Float64((a * a + b * b) / (2 * bent)) / first.sound_speed)
+
+    def _thrown_on(self, hits: Hits, sine: mi.Float, plane: Planes, way: Connection, last: mi.Float,
+                   active: mi.Bool, smooth: bool) -> tuple[mi.Float, mi.Float]:
+        """V, real and imaginary part."""
+        wavenumber = dr.opaque(mi.Float, 2 * np.pi * self._frequency) / mi.Float(hits.sound_speed)
+        first = dr.maximum(way.arc_length - last, 1e-3)
+        zone = first_zone((2 * np.pi) / wavenumber, first, last)
+        real, imaginary = coherent_reflection(hits, sine, active, self._frequency,
+                                              (2 * np.pi) / zone, smooth_too=not smooth)
+        kept = dr.exp(-2 * dr.square(wavenumber * plane.rest * sine))
+        return dr.select(active, real * kept, 0), dr.select(active, imaginary * kept, 0)
+
+
+def _over(plane: Planes, up: mi.Float64, point: dr.ArrayBase) -> mi.Float64:
+    """How far points lie over planes [m]."""
+    b, c = plane.slope
+    return (point.z - plane.height - b * point.x - c * point.y) * up
+
 
 JUST_BELOW = 1e-4                  # [m] where the surface is met from below
 

@@ -6,8 +6,14 @@ lack, and of text grids it takes words, and what is missing, for 0.
 
 Files are opened as one of `DRIVERS`, formats that hold their grid themselves, whatever the file's name. GDAL knows more
 by their content: descriptions that send it to other files or over the network, which a survey must not.
+
+ESRI ASCII grids: six lines of header, then the heights by rows from the north.
+
+The header is GDAL's business. The heights are read here, because GDAL takes words among them, and those that are
+missing at the end of a file cut short, for 0, which is a depth.
 """
 import contextlib
+import itertools
 import os
 import threading
 import tokenize
@@ -20,13 +26,95 @@ import numpy as np
 from mitsonar.device.files import FilePath, is_of_the_kernel
 
 from ..records.self_contained import DataElsewhere, check_hdf5
-from . import ascii_grid, soundings
+from . import soundings
 from .rasters import MOST_NODES, source_crs
 
 if TYPE_CHECKING:
     from rasterio.crs import CRS
     from rasterio.io import DatasetReader
     from rasterio.transform import Affine
+
+
+_KEYS = ("ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "dx", "dy", "nodata_value")
+_BLOCK = 1 << 22  # characters read at a time
+_LONGEST = 200    # characters of a line of the header
+
+
+def is_ascii_grid(path: FilePath) -> bool:
+    """Tell whether a file starts as an ESRI ASCII grid does, whatever it is called."""
+    try:
+        with open(path, "rb") as file:
+            word = file.read(40).split()[:1]
+    except OSError:
+        return False
+    return bool(word) and word[0].lower() in (b"ncols", b"nrows")
+
+
+def read_values(path: FilePath, rows: int, columns: int) -> np.ndarray:
+    """Read the heights of an ESRI ASCII grid.
+
+    Parameters
+    ----------
+    path : path
+    rows, columns : int
+        As the header says.
+
+    Returns
+    -------
+    float32 array (Y, X) [m]
+        Fill values as they are written.
+
+    Raises
+    ------
+    ValueError
+        If there are more or fewer numbers than the header says, or one is none.
+    """
+    count = rows * columns
+    with open(path, encoding="ascii", errors="replace") as file:
+        file.seek(0, 2)
+        if file.tell() < 2 * count:
+            raise ValueError(f"the header names {rows} x {columns} nodes, for which the file is too short; it is "
+                             "cut off, or its header is wrong.")
+        file.seek(0)
+        values, filled = np.empty(count, np.float32), 0
+        for words in _blocks(file):
+            if filled + len(words) > count:
+                raise ValueError(f"there are more numbers than the {rows} x {columns} of the header; repair it.")
+            try:
+                values[filled:filled + len(words)] = words
+            except ValueError:
+                word = next((word for word in words if not _is_number(word)), "a word")
+                raise ValueError(f"among the heights stands {word[:40]!r}, which is no number; repair the file."
+                                 ) from None
+            filled += len(words)
+    if filled < count:
+        raise ValueError(f"there are {filled} numbers, and the header names {rows} x {columns}; the file is cut off.")
+    return values.reshape(rows, columns)
+
+
+def _is_number(word):
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _blocks(file):
+    """Give the words after the header, some lines at a time."""
+    rest = ""
+    while (start := file.tell()) >= 0:
+        line = file.readline(_LONGEST)
+        if (line.split() or [""])[0].lower() not in _KEYS:
+            file.seek(start)
+            break
+    for block in itertools.chain(iter(lambda: file.read(_BLOCK), ""), ("\n",)):
+        words = (rest + block).split()
+        # A word may go on in the next block.
+        rest = words.pop() if words and not block[-1].isspace() else ""
+        if len(rest) > _LONGEST:
+            raise ValueError("among the heights is a word without an end; this is no grid.")
+        yield words
 
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -96,7 +184,7 @@ def opened(path: FilePath, *, spacing: float | None = None, variable: str | None
                     raster, source = _soundings_as_raster(path, crs, resolution, nodata)
                     yield stack.enter_context(raster), source
                     return
-                elif ascii_grid.is_ascii_grid(path):
+                elif is_ascii_grid(path):
                     raster = _ascii_as_raster(path)
                 else:
                     raster = _by_gdal(path, variable)
@@ -240,7 +328,7 @@ def _ascii_as_raster(path):
     with _open(path) as header:                  # GDAL knows the keys, and a .prj beside the file
         rows, columns = header.shape
         check_size(rows, columns)
-        heights = ascii_grid.read_values(path, rows, columns)
+        heights = read_values(path, rows, columns)
         return in_memory(heights, header.transform, crs=header.crs, nodata=header.nodata)
 
 

@@ -1,14 +1,209 @@
-"""Lists of soundings as text: x, y and z a line, with or without names of the columns."""
+"""Lists of soundings as text: x, y and z a line, with or without names of the columns.
+
+Soundings laid on grids: on the lattice that they are the nodes of, or on one of a chosen distance.
+
+Scattered soundings are averaged over the cells of the grid (where several fall into one), and the rest is linear
+interpolation over the Delaunay triangles between them. Nodes further from every sounding than a few of their
+distances are holes.
+"""
 import itertools
+import logging
+import math
 import os
 import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mitsonar.device.files import FilePath
 
-from .rasters import crs_of, is_metric, refuse_degrees, utm
-from .sounding_grids import Soundings
+from .rasters import MOST_NODES, crs_of, is_metric, refuse_degrees, utm
+
+if TYPE_CHECKING:
+    from rasterio.crs import CRS
+
+
+_MOST_TRIANGULATED = 5_000_000   # about 2 GB of triangles
+_NODES = 1_000_000               # interpolated at a time
+_MOST_STEPS = 1000               # from triangle to triangle; more are the hair of a degenerate triangulation
+_ON_A_SIDE = 1e-9                # share of a triangle by which a place may lie beyond a side, by rounding
+_REACH = 3                       # distances of soundings over which is interpolated
+_OFF_LATTICE = 0.05              # steps by which coordinates may miss the nodes of a regular grid, being rounded
+_EMPTIEST = 20                   # nodes of a regular grid for each that was sounded
+_NEIGHBOURS = 0.7                # share of its nodes that must have the next one east, and north
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Soundings:
+    """Hold soundings in metres.
+
+    Parameters
+    ----------
+    x, y : float64 array (N,) [m]
+        Eastings and northings.
+    z : float64 array (N,) [m]
+        As in the file: elevation or depth.
+    crs, source : rasterio.crs.CRS or None
+        Of x and y, and of the coordinates as the file has them.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    crs: "CRS | None" = None
+    source: "CRS | None" = None
+
+    @property
+    def distance(self) -> float:
+        """Give the mean distance [m] of soundings: that of as many on a square grid over their convex hull."""
+        from scipy.spatial import ConvexHull, QhullError
+
+        try:
+            area = ConvexHull(np.column_stack((self.x, self.y)) - (self.x[0], self.y[0])).volume
+        except QhullError:
+            area = 0.0
+        if not area > 0:
+            raise ValueError(f"the {self.x.size} soundings lie on a line or in a point; a seabed needs an area.")
+        return math.sqrt(area / self.x.size)
+
+    def gridded(self, resolution: float | None = None) -> tuple[float, float, tuple[float, float], np.ndarray]:
+        """Lay the soundings on a grid.
+
+        Parameters
+        ----------
+        resolution : float [m], optional
+            Distance of the nodes of scattered soundings, which lie at its multiples; by default their mean distance,
+            rounded. A regular grid stays as it is.
+
+        Returns
+        -------
+        west, north : float [m]
+            Place of the first node.
+        step : tuple of 2 floats [m]
+            To the next column east and row south.
+        values : float64 array (Y, X) [m]
+            Rows from the north; NaN where nothing was sounded.
+
+        Raises
+        ------
+        ValueError
+            If the soundings span no area, or the grid would have too many nodes.
+        """
+        if (regular := self._regular()) is not None:
+            return regular
+        distance = self.distance
+        if resolution is None:
+            resolution = float(f"{distance:.2g}")
+            _log.info("%d scattered soundings, %.3g m apart, are laid on a grid of %g m", self.x.size, distance,
+                      resolution)
+        first = [math.floor(axis.min() / resolution) for axis in (self.x, self.y)]
+        columns, rows = (math.ceil(axis.max() / resolution) - start + 1
+                         for axis, start in zip((self.x, self.y), first))
+        if rows * columns > MOST_NODES:
+            raise ValueError(f"at {resolution:g} m the soundings span {rows} x {columns} nodes, more than "
+                             f"{MOST_NODES:.0e}; use a coarser resolution.")
+        values = self._interpolated(first, columns, rows, resolution, _REACH * max(resolution, distance))
+        return first[0] * resolution, (first[1] + rows - 1) * resolution, (resolution, resolution), values[::-1]
+
+    def _regular(self):
+        """Give what `gridded` does of soundings that are the nodes of a regular grid, None of others."""
+        columns_of, rows_of = _lattice(self.x), _lattice(self.y)
+        if columns_of is None or rows_of is None:
+            return None
+        (west, step_x, columns), (south, step_y, rows) = columns_of, rows_of
+        if columns * rows > max(_EMPTIEST * self.x.size, 100):
+            return None
+        node = _node(self.y, south, step_y) * columns + _node(self.x, west, step_x)
+        values = _means(node, rows * columns, self.z).reshape(rows, columns)
+        # Coordinates rounded to metres lie on a lattice too, but few of its nodes have neighbours.
+        filled = np.isfinite(values)
+        for here, beside in (filled[:, :-1], filled[:, 1:]), (filled[:-1], filled[1:]):
+            if np.count_nonzero(here & beside) < _NEIGHBOURS * np.count_nonzero(here):
+                return None
+        return west, south + (rows - 1) * step_y, (step_x, step_y), values[::-1]
+
+    def _interpolated(self, first, columns, rows, resolution, reach):
+        """Give the heights (Y, X), rows from the south, at multiples of the resolution from ``first`` on."""
+        from scipy.spatial import Delaunay, KDTree, QhullError
+
+        x, y = self.x / resolution - first[0], self.y / resolution - first[1]  # [nodes]: small numbers
+        cell = np.rint(y).astype(np.int64) * columns + np.rint(x).astype(np.int64)
+        filled, cell, count = np.unique(cell, return_inverse=True, return_counts=True)
+        if filled.size > _MOST_TRIANGULATED:
+            raise ValueError(f"{filled.size} cells of {resolution:g} m hold soundings, more than "
+                             f"{_MOST_TRIANGULATED:.0e}; use a coarser resolution, or grid the survey.")
+        x, y, z = (np.bincount(cell, values) / count for values in (x, y, self.z))
+        places = np.column_stack((x, y))
+        try:
+            triangles = Delaunay(places)
+        except QhullError:
+            raise ValueError(f"in cells of {resolution:g} m the soundings lie on a line; use a finer "
+                             "resolution.") from None
+        near, values = KDTree(places), np.full(rows * columns, np.nan)
+        for start in range(0, rows * columns, _NODES):
+            node = np.arange(start, min(start + _NODES, rows * columns))
+            wanted = np.column_stack((node % columns, node // columns)).astype(float)
+            away, nearest = near.query(wanted, distance_upper_bound=reach / resolution)
+            inside = np.isfinite(away)
+            values[node[inside]] = _on_triangles(triangles, z, wanted[inside], np.asarray(nearest)[inside])
+        return values.reshape(rows, columns)
+
+
+def _on_triangles(triangles, z, places, nearest):
+    """Interpolate linearly at places (N, 2), each near a corner of the triangulation; NaN beyond its hull.
+
+    From a triangle at that corner it is a few steps through the side that the place lies furthest beyond. (SciPy's
+    own search inverts a matrix for each triangle by LAPACK first: minutes of a million where its threads contend.)
+    """
+    at, values = triangles.vertex_to_simplex[nearest], np.full(len(places), np.nan)
+    walking = np.flatnonzero(at >= 0)
+    for _ in range(_MOST_STEPS):
+        corners = triangles.simplices[at[walking]]
+        (x0, y0), (x1, y1), (x2, y2) = (triangles.points[corners[:, i]].T for i in range(3))
+        x, y = places[walking].T
+        with np.errstate(divide="ignore", invalid="ignore"):        # triangles of no area are left at once
+            area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+            second = ((x - x0) * (y2 - y0) - (x2 - x0) * (y - y0)) / area
+            third = ((x1 - x0) * (y - y0) - (x - x0) * (y1 - y0)) / area
+        weights = np.stack((1 - second - third, second, third), axis=-1)
+        side = np.argmin(weights, axis=1)
+        found = np.take_along_axis(weights, side[:, None], 1)[:, 0] >= -_ON_A_SIDE
+        values[walking[found]] = np.sum(weights * z[corners], axis=1)[found]
+        at[walking] = triangles.neighbors[at[walking], side]
+        walking = walking[~found & (at[walking] >= 0)]
+        if walking.size == 0:
+            break
+    return values
+
+
+def _lattice(values):
+    """Give the first of evenly spaced coordinates, their step and number; None if they are not evenly spaced."""
+    places = np.unique(values)
+    if places.size < 2:
+        return None
+    gaps = np.diff(places)
+    # Rounding makes several of one place.
+    gaps = gaps[gaps > 2 * _OFF_LATTICE * np.median(gaps)]
+    number = round((places[-1] - places[0]) / np.median(gaps))
+    if not 1 <= number < MOST_NODES:
+        return None
+    step = (places[-1] - places[0]) / number
+    away = (places - places[0]) / step
+    return (places[0], step, number + 1) if np.abs(away - np.rint(away)).max() < _OFF_LATTICE else None
+
+
+def _node(values, first, step):
+    return np.rint((values - first) / step).astype(np.int64)
+
+
+def _means(node, count, values):
+    """Give the mean of the values at each of ``count`` nodes, NaN where there is none."""
+    number = np.bincount(node, minlength=count)
+    return np.bincount(node, values, minlength=count) / np.where(number, number, np.nan)
+
 
 _SUFFIXES = (".xyz", ".txt", ".csv", ".tsv", ".pts", ".dat")
 _MOST_SOUNDINGS = 50_000_000     # 1.2 GB

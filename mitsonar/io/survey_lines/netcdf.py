@@ -2,6 +2,17 @@
 
 The record's variables stand in the root, where `mitsonar.read` and xarray find them. What the convention calls by other
 names or in other units stands in its groups, see `sonar_netcdf4`. Pings are appended block by block.
+
+The groups of SONAR-netCDF4 2.0 (ICES 2018 and later) beside a record of soundings, in one netCDF-4 file.
+
+    /Environment                            sound speed, absorption; Sound_speed_profile: the cast
+    /Platform                               arrays and sensors; Attitude/001, Position/001: the motion
+    /Sonar/Beam_group1                      the water column's beams (the soundings', where none is kept), the sectors
+    /Provenance                             who wrote it
+
+Names and units are the convention's: degrees, nanoseconds since 1970. Three things are not: dimensions keep the
+record's names; samples are a rectangle with NaN, not ragged, and ``backscatter_r`` [dB re 1 µPa] is the record's
+``column_level_db`` itself by another name, so that the water column is in the file once.
 """
 from __future__ import annotations
 
@@ -9,6 +20,7 @@ import errno
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import h5netcdf
 import h5py
@@ -19,11 +31,167 @@ from mitsonar.device.files import FilePath, replacing
 
 from ..records.netcdf import BESIDE, full_disk_told, has_room, packing, store
 from ..records.records import encoded
-from .lines import Blocks, Place, Written, line_of
-from .passage import passage_of
-from .sonar_netcdf4 import BACKSCATTER, add_groups, root_attributes
+from .lines import Blocks, Line, Place, Written, line_of
+from .passage import Passage, passage_of
 
-__all__ = ["write"]
+__all__ = ["BACKSCATTER", "add_groups", "root_attributes", "write"]
+
+
+BACKSCATTER = "Sonar/Beam_group1/backscatter_r"
+
+VERSION = "2.0"
+TIME = "nanoseconds since 1970-01-01 00:00:00Z"
+RECEIVE_ONLY, TRANSMIT_ONLY = 0, 1
+
+
+def root_attributes(line: Line) -> dict[str, str]:
+    """Give the attributes that the convention wants of a file."""
+    return {"Conventions": f"CF-1.7, SONAR-netCDF4-{VERSION}, ACDD-1.3", "keywords": line.sonar,
+            "sonar_convention_authority": "ICES", "sonar_convention_name": "SONAR-netCDF4",
+            "sonar_convention_version": VERSION, "summary": line.provenance()}
+
+
+def add_groups(file: h5netcdf.File, line: Line, passage: Passage) -> None:
+    """Add the convention's groups to a file that holds a record in its root."""
+    _environment(file, line, passage)
+    _platform(file, line, passage)
+    _sonar(file, line)
+    _provenance(file, line)
+
+
+def _put(group: h5netcdf.Group, name: str, dims: tuple[str, ...], values: Any, units: str = "",
+         about: str = "") -> None:
+    values = np.asarray(values)
+    variable = group.create_variable(name, dims, values.dtype, data=values)
+    for key, text in (("units", units), ("long_name", about)):
+        if text:
+            variable.attrs[key] = text
+
+
+def _nanoseconds(since: np.ndarray) -> np.ndarray:
+    return np.rint(np.asarray(since, float) * 1e9).astype(np.int64)
+
+
+def _environment(file, line, passage):
+    group = file.create_group("Environment")
+    sectors, lost = line.array("sector_frequency")[0], line.array("sector_absorption_db")[0]
+    frequency = np.unique(sectors)
+    absorption = [float(lost[(sectors == one) | (np.isnan(sectors) & np.isnan(one))].mean()) for one in frequency]
+    group.dimensions["frequency"] = frequency.size
+    _put(group, "frequency", ("frequency",), frequency, "Hz", "acoustic frequency")
+    _put(group, "absorption_indicative", ("frequency",), np.array(absorption), "dB/m", "indicative acoustic absorption")
+    _put(group, "sound_speed_indicative", (), float(line.array("head_sound_speed")[0]), "m/s",
+         "indicative sound speed")
+    cast = group.create_group("Sound_speed_profile")
+    _put(cast, "sample_depth", ("node",), line.array("cast_depth"), "m", "depth of the samples")
+    _put(cast, "sound_speed", ("node",), line.array("cast_sound_speed"), "m/s", "sound speed")
+    _put(cast, "time", (), _nanoseconds(passage.time[:1])[0], TIME, "time of the profile")
+    _put(cast, "latitude", (), float(passage.latitude[0]), "degrees_north", "latitude of the profile")
+    _put(cast, "longitude", (), float(passage.longitude[0]), "degrees_east", "longitude of the profile")
+
+
+def _platform(file, line, passage):
+    group = file.create_group("Platform")
+    group.attrs["platform_name"], group.attrs["platform_type"] = "simulated", "ship"
+    group.dimensions["transducer"] = 2
+    for index, axis in enumerate("xyz"):
+        _put(group, f"transducer_offset_{axis}", ("transducer",),
+             [line.array("transmit_offset")[index], line.array("receive_offset")[index]], "m",
+             f"{axis} of the transducer from the platform's origin: forward, starboard, down")
+        _put(group, f"transducer_rotation_{axis}", ("transducer",),
+             np.degrees([line.array("transmit_mounting")[index], line.array("receive_mounting")[index]]), "arc_degree",
+             f"rotation of the transducer about {axis}")
+        _put(group, f"MRU_offset_{axis}", (), 0.0, "m", f"{axis} of the motion sensor")
+        _put(group, f"position_offset_{axis}", (), 0.0, "m", f"{axis} of the position sensor")
+    _put(group, "transducer_function", ("transducer",), np.array([TRANSMIT_ONLY, RECEIVE_ONLY], np.int8), "",
+         "0 receives only, 1 transmits only")
+    _put(group, "water_level", (), -passage.draught, "m", "of the still surface from the platform's origin, down")
+    attitude = group.create_group("Attitude").create_group("001")
+    position = group.create_group("Position").create_group("001")
+    for one in (attitude, position):
+        one.dimensions["time"] = passage.time.size
+        _put(one, "time", ("time",), _nanoseconds(passage.time), TIME, "time of the sample")
+    for name, values, about in (("roll", passage.roll, "starboard down"), ("pitch", passage.pitch, "bow up"),
+                                ("heading", passage.heading % (2 * np.pi), "from true north")):
+        _put(attitude, name, ("time",), np.degrees(values), "arc_degree", about)
+    _put(attitude, "vertical_offset", ("time",), -passage.heave, "m", "of the platform's origin below its mean depth")
+    north, east, _ = passage.velocity.T
+    for name, values, units in (("latitude", passage.latitude, "degrees_north"),
+                                ("longitude", passage.longitude, "degrees_east"),
+                                ("speed_over_ground", np.hypot(north, east), "m/s"),
+                                ("course_over_ground", np.degrees(np.arctan2(east, north)) % 360.0, "degrees")):
+        _put(position, name, ("time",), values, units)
+
+
+def _sonar(file, line):
+    sonar = file.create_group("Sonar")
+    from mitsonar import __version__
+
+    for name, text in (("manufacturer", "simulated"), ("model", line.sonar), ("serial_number", "none"),
+                       ("software_name", "mitsonar"), ("software_version", __version__), ("type", "multibeam sonar")):
+        sonar.attrs[f"sonar_{name}"] = text
+    group = sonar.create_group("Beam_group1")
+    _ship(file, line, group)
+    columns = "column_angle" in file.variables
+    beam = "column_beam" if columns else "beam"
+    angle = file.variables["column_angle" if columns else "angle"][:]
+    _put(group, "rx_beam_rotation_phi", ("ping", beam), np.degrees(angle), "arc_degree",
+         "receiving beam about forward, positive to starboard, from the receive array's normal")
+    _put(group, "transmit_beam_index", ("ping", beam), file.variables["column_sector" if columns else "sector"][:], "",
+         "sector that the beam hears")
+    _transmissions(file, group)
+    group.attrs["beam_mode"] = "vertical"
+    if not columns:
+        return
+    rate = file.variables["column_rate"][:]
+    _put(group, "sample_interval", ("ping", beam), 1 / rate, "s", "between samples")
+    _put(group, "sample_time_offset", ("ping", beam), file.variables["column_start"][:], "s",
+         "of the first sample, after the beam's transmission")
+
+
+def _ship(file, line, group):
+    time, x, y = (file.variables[f"ping_{name}"][:] for name in ("time", "x", "y"))
+    latitude, longitude, convergence = line.frame.on_globe(np.stack([x, y], -1))
+    heading = (file.variables["ping_heading"][:] + convergence) % (2 * np.pi)
+    offset = line.array("transmit_offset")
+    roll, pitch, depth = (file.variables[f"ping_{name}"][:] for name in ("roll", "pitch", "depth"))
+    down = (-np.sin(pitch) * offset[0] + np.cos(pitch) * np.sin(roll) * offset[1]
+            + np.cos(pitch) * np.cos(roll) * offset[2])
+    for name, values, units, about in (
+            ("ping_time", _nanoseconds(line.start + time), TIME, "time of the ping's first transmission"),
+            ("platform_latitude", latitude, "degrees_north", "latitude of the platform's origin"),
+            ("platform_longitude", longitude, "degrees_east", "longitude of the platform's origin"),
+            ("platform_heading", np.degrees(heading), "arc_degree", "heading from true north"),
+            ("platform_roll", np.degrees(roll), "arc_degree", "roll, starboard down"),
+            ("platform_pitch", np.degrees(pitch), "arc_degree", "pitch, bow up"),
+            ("platform_vertical_offset", depth, "m", "of the platform's origin below the still surface"),
+            ("tx_transducer_depth", depth + down, "m", "of the transmit array below the still surface"),
+            ("sound_speed_at_transducer", file.variables["head_sound_speed"][:], "m/s", "by the head's own sensor")):
+        _put(group, name, ("ping",), values, units, about)
+
+
+def _transmissions(file, group):
+    frequency, width = (file.variables[f"sector_{name}"][:] for name in ("frequency", "bandwidth"))
+    for name, values, units, about in (
+            ("transmit_frequency_start", frequency - width / 2, "Hz", "lower end of the band"),
+            ("transmit_frequency_stop", frequency + width / 2, "Hz", "upper end of the band"),
+            ("transmit_bandwidth", width, "Hz", "bandwidth of the pulse"),
+            ("transmit_duration_nominal", file.variables["sector_pulse_length"][:], "s", "length of the pulse"),
+            ("transmit_source_level", file.variables["sector_source_level_db"][:], "dB re 1 µPa at 1m", "source level"),
+            ("transmit_time_offset", file.variables["sector_delay"][:], "s", "after the ping's first transmission"),
+            ("tx_beam_rotation_theta", np.degrees(file.variables["sector_angle"][:]), "arc_degree",
+             "transmitted beam about starboard, positive forward")):
+        _put(group, name, ("ping", "sector"), values, units, about)
+
+
+def _provenance(file, line):
+    group = file.create_group("Provenance")
+    from mitsonar import __version__
+
+    for name, text in (("conversion_software_name", "mitsonar"), ("conversion_software_version", __version__),
+                       ("history", line.provenance())):
+        group.attrs[name] = text
+
 
 CHUNK_BYTES, CHUNK_PINGS = 1 << 18, 512
 _SHADOWED = "_nc4_non_coord_"             # before the name of a variable that a dimension has too

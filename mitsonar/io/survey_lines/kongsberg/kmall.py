@@ -2,20 +2,173 @@
 
 Installation, settings and cast come first, then motion (#SKM), positions (#SPO), the head's sound speed (#SVT), pings
 (#MRZ) and their water column (#MWC) in the order of time. See `kmall_pings` and `column` for signs and steps.
+
+#MRZ, a ping of soundings in KMALL, and how a sounding says where it lies in the water column.
+
+    z = depth - depth of the reference point             z of the water line = - depth of the reference point
+    beam angle = - angle        (positive to port)        tilt = angle of the sector  (positive forward)
+    quality factor [%] = 100 / 10^quality                 seabed image: 0.1 dB
+
+A sounding's own ``transmit_angle`` finds no place: its sector's tilt stands for it.
 """
 from __future__ import annotations
 
 import struct
+from typing import IO, Any
+
+import numpy as np
+from KMALL.kmall import kmall
 
 from mitsonar.device.files import FilePath, replacing
 
-from ..lines import COLUMN, SOUNDINGS, Blocks, Place, Written, left_out, line_of, lost, pings, rated
+from ..directions import from_vertical
+from ..lines import (
+    COLUMN,
+    SOUNDINGS,
+    Blocks,
+    Line,
+    Ping,
+    Place,
+    Written,
+    left_out,
+    line_of,
+    lost,
+    pings,
+    rated,
+    rotation,
+)
 from ..passage import passage_of
-from .column import column_of, offset_of, water_column
-from .kmall_pings import soundings
-from .kmall_sensors import MODEL, head_speed, installation, model, profile, sensors, settings
+from ..snippets import Runs, runs_of
+from .column import Column, column_of, offset_of, water_column
+from .kmall_sensors import BODY, MODEL, NO_HEIGHT, body, head_speed, installation, model, profile, sensors, settings
 
-__all__ = ["write"]
+__all__ = ["soundings", "write"]
+
+
+VERSION = 3
+INFO, SECTOR, RECEIVER, SOUNDING = 152, 48, 32, 120      # bytes
+NOTHING_DB = -100.0                                    # reflectivity of what is no sounding
+NORMAL, REJECTED = 0, 2                                # types of detections
+NO_SAMPLE = -32_768
+
+
+def soundings(stream: IO[bytes], line: Line, ping: Ping, number: int, sounder: int, column: Column | None,
+              rate: float = 0.0) -> None:
+    """Append a ping's #MRZ; ``rate`` is that of its cycles [Hz], 0 where it is not known."""
+    runs = runs_of(ping)
+    sectors, count = ping["sector_frequency"].size, ping["valid"].size
+    samples = 0 if runs is None else int(runs.count.sum())
+    length = 24 + 4 + BODY + INFO + sectors * SECTOR + RECEIVER + count * SOUNDING + 2 * samples
+    writer = kmall()
+    writer.FID = stream
+    writer.write_EMdgmMRZ({
+        "header": {"numBytesDgm": length, "dgmType": b"#MRZ", "dgmVersion": VERSION, "systemID": 0,
+                   "echoSounderID": sounder, "dgtime": float(ping["since"])},
+        "partition": {"numOfDgms": 1, "dgmNum": 1}, "cmnPart": body(ping, number),
+        "pingInfo": _info(line, ping, sectors) | {"pingRate_Hz": rate},
+        "txSectorInfo": _sectors(ping, sectors), "extraDetClassInfo": {}, "rxInfo": _receiver(ping, runs, column),
+        "sounding": _columns(_soundings(line, ping, runs, column), count), "SIsample_desidB": _image(runs)})
+
+
+def _info(line, ping, sectors) -> dict[str, Any]:
+    half = ping["sector_bandwidth"] / 2
+    array = rotation(float(ping["ping_roll"]), float(ping["ping_pitch"]), 0.0) @ line.array("transmit_offset")
+    steer = np.degrees(from_vertical(line, ping, ping["angle"])) if ping["valid"].size else np.zeros(1)
+    across = ping["across_track"][ping["valid"]] if ping["valid"].any() else np.zeros(1)
+    fan = steer[ping["valid"]] if ping["valid"].any() else np.zeros(1)
+    length = float(ping["sector_pulse_length"].max())
+    zeros = dict.fromkeys(("padding0", "beamSpacing", "depthMode", "subDepthMode", "distanceBtwSwath",
+                           "detectionMode", "pulseForm", "padding1", "modeAndStabilisation", "runtimeFilter1",
+                           "runtimeFilter2", "pipeTrackingStatus", "transmitArraySizeUsed_deg",
+                           "receiveArraySizeUsed_deg", "transmitPower_dB", "SLrampUpTimeRemaining", "padding2",
+                           "yawAngle_deg", "x_kmallToall_m", "y_kmallToall_m", "posSensorStatus",
+                           "attitudeSensorStatus", "padding3", "bsCorrectionOffset_dB", "lambertsLawApplied",
+                           "iceWindow", "activeModes"), 0)
+    return zeros | {
+        "numBytesInfoData": INFO, "numTxSectors": sectors, "numBytesPerTxSector": SECTOR,
+        "frequencyMode_Hz": float(ping["sector_frequency"].mean()), "latLongInfo": 1,
+        "freqRangeLowLim_Hz": float((ping["sector_frequency"] - half).min()),
+        "freqRangeHighLim_Hz": float((ping["sector_frequency"] + half).max()), "maxTotalTxPulseLength_sec": length,
+        "maxEffTxPulseLength_sec": length, "maxEffTxBandWidth_Hz": float(ping["sector_bandwidth"].max()),
+        "absCoeff_dBPerkm": 1e3 * float(ping["sector_absorption_db"].mean()), "portSectorEdge_deg": float(steer.max()),
+        "starbSectorEdge_deg": float(steer.min()), "portMeanCov_deg": float(fan.max()),
+        "stbdMeanCov_deg": float(fan.min()), "portMeanCov_m": int(np.clip(across.min(), -32e3, 32e3)),
+        "starbMeanCov_m": int(np.clip(across.max(), -32e3, 32e3)),
+        "headingVessel_deg": float(np.degrees(ping["true_heading"]) % 360.0),
+        "soundSpeedAtTxDepth_mPerSec": float(ping["head_sound_speed"]),
+        "txTransducerDepth_m": float(ping["ping_depth"] + array[2]),
+        "z_waterLevelReRefPoint_m": -float(ping["ping_depth"]), "latitude_deg": float(ping["ping_latitude"]),
+        "longitude_deg": float(ping["ping_longitude"]), "ellipsoidHeightReRefPoint_m": NO_HEIGHT}
+
+
+def _sectors(ping, sectors) -> dict[str, list[Any]]:
+    length = ping["sector_pulse_length"]
+    return _columns({"txSectorNumb": np.arange(sectors), "sectorTransmitDelay_sec": ping["sector_delay"],
+                     "tiltAngleReTx_deg": np.degrees(ping["sector_angle"]), "centreFreq_Hz": ping["sector_frequency"],
+                     "txNominalSourceLevel_dB": ping["sector_source_level_db"], "totalSignalLength_sec": length,
+                     "signalBandWidth_Hz": ping["sector_bandwidth"], "effectiveSignalLength_sec": length,
+                     **dict.fromkeys(("txArrNumber", "txSubArray", "padding0", "txFocusRange_m", "pulseShading",
+                                      "signalWaveForm", "padding1", "highVoltageLevel_dB", "sectorTrackingCorr_dB"),
+                                     0)}, sectors)
+
+
+def _receiver(ping, runs: Runs | None, column: Column | None) -> dict[str, Any]:
+    return {"numBytesRxInfo": RECEIVER, "numSoundingsMaxMain": ping["valid"].size,
+            "numSoundingsValidMain": int(ping["valid"].sum()), "numBytesPerSounding": SOUNDING,
+            "WCSampleRate": 0.0 if column is None else column.rate,
+            "seabedImageSampleRate": 0.0 if runs is None else runs.rate, "BSnormal_dB": 0.0, "BSoblique_dB": 0.0,
+            "extraDetectionAlarmFlag": 0, "numExtraDetections": 0, "numExtraDetectionClasses": 0, "numBytesPerClass": 4}
+
+
+def _soundings(line, ping, runs: Runs | None, column: Column | None) -> dict[str, Any]:
+    valid = ping["valid"]
+
+    def told(name: str, otherwise: float = 0.0, factor: float = 1.0) -> np.ndarray:
+        values = ping.get(name)
+        if values is None:
+            return np.full(valid.size, otherwise)
+        return np.where(valid & np.isfinite(values), factor * values, otherwise)
+
+    sector = ping["sector"]
+    quality = np.where(valid, 100.0 / 10.0 ** told("quality", 2.0), 0.0) if "quality" in ping else np.zeros(valid.size)
+    zeros = dict.fromkeys(("rejectionInfo1", "rejectionInfo2", "postProcessingInfo", "detectionClass",
+                           "detectionConfidenceLevel", "padding", "detectionWindowLength_sec", "echoLength_sec",
+                           "receiverSensitivityApplied_dB", "BScalibration_dB", "TVG_dB", "beamAngleCorrection_deg",
+                           "twoWayTravelTimeCorrection_sec", "beamIncAngleAdj_deg", "realTimeCleanInfo", "WCBeamNumb",
+                           "WCrange_samples", "WCNomBeamAngleAcross_deg", "SIstartRange_samples", "SIcentreSample",
+                           "SInumSamples"), 0)
+    out = zeros | {
+        "soundingIndex": ping["beam"], "txSectorNumb": sector, "rangeFactor": np.full(valid.size, 100.0),
+        "detectionType": np.where(valid, NORMAL, REJECTED), "detectionMethod": told("detection").astype(int),
+        "qualityFactor": quality, "detectionUncertaintyVer_m": told("uncertainty"),
+        "detectionUncertaintyHor_m": told("horizontal_uncertainty"),
+        "meanAbsCoeff_dbPerkm": 1e3 * ping["sector_absorption_db"][sector],
+        "reflectivity1_dB": told("backscatter_db", NOTHING_DB), "reflectivity2_dB": told("backscatter_db", NOTHING_DB),
+        "sourceLevelApplied_dB": ping["sector_source_level_db"][sector],
+        "beamAngleReRx_deg": -np.degrees(ping["angle"]), "twoWayTravelTime_sec": told("travel_time"),
+        "z_reRefPoint_m": np.where(valid, told("depth") - ping["ping_depth"], 0.0),
+        "deltaLatitude_deg": np.where(valid, ping["latitude"] - ping["ping_latitude"], 0.0),
+        "deltaLongitude_deg": np.where(valid, ping["longitude"] - ping["ping_longitude"], 0.0),
+        "y_reRefPoint_m": told("across_track"), "x_reRefPoint_m": told("along_track")}
+    if column is not None and column.angle.size:
+        beam = column.nearest(ping["angle"])
+        out |= {"WCBeamNumb": beam, "WCNomBeamAngleAcross_deg": column.vertical_deg[beam],
+                "WCrange_samples": np.clip(np.rint(told("travel_time") * column.rate), 0, 65_535).astype(int)}
+    if runs is not None:
+        out |= {"SIstartRange_samples": runs.start, "SIcentreSample": runs.centre, "SInumSamples": runs.count}
+    return out
+
+
+def _image(runs: Runs | None) -> list[int]:
+    if runs is None:
+        return []
+    tenths = np.clip(np.rint(10 * runs.values), NO_SAMPLE + 1, 32_767)
+    return np.where(np.isfinite(tenths), tenths, NO_SAMPLE).astype(int).tolist()
+
+
+def _columns(values: dict[str, Any], count: int) -> dict[str, list[Any]]:
+    return {name: np.broadcast_to(one, (count,)).tolist() for name, one in values.items()}
+
 
 HELD = (SOUNDINGS - {"transmit_angle"}) | COLUMN | {"head_receive_offset", "head_receive_mounting"}
 
