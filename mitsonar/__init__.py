@@ -16,128 +16,25 @@ import functools
 import importlib
 import os
 import sys
-import threading
 from typing import TYPE_CHECKING
 
 from mitsonar.device import llvm
-
-if TYPE_CHECKING:
-    # What `_PUBLIC` gives on first use, for those who only read: type checkers, editors and their completion.
-    from mitsonar import (
-        dataset,
-        doctor,
-        hydrography,
-        imaging,
-        inversion,
-        io,
-        labelling,
-        plots,
-        plugins,
-        propagation,
-        scattering,
-        seabed,
-        signal,
-        sonar,
-        sweep,
-        synthetic_aperture,
-        units,
-        water,
-    )
-    from mitsonar.device.llvm import BackendError
-    from mitsonar.io.reading import read, write
-    from mitsonar.scene.loading import load_file
-    from mitsonar.verbs.gradients import (
-        coherent_model,
-        differentiable_signals,
-        directional_derivative,
-        gradient,
-        gradient_check,
-        scene_model,
-    )
-    from mitsonar.verbs.guide import describe, scenes
-    from mitsonar.verbs.images import element_signals, frames, impulse_response, render, soundings
-    from mitsonar.verbs.strips import focus, raw_echoes
+from mitsonar.device.lazy import attach
 
 if TYPE_CHECKING:                                        # for annotations alone
     from collections.abc import Sequence
     from importlib.machinery import ModuleSpec
     from types import ModuleType
 
-__all__ = ["BackendError", "coherent_model", "dataset", "describe", "differentiable_signals", "directional_derivative",
-           "doctor", "element_signals", "focus", "frames", "gradient", "gradient_check", "hydrography", "imaging",
-           "impulse_response", "inversion", "io", "labelling", "load_file", "plots", "plugins", "propagation",
-           "raw_echoes", "read", "render", "scattering", "scene_model", "scenes", "seabed", "signal", "sonar",
-           "soundings", "sweep", "synthetic_aperture", "units", "water", "write"]
-
 __version__ = "0.1.0"
 
-# Every public name of the package: the module that it is, or the module that it comes from and its name there.
-_PUBLIC = {
-    "load_file": "mitsonar.scene.loading:load_file",
-    "render": "mitsonar.verbs.images:render",
-    "frames": "mitsonar.verbs.images:frames",
-    "impulse_response": "mitsonar.verbs.images:impulse_response",
-    "element_signals": "mitsonar.verbs.images:element_signals",
-    "soundings": "mitsonar.verbs.images:soundings",
-    "raw_echoes": "mitsonar.verbs.strips:raw_echoes",
-    "focus": "mitsonar.verbs.strips:focus",
-    "gradient": "mitsonar.verbs.gradients:gradient",
-    "coherent_model": "mitsonar.verbs.gradients:coherent_model",
-    "differentiable_signals": "mitsonar.verbs.gradients:differentiable_signals",
-    "directional_derivative": "mitsonar.verbs.gradients:directional_derivative",
-    "gradient_check": "mitsonar.verbs.gradients:gradient_check",
-    "scene_model": "mitsonar.verbs.gradients:scene_model",
-    "describe": "mitsonar.verbs.guide:describe",
-    "scenes": "mitsonar.scenes",                   # the package of their files, which can be called
-    "hydrography": "mitsonar.hydrography",
-    "read": "mitsonar.io.reading:read",
-    "write": "mitsonar.io.reading:write",
-    "BackendError": "mitsonar.device.llvm:BackendError",
-    "dataset": "mitsonar.dataset",
-    "doctor": "mitsonar.doctor",
-    "imaging": "mitsonar.imaging",
-    "inversion": "mitsonar.inversion",
-    "io": "mitsonar.io",
-    "labelling": "mitsonar.labelling",
-    "plots": "mitsonar.plots",
-    "plugins": "mitsonar.plugins",
-    "propagation": "mitsonar.propagation",
-    "scattering": "mitsonar.scattering",
-    "seabed": "mitsonar.seabed",
-    "signal": "mitsonar.signal",
-    "sonar": "mitsonar.sonar",
-    "sweep": "mitsonar.sweep",
-    "synthetic_aperture": "mitsonar.synthetic_aperture",
-    "units": "mitsonar.units",
-    "water": "mitsonar.water",
-}
-
-# NumPy and others may fail where threads import several parts of them at once, so first uses take turns. It is not the
-# lock of the plugins, which is asked for while Mitsuba is imported. None of our modules asks for this one while it is
-# imported: a module has a lock too.
-_first_use = threading.RLock()
+# Public names are listed in __init__.pyi. `scenes` is the package of the scene files, which can be called.
+__getattr__, __dir__, __all__ = attach(__name__, __file__, scenes="mitsonar.scenes")
 
 # A checkout and an editable install keep plugins/ and scenes/ beside the package, a wheel inside it.
 _beside = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 if os.path.isfile(os.path.join(_beside, "pyproject.toml")) and os.path.isdir(os.path.join(_beside, "plugins")):
     __path__.append(_beside)
-
-
-def __getattr__(name):
-    if name not in _PUBLIC:
-        raise AttributeError(f"module 'mitsonar' has no attribute {name!r}; it has {', '.join(sorted(_PUBLIC))}")
-    with _first_use:
-        module, _, attribute = _PUBLIC[name].partition(":")
-        value = importlib.import_module(module)
-        value = globals()[name] = getattr(value, attribute) if attribute else value
-        if "xarray" in sys.modules:
-            # It imports Dask when the first array is made, and that import fails where several threads begin it.
-            sys.modules["xarray"].DataArray(0.0)
-    return value
-
-
-def __dir__():
-    return sorted({*_PUBLIC, *(name for name in globals() if name.startswith("__"))})
 
 
 class _FirstImport:

@@ -73,7 +73,7 @@ def _convert(arguments):
 
 def _mosaic(arguments):
     from mitsonar.device.files import check_writable
-    from mitsonar.imaging import mosaic
+    from mitsonar.imaging.maps.mosaics import mosaic
     from mitsonar.io.records import geotiff
 
     if os.path.splitext(arguments.output)[1].lower() not in (".tif", ".tiff"):

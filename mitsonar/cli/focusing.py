@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-    from mitsonar.water import SoundSpeedProfile
+    from mitsonar.water.profile import SoundSpeedProfile
 
 __all__ = ["Usual", "WINDOW", "add", "chosen_grid"]
 

@@ -53,7 +53,9 @@ def add(commands: Commands) -> None:
 
 
 def _labels(arguments):
-    from mitsonar.dataset.labels import Labels, read_shares, write
+    from mitsonar.dataset.labels.rules import Labels
+    from mitsonar.dataset.labels.writing import write
+    from mitsonar.dataset.split import read_shares
 
     output = arguments.output
     if output is None:

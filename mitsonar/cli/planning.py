@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from mitsonar.io.tracks.navigation import Frame
     from mitsonar.planning.areas import Corners
     from mitsonar.planning.bed import Bed
-    from mitsonar.water import SoundSpeedProfile
+    from mitsonar.water.profile import SoundSpeedProfile
 
 __all__ = ["add"]
 
@@ -167,7 +167,7 @@ def _sonar_and_water(arguments):
     from mitsonar.planning.coverage import SwathSonar
     from mitsonar.planning.sonar import planned_sonar
     from mitsonar.units import radians_from_deg
-    from mitsonar.water import SoundSpeedProfile
+    from mitsonar.water.profile import SoundSpeedProfile
 
     known = {} if arguments.sonar is None else planned_sonar(arguments.sonar)
     given = {"swath_deg": arguments.swath, "beams": arguments.beams, "even": arguments.beam_spacing,

@@ -31,8 +31,9 @@ def add(commands: Commands) -> None:
 
 
 def _sweep(arguments):
-    from mitsonar.sweep import load_plan, run
+    from mitsonar.sweep.execute import run
     from mitsonar.sweep.local import shares
+    from mitsonar.sweep.plan import load_plan
 
     plan = load_plan(arguments.plan)
     if arguments.dry_run:

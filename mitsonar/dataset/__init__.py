@@ -2,6 +2,6 @@
 
     images = mitsonar.dataset.open("sweep")      len(images), images[3], images.parameters["range"], images.stack()
 """
-from .images import Images, open
+from mitsonar.device.lazy import attach
 
-__all__ = ["Images", "open"]
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

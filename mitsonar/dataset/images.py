@@ -9,9 +9,10 @@ from mitsonar.imaging.focused import bin_dims
 from mitsonar.imaging.maps.raster import bearings, cartesian
 from mitsonar.io.records.records import SonarImage
 
-from .labels import deal, find_sources, groups_of, read_shares
 from .labels.frames import FORMS, Form, Frame, frames
-from .sources import Source, class_order, frames_of
+from .labels.writing import groups_of
+from .sources import Source, class_order, find_sources, frames_of
+from .split import deal, read_shares
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -1,18 +1,4 @@
-"""Files in and out: records and datasets, no science.
+"""Files in and out: records and data sets, no science."""
+from mitsonar.device.lazy import attach
 
-Modules are imported when first used: `mitsonar.io.records.exr` and the others need no import of their own.
-"""
-import importlib
-import pkgutil
-
-_ROOMS = tuple(entry.name for entry in pkgutil.iter_modules(__path__))
-
-
-def __getattr__(name):
-    if name not in _ROOMS:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}; it has {', '.join(_ROOMS)}")
-    return importlib.import_module(f"{__name__}.{name}")
-
-
-def __dir__():
-    return sorted({*globals(), *_ROOMS})
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -16,7 +16,7 @@ import numpy as np
 
 from mitsonar.hydrography.reduction.legs import Starts
 from mitsonar.hydrography.survey_orders import SurveyOrder
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 __all__ = ["CastError", "cast_error", "depth_error", "surface_layer_error"]
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from mitsonar.hydrography.survey_orders import ORDERS, SurveyOrder
 from mitsonar.units import KNOT
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 from .area import Area, LineFrame
 from .bed import Bed, heading_along_area, heading_along_contours

@@ -21,7 +21,7 @@ import numpy as np
 
 from mitsonar.propagation.numpy_rays.layers import Layers
 from mitsonar.units import Values
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 __all__ = ["SwathRays", "swath_rays"]
 

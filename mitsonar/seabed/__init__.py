@@ -1,6 +1,4 @@
 """The seabed's shape, and where objects lie on it: poses, burial and places drawn at random, on beds of triangles."""
-from .bed import Bed
-from .bodies import Body
-from .placement import Placed, Rules, draw_count, place
+from mitsonar.device.lazy import attach
 
-__all__ = ["Bed", "Body", "Placed", "Rules", "draw_count", "place"]
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -29,8 +29,13 @@ __all__ = ["FRAMES", "KINDS", "SOUNDERS", "FrameKind", "Kind", "SounderKind", "f
            "sounder_kind_of"]
 
 
+FILES = {"sidescan": "sidescan.kind", "array": "fan.kind", "forward_looking": "fan.forward_looking",
+         "sector_scan": "sector_scan.kind", "multibeam": "multibeam.kind", "interferometric": "interferometric.kind",
+         "synthetic_aperture": "synthetic_aperture.kind"}
+
+
 class _Files(Mapping[str, Any]):
-    """Files of this room by their names, each imported when it is asked for: a sidescan needs no synthetic aperture."""
+    """Files of kinds by their names, each imported when first used: a sidescan needs no synthetic aperture."""
 
     def __init__(self, *names: str):
         self._names = names
@@ -38,7 +43,7 @@ class _Files(Mapping[str, Any]):
     def __getitem__(self, name: str) -> Any:
         if name not in self._names:
             raise KeyError(name)
-        return importlib.import_module(f"{__package__}.{name}")
+        return importlib.import_module(f"{__package__}.{FILES[name]}")
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)

@@ -26,7 +26,7 @@ __all__ = ["Entry", "Manifest", "key"]
 MANIFEST, LOCK = "manifest.jsonl", ".sweep.lock"
 LONGEST_LINE = 1 << 20             # bytes; no line of ours comes near
 FLUSH_SECONDS = 5.0
-LEFTOVER = re.compile(r"\..+\.([0-9a-f]+-)?[0-9a-f]{8}\.(exr|png)", re.I)     # as `mitsonar.device.files.replacing` does
+LEFTOVER = re.compile(r"\..+\.([0-9a-f]+-)?[0-9a-f]{8}\.(exr|png)", re.I)  # as `device.files.replacing` does
 
 
 class Entry(NamedTuple):

@@ -8,8 +8,10 @@ import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 from scipy.special import j1
 
-from mitsonar.sonar import Aperture, beam_pattern, directivity_index_db, element_array, line_array
+from mitsonar.sonar.arrays.array_makers import element_array, line_array
+from mitsonar.sonar.arrays.beam_patterns import beam_pattern, directivity_index_db
 from mitsonar.sonar.arrays.shading import taper_loss_db, window_weights
+from mitsonar.sonar.faces.directivity import Aperture
 
 from .case import Case, Line, Panel, Row, Table, root_of, worst
 

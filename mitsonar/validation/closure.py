@@ -1,9 +1,9 @@
 """The sonar equation closes: backscatter strength read back from the levels of a sidescan's whole ray chain."""
 import numpy as np
 
-from mitsonar.scattering import backscatter_strength_db
+from mitsonar.scattering.laws.strength import backscatter_strength_db
 from mitsonar.sonar.faces.directivity import HALF_POWER
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 from . import scenes
 from .case import Case, Line, Panel, Row, Table, worst

@@ -1,8 +1,10 @@
 """The range at which noise drowns reverberation: from a sidescan's levels, and by the sonar equation."""
 import numpy as np
 
-from mitsonar.scattering import backscatter_strength_db
-from mitsonar.water import SoundSpeedProfile, absorption_db, ambient_noise_db
+from mitsonar.scattering.laws.strength import backscatter_strength_db
+from mitsonar.water.absorption import absorption_db
+from mitsonar.water.noise import ambient_noise_db
+from mitsonar.water.profile import SoundSpeedProfile
 
 from . import scenes
 from .case import Case, Line, Panel, Row, Table, root_of

@@ -3,8 +3,8 @@ from functools import partial
 
 import numpy as np
 
-from mitsonar.scattering import backscatter_strength_db
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.scattering.laws.strength import backscatter_strength_db
+from mitsonar.water.profile import SoundSpeedProfile
 
 from . import scenes
 from .case import Case, Line, Panel, Row, Table, worst

@@ -1,8 +1,8 @@
 """Ghosts of a point target by way of a flat sea surface, in refracting water: time and level of every way."""
 import numpy as np
 
-from mitsonar.propagation import eigenray
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.propagation.numpy_rays.eigenrays import eigenray
+from mitsonar.water.profile import SoundSpeedProfile
 
 from . import scenes
 from .case import Case, Line, Panel, Row, Table

@@ -1,9 +1,9 @@
 """Rays: exact eigenrays against closed forms and 34-digit arithmetic, and traced hits against exact eigenrays."""
 import numpy as np
 
-from mitsonar.propagation import eigenray
 from mitsonar.propagation.numpy_rays import eigenrays
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.propagation.numpy_rays.eigenrays import eigenray
+from mitsonar.water.profile import SoundSpeedProfile
 
 from .case import Case, Line, Panel, Row, Table, worst
 

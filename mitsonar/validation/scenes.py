@@ -14,7 +14,7 @@ import numpy as np
 if TYPE_CHECKING:
     import mitsuba as mi
 
-    from mitsonar.water import SoundSpeedProfile
+    from mitsonar.water.profile import SoundSpeedProfile
 
 __all__ = ["FLAWLESS", "array_sonar", "bed", "buried_bed", "forward_looking", "interferometric", "lambert", "multibeam",
            "point_target", "sector_scan", "sediment", "sidescan", "water_of"]

@@ -4,7 +4,9 @@ from functools import partial
 
 import numpy as np
 
-from mitsonar.scattering import ElasticSediment, LambertSeabed, Sediment, backscatter_strength_db, bistatic_strength_db
+from mitsonar.scattering.laws.elastic_sediment import ElasticSediment
+from mitsonar.scattering.laws.sediment import Sediment
+from mitsonar.scattering.laws.strength import LambertSeabed, backscatter_strength_db, bistatic_strength_db
 
 from .case import Case, Line, Panel, Row, Table, worst
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
-from mitsonar.propagation import eigenray
 from mitsonar.propagation.numpy_rays import eigenrays
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.propagation.numpy_rays.eigenrays import eigenray
+from mitsonar.water.profile import SoundSpeedProfile
 
 __all__ = ["FlatBed"]
 

@@ -1,7 +1,8 @@
 """The sea surface: printed strengths and losses, and its return in a sidescan's picture."""
 import numpy as np
 
-from mitsonar.scattering import backscatter_strength_db, bubble_loss_db
+from mitsonar.scattering.laws.sea_surface import bubble_loss_db
+from mitsonar.scattering.laws.strength import backscatter_strength_db
 
 from . import scenes
 from .case import Case, Line, Panel, Row, Table, worst

@@ -4,7 +4,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy.special import j1
 
-from mitsonar.scattering import sphere_target_strength_db
+from mitsonar.scattering.bodies.spheres import sphere_target_strength_db
 
 from . import scenes
 from .case import Case, Line, Panel, Row, Table

@@ -3,9 +3,9 @@ from typing import Literal
 
 import numpy as np
 
-from mitsonar.propagation import eigenray, return_time
-from mitsonar.propagation.numpy_rays.return_times import approximate
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.propagation.numpy_rays.eigenrays import eigenray
+from mitsonar.propagation.numpy_rays.return_times import approximate, return_time
+from mitsonar.water.profile import SoundSpeedProfile
 
 from .case import Case, Line, Panel, Row, Table, worst
 from .published import effective_speed, table_1

@@ -1,7 +1,7 @@
 """Volume reverberation of a sidescan against the sonar equation, of water alike everywhere and of a layer."""
 import numpy as np
 
-from mitsonar.water import volume_reverberation_db
+from mitsonar.water.volume import volume_reverberation_db
 
 from . import scenes
 from .case import Case, Line, Panel, Row, Table, worst

@@ -2,7 +2,9 @@
 import gsw
 import numpy as np
 
-from mitsonar.water import absorption_db, ambient_noise_db, sound_speed, thermal_noise_db
+from mitsonar.water.absorption import absorption_db
+from mitsonar.water.noise import ambient_noise_db, thermal_noise_db
+from mitsonar.water.seawater import sound_speed
 
 from .case import Case, Line, Panel, Row, Table, worst
 

@@ -103,7 +103,7 @@ def focus(scene_or_signals: mi.Scene | xr.Dataset | FilePath, grid: Grid | None 
         trajectory do not fit them.
     """
     if grid is not None and not isinstance(grid, Grid):
-        raise TypeError("a grid of mitsonar.synthetic_aperture.focusing.grids, or None, was wanted, got a "
+        raise TypeError("a grid of mitsonar.synthetic_aperture.grids, or None, was wanted, got a "
                         f"{type(grid).__name__}")
     if profile is not None and not isinstance(profile, (SoundSpeedProfile, int, float)):
         profile = casts.read(profile).profile

@@ -30,8 +30,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, upload
-from mitsonar.scattering import Sediment
-from mitsonar.scattering.laws.sediment import BOUNDS
+from mitsonar.scattering.laws.sediment import BOUNDS, Sediment
 from mitsonar.scattering.surfaces.arithmetic import Arithmetic, power
 from mitsonar.scattering.surfaces.fluid import Fluid
 from mitsonar.scattering.surfaces.lobe_directions import lobe_density, lobe_shift, lobe_width

@@ -29,10 +29,13 @@ import numpy as np
 
 from mitsonar.device.arrays import upload
 from mitsonar.io import casts
-from mitsonar.water import SoundSpeedProfile, absorption, absorption_db, ambient_noise_db, seawater, sound_speed
+from mitsonar.water import absorption, seawater
+from mitsonar.water.absorption import absorption_db
 from mitsonar.water.column import AbsorptionColumn
-from mitsonar.water.profile import FASTEST, SLOWEST
+from mitsonar.water.noise import ambient_noise_db
+from mitsonar.water.profile import FASTEST, SLOWEST, SoundSpeedProfile
 from mitsonar.water.ranges import RANGES, SOUND_SPEED_RANGES
+from mitsonar.water.seawater import sound_speed
 from mitsonar.water.volume import Layer, VolumeScattering
 
 from ..attributes import Attributes, Choice, File, Number, NumberOrTable, Table, Text

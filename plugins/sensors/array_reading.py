@@ -8,16 +8,15 @@ from typing import Any
 import numpy as np
 
 from mitsonar.io.scene_files import arrays
-from mitsonar.sonar import (
-    Array,
-    body_direction,
+from mitsonar.sonar.arrays.array import Array
+from mitsonar.sonar.arrays.array_makers import (
     cylindrical_array,
     element_array,
     line_array,
     planar_array,
     spherical_array,
 )
-from mitsonar.sonar.arrays.axes import AXES, axis_vector
+from mitsonar.sonar.arrays.axes import AXES, axis_vector, body_direction
 from mitsonar.survey.sensor import Water
 from mitsonar.survey.voyage import Route
 from mitsonar.units import radians_from_deg

@@ -21,7 +21,7 @@ their signals.
 """
 import mitsuba as mi
 
-from mitsonar.sonar import Array
+from mitsonar.sonar.arrays.array import Array
 from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Integer, Number

@@ -5,8 +5,8 @@
     tx_weight, rx_weight       [-]   one an element; 0 is one that has failed
 
 Renders follow them. Of arrays and forward-looking sonars, gradients of what transmits go through the coherent picture,
-`mitsonar.gradients.elements.coherent_levels`; `mitsonar.coherent_model` has those of receivers that beams do not know of.
-Of the elements' own signals `mitsonar.differentiable_signals` has all but ``rx_weight``, which shades beams alone.
+`mitsonar.gradients.elements.coherent_levels`; `mitsonar.coherent_model` has those of receivers that beams do not know
+of. Of the elements' own signals `mitsonar.differentiable_signals` has all but ``rx_weight``, which shades beams alone.
 """
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import upload
-from mitsonar.sonar import Array
+from mitsonar.sonar.arrays.array import Array
 
 __all__ = ["ElementKeys"]
 

@@ -31,8 +31,10 @@ from dataclasses import replace
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.sonar import Array, element_array, length_for_beam_width, planar_array
+from mitsonar.sonar.arrays.array import Array
+from mitsonar.sonar.arrays.array_makers import element_array, planar_array
 from mitsonar.sonar.arrays.sectors import STEPS
+from mitsonar.sonar.faces.directivity import length_for_beam_width
 from mitsonar.sonar.presets import presets
 from mitsonar.units import hertz_from_khz
 

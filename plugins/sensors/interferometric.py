@@ -3,8 +3,8 @@
 Either side has a transmitter and two or more rows of receivers one above the other, long along the track, on a face
 that is tilted down. Every bin of range has a level as of a sidescan, and the phases between the rows tell the angle
 that its echo comes from: of all rows together the one that fits best, so that close rows say which of the answers of
-far rows is right (`mitsonar.hydrography.detection.row_angles`). Where several echoes come at one time, the angle lies between
-theirs.
+far rows is right (`mitsonar.hydrography.detection.row_angles`). Where several echoes come at one time, the angle lies
+between theirs.
 
 `mitsonar.render` gives `level`, `phase`, `coherence`, `angle`, `depth` and places over (ping, side, range), with
 `true_depth`, `error` and the labels of a sidescan. `mitsonar.soundings` and ``mitsonar soundings`` give a sounding for
@@ -26,9 +26,11 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.hydrography.detection.row_angles import Rows, sector_of
-from mitsonar.sonar import PULSES, Array, length_for_beam_width
+from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.array_makers import element_array
+from mitsonar.sonar.faces.directivity import length_for_beam_width
 from mitsonar.sonar.presets import presets
+from mitsonar.sonar.pulses.pulses import PULSES
 from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Choice, FromTable, Number, Numbers, Preset
@@ -70,7 +72,8 @@ ATTRIBUTES = (
 
 
 class Interferometric(SonarSensor):
-    """See the module's text; `mitsonar.survey.interferometric.kind` plans its run, and makes its picture and soundings."""
+    """See the module's text; `mitsonar.survey.interferometric.kind` plans its run, and makes its picture and
+    soundings."""
 
     kind, declared = "interferometric", ATTRIBUTES
 

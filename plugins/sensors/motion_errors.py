@@ -1,5 +1,5 @@
 """What sounding sonars believe of their motion, and where they look for the bed: attributes that they share."""
-from mitsonar.hydrography.reduction.errors import MotionErrors
+from mitsonar.hydrography.reduction.motion_errors import MotionErrors
 
 from ..attributes import Angle, Attributes, Group, Number, Numbers
 

@@ -31,10 +31,13 @@ What the instrument believes may differ from what is there: ``head_speed_error``
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.sonar import PULSES, Array, length_for_beam_width, line_array
+from mitsonar.sonar.arrays.array import Array
+from mitsonar.sonar.arrays.array_makers import line_array
 from mitsonar.sonar.arrays.sectors import SPACINGS, Sector, beam_angles, elements_for_beam_width
+from mitsonar.sonar.faces.directivity import length_for_beam_width
 from mitsonar.sonar.motion.track import mounting_matrix
 from mitsonar.sonar.presets import presets
+from mitsonar.sonar.pulses.pulses import PULSES
 from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Integer, Number, Numbers, Preset, Text

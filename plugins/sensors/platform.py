@@ -2,8 +2,8 @@
 
 Where it goes is one of these:
 
-- ``track``: a recorded track (see `mitsonar.io.tracks.tracks`), resampled at the ping rate, to its end or for ``pings`` if
-  that is written; a CSV file without times holds way points
+- ``track``: a recorded track (see `mitsonar.io.tracks.tracks`), resampled at the ping rate, to its end or for ``pings``
+  if that is written; a CSV file without times holds way points
 - ``waypoints``: sailed to the end or for ``pings`` if that is written
 - ``start`` and ``heading_deg``: a straight, level track
 - ``start`` and ``circle_radius``: a circle about the start, once round unless ``pings`` is written

@@ -1,6 +1,7 @@
 """The pulse of a sonar with arrays: its attributes, and the pulse that they describe."""
-from mitsonar.sonar import PULSES, Pulse
 from mitsonar.sonar.arrays.shading import window_weights
+from mitsonar.sonar.pulses.pulse import Pulse
+from mitsonar.sonar.pulses.pulses import PULSES
 from mitsonar.units import hertz_from_khz
 
 from ..attributes import Attributes, Choice, Number, Text

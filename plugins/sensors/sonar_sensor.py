@@ -9,7 +9,7 @@ import numpy as np
 from mitsonar.device.arrays import upload
 from mitsonar.device.chance import pass_seed, sonar_seed
 from mitsonar.io.scene_files import scenes
-from mitsonar.sonar import Array
+from mitsonar.sonar.arrays.array import Array
 from mitsonar.survey.sensor import slowest_speed
 from mitsonar.survey.voyage import Route
 from mitsonar.water.profile import FASTEST, SLOWEST

@@ -31,8 +31,10 @@ from dataclasses import replace
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.sonar import Array, element_array, length_for_beam_width
+from mitsonar.sonar.arrays.array import Array
+from mitsonar.sonar.arrays.array_makers import element_array
 from mitsonar.sonar.arrays.shading import window_weights
+from mitsonar.sonar.faces.directivity import length_for_beam_width
 from mitsonar.sonar.presets import presets
 from mitsonar.units import hertz_from_khz, power_from_db
 
@@ -89,7 +91,8 @@ ATTRIBUTES = (
 
 
 class SyntheticAperture(SonarSensor):
-    """See the module's text; `mitsonar.survey.synthetic_aperture.kind` plans its run and makes its echoes and its image."""
+    """See the module's text; `mitsonar.survey.synthetic_aperture.kind` plans its run and makes its echoes and its
+    image."""
 
     kind, declared = "synthetic_aperture", ATTRIBUTES
     follows_offsets = False            # its echoes follow the trajectory

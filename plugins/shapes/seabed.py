@@ -16,7 +16,10 @@ always has a node at the origin, and reaches at least as far as asked. A wave ne
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.scattering import Fractal, Plane, Ripples, RoughnessSpectrum, Sinusoid
+from mitsonar.seabed.fractal import Fractal
+from mitsonar.seabed.relief import Plane, Sinusoid
+from mitsonar.seabed.ripples import Ripples
+from mitsonar.seabed.roughness import RoughnessSpectrum
 
 from ..attributes import Angle, Attributes, Integer, Number, Text
 from .grid_mesh import MATERIAL, SMOOTH_NORMALS, TO_WORLD, fill, triangulate

@@ -23,7 +23,9 @@ import numpy as np
 
 from mitsonar.io.scene_files import meshes
 from mitsonar.scene.errors import plain
-from mitsonar.seabed import Bed, Body, Rules, draw_count, place
+from mitsonar.seabed.bed import Bed
+from mitsonar.seabed.bodies import Body
+from mitsonar.seabed.placement import Rules, draw_count, place
 
 from ..attributes import Attributes, Boolean, Choice, Files, Integer, Nested, Number, Numbers, Range, Text
 from ..attributes.input_files import resolved

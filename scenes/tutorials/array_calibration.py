@@ -5,8 +5,8 @@
 # or weaker, and navigation is right to centimetres. At 120 kHz a wavelength is 12 mm, and beams ask for a tenth of it.
 # A few point targets in the water tell most of this, and mitsonar says what they cannot tell.
 #
-# `mitsonar.inversion.arrays.calibration.calibrated` takes element signals as `mitsonar.element_signals` makes them, or as an
-# instrument recorded them. Here they are made with a known array, so that answers can be checked.
+# `mitsonar.inversion.calibrated` takes element signals as `mitsonar.element_signals` makes them, or
+# as an instrument recorded them. Here they are made with a known array, so that answers can be checked.
 
 # %%
 import os

@@ -5,8 +5,8 @@
 # left at a known angle, and took a time. Is that enough to tell the sound-speed profile? Over a bed of many depths it
 # is. Over a level one it is not, however many soundings there are, and mitsonar says so.
 #
-# `mitsonar.inversion.profile.profile.fit_profile` takes lines as `mitsonar.soundings` makes them, or as instruments wrote them.
-# Here the lines are made with known water, so that answers can be checked.
+# `mitsonar.inversion.fit_profile` takes lines as `mitsonar.soundings` makes them, or as instruments
+# wrote them. Here the lines are made with known water, so that answers can be checked.
 
 # %%
 import os
@@ -193,6 +193,7 @@ print(known.verdict)
 assert known.is_profile
 
 # %% [markdown]
-# From here: `fit.to_dataset()` is all of it as a dataset; `fit.profile` goes into `mitsonar.hydrography.reduction.resounding`,
-# which reduces the line anew. A line of your own is what `mitsonar.io.survey_lines.reading.read("LINE.all")` gives, and
+# From here: `fit.to_dataset()` is all of it as a dataset; `fit.profile` goes into
+# `mitsonar.hydrography.resounded`, which reduces the line anew. A line of your own is what
+# `mitsonar.io.survey_lines.reading.read("LINE.all")` returns, and
 # `tests/benchmarks/profile_from_soundings.py` does it with real ones.

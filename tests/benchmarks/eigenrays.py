@@ -2,9 +2,9 @@
 
     python tests/benchmarks/eigenrays.py [--reference FILE.json]
 
-First table: `mitsonar.propagation.numpy_rays.eigenrays` against known rays; the worst error over the cases of a profile, and how
-many of the cases were found. Without a reference these are water of one sound speed and of one gradient, by the closed
-forms of a circular arc,
+First table: `mitsonar.propagation.numpy_rays.eigenrays` against known rays; the worst error over the cases of a
+profile, and how many of the cases were found. Without a reference these are water of one sound speed and of one
+gradient, by the closed forms of a circular arc,
 
     t = (2/g) asinh(g d / (2 sqrt(c1 c2))),    A = (c2 sinh(g t) / g)^2,    X, z the offsets, d^2 = X^2 + z^2
 

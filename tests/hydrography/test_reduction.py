@@ -1,7 +1,8 @@
 """Soundings from angles and times: against exact eigenrays both ways, and against rays walked in small steps.
 
-The forward problem is solved by another code (`mitsonar.propagation.numpy_rays.eigenrays`, itself checked against 60-digit
-references, and here against Runge-Kutta steps written in the test), so agreement is limited by rounding: 1e-8 m.
+The forward problem is solved by another code (`mitsonar.propagation.numpy_rays.eigenrays`, itself checked against
+60-digit references, and here against Runge-Kutta steps written in the test), so agreement is limited by rounding: 1e-8
+m.
 """
 from dataclasses import replace
 from time import perf_counter

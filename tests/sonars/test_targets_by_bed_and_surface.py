@@ -94,7 +94,7 @@ def where_heard(image, side, path):
 
 def test_a_sidescan_hears_targets_by_way_of_the_mirror(variant, monkeypatch):
     """To port a point, to starboard a sphere."""
-    monkeypatch.setattr("mitsonar.echoes.bounces.multipath.Bounces.follow", nothing)               # of rays: the bed is silent
+    monkeypatch.setattr("mitsonar.echoes.bounces.multipath.Bounces.follow", nothing)  # of rays: a silent bed
     centre, radius, sonar = np.array([36.0, 0.0, -12.0]), 0.4, np.array([0.0, 0.0, -20.0])
     strength_db = 20 * np.log10(radius / 2)
     scene = sidescan({"bed": buried_bed(200.0, size=800.0), "sea": MIRROR,

@@ -41,10 +41,11 @@ class Checkout:
     def __init__(self, folder):
         self.root, self.calls, self.tools = folder / "checkout", folder / "calls", folder / "tools"
         self.environment = self.root / ".venv"
-        for room in ("cli", "device"):
+        for room in ("cli/setup", "device"):
             (self.root / "mitsonar" / room).mkdir(parents=True)
-        for name in ("__init__.py", "__main__.py", "requirements.lock", "cli/__init__.py", "cli/bootstrap.py",
-                     "cli/installer.py", "device/__init__.py", "device/debian.py", "device/llvm.py"):
+        for name in ("__init__.py", "__main__.py", "requirements.lock", "cli/__init__.py",
+                     "cli/setup/__init__.py", "cli/setup/bootstrap.py", "cli/setup/installer.py", "device/__init__.py",
+                     "device/debian.py", "device/lazy.py", "device/llvm.py", "__init__.pyi"):
             shutil.copy(ROOT / "mitsonar" / name, self.root / "mitsonar" / name)
         self.command = self.root / "mitsonar" / "cli" / "main.py"
         self.command.write_text("def main(argv):\n    print('ran', *argv)\n    return 0\n")

@@ -18,7 +18,7 @@ from manual import DRAWINGS, PAGES, anchors, blocks, commands, links
 from test_import_direction import RANK
 
 ROOT = Path(__file__).resolve().parents[2]
-ROOMS_WITH_EXAMPLES = ("units", "spelling", "seabed", "water", "scattering", "propagation", "sonar", "signal",
+ROOMS_WITH_EXAMPLES = ("units", "device", "seabed", "water", "scattering", "propagation", "sonar", "signal",
                        "imaging", "io")
 SOURCES = sorted([*(ROOT / "mitsonar").rglob("*.py"), *(ROOT / "plugins").rglob("*.py")])
 

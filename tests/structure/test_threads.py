@@ -10,7 +10,7 @@ import sys
 import pytest
 from test_import_direction import ROOT, SOURCES, name_of
 
-import mitsonar
+from mitsonar.device.lazy import homes_of
 
 AT_ONCE = """
 import sys, threading
@@ -46,8 +46,10 @@ print(at_once(WORKS), len(images), len(set(images)))
 WORKS = {"one use": "[render] * 8", "some set the variant": "[render, of_the_users_variant] * 4"}
 NAMES = """
 import mitsonar
-print(at_once([lambda name=name: getattr(mitsonar, name) for name in mitsonar._PUBLIC]))
+print(at_once([lambda name=name: getattr(mitsonar, name) for name in mitsonar.__all__]))
 """
+STUBS = (ROOT / "mitsonar").rglob("__init__.pyi")
+HOMES = {package: homes_of(package, stub) for stub in STUBS for package in [name_of(stub)]}
 
 
 def printed(code):
@@ -70,10 +72,11 @@ def test_every_name_may_be_used_first_at_the_same_time():
 
 @pytest.mark.parametrize("path", [pytest.param(path, id=name_of(path)) for path in SOURCES])
 def test_no_module_waits_for_a_first_use_while_it_is_imported(path):
-    """Whoever holds that lock may be waiting for the very module: write ``from ..units import x``, not the package."""
-    depth = len(path.relative_to(ROOT / "mitsonar").parts) if path.is_relative_to(ROOT / "mitsonar") else 0
-    asked = set()
+    """A thread that holds the lock of first uses may be waiting for this module: import from where a name is
+    defined."""
+    package = (name_of(path) if path.name == "__init__.py" else name_of(path).rpartition(".")[0]).split(".")
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.ImportFrom) and (node.module == "mitsonar" or not node.module and node.level == depth):
-            asked |= {alias.name for alias in node.names}
-    assert not asked & set(mitsonar._PUBLIC)
+        if isinstance(node, ast.ImportFrom):
+            parents = package[:len(package) - node.level + 1] if node.level else []
+            homes = HOMES.get(".".join([*parents, *([node.module] if node.module else [])]), {})
+            assert not [alias.name for alias in node.names if ":" in homes.get(alias.name, "")]

@@ -24,7 +24,7 @@ from mitsonar.device import llvm
 from . import installer
 from .installer import SetupError
 
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))))
 PROJECT = os.path.join(ROOT, "pyproject.toml")
 MOVED = "MITSONAR_MOVED_INTO"  # set for the one process that is started in the environment
 UNFINISHED, ADDED_TO = b"unfinished\n", b"added to\n"

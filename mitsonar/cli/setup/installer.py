@@ -14,7 +14,7 @@ import sys
 import zipfile
 from collections.abc import Callable
 
-LOCK = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "requirements.lock")
+LOCK = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "requirements.lock")
 LOCKED = ("--require-hashes", "--only-binary", ":all:", "-r", LOCK)
 CHECKOUT = ("--no-deps", "--no-build-isolation", "-e")
 SYSTEM_CERTIFICATES = "/etc/ssl/certs/ca-certificates.crt"  # the only ones Debian's pip knows; a bare system has none

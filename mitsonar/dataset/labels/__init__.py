@@ -1,7 +1,4 @@
 """Labelled images for training: pictures, masks, COCO and YOLO from the truth that every image carries."""
-from ..sources import find_sources
-from ..split import deal, read_shares
-from .rules import Labels
-from .writing import groups_of, write
+from mitsonar.device.lazy import attach
 
-__all__ = ["Labels", "deal", "find_sources", "groups_of", "read_shares", "write"]
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -46,8 +46,8 @@ class Annotation:
     visible : float
         Share of its bins that this picture has; below 1 in tiles only.
     exposed : float or None
-        Share of the object's facing surface that the sonar could see (`mitsonar.scene.shadows.exposure`); None where the image
-        does not say.
+        Share of the object's facing surface that the sonar could see (`mitsonar.scene.shadows.exposure`); None where
+        the image does not say.
     """
 
     kind: str

@@ -3,9 +3,9 @@
 They are the way up that previews are. A sidescan is one picture: a row per ping, the newest on top; port mirrored, then
 starboard. Of an array every ping is a picture, of a rotating head every turn or sector. Polar ones have a row per
 range, the farthest on top, or at the bottom where the fan looks down; a column per beam, in their order, or per bearing
-from left to right. Cartesian ones are in metres (`mitsonar.imaging.maps.raster`). A focused image is one picture, of its
-first bank, for all share their truth: a row per point along the track, the farthest ahead on top; columns to starboard.
-An element of a Cartesian picture is a square, of others a bin.
+from left to right. Cartesian ones are in metres (`mitsonar.imaging.maps.raster`). A focused image is one picture, of
+its first bank, for all share their truth: a row per point along the track, the farthest ahead on top; columns to
+starboard. An element of a Cartesian picture is a square, of others a bin.
 """
 from abc import ABC, abstractmethod
 from dataclasses import dataclass

@@ -14,7 +14,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.types import Numbers, Triple
-from mitsonar.sonar import Array
+from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.element_patterns import element_pressure
 
 __all__ = ["ElementBeams", "omni", "pressure"]

@@ -20,7 +20,7 @@ from scipy import sparse
 from mitsonar.hydrography.detection.sounding_beams import SoundingBeams
 from mitsonar.hydrography.reduction.legs import Leg, Starts
 from mitsonar.propagation.numpy_rays.profile_derivatives import passage_derivatives
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 from ..model import Values
 from .sounding_bed import BedGrid, BedShares

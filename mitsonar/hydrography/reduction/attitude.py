@@ -4,10 +4,10 @@ A vector of the body (x forward, y starboard, z down) in the scene (x east, y no
 
     v = S Rz(heading) Ry(pitch) Rx(roll) v_body,     S swaps north-east-down for east-north-down
 
-the order of `mitsonar.sonar.motion.track`. Samples are joined by cubic splines through position and angles. Such a spline errs
-by 5/384 d⁴ times the fourth derivative for samples d apart: of a roll of 5 degrees in 6 s by 1.4e-11 rad at 100 Hz and
-1.4e-7 rad at 10 Hz, where straight lines err by 1.2e-6 and 1.2e-4 rad. Before the first sample and after the last all
-goes on with the rates that it has there.
+the order of `mitsonar.sonar.motion.track`. Samples are joined by cubic splines through position and angles. Such a
+spline errs by 5/384 d⁴ times the fourth derivative for samples d apart: of a roll of 5 degrees in 6 s by 1.4e-11 rad at
+100 Hz and 1.4e-7 rad at 10 Hz, where straight lines err by 1.2e-6 and 1.2e-4 rad. Before the first sample and after the
+last all goes on with the rates that it has there.
 """
 from __future__ import annotations
 

@@ -10,13 +10,6 @@ The same times and angles are reduced three times, each time with one more thing
     error_detection = e_0      error_refraction = e_1 - e_0      error_motion = e_2 - e_1      error = e_2, their sum
 
 The depth of the bed is taken where each sounding lies: on a slope an error across track is one in depth.
-
-What motion sensors say, beside what they measure.
-
-    said(t) = true(t - latency) + bias + n(t),     n(t) = σ √(2/K) Σ_k cos(2π f_k t + φ_k)
-
-f_k drawn from a Cauchy distribution of half width 1/(2πT), so that n has the variance σ² and the correlation
-exp(-|τ| / T), at any time and without a step.
 """
 from __future__ import annotations
 
@@ -26,65 +19,12 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 from .attitude import Motion
 from .reduction import Installation, Located, Measured, located
 
-__all__ = ["Errors", "MotionErrors", "Reduction", "disturbed", "errors"]
-
-
-LINES = 64                         # K
-FASTEST = 5.0                      # [Hz]: no sensor's error wanders faster
-
-
-@dataclass(frozen=True, kw_only=True)
-class MotionErrors:
-    """Errors of attitude, heave and position.
-
-    Attributes
-    ----------
-    roll_bias, pitch_bias, heading_bias : float [rad]
-    latency : float [s]
-        By which attitude and heave are those of an earlier time.
-    attitude_noise, heading_noise : float [rad]
-        Of roll and of pitch, and of the heading; root mean squares.
-    heave_noise, position_noise : float [m]
-        Of the depth, and of x and of y.
-    correlation : float [s]
-        T.
-    """
-
-    roll_bias: float = 0.0
-    pitch_bias: float = 0.0
-    heading_bias: float = 0.0
-    latency: float = 0.0
-    attitude_noise: float = 0.0
-    heading_noise: float = 0.0
-    heave_noise: float = 0.0
-    position_noise: float = 0.0
-    correlation: float = 5.0
-
-    def added(self, time: np.ndarray, seed: int) -> dict[str, np.ndarray]:
-        """Give bias and noise at times (M,) [s]: (M,) [m], [rad] for x, y, depth, roll, pitch and heading."""
-        spread = {"x": self.position_noise, "y": self.position_noise, "depth": self.heave_noise,
-                  "roll": self.attitude_noise, "pitch": self.attitude_noise, "heading": self.heading_noise}
-        bias = {"roll": self.roll_bias, "pitch": self.pitch_bias, "heading": self.heading_bias}
-        return {name: bias.get(name, 0.0) + self._noise(time, rms, seed, stream)
-                for stream, (name, rms) in enumerate(spread.items())}
-
-    def _noise(self, time: np.ndarray, rms: float, seed: int, stream: int) -> np.ndarray:
-        if not rms:
-            return np.zeros(len(time))
-        draw = np.random.default_rng([seed, stream, LINES])
-        share = (np.arange(LINES) + draw.uniform(0.05, 0.95, LINES)) / LINES
-        frequency = np.tan(np.pi * (share - 0.5)) / (2 * np.pi * self.correlation)
-        frequency = np.clip(frequency, -FASTEST, FASTEST)
-        phase = draw.uniform(0, 2 * np.pi, LINES)
-        noise = np.zeros(len(time))
-        for f, begin in zip(frequency, phase):
-            noise += np.cos(2 * np.pi * f * time + begin)
-        return rms * np.sqrt(2 / LINES) * noise
+__all__ = ["Errors", "Reduction", "disturbed", "errors"]
 
 
 Bed = Callable[[np.ndarray, np.ndarray], np.ndarray]

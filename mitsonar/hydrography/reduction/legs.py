@@ -33,8 +33,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mitsonar.propagation.numpy_rays.layers import atan_ratio, atanh_ratio
-from mitsonar.water import SoundSpeedProfile
-from mitsonar.water.profile import SAME_DEPTH
+from mitsonar.water.profile import SAME_DEPTH, SoundSpeedProfile
 
 __all__ = ["Column", "Leg", "Starts", "crossed"]
 

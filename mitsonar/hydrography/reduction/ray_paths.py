@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 from .attitude import mounted
 
@@ -153,7 +153,8 @@ def launches(head: Head, angle: ArrayLike, transmit_angle: ArrayLike, receive: n
 def used_profile(line: xr.Dataset, head: Head) -> SoundSpeedProfile:
     """Give the profile that the soundings of a ping were made with: the cast, and the head's own speed as its node.
 
-    Below the cast's last node, where there is none to go to, rays see the cast at once (`mitsonar.hydrography.reduction.legs`).
+    Below the cast's last node, where there is none to go to, rays see the cast at once
+    (`mitsonar.hydrography.reduction.legs`).
     """
     profile = _profile(line, "cast")
     try:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mitsonar.propagation.numpy_rays.eigenrays import eigenray
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 __all__ = ["Smile", "smile_of_head", "smile_of_profile"]
 

@@ -30,7 +30,7 @@ from mitsonar.hydrography.record import joined
 from mitsonar.hydrography.reduction.legs import Starts
 from mitsonar.hydrography.reduction.resounding import profile_of
 from mitsonar.io import survey_lines
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 from .profile_answer import ProfileFit
 from .profile_problem import ProfilePrior, ProfileProblem, bed_precision

@@ -20,7 +20,7 @@ import numpy as np
 from mitsonar.gradients.soundings.sounding_bed import BedGrid
 from mitsonar.hydrography.detection.sounding_beams import SoundingBeams
 from mitsonar.propagation.numpy_rays.profile_derivatives import hats
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 from .profile_answer import WELL, ProfileFit
 

@@ -27,8 +27,8 @@ depth that does not increase is an error.
 import gsw
 import numpy as np
 
-from mitsonar.water import SoundSpeedProfile, sound_speed
-from mitsonar.water.profile import FASTEST, SLOWEST
+from mitsonar.water.profile import FASTEST, SLOWEST, SoundSpeedProfile
+from mitsonar.water.seawater import sound_speed
 
 from .records import Cast, Cleaning, Samples
 

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 
 @dataclass(frozen=True, kw_only=True)

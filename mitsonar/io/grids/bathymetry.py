@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mitsonar.device.files import FilePath
-from mitsonar.scattering import RoughnessSpectrum
+from mitsonar.seabed.roughness import RoughnessSpectrum
 
 from . import raster_files, rasters, survey_relief
 

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from mitsonar.scattering import Fractal, RoughnessSpectrum
+from mitsonar.seabed.fractal import Fractal
 from mitsonar.seabed.measured_roughness import SMALLEST_PATCH, fit_power_law
+from mitsonar.seabed.roughness import RoughnessSpectrum
 
 if TYPE_CHECKING:
     from rasterio.crs import CRS

@@ -25,7 +25,7 @@ from .lines import Blocks, Place, Written
 __all__ = ["SUFFIXES", "Blocks", "Place", "Written", "check_asked", "read_blocks", "sources", "stored", "write"]
 
 BLOCK = 64                         # pings
-_WRITERS = {".gsf": "gsf", ".kmall": "kmall", ".nc": "netcdf", ".csv": "table", ".las": "las"}
+_WRITERS = {".gsf": "gsf.gsf", ".kmall": "kongsberg.kmall", ".nc": "netcdf", ".csv": "table", ".las": "las"}
 SUFFIXES = tuple(_WRITERS)
 
 

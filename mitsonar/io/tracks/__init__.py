@@ -1,1 +1,4 @@
 """Tracks and navigation in files."""
+from mitsonar.device.lazy import attach
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -8,17 +8,21 @@ Dates and hours of pings as XTF has them.
 
 Layouts of XTF's packets as NumPy reads and writes them: those of pyxtf, field by field.
 """
+from __future__ import annotations
+
 import ctypes
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
-from mitsonar.imaging.maps.georeference import origin, system
 from mitsonar.units import deg_from_radians, knots_from_metres_per_second
 
 from ..tracks.navigation import Frame
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["MAGIC", "NAVIGATION", "Passage", "clock", "navigation", "passage_of", "ping_headers", "structure"]
 
@@ -143,6 +147,8 @@ def passage_of(record: xr.Dataset, start: float, geographic: bool) -> Passage:
     ValueError
         If degrees are asked for and the record's coordinate system does not give them.
     """
+    from mitsonar.imaging.maps.georeference import origin, system  # which needs xarray, and tracks are read without
+
     time = np.asarray(record["ping_time"].values, float)
     scene = np.stack([np.asarray(record[axis].values, float) for axis in "xyz"], -1)
     east, north = origin(record.attrs)

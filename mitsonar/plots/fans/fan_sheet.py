@@ -1,8 +1,8 @@
 """The sheet that a fan of beams is drawn on: axes in metres, rings of equal range, headings, frame after frame.
 
 An element of the picture is an element of the sheet. It shows the mean power of the bins that it covers, or lies
-between those around it (`mitsonar.imaging.maps.raster_map`): so far beams have no steps, near ones no moiré, and faint bins
-of a speckle no pepper. What must not be mixed, as labels, is that of the nearest bin.
+between those around it (`mitsonar.imaging.maps.raster_map`): so far beams have no steps, near ones no moiré, and faint
+bins of a speckle no pepper. What must not be mixed, as labels, is that of the nearest bin.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass

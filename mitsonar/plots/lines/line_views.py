@@ -17,7 +17,7 @@ from mitsonar.device.files import FilePath
 from mitsonar.device.spelling import meant
 from mitsonar.hydrography.record import check
 from mitsonar.imaging.gain import Tvg
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 from .. import canvas
 from . import angle_curves

@@ -14,7 +14,7 @@ from mitsonar.hydrography.reduction.ray_paths import (
     used_profile,
     water_profile,
 )
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 from .line_sheet import curve_axes, key_above, sounded
 

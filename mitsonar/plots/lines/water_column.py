@@ -26,7 +26,7 @@ from mitsonar.hydrography.reduction.ray_paths import (
 )
 from mitsonar.imaging.gain import Tvg, display_gain
 from mitsonar.units import db_from_power, power_from_db
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 from ..images.gain import heard_to
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from mitsonar.device.arrays import compressed, picked, upload
 from mitsonar.device.types import ArrayTypes, Bool, Float, Float64, UInt32
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 from ..numpy_rays.eigenrays import eigenray
 from .aiming import CLOSE_ENOUGH, aim

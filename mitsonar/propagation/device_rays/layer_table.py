@@ -14,7 +14,7 @@ import numpy as np
 
 from mitsonar.device.arrays import arrays_of, held, upload
 from mitsonar.device.types import ArrayTypes, Bool, DrJitArray, Float, Float64, Record, UInt32
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 from .sole_range import sole_range
 

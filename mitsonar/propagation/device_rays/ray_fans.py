@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from mitsonar.device.arrays import held, upload
 from mitsonar.device.types import ArrayTypes, Bool, Float, Float64, Int32, Record, UInt32
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 from .layer_table import LayerTable
 

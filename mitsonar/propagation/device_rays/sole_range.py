@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 __all__ = ["SoleRange", "sole_range"]
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 from .layers import Layers
 from .turned import BATCH, CONVERGED, ROUNDING, TINY_SINE, rays_turned_below

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 
 class Pass(NamedTuple):

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mitsonar.device.types import Numbers, Triple
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 from ..returns.straight_vectors import Leg, library, shared_element_fields
 from ..returns.travel import Travel

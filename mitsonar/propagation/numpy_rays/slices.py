@@ -10,7 +10,7 @@ exactly, so that sums from the first node down, subtracted, lose nothing that ma
 import numpy as np
 
 from mitsonar.device.types import Real
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 __all__ = ["Slices"]
 

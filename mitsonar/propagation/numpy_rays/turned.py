@@ -15,7 +15,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 from .layers import Layers
 

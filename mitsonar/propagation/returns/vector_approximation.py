@@ -38,7 +38,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mitsonar.device.types import Numbers
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 from ..numpy_rays.paper_approximation import paper_difference, paper_element_fields
 from ..numpy_rays.slices import Slices

@@ -13,7 +13,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.hydrography.detection.row_angles import Rows, sector_of
-from mitsonar.hydrography.reduction.errors import MotionErrors
+from mitsonar.hydrography.reduction.motion_errors import MotionErrors
 from mitsonar.scene import materials
 from mitsonar.scene.geometry import Geometry
 from mitsonar.signal.matched_filter import compression, rms_bandwidth

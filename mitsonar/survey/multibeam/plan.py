@@ -20,7 +20,7 @@ from typing import Protocol
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.hydrography.reduction.errors import MotionErrors
+from mitsonar.hydrography.reduction.motion_errors import MotionErrors
 from mitsonar.scene import materials
 from mitsonar.scene.geometry import Geometry
 from mitsonar.sonar.arrays.array import Array

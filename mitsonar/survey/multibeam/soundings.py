@@ -28,7 +28,8 @@ from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.device.chance import sonar_seed
 from mitsonar.hydrography.record import variable
 from mitsonar.hydrography.reduction.attitude import Motion
-from mitsonar.hydrography.reduction.errors import MotionErrors, Reduction, disturbed, errors
+from mitsonar.hydrography.reduction.errors import Reduction, disturbed, errors
+from mitsonar.hydrography.reduction.motion_errors import MotionErrors
 from mitsonar.hydrography.reduction.reduction import Installation, Located, Measured
 from mitsonar.hydrography.reduction.uncertainty import Accuracies, Deviations, with_uncertainty
 from mitsonar.scene.geometry import Geometry

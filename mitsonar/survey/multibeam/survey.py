@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitsonar.hydrography.reduction.errors import MotionErrors
+from mitsonar.hydrography.reduction.motion_errors import MotionErrors
 from mitsonar.sonar.arrays.sectors import Sector
 
 from ..pressure.array_survey import ArraySurvey

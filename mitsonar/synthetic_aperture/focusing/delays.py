@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from mitsonar.propagation import eigenray
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.propagation.numpy_rays.eigenrays import eigenray
+from mitsonar.water.profile import SoundSpeedProfile
 
 __all__ = ["Plane", "TravelTables", "bends"]
 

@@ -24,7 +24,7 @@ from mitsonar.signal.beamforming.alignment import device_arrays
 from mitsonar.sonar.arrays.shading import window_weights
 from mitsonar.sonar.pulses.pulses import pulse_of
 from mitsonar.units import amplitude_from_db, db_from_amplitude
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 from ..record import IMAGE_VARIABLES, check_image, check_raw
 from .back_projection import WEIGHTS, Aperture, BackProjection, Sender, Water

@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import xarray as xr
 
-from mitsonar.propagation import eigenray
+from mitsonar.propagation.numpy_rays.eigenrays import eigenray
 from mitsonar.propagation.numpy_rays.paper_approximation import COEFFICIENT
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.water.profile import SoundSpeedProfile
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from mitsonar.propagation import eigenray
+from mitsonar.propagation.numpy_rays.eigenrays import eigenray
 from mitsonar.signal.impulses import KERNELS, element_responses
 
 from .bundles import send, shipped_survey

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from mitsonar.propagation import return_time
+from mitsonar.propagation.numpy_rays.return_times import return_time
 
 from .bundles import send, shipped_survey
 

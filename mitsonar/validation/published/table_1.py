@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import xarray as xr
 
-from mitsonar.propagation import return_time
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.propagation.numpy_rays.return_times import return_time
+from mitsonar.water.profile import SoundSpeedProfile
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

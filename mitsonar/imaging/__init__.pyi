@@ -1,0 +1,3 @@
+from . import picture_statistics as picture_statistics
+from .maps.mosaics import mosaic as mosaic
+from .maps.raster import cartesian as cartesian

@@ -1,0 +1,2 @@
+from .navigation import Frame as Frame, Navigation as Navigation, Waypoints as Waypoints
+from .tracks import load as load, read as read, waypoints as waypoints
