@@ -17,52 +17,52 @@ KNOT = 1852 / 3600  # [m/s], exact by definition of the nautical mile
 
 
 def db_from_power(power: Values) -> Values:
-    """Give the decibels of a power, intensity or area ratio; zero gives -inf."""
+    """Return the decibels of a power, intensity or area ratio; zero gives -inf."""
     with np.errstate(divide="ignore"):
         return cast(Values, 10 * np.log10(power))
 
 
 def power_from_db(level_db: Values) -> Values:
-    """Give the power, intensity or area ratio of a level in decibels."""
+    """Return the power, intensity or area ratio of a level in decibels."""
     return cast(Values, 10 ** (np.asarray(level_db, float) / 10)[()])
 
 
 def db_from_amplitude(amplitude: Values) -> Values:
-    """Give the decibels of an amplitude (pressure) ratio; zero gives -inf."""
+    """Return the decibels of an amplitude (pressure) ratio; zero gives -inf."""
     with np.errstate(divide="ignore"):
         return cast(Values, 20 * np.log10(np.abs(amplitude)))
 
 
 def amplitude_from_db(level_db: Values) -> Values:
-    """Give the amplitude (pressure) ratio of a level in decibels."""
+    """Return the amplitude (pressure) ratio of a level in decibels."""
     return cast(Values, 10 ** (np.asarray(level_db, float) / 20)[()])
 
 
 def radians_from_deg(angle_deg: Values) -> Values:
-    """Give the angle [rad] of an angle in degrees."""
+    """Return the angle [rad] of an angle in degrees."""
     return cast(Values, np.deg2rad(angle_deg))
 
 
 def deg_from_radians(angle: Values) -> Values:
-    """Give the degrees of an angle [rad]."""
+    """Return the degrees of an angle [rad]."""
     return cast(Values, np.rad2deg(angle))
 
 
 def hertz_from_khz(frequency_khz: Values) -> Values:
-    """Give the frequency [Hz] of a frequency in kilohertz."""
+    """Return the frequency [Hz] of a frequency in kilohertz."""
     return cast(Values, np.multiply(frequency_khz, 1e3)[()])
 
 
 def khz_from_hertz(frequency: Values) -> Values:
-    """Give the kilohertz of a frequency [Hz]."""
+    """Return the kilohertz of a frequency [Hz]."""
     return cast(Values, np.multiply(frequency, 1e-3)[()])
 
 
 def metres_per_second_from_knots(speed_knots: Values) -> Values:
-    """Give the speed [m/s] of a speed in knots."""
+    """Return the speed [m/s] of a speed in knots."""
     return cast(Values, np.multiply(speed_knots, KNOT)[()])
 
 
 def knots_from_metres_per_second(speed: Values) -> Values:
-    """Give the knots of a speed [m/s]."""
+    """Return the knots of a speed [m/s]."""
     return cast(Values, np.divide(speed, KNOT)[()])

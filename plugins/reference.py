@@ -36,18 +36,7 @@ def manual(module: str) -> str:
 
 
 def declared(plugin: str) -> tuple[Attribute | Group, ...]:
-    """What a plugin declares.
-
-    Parameters
-    ----------
-    plugin : str
-        Such as "sidescan".
-
-    Raises
-    ------
-    ValueError
-        If there is no such plugin; lists those there are.
-    """
+    """What a plugin declares."""
     return _module(_name(plugin)).ATTRIBUTES
 
 

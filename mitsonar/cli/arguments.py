@@ -72,7 +72,7 @@ def add_scene(command: argparse.ArgumentParser, also: str = "") -> None:
 
 
 def parameters(arguments: argparse.Namespace) -> dict[str, str]:
-    """Give the values of ``-D`` by name, as text."""
+    """Return the values of ``-D`` by name, as text."""
     values = {}
     for key, value in map(_key_value, arguments.parameters):
         if key in values:

@@ -37,43 +37,18 @@ WINDOW = "taylor 4 30"
 
 @dataclass(frozen=True, kw_only=True)
 class Usual:
-    """What holds where an option is left out: of a scene what its sensor says.
-
-    Attributes
-    ----------
-    grid : {"ground", "slant"}
-    spacing : float or None [m]
-        None: half the resolution.
-    window, range_window : str
-    """
+    """What holds where an option is left out: of a scene what its sensor says."""
 
     grid: str = "ground"
-    spacing: float | None = None
+    spacing: float | None = None  # [m]: none
     window: str = WINDOW
     range_window: str = WINDOW
 
 
 def chosen_grid(arguments: argparse.Namespace, usual: Usual, trajectory: xr.Dataset, raw: xr.Dataset,
                 times: np.ndarray) -> Grid:
-    """Lay the grid.
-
-    Parameters
-    ----------
-    arguments : argparse.Namespace
-        Of the command: grid, spacing, along, across, depth.
-    usual : Usual
-    trajectory : xarray.Dataset
-        With ``motion_time`` and so on.
-    raw : xarray.Dataset
-        One ping.
-    times : (P,) [s]
-        Of all pings.
-
-    Raises
-    ------
-    ValueError
-        If an option is no number, or there is no such grid.
-    """
+    """Lay the grid."""
+    # times (P,) [s]
     import numpy as np
 
     from mitsonar.synthetic_aperture.focusing.grids import default_grid, ground_grid, slant_grid

@@ -7,20 +7,14 @@ MOST_LINES = 60                    # listed
 
 
 def subtitle(numbers: dict[str, Any]) -> str:
-    """Give the plan in one line, for the head of its map."""
+    """Return the plan in one line, for the head of its map."""
     return (f"{_count(len(numbers['lines']), 'line')}, {_distance(numbers['length_m']['all'])} and "
             f"{_clock(numbers['time_s']['all'])} in all at {numbers['speed_knots']:.3g} knots; "
             f"{_share(numbers['coverage_percent']['once'])} % covered")
 
 
 def report(numbers: dict[str, Any]) -> str:
-    """Give the plan as text.
-
-    Parameters
-    ----------
-    numbers : dict
-        As `io.plan_summary.summary` gives them.
-    """
+    """Return the plan as text."""
     return "\n".join([*_head(numbers), "", *_lines(numbers), "", *_sums(numbers), *_coverage(numbers),
                       *_refraction(numbers)])
 

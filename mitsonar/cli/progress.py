@@ -16,17 +16,6 @@ class Progress:
     """Show how many are done, how many a second or hour, and the time left, once a run lasts longer than a moment.
 
     Rate and time left are those since the first report: what comes before it loads and compiles, which happens once.
-
-    Parameters
-    ----------
-    unit : str
-        What is counted.
-    verb : str
-        What is done to them.
-    warm_up : int
-        Reports until the rate counts: as many as there are processes, each of which compiles.
-    at_most : bool
-        Whether the work may end before all are done, as a fit does.
     """
 
     def __init__(self, unit: str = "pings", verb: str = "rendering", *, warm_up: int = 1, at_most: bool = False):

@@ -59,7 +59,7 @@ def _soundings(arguments):
 
 
 def _is_recorded(path):
-    """Whether a line stands in a scene's place: by its name, or by how it begins."""
+    """Return whether a line stands in a scene's place: by its name, or by how it begins."""
     if os.path.splitext(path)[1].lower() in LINES:
         return True
     if not (os.path.isfile(path) and os.access(path, os.R_OK)):            # whoever reads a scene says so

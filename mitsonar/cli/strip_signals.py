@@ -30,13 +30,7 @@ def is_strip(scene: mi.Scene, sensor: int | str) -> bool:
 
 
 def write_strip(arguments: argparse.Namespace, scene: mi.Scene) -> None:
-    """Write the raw echoes of a scene's synthetic aperture.
-
-    Raises
-    ------
-    ValueError
-        If an option is of other arrays, or what an earlier command began is of other echoes.
-    """
+    """Write the raw echoes of a scene's synthetic aperture."""
     from mitsonar.device.files import check_writable
     from mitsonar.io.records import netcdf, raw_echoes
     from mitsonar.verbs.strips import raw_pings, scatterers

@@ -96,7 +96,7 @@ class Images:
         return _read(self.sources[number], self.form, self.cell)
 
     def pictures(self, number: int) -> tuple[SonarImage, list[Frame]]:
-        """Give the record of an image, as recorded, and the pictures that are made of it.
+        """Return the record of an image, as recorded, and the pictures that are made of it.
 
         Parameters
         ----------
@@ -193,7 +193,7 @@ class Images:
         return stacked
 
     def xarray(self, names: Sequence[str] | None = None) -> "xr.Dataset":
-        """Give all images as one dataset with the dimension ``image``, read when it is computed (by Dask).
+        """Return all images as one dataset with the dimension ``image``, read when it is computed (by Dask).
 
         Parameters
         ----------
@@ -240,7 +240,7 @@ class Images:
     def torch(self, *, image: "str | Callable[[xr.Dataset], Any]" = "level",
               target: "str | Callable[[xr.Dataset], Any] | None" = "class",
               transform: Callable[..., Any] | None = None) -> "TorchImages":
-        """Give a dataset for PyTorch's DataLoader; it can be pickled if what it is given can.
+        """Return a dataset for PyTorch's DataLoader; it can be pickled if what it is given can.
 
         Parameters
         ----------

@@ -24,47 +24,20 @@ __all__ = ["Source", "class_order", "find_sources", "frames_of"]
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """An image that is there: a record, or a frame of one.
+    """An image that is there: a record, or a frame of one."""
 
-    Attributes
-    ----------
-    path : pathlib.Path
-        Of its EXR or netCDF file.
-    name : str
-        Unlike that of every other: of the file, without folders and suffix, and of the frame.
-    parameters : dict
-        Of the scene, that it was rendered with.
-    seed : int or None
-    seabed : str or None
-        Hash of its seabed.
-    classes : tuple of str
-        Of all its shapes, sorted.
-    object_classes : tuple of str
-        Of its objects, sorted.
-    frame : int or None
-        Which of the record's frames, from 0; None: the whole record.
-    planned_classes : tuple of str or None
-        Of objects, in the order in which the sweep's plan numbers them; None where it does not.
-    """
-
-    path: Path
-    name: str
-    parameters: dict[str, Any]
+    path: Path  # of its EXR or netCDF file
+    name: str  # unlike that of every other
+    parameters: dict[str, Any]  # of the scene, that it was rendered with
     seed: int | None
-    seabed: str | None
-    classes: tuple[str, ...]
-    object_classes: tuple[str, ...]
-    frame: int | None = None
-    planned_classes: tuple[str, ...] | None = None
+    seabed: str | None  # hash of its seabed
+    classes: tuple[str, ...]  # of all its shapes, sorted
+    object_classes: tuple[str, ...]  # of its objects, sorted
+    frame: int | None = None  # which of the record's frames, from 0
+    planned_classes: tuple[str, ...] | None = None  # of objects, in the order in which the sweep's plan numbers them
 
     def read(self) -> SonarImage:
-        """Read the record.
-
-        Raises
-        ------
-        FileNotFoundError, ValueError
-            As `mitsonar.io.records.exr.read`; or if a netCDF file holds no image.
-        """
+        """Read the record."""
         if not is_netcdf(self.path):
             return exr.read(self.path)
         return _image(netcdf.read(self.path), self.path)
@@ -117,13 +90,7 @@ def find_sources(places: FilePath | Iterable[FilePath]) -> list[Source]:
 
 
 def class_order(sources: Sequence[Source]) -> list[str]:
-    """Return the classes of objects in the order of their numbers: that of the plans, else alphabetical.
-
-    Raises
-    ------
-    ValueError
-        If the images come of plans with different orders, or the plan's classes lack one of the images'.
-    """
+    """Return the classes of objects in the order of their numbers: that of the plans, else alphabetical."""
     found = sorted({name for source in sources for name in source.object_classes})
     orders = {source.planned_classes for source in sources}
     if orders <= {None}:
@@ -140,23 +107,7 @@ def class_order(sources: Sequence[Source]) -> list[str]:
 
 
 def frames_of(sources: Iterable[Source]) -> list[Source]:
-    """Give every frame of records as an image of its own: a ping of an array, a turn of a rotating head.
-
-    Parameters
-    ----------
-    sources : list of Source
-        Records of fans or rotating heads.
-
-    Returns
-    -------
-    list of Source
-        Names end in ``_frame0003``, but where a record has only one.
-
-    Raises
-    ------
-    ValueError
-        If a record is of another kind, or a file is damaged.
-    """
+    """Return every frame of records as an image of its own: a ping of an array, a turn of a rotating head."""
     found = []
     for source in sources:
         try:

@@ -41,7 +41,7 @@ def arrays_of(array: DrJitArray | type) -> ArrayTypes:
 
 
 def compressed(mask: Bool) -> UInt32:
-    """Give the numbers of the entries that are true: `drjit.compress`, which is declared to give any object."""
+    """Return the numbers of the entries that are true: `drjit.compress`, which is declared to give any object."""
     return cast(UInt32, dr.compress(mask))
 
 
@@ -54,18 +54,18 @@ def looped(state: tuple, condition: Callable[..., Bool], body: Callable[..., tup
 
 
 def opaque_vector(kind: type[Kept], vector: Iterable[float]) -> Kept:
-    """Give a vector of a Dr.Jit or Mitsuba type whose components are opaque: they change without a new kernel."""
+    """Return a vector of a Dr.Jit or Mitsuba type whose components are opaque: they change without a new kernel."""
     component: Any = dr.value_t(cast(Any, kind))
     return cast(Any, kind)(*(dr.opaque(component, float(part)) for part in vector))
 
 
 def picked(value: Kept, index: UInt32) -> Kept:
-    """Give the values at these indices; an array of one value gives it for every index."""
+    """Return the values at these indices; an array of one value gives it for every index."""
     return dr.gather(type(value), value, index if dr.width(value) > 1 else dr.zeros(type(index), dr.width(index)))
 
 
 def reinterpreted(kind: type[Kept], array: DrJitArray) -> Kept:
-    """Give the same bits as another type: `drjit.reinterpret_array`, which is declared to give any object."""
+    """Return the same bits as another type: `drjit.reinterpret_array`, which is declared to give any object."""
     return cast(Any, dr.reinterpret_array)(kind, array)
 
 

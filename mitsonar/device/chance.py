@@ -80,42 +80,34 @@ class Salt:
 # ---- keys
 
 def shape_key(name: str) -> int:
-    """Give the number that stands for a shape's id in hashes: its CRC-32."""
+    """Return the number that stands for a shape's id in hashes: its CRC-32."""
     return zlib.crc32(str(name).encode())
 
 
 def ping_key(seed: int, ping: int, number: int = 0, salt: int = 0) -> int:
-    """Give the key of a ping; `number` tells apart sources, or passes, of the same ping."""
+    """Return the key of a ping; `number` tells apart sources, or passes, of the same ping."""
     return (int(seed) * SEED_FACTOR + int(ping) * PING_FACTOR + int(number) * NUMBER_FACTOR + salt) & WORD
 
 
 def sonar_seed(seed: int, name: str) -> int:
-    """Give the seed of a sonar of that id that works beside another one: rays, speckle and noise are its own."""
+    """Return the seed of a sonar of that id that works beside another one: rays, speckle and noise are its own."""
     return ping_key(seed, 0, shape_key(name), Salt.SONAR)
 
 
 def pass_seed(seed: int, number: int) -> int:
-    """Give the seed of a pass over the ground: that of pass 0 is `seed`, others have other noise and water."""
+    """Return the seed of a pass over the ground: that of pass 0 is `seed`, others have other noise and water."""
     return ping_key(seed, 0, number, Salt.PASS) if number else seed
 
 
 def row_keys(row: np.ndarray) -> np.ndarray:
-    """Give a word for every row of an energy record.
-
-    Parameters
-    ----------
-    row : (R,) uint64
-        Numbers of the rows in the whole survey, so that blocks do not matter.
-
-    Returns
-    -------
-    (R,) uint32
-    """
+    """Return a word for every row of an energy record."""
+    # row (R,) -> (R,)
     return ((row.astype(np.uint64) + np.uint64(1)) * np.uint64(PING_FACTOR) & np.uint64(WORD)).astype(np.uint32)
 
 
 def seeded(row_key: UInt32, seed: int, salt: int) -> UInt32:
-    """Give the keys of rows, UInt32 (R,), for a seed and a use; the seed is opaque, so it changes without a kernel."""
+    """Return the keys of rows, UInt32 (R,), for a seed and a use; the seed is opaque, so it changes without a kernel.
+    """
     return row_key ^ dr.opaque(type(row_key), (int(seed) * SEED_FACTOR + salt) & WORD)
 
 
@@ -126,7 +118,7 @@ def salted(key: UInt32, salt: int, number: UInt32 | int = 0) -> UInt32: ...
 
 
 def salted(key: UInt32 | int, salt: int, number: UInt32 | int = 0) -> UInt32 | int:
-    """Give the key of another use; `number` tells apart repetitions of that use, as the bounces of a path."""
+    """Return the key of another use; `number` tells apart repetitions of that use, as the bounces of a path."""
     if isinstance(key, int):
         return (key ^ (salt + number)) & WORD
     return key ^ (type(key)(salt) + number)
@@ -153,7 +145,7 @@ def hashed_pair(lib: ModuleType, *parts: UInt32) -> tuple[UInt32, UInt32]:
 
 
 def pair(index: DrJitArray, key: UInt32) -> tuple[UInt32, UInt32]:
-    """Give two UInt32 of 32 random bits for numbers under a key, by 4 rounds of TEA.
+    """Return two UInt32 of 32 random bits for numbers under a key, by 4 rounds of TEA.
 
     Four rounds leave the first word of consecutive numbers uneven by up to 1.2 % of its distribution, and both words
     correlated by up to 2 %: enough within strata, not for statistics of their own.
@@ -168,12 +160,13 @@ def pair(index: DrJitArray, key: UInt32) -> tuple[UInt32, UInt32]:
 
 
 def other_pair(index: DrJitArray, key: UInt32) -> tuple[UInt32, UInt32]:
-    """Give two more for the same key, independent of `pair`."""
+    """Return two more for the same key, independent of `pair`."""
     return pair(index, ~key)
 
 
 def even_bits(lib: ModuleType, number: UInt32, *parts: UInt32) -> UInt32:
-    """Give 32 bits for consecutive numbers that fill [0, 2^32) evenly, from a start that `parts` decide (Weyl 1916)."""
+    """Return 32 bits for consecutive numbers that fill [0, 2^32) evenly, from a start that `parts` decide (Weyl 1916).
+    """
     return hashed(lib, *parts) + number * lib.UInt32(GOLDEN_STEP)
 
 
@@ -190,7 +183,7 @@ def uniform_inside(lib: ModuleType, bits: UInt32) -> Float64:
 
 
 def stratified(lib: ModuleType, stratum: DrJitArray, share: Float, strata: DrJitArray) -> Float:
-    """Give a place in [0, 1), Float (R,), that lies a `share` in [0, 1) along a stratum, UInt32 (R,), of so many."""
+    """Return a place in [0, 1), Float (R,), that lies a `share` in [0, 1) along a stratum, UInt32 (R,), of so many."""
     return dr.minimum((lib.Float(stratum) + share) / lib.Float(strata), BELOW_ONE)
 
 

@@ -19,18 +19,7 @@ class Unavailable(Exception):
 
 
 class Packages:
-    """The packages of this machine's release, by package lists fetched now.
-
-    Parameters
-    ----------
-    say : callable
-        Gets one line of text for each step.
-
-    Raises
-    ------
-    Unavailable
-        There is no apt, or the lists cannot be fetched.
-    """
+    """The packages of this machine's release, by package lists fetched now."""
 
     def __init__(self, say: Callable[[str], None] = print):
         missing = [tool for tool in ("apt-get", "apt-cache", "dpkg-deb") if not shutil.which(tool)]

@@ -23,25 +23,7 @@ BEGINNINGS = ((b"\x76\x2f\x31\x01", "an OpenEXR image"), (b"\x89HDF", "a netCDF 
 
 
 def check_readable(path: FilePath, what: str = "", wanted: str = "a file") -> None:
-    """Check that ``path`` is an ordinary file that can be read, before it is opened.
-
-    Parameters
-    ----------
-    path : str or path
-    what : str
-        What errors call the file: "the mesh".
-    wanted : str
-        What errors ask for: "a mesh".
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If it is a folder, a device, a pipe or a socket, or a file of the kernel, such as a log that never ends.
-    PermissionError
-        If it may not be read.
-    """
+    """Check that ``path`` is an ordinary file that can be read, before it is opened."""
     name = f"cannot read {what}{' ' if what else ''}{path}"
     if not os.path.exists(path):
         raise FileNotFoundError(f"{name}: there is no such file; check the name.")
@@ -63,11 +45,6 @@ def is_of_the_kernel(path: FilePath) -> bool:
 
 def described(path: FilePath) -> str:
     """Return what a binary file is by its first bytes, such as "an OpenEXR image"; an empty text if they say nothing.
-
-    Parameters
-    ----------
-    path : str or path
-        Of an ordinary file.
     """
     with open(path, "rb") as file:
         head = file.read(8)
@@ -77,27 +54,7 @@ def described(path: FilePath) -> str:
 
 
 def check_writable(path: FilePath) -> Path:
-    """Check that a file can be written at ``path``, before any work is spent on it.
-
-    Parameters
-    ----------
-    path : str or path
-        The file to be written; it may exist.
-
-    Returns
-    -------
-    pathlib.Path
-        Absolute, symbolic links resolved (a link stays a link when its file is replaced).
-
-    Raises
-    ------
-    FileNotFoundError
-        If the folder does not exist.
-    ValueError
-        If ``path`` is a folder, a device or a pipe, or its folder is a file.
-    PermissionError
-        If the folder may not be written to.
-    """
+    """Check that a file can be written at ``path``, before any work is spent on it."""
     if os.fspath(path) == "" or str(path).endswith(os.sep):
         raise ValueError(f"cannot write {str(path)!r}: it names no file; give a file name.")
     target = Path(os.path.realpath(path))
@@ -119,11 +76,6 @@ def check_writable(path: FilePath) -> Path:
 @contextlib.contextmanager
 def full_disk_said(path: FilePath) -> Iterator[None]:
     """Turn the error of a full disk into one sentence about ``path``, which is to vanish then; others pass unchanged.
-
-    Raises
-    ------
-    OSError
-        If the disk fills up within the block, with ``errno`` kept.
     """
     try:
         yield
@@ -138,26 +90,7 @@ def full_disk_said(path: FilePath) -> Iterator[None]:
 
 @contextlib.contextmanager
 def replacing(path: FilePath, *, anew: bool = False) -> Iterator[Path]:
-    """Give a temporary path to write to; it becomes ``path`` if the block succeeds and vanishes if not.
-
-    Parameters
-    ----------
-    path : str or path
-        The file to be written.
-    anew : bool
-        Replace nothing: a file of that name that is there by the end of the block is a FileExistsError.
-
-    Yields
-    ------
-    pathlib.Path
-        An empty file in the same folder, with the same suffix.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError, PermissionError
-        As `check_writable`.
-    OSError
-        If the disk fills up, in one sentence, with ``errno`` kept. What else the block raises passes unchanged.
+    """Return a temporary path to write to; it becomes ``path`` if the block succeeds and vanishes if not.
 
     Examples
     --------
@@ -198,12 +131,7 @@ def clear_left(path: FilePath) -> None:
 
 @contextlib.contextmanager
 def replacing_all(paths: Iterable[FilePath]) -> Iterator[list[Path]]:
-    """Give a temporary path for each of some files that belong together, as `replacing`: none is left if one fails.
-
-    Yields
-    ------
-    list of pathlib.Path
-        In the order of ``paths``; the first becomes its file last.
+    """Return a temporary path for each of some files that belong together, as `replacing`: none is left if one fails.
     """
     with contextlib.ExitStack() as stack:
         yield [stack.enter_context(replacing(path)) for path in paths]

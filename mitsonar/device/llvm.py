@@ -115,11 +115,6 @@ def locate() -> str | None:
 
     A library named by ``DRJIT_LIBLLVM_PATH`` is taken if it is new enough. Otherwise the installed ones and the one in
     our cache compete: the closest to the tested version wins, an installed one before ours.
-
-    Returns
-    -------
-    str or None
-        Path of the library; None where there is none, or no libatomic, without which Dr.Jit cannot be imported.
     """
     _shelter_caches()
     path = os.environ.get(VARIABLE) or NOTHING
@@ -139,14 +134,7 @@ def is_ready() -> bool:
 
 
 def check() -> None:
-    """Make sure that kernels can be compiled; call this before a variant is set.
-
-    Raises
-    ------
-    BackendError
-        There is neither a usable libLLVM nor an NVIDIA driver, or Dr.Jit was imported before mitsonar and has loaded a
-        libLLVM that cannot compile its code.
-    """
+    """Make sure that kernels can be compiled; call this before a variant is set."""
     drjit = sys.modules.get("drjit")
     ask = getattr(getattr(drjit, "detail", None), "llvm_version", None)
     if drjit is None or ask is None:  # not imported, or just about to be, perhaps by another thread
@@ -162,23 +150,7 @@ def check() -> None:
 
 
 def provide(say: Callable[[str], None] = print) -> str:
-    """Fetch libLLVM, libatomic and what they need from Debian's packages into the user's cache, without root.
-
-    Parameters
-    ----------
-    say : callable
-        Gets one line of text for each step.
-
-    Returns
-    -------
-    str
-        Path of the library, as `locate` chose it.
-
-    Raises
-    ------
-    BackendError
-        The machine has no apt, the packages cannot be fetched, or none of them is usable.
-    """
+    """Fetch libLLVM, libatomic and what they need from Debian's packages into the user's cache, without root."""
     from . import debian
 
     try:

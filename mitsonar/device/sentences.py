@@ -8,17 +8,7 @@ LONGEST = 3000                     # characters of a sentence; lists of known na
 
 
 def sentence(error: BaseException) -> str:
-    """Put an error the user can mend into one sentence.
-
-    Parameters
-    ----------
-    error : Exception
-
-    Returns
-    -------
-    str
-        One line, without the error's type.
-    """
+    """Put an error the user can mend into one sentence."""
     if isinstance(error, MemoryError):
         return f"out of memory: {error or 'nothing more is known'}; take fewer pings, rays or bins"
     if isinstance(error, OSError) and error.strerror:
@@ -27,15 +17,6 @@ def sentence(error: BaseException) -> str:
 
 
 def shortened(text: str) -> str:
-    """Leave out the middle of long words, such as a number of thousands of digits, and of a text that is still long.
-
-    Parameters
-    ----------
-    text : str
-
-    Returns
-    -------
-    str
-    """
+    """Leave out the middle of long words, such as a number of thousands of digits, and of a text that is still long."""
     text = re.sub(rf"\S{{{LONGEST_WORD + 1},}}", lambda word: f"{word[0][:60]}...{word[0][-30:]}", text)
     return text if len(text) <= LONGEST else f"{text[:300]} ... {text[-300:]}"

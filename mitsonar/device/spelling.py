@@ -10,16 +10,6 @@ LONGEST = 100                      # letters that are compared
 def meant(name: str, known: Iterable[str]) -> str:
     """Say which of the known names is most like this one.
 
-    Parameters
-    ----------
-    name : str
-    known : iterable of str
-
-    Returns
-    -------
-    str
-        Such as ' (did you mean "pings"?)'; empty where none is like it.
-
     Examples
     --------
     >>> meant("ping", ["pings", "rays"])

@@ -45,36 +45,8 @@ MOST_CELLS = 10 ** 9               # of a ping: minutes of connecting
 
 
 class Ensonification:
-    """Ensonify the scatterers of a scene from anywhere in its water.
-
-    Parameters
-    ----------
-    scatterers : Scatterers
-    water : DeviceWater
-    frequency : float [Hz]
-    window : (float, float) [s]
-        Two-way times that matter.
-    margin : float [m]
-        How far the elements lie, and move, from the sources.
-    method : str
-        ``scatterers`` or ``rays``.
-    rays : int
-        Per source, for "rays".
-    beams : ElementBeams or None
-        Rays are sent where they are strong, and cells that they make negligible are left out. None: nothing is.
-    resolution : float [m]
-        Ranges that are told apart; cells of smooth surfaces are smaller.
-    max_depth : int
-        Bounces that an echo may have made.
-    thin_below : float [-]
-        Two-way intensity of the beams below which cells are thinned; 0: none are.
-    band : HeardBand or None
-        Of the pulse, for targets that scatter by a function of their own; None: the frequency alone.
-
-    Attributes
-    ----------
-    targets : PointTargets
-    """
+    """Ensonify the scatterers of a scene from anywhere in its water."""
+    # frequency [Hz]; window [s]; margin [m]; resolution [m]
 
     def __init__(self, scatterers: Scatterers, water: DeviceWater, *, frequency: float, window: tuple[float, float],
                  margin: float, method: str, rays: int, beams: ElementBeams | None, resolution: float = np.inf,
@@ -102,35 +74,13 @@ class Ensonification:
         return None if self.beams is None else self.beams.intensity
 
     def echoes(self, origin: np.ndarray, rotation: np.ndarray, depth_below: float, key: int) -> Iterator[Echoes]:
-        """Ensonify the scatterers from a source.
-
-        Parameters
-        ----------
-        origin : (3,) [m]
-            Scene coordinates.
-        rotation : (3, 3)
-            Body to scene.
-        depth_below : float [m]
-            Seabed below the source: where rays go first.
-        key : int
-            Of the random numbers rays are drawn with.
-
-        Yields
-        ------
-        Echoes
-            Block by block; point targets and smooth surfaces come after cells, and `random_echoes` last.
-        """
+        """Ensonify the scatterers from a source."""
+        # origin (3,) [m]; rotation (3, 3); depth_below [m]
         yield from self.scatterer_echoes(origin, rotation, depth_below, key)
         yield from self.random_echoes(origin, rotation, depth_below, key)
 
     def pieces(self, origin: np.ndarray) -> list[tuple[str, Pieces]]:
-        """Pieces of facets within reach of a source (3,) [m], each kind with its path.
-
-        Raises
-        ------
-        ValueError
-            If they have more than MOST_CELLS cells.
-        """
+        """Pieces of facets within reach of a source (3,) [m], each kind with its path."""
         facets = self.scatterers.in_reach(origin, self.nearest, self.farthest)
         found = []
         for path, at_surface in (("b", False), ("s", True)):
@@ -215,7 +165,8 @@ class Ensonification:
 
     def _in_beams(self, sources: Sources, origin: dr.ArrayBase, rotation: np.ndarray,
                   pieces: Pieces) -> tuple[bool, Pieces, np.ndarray]:
-        """Whether cells have to be asked one by one what beams leave of them; pieces that may count, and their bounds.
+        """Return whether cells have to be asked one by one what beams leave of them; pieces that may count, and their
+        bounds.
 
         Where few would have to be, all are taken: less work than to ask.
         """

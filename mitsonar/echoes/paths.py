@@ -21,20 +21,7 @@ __all__ = ["Paths"]
 
 
 class Paths:
-    """The paths of a run, numbered from 1.
-
-    Parameters
-    ----------
-    max_depth : int
-        Bounces at most.
-    surface, volume : bool
-        Whether there is a surface, whether the water scatters.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Path n is ``names[n - 1]``; the first is "b".
-    """
+    """The paths of a run, numbered from 1."""
 
     def __init__(self, max_depth: int, *, surface: bool = False, volume: bool = False):
         kinds = "bs" if surface else "b"

@@ -42,24 +42,7 @@ class _Row:
 
 
 class PointTargets:
-    """The point targets of a scene, on the device.
-
-    Parameters
-    ----------
-    targets : sequence of Target
-        As `Geometry.targets` gives them, or of tuples (position (3,) [m], strength [dB re 1 m²], label).
-    band : HeardBand or None
-        Of the pulse; needed where a target scatters by a function of its own.
-    profile : SoundSpeedProfile or None
-        Of the water; needed there too.
-    resolved : bool
-        Such a target is a row of taps; else it is one that answers without delay, with its mean strength.
-
-    Raises
-    ------
-    ValueError
-        If a function does not cover the pulse's band.
-    """
+    """The point targets of a scene, on the device."""
 
     def __init__(self, targets: Sequence[tuple], band: HeardBand | None = None,
                  profile: SoundSpeedProfile | None = None, *, resolved: bool = True):
@@ -113,26 +96,8 @@ class PointTargets:
 
     def echoes(self, sights: Sights, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, which: mi.UInt32, *,
                mirrored: bool = True) -> Iterator[tuple[Echoes, mi.Bool]]:
-        """Give the echoes of targets seen from sources, one pair an entry.
-
-        Parameters
-        ----------
-        sights : Sights
-        sources, origin, source
-            As of `Connector.connect`.
-        which : UInt32 (R,)
-            Numbers of the targets.
-        mirrored : bool
-            Give those by way of the mirror and of the bed as well, where these are.
-
-        Yields
-        ------
-        echoes : Echoes
-            Straight ones, then those of each way by the mirror, then by the bed. Their pressure is 0 where something
-            hides them.
-        free : Bool (R,)
-            Whether nothing does.
-        """
+        """Return the echoes of targets seen from sources, one pair an entry."""
+        # which (R,) -> free (R,)
         point, strength = self.position(which), self.pressure(which)
         nothing, at_once = dr.zeros(mi.Float, dr.width(strength)), dr.zeros(mi.Float64, dr.width(strength))
         ways = [(False, False, 1.0), *(sights.ways() if mirrored else ())]

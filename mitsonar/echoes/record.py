@@ -23,28 +23,14 @@ __all__ = ["Echoes", "Leg"]
 
 @dataclass(frozen=True, kw_only=True)
 class Leg:
-    """Exact eigenrays from a source to points, on the device.
+    """Exact eigenrays from a source to points, on the device."""
 
-    Attributes
-    ----------
-    offset : Array3f64 (R,) [m]
-        Point minus source, scene coordinates.
-    travel_time, ray_parameter : Float64 (R,) [s], [s/m]
-    spreading_area : Float (R,) [m²/sr]
-        On the way from the source.
-    launch_direction : Vector3f (R,)
-        Unit, at the source; of folded legs at its image, which looks down.
-    folded : bool
-        By way of the flat surface. The leg is then that from the source's image above the surface, and so are
-        `offset` and `launch_direction`, in water unfolded about the surface (`tracing.water`).
-    """
-
-    offset: Vector64
-    travel_time: Float64
-    ray_parameter: Float64
-    spreading_area: Float
-    launch_direction: Vector
-    folded: bool = False
+    offset: Vector64  # (R,) [m]: point minus source, scene coordinates
+    travel_time: Float64  # (R,) [s/m]
+    ray_parameter: Float64  # (R,) [s/m]
+    spreading_area: Float  # (R,) [m²/sr]: on the way from the source
+    launch_direction: Vector  # (R,): unit, at the source
+    folded: bool = False  # by way of the flat surface
 
     @classmethod
     def along(cls, way: Connection | Hits, origin: dr.ArrayBase, point: dr.ArrayBase, folded: bool = False) -> Leg:
@@ -69,32 +55,18 @@ class Leg:
 
 @dataclass(frozen=True, kw_only=True)
 class Echoes:
-    """Echoes of one block, on the device, as they leave their last scatterers.
+    """Echoes of one block, on the device, as they leave their last scatterers."""
 
-    Attributes
-    ----------
-    out, back : Leg
-        To what sound met first, and to where it comes from last: one and the same where it met nothing else.
-    between : Float64 (R,) [s]
-        From the one to the other.
-    energy : Float (R,)
-        |e|² [-], on the average over the cells' chance.
-    amplitude : (Float, Float) (R,)
-        Real and imaginary part of e [-].
-    path : str
-        The bounces, see `paths`.
-    """
-
-    out: Leg
-    back: Leg
-    between: Float64
-    energy: Float
-    amplitude: tuple[Float, Float]
-    path: str = "b"
+    out: Leg  # to what sound met first, and to where it comes from last
+    back: Leg  # to what sound met first, and to where it comes from last
+    between: Float64  # (R,) [s]: from the one to the other
+    energy: Float  # (R,): |e|² [-], on the average over the cells' chance
+    amplitude: tuple[Float, Float]  # (Float, Float): real and imaginary part of e [-]
+    path: str = "b"  # the bounces, see `paths`
 
     @property
     def single(self) -> bool:
-        """Whether sound comes back from where it met something first."""
+        """Return whether sound comes back from where it met something first."""
         return self.out is self.back
 
     @property

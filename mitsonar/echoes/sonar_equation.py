@@ -39,26 +39,26 @@ GRAZING = 1e-6                     # sine of the grazing angle below which nothi
 
 
 def speed_ratio(at_hit: Float | Float64, at_source: Float | Float64) -> Float:
-    """Give c_h / c_0, Float (R,), from sound speeds [m/s], Float64 (R,) and either kind of Float."""
+    """Return c_h / c_0, Float (R,), from sound speeds [m/s], Float64 (R,) and either kind of Float."""
     ratio = type(at_source)(at_hit) / at_source
     return cast(type[Float], dr.float32_array_t(type(ratio)))(ratio)
 
 
 def absorbed(loss_db: Float) -> Float:
-    """Give what is left of a power after a loss [dB]."""
+    """Return what is left of a power after a loss [dB]."""
     return dr.exp(loss_db * float(-np.log(10) / 10))
 
 
 # ---- rays: energies per solid angle
 
 def scattered(power: Float, strength: Float, sin_grazing: Float) -> Float:
-    """Give what of a ray's power goes on per steradian; nothing where the ray grazes the surface."""
+    """Return what of a ray's power goes on per steradian; nothing where the ray grazes the surface."""
     lit = sin_grazing > GRAZING
     return power * dr.select(lit, strength / dr.select(lit, sin_grazing, 1), 0)
 
 
 def passed_on(power: Float, *, spreading_area: Float, patch: Float) -> Float:
-    """Give the intensity at the end of a leg between two surfaces [1/m²].
+    """Return the intensity at the end of a leg between two surfaces [1/m²].
 
     The area is kept above the patch [m²] that the ray stands for, over π, so that corners do not flare.
     """
@@ -66,28 +66,22 @@ def passed_on(power: Float, *, spreading_area: Float, patch: Float) -> Float:
 
 
 def returned(power: Float, *, spreading_area: Float, speed_ratio: Float) -> Float:
-    """Give what arrives at the sonar of a power per steradian [1/m²]."""
+    """Return what arrives at the sonar of a power per steradian [1/m²]."""
     return power * speed_ratio * speed_ratio / spreading_area
 
 
 def echo_energy(*, solid_angle: Float, strength: Float, sin_grazing: Float, spreading_area: Float, speed_ratio: Float,
                 pattern: Float | float = 1.0, loss: DrJitArray | float = 1.0) -> Float:
-    """Give the echo of one ray relative to 10^(SL/10) [1/m²].
-
-    Parameters
-    ----------
-    solid_angle, strength, sin_grazing, spreading_area, speed_ratio, pattern : Float (R,)
-        See the module's symbols; the angle is that of the incident ray on the facet.
-    loss : Float (R,)
-        Two-way absorption as a power factor [-], relative to that of the bin's unit.
-    """
+    """Return the echo of one ray relative to 10^(SL/10) [1/m²]."""
+    # solid_angle, strength, sin_grazing, spreading_area, speed_ratio, pattern (R,); loss (R,)
     power = scattered(solid_angle * pattern, strength, sin_grazing) * loss
     return returned(power, spreading_area=spreading_area, speed_ratio=speed_ratio)
 
 
 def returned_by_patch(intensity: Float, *, solid_angle: Float, strength: Float, sin_grazing: Float,
                       speed_ratio: Float) -> Float:
-    """Give what arrives at the sonar when an intensity [1/m²] falls on the patch that a ray from the sonar stands for.
+    """Return what arrives at the sonar when an intensity [1/m²] falls on the patch that a ray from the sonar stands
+    for.
 
     The spreading of the ray's own leg cancels: the patch is larger by as much as its echo is weaker.
     """
@@ -95,35 +89,35 @@ def returned_by_patch(intensity: Float, *, solid_angle: Float, strength: Float, 
 
 
 def lit_patch(solid_angle: Float, *, spreading_area: Float, sin_grazing: Float) -> Float:
-    """Give the patch of a surface that a ray stands for [m²]."""
+    """Return the patch of a surface that a ray stands for [m²]."""
     return spreading_area * solid_angle / dr.maximum(sin_grazing, GRAZING)
 
 
 def solid_angle_of(patch: Float, *, spreading_area: Float, sin_grazing: Float) -> Float:
-    """Give the solid angle that a patch [m²] fills as seen along another leg [sr]."""
+    """Return the solid angle that a patch [m²] fills as seen along another leg [sr]."""
     return patch * sin_grazing / spreading_area
 
 
 # ---- legs to points: things of known strength
 
 def leg_gain(*, spreading_area: Float, speed_ratio: Float, loss_db: Float | None = None) -> Float:
-    """Give g of a leg [1/m²]; `loss_db` None leaves absorption out."""
+    """Return g of a leg [1/m²]; `loss_db` None leaves absorption out."""
     gain = speed_ratio / spreading_area
     return gain if loss_db is None else gain * dr.exp(loss_db * float(-np.log(10) / 20))
 
 
 def along_legs(strength: Float, out: Float, back: Float) -> Float:
-    """Give the echo of a thing of strength S [m²] seen along legs of gains `out` and `back` [-]."""
+    """Return the echo of a thing of strength S [m²] seen along legs of gains `out` and `back` [-]."""
     return strength * (out * back)
 
 
 def pressure_along_legs(pressure: Float | float, out: Float, back: Float) -> Float:
-    """Give the echo of a thing that answers with a pressure f [m], seen along legs of gains `out` and `back` [-]."""
+    """Return the echo of a thing that answers with a pressure f [m], seen along legs of gains `out` and `back` [-]."""
     return pressure * dr.sqrt(out * back)
 
 
 def mirrored_overhead(gain: Float, *, spreading_area: Float, speed_ratio: Float) -> Float:
-    """Give the echo of a flat surface straight above, as a pressure [1/m], from the gain of the leg up to it.
+    """Return the echo of a flat surface straight above, as a pressure [1/m], from the gain of the leg up to it.
 
     It is half the pressure of a wave that starts there, upside down: -10^(-ᾱ L / 10) / (2 √A).
     """

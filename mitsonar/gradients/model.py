@@ -32,7 +32,7 @@ class Linearised(Protocol):
     value: np.ndarray
 
     def forward(self, tangents: Values) -> np.ndarray:
-        """Give J v, (N,), of directions v; a parameter that is left out stands still.
+        """Return J v, (N,), of directions v; a parameter that is left out stands still.
 
         Raises
         ------
@@ -42,7 +42,7 @@ class Linearised(Protocol):
         ...
 
     def backward(self, cotangent: np.ndarray) -> dict[str, np.ndarray]:
-        """Give Jᵀ w of weights w (N,), one array per parameter in its shape.
+        """Return Jᵀ w of weights w (N,), one array per parameter in its shape.
 
         Raises
         ------
@@ -67,7 +67,7 @@ class ForwardModel(Protocol):
     units: dict[str, str]
 
     def value(self, values: Values) -> np.ndarray:
-        """Give the record of values, (N,); a parameter that is left out is as at the start.
+        """Return the record of values, (N,); a parameter that is left out is as at the start.
 
         Raises
         ------
@@ -77,5 +77,5 @@ class ForwardModel(Protocol):
         ...
 
     def linearised(self, values: Values) -> Linearised:
-        """Give the record about values, with its Jacobian; arguments and errors as of `value`."""
+        """Return the record about values, with its Jacobian; arguments and errors as of `value`."""
         ...

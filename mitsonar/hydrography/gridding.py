@@ -39,19 +39,11 @@ FINE = 1 << 20                     # steps of a squared distance
 
 @dataclass(frozen=True, kw_only=True)
 class Grid:
-    """Lay out square cells, rows from north to south; edges are whole numbers of cells from 0.
+    """Lay out square cells, rows from north to south; edges are whole numbers of cells from 0."""
 
-    Attributes
-    ----------
-    cell : float [m]
-    west, north : int
-        Edges, in cells.
-    rows, columns : int
-    """
-
-    cell: float
-    west: int
-    north: int
+    cell: float  # [m]
+    west: int  # edges, in cells
+    north: int  # edges, in cells
     rows: int
     columns: int
 
@@ -74,7 +66,7 @@ class Grid:
         return (self.north - np.arange(self.rows) - 0.5) * self.cell
 
     def find(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Give the cells' numbers of places (N, 2) on the grid, and squared distances from their middles [cells²]."""
+        """Return the cells' numbers of places (N, 2) on the grid, and squared distances from their middles [cells²]."""
         across, down = place[:, 0] / self.cell - self.west, self.north - place[:, 1] / self.cell
         column = np.clip(across.astype(np.int64), 0, self.columns - 1)
         row = np.clip(down.astype(np.int64), 0, self.rows - 1)
@@ -83,20 +75,11 @@ class Grid:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cells:
-    """Sum up samples in the cells of a grid; `see` all first, then `add` them, then `means` or `nearest`.
-
-    Attributes
-    ----------
-    grid : Grid
-    blend : str
-        One of `BLENDS`.
-    mixed : bool
-        Values are averaged; else the nearest to a cell's middle is taken.
-    """
+    """Sum up samples in the cells of a grid; `see` all first, then `add` them, then `means` or `nearest`."""
 
     grid: Grid
-    blend: str
-    mixed: bool
+    blend: str  # one of `BLENDS`
+    mixed: bool  # values are averaged
     _seen: np.ndarray = field(init=False)
     _sum: np.ndarray = field(init=False)
     _weight: np.ndarray = field(init=False)
@@ -112,7 +95,7 @@ class Cells:
 
     @property
     def looks_first(self) -> bool:
-        """Whether `see` is needed."""
+        """Return whether `see` is needed."""
         return self._seen.size > 0
 
     def see(self, place: np.ndarray, ground_range: np.ndarray) -> None:
@@ -139,12 +122,12 @@ class Cells:
         self._weight[part] += np.bincount(number - low, weight).astype(np.float32)
 
     def means(self) -> np.ndarray:
-        """Give the weighted means (rows, columns); NaN where no sample is."""
+        """Return the weighted means (rows, columns); NaN where no sample is."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return (self._sum / self._weight).reshape(self.grid.rows, self.grid.columns)
 
     def nearest(self, nothing: int) -> np.ndarray:
-        """Give the values nearest to the cells' middles (rows, columns) int64; `nothing` where no sample is."""
+        """Return the values nearest to the cells' middles (rows, columns) int64; `nothing` where no sample is."""
         found = np.where(self._sum == NOWHERE, nothing, self._sum & 0xFFFFFFFF)
         return found.reshape(self.grid.rows, self.grid.columns)
 

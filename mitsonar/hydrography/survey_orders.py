@@ -39,11 +39,11 @@ class SurveyOrder:
     coverage: float
 
     def vertical(self, depth: Values) -> Values:
-        """Give the largest total vertical uncertainty [m], 95 %, at a depth [m]."""
+        """Return the largest total vertical uncertainty [m], 95 %, at a depth [m]."""
         return cast(Values, np.hypot(self.a, np.multiply(self.b, depth)))
 
     def horizontal(self, depth: Values) -> Values:
-        """Give the largest total horizontal uncertainty [m], 95 %, at a depth [m]."""
+        """Return the largest total horizontal uncertainty [m], 95 %, at a depth [m]."""
         return cast(Values, np.add(self.e, np.multiply(self.f, depth)))
 
 
@@ -56,7 +56,7 @@ ORDERS = {one.name: one for one in (
 
 
 def survey_order(name: str) -> SurveyOrder:
-    """Give an order by its name.
+    """Return an order by its name.
 
     Raises
     ------

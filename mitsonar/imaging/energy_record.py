@@ -18,42 +18,21 @@ __all__ = ["CoherentRecord", "CoherentSums", "EnergyRecord", "gathered", "joined
 
 @dataclass(frozen=True, kw_only=True)
 class CoherentRecord:
-    """Echoes that have a phase of their own: point targets, smooth surfaces, a flat sea surface.
+    """Echoes that have a phase of their own: point targets, smooth surfaces, a flat sea surface."""
 
-    Attributes
-    ----------
-    intensity : (..., bins) [µPa²]
-        Mean square of their sum, as the picture shows it.
-    in_beam : (..., bins) uint32
-        1 where such an echo comes through the main lobe.
-    pressure : (..., bins, cells) complex64 [µPa] or None
-        Means of their sum over the cells of each bin. None where the picture gets its pressures from elsewhere.
-    depth : (..., bins) float32 [m] or None
-        Of the strongest; 0 where there is none.
-    path_intensity : (..., paths, bins) [µPa²] or None
-        None where paths are not told apart.
-    """
-
-    intensity: np.ndarray
-    in_beam: np.ndarray
-    pressure: np.ndarray | None = None
-    depth: np.ndarray | None = None
-    path_intensity: np.ndarray | None = None
+    intensity: np.ndarray  # (..., bins) [µPa²]: mean square of their sum, as the picture shows it
+    in_beam: np.ndarray  # (..., bins): 1 where such an echo comes through the main lobe
+    pressure: np.ndarray | None = None  # (..., bins, cells) [µPa]: means of their sum over the cells of each bin
+    depth: np.ndarray | None = None  # (..., bins) [m]: of the strongest
+    path_intensity: np.ndarray | None = None  # (..., paths, bins) [µPa²]: none where paths are not told apart
 
 
 @dataclass(frozen=True, kw_only=True)
 class CoherentSums:
-    """The coherent echoes of a block of pings.
-
-    Attributes
-    ----------
-    record : CoherentRecord
-    label_power : (rows, labels, bins) [µPa²]
-        Of every instance by itself, in the bins that the middles of its echoes lie in.
-    """
+    """The coherent echoes of a block of pings."""
 
     record: CoherentRecord
-    label_power: np.ndarray
+    label_power: np.ndarray  # [µPa²]: of every instance by itself, in the bins that the middles of its echoes lie in
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,28 +41,14 @@ class EnergyRecord:
 
     Arrays of a block of pings have ping and row as one axis, and intensities in double precision; `gathered` gives
     (ping, row, ..., bin), and intensities in single precision.
-
-    Attributes
-    ----------
-    intensity : (..., bins) [µPa²]
-        Of all echoes but those that have a phase of their own.
-    depth : (..., bins) float32 [m]
-        Mean depth the echoes come from, weighted by their energy; NaN where there are none.
-    rays, rays_in_beam : (..., bins) uint32
-        Rays that arrive, and those of them within the main lobe.
-    path_intensity : (..., paths, bins) [µPa²] or None
-        None where paths are not told apart.
-    coherent : CoherentRecord or None
-        None where nothing in the scene has a phase of its own.
-    truth : BinTruth
     """
 
-    intensity: np.ndarray
-    depth: np.ndarray
-    rays: np.ndarray
-    rays_in_beam: np.ndarray
-    path_intensity: np.ndarray | None = None
-    coherent: CoherentRecord | None = None
+    intensity: np.ndarray  # (..., bins) [µPa²]: of all echoes but those that have a phase of their own
+    depth: np.ndarray  # (..., bins) [m]: mean depth the echoes come from, weighted by their energy
+    rays: np.ndarray  # (..., bins): rays that arrive, and those of them within the main lobe
+    rays_in_beam: np.ndarray  # (..., bins): rays that arrive, and those of them within the main lobe
+    path_intensity: np.ndarray | None = None  # (..., paths, bins) [µPa²]: none where paths are not told apart
+    coherent: CoherentRecord | None = None  # none where nothing in the scene has a phase of its own
     truth: BinTruth
 
     @property
@@ -93,22 +58,7 @@ class EnergyRecord:
 
 
 def gathered(blocks: Iterable[EnergyRecord], *, pings: int, rows: int) -> EnergyRecord:
-    """Put the records of consecutive blocks together.
-
-    Parameters
-    ----------
-    blocks : iterable of EnergyRecord
-        Each of some pings; arrays (pings of the block x rows, ...).
-    pings : int
-        Of all blocks together.
-    rows : int
-        Of a ping.
-
-    Returns
-    -------
-    EnergyRecord
-        Arrays (pings, rows, ...).
-    """
+    """Put the records of consecutive blocks together."""
     whole, start = None, 0
     for block in blocks:
         if whole is None:
@@ -123,7 +73,7 @@ def gathered(blocks: Iterable[EnergyRecord], *, pings: int, rows: int) -> Energy
 
 
 def only_row(record: EnergyRecord) -> EnergyRecord:
-    """Give the record of a sonar with one row a ping without the axis of rows: arrays (pings, ...)."""
+    """Return the record of a sonar with one row a ping without the axis of rows: arrays (pings, ...)."""
     return _changed(record, lambda array: array[:, 0])
 
 

@@ -31,30 +31,8 @@ SHORTEST_SHADOW = 3                # bins: fewer without a ray are chance
 
 
 def fan_directions(array: Array, beams: int, width: float, steps: str = "angle") -> tuple[np.ndarray, np.ndarray]:
-    """Look directions of a fan.
-
-    Parameters
-    ----------
-    array : Array
-        That receives.
-    beams : int
-    width : float [rad]
-        From the first to the last beam; at most π where the steps are of the sine.
-    steps : str
-        One of `STEPS`.
-
-    Returns
-    -------
-    angle : (B,) [rad]
-        ψ from the middle; positive to starboard, or else forward, or else down. One 0 for a single element.
-    direction : (B, 3)
-        Unit vectors, body frame.
-
-    Raises
-    ------
-    ValueError
-        If there are no such steps, or their fan is too wide.
-    """
+    """Look directions of a fan."""
+    # width [rad] -> angle (B,) [rad], direction (B, 3)
     if steps not in STEPS or (steps == "sine" and width > np.pi):
         raise ValueError(f"a fan of {np.degrees(width):g} degrees has no equal steps of {steps!r}; steps are one of "
                          f"{', '.join(STEPS)}, and of the sine over at most 180 degrees.")
@@ -79,21 +57,8 @@ def fan_directions(array: Array, beams: int, width: float, steps: str = "angle")
 
 
 def formed(signals: xarray.DataArray, pulse: Pulse, direction: np.ndarray) -> np.ndarray:
-    """Form the beams of pings from the signals of elements.
-
-    Parameters
-    ----------
-    signals : xarray.DataArray (ping, tx, rx, sample) [µPa]
-        As `mitsonar.element_signals` gives them.
-    pulse : Pulse
-    direction : (B, 3)
-        Of the beams, body frame.
-
-    Returns
-    -------
-    complex (ping, B, sample) [µPa]
-        Compressed by the matched filter.
-    """
+    """Form the beams of pings from the signals of elements."""
+    # signals [µPa]; direction (B, 3) -> [µPa]
     rate = signals.attrs["sampling_rate"]
     values = signals.values
     if signals["rx_delay"].values.any():                     # receivers that steer: their beams are formed here
@@ -104,30 +69,9 @@ def formed(signals: xarray.DataArray, pulse: Pulse, direction: np.ndarray) -> np
 def image(pings: xarray.Dataset, level: np.ndarray, angle: np.ndarray, direction: np.ndarray, *,
           depth_below: np.ndarray, record: EnergyRecord, labels: Mapping[int, str],
           class_of: Mapping[int, int]) -> xarray.Dataset:
-    """Make the picture of pings.
-
-    Parameters
-    ----------
-    pings : xarray.Dataset
-        Of the record: coordinates over ``ping``, ``time`` [s] over ``sample``, and its attributes.
-    level : (P, B, S) [dB re 1 µPa]
-        Of the beams.
-    angle, direction : (B,) [rad], (B, 3)
-        Of `fan_directions`.
-    depth_below : (P,) [m]
-        Seabed below the sonar.
-    record : EnergyRecord
-        Of the beams, arrays (ping, beam, bin): what the ground truth is taken from.
-    labels : dict[int, str]
-        Names of the instances.
-    class_of : dict[int, int]
-        Number of an instance → number of its class.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``level`` (ping, beam, range) [dB re 1 µPa], and ground truth over the same bins.
-    """
+    """Make the picture of pings."""
+    # level (P, B, S) [dB re 1 µPa]; angle, direction (B,) [rad]; depth_below (P,) [m]; labels [int, str]; class_of
+    # [int, int]
     speed, time = pings.attrs["sound_speed"], pings["time"].values
     coords = {name: (value.dims, value.values, value.attrs) for name, value in pings.coords.items()
               if value.dims == ("ping",)}
@@ -156,12 +100,12 @@ def image(pings: xarray.Dataset, level: np.ndarray, angle: np.ndarray, direction
 
 
 def levels(beams: np.ndarray) -> np.ndarray:
-    """Give the levels of beams [dB re 1 µPa]; `NOTHING_DB` at least."""
+    """Return the levels of beams [dB re 1 µPa]; `NOTHING_DB` at least."""
     return 20 * np.log10(np.maximum(np.abs(beams), 10 ** (NOTHING_DB / 20)))
 
 
 def runs_of(flags: np.ndarray, shortest: int) -> np.ndarray:
-    """Give flags (..., N) without their runs that are shorter."""
+    """Return flags (..., N) without their runs that are shorter."""
     from scipy.ndimage import binary_opening
 
     return binary_opening(flags, np.ones((1,) * (flags.ndim - 1) + (shortest,), bool))

@@ -19,19 +19,11 @@ EVEN = 0.01                        # of a cell: what a point may lie off its pla
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EvenGrid:
-    """Where the points of an even grid lie in the scene.
+    """Where the points of an even grid lie in the scene."""
 
-    Attributes
-    ----------
-    first : (2,) [m]
-        x and y of the first row's first point.
-    ahead, abeam : (2,) [m]
-        From a row to the next, from a column to the next.
-    """
-
-    first: np.ndarray
-    ahead: np.ndarray
-    abeam: np.ndarray
+    first: np.ndarray  # (2,) [m]: x and y of the first row's first point
+    ahead: np.ndarray  # (2,) [m]: from a row to the next, from a column to the next
+    abeam: np.ndarray  # (2,) [m]: from a row to the next, from a column to the next
 
 
 def is_focused(dataset: xr.Dataset) -> bool:
@@ -40,7 +32,7 @@ def is_focused(dataset: xr.Dataset) -> bool:
 
 
 def bin_dims(dataset: xr.Dataset) -> tuple[str, ...]:
-    """Give the dimensions of a record's bins, which its truth has: those of ``level`` without the banks."""
+    """Return the dimensions of a record's bins, which its truth has: those of ``level`` without the banks."""
     return tuple(str(dim) for dim in dataset["level"].dims if dim != BANK)
 
 
@@ -51,13 +43,7 @@ def to_starboard(image: xr.Dataset) -> bool:
 
 
 def even_grid(image: xr.Dataset) -> EvenGrid | None:
-    """Give the places of a focused image's points; None where they are no even grid, or fewer than 2 x 2.
-
-    Parameters
-    ----------
-    image : xarray.Dataset
-        With ``x`` and ``y`` over (along_track, across_track).
-    """
+    """Return the places of a focused image's points; None where they are no even grid, or fewer than 2 x 2."""
     grid = _corners(image)
     if grid is None:
         return None

@@ -26,7 +26,7 @@ NOTHING_DB = -200.0                # level of bins in which nothing arrives
 
 
 def absorption_of(attrs: Mapping[str, Any]) -> float:
-    """Give a record's absorption [dB/m], 0 where it says none; `ValueError` if it is no number of 0 or more."""
+    """Return a record's absorption [dB/m], 0 where it says none; `ValueError` if it is no number of 0 or more."""
     value = attrs.get("absorption_db") or 0.0
     if not isinstance(value, (int, float)) or not 0 <= value < np.inf:
         raise ValueError(f"the record's absorption_db is {value!r}; it takes a number of 0 or more.")
@@ -34,25 +34,8 @@ def absorption_of(attrs: Mapping[str, Any]) -> float:
 
 
 def display_gain(dataset: xr.Dataset, tvg: Tvg) -> tuple[np.ndarray, str]:
-    """Give the gain to add to the levels of a picture, and its formula in words.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        With the coordinate range and, where known, altitude(ping) and the attribute absorption_db.
-    tvg : {'seabed', 'target', 'recorder', None}
-
-    Returns
-    -------
-    gain : array (P or 1, N) [dB]
-    words : str
-        To be put after 'level'; empty without gain.
-
-    Raises
-    ------
-    ValueError
-        If ``tvg`` is none of these, or the absorption is no number.
-    """
+    """Return the gain to add to the levels of a picture, and its formula in words."""
+    # -> gain [dB]
     slant_range = np.maximum(np.asarray(dataset["range"].values, float), 1e-3)[None]
     absorption = 2 * absorption_of(dataset.attrs) * slant_range
     if tvg is None:
@@ -69,18 +52,10 @@ def display_gain(dataset: xr.Dataset, tvg: Tvg) -> tuple[np.ndarray, str]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AngleGain:
-    """Make a sidescan's median level the same at all angles from nadir.
+    """Make a sidescan's median level the same at all angles from nadir."""
 
-    Attributes
-    ----------
-    middles : (S, A) [dB]
-        Median levels of each side by steps of a degree.
-    typical : (S,) [dB]
-        Median of all.
-    """
-
-    middles: np.ndarray
-    typical: np.ndarray
+    middles: np.ndarray  # (S, A) [dB]: median levels of each side by steps of a degree
+    typical: np.ndarray  # (S,) [dB]: median of all
 
     @classmethod
     def of(cls, dataset: xr.Dataset) -> "AngleGain":
@@ -100,7 +75,7 @@ class AngleGain:
         return cls(middles=middles, typical=typical)
 
     def gain(self, dataset: xr.Dataset) -> np.ndarray:
-        """Give the gain of the record, or of some of its pings, (P, S, N) [dB]; 0 in the water column."""
+        """Return the gain of the record, or of some of its pings, (P, S, N) [dB]; 0 in the water column."""
         step, below = _angle_steps(dataset)
         # between the middles of the steps, else a seam shows at every degree
         at = np.arange(self.middles.shape[1]) + 0.5

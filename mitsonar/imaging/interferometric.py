@@ -28,62 +28,25 @@ DIMS = ("ping", "side", "range")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Measured:
-    """What is measured of pings, arrays (ping, side, bin), and NaN where no sounding is valid unless said otherwise.
+    """What is measured of pings, arrays (ping, side, bin), and NaN where no sounding is valid unless said otherwise."""
 
-    Attributes
-    ----------
-    power : [µPa²]
-        Of all bins.
-    phase, coherence : [rad], [-]
-        Of all bins.
-    valid : bool
-    angle : [rad]
-        Below the horizontal, from the vertical plane through the course outwards.
-    depth, x, y, across_track : [m]
-    uncertainty : [m]
-    """
-
-    power: np.ndarray
-    phase: np.ndarray
-    coherence: np.ndarray
+    power: np.ndarray  # [µPa²]: of all bins
+    phase: np.ndarray  # of all bins
+    coherence: np.ndarray  # of all bins
     valid: np.ndarray
-    angle: np.ndarray
-    depth: np.ndarray
-    x: np.ndarray
-    y: np.ndarray
-    across_track: np.ndarray
-    uncertainty: np.ndarray
+    angle: np.ndarray  # [rad]: below the horizontal, from the vertical plane through the course outwards
+    depth: np.ndarray  # [m]
+    x: np.ndarray  # [m]
+    y: np.ndarray  # [m]
+    across_track: np.ndarray  # [m]
+    uncertainty: np.ndarray  # [m]
 
 
 def image(made: Measured, record: EnergyRecord, *, track: Track, time: np.ndarray, sound_speed: float,
           depth_below: np.ndarray, labels: Mapping[int, str], class_of: Mapping[int, int],
           attrs: Mapping[str, Any]) -> xr.Dataset:
-    """Make the dataset of a run.
-
-    Parameters
-    ----------
-    made : Measured
-    record : EnergyRecord
-        Arrays (ping, side, ..., bin).
-    track : Track
-    time : (bins,) [s]
-        Of the bins' middles.
-    sound_speed : float [m/s]
-        That turns time into slant range.
-    depth_below : (P,) [m]
-        Seabed below the sonar.
-    labels : dict[int, str]
-        Names of the instances.
-    class_of : dict[int, int]
-        Number of an instance → number of its class.
-    attrs : dict
-        What else is known of the run.
-
-    Returns
-    -------
-    xarray.Dataset
-        Over (ping, side, range).
-    """
+    """Make the dataset of a run."""
+    # time [s]; sound_speed [m/s]; depth_below (P,) [m]; labels [int, str]; class_of [int, int]
     rays, share = record.echoes_in_beam, record.truth.share
     empty = runs_of(rays == 0, SHORTEST_SHADOW)
     shadow = (empty & np.logical_or.accumulate(rays > 0, -1)).astype(np.uint8)

@@ -41,13 +41,7 @@ NOTHING = 1e-20                    # power of what cannot be heard
 
 @dataclass(frozen=True, kw_only=True)
 class Patch:
-    """A mask, and where it lies in a record.
-
-    Attributes
-    ----------
-    where : tuple of slice
-    mask : bool array
-    """
+    """A mask, and where it lies in a record."""
 
     where: tuple[slice, ...]
     mask: np.ndarray
@@ -60,7 +54,7 @@ class Patch:
         return cls(where=where, mask=mask[where])
 
     def within(self, shape: tuple[int, ...]) -> np.ndarray:
-        """Give it as a mask over a whole record."""
+        """Return it as a mask over a whole record."""
         whole = np.zeros(shape, bool)
         whole[self.where] = self.mask
         return whole
@@ -68,33 +62,15 @@ class Patch:
 
 @dataclass(frozen=True, kw_only=True)
 class Highlights:
-    """What tells the highlights of a record's objects.
+    """What tells the highlights of a record's objects."""
 
-    Attributes
-    ----------
-    dims : tuple of str
-        Of the bins, and of all that follows.
-    share : float array (shape, ...)
-        Of each shape.
-    threshold : float
-        That it must exceed.
-    level : float array or None [dB]
-        Mean echo of the bins; or with ``speckled`` one that varies. None: unknown.
-    speckled : bool
-    floor : float array [dB]
-        What a highlight's level must reach.
-    looks : tuple of slice
-        Of the pings, those whose beams hear each other's targets by their side lobes: each of a fan, turns of a head;
-        empty for others.
-    """
-
-    dims: tuple[str, ...]
-    share: np.ndarray
-    threshold: float
-    level: np.ndarray | None
+    dims: tuple[str, ...]  # of the bins, and of all that follows
+    share: np.ndarray  # of each shape
+    threshold: float  # that it must exceed
+    level: np.ndarray | None  # [dB]: mean echo of the bins
     speckled: bool
-    floor: np.ndarray
-    looks: tuple[slice, ...]
+    floor: np.ndarray  # [dB]: what a highlight's level must reach
+    looks: tuple[slice, ...]  # of the pings, those whose beams hear each other's targets by their side lobes
 
     @classmethod
     def of(cls, dataset: xr.Dataset, labels: Sequence[int], threshold: float, above_noise_db: float) -> "Highlights":
@@ -113,7 +89,7 @@ class Highlights:
                    looks=tuple(bearings(dataset)[1]) if "beam" in dims or "bearing" in dataset.coords else ())
 
     def patch(self, label: int) -> Patch:
-        """Give the bins that the object of a number lights up."""
+        """Return the bins that the object of a number lights up."""
         bright = Patch.of(self.share[label - 1] > self.threshold)
         if self.level is None or not bright.mask.size:
             return bright
@@ -132,20 +108,7 @@ class Highlights:
 
 
 def pieces_of(mask: np.ndarray, dims: Sequence[str]) -> tuple[np.ndarray, int]:
-    """Number the pieces of a mask that hang together along rows and columns of a picture.
-
-    Parameters
-    ----------
-    mask : bool array
-    dims : sequence of str
-        Of the mask; the last is that of ranges.
-
-    Returns
-    -------
-    numbers : int array
-        From 1; 0 elsewhere.
-    count : int
-    """
+    """Number the pieces of a mask that hang together along rows and columns of a picture."""
     rows = next((dim for dim in ("beam", GROUND[0]) if dim in dims), "ping")
     neighbours = ndimage.generate_binary_structure(mask.ndim, 1)
     for axis, dim in enumerate(dims):
@@ -155,20 +118,7 @@ def pieces_of(mask: np.ndarray, dims: Sequence[str]) -> tuple[np.ndarray, int]:
 
 
 def largest_beside(values: np.ndarray, pieces: np.ndarray, dims: Sequence[str]) -> np.ndarray:
-    """Give for every piece the largest value of those in the same picture: in the same ping of a fan, else in all.
-
-    Parameters
-    ----------
-    values : (count,) array
-        Of the pieces.
-    pieces : int array
-        As `pieces_of` numbers them.
-    dims : sequence of str
-
-    Returns
-    -------
-    (count,) array
-    """
+    """Return for every piece the largest value of those in the same picture: in the same ping of a fan, else in all."""
     ping = np.array([found[0].start if "beam" in dims else 0 for found in ndimage.find_objects(pieces)])
     largest = np.full(ping.max(initial=0) + 1, values.min())
     np.maximum.at(largest, ping, values)
@@ -201,17 +151,9 @@ SPECK_SHARE = 0.05                 # of the largest piece
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectBins:
-    """An object of a record and the bins that show it, over the dimensions of ``level`` without the banks.
+    """An object of a record and the bins that show it, over the dimensions of ``level`` without the banks."""
 
-    Attributes
-    ----------
-    label : int
-        Its number in the record.
-    name, class_name : str
-    highlight, shadow : bool array
-    """
-
-    label: int
+    label: int  # its number in the record
     name: str
     class_name: str
     highlight: np.ndarray
@@ -219,13 +161,7 @@ class ObjectBins:
 
 
 def check_labelled(dataset: xr.Dataset, name: str = "the dataset") -> None:
-    """Refuse a dataset without the labels that are needed here.
-
-    Raises
-    ------
-    ValueError
-        If a variable or attribute is missing; ``name`` is what a person calls the dataset.
-    """
+    """Refuse a dataset without the labels that are needed here."""
     needed = FROM_ABOVE if is_focused(dataset) and "share" not in dataset else NEEDED
     missing = [name for name in needed if name not in dataset.data_vars]
     missing += ["attribute objects"] * ("objects" not in dataset.attrs)
@@ -236,32 +172,8 @@ def check_labelled(dataset: xr.Dataset, name: str = "the dataset") -> None:
 
 def object_bins(dataset: xr.Dataset, *, threshold: float = 0.5, above_noise_db: float = 0.0,
                 smallest: int = 1) -> Iterator[ObjectBins]:
-    """Find the highlight and the shadow of every object.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        As ``mitsonar.render`` gives it.
-    threshold : float [-]
-        Share of a bin's energy that an object must exceed, at least 0 and below 1. Below 0.5 several objects may hold
-        a bin.
-    above_noise_db : float [dB]
-        How far the mean echo of a highlight's bins must be above the noise, where the record has noise.
-    smallest : int
-        Bins that every piece of a highlight or shadow must have, and a twentieth of those of its largest in the same
-        picture; smaller ones are dropped, for they would stretch boxes. Pieces hang together along rows and columns of
-        the picture. 1: all are kept.
-
-    Yields
-    ------
-    ObjectBins
-        In the order of the label numbers; an object that is not seen has no bins.
-
-    Raises
-    ------
-    ValueError
-        If the dataset has no labels, or an argument is out of range.
-    """
+    """Find the highlight and the shadow of every object."""
+    # above_noise_db [dB]
     check_labelled(dataset)
     if not 0 <= threshold < 1:
         raise ValueError(f"the threshold is {threshold:g}; give a share of at least 0 and below 1, such as 0.5.")
@@ -307,7 +219,7 @@ def _without_specks(patch, dims, smallest):
 
 
 def _without_gaps(label, dark):
-    """Give dark bins between two of a label in the same ping that label."""
+    """Return dark bins between two of a label in the same ping that label."""
     bins = np.arange(label.shape[-1])
     known = (label > 0) | ~dark                        # a bin that is lit ends a shadow
     before = np.maximum.accumulate(np.where(known, bins, 0), -1)

@@ -224,7 +224,7 @@ def _variation(window):
 
 
 def _correlation(windows, axis):
-    """Give medians over windows of the correlation at lags 1 to 5."""
+    """Return medians over windows of the correlation at lags 1 to 5."""
     if not windows:
         return np.full(LAGS, np.nan)
     found = []
@@ -236,7 +236,7 @@ def _correlation(windows, axis):
 
 
 def _spectrum(ratio, axis):
-    """Give mean periodograms of runs of 64 samples without gaps, in octaves of the wavelength."""
+    """Return mean periodograms of runs of 64 samples without gaps, in octaves of the wavelength."""
     lines = np.moveaxis(ratio, axis, -1)
     lines = lines[:, :lines.shape[1] // LONG * LONG].reshape(-1, LONG)
     lines = lines[np.isfinite(lines).all(1)]
@@ -251,7 +251,7 @@ def _spectrum(ratio, axis):
 
 
 def _shadows(bed, level, middle):
-    """Give depths [dB] under the bed within shadows, without their edges."""
+    """Return depths [dB] under the bed within shadows, without their edges."""
     number, count = ndimage.label(bed & (level < middle - DARK_DB))
     if not count:
         return np.empty(0)

@@ -23,26 +23,14 @@ DECAY = np.log(1e6)                # of a power over the ringing
 
 @dataclass(frozen=True, kw_only=True)
 class Recorder:
-    """Receiver and recorder; by default without faults.
+    """Receiver and recorder; by default without faults."""
 
-    Attributes
-    ----------
-    back, crosstalk : float [-]
-        Powers of the other side that a side's channel has, by its face and by its wires.
-    bits : int
-        Of a sample; 0: neither steps nor a full scale.
-    full_scale : float [µPa²]
-        Loudest intensity that a sample holds.
-    blind, ringing : float [s]
-        How long the compressed transmission lasts, and in what time it falls by 60 dB; 0 for `ringing`: unheard.
-    """
-
-    back: float = 0.0
-    crosstalk: float = 0.0
-    bits: int = 0
-    full_scale: float = np.inf
-    blind: float = 0.0
-    ringing: float = 0.0
+    back: float = 0.0  # powers of the other side that a side's channel has, by its face and by its wires
+    crosstalk: float = 0.0  # powers of the other side that a side's channel has, by its face and by its wires
+    bits: int = 0  # of a sample
+    full_scale: float = np.inf  # [µPa²]: loudest intensity that a sample holds
+    blind: float = 0.0  # [s]: how long the compressed transmission lasts, and in what time it falls by 60 dB
+    ringing: float = 0.0  # [s]: how long the compressed transmission lasts, and in what time it falls by 60 dB
 
     def __post_init__(self):
         for name in ("back", "crosstalk"):
@@ -62,30 +50,18 @@ FAULTLESS = Recorder()
 
 
 def leaked(intensity: np.ndarray, recorder: Recorder) -> np.ndarray:
-    """Give the mean intensities (ping, side, ...) of channels that hear the other side too."""
+    """Return the mean intensities (ping, side, ...) of channels that hear the other side too."""
     return intensity + recorder.leakage * intensity[:, ::-1] if recorder.leakage else intensity
 
 
 def leaked_pressure(pressure: np.ndarray, recorder: Recorder) -> np.ndarray:
-    """Give the complex pressures (ping, side, ...) of channels that hear the other side too."""
+    """Return the complex pressures (ping, side, ...) of channels that hear the other side too."""
     return pressure + np.sqrt(recorder.leakage) * pressure[:, ::-1] if recorder.leakage else pressure
 
 
 def recorded(intensity: np.ndarray, recorder: Recorder, time: np.ndarray) -> np.ndarray:
-    """Give the intensities [µPa²] of the samples that are kept.
-
-    Parameters
-    ----------
-    intensity : (..., bins) [µPa²]
-        Of one realisation, noise included.
-    recorder : Recorder
-    time : (bins,) [s]
-        Two-way time of the bins.
-
-    Returns
-    -------
-    (..., bins) [µPa²]
-    """
+    """Return the intensities [µPa²] of the samples that are kept."""
+    # intensity (..., bins) [µPa²]; time [s] -> (..., bins) [µPa²]
     if not recorder.bits:
         return intensity
     if recorder.ringing:

@@ -24,26 +24,14 @@ DIMS = ("ping", "range")
 
 @dataclass(frozen=True, kw_only=True)
 class Turns:
-    """Where a head looks at its pings.
+    """Where a head looks at its pings."""
 
-    Attributes
-    ----------
-    bearing : (P,) [rad]
-        Relative to the platform, within ±π.
-    turn : (P,) int
-        Number of the turn, or of the way across the sector.
-    platform : Track
-        Its attitude, and the place of the head.
-    mount : str
-    tilt, sector : float [rad]
-    """
-
-    bearing: np.ndarray
-    turn: np.ndarray
-    platform: Track
+    bearing: np.ndarray  # (P,) [rad]: relative to the platform, within ±π
+    turn: np.ndarray  # (P,): number of the turn, or of the way across the sector
+    platform: Track  # its attitude, and the place of the head
     mount: str
-    tilt: float
-    sector: float
+    tilt: float  # [rad]
+    sector: float  # [rad]
 
 
 def mean_power(compressed: np.ndarray, bins: int) -> np.ndarray:
@@ -55,35 +43,9 @@ def mean_power(compressed: np.ndarray, bins: int) -> np.ndarray:
 def image(power: np.ndarray, record: EnergyRecord, expected: np.ndarray, *, turns: Turns, time: np.ndarray,
           sound_speed: float, depth_below: np.ndarray, labels: Mapping[int, str], class_of: Mapping[int, int],
           attrs: Mapping[str, object]) -> xr.Dataset:
-    """Make the dataset of a run.
-
-    Parameters
-    ----------
-    power : (P, bins) [µPa²]
-        Of the signals.
-    record : EnergyRecord
-        Of the head's pings, arrays (ping, ..., bin).
-    expected : (P, bins) [µPa²]
-        What the pulse makes of the record's energies.
-    turns : Turns
-    time : (bins,) [s]
-        Of the bins' centres.
-    sound_speed : float [m/s]
-        That turns time into slant range.
-    depth_below : (P,) [m]
-        Seabed below the head.
-    labels : dict[int, str]
-        Names of the instances.
-    class_of : dict[int, int]
-        Number of an instance → number of its class.
-    attrs : dict
-        What else is known of the run.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``level`` (ping, range) [dB re 1 µPa], its mean, and ground truth over the same bins.
-    """
+    """Make the dataset of a run."""
+    # power (P, bins) [µPa²]; expected (P, bins) [µPa²]; time [s]; sound_speed [m/s]; depth_below (P,) [m]; labels
+    # [int, str]; class_of [int, int]
     in_beam = record.echoes_in_beam
     # in a shadow side lobes bring what little there is: it has no label
     label = np.where(in_beam > 0, record.truth.label, np.uint32(0))

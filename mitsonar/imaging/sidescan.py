@@ -31,14 +31,8 @@ FEW_CELLS = 64                     # fewer of them where they have more cells th
 
 
 def pulse_shares(bin_length: float, pulse_length: float) -> np.ndarray:
-    """Overlap of a pulse, centred on a bin, with the bins or half bins it covers.
-
-    Returns
-    -------
-    (1,) or (2 n,) array
-        One share, of the whole bin, where the pulse is no longer than the bin; else the shares of the half bins from n
-        before to n after the bin's centre, whose sum is twice pulse_length / bin_length.
-    """
+    """Overlap of a pulse, centred on a bin, with the bins or half bins it covers."""
+    # -> (1,)
     ratio = pulse_length / bin_length
     if ratio <= 1:
         return np.array([ratio])
@@ -67,30 +61,9 @@ def mean_intensity(intensity: np.ndarray, shares: np.ndarray) -> np.ndarray:
 def realisation(intensity: np.ndarray, shares: np.ndarray, speckle: np.ndarray, noise: float,
                 random: np.random.Generator, coherent: np.ndarray | None = None,
                 coherent_intensity: np.ndarray | float = 0.0, recorder: Recorder = FAULTLESS) -> np.ndarray:
-    """Draw the intensity one ping would record.
-
-    Parameters
-    ----------
-    intensity : (..., bins) [µPa²]
-    shares : array
-        See `pulse_shares`.
-    speckle : (..., gates) complex [-]
-        Of the gates of bins, see `speckle_gates`: circular Gaussian of unit variance, independent from gate to gate.
-    noise : float [µPa²]
-    random : numpy.random.Generator
-        Of the noise.
-    coherent : (..., bins, cells) complex [µPa] or None
-        Means of what has a phase of its own over the cells of bins.
-    coherent_intensity : (..., bins) [µPa²]
-        Mean of its square.
-    recorder : Recorder
-        Whose leakage adds the other side's incoherent echoes, speckle and all, to each side's; axes are (ping, side,
-        bins) where there is any.
-
-    Returns
-    -------
-    (..., bins) [µPa²]
-    """
+    """Draw the intensity one ping would record."""
+    # intensity (..., bins) [µPa²]; speckle (..., gates) [-]; noise [µPa²]; coherent (..., bins, cells) [µPa];
+    # coherent_intensity (..., bins) [µPa²] -> (..., bins) [µPa²]
     if len(shares) == 1:
         cells = speckle.shape[-1] // intensity.shape[-1]
         amplitude = np.sqrt(shares[0] * intensity)
@@ -114,37 +87,9 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
           labels: Mapping[int, str], class_of: Mapping[int, int], noise_db: float | None,
           speckle: Callable[[np.ndarray], np.ndarray] | None, seed: int, absorption_db: float,
           paths: Sequence[str] = ("b",), recorder: Recorder = FAULTLESS) -> xarray.Dataset:
-    """Make the dataset of a run.
-
-    Parameters
-    ----------
-    record : EnergyRecord
-        Arrays (ping, side, bin).
-    sonar : Sidescan
-    track : Track
-    depth_below : (P,) [m]
-    window : (float, float) [s]
-    labels : dict[int, str]
-        Names of the instances.
-    class_of : dict[int, int]
-        Number of an instance → number of its class.
-    paths : tuple of str
-        Names of the paths of ``path_intensity``, which is there where there are more than one.
-    noise_db : float [dB re 1 µPa] or None
-        In the receiver's band and beam; None for none.
-    speckle : callable or None
-        Gives the speckle (B, side, gates) of pings (B,), see `realisation`; None: mean levels.
-    seed : int
-    absorption_db : float [dB/m]
-        At the head, for display gain.
-    recorder : Recorder
-        What receiver and recorder make of the echoes.
-
-    Returns
-    -------
-    xarray.Dataset
-        Dimensions (ping, side, range); see its attributes.
-    """
+    """Make the dataset of a run."""
+    # depth_below (P,) [m]; window [s]; labels [int, str]; class_of [int, int]; noise_db [dB re 1 µPa]; absorption_db
+    # [dB/m]
     pings, _, bins = record.intensity.shape
     bin_length = (window[1] - window[0]) / bins
     time = window[0] + (np.arange(bins) + 0.5) * bin_length

@@ -20,53 +20,21 @@ HALF = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class BinTruth:
-    """Ground truth of bins.
+    """Ground truth of bins."""
 
-    Attributes
-    ----------
-    label : (..., bins) uint32
-        Number of the instance, from 1, that brings most of what arrives in the bin, an object only where its main lobe
-        meets the bin; 0 where nothing does.
-    share : (..., L, bins) float32
-        Of every instance in the bin's energy, as the picture shows it.
-    hidden : (..., bins) float32
-        Share of the seabed's echo that objects hide.
-    object_shadow : (..., bins) uint32
-        Number of the instance in whose shadow the bin lies, else 0.
-    layover : (..., bins) uint8
-        Separate places that share the bin.
-    seabed_place : (..., bins, 3) float32 [m]
-        x, y and depth of the seabed that the main lobe sees there; NaN where it sees hardly any.
-    """
-
-    label: np.ndarray
-    share: np.ndarray
-    hidden: np.ndarray
-    object_shadow: np.ndarray
-    layover: np.ndarray
-    seabed_place: np.ndarray
+    label: np.ndarray  # (..., bins)
+    share: np.ndarray  # (..., L, bins): of every instance in the bin's energy, as the picture shows it
+    hidden: np.ndarray  # (..., bins): share of the seabed's echo that objects hide
+    object_shadow: np.ndarray  # (..., bins): number of the instance in whose shadow the bin lies, else 0
+    layover: np.ndarray  # (..., bins): separate places that share the bin
+    seabed_place: np.ndarray  # (..., bins, 3) [m]: x, y and depth of the seabed that the main lobe sees there
 
 
 def shares(intensity: np.ndarray, shown: Callable[[np.ndarray], np.ndarray],
            coherent_power: np.ndarray | None = None, coherent_intensity: np.ndarray | None = None) -> np.ndarray:
-    """Share of every instance in the bins' energy.
-
-    Parameters
-    ----------
-    intensity : (..., L, bins) [µPa²]
-        E.
-    shown : callable
-        What the picture makes of intensities.
-    coherent_power : (..., L, bins) or None
-        P [µPa²], of the echoes whose middles lie in the bin.
-    coherent_intensity : (..., bins) [µPa²] or None
-        C.
-
-    Returns
-    -------
-    (..., L, bins) float32
-        Adds to 1 over L, or is 0 where no echo arrives.
-    """
+    """Share of every instance in the bins' energy."""
+    # intensity (..., L, bins) [µPa²]; coherent_power (..., L, bins); coherent_intensity (..., bins) [µPa²] -> (..., L,
+    # bins)
     total = shown(np.asarray(intensity, float))
     if coherent_power is not None and coherent_intensity is not None:
         power, coherent = shown(np.asarray(coherent_power, float)), coherent_intensity[..., None, :]
@@ -89,27 +57,9 @@ def _beside(values: np.ndarray) -> np.ndarray:
 def shadows(hidden_intensity: np.ndarray, seabed_intensity: np.ndarray, intensity: np.ndarray,
             shown: Callable[[np.ndarray], np.ndarray],
             coherent_intensity: np.ndarray | float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """Share of the seabed's echo that objects hide, and whose shadow a bin lies in.
-
-    Parameters
-    ----------
-    hidden_intensity : (..., L, bins) [µPa²]
-        H.
-    seabed_intensity : (..., bins) [µPa²]
-        B.
-    intensity : (..., bins) [µPa²]
-        Of all echoes, but for those with a phase.
-    shown : callable
-        What the picture makes of intensities.
-    coherent_intensity : (..., bins) [µPa²]
-        C.
-
-    Returns
-    -------
-    hidden : (..., bins) float32
-    object_shadow : (..., bins) uint32
-        Number of the instance, from 1, that hides most, where its shadow is; else 0.
-    """
+    """Share of the seabed's echo that objects hide, and whose shadow a bin lies in."""
+    # hidden_intensity (..., L, bins) [µPa²]; seabed_intensity (..., bins) [µPa²]; intensity (..., bins) [µPa²];
+    # coherent_intensity (..., bins) [µPa²] -> hidden (..., bins), object_shadow (..., bins)
     by_object = shown(np.asarray(hidden_intensity, float))
     lost = by_object.sum(-2)
     total = lost + shown(np.asarray(seabed_intensity, float))
@@ -119,22 +69,8 @@ def shadows(hidden_intensity: np.ndarray, seabed_intensity: np.ndarray, intensit
 
 
 def variables(known: BinTruth, label: np.ndarray, class_of: Mapping[int, int], dims: tuple[str, ...]) -> dict:
-    """Give what is known of the bins as variables of a dataset.
-
-    Parameters
-    ----------
-    known : BinTruth
-    label : (...) uint32
-        Number of the instance that brings most; 0 where no echo arrives.
-    class_of : dict[int, int]
-        Number of an instance → number of its class.
-    dims : tuple of str
-        Of a bin.
-
-    Returns
-    -------
-    dict of (dims, values, attributes)
-    """
+    """Return what is known of the bins as variables of a dataset."""
+    # label (...); class_of [int, int]
     def entry(values, units, long_name, dims=dims):
         return dims, values, {"units": units, "long_name": long_name}
 

@@ -32,49 +32,24 @@ Progress = Callable[[float, float], object]
 
 @dataclass(frozen=True, kw_only=True)
 class Solved:
-    """An answer.
+    """An answer."""
 
-    Attributes
-    ----------
-    dataset : xarray.Dataset
-        For a file.
-    sentences : list of str
-        What was done, and what was observable.
-    """
-
-    dataset: xr.Dataset
-    sentences: list[str]
+    dataset: xr.Dataset  # for a file
+    sentences: list[str]  # what was done, and what was observable
 
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """A problem with a name.
+    """A problem with a name."""
 
-    Parameters
-    ----------
-    asks : str
-        The inputs, as the help says them.
-    summary : str
-    takes : tuple of str
-        Names of options.
-    solve : callable
-        Of inputs, options and progress.
-    """
-
-    asks: str
+    asks: str  # the inputs, as the help says them
     summary: str
-    takes: tuple[str, ...]
-    solve: Callable[[Sequence[str], Options, Progress], Solved]
+    takes: tuple[str, ...]  # names of options
+    solve: Callable[[Sequence[str], Options, Progress], Solved]  # of inputs, options and progress
 
 
 def image_of(record: str) -> xr.Dataset:
-    """Read the image of a file.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If there is none, or it holds something else.
-    """
+    """Read the image of a file."""
     import xarray as xr
 
     from mitsonar.io import reading
@@ -86,13 +61,7 @@ def image_of(record: str) -> xr.Dataset:
 
 
 def beliefs(texts: Sequence[str], names: Sequence[str]) -> dict[str, float]:
-    """Read NAME=DEVIATION of some names.
-
-    Raises
-    ------
-    ValueError
-        If a name is none of them or stands twice, or a deviation is no number of 0 or more.
-    """
+    """Read NAME=DEVIATION of some names."""
     import math
 
     from mitsonar.device.spelling import meant
@@ -174,13 +143,7 @@ RAYS_PER_BIN = 10                  # of a fit to a speckled image: 156 found hei
 
 
 def solve(what: str, inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
-    """Solve a problem of a name, or fit parameters of a scene.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError, TypeError
-        If an option is none of the problem's, or as the problem.
-    """
+    """Solve a problem of a name, or fit parameters of a scene."""
     problem = PROBLEMS.get(what, SCENE)
     for name in options:
         if name not in problem.takes:

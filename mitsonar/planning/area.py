@@ -20,49 +20,37 @@ _PAIRS = 1 << 20                   # of edges compared at once
 
 @dataclass(frozen=True, kw_only=True)
 class LineFrame:
-    """Count along and across lines of one heading.
+    """Count along and across lines of one heading."""
 
-    Attributes
-    ----------
-    heading : float [rad]
-        Clockwise from north.
-    """
-
-    heading: float
+    heading: float  # [rad]: clockwise from north
 
     def along_across(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Give s along the lines and u to starboard of them [m]."""
+        """Return s along the lines and u to starboard of them [m]."""
         sine, cosine = np.sin(self.heading), np.cos(self.heading)
         return x * sine + y * cosine, x * cosine - y * sine
 
     def place(self, along: np.ndarray, across: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Give x and y [m] of a place: the way back."""
+        """Return x and y [m] of a place: the way back."""
         sine, cosine = np.sin(self.heading), np.cos(self.heading)
         return along * sine + across * cosine, along * cosine - across * sine
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Area:
-    """Hold the rings around an area.
+    """Hold the rings around an area."""
 
-    Attributes
-    ----------
-    rings : tuple of arrays (N, 2) [m]
-        x and y of corners, the last not repeated; outer rings and holes alike.
-    """
-
-    rings: tuple[np.ndarray, ...]
+    rings: tuple[np.ndarray, ...]  # (N, 2) [m]: x and y of corners, the last not repeated
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
-        """Give west, south, east and north [m]."""
+        """Return west, south, east and north [m]."""
         corners = np.concatenate(self.rings)
         low, high = corners.min(0), corners.max(0)
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
     @property
     def size(self) -> float:
-        """Give the area [m²]: of every ring what it adds or takes away, by how many others it lies in."""
+        """Return the area [m²]: of every ring what it adds or takes away, by how many others it lies in."""
         total = 0.0
         for number, ring in enumerate(self.rings):
             x, y = ring.T
@@ -83,20 +71,8 @@ class Area:
 
 
 def inside_rows(rings: Sequence[np.ndarray], rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Tell which nodes (row, column) lie within rings.
-
-    Parameters
-    ----------
-    rings : sequence of arrays (N, 2)
-        Column and row of corners.
-    rows : array (R,)
-    columns : array (C,)
-        Increasing.
-
-    Returns
-    -------
-    bool array (R, C)
-    """
+    """Tell which nodes (row, column) lie within rings."""
+    # rings (N, 2); rows (R,); columns (C,) -> (R, C)
     begins = np.concatenate(rings)
     ends = np.concatenate([np.roll(ring, -1, axis=0) for ring in rings])
     (u_0, s_0), (u_1, s_1) = begins.T, ends.T
@@ -112,21 +88,8 @@ def inside_rows(rings: Sequence[np.ndarray], rows: np.ndarray, columns: np.ndarr
 
 
 def polygon(rings: Sequence[np.ndarray], what: str = "the area") -> Area:
-    """Check the rings of an area.
-
-    Parameters
-    ----------
-    rings : sequence of arrays (N, 2) [m]
-        x and y of corners; a last one that repeats the first is dropped.
-    what : str
-        What errors call it.
-
-    Raises
-    ------
-    ValueError
-        If there is no ring, one has fewer than three corners or no extent, an edge crosses another, or there are too
-        many corners.
-    """
+    """Check the rings of an area."""
+    # rings (N, 2) [m]
     kept = []
     for ring in rings:
         ring = np.asarray(ring, float)
@@ -152,7 +115,7 @@ def polygon(rings: Sequence[np.ndarray], what: str = "the area") -> Area:
 
 
 def crossed_edges(rings: Sequence[np.ndarray]) -> np.ndarray | None:
-    """Give a corner (2,) beside the first two edges that cross, not counting neighbours that share one; else None."""
+    """Return a corner (2,) beside the first two edges that cross, not counting neighbours that share one; else None."""
     begins = np.concatenate(rings)
     ends = np.concatenate([np.roll(ring, -1, axis=0) for ring in rings])
     origin = begins.mean(0)

@@ -30,41 +30,27 @@ _WITHIN = {"FeatureCollection": "features", "GeometryCollection": "geometries", 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Corners:
-    """Hold the rings of an area as they were written.
+    """Hold the rings of an area as they were written."""
 
-    Attributes
-    ----------
-    rings : tuple of arrays (N, 2)
-        x and y [m], or longitude and latitude [degrees].
-    crs : str
-        Their coordinate system; empty for metres of the bathymetry's own.
-    """
-
-    rings: tuple[np.ndarray, ...]
-    crs: str
+    rings: tuple[np.ndarray, ...]  # (N, 2): x and y [m], or longitude and latitude [degrees]
+    crs: str  # their coordinate system
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
-        """Give the smallest and largest first, and second coordinates: west, south, east, north."""
+        """Return the smallest and largest first, and second coordinates: west, south, east, north."""
         corners = np.concatenate(self.rings)
         (west, south), (east, north) = corners.min(0), corners.max(0)
         return float(west), float(south), float(east), float(north)
 
     def utm(self) -> str:
-        """Give the UTM system that the middle lies in; empty for metres of no system."""
+        """Return the UTM system that the middle lies in; empty for metres of no system."""
         if not self.crs:
             return ""
         west, south, east, north = self.bounds
         return rasters.name_of(rasters.utm((west + east) / 2, (south + north) / 2, rasters.crs_of(self.crs)))
 
     def placed(self, frame: Frame) -> list[np.ndarray]:
-        """Give the rings about the origin of a frame, arrays (N, 2) [m].
-
-        Raises
-        ------
-        ValueError
-            If the frame has no coordinate system where one is needed, or a corner lies where it does not reach.
-        """
+        """Return the rings about the origin of a frame, arrays (N, 2) [m]."""
         if not self.crs:
             return [ring - frame.origin for ring in self.rings]
         if self.crs == WGS84:
@@ -82,20 +68,7 @@ class Corners:
 
 
 def read(text: FilePath) -> Corners:
-    """Read an area.
-
-    Parameters
-    ----------
-    text : str or path
-        Corners as `tracks.waypoints` reads them, or the name of a GeoJSON file.
-
-    Raises
-    ------
-    FileNotFoundError
-        If it is neither corners nor a file.
-    ValueError
-        If the file is too large, no GeoJSON, or holds no polygon; or the corners are not written as they should be.
-    """
+    """Read an area."""
     if os.path.exists(text) or not re.search(r"\d[^/\\]*[,;\s]", str(text)):
         return _of_file(text)
     try:

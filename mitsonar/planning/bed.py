@@ -23,43 +23,33 @@ ROUNDING = 1e-6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bed:
-    """Hold depths on a grid.
+    """Hold depths on a grid."""
 
-    Attributes
-    ----------
-    x, y : array (X,), (Y,) [m]
-        East and north, increasing by a constant step.
-    depth : float32 array (Y, X) [m]
-        Below the surface, everywhere; negative on land.
-    known : bool array (Y, X)
-        Where the depth is a surveyed one.
-    """
-
-    x: np.ndarray
-    y: np.ndarray
-    depth: np.ndarray
-    known: np.ndarray
+    x: np.ndarray  # (X,) [m]: east and north, increasing by a constant step
+    y: np.ndarray  # (X,) [m]: east and north, increasing by a constant step
+    depth: np.ndarray  # (Y, X) [m]: below the surface, everywhere
+    known: np.ndarray  # (Y, X): where the depth is a surveyed one
 
     @property
     def step(self) -> tuple[float, float]:
-        """Give the distance of columns and of rows [m]."""
+        """Return the distance of columns and of rows [m]."""
         across, along = (float((axis[-1] - axis[0]) / (axis.size - 1)) for axis in (self.x, self.y))
         return across, along
 
     def places(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Give rows and columns (2, ...) of places, in parts of a node."""
+        """Return rows and columns (2, ...) of places, in parts of a node."""
         across, along = self.step
         return np.stack([(y - self.y[0]) / along, (x - self.x[0]) / across])
 
     def depth_at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Give the depth [m] at places, between nodes linear in x and in y, beyond the grid that of its edge."""
+        """Return the depth [m] at places, between nodes linear in x and in y, beyond the grid that of its edge."""
         from scipy.ndimage import map_coordinates
 
         place = self.places(x, y)
         return map_coordinates(self.depth, place.reshape(2, -1), order=1, mode="nearest").reshape(place.shape[1:])
 
     def window(self, west: float, south: float, east: float, north: float) -> Bed:
-        """Give the part within bounds [m], with a node beyond each where there is one; at least two of either."""
+        """Return the part within bounds [m], with a node beyond each where there is one; at least two of either."""
         (left, right), (low, high) = (_span(axis, *ends) for axis, ends in ((self.x, (west, east)),
                                                                             (self.y, (south, north))))
         return Bed(x=self.x[left:right], y=self.y[low:high], depth=self.depth[low:high, left:right],
@@ -73,20 +63,8 @@ def _span(axis, low, high):
 
 
 def bed_of(x: np.ndarray, y: np.ndarray, heights: np.ndarray) -> Bed:
-    """Make a bed of a survey's heights.
-
-    Parameters
-    ----------
-    x, y : array (X,), (Y,) [m]
-        Increasing.
-    heights : array (Y, X) [m]
-        z up; NaN without a depth.
-
-    Raises
-    ------
-    ValueError
-        If nothing lies below the surface.
-    """
+    """Make a bed of a survey's heights."""
+    # x, y (X,) [m]; heights (Y, X) [m]
     from scipy.ndimage import distance_transform_edt
 
     factor = int(np.ceil(np.sqrt(heights.size / MOST_NODES)))
@@ -126,21 +104,8 @@ def flat_bed(depth: float, west: float, south: float, east: float, north: float)
 
 
 def heading_along_contours(bed: Bed, area: np.ndarray, width: float) -> float | None:
-    """Give the heading along the contours.
-
-    Parameters
-    ----------
-    bed : Bed
-    area : bool array (Y, X)
-        The nodes that count.
-    width : float [m]
-        Of a swath: shorter relief is smoothed away.
-
-    Returns
-    -------
-    float [rad] or None
-        Clockwise from north, 0 to π; None where the bed has no such direction.
-    """
+    """Return the heading along the contours."""
+    # area (Y, X); width [m] -> [rad]
     from scipy.ndimage import gaussian_filter
 
     across, along = bed.step
@@ -154,19 +119,8 @@ def heading_along_contours(bed: Bed, area: np.ndarray, width: float) -> float | 
 
 
 def heading_along_area(corners: np.ndarray) -> float:
-    """Give the heading across which an area is narrowest, so that it takes the fewest lines.
-
-    Parameters
-    ----------
-    corners : array (N, 2) [m]
-        x and y of places whose hull is the area's.
-
-    Returns
-    -------
-    float [rad]
-        Clockwise from north, 0 to π: along an edge of the hull, where the least width of a polygon is found. North
-        where the places lie on a line to the north, or there are too few.
-    """
+    """Return the heading across which an area is narrowest, so that it takes the fewest lines."""
+    # corners (N, 2) [m] -> [rad]
     from scipy.spatial import ConvexHull, QhullError
 
     try:

@@ -28,34 +28,14 @@ _REPEATED = 1e-9                   # [rad] that an angle may fall behind the lar
 
 @dataclass(frozen=True, kw_only=True)
 class SwathSonar:
-    """Hold what a plan needs of a sonar.
+    """Hold what a plan needs of a sonar."""
 
-    Attributes
-    ----------
-    swath : float [rad]
-        Between the outermost beams.
-    beams : int
-        Soundings of a ping.
-    rate : float [1/s]
-        Most pings a second.
-    head_depth : float [m]
-    max_range : float [m]
-    even : str
-        "angle" or "distance": how beams are spread.
-    name : str
-
-    Raises
-    ------
-    ValueError
-        If a number is out of its range.
-    """
-
-    swath: float
-    beams: int = 256
-    rate: float = np.inf
-    head_depth: float = 0.0
-    max_range: float = np.inf
-    even: str = "angle"
+    swath: float  # [rad]: between the outermost beams
+    beams: int = 256  # soundings of a ping
+    rate: float = np.inf  # [1/s]: most pings a second
+    head_depth: float = 0.0  # [m]
+    max_range: float = np.inf  # [m]
+    even: str = "angle"  # "angle" or "distance"
     name: str = ""
 
     def __post_init__(self):
@@ -74,44 +54,22 @@ class SwathSonar:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Track:
-    """Hold a segment with its swath.
-
-    Attributes
-    ----------
-    segment : Segment
-    s : array (S,) [m]
-        Stations along it.
-    edges : Edges
-    depth : array (S,) [m]
-        Under the sonar.
-    rate : array (S,) [1/s]
-        Pings there.
-    """
+    """Hold a segment with its swath."""
 
     segment: Segment
-    s: np.ndarray
+    s: np.ndarray  # (S,) [m]: stations along it
     edges: Edges
-    depth: np.ndarray
-    rate: np.ndarray
+    depth: np.ndarray  # (S,) [m]: under the sonar
+    rate: np.ndarray  # (S,) [1/s]: pings there
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Coverage:
-    """Hold what is covered of the nodes of a bed, arrays (Y, X).
+    """Hold what is covered of the nodes of a bed, arrays (Y, X)."""
 
-    Attributes
-    ----------
-    wanted : bool
-        In the area, and of known depth.
-    times : uint16
-        Lines that see the node.
-    density : float32 [1/m²]
-        Soundings of all of them.
-    """
-
-    wanted: np.ndarray
-    times: np.ndarray
-    density: np.ndarray
+    wanted: np.ndarray  # in the area, and of known depth
+    times: np.ndarray  # lines that see the node
+    density: np.ndarray  # [1/m²]: soundings of all of them
 
     @property
     def gap(self) -> np.ndarray:
@@ -119,7 +77,7 @@ class Coverage:
         return self.wanted & (self.times == 0)
 
     def share(self, times: int = 1) -> float:
-        """Give the share of the wanted nodes that at least so many lines see."""
+        """Return the share of the wanted nodes that at least so many lines see."""
         return float(np.count_nonzero(self.times[self.wanted] >= times) / max(np.count_nonzero(self.wanted), 1))
 
 
@@ -134,16 +92,8 @@ class Gap:
 
 def track(bed: Bed, rays: SwathRays, sonar: SwathSonar, frame: LineFrame, segment: Segment, sound_speed: float,
           step: float) -> Track:
-    """Lay a swath along a segment.
-
-    Parameters
-    ----------
-    bed, rays, sonar, frame, segment
-    sound_speed : float [m/s]
-        At the head.
-    step : float [m]
-        Between stations, about.
-    """
+    """Lay a swath along a segment."""
+    # sound_speed [m/s]; step [m]
     length = segment.end - segment.begin
     s = np.linspace(segment.begin, segment.end, int(np.clip(np.ceil(length / step) + 1, 2, 4000)))
     edges = swath_edges(bed, rays, frame, segment.offset, s)
@@ -159,15 +109,8 @@ def track(bed: Bed, rays: SwathRays, sonar: SwathSonar, frame: LineFrame, segmen
 
 def coverage(bed: Bed, rays: SwathRays, sonar: SwathSonar, frame: LineFrame, tracks: Sequence[Track], speed: float,
              wanted: np.ndarray) -> Coverage:
-    """Count over the nodes of a bed what all swaths see.
-
-    Parameters
-    ----------
-    bed, rays, sonar, frame, tracks
-    speed : float [m/s]
-    wanted : bool array (Y, X)
-        The nodes to cover.
-    """
+    """Count over the nodes of a bed what all swaths see."""
+    # speed [m/s]; wanted (Y, X)
     row, column = np.nonzero(wanted)
     along, across = frame.along_across(bed.x[column], bed.y[row])
     order = np.argsort(across)

@@ -26,33 +26,21 @@ _EDGE = 0.01                       # [m] in which the error of a surface layer e
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CastError:
-    """Hold the depth errors of a swath over a level bed.
+    """Hold the depth errors of a swath over a level bed."""
 
-    Attributes
-    ----------
-    depth : float [m]
-        Of the bed.
-    angle : array (A,) [rad]
-        Of the beams at the head, from the vertical, to the side.
-    error : array (A,) [m]
-        Depth found less the true one; NaN where no ray gets there.
-    allowed : float [m]
-        Total vertical uncertainty of the order.
-    """
-
-    depth: float
-    angle: np.ndarray
-    error: np.ndarray
-    allowed: float
+    depth: float  # [m]: of the bed
+    angle: np.ndarray  # (A,) [rad]: of the beams at the head, from the vertical, to the side
+    error: np.ndarray  # (A,) [m]: depth found less the true one
+    allowed: float  # [m]: total vertical uncertainty of the order
 
     @property
     def outer(self) -> float:
-        """Give the error [m] of the outermost beam."""
+        """Return the error [m] of the outermost beam."""
         return float(self.error[-1])
 
     @property
     def good_angle(self) -> float:
-        """Give the angle [rad] up to which the error stays within the order."""
+        """Return the angle [rad] up to which the error stays within the order."""
         bad = ~(np.abs(self.error) <= self.allowed)
         if not bad.any():
             return float(self.angle[-1])
@@ -66,17 +54,8 @@ class CastError:
 
 def depth_error(true: SoundSpeedProfile, used: SoundSpeedProfile, head_depth: float, depth: float,
                 angle: np.ndarray) -> np.ndarray:
-    """Give the depth errors [m] of beams over a level bed; NaN where no ray gets there.
-
-    Parameters
-    ----------
-    true, used : SoundSpeedProfile
-        Of the water, and of the survey.
-    head_depth, depth : float [m]
-        Of the sonar, and of the bed.
-    angle : array (A,) [rad]
-        At the head, from the vertical.
-    """
+    """Return the depth errors [m] of beams over a level bed; NaN where no ray gets there."""
+    # head_depth, depth [m]; angle (A,) [rad]
     slowness = np.sin(angle) / true.at(head_depth)
     head = np.full(angle.shape, float(head_depth))
     time = Starts(profile=true, depth=head).to_depth(slowness, np.full(angle.shape, float(depth))).time
@@ -86,23 +65,15 @@ def depth_error(true: SoundSpeedProfile, used: SoundSpeedProfile, head_depth: fl
 
 def cast_error(true: SoundSpeedProfile, used: SoundSpeedProfile, head_depth: float, depth: float, half_angle: float,
                order: SurveyOrder) -> CastError:
-    """Find the depth errors of a swath over a level bed.
-
-    Parameters
-    ----------
-    true, used : SoundSpeedProfile
-    head_depth, depth : float [m]
-    half_angle : float [rad]
-    order : SurveyOrder
-        That errors are measured against.
-    """
+    """Find the depth errors of a swath over a level bed."""
+    # head_depth, depth [m]; half_angle [rad]
     angle = np.linspace(0.0, half_angle, 65)
     return CastError(depth=float(depth), angle=angle, error=depth_error(true, used, head_depth, depth, angle),
                      allowed=float(order.vertical(depth)))
 
 
 def surface_layer_error(profile: SoundSpeedProfile, error: float, layer: float) -> SoundSpeedProfile:
-    """Give a profile that is wrong by an error [m/s] from the surface down to a depth [m], a node a metre."""
+    """Return a profile that is wrong by an error [m/s] from the surface down to a depth [m], a node a metre."""
     edges = [layer, layer + _EDGE]
     depth = np.union1d(profile.depth, [*np.linspace(0, layer, min(int(np.ceil(layer)), MOST_NODES) + 1), *edges])
     share = np.interp(depth, edges, [1.0, 0.0])

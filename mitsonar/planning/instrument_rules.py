@@ -33,21 +33,11 @@ ALIKE = 0.8                        # of the worse residual, above which a file d
 
 @dataclass(frozen=True, kw_only=True)
 class Rules:
-    """Rules by which soundings were reduced.
+    """Rules by which soundings were reduced."""
 
-    Attributes
-    ----------
-    node : bool
-        The head's sound speed was the profile's node at the arrays. If not, it was the cast's own speed there.
-    under_way : bool
-        The way of the ship while an echo came in was counted.
-    residual : dict of (node, under_way) to float [m]
-        Root mean square, one way; empty where no ping could be looked at.
-    """
-
-    node: bool = True
-    under_way: bool = True
-    residual: dict[tuple[bool, bool], float]
+    node: bool = True  # the head's sound speed was the profile's node at the arrays
+    under_way: bool = True  # the way of the ship while an echo came in was counted
+    residual: dict[tuple[bool, bool], float]  # [m]: root mean square, one way
 
     def arguments(self, soundings: xr.Dataset) -> dict[str, Any]:
         """Return the arguments of `resounded` that reduce a line by these rules."""
@@ -77,19 +67,7 @@ class Rules:
 
 
 def rules_of(soundings: xr.Dataset) -> Rules:
-    """Find the rules by which a line was reduced.
-
-    Parameters
-    ----------
-    soundings : xarray.Dataset
-        Read from a file; `mitsonar.hydrography.record` says what it holds.
-
-    Returns
-    -------
-    Rules
-        Those of the smallest residual over at most eight pings. The head's speed as the node, and the way counted,
-        where the times do not decide, or no ping has its motion up to the last echo.
-    """
+    """Find the rules by which a line was reduced."""
     last = soundings["ping_time"].values + np.nanmax(
         np.where(soundings["valid"].values, soundings["travel_time"].values, 0.0), axis=1, initial=0.0)
     time = soundings["motion_time"].values
@@ -109,20 +87,8 @@ def rules_of(soundings: xr.Dataset) -> Rules:
 
 
 def time_residuals(soundings: xr.Dataset, node: bool, under_way: bool) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return residuals of times, ping by ping.
-
-    Parameters
-    ----------
-    soundings : xarray.Dataset
-    node, under_way : bool
-        As of `Rules`.
-
-    Returns
-    -------
-    list of (bare, fitted), arrays (B,) [m]
-        One way, of the valid soundings; with nothing fitted, and with three lever arms of the ping. NaN where no ray
-        leads to a sounding; without four rays nothing is fitted.
-    """
+    """Return residuals of times, ping by ping."""
+    # -> (B,) [m]
     motion, measured, profile = Motion.of(soundings), measured_of(soundings), profile_of(soundings)
     found = []
     for number, pings in heads_of(soundings):

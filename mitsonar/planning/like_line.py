@@ -53,33 +53,8 @@ REACH = 1.2                                            # of the longest echo
 
 def like(line: FilePath, scene: FilePath, *, cell: float | None = None,
          pings: slice | None = None, say: Callable[[str], object] | None = None) -> tuple[str, ...]:
-    """Write a scene like a line.
-
-    Parameters
-    ----------
-    line : str or path
-        A file that `mitsonar.read` opens as a line of soundings.
-    scene : str or path
-        The scene's XML file; what it names is written beside it, under its name.
-    cell : float [m] or None
-        Of the bed's grid; None: as fine as the soundings are.
-    pings : slice or None
-        Of the line; None: all.
-    say : callable or None
-        Called with each clause on what was settled and what is left out; they stand in the scene's comment, too.
-
-    Returns
-    -------
-    tuple of str
-        What was written, the scene first.
-
-    Raises
-    ------
-    ValueError
-        If the line cannot be read, has no times and angles, or fewer than two pings; or ``scene`` does not end in .xml.
-    FileNotFoundError, PermissionError, OSError
-        If a file cannot be read, or written there.
-    """
+    """Write a scene like a line."""
+    # cell [m]
     stem, suffix = os.path.splitext(os.fspath(scene))
     if suffix.lower() != ".xml":
         raise ValueError(f"cannot write {scene}: a scene's name ends in .xml.")
@@ -191,7 +166,7 @@ def _bed(soundings: xr.Dataset, cell: float | None) -> xr.Dataset:
 
 
 def _strengths(soundings: xr.Dataset) -> tuple[np.ndarray, np.ndarray] | None:
-    """Give grazing angles [degrees] and the median strength [dB] about them; None where there is none."""
+    """Return grazing angles [degrees] and the median strength [dB] about them; None where there is none."""
     if "backscatter_db" not in soundings:
         return None
     level = soundings["backscatter_db"].values

@@ -19,29 +19,14 @@ WIDEST = 170.0                     # [degrees] of a swath
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Hold them.
+    """Hold them."""
 
-    Attributes
-    ----------
-    preset : str
-        Whose frequencies are nearest.
-    pings : int
-        Cycles of transmissions; a second swath is of the same.
-    ping_rate : float [Hz]
-    rows : tuple of (kind, name, value)
-        Of XML.
-    head_depth : float [m]
-        Mean depth of the transmit array.
-    words : tuple of str
-        Clauses on what of the line the scene leaves out.
-    """
-
-    preset: str
-    pings: int
-    ping_rate: float
-    rows: tuple[tuple[str, str, str], ...]
-    head_depth: float
-    words: tuple[str, ...] = ()
+    preset: str  # whose frequencies are nearest
+    pings: int  # cycles of transmissions
+    ping_rate: float  # [Hz]
+    rows: tuple[tuple[str, str, str], ...]  # of XML
+    head_depth: float  # [m]: mean depth of the transmit array
+    words: tuple[str, ...] = ()  # clauses on what of the line the scene leaves out
 
 
 def settings_of(soundings: xr.Dataset, presets: Mapping[str, Mapping[str, Any]]) -> Settings:
@@ -106,7 +91,7 @@ def _kilohertz(mode):
 
 
 def _cycles(soundings):
-    """Give the times of cycles, and how many swaths most have: a second one is sent before the first is heard."""
+    """Return the times of cycles, and how many swaths most have: a second one is sent before the first is heard."""
     time, heads = soundings["ping_time"].values, soundings.sizes.get("receive_head", 1)
     first = np.diff(time, prepend=-np.inf) > 0.5 * np.nanmin(soundings["travel_time"].values)
     return time[first], 2 if time.size >= 1.5 * first.sum() * heads else 1
@@ -136,7 +121,7 @@ def _spacing(vertical):
 
 
 def _sectors(one, vertical, swath):
-    """Give the rows of lists, from port to starboard: sectors that soundings were made with."""
+    """Return the rows of lists, from port to starboard: sectors that soundings were made with."""
     number = np.where(one["valid"].values, one["sector"].values, -1)
     middles = {int(sector): np.nanmedian(vertical[number == sector]) for sector in np.unique(number[number >= 0])}
     order = sorted(middles, key=lambda sector: middles[sector])
@@ -158,7 +143,7 @@ def _sectors(one, vertical, swath):
 
 
 def _end(vertical, some, last):
-    """Give where a sector ends, the median of pings."""
+    """Return where a sector ends, the median of pings."""
     return np.median([last(row[there]) for row, there in zip(vertical, some) if there.any()])
 
 

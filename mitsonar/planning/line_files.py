@@ -30,19 +30,7 @@ Points = list[tuple[str, np.ndarray]]
 
 
 def check(path: FilePath, frame: Frame | None = None) -> str:
-    """Check that lines can go into a file, and give its format.
-
-    Parameters
-    ----------
-    path : str or path
-    frame : Frame, optional
-        Where the plan lies, once it is known.
-
-    Raises
-    ------
-    ValueError
-        If the file's name asks for none of `FORMATS`, or for degrees where the coordinate system is unknown.
-    """
+    """Check that lines can go into a file, and give its format."""
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:
         raise ValueError(f"cannot write {path}: its name says no kind of file; let it end in .csv, .geojson or .gpx.")
@@ -53,23 +41,7 @@ def check(path: FilePath, frame: Frame | None = None) -> str:
 
 
 def write(plan: Plan, path: FilePath, frame: Frame) -> None:
-    """Write the lines of a plan.
-
-    Parameters
-    ----------
-    plan : Plan
-    path : str or path
-        Ends in .csv, .geojson or .gpx.
-    frame : Frame
-        Where the plan's x = y = 0 lies.
-
-    Raises
-    ------
-    ValueError
-        As `check`.
-    FileNotFoundError, PermissionError, OSError
-        As `files.replacing`.
-    """
+    """Write the lines of a plan."""
     kind = check(path, frame)
     text = {".csv": _csv, ".geojson": _geojson, ".gpx": _gpx}[kind](plan, frame)
     with replacing(path) as temporary:
@@ -77,7 +49,7 @@ def write(plan: Plan, path: FilePath, frame: Frame) -> None:
 
 
 def on_earth(frame: Frame, places: np.ndarray) -> np.ndarray:
-    """Give latitudes and longitudes (P, 2) [degrees] of places (P, 2) [m]."""
+    """Return latitudes and longitudes (P, 2) [degrees] of places (P, 2) [m]."""
     return np.stack(frame.on_globe(places)[:2], -1)
 
 

@@ -38,20 +38,12 @@ _HALVINGS = 14                     # of the search for a line's offset
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lattice:
-    """Hold an area as nodes along and across the lines.
-
-    Attributes
-    ----------
-    frame : LineFrame
-    s, u : array (S,), (U,) [m]
-        Increasing.
-    inside : bool array (S, U)
-    """
+    """Hold an area as nodes along and across the lines."""
 
     frame: LineFrame
-    s: np.ndarray
-    u: np.ndarray
-    inside: np.ndarray
+    s: np.ndarray  # (S,) [m]: increasing
+    u: np.ndarray  # (S,) [m]: increasing
+    inside: np.ndarray  # (S, U)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,22 +65,13 @@ class Edges:
 
     @property
     def width(self) -> np.ndarray:
-        """Give the width of the swath [m]."""
+        """Return the width of the swath [m]."""
         return self.port + self.starboard
 
 
 def swath_edges(bed: Bed, rays: SwathRays, frame: LineFrame, offset: float, s: np.ndarray) -> Edges:
-    """Find a swath's edges along a line.
-
-    Parameters
-    ----------
-    bed : Bed
-    rays : SwathRays
-    frame : LineFrame
-    offset : float [m]
-    s : array (S,) [m]
-        Where along the line.
-    """
+    """Find a swath's edges along a line."""
+    # offset [m]; s (S,) [m]
     farthest = float(rays.reach.max())
     number = int(np.clip(2 * farthest / min(bed.step), 32, MOST_SAMPLES))
     r = np.linspace(0.0, farthest * (1 + 1e-9), number + 1)
@@ -106,13 +89,7 @@ def swath_edges(bed: Bed, rays: SwathRays, frame: LineFrame, offset: float, s: n
 
 
 def even_segments(lattice: Lattice, spacing: float, shortest: float) -> list[Segment]:
-    """Lay lines at even spacing [m], in the middle of the area; gaps along a line up to ``shortest`` [m] are sailed.
-
-    Raises
-    ------
-    ValueError
-        If there would be too many.
-    """
+    """Lay lines at even spacing [m], in the middle of the area; gaps along a line up to ``shortest`` [m] are sailed."""
     across = lattice.u[lattice.inside.any(axis=0)]
     low, high = float(across[0]), float(across[-1])
     number = max(int(np.ceil((high - low) / spacing * (1 - 1e-9))), 1)
@@ -141,22 +118,8 @@ def _refuse_hopeless(sailed, left):
 
 def fitted_segments(bed: Bed, rays: SwathRays, lattice: Lattice, overlap: float, shortest: float) -> list[Segment]:
     """Lay lines so that neighbouring swaths overlap by at least a share of the width, but for a few stations of each.
-
-    Parameters
-    ----------
-    bed : Bed
-    rays : SwathRays
-    lattice : Lattice
-    overlap : float
-        0 to below 1.
-    shortest : float [m]
-        Gaps along a line up to that are sailed.
-
-    Raises
-    ------
-    ValueError
-        If there would be too many lines.
     """
+    # shortest [m]
     s, u, inside = lattice.s, lattice.u, lattice.inside
     last = np.where(inside.any(axis=1), u[u.size - 1 - np.argmax(inside[:, ::-1], axis=1)], -np.inf)
     front = np.full(s.size, -np.inf)
@@ -241,12 +204,8 @@ def in_sailing_order(segments: Sequence[Segment]) -> list[tuple[Segment, bool]]:
 
     Of two orders it is the one with the shorter ways between: line by line, across holes; or on one side of a hole
     first, each segment beside the last.
-
-    Returns
-    -------
-    list of (Segment, bool)
-        And whether it is sailed forwards, from ``begin`` to ``end``.
     """
+    # -> (Segment, bool)
     rows: dict[int, list[Segment]] = {}
     for one in sorted(segments, key=lambda one: (one.row, one.begin)):
         rows.setdefault(one.row, []).append(one)

@@ -35,40 +35,16 @@ MOST_OFFSETS = 20_000              # and across
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """Say how lines are to lie and to be sailed.
+    """Say how lines are to lie and to be sailed."""
 
-    Attributes
-    ----------
-    spacing : float [m] or None
-        Between lines; None: by the overlap.
-    overlap : float
-        Share of the swath's width that neighbours have in common, 0 to below 1.
-    swath_at : str
-        Whose swath the spacing follows by the overlap: "line" for each line's own, or that of the "shoalest" or the
-        "mean" depth of the area for all.
-    heading : float [rad] or None
-        Clockwise from north; None: along the contours.
-    speed : float [m/s]
-    run_in : float [m]
-        Straight before each line.
-    turn_radius : float [m]
-    least_depth : float [m] or None
-        Shoaler bed is left out of the area; None: a metre below the sonar's head.
-
-    Raises
-    ------
-    ValueError
-        If a number is out of its range.
-    """
-
-    spacing: float | None = None
-    overlap: float = 0.1
-    swath_at: str = "line"
-    heading: float | None = None
-    speed: float = 5 * KNOT
-    run_in: float = 50.0
-    turn_radius: float = 50.0
-    least_depth: float | None = None
+    spacing: float | None = None  # [m]: between lines
+    overlap: float = 0.1  # share of the swath's width that neighbours have in common, 0 to below 1
+    swath_at: str = "line"  # whose swath the spacing follows by the overlap
+    heading: float | None = None  # [rad]: clockwise from north
+    speed: float = 5 * KNOT  # [m/s]
+    run_in: float = 50.0  # [m]: straight before each line
+    turn_radius: float = 50.0  # [m]
+    least_depth: float | None = None  # [m]: shoaler bed is left out of the area
 
     def __post_init__(self):
         if self.spacing is not None and not 0 < self.spacing < np.inf:
@@ -90,75 +66,37 @@ class Layout:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SurveyLine:
-    """Hold a line, as it is sailed.
+    """Hold a line, as it is sailed."""
 
-    Attributes
-    ----------
-    number : int
-        From 1, in the order of sailing.
-    heading : float [rad]
-    run_in, start, end : array (2,) [m]
-        x and y.
-    length : float [m]
-        From start to end.
-    track : Track
-        Its swath, along the heading of the plan.
-    turn : Turn or None
-        Way to the next line's run-in; None after the last.
-    """
-
-    number: int
-    heading: float
-    run_in: np.ndarray
-    start: np.ndarray
-    end: np.ndarray
-    length: float
-    track: Track
-    turn: Turn | None
+    number: int  # from 1, in the order of sailing
+    heading: float  # [rad]
+    run_in: np.ndarray  # (2,) [m]: x and y
+    start: np.ndarray  # (2,) [m]: x and y
+    end: np.ndarray  # (2,) [m]: x and y
+    length: float  # [m]: from start to end
+    track: Track  # its swath, along the heading of the plan
+    turn: Turn | None  # way to the next line's run-in
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
-    """Hold a plan.
-
-    Attributes
-    ----------
-    lines : tuple of SurveyLine
-    frame : LineFrame
-    contours : bool or None
-        Whether the heading follows contours (True) or the area's longer axis (False); None: it was given.
-    area : Area or None
-        None: all of the bed that is known.
-    bed : Bed
-        About the area.
-    sonar, layout, rays
-        It was made with.
-    coverage : Coverage
-    gaps : tuple of Gap
-        The largest first.
-    refraction : tuple of CastError
-        At the shoalest, mean and deepest depth; empty where no error of the cast was given.
-    order : SurveyOrder
-    unknown, shoal : float
-        Shares of the area without a depth, and shoaler than ``least_depth``.
-    least_depth : float [m]
-    """
+    """Hold a plan."""
 
     lines: tuple[SurveyLine, ...]
     frame: LineFrame
-    contours: bool | None
-    area: Area | None
-    bed: Bed
-    sonar: SwathSonar
-    layout: Layout
-    rays: SwathRays
+    contours: bool | None  # whether the heading follows contours (True) or the area's longer axis (False)
+    area: Area | None  # none
+    bed: Bed  # about the area
+    sonar: SwathSonar  # it was made with
+    layout: Layout  # it was made with
+    rays: SwathRays  # it was made with
     coverage: Coverage
-    gaps: tuple[Gap, ...]
-    refraction: tuple[CastError, ...]
+    gaps: tuple[Gap, ...]  # the largest first
+    refraction: tuple[CastError, ...]  # at the shoalest, mean and deepest depth
     order: SurveyOrder
-    unknown: float
-    shoal: float
-    least_depth: float
+    unknown: float  # shares of the area without a depth, and shoaler than ``least_depth``
+    shoal: float  # shares of the area without a depth, and shoaler than ``least_depth``
+    least_depth: float  # [m]
 
     def pings(self, line: SurveyLine) -> int:
         """Count the pings of a line."""
@@ -167,38 +105,14 @@ class Plan:
 
     @property
     def depths(self) -> tuple[float, float, float]:
-        """Give the shoalest, the mean and the deepest depth of the area [m]."""
+        """Return the shoalest, the mean and the deepest depth of the area [m]."""
         some = self.bed.depth[self.coverage.wanted]
         return float(some.min()), float(some.mean(dtype=float)), float(some.max())
 
 
 def plan(bed: Bed, profile: SoundSpeedProfile, sonar: SwathSonar, layout: Layout | None = None, *,
          area: Area | None = None, used: SoundSpeedProfile | None = None, order: SurveyOrder = ORDERS["1a"]) -> Plan:
-    """Plan the lines of a survey.
-
-    Parameters
-    ----------
-    bed : Bed
-    profile : SoundSpeedProfile
-        Of the water.
-    sonar : SwathSonar
-    layout : Layout, optional
-    area : Area, optional
-        In the bed's coordinates; by default all of the bed that is known.
-    used : SoundSpeedProfile, optional
-        Another one, that depths are made with: what is wrong with them then.
-    order : SurveyOrder
-        That their errors are measured against.
-
-    Returns
-    -------
-    Plan
-
-    Raises
-    ------
-    ValueError
-        If the area lies outside the bed, is too small for its grid, has no swath, or needs too many lines.
-    """
+    """Plan the lines of a survey."""
     layout = layout or Layout()
     least = sonar.head_depth + 1.0 if layout.least_depth is None else layout.least_depth
     asked, bed = _nodes(bed, area, sonar)
@@ -276,7 +190,7 @@ def _without_specks(known: np.ndarray) -> np.ndarray:
 
 def _heading(bed: Bed, wanted: np.ndarray, width: float, layout: Layout,
              area: Area | None) -> tuple[float, bool | None]:
-    """Give the heading, and whether it follows contours."""
+    """Return the heading, and whether it follows contours."""
     if layout.heading is not None:
         return float(layout.heading % (2 * np.pi)), None
     found = heading_along_contours(bed, wanted, width)
@@ -286,7 +200,7 @@ def _heading(bed: Bed, wanted: np.ndarray, width: float, layout: Layout,
 
 
 def _outline(bed: Bed, inside: np.ndarray) -> np.ndarray:
-    """Give the first and the last node inside of every row: places (N, 2) [m] with the hull of all."""
+    """Return the first and the last node inside of every row: places (N, 2) [m] with the hull of all."""
     row = np.flatnonzero(inside.any(axis=1))
     first, last = np.argmax(inside[row], axis=1), inside.shape[1] - 1 - np.argmax(inside[row, ::-1], axis=1)
     return np.concatenate([np.stack([bed.x[column], bed.y[row]], -1) for column in (first, last)])

@@ -31,38 +31,21 @@ FLATTEST = 1e-3                    # [rad] above the horizontal, of rays that co
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SwathRays:
-    """Hold the tables of a swath's rays.
+    """Hold the tables of a swath's rays."""
 
-    Attributes
-    ----------
-    head_depth : float [m]
-    half_angle : float [rad]
-    depth : array (D,) [m]
-        From the head to the deepest bed.
-    reach : array (D,) [m]
-        Distance to the side up to which a bed of that depth is in the swath.
-    bent : array (K, A) [rad]
-        Angle at the head less that of the chord, over K even depths and A even angles of the chord.
-    """
-
-    head_depth: float
-    half_angle: float
-    depth: np.ndarray
-    reach: np.ndarray
-    bent: np.ndarray
+    head_depth: float  # [m]
+    half_angle: float  # [rad]
+    depth: np.ndarray  # (D,) [m]: from the head to the deepest bed
+    reach: np.ndarray  # (D,) [m]: distance to the side up to which a bed of that depth is in the swath
+    bent: np.ndarray  # (K, A) [rad]
 
     def reach_at(self, depth: Values) -> Values:
-        """Give how far to the side [m] a bed of a depth [m] is in the swath; 0 at and above the head."""
+        """Return how far to the side [m] a bed of a depth [m] is in the swath; 0 at and above the head."""
         return cast(Values, np.interp(depth, self.depth, self.reach))
 
     def angle(self, distance: np.ndarray, depth: np.ndarray) -> np.ndarray:
-        """Give the angle from the vertical at the head [rad] of the ray to a bed.
-
-        Parameters
-        ----------
-        distance, depth : array (...) [m]
-            To the side, and below the surface.
-        """
+        """Return the angle from the vertical at the head [rad] of the ray to a bed."""
+        # distance, depth (...) [m]
         from scipy.ndimage import map_coordinates
 
         below = np.maximum(depth - self.head_depth, 1e-9)
@@ -79,24 +62,8 @@ def _farthest_chord() -> float:
 
 def swath_rays(profile: SoundSpeedProfile, *, head_depth: float, half_angle: float, deepest: float,
                max_range: float = np.inf) -> SwathRays:
-    """Trace the rays of a swath down to the deepest bed.
-
-    Parameters
-    ----------
-    profile : SoundSpeedProfile
-    head_depth : float [m]
-    half_angle : float [rad]
-        Of the outermost beams, from the vertical; below π / 2.
-    deepest : float [m]
-        Below the head.
-    max_range : float [m]
-        Farthest that the sonar hears the bed, straight.
-
-    Raises
-    ------
-    ValueError
-        If the bed lies above the head, or the angle or the range is out of its range.
-    """
+    """Trace the rays of a swath down to the deepest bed."""
+    # head_depth [m]; half_angle [rad]; deepest [m]; max_range [m]
     if not deepest > head_depth >= 0:
         raise ValueError(f"the sonar's head is at {head_depth:g} m and the bed nowhere deeper than {deepest:g} m; the "
                          "head must be in the water and above the bed.")
@@ -116,17 +83,10 @@ def swath_rays(profile: SoundSpeedProfile, *, head_depth: float, half_angle: flo
 
 
 def distance(profile: SoundSpeedProfile, head_depth: float, depth: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """Give how far to the side [m] rays are when they reach depths; of rays that turn before, how far the flattest is.
-
-    Parameters
-    ----------
-    profile : SoundSpeedProfile
-    head_depth : float [m]
-    depth : array (N,) [m]
-        Below the head.
-    angle : array (N,) [rad]
-        From the vertical at the head.
+    """Return how far to the side [m] rays are when they reach depths; of rays that turn before, how far the flattest
+    is.
     """
+    # head_depth [m]; depth (N,) [m]; angle (N,) [rad]
     layers = Layers.between(profile, np.full(depth.size, float(head_depth)), depth)
     cosine = np.minimum(np.sin(angle) * layers.fastest / profile.at(head_depth), np.cos(FLATTEST))
     return cosine / layers.fastest * layers.reach(np.sqrt(1 - cosine**2), cosine)[0]

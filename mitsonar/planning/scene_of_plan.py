@@ -29,46 +29,17 @@ DEFAULT_PRESET = "shallow_400khz"
 
 @dataclass(frozen=True, kw_only=True)
 class BedFile:
-    """Say which files a plan was made of.
+    """Say which files a plan was made of."""
 
-    Attributes
-    ----------
-    bathymetry : str or None
-        None: a level bed.
-    vertical : str
-    resolution : float [m] or None
-    crs : str or None
-        That the file does not name.
-    cast : str or None
-        None: 1500 m/s.
-    """
-
-    bathymetry: str | None = None
+    bathymetry: str | None = None  # none
     vertical: str = "auto"
-    resolution: float | None = None
-    crs: str | None = None
-    cast: str | None = None
+    resolution: float | None = None  # [m]
+    crs: str | None = None  # that the file does not name
+    cast: str | None = None  # none
 
 
 def write(plan: Plan, path: FilePath, frame: Frame, files: BedFile) -> None:
-    """Write the scene of a plan.
-
-    Parameters
-    ----------
-    plan : Plan
-    path : str or path
-        Ends in .xml.
-    frame : Frame
-        Where the plan's x = y = 0 lies.
-    files : BedFile
-
-    Raises
-    ------
-    ValueError
-        If the name does not end in .xml, or no line lies over the bed.
-    FileNotFoundError, PermissionError, OSError
-        As `files.replacing`.
-    """
+    """Write the scene of a plan."""
     check(path)
     root = _scene(plan, frame, files, os.path.dirname(os.path.abspath(path)))
     ElementTree.indent(root, "    ")

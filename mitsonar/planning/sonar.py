@@ -16,23 +16,7 @@ _TAGS = ("string", "float", "integer")
 
 
 def planned_sonar(name: str) -> dict[str, Any]:
-    """Give the fields of `hydrography.planning_coverage.SwathSonar` that a sonar says, and its cast.
-
-    Parameters
-    ----------
-    name : str
-        Of a preset, or of a scene.
-
-    Returns
-    -------
-    dict
-        ``swath_deg`` in place of swath; ``cast`` only where the scene names one.
-
-    Raises
-    ------
-    ValueError
-        If there is no such preset or scene, or the scene has no such sensor.
-    """
+    """Return the fields of `hydrography.planning_coverage.SwathSonar` that a sonar says, and its cast."""
     known = presets(KIND)
     if name in known:
         return _fields(known[name]) | {"name": name}

@@ -21,14 +21,7 @@ RARE_PERCENT = 5.0                 # of the area, that is sounded less densely t
 
 
 def summary(plan: Plan, frame: Frame) -> dict[str, Any]:
-    """Give the numbers of a plan.
-
-    Parameters
-    ----------
-    plan : Plan
-    frame : Frame
-        Where the plan's x = y = 0 lies.
-    """
+    """Return the numbers of a plan."""
     layout, sonar, covered = plan.layout, plan.sonar, plan.coverage
     surveyed = sum(line.length for line in plan.lines)
     turns = sum(line.turn.length for line in plan.lines if line.turn is not None)
@@ -104,12 +97,6 @@ def _finite(value: float) -> float | None:
 
 
 def write(numbers: dict[str, Any], path: FilePath) -> None:
-    """Write the numbers as JSON.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError, PermissionError, OSError
-        As `files.replacing`.
-    """
+    """Write the numbers as JSON."""
     with replacing(path) as temporary:
         temporary.write_text(json.dumps(numbers, indent=1, allow_nan=False) + "\n", encoding="utf-8")

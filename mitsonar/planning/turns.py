@@ -26,31 +26,15 @@ _LEFT, _STRAIGHT, _RIGHT = 1.0, 0.0, -1.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Turn:
-    """Hold a way from one line to the next.
+    """Hold a way from one line to the next."""
 
-    Attributes
-    ----------
-    length : float [m]
-    path : array (N, 2) [m]
-        x and y along it, from end to begin.
-    """
-
-    length: float
-    path: np.ndarray
+    length: float  # [m]
+    path: np.ndarray  # (N, 2) [m]: x and y along it, from end to begin
 
 
 def turn(begin: np.ndarray, heading: float, end: np.ndarray, end_heading: float, radius: float) -> Turn:
-    """Find the shortest way between two places with headings.
-
-    Parameters
-    ----------
-    begin, end : array (2,) [m]
-        x and y.
-    heading, end_heading : float [rad]
-        Clockwise from north, there.
-    radius : float [m]
-        Of the arcs; 0: straight from place to place.
-    """
+    """Find the shortest way between two places with headings."""
+    # begin, end (2,) [m]; heading, end_heading [rad]; radius [m]
     way = np.asarray(end, float) - begin
     if radius <= 0:
         return Turn(length=float(np.hypot(*way)), path=np.stack([begin, end]))

@@ -52,7 +52,7 @@ def subtitle(dataset: xr.Dataset, grid: Grid, more_db: Mapping[str, float] | Non
 
 
 def in_metres(length: float) -> str:
-    """Give a length to three digits, without a power of ten."""
+    """Return a length to three digits, without a power of ten."""
     return f"{100 * length:.3g} cm" if length < 1 else f"{length:.3g} m" if length < 999.5 else f"{length:.0f} m"
 
 
@@ -74,7 +74,7 @@ MANAGED: ContextVar[list[Figure] | None] = ContextVar("managed", default=None)  
 
 
 def file_format(path: FilePath) -> str:
-    """Give the format that a file name asks for, or refuse it."""
+    """Return the format that a file name asks for, or refuse it."""
     suffix = Path(path).suffix.lower().removeprefix(".")
     if suffix not in FORMATS:
         raise ValueError(f"cannot draw {path}: its name must end in one of .{', .'.join(FORMATS)}.")
@@ -89,7 +89,7 @@ def check_path(path: FilePath | None) -> None:
 
 
 def colours_of(name: str) -> Colormap:
-    """Give the colours of a name of `COLOURS`, or refuse it."""
+    """Return the colours of a name of `COLOURS`, or refuse it."""
     if name not in COLOURS:
         raise ValueError(f"there are no colours {name!r}; choose one of {', '.join(COLOURS)}.")
     return COLOURS[name]
@@ -218,7 +218,7 @@ def _words_width(title: str, subtitle: str) -> float:
 
 def shares_of(figure: Figure, left: float, bottom: float, width: float,
               height: float) -> tuple[float, float, float, float]:
-    """Give a box in picture elements as shares of the sheet, as axes are placed."""
+    """Return a box in picture elements as shares of the sheet, as axes are placed."""
     across, up = figure.bbox.width, figure.bbox.height
     return left / across, bottom / up, width / across, height / up
 
@@ -243,7 +243,7 @@ def colour_bar(drawn: AxesImage, axes: Axes, label: str, extend: Literal["neithe
 
 
 def outline(mask: np.ndarray) -> np.ndarray:
-    """Give the picture elements around those of a mask, which stay to be seen."""
+    """Return the picture elements around those of a mask, which stay to be seen."""
     return np.asarray(ndimage.binary_dilation(mask, iterations=2), bool) & ~mask
 
 
@@ -303,6 +303,6 @@ def _write(figure, x, y, words, **style):
 
 
 def round_length(length: float) -> float:
-    """Give the largest of 1, 2, 5 x 10^n that is no longer than ``length``."""
+    """Return the largest of 1, 2, 5 x 10^n that is no longer than ``length``."""
     power = 10.0 ** np.floor(np.log10(length))
     return float(max(step * power for step in (1, 2, 5) if step * power <= length * (1 + 1e-9)))

@@ -41,13 +41,7 @@ def sheets_for(path: FilePath | None, axes: Axes | None) -> Iterator[None]:
 
 
 def moved(figure: Figure, axes: Axes | None) -> Axes:
-    """Return the first axes of a sheet, or what it shows moved into the axes that are given.
-
-    Raises
-    ------
-    ValueError
-        If the sheet has several panels, which do not fit into the axes.
-    """
+    """Return the first axes of a sheet, or what it shows moved into the axes that are given."""
     if axes is None:
         return figure.axes[0]
     keys = [getattr(one, "colorbar", None) for panel in figure.axes for one in _artists(panel)]

@@ -22,19 +22,7 @@ def held(scene: "mi.Scene") -> dict[str, Any]:
 
 
 def altered(scene: "mi.Scene", before: dict[str, Any]) -> list[str]:
-    """Names of the values that are not as they were.
-
-    Parameters
-    ----------
-    scene : mitsuba.Scene
-    before : dict
-        Of `held`.
-
-    Returns
-    -------
-    list of str
-        Sorted.
-    """
+    """Names of the values that are not as they were."""
     parameters = mi.traverse(scene)
     now, then = set(parameters.keys()), set(before)
     return sorted({*(now ^ then), *(name for name in now & then

@@ -28,17 +28,7 @@ _USER_ERRORS = ("ValueError", "RuntimeError")
 
 
 def plain(error: BaseException) -> str:
-    """Say in one sentence what an exception raised by loading or rendering a scene means.
-
-    Parameters
-    ----------
-    error : BaseException
-
-    Returns
-    -------
-    str
-        One line, such as ``scenes/x.xml, line 12: seabed: spacing is the string "a"; expected a number [m] above 0.``
-    """
+    """Say in one sentence what an exception raised by loading or rendering a scene means."""
     while error.__cause__ is not None and "(see above)" in str(error):
         error = error.__cause__  # Dr.Jit hides what a plugin raised behind its own message
     if isinstance(error, OSError) and error.strerror:

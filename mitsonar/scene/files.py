@@ -31,24 +31,6 @@ TAKEN = ("config", "filename")     # arguments of Mitsuba's parser
 def check(path: str, values: Mapping[str, str]) -> None:
     """Check every plugin and every file that a scene names.
 
-    Parameters
-    ----------
-    path : str
-        Of the scene; it is there.
-    values : dict of str to str
-        Of its parameters.
-
-    Raises
-    ------
-    ValueError
-        If a plugin is neither ours nor of the Mitsuba package, or a library lies where Mitsuba would take it for one
-        of these; if a file is a folder, a device or a pipe, or is no mesh or picture that Mitsuba can read without
-        harm; if a shape's id is too long for an image. Names the place in the scene.
-    RuntimeError
-        Of Mitsuba's parser.
-
-    Notes
-    -----
     Files that are not there are left to who opens them.
     """
     folders = scenes.check(path, values)

@@ -24,18 +24,8 @@ __all__ = ["Geometry", "Target", "interpolated", "vertex_normals"]
 
 
 def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Compute the normals at vertices.
-
-    Parameters
-    ----------
-    vertices : (V, 3) [m]
-    faces : (F, 3) int
-
-    Returns
-    -------
-    (V, 3) float32 [-]
-        Unit vectors; 0 where no face with an area is.
-    """
+    """Compute the normals at vertices."""
+    # vertices (V, 3) [m]; faces (F, 3) -> (V, 3) [-]
     corners = np.ascontiguousarray(vertices.astype(float).T[:, faces.T])                  # axis, corner, face
     share = np.empty((3, len(faces), 3))                                                  # axis, face, corner
     for corner in range(3):
@@ -52,27 +42,16 @@ def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 class Target(NamedTuple):
-    """A point target.
+    """A point target."""
 
-    Attributes
-    ----------
-    position : (3,) [m]
-    strength_db : float [dB re 1 m²]
-        Not a number where it scatters by a function of its own.
-    label : int
-    scattering : ScatteringFunction or None
-    rotation : (3, 3) or None
-        From its own axes to the scene's, where it has a function.
-    """
-
-    position: np.ndarray | Sequence[float]
-    strength_db: float
+    position: np.ndarray | Sequence[float]  # (3,) [m]
+    strength_db: float  # [dB re 1 m²]: not a number where it scatters by a function of its own
     label: int
     scattering: ScatteringFunction | None = None
-    rotation: np.ndarray | None = None
+    rotation: np.ndarray | None = None  # (3, 3): from its own axes to the scene's, where it has a function
 
     def strength_at(self, frequency: float, sound_speed: float) -> float:
-        """Give its target strength at a frequency [Hz], backwards [dB re 1 m²]; of its aspects the mean."""
+        """Return its target strength at a frequency [Hz], backwards [dB re 1 m²]; of its aspects the mean."""
         if self.scattering is None:
             return float(self.strength_db)
         form = self.scattering.form(np.array([frequency]), *self.scattering.examples(), sound_speed)
@@ -80,44 +59,8 @@ class Target(NamedTuple):
 
 
 class Geometry:
-    """A scene's facets, gathered once so that hit points can be rebuilt without a call per shape.
-
-    Attributes
-    ----------
-    named : ShapeLabels
-        Numbers, names and classes of what the scene holds.
-    labels : dict[int, str]
-        Number → name of every instance, in the order of the names.
-    kinds : UInt32
-        Kind of every shape by its registry index: 1 seabed, 2 object, 0 neither.
-    depth_range : (float, float) [m]
-        Highest and lowest point of the scene.
-    surface_label : int
-        Number of the sea surface (a shape whose attribute ``sea_surface`` is true), 0 if there is none.
-    surface_mirrors : bool
-        Whether that is perfectly flat.
-    horizontal_bounds : ((float, float), (float, float)) [m]
-        Least and largest x and y of all else.
-    normals : Float or None
-        Of `vertices`, four wide; 0 where facets are meant as they are, None if they are everywhere.
-    local_origin : (3,) [m] or None
-        Easting, northing and height of the scene's origin, from the first shape that knows them.
-    crs : str or None
-        Their coordinate system, where that shape knows it.
-    meshes : list of (int, mitsuba.Shape, int, int)
-        Registry index, shape, first row and number of rows in `faces`.
-    first_vertices : list of int
-        Row in `vertices` of the first corner of each of `meshes`.
-    others : list of (int, mitsuba.Shape)
-        Registry index and shape of what is not made of facets.
-
-    Parameters
-    ----------
-    scene : mitsuba.Scene
-    smooth_beds : bool
-        Whether every seabed is met by the normals between its nodes, whatever it says itself, and lit by smooth
-        patches, too: what gradients are of.
-    """
+    """A scene's facets, gathered once so that hit points can be rebuilt without a call per shape."""
+    # labels [int, str]; depth_range [m]; horizontal_bounds [m]; local_origin (3,) [m]
 
     def __init__(self, scene: mi.Scene, *, smooth_beds: bool = False):
         shapes = scene.shapes()
@@ -191,12 +134,12 @@ class Geometry:
         return self.vertices.numpy().reshape(-1, 4)[lowest:highest + 1, :3], faces - np.uint32(lowest)
 
     def moving(self) -> list[int]:
-        """Give the numbers in `meshes` of those whose vertices carry gradients."""
+        """Return the numbers in `meshes` of those whose vertices carry gradients."""
         return [number for number, (_, shape, *_) in enumerate(self.meshes)
                 if dr.grad_enabled(mi.traverse(shape)["vertex_positions"])]
 
     def is_smooth(self, shape: mi.Shape) -> bool:
-        """Whether a mesh is met by the normals between its nodes."""
+        """Return whether a mesh is met by the normals between its nodes."""
         if getattr(shape, "smooth_normals", False):
             return True
         return self.smooth_beds and self.named.of(shape) in self.named.seabed
@@ -210,7 +153,7 @@ class Geometry:
 
 def interpolated(lib: Any, normals: mi.Float, face: Any, u: mi.Float, v: mi.Float,
                  active: mi.Bool | bool = True) -> mi.Vector3f:
-    """Give Σ λ_i n_i, Vector3f (R,), from four-wide normals at the corners of faces, at barycentric (u, v)."""
+    """Return Σ λ_i n_i, Vector3f (R,), from four-wide normals at the corners of faces, at barycentric (u, v)."""
     a, b, c = (mi.Vector3f(n[0], n[1], n[2]) for n in
                (dr.gather(lib.Array4f, normals, face[i], active) for i in range(3)))
     return a * (1 - u - v) + b * u + c * v

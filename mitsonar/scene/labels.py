@@ -25,27 +25,8 @@ SEABED_CLASSES = ("seabed", "bed", "bottom", "seafloor")
 
 
 class ShapeLabels:
-    """Number the instances of a scene.
-
-    Parameters
-    ----------
-    shapes : list of mitsuba.Shape
-
-    Attributes
-    ----------
-    names : dict[int, str]
-        Number, from 1 → name of every instance, in the order of the names.
-    classes : dict[int, str]
-        Number, from 1 → name of every class, in the order of the names.
-    class_of : dict[int, int]
-        Number of an instance → number of its class.
-    seabed : frozenset of int
-        Numbers of what is seabed.
-    surface : int
-        Number of the sea surface, 0 if there is none.
-    objects : frozenset of int
-        Numbers of all else.
-    """
+    """Number the instances of a scene."""
+    # names [int, str]; classes [int, str]; class_of [int, int]
 
     def __init__(self, shapes: "Sequence[mi.Shape]"):
         names = sorted({name for shape in shapes for name in _names(shape)})
@@ -66,7 +47,7 @@ class ShapeLabels:
 
     @property
     def hides(self) -> bool:
-        """Whether there are objects that may hide a seabed."""
+        """Return whether there are objects that may hide a seabed."""
         return bool(self.objects) and bool(self.seabed)
 
     def of(self, shape: "mi.Shape") -> int:
@@ -86,12 +67,7 @@ class ShapeLabels:
 
 
 def check_name(name: str) -> None:
-    """Refuse the name of an instance that is too long for the channels of an image.
-
-    Raises
-    ------
-    ValueError
-    """
+    """Refuse the name of an instance that is too long for the channels of an image."""
     if (length := len(name.encode(errors="surrogatepass"))) > LONGEST:
         raise ValueError(f'the id "{name[:40]}..." has {length} bytes; give at most {LONGEST}, because images have '
                          "channels of that name")
@@ -103,19 +79,8 @@ def class_name(name: str) -> str:
 
 
 def classes_of(names: Mapping[int, str]) -> tuple[dict[int, str], dict[int, int]]:
-    """Number the classes of instances.
-
-    Parameters
-    ----------
-    names : dict[int, str]
-
-    Returns
-    -------
-    classes : dict[int, str]
-        From 1, in the order of their names.
-    class_of : dict[int, int]
-        Number of an instance → number of its class.
-    """
+    """Number the classes of instances."""
+    # names [int, str] -> classes [int, str], class_of [int, int]
     classes = dict(enumerate(sorted({class_name(name) for name in names.values()}), 1))
     number_of = {name: number for number, name in classes.items()}
     return classes, {number: number_of[class_name(name)] for number, name in names.items()}

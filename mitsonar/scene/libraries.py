@@ -24,30 +24,14 @@ SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 
 
 def check_type(name: str) -> None:
-    """Refuse a plugin that is neither one of mitsonar nor one of the Mitsuba package.
-
-    Raises
-    ------
-    ValueError
-    """
+    """Refuse a plugin that is neither one of mitsonar nor one of the Mitsuba package."""
     if name not in _known():
         raise ValueError(shortened(f'there is no plugin of type "{name}"{meant(name, PLUGINS)}; a scene may use the '
                                    "plugins of mitsonar and those of the Mitsuba package"))
 
 
 def check_folders(resolver: Any) -> None:
-    """Refuse folders in which a library lies that Mitsuba would open as one of its plugins.
-
-    Parameters
-    ----------
-    resolver : mitsuba.FileResolver
-        It looks for files beside the scene and in the current folder.
-
-    Raises
-    ------
-    ValueError
-        Names the library.
-    """
+    """Refuse folders in which a library lies that Mitsuba would open as one of its plugins."""
     for name, own in _known().items():
         found = str(resolver.resolve(f"plugins/{name}{SUFFIX}"))
         if os.path.exists(found) and not (own and os.path.samefile(found, own)):

@@ -27,15 +27,7 @@ _LOADING = threading.RLock()       # the folder in which files are looked for is
 
 
 def prepare() -> None:
-    """Set a JIT variant if none is set: LLVM on all cores, or CUDA where there is a GPU but no libLLVM.
-
-    Raises
-    ------
-    BackendError
-        If neither can be used; says what to install.
-    ValueError
-        If a library lies in the current folder that Mitsuba would open as one of its plugins.
-    """
+    """Set a JIT variant if none is set: LLVM on all cores, or CUDA where there is a GPU but no libLLVM."""
     import drjit as dr
 
     from mitsonar import plugins
@@ -114,23 +106,7 @@ def load_file(path: FilePath, /, **parameters: object) -> mi.Scene:
 
 
 def resolved(path: FilePath, parameters: Mapping[str, str]) -> str:
-    """Text of a scene file with its parameters filled in, so that it renders the same beside the original.
-
-    Parameters
-    ----------
-    path : str or path
-    parameters : dict of str to str
-
-    Returns
-    -------
-    str
-        XML. Included files are left as they are; the values they might use then stay, as ``<default>``s.
-
-    Raises
-    ------
-    ValueError
-        If the file is no XML, which Mitsuba's own reader may not notice.
-    """
+    """Text of a scene file with its parameters filled in, so that it renders the same beside the original."""
     top, values = root(path), dict(parameters)
     elements = list(top.iter())                    # in the order of the document, which is that of Mitsuba's reader
     for element in elements:

@@ -67,20 +67,8 @@ class Meeting(Protocol):
 
 
 def check(geometry: Geometry, profile: SoundSpeedProfile, frequency: float) -> None:
-    """Ask every material of a scene whether its law holds, and whether it sends anything back as it is put together.
-
-    Parameters
-    ----------
-    geometry : Geometry
-    profile : SoundSpeedProfile
-    frequency : float [Hz]
-
-    Raises
-    ------
-    ValueError
-        If one does not, if a texture finds nothing to read at its shape, or if one of Mitsuba's materials only
-        mirrors or holds one of mitsonar's; the message says which and why.
-    """
+    """Ask every material of a scene whether its law holds, and whether it sends anything back as it is put together."""
+    # frequency [Hz]
     slowest = float(np.min(profile.at(np.linspace(*geometry.depth_range, 9))))
     for shape in geometry.scene.shapes():
         material, inside = shape.bsdf(), _inside(shape.bsdf())
@@ -155,21 +143,8 @@ def _name(shape):
 
 def scattering_strength(hits: Meeting, active: mi.Bool, frequency: float, *,
                         smooth_patches: bool = False) -> tuple[mi.Float, mi.Float]:
-    """Scattering strength of each hit's material towards where the ray came from, and sin of the grazing angle.
-
-    Parameters
-    ----------
-    hits : Meeting
-    active : Bool (R,)
-    frequency : float [Hz]
-    smooth_patches : bool
-        Whether the sine is that on what surfaces scatter by, else that on their facets: facets' own patches add up to
-        the area in a bin, smooth ones change without a step from facet to facet, as derivatives want it.
-
-    Returns
-    -------
-    strength, sin_grazing : Float (R,)
-    """
+    """Scattering strength of each hit's material towards where the ray came from, and sin of the grazing angle."""
+    # active (R,); frequency [Hz] -> strength, sin_grazing (R,)
     si = _interaction(hits, active)
 
     def backwards(material: Any, si: mi.SurfaceInteraction3f, frequency: mi.Float, sound_speed: mi.Float,
@@ -183,13 +158,8 @@ def scattering_strength(hits: Meeting, active: mi.Bool, frequency: float, *,
 
 def bistatic_strength(hits: Meeting, towards: mi.Vector3f, active: mi.Bool,
                       frequency: float) -> tuple[mi.Float, mi.Float]:
-    """Scattering strength of each hit's material towards given directions, Vector3f (R,) in the scene.
-
-    Returns
-    -------
-    strength, sin_grazing : Float (R,)
-        The sine of the angle that sound comes in at; strength is 0 behind the surface.
-    """
+    """Scattering strength of each hit's material towards given directions, Vector3f (R,) in the scene."""
+    # -> strength, sin_grazing (R,)
     si = _interaction(hits, active)
     wo = si.to_local(towards)
     seen = active & (mi.Frame3f.cos_theta(wo) > 0) & (mi.Frame3f.cos_theta(si.wi) > 0)
@@ -215,32 +185,15 @@ def reflection(hits: Meeting, active: mi.Bool, frequency: float) -> tuple[mi.Flo
 
 
 def reflects(geometry: Geometry) -> bool:
-    """Whether a bed's material has a reflection coefficient (`coherent_reflection`)."""
+    """Return whether a bed's material has a reflection coefficient (`coherent_reflection`)."""
     return any(getattr(shape.bsdf(), "reflects", False) for shape in geometry.scene.shapes()
                if geometry.named.of(shape) in geometry.named.seabed)
 
 
 def coherent_reflection(hits: Meeting, sin_grazing: mi.Float, active: mi.Bool, frequency: float,
                         lowest_wavenumber: mi.Float, *, smooth_too: bool = True) -> tuple[mi.Float, mi.Float]:
-    """What a surface throws on in one phase, as a plane that is rough: real and imaginary part, e^(+iωt).
-
-    Parameters
-    ----------
-    hits : Meeting
-    sin_grazing : Float (R,)
-        On the plane.
-    active : Bool (R,)
-    frequency : float [Hz]
-    lowest_wavenumber : Float (R,) [rad/m]
-        Of what counts as rough.
-    smooth_too : bool
-        Those of smooth materials; else 0.
-
-    Returns
-    -------
-    real, imaginary : Float (R,)
-        0 where the material is one of scattering alone.
-    """
+    """What a surface throws on in one phase, as a plane that is rough: real and imaginary part, e^(+iωt)."""
+    # sin_grazing (R,); active (R,); frequency [Hz]; lowest_wavenumber (R,) [rad/m] -> real, imaginary (R,)
     si = _interaction(hits, active)
 
     def law(material: Any, si: mi.SurfaceInteraction3f, sin_grazing: mi.Float, frequency: mi.Float,
@@ -254,7 +207,7 @@ def coherent_reflection(hits: Meeting, sin_grazing: mi.Float, active: mi.Bool, f
 
 
 def loses_coherence(geometry: Geometry, pass_number: int) -> bool:
-    """Whether what scatters in a pass is not all what does in any: a material's `coherence` is below 1.
+    """Return whether what scatters in a pass is not all what does in any: a material's `coherence` is below 1.
 
     Where it is 0, pass 0 has what scatters as it would be without passes.
     """
@@ -264,18 +217,8 @@ def loses_coherence(geometry: Geometry, pass_number: int) -> bool:
 
 def coherence(point: dr.ArrayBase, normal: mi.Vector3f, shape: mi.ShapePtr, primitive: mi.UInt32,
               uv: mi.Point2f) -> mi.Float:
-    """Give the coherence of scatterers between any two passes, as their materials say.
-
-    Parameters
-    ----------
-    point, normal, shape, primitive, uv
-        As of `Meeting`, (R,).
-
-    Returns
-    -------
-    Float (R,)
-        0 to 1; 1 of Mitsuba's own materials.
-    """
+    """Return the coherence of scatterers between any two passes, as their materials say."""
+    # -> (R,)
     si: Any = dr.zeros(mi.SurfaceInteraction3f, dr.width(normal))
     si.t, si.p, si.n, si.sh_frame = mi.Float(1), mi.Point3f(point), normal, mi.Frame3f(normal)
     si.uv, si.shape, si.prim_index, si.wi = uv, shape, primitive, mi.Vector3f(0, 0, 1)
@@ -290,26 +233,8 @@ def coherence(point: dr.ArrayBase, normal: mi.Vector3f, shape: mi.ShapePtr, prim
 
 def next_direction(hits: Meeting, active: mi.Bool, frequency: float, sample1: mi.Float,
                    sample2: mi.Point2f) -> tuple[mi.Vector3f, mi.Float, mi.Bool]:
-    """Draw where sound goes on from each hit.
-
-    Parameters
-    ----------
-    hits : Meeting
-    active : Bool (R,)
-    frequency : float [Hz]
-    sample1, sample2 : Float, Point2f (R,)
-        In [0, 1).
-
-    Returns
-    -------
-    direction : Vector3f (R,)
-        Scene coordinates.
-    share : Float (R,)
-        σ / (sin θ_i density): what of the power that came in one such draw carries on, on the average over draws
-        the surface's albedo.
-    mirrored : Bool (R,)
-        Whether the surface is smooth, and knows no other direction.
-    """
+    """Draw where sound goes on from each hit."""
+    # active (R,); frequency [Hz]; sample1, sample2 (R,) -> direction (R,), share (R,), mirrored (R,)
     si = _interaction(hits, active)
 
     def on(material: Any, si: mi.SurfaceInteraction3f, frequency: mi.Float, sound_speed: mi.Float, sample1: mi.Float,

@@ -35,20 +35,8 @@ MOST_NAMES = 5                     # told of what no ping sees
 
 def annotated(image: xr.Dataset, classes: dict[int, str], class_of: dict[int, int], geometry: Geometry,
               places: np.ndarray) -> xr.Dataset:
-    """Write into an image's attributes what it shows of the scene.
-
-    Parameters
-    ----------
-    image : xarray.Dataset
-        With ``share`` and ``object_shadow``.
-    classes : dict
-        Number → name.
-    class_of : dict
-        Number of a shape → that of its class.
-    geometry : Geometry
-    places : array (P, 3) [m]
-        Of the sonar at its pings.
-    """
+    """Write into an image's attributes what it shows of the scene."""
+    # places (P, 3) [m]
     image = image.assign_attrs(known(classes, class_of, geometry, places))
     return image.assign_attrs(unseen=unseen(image))
 
@@ -61,20 +49,7 @@ def known(classes: dict[int, str], class_of: dict[int, int], geometry: Geometry,
 
 
 def described(geometry: Geometry, places: np.ndarray) -> dict[str, Any]:
-    """Describe a scene's objects and its seabed.
-
-    Parameters
-    ----------
-    geometry, places
-        As of `annotated`.
-
-    Returns
-    -------
-    dict, plain JSON
-        ``objects``: number (as text) → ``class``, ``lower`` and ``upper`` corner of its box [m], ``exposed`` (see
-        `exposure`), and what a shape that placed it says of it (``placed``); ``seabed``: a hash of the seabed's
-        geometry, empty where there is none.
-    """
+    """Describe a scene's objects and its seabed."""
     named = geometry.named
     boxes, placed, beds = {}, {}, []
     for _, shape, first, count in geometry.meshes:
@@ -106,18 +81,7 @@ def described(geometry: Geometry, places: np.ndarray) -> dict[str, Any]:
 
 
 def unseen(image: xr.Dataset, *, warn: bool = True) -> list[str]:
-    """Objects of which neither an echo nor a shadow is in an image, and tell of them by a warning if asked to.
-
-    Parameters
-    ----------
-    image : xarray.Dataset
-        With ``share``, ``object_shadow``, and the attributes of `described`.
-
-    Returns
-    -------
-    list of str
-        Their names.
-    """
+    """Objects of which neither an echo nor a shadow is in an image, and tell of them by a warning if asked to."""
     seen = {*(np.flatnonzero(np.any(image["share"].values, axis=tuple(range(1, image["share"].ndim)))) + 1).tolist(),
              *np.unique(image["object_shadow"].values).tolist()}
     names = [image.attrs["labels"][label] for label in image.attrs["objects"] if int(label) not in seen]

@@ -31,49 +31,20 @@ KINDS = {"Rectangle": 1, "Disk": 2, "Cylinder": 3, "Sphere": 4}
 
 @dataclass(frozen=True, kw_only=True)
 class Grid:
-    """Facets of one shape.
+    """Facets of one shape."""
 
-    Attributes
-    ----------
-    vertices, normals : (V, 3) [m], [-]
-        Normals of the true surface, unit.
-    texcoords : (V, 2)
-    faces : (F, 3) uint32
-    kind : int
-        Of KINDS.
-    size : (int, int)
-        Quads along s and t.
-    to_object : (3, 4)
-        From the scene to the shape's own frame.
-    """
-
-    vertices: np.ndarray
-    normals: np.ndarray
-    texcoords: np.ndarray
-    faces: np.ndarray
-    kind: int
-    size: tuple[int, int]
-    to_object: np.ndarray
+    vertices: np.ndarray  # (V, 3) [-]: normals of the true surface, unit
+    normals: np.ndarray  # (V, 3) [-]: normals of the true surface, unit
+    texcoords: np.ndarray  # (V, 2)
+    faces: np.ndarray  # (F, 3)
+    kind: int  # of KINDS
+    size: tuple[int, int]  # quads along s and t
+    to_object: np.ndarray  # (3, 4): from the scene to the shape's own frame
 
 
 def grid_of(shape: mi.Shape, sagitta: float = FINEST_SAGITTA) -> Grid:
-    """Cut a shape into facets.
-
-    Parameters
-    ----------
-    shape : mitsuba.Shape
-    sagitta : float [m]
-        Largest distance between facets and true surface.
-
-    Returns
-    -------
-    Grid
-
-    Raises
-    ------
-    ValueError
-        If there is no such grid for the shape, or it would have too many facets.
-    """
+    """Cut a shape into facets."""
+    # sagitta [m]
     kind = KINDS.get(shape.class_name())
     if kind is None:
         raise ValueError(f"the shape \"{shape.id()}\" is of the kind {shape.class_name().lower()}, which has no facets "
@@ -122,15 +93,7 @@ def _surface(kind, s, t):
 
 
 class Grids:
-    """Which facet of a grid a point of its shape lies in, on the device.
-
-    Parameters
-    ----------
-    rows : list of (int, Grid, int)
-        Registry index of the shape, its grid, and the number of the grid's first facet.
-    size : int
-        Registry indices there are, at least.
-    """
+    """Which facet of a grid a point of its shape lies in, on the device."""
 
     def __init__(self, rows: list[tuple[int, Grid, int]], size: int):
         self.lib = arrays_of(mi.Float)

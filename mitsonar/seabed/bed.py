@@ -70,7 +70,7 @@ class Bed:
         return row * columns + column + 1
 
     def heights(self, x: ArrayLike, y: ArrayLike) -> np.ndarray:
-        """Give the height (Q,) [m] of the highest triangle at each point (x, y) (Q,) [m]; NaN where there is none."""
+        """Return the height (Q,) [m] of the highest triangle at each point (x, y) (Q,) [m]; NaN where there is none."""
         x, y = np.asarray(x, float), np.asarray(y, float)
         west, south, east, north = self.bounds
         inside = np.flatnonzero((x >= west) & (x <= east) & (y >= south) & (y <= north))

@@ -103,7 +103,7 @@ class Body:
 
 
 def turn_onto(start: ArrayLike, end: ArrayLike) -> np.ndarray:
-    """Give the least rotation (3, 3) that turns one unit vector into another."""
+    """Return the least rotation (3, 3) that turns one unit vector into another."""
     start, end = np.asarray(start, float), np.asarray(end, float)
     cosine = start @ end
     if cosine < -1 + 1e-12:                                            # half a turn, about any axis across

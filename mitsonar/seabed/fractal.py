@@ -49,7 +49,7 @@ class Fractal(Relief):
     surveyed: tuple[float, float] | None = None
 
     def on_grid(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Give the heights (Y, X) [m]; raise `ValueError` if the outer scale spans too many nodes."""
+        """Return the heights (Y, X) [m]; raise `ValueError` if the outer scale spans too many nodes."""
         steps = step("y", np.asarray(y)), step("x", np.asarray(x))
         reach = self.spectrum.outer_scale if self.surveyed is None else min(
             self.spectrum.outer_scale, _SPLINE_REACH * max(self.surveyed))
@@ -72,12 +72,13 @@ class Fractal(Relief):
 
 
 def _spline_response(phase: np.ndarray) -> np.ndarray:
-    """Give the factor by which interpolation by cubic splines multiplies waves of ``phase`` [rad] from node to node."""
+    """Return the factor by which interpolation by cubic splines multiplies waves of ``phase`` [rad] from node to node.
+    """
     return np.sinc(phase / (2 * np.pi)) ** 4 / (2 / 3 + np.cos(phase) / 3)
 
 
 def _white_noise(seed: int, first: list[int], shape: list[int]) -> np.ndarray:
-    """Give the unit normal noise of the nodes from ``first`` (row, column) on."""
+    """Return the unit normal noise of the nodes from ``first`` (row, column) on."""
     noise = np.empty(shape)
     tiles = [range(start // _TILE, (start + count - 1) // _TILE + 1) for start, count in zip(first, shape)]
     for row in tiles[0]:

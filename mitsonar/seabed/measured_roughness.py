@@ -22,22 +22,8 @@ _OUTER_SCALE = 1e6                  # [m]: no levelling off within any survey
 
 def radial_spectrum(patches: Sequence[np.ndarray],
                     steps: tuple[float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Measure the spectrum of a bed by the mean of its patches, in rings of wavenumber.
-
-    Parameters
-    ----------
-    patches : sequence of arrays (N, N) [m]
-        Heights without holes, all of one size.
-    steps : tuple of 2 floats [m]
-        Distance of columns and of rows.
-
-    Returns
-    -------
-    wavenumber, power : float64 arrays (K,) [rad/m], [m^4]
-        Means of each ring, from one mode of the patch on.
-    modes : int64 array (K,)
-        How many modes of one patch a ring holds.
-    """
+    """Measure the spectrum of a bed by the mean of its patches, in rings of wavenumber."""
+    # patches (N, N) [m]; steps [m] -> wavenumber, power (K,) [m^4], modes (K,)
     size = patches[0].shape[0]
     window = np.hanning(size + 1)[:-1]
     window = np.outer(window, window)
@@ -62,25 +48,6 @@ def fit_power_law(patches: Sequence[np.ndarray], steps: tuple[float, float],
                   gamma: float | None = None) -> RoughnessSpectrum:
     """Fit a power law, and white noise beside it, to the spectrum of patches of a bed.
 
-    Parameters
-    ----------
-    patches, steps
-        As of `radial_spectrum`; `SMALLEST_PATCH` nodes at least.
-    gamma : float, optional
-        The exponent, where it is known; only the strength is fitted then.
-
-    Returns
-    -------
-    RoughnessSpectrum
-        That of the bed, without the noise, and without an outer scale within the survey.
-
-    Raises
-    ------
-    ValueError
-        If the patches are flat, and have no spectrum.
-
-    Notes
-    -----
     Of 16 patches of 64 x 64 nodes the exponent is right within 0.2 and the spectrum at the grid's highest wavenumber
     within 1.5 dB (``tests/seabed/test_measured_roughness.py``). Exponents beyond `GAMMAS` are set to the nearer end.
     """

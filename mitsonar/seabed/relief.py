@@ -19,7 +19,7 @@ class Relief(ABC):
 
     @abstractmethod
     def on_grid(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Give the heights over a regular grid.
+        """Return the heights over a regular grid.
 
         Parameters
         ----------
@@ -43,7 +43,7 @@ class Sum(Relief):
     parts: tuple[Relief, ...]
 
     def on_grid(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Give the summed heights (Y, X) [m]."""
+        """Return the summed heights (Y, X) [m]."""
         heights = np.zeros((len(y), len(x)))
         for part in self.parts:
             heights += part.on_grid(x, y)
@@ -69,7 +69,7 @@ class Plane(Relief):
         check("plane", "slope", self.slope, 0 <= self.slope < np.pi / 2, "from 0 to less than pi/2 rad")
 
     def on_grid(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Give the heights (Y, X) [m] of the plane."""
+        """Return the heights (Y, X) [m] of the plane."""
         return -np.tan(self.slope) * along(self.heading, x, y)
 
 
@@ -97,17 +97,17 @@ class Sinusoid(Relief):
         check("sinusoid", "height", self.height, 0 <= self.height < np.inf, "a finite number [m], at least 0")
 
     def on_grid(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Give the heights (Y, X) [m] of the waves."""
+        """Return the heights (Y, X) [m] of the waves."""
         return self.height / 2 * np.cos(2 * np.pi / self.wavelength * along(self.heading, x, y) + self.phase)
 
 
 def along(heading: float, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Give the distance [m] of grid points (Y, X) from the origin in the compass direction ``heading`` [rad]."""
+    """Return the distance [m] of grid points (Y, X) from the origin in the compass direction ``heading`` [rad]."""
     return np.asarray(x) * np.sin(heading) + np.asarray(y)[:, None] * np.cos(heading)
 
 
 def step(name: str, coordinates: np.ndarray) -> float:
-    """Give the constant step [m] of grid coordinates; raise `ValueError` if they do not increase by one."""
+    """Return the constant step [m] of grid coordinates; raise `ValueError` if they do not increase by one."""
     steps = np.diff(coordinates)
     if steps.size == 0 or not steps[0] > 0 or np.ptp(steps) > 1e-6 * steps[0] + 1e-12 * np.abs(coordinates).max():
         raise ValueError(f"relief: the grid coordinates {name} must be two or more, increasing by a constant step.")

@@ -71,7 +71,7 @@ class Ripples(Relief):
               f"at least twice the wander of {self.wander} m, or crests would overtake each other")
 
     def on_grid(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Give the heights (Y, X) [m] of the ripples."""
+        """Return the heights (Y, X) [m] of the ripples."""
         x, y = np.asarray(x, float), np.asarray(y, float)
         crest = (1 + self.asymmetry) / 2
         cycles = along(self.heading, x, y) / self.wavelength + crest
@@ -115,7 +115,7 @@ class Ripples(Relief):
         return strength
 
     def _pairs(self, x: np.ndarray, y: np.ndarray) -> Iterator[tuple[complex, complex]]:
-        """Give middle and half distance, complex x + iy [m], of the pairs whose reach may touch the grid."""
+        """Return middle and half distance, complex x + iy [m], of the pairs whose reach may touch the grid."""
         side, margin = _TILE * self.wavelength, _GAP[1] * _REACH * self.wavelength
         for row in range(int((y[0] - margin) // side), int((y[-1] + margin) // side) + 1):
             for column in range(int((x[0] - margin) // side), int((x[-1] + margin) // side) + 1):
@@ -134,6 +134,6 @@ def _around(middle: float, reach: float, axis: np.ndarray, step_length: float) -
 
 
 def _fade(share: np.ndarray) -> np.ndarray:
-    """Give 1 up to share 0, a smooth step to 0 at share 1, and 0 beyond."""
+    """Return 1 up to share 0, a smooth step to 0 at share 1, and 0 beyond."""
     share = np.clip(share, 0, 1)
     return 1 - share * share * (3 - 2 * share)

@@ -99,17 +99,17 @@ class RoughnessSpectrum:
         return cls(w2=rms_height**2 / unit.height_variance(), gamma=gamma, outer_scale=outer_scale)
 
     def at(self, wavenumber: Real) -> np.ndarray:
-        """Give the two-sided, two-dimensional spectrum [m^4] at ``wavenumber`` [rad/m], any shape."""
+        """Return the two-sided, two-dimensional spectrum [m^4] at ``wavenumber`` [rad/m], any shape."""
         return self.w2 * (np.square(wavenumber) + self._corner**2) ** (-self.gamma / 2)
 
     def height_variance(self, highest_wavenumber: float = np.inf) -> float:
-        """Give the variance [m^2] of the heights, of the features up to ``highest_wavenumber`` [rad/m]."""
+        """Return the variance [m^2] of the heights, of the features up to ``highest_wavenumber`` [rad/m]."""
         exponent = 1 - self.gamma / 2
         above = 0.0 if np.isinf(highest_wavenumber) else (highest_wavenumber**2 + self._corner**2) ** exponent
         return np.pi * self.w2 * (above - self._corner ** (2 * exponent)) / exponent
 
     def mean_square_slope(self, highest_wavenumber: float) -> float:
-        """Give the mean of the squared gradient [-] of the features up to ``highest_wavenumber`` [rad/m].
+        """Return the mean of the squared gradient [-] of the features up to ``highest_wavenumber`` [rad/m].
 
         Notes
         -----
@@ -126,13 +126,7 @@ class RoughnessSpectrum:
 
 
 def sediment_key(name: str) -> str:
-    """Give the name under which the tables hold a sediment: lower case, ``-`` and ``_`` read as a space.
-
-    Raises
-    ------
-    ValueError
-        If the sediment is not in the table; the message lists those that are.
-    """
+    """Return the name under which the tables hold a sediment: lower case, ``-`` and ``_`` read as a space."""
     key = " ".join(str(name).lower().replace("_", " ").replace("-", " ").split())
     if key not in W2_CM4_TR9407:
         raise ValueError(f'no sediment is called "{name}"{meant(key, W2_CM4_TR9407)}; known are '
@@ -141,5 +135,5 @@ def sediment_key(name: str) -> str:
 
 
 def w2_from_cm4(w2_cm4: float, gamma: float) -> float:
-    """Give the spectral strength [m^(4 - gamma)] of one tabled in cm^4 with a reference length of 1 cm."""
+    """Return the spectral strength [m^(4 - gamma)] of one tabled in cm^4 with a reference length of 1 cm."""
     return 1e-8 * 100**gamma * w2_cm4

@@ -185,7 +185,7 @@ class ImpulseResponses:
             self._launch(count, hits, sample, sheet, fields, numbers, difference, gain)
 
     def read(self, sheet: int = 0) -> np.ndarray:
-        """Give the responses (elements, samples) of a sheet as complex64, their spectrum corrected; the sums stay."""
+        """Return the responses (elements, samples) of a sheet as complex64, their spectrum corrected; the sums stay."""
         folded = self._fold(sheet).numpy().view(np.complex64).reshape(self.elements, self.span)
         margin = self.kernel.margin
         return np.ascontiguousarray(self.kernel.finish(folded)[:, margin:margin + self.samples])
@@ -193,13 +193,13 @@ class ImpulseResponses:
     # -- who adds where ------------------------------------------------------------------------------------------
 
     def _rows(self, elements: int) -> int:
-        """Give the number of rows of a group."""
+        """Return the number of rows of a group."""
         if isinstance(self.kernel, Peterson) or elements < 3:
             return 1
         return ROWS if elements >= MANY else FEW_ROWS
 
     def _copies(self, elements: int) -> int:
-        """Give the number of private copies of the rows that make about GROUPS groups."""
+        """Return the number of private copies of the rows that make about GROUPS groups."""
         return -(-GROUPS // -(-elements // self._rows(elements)))
 
     def _check(self, rows: np.ndarray, fields: list[Float]) -> None:

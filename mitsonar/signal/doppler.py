@@ -39,7 +39,7 @@ RATE_ERROR = 0.1                   # of `PHASE_ERROR`, that a wrong rate may mak
 
 
 def two_way_doppler(closing_speed: Numbers, sound_speed: Numbers, closing_speed_back: Numbers | None = None) -> Numbers:
-    """Give the two-way Doppler factor of echoes.
+    """Return the two-way Doppler factor of echoes.
 
     Parameters
     ----------
@@ -66,14 +66,14 @@ class Glide(NamedTuple):
     rate: float                    # k [Hz/s]
 
     def shift(self, doppler: Numbers, factor: Numbers) -> tuple[Numbers, Numbers]:
-        """Give τ [s] and θ [cycles] of echoes of factors η in the class of the factor η_k."""
+        """Return τ [s] and θ [cycles] of echoes of factors η in the class of the factor η_k."""
         late = (self.frequency / self.rate) * (1 / doppler - 1 / factor)
         cycles = factor * late
         return late, cycles * (self.frequency - 0.5 * self.rate * cycles)
 
 
 def glide_of(pulse: Pulse) -> Glide | None:
-    """Give the glide of a whole pulse; None of one that does not sweep."""
+    """Return the glide of a whole pulse; None of one that does not sweep."""
     if pulse.sweep is None:
         return None
     first, last = (pulse.frequency + end for end in pulse.sweep)
@@ -86,7 +86,7 @@ def glide_of(pulse: Pulse) -> Glide | None:
 
 
 def factor_tolerance(pulse: Pulse, phase_error: float = PHASE_ERROR, glide: Glide | None = None) -> float:
-    """Give how wrong a factor near 1 may be.
+    """Return how wrong a factor near 1 may be.
 
     For an error of phase [cycles] at the ends of a pulse, or, if its glide makes up for the first order, for what then
     is left.

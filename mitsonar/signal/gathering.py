@@ -55,18 +55,8 @@ class EchoPairs:
 
 
 class GatheredWeights:
-    """Weights of records at elements, on the device.
-
-    Parameters
-    ----------
-    like : Dr.Jit array or type
-        Of the backend.
-    weights : complex (sheets, E, samples)
-        Of records as `ImpulseResponses.read` gives them.
-    kernel : BandLimited
-        Whose records they are.
-    sampling_rate, frequency : float [Hz]
-    """
+    """Weights of records at elements, on the device."""
+    # sampling_rate [Hz]; frequency [Hz]
 
     def __init__(self, like: DrJitArray | type, weights: np.ndarray, *, kernel: BandLimited, sampling_rate: float,
                  frequency: float):
@@ -84,20 +74,8 @@ class GatheredWeights:
         self._sheet = dr.opaque(lib.UInt32, self.span * self.elements)
 
     def gather(self, pairs: EchoPairs, of_echo: OfEcho) -> tuple[np.ndarray, np.ndarray]:
-        """Sum what `of_echo` makes of u over hits.
-
-        Parameters
-        ----------
-        pairs : EchoPairs
-        of_echo : callable
-            ``of_echo(real, imaginary, hit_fields, element_fields)`` gives, of real and imaginary part of u, numbers to
-            be summed for each row, and others to be summed over all rows together.
-
-        Returns
-        -------
-        each : float64 (rows, K)
-        common : float64 (L,)
-        """
+        """Sum what `of_echo` makes of u over hits."""
+        # -> common (L,)
         lib = self.lib
         U, together = lib.UInt32, ROWS if len(pairs.rows) >= ROWS else 1
         hits, fields, rows = self._opaque(pairs)
@@ -144,7 +122,7 @@ class GatheredWeights:
                 np.array([part.numpy().sum(dtype=float) for part in common]))
 
     def of_pairs(self, pairs: EchoPairs) -> np.ndarray:
-        """Give u of every pair, complex (count, rows): for few of them."""
+        """Return u of every pair, complex (count, rows): for few of them."""
         lib = self.lib
         hits, fields, rows = self._opaque(pairs)
         with dr.suspend_grad():

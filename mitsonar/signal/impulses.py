@@ -55,15 +55,9 @@ __all__ = ["BandLimited", "Bell", "KERNELS", "Kernel", "Later", "Nearest", "Pete
 
 @dataclass(frozen=True)
 class Bell:
-    """Kaiser-Bessel bell over four places.
+    """Kaiser-Bessel bell over four places."""
 
-    Attributes
-    ----------
-    band : float [cycles a place]
-        Of the signals it serves, below 1/2.
-    """
-
-    band: float
+    band: float  # [cycles a place]: of the signals it serves, below 1/2
 
     taps = 4
 
@@ -74,12 +68,12 @@ class Bell:
         return np.pi * np.sqrt((self.taps / ratio) ** 2 * (ratio - 0.5) ** 2 - 0.8)
 
     def impulse(self, x: ArrayLike) -> np.ndarray:
-        """Give k at x places from the echo."""
+        """Return k at x places from the echo."""
         inside = 1 - (2 * np.asarray(x, float) / self.taps) ** 2
         return np.where(inside > 0, i0(self.shape * np.sqrt(np.maximum(inside, 0))) / i0(self.shape), 0.0)
 
     def spectrum(self, frequency: ArrayLike) -> np.ndarray:
-        """Give the Fourier transform of k at `frequency` [cycles a place]."""
+        """Return the Fourier transform of k at `frequency` [cycles a place]."""
         root = np.sqrt(self.shape ** 2 - (np.pi * self.taps * np.asarray(frequency, float)) ** 2 + 0j)
         near = np.abs(root) < 1e-6
         return np.real(np.where(near, 1.0, np.sinh(root) / np.where(near, 1, root))) * self.taps / i0(self.shape)
@@ -99,7 +93,7 @@ class Nearest:
     margin = MARGIN
 
     def impulse(self, x: ArrayLike) -> np.ndarray:
-        """Give k at x samples from the echo."""
+        """Return k at x samples from the echo."""
         x = np.asarray(x, float)
         return np.where((x > -0.5) & (x <= 0.5), 1.0, 0.0)
 
@@ -109,25 +103,19 @@ class Nearest:
         return 1.0
 
     def spectrum(self, frequency: ArrayLike) -> np.ndarray:
-        """Give the Fourier transform of k at `frequency` [cycles per sample]."""
+        """Return the Fourier transform of k at `frequency` [cycles per sample]."""
         return np.sinc(np.asarray(frequency, float))
 
     def finish(self, records: np.ndarray) -> np.ndarray:
-        """Give records (..., samples) their final spectrum: nothing to do for this kernel."""
+        """Return records (..., samples) their final spectrum: nothing to do for this kernel."""
         return records
 
 
 @dataclass(frozen=True)
 class Peterson:
-    """Hann-windowed sinc around the exact delay.
+    """Hann-windowed sinc around the exact delay."""
 
-    Attributes
-    ----------
-    taps : int
-        Length of the window [samples], a multiple of 4.
-    """
-
-    taps: int = 16
+    taps: int = 16  # length of the window [samples], a multiple of 4
 
     def __post_init__(self):
         if self.taps != int(self.taps) or self.taps % 4 or not 8 <= self.taps <= 80:
@@ -139,7 +127,7 @@ class Peterson:
         return max(MARGIN, self.taps)
 
     def impulse(self, x: ArrayLike) -> np.ndarray:
-        """Give k at x samples from the echo."""
+        """Return k at x samples from the echo."""
         x = np.asarray(x, float)
         window = 0.5 * (1 + np.cos(2 * np.pi * x / self.taps))
         return np.where(np.abs(x) < self.taps / 2, window * np.sinc(x), 0.0)
@@ -151,11 +139,11 @@ class Peterson:
         return float(self.impulse(0.5 * self.taps * nodes) ** 2 @ weights) * 0.5 * self.taps
 
     def spectrum(self, frequency: ArrayLike) -> np.ndarray:
-        """Give the Fourier transform of k at `frequency` [cycles per sample]."""
+        """Return the Fourier transform of k at `frequency` [cycles per sample]."""
         return _transform(self, frequency)
 
     def finish(self, records: np.ndarray) -> np.ndarray:
-        """Give records (..., samples) their final spectrum: nothing to do for this kernel."""
+        """Return records (..., samples) their final spectrum: nothing to do for this kernel."""
         return records
 
 
@@ -176,7 +164,8 @@ class BandLimited(Bell):
         return float(0.5 * weights @ (self.response(frequency) ** 2 * aliases))
 
     def response(self, frequency: ArrayLike) -> np.ndarray:
-        """Give the spectrum after `finish`: 1 to a third of the sampling rate, then half a cosine to 0 at the half."""
+        """Return the spectrum after `finish`: 1 to a third of the sampling rate, then half a cosine to 0 at the half.
+        """
         beyond = (np.abs(frequency) - FLAT) / (0.5 - FLAT)
         return 0.5 * (1 + np.cos(np.pi * np.clip(beyond, 0, 1)))
 
@@ -186,28 +175,23 @@ class BandLimited(Bell):
         return _filtered(records, _division(length).astype(np.real(records).dtype))
 
     def finish_transposed(self, records: np.ndarray) -> np.ndarray:
-        """Give the transpose of `finish`, conjugate, of records (..., samples)."""
+        """Return the transpose of `finish`, conjugate, of records (..., samples)."""
         return self.finish(records)
 
 
 @dataclass(frozen=True)
 class Later(BandLimited):
-    """What `BandLimited` responses change by when echoes come later, per second: -2πi (f₀ + f) of their spectrum.
+    """What `BandLimited` responses change by when echoes come later, per second: -2πi (f₀ + f) of their spectrum."""
 
-    Attributes
-    ----------
-    frequency, sampling_rate : float [Hz]
-    """
-
-    frequency: float = 0.0
-    sampling_rate: float = 1.0
+    frequency: float = 0.0  # [Hz]
+    sampling_rate: float = 1.0  # [Hz]
 
     def finish(self, records: np.ndarray) -> np.ndarray:
         """Divide the spectrum of records (..., samples) by the bell's and differentiate."""
         return self._differentiated(records, -2j * np.pi)
 
     def finish_transposed(self, records: np.ndarray) -> np.ndarray:
-        """Give the transpose of `finish`, conjugate, of records (..., samples)."""
+        """Return the transpose of `finish`, conjugate, of records (..., samples)."""
         return self._differentiated(records, 2j * np.pi)
 
     def _differentiated(self, records: np.ndarray, factor: complex) -> np.ndarray:
@@ -296,7 +280,8 @@ def response_spectrum(*, delay: ArrayLike, amplitude: ArrayLike, frequency: floa
 
 
 def in_band_error_db(responses: np.ndarray, *, sampling_rate: float, offset: np.ndarray, exact: np.ndarray) -> float:
-    """Give the error [dB] of responses (E, samples) within a band: rms of the spectra's difference over rms of `exact`.
+    """Return the error [dB] of responses (E, samples) within a band: rms of the spectra's difference over rms of
+    `exact`.
 
     Parameters
     ----------
@@ -342,7 +327,7 @@ POLYNOMIAL = 5                     # degree of the taps of the Kaiser-Bessel bel
 
 
 def tap_weights(lib: ArrayTypes, kernel: Kernel | Bell, x: Float) -> list[Float]:
-    """Give the kernel's taps for an echo x in [0, 1) after the middle one."""
+    """Return the kernel's taps for an echo x in [0, 1) after the middle one."""
     if isinstance(kernel, Nearest):
         return [lib.Float(1)]
     if isinstance(kernel, Peterson):
@@ -353,7 +338,7 @@ def tap_weights(lib: ArrayTypes, kernel: Kernel | Bell, x: Float) -> list[Float]
 
 
 def turned(lib: ArrayTypes, cycles: Float) -> tuple[Float, Float]:
-    """Give cosine and sine of 2π cycles, to 1e-7: of half the angle by their series, then doubled."""
+    """Return cosine and sine of 2π cycles, to 1e-7: of half the angle by their series, then doubled."""
     x = (cycles - dr.round(cycles)) * np.pi
     x2 = x * x
     x4 = x2 * x2

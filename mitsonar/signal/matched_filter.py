@@ -51,7 +51,8 @@ def matched_filter(signals: ArrayLike, pulse: Pulse, sampling_rate: float, windo
 
 def matched_filter_transposed(weights: ArrayLike, pulse: Pulse, sampling_rate: float, window: Window | None = None,
                               doppler: float = 1.0) -> np.ndarray:
-    """Give the transpose of `matched_filter`, conjugate: of weights (..., S) of what it gives; arguments as of that."""
+    """Return the transpose of `matched_filter`, conjugate: of weights (..., S) of what it gives; arguments as of that.
+    """
     weights = np.asarray(weights)
     replica = _replica(weights.shape[-1], pulse, sampling_rate, window, doppler)
     return _filtered(weights, np.conj(replica))
@@ -73,21 +74,8 @@ def _filtered(signals: np.ndarray, replica: np.ndarray) -> np.ndarray:
 
 
 def compression(pulse: Pulse, sampling_rate: float) -> tuple[float, float]:
-    """Give how long a compressed pulse lasts, and how much noise it comes with, at a sampling rate.
-
-    Parameters
-    ----------
-    pulse : Pulse
-    sampling_rate : float [Hz]
-
-    Returns
-    -------
-    length : float [s]
-        ∫|χ|² dt, χ the compressed pulse with peak 1, of echoes that came through the receiver's filter: longer than
-        `Pulse.compressed_length` by what that filter takes from the pulse's peak.
-    bandwidth : float [Hz]
-        Power of what white noise of unit spectral level leaves behind the filter.
-    """
+    """Return how long a compressed pulse lasts, and how much noise it comes with, at a sampling rate."""
+    # sampling_rate [Hz] -> length [s], bandwidth [Hz]
     length = padded_length(1, pulse.duration, sampling_rate)
     spectrum = np.abs(pulse.spectrum(sampling_rate, length)) ** 2
     through = spectrum * band_filter(fft.fftfreq(length, 1 / sampling_rate), sampling_rate)
@@ -97,13 +85,10 @@ def compression(pulse: Pulse, sampling_rate: float) -> tuple[float, float]:
 
 
 def rms_bandwidth(pulse: Pulse, sampling_rate: float) -> float:
-    """Give the root mean square [Hz] of the frequencies of a compressed pulse's power; of an even band B it is B / √12.
-
-    Parameters
-    ----------
-    pulse : Pulse
-    sampling_rate : float [Hz]
+    """Return the root mean square [Hz] of the frequencies of a compressed pulse's power; of an even band B it is B /
+    √12.
     """
+    # sampling_rate [Hz]
     length = padded_length(1, pulse.duration, sampling_rate)
     frequency = fft.fftfreq(length, 1 / sampling_rate)
     through = np.abs(pulse.spectrum(sampling_rate, length)) ** 2 * band_filter(frequency, sampling_rate)

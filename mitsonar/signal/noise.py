@@ -27,7 +27,7 @@ LEAST_OWN_NOISE = 1e-9             # of the ambient power: keeps C of crowded ar
 
 
 def isotropic_coherence(position: ArrayLike, wavelength: float) -> np.ndarray:
-    """Give the coherence of noise from all directions between elements.
+    """Return the coherence of noise from all directions between elements.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ class ElementNoise:
         return float(db_from_power(self.covariance[0, 0]))
 
     def beam_level_db(self, weight: ArrayLike) -> np.ndarray:
-        """Give the level after a beamformer.
+        """Return the level after a beamformer.
 
         Parameters
         ----------

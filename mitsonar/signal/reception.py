@@ -31,7 +31,7 @@ INTERPOLATION_ERROR = 1e-4         # of the absorption's amplitude between two f
 
 
 def band_filter(frequency: np.ndarray, sampling_rate: float) -> np.ndarray:
-    """Give the receiver's filter F, (N,) [-], at frequencies (N,) [Hz] from the carrier."""
+    """Return the receiver's filter F, (N,) [-], at frequencies (N,) [Hz] from the carrier."""
     skirt = np.clip((np.abs(frequency) / sampling_rate - FLAT) / (0.5 - FLAT), 0, 1)
     return np.cos(0.5 * np.pi * skirt) ** 2
 
@@ -47,24 +47,12 @@ def least_rate(pulse: Pulse, doppler: float = 1.0) -> float:
     It is nine tenths of the band, as instruments have it whose samples are as long as their range resolution. The
     receiver's filter lets nothing fold back, but takes the ends of the band: of the energy of an echo of a sweep 0.6 dB
     at a rate equal to the band, 1.0 dB at nine tenths of it, and nothing at 1.25 times the band.
-
-    Parameters
-    ----------
-    pulse : Pulse
-    doppler : float [-]
-        Two-way factor.
     """
     return LEAST_SHARE * (occupied_band(pulse) * doppler + 2 * pulse.frequency * abs(doppler - 1.0))
 
 
 def check_record(pulse: Pulse, sampling_rate: float, samples: int, doppler: float = 1.0) -> None:
-    """Refuse records a pulse does not fit into.
-
-    Raises
-    ------
-    ValueError
-        If the sampling rate is below `least_rate`, or the pulse outlasts the record.
-    """
+    """Refuse records a pulse does not fit into."""
     needed = least_rate(pulse, doppler)
     if sampling_rate < needed * (1 - 1e-9):
         moved = "" if doppler == 1.0 else f" times the Doppler factor {doppler:.6g}"
@@ -76,7 +64,7 @@ def check_record(pulse: Pulse, sampling_rate: float, samples: int, doppler: floa
 
 
 def received(response: ArrayLike, pulse: Pulse, sampling_rate: float, doppler: float = 1.0) -> np.ndarray:
-    """Give the signals elements receive.
+    """Return the signals elements receive.
 
     Parameters
     ----------
@@ -103,7 +91,7 @@ def received(response: ArrayLike, pulse: Pulse, sampling_rate: float, doppler: f
 
 def received_classes(responses: ArrayLike, pulse: Pulse, sampling_rate: float,
                      doppler: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Give the sum of signals with several Doppler factors; see `received`.
+    """Return the sum of signals with several Doppler factors; see `received`.
 
     Parameters
     ----------
@@ -135,7 +123,7 @@ def received_classes(responses: ArrayLike, pulse: Pulse, sampling_rate: float,
 
 
 def padded_length(samples: int, longest: float, sampling_rate: float) -> int:
-    """Give the length of an FFT that holds a record of `samples` and a filter of `longest` [s], without wrapping."""
+    """Return the length of an FFT that holds a record of `samples` and a filter of `longest` [s], without wrapping."""
     return fft.next_fast_len(samples + int(np.ceil(longest * sampling_rate)) + 2 * GUARD)
 
 

@@ -18,13 +18,13 @@ TABLES = {"sidescan": "presets.toml", "forward_looking": "forward_looking.toml",
 
 @cache
 def presets(kind: str = "sidescan") -> dict[str, dict[str, Any]]:
-    """Give the settings of every preset of a kind of `TABLES`: {name: {attribute: value}}, attributes as in XML."""
+    """Return the settings of every preset of a kind of `TABLES`: {name: {attribute: value}}, attributes as in XML."""
     return _table(TABLES[kind])
 
 
 @cache
 def motions() -> dict[str, dict[str, Any]]:
-    """Give how named platforms rock: {name: {attribute: value}}, attributes as in XML."""
+    """Return how named platforms rock: {name: {attribute: value}}, attributes as in XML."""
     return _table("motion.toml")
 
 

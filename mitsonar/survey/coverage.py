@@ -31,13 +31,7 @@ STEEP = np.radians(45)             # below the horizon: a fan that looks down en
 
 
 def warn_of_window(survey: Survey, sensor: Sensor) -> None:
-    """Warn where a record ends above the seabed, and where it reaches beyond the seabed's edge.
-
-    Parameters
-    ----------
-    survey : Survey
-    sensor : Sensor
-    """
+    """Warn where a record ends above the seabed, and where it reaches beyond the seabed's edge."""
     speed = slowest_speed(sensor)
     farthest = 0.5 * speed * sensor.film().window(speed)[0][1]
     short = survey.depth_below >= farthest

@@ -69,7 +69,7 @@ class Kind(Protocol):
         ...
 
     def rows(self, level: np.ndarray) -> np.ndarray:
-        """Give the levels of an image as rows of one picture."""
+        """Return the levels of an image as rows of one picture."""
         ...
 
 
@@ -101,13 +101,7 @@ SOUNDERS: Mapping[str, SounderKind] = _Files("multibeam", "interferometric")
 
 
 def sounder_kind_of(sensor: Any) -> SounderKind:
-    """Give the kind of sonar that a sensor is, if it makes soundings.
-
-    Raises
-    ------
-    ValueError
-        If it is none such.
-    """
+    """Return the kind of sonar that a sensor is, if it makes soundings."""
     kind_of(sensor)
     if sensor.kind not in SOUNDERS:
         raise ValueError(f"soundings are made by a multibeam echo sounder or an interferometric sidescan, and this "
@@ -116,13 +110,7 @@ def sounder_kind_of(sensor: Any) -> SounderKind:
 
 
 def frame_kind_of(sensor: Any) -> FrameKind:
-    """Give the kind of sonar that a sensor is, if each of its pings is a picture.
-
-    Raises
-    ------
-    ValueError
-        If it is none such.
-    """
+    """Return the kind of sonar that a sensor is, if each of its pings is a picture."""
     kind_of(sensor)
     if sensor.kind not in FRAMES:
         raise ValueError(f"a {sensor.kind} has no picture of a single ping; render it as a whole. Sonars that have are "
@@ -131,13 +119,7 @@ def frame_kind_of(sensor: Any) -> FrameKind:
 
 
 def kind_of(sensor: Any) -> Kind:
-    """Give the kind of sonar that a sensor is.
-
-    Raises
-    ------
-    ValueError
-        If it is no sonar.
-    """
+    """Return the kind of sonar that a sensor is."""
     kind = getattr(sensor, "kind", "")
     if kind not in KINDS:
         name = sensor.class_name() if hasattr(sensor, "class_name") else type(sensor).__name__

@@ -21,13 +21,7 @@ MOST_GATES = 1 << 19               # of speckle, up to the end of the range: far
 
 
 def check_sidescan(survey: SidescanSurvey) -> None:
-    """Refuse a sidescan's survey that is too large.
-
-    Raises
-    ------
-    ValueError
-        If the record does not fit into memory, a pulse lasts over too many bins, or the gates of speckle are too many.
-    """
+    """Refuse a sidescan's survey that is too large."""
     pings, bins, paths = survey.track.pings, survey.bins, len(survey.paths)
     bin_length, pulse_length = survey.bin_length, survey.sonar.pulse_length
     if pulse_length > BINS_PER_PULSE * bin_length:
@@ -47,12 +41,7 @@ def check_sidescan(survey: SidescanSurvey) -> None:
 
 
 def check_beams(survey: ArraySurvey, beams: int, *, pings: int) -> None:
-    """Refuse the pictures of so many beams and pings if they do not fit into memory.
-
-    Raises
-    ------
-    ValueError
-    """
+    """Refuse the pictures of so many beams and pings if they do not fit into memory."""
     bins, labels = beams * (survey.samples - survey.lead), len(survey.labels)
     needed, there = bins * (labels * BYTES_PER_SUM + pings * (BYTES_PER_BIN + BYTES_PER_LABEL * labels)), _memory()
     if needed > there:
@@ -63,12 +52,7 @@ def check_beams(survey: ArraySurvey, beams: int, *, pings: int) -> None:
 
 
 def check_soundings(survey: ArraySurvey, beams: int) -> None:
-    """Refuse soundings of so many beams if those of one ping do not fit into memory.
-
-    Raises
-    ------
-    ValueError
-    """
+    """Refuse soundings of so many beams if those of one ping do not fit into memory."""
     needed, there = BYTES_PER_SAMPLE * beams * survey.samples, _memory()
     if needed > there:
         raise ValueError(f"a ping of {beams} beams with {survey.samples} samples takes {needed / 1e9:.0f} GB to sound, "
@@ -76,12 +60,7 @@ def check_soundings(survey: ArraySurvey, beams: int) -> None:
 
 
 def check_rows(survey: ArraySurvey, bins: int, *, pings: int) -> None:
-    """Refuse a record of rows of receivers with so many bins and pings if it does not fit into memory.
-
-    Raises
-    ------
-    ValueError
-    """
+    """Refuse a record of rows of receivers with so many bins and pings if it does not fit into memory."""
     rows, labels = survey.receive.elements, len(survey.labels)
     needed = BYTES_PER_SAMPLE * rows * survey.samples + bins * (labels * BYTES_PER_SUM + pings * (
         BYTES_PER_BIN + BYTES_PER_SOUNDING + BYTES_PER_LABEL * labels))

@@ -56,26 +56,8 @@ def _wet(geometry: Geometry, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 def lines_up(geometry: Geometry, *, heading: float | None, altitude: float, pings: int, interval: float,
              speed: float) -> Track:
-    """Lay a straight track over the middle of the surveyed area, at a fixed altitude.
-
-    Parameters
-    ----------
-    geometry : Geometry
-    heading : float [rad] or None
-        None: along the area's longer axis.
-    altitude : float [m]
-        Above the seabed, smoothed along the track.
-    pings, interval, speed : int, s, m/s
-
-    Returns
-    -------
-    Track
-
-    Raises
-    ------
-    ValueError
-        If no line of that length stays over water with a seabed.
-    """
+    """Lay a straight track over the middle of the surveyed area, at a fixed altitude."""
+    # heading [rad]; altitude [m]
     (x0, y0), (x1, y1) = geometry.horizontal_bounds
     x, y = np.meshgrid(*(a + (b - a) * (np.arange(SOUNDINGS) + 0.5) / SOUNDINGS for a, b in ((x0, x1), (y0, y1))))
     covered = _wet(geometry, x, y)
@@ -150,13 +132,7 @@ def _smoothed(geometry: Geometry, position: np.ndarray, course: np.ndarray) -> n
 
 
 def check_near(geometry: Geometry, position: np.ndarray, crs: str) -> None:
-    """Refuse positions (P, 2) [m], laid by their coordinates on Earth, of which none lies near the scene.
-
-    Raises
-    ------
-    ValueError
-        If all are more than 10 km away, as in a wrong zone; the distance and the coordinate system are named.
-    """
+    """Refuse positions (P, 2) [m], laid by their coordinates on Earth, of which none lies near the scene."""
     away = _away(geometry, position)
     nearest = int(np.argmin(away))
     if away[nearest] > FAR:
@@ -167,18 +143,8 @@ def check_near(geometry: Geometry, position: np.ndarray, crs: str) -> None:
 
 
 def check_local(geometry: Geometry, position: np.ndarray) -> None:
-    """Refuse positions (P, 2) [m] in the scene's own coordinates of which none lies near it, such as eastings.
-
-    Parameters
-    ----------
-    geometry : Geometry
-    position : (P, 2) [m]
-
-    Raises
-    ------
-    ValueError
-        If all are more than 10 km away.
-    """
+    """Refuse positions (P, 2) [m] in the scene's own coordinates of which none lies near it, such as eastings."""
+    # position (P, 2) [m]
     away = _away(geometry, position)
     if away.min() <= FAR:
         return
@@ -198,13 +164,7 @@ def _away(geometry: Geometry, position: np.ndarray) -> np.ndarray:
 
 
 def check(geometry: Geometry, track: Track) -> np.ndarray:
-    """Depth of seabed below the sonar at every ping [m], (P,).
-
-    Raises
-    ------
-    ValueError
-        If a ping lies outside the seabed, below it, or above the sea surface; the first such ping is named.
-    """
+    """Depth of seabed below the sonar at every ping [m], (P,)."""
     x, y, z = track.position.T
     if np.any(z > 0):
         ping = int(np.argmax(z > 0))

@@ -104,36 +104,16 @@ class Sensor(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class RunSettings:
-    """How a run is computed: what the integrator says.
+    """How a run is computed: what the integrator says."""
 
-    Attributes
-    ----------
-    rays : int
-        Per ping.
-    first_pass : float
-        Share of a sidescan's rays that only finds out where rays are needed.
-    max_depth : int
-        Bounces that an echo may have made.
-    ensonification : str
-        How an array's scatterers are found: one of `ensonification.METHODS`.
-    cell_size : float or None [m]
-        Longest side of a scatterer's cell; None: as the resolution asks.
-    scatterers_per_cell : float
-        How many a resolution cell of an array's picture in the beam domain has.
-    ray_sources : str
-        Where an array's rays start: "centre", "elements" or "interpolated".
-    ray_source_count : int
-        How many, where they are interpolated.
-    """
-
-    rays: int
-    first_pass: float
-    max_depth: int
-    ensonification: str
-    cell_size: float | None
-    scatterers_per_cell: float
-    ray_sources: str
-    ray_source_count: int
+    rays: int  # per ping
+    first_pass: float  # share of a sidescan's rays that only finds out where rays are needed
+    max_depth: int  # bounces that an echo may have made
+    ensonification: str  # how an array's scatterers are found
+    cell_size: float | None  # [m]: longest side of a scatterer's cell
+    scatterers_per_cell: float  # how many a resolution cell of an array's picture in the beam domain has
+    ray_sources: str  # where an array's rays start
+    ray_source_count: int  # how many, where they are interpolated
 
 
 def head_speed(sensor: Sensor, depth: np.ndarray | float) -> float:

@@ -20,31 +20,15 @@ __all__ = ["Survey"]
 
 @dataclass(frozen=True, kw_only=True)
 class Survey:
-    """A scene, its water, and pings along a track.
-
-    Attributes
-    ----------
-    geometry : Geometry
-    profile : SoundSpeedProfile
-    absorption : AbsorptionColumn
-        At the sonar's frequency.
-    volume : VolumeScattering or None
-        What the water itself sends back.
-    passage : Passage
-        The pings and the track they lie on.
-    rays : int
-        Per ping.
-    max_depth : int
-        Bounces that an echo may have made.
-    """
+    """A scene, its water, and pings along a track."""
 
     geometry: Geometry
     profile: SoundSpeedProfile
-    absorption: AbsorptionColumn
-    volume: VolumeScattering | None = None
-    passage: Passage
-    rays: int
-    max_depth: int = 1
+    absorption: AbsorptionColumn  # at the sonar's frequency
+    volume: VolumeScattering | None = None  # what the water itself sends back
+    passage: Passage  # the pings and the track they lie on
+    rays: int  # per ping
+    max_depth: int = 1  # bounces that an echo may have made
 
     @property
     def voyage(self) -> Voyage:

@@ -24,106 +24,43 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class Passage:
-    """A route laid over a scene.
+    """A route laid over a scene."""
 
-    Attributes
-    ----------
-    voyage : Voyage
-        The pings' track, and the trajectory it lies on.
-    depth_below : (P,) [m]
-        Seabed below the sonar.
-    depth : (P,) [m]
-        Of the sonar as the route leads, without `Route.position_error`.
-    frame : Frame or None
-        Where on Earth the scene lies, if only the track says it.
-    sailed, planned : float or None [m]
-        Lengths of the course or recorded track: what the pings cover, and all of it; None for a straight track.
-    """
-
-    voyage: Voyage
-    depth_below: np.ndarray
-    depth: np.ndarray
-    frame: Frame | None = None
-    sailed: float | None = None
-    planned: float | None = None
+    voyage: Voyage  # the pings' track, and the trajectory it lies on
+    depth_below: np.ndarray  # (P,) [m]: seabed below the sonar
+    depth: np.ndarray  # (P,) [m]: of the sonar as the route leads, without `Route.position_error`
+    frame: Frame | None = None  # where on Earth the scene lies, if only the track says it
+    sailed: float | None = None  # [m]: lengths of the course or recorded track
+    planned: float | None = None  # [m]: lengths of the course or recorded track
 
 
 @dataclass(frozen=True, kw_only=True)
 class Route:
-    """Where a sonar goes, as a scene says it.
-
-    Attributes
-    ----------
-    pings : int
-    bounded : bool
-        Whether the scene writes that number; else a course or a recorded track is sailed to its end.
-    ping_rate : float or None [Hz]
-        None: as fast as the range allows.
-    speed : float [m/s]
-    start : (3,) or None [m]
-        Of a straight track, z up.
-    heading : float or None [rad]
-        Of a straight track.
-    altitude : float [m]
-        Above the seabed; 0: not written.
-    depth : float or None [m]
-        Below the surface.
-    georeferenced : bool
-        Positions are eastings and northings.
-    turn_radius : float [m]
-        Of the arcs between the legs of a course.
-    origin : (2,) or None [degrees]
-        Latitude and longitude of x = y = 0, if the scene writes it.
-    offset : (3,) [m]
-        Of the sonar from where the track leads: forward, starboard, down.
-    random_motion : RandomMotion
-    record : Navigation, Waypoints or None
-        A recorded track, a course, or a straight line.
-    circle : float or None [m]
-        Radius of a circle about the start, sailed in place of a straight track.
-    frame : Frame or None
-        Where a record in degrees lays the origin of a scene that does not say it itself.
-    interval : float or None [s]
-        Between pings, where another sonar on the same track says it.
-    position_error, attitude_error : (P, 3) or (1, 3), or None [m], [rad]
-        By which pings are elsewhere than the route leads, scene coordinates, and held otherwise: heading, pitch, roll.
-        A row a ping, or one for all; they hold while its echoes are under way.
-    """
+    """Where a sonar goes, as a scene says it."""
 
     pings: int
-    bounded: bool
-    ping_rate: float | None
-    speed: float
-    start: np.ndarray | None
-    heading: float | None
-    altitude: float
-    depth: float | None
-    georeferenced: bool
-    turn_radius: float
-    origin: np.ndarray | None
-    offset: np.ndarray
+    bounded: bool  # whether the scene writes that number
+    ping_rate: float | None  # [Hz]: none
+    speed: float  # [m/s]
+    start: np.ndarray | None  # (3,) [m]: of a straight track, z up
+    heading: float | None  # [rad]: of a straight track
+    altitude: float  # [m]: above the seabed
+    depth: float | None  # [m]: below the surface
+    georeferenced: bool  # positions are eastings and northings
+    turn_radius: float  # [m]: of the arcs between the legs of a course
+    origin: np.ndarray | None  # (2,) [degrees]: latitude and longitude of x = y = 0, if the scene writes it
+    offset: np.ndarray  # (3,) [m]: of the sonar from where the track leads
     random_motion: RandomMotion
-    record: Navigation | Waypoints | None
-    frame: Frame | None
-    interval: float | None = None
-    circle: float | None = None
-    position_error: np.ndarray | None = None
-    attitude_error: np.ndarray | None = None
+    record: Navigation | Waypoints | None  # A recorded track, a course, or a straight line
+    frame: Frame | None  # where a record in degrees lays the origin of a scene that does not say it itself
+    interval: float | None = None  # [s]: between pings, where another sonar on the same track says it
+    circle: float | None = None  # [m]: radius of a circle about the start, sailed in place of a straight track
+    position_error: np.ndarray | None = None  # (P, 3) [rad]
+    attitude_error: np.ndarray | None = None  # (P, 3) [rad]
 
     def lay(self, geometry: Geometry, shortest: float) -> Passage:
-        """Lay the route over a scene.
-
-        Parameters
-        ----------
-        geometry : Geometry
-        shortest : float [s]
-            Time a ping needs until its last echo is in.
-
-        Raises
-        ------
-        ValueError
-            If the track leaves the seabed, the water, or the recorded span, or pings come too fast.
-        """
+        """Lay the route over a scene."""
+        # shortest [s]
         interval = self._interval(shortest)
         if self.circle is not None:
             voyage, lengths = self._circled(self.circle, interval), (None, None)

@@ -32,26 +32,7 @@ _FREE = queue.SimpleQueue()        # of a Dask worker: renderers that wait for a
 
 
 class Cluster:
-    """A pool of Dask workers.
-
-    Parameters
-    ----------
-    threads : int or None
-        Of every process that renders.
-    place : str
-        The folder they run in.
-    folder : str
-        Where they write.
-    scheduler : str or None
-        Address of a scheduler; None: start workers here,
-    workers : int or None
-        this many.
-
-    Raises
-    ------
-    ValueError
-        If there is no such scheduler, it has no workers, they do not see the folder, or cannot be started.
-    """
+    """A pool of Dask workers."""
 
     def __init__(self, threads: int | None, place: str, folder: str, *, scheduler: str | None = None,
                  workers: int | None = None):
@@ -102,13 +83,7 @@ class Cluster:
         return self._client.submit(_render, job, self.threads, self.place, pure=False, retries=1)
 
     def check(self) -> None:
-        """Refuse to wait any longer for a cluster that is gone.
-
-        Raises
-        ------
-        ValueError
-            If the scheduler does not answer, or has had no workers for long.
-        """
+        """Refuse to wait any longer for a cluster that is gone."""
         if self._client.status != "running":
             raise ValueError("the Dask scheduler went away; what is done is kept: run the sweep again when it is back")
         if time.monotonic() - self._seen > PATIENCE and not self._threads:

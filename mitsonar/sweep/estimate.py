@@ -24,65 +24,27 @@ LONG_SECONDS = 300.0               # unless it alone lasts so long that compilin
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """What a sweep will take.
-
-    Attributes
-    ----------
-    folder : str
-    total, missing : int
-        Renders of the plan, and of these not there yet.
-    changed, damaged : int
-        How many of the missing are there, made of other parameters, files or versions; with another content.
-    processes, threads : int
-        That it was estimated for.
-    at_once : int
-        How many of the processes the cores bear; more of them take turns and gain nothing.
-    seconds, bytes : float or None
-        Of one render, in the mean; None where nothing is missing.
-    duration : float or None
-        Seconds of all that is missing.
-    trials : int
-        Renders made to find out; 0: those that are there tell.
-    free : int
-        Bytes free where the folder is.
-    unplanned : list of str
-        Outputs in the folder that the plan does not make.
-    """
+    """What a sweep will take."""
 
     folder: str
-    total: int
-    missing: int
-    changed: int
-    damaged: int
-    processes: int
-    threads: int
-    at_once: int
-    seconds: float | None
-    bytes: float | None
-    duration: float | None
-    trials: int
-    free: int
-    unplanned: list[str]
+    total: int  # renders of the plan, and of these not there yet
+    missing: int  # renders of the plan, and of these not there yet
+    changed: int  # how many of the missing are there, made of other parameters, files or versions
+    damaged: int  # how many of the missing are there, made of other parameters, files or versions
+    processes: int  # that it was estimated for
+    threads: int  # that it was estimated for
+    at_once: int  # how many of the processes the cores bear
+    seconds: float | None  # of one render, in the mean
+    bytes: float | None  # of one render, in the mean
+    duration: float | None  # seconds of all that is missing
+    trials: int  # renders made to find out
+    free: int  # bytes free where the folder is
+    unplanned: list[str]  # outputs in the folder that the plan does not make
 
 
 def estimate(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int | None = None,
              threads: int | None = None, verify: bool = False, say: Callable[[str], None] | None = None) -> Estimate:
-    """Find out what a sweep will take, without writing into its folder.
-
-    Parameters
-    ----------
-    plan, folder, processes, threads, verify, say
-        As of `mitsonar.sweep.run`.
-
-    Returns
-    -------
-    Estimate
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If the plan is wrong, a render that was tried failed, or the first and the last scene cannot be loaded.
-    """
+    """Find out what a sweep will take, without writing into its folder."""
     plan = plan if isinstance(plan, Plan) else load_plan(plan)
     processes, threads = shares(processes, threads)
     folder = os.path.abspath(default_folder(plan) if folder is None else folder)

@@ -58,32 +58,18 @@ class Outcome:
 
 @dataclass(frozen=True, kw_only=True)
 class Standing:
-    """How far a sweep has come.
+    """How far a sweep has come."""
 
-    Attributes
-    ----------
-    missing : array of int
-        Numbers of the renders to be made.
-    changed : int
-        How many of them are there, made of other parameters, files or versions.
-    damaged : int
-        How many of them are there, with another content than was written.
-    seconds, bytes : list of float
-        Of each render that is there.
-    unplanned : list of str
-        Outputs that are there and done, of another plan or of this one before it was changed.
-    """
-
-    missing: "array.array[int]"
-    changed: int
-    damaged: int
-    seconds: list[float]
-    bytes: list[float]
-    unplanned: list[str]
+    missing: "array.array[int]"  # numbers of the renders to be made
+    changed: int  # how many of them are there, made of other parameters, files or versions
+    damaged: int  # how many of them are there, with another content than was written
+    seconds: list[float]  # of each render that is there
+    bytes: list[float]  # of each render that is there
+    unplanned: list[str]  # outputs that are there and done, of another plan or of this one before it was changed
 
 
 def default_folder(plan: Plan) -> str:
-    """Give the folder a sweep goes into where none is named: in the plan's home, named as the plan is."""
+    """Return the folder a sweep goes into where none is named: in the plan's home, named as the plan is."""
     bare, suffix = os.path.splitext(os.path.join(plan.home, os.path.basename(plan.path)))
     return bare if suffix else f"{bare}_renders"
 

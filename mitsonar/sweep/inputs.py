@@ -24,25 +24,7 @@ MOST_FILES = 10_000                # in a folder
 
 
 class Inputs:
-    """The files of a scene.
-
-    Parameters
-    ----------
-    scene : str
-        Path of its file.
-    place : str
-        The plan's folder.
-
-    Attributes
-    ----------
-    known : set of str
-        Names of the scene's parameters.
-
-    Raises
-    ------
-    ValueError
-        If the scene is no XML.
-    """
+    """The files of a scene."""
 
     def __init__(self, scene: str, place: str):
         self.scene, self.folders = scene, (os.path.dirname(scene), place)
@@ -51,31 +33,14 @@ class Inputs:
             self.known |= set(self._tree(path)[0])
 
     def check_names(self, names: Iterable[str]) -> None:
-        """Refuse parameters that the scene has not.
-
-        Raises
-        ------
-        ValueError
-            If there are any; lists those it has.
-        """
+        """Refuse parameters that the scene has not."""
         for name in names:
             if name not in self.known:
                 raise ValueError(f"the scene {os.path.basename(self.scene)} has no parameter {shortened(name)}"
                                  f"{meant(name, self.known)}; it has {', '.join(sorted(self.known)) or 'none'}")
 
     def check_files(self, columns: Mapping[str, tuple]) -> None:
-        """Refuse values that name files which are not there.
-
-        Parameters
-        ----------
-        columns : dict of str to tuple
-            All values each parameter may take.
-
-        Raises
-        ------
-        FileNotFoundError
-            If a file is missing.
-        """
+        """Refuse values that name files which are not there."""
         defaults = self._tree(self.scene)[1]
         for path in self._walk({}):
             for kind, attribute, template in self._tree(path)[2]:
@@ -92,23 +57,12 @@ class Inputs:
                                                     "beside the plan")
 
     def paths(self) -> set[str]:
-        """Give the names of the parameters that name files, as a set."""
+        """Return the names of the parameters that name files, as a set."""
         return {name for path in self._walk({}) for kind, attribute, template in self._tree(path)[2]
                 if type(self._files(kind).get(attribute)) is attributes.File for name in NAME.findall(template)}
 
     def check_kinds(self, columns: Mapping[str, tuple]) -> None:
-        """Refuse values that are no number, whole number, or true or false, where the scene takes only such.
-
-        Parameters
-        ----------
-        columns : dict of str to tuple
-            All values each parameter may take.
-
-        Raises
-        ------
-        ValueError
-            If there is one.
-        """
+        """Refuse values that are no number, whole number, or true or false, where the scene takes only such."""
         for path in self._walk({}):
             for element in scenes.root(path).iter():
                 sign, name = (element.get("value") or "")[:1], (element.get("value") or "")[1:]
@@ -120,13 +74,7 @@ class Inputs:
                                          f"{os.path.basename(path)} takes {KINDS[element.tag]}")
 
     def digest(self, values: Mapping[str, str]) -> str:
-        """Give a SHA-256 of all that a render reads, as hexadecimal digits.
-
-        Parameters
-        ----------
-        values : dict of str to str
-            Of the scene's parameters, as `mitsonar.io.scene_files.scenes.text` writes them.
-        """
+        """Return a SHA-256 of all that a render reads, as hexadecimal digits."""
         everything = hashlib.sha256()
         for path in self._walk(values):
             everything.update(f"scene {self._content(path)}\n".encode())

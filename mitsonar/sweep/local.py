@@ -13,18 +13,12 @@ MOST_PROCESSES, MOST_THREADS = 1024, 1024
 
 
 def cores() -> int:
-    """Give the number of cores that processes of ours may use."""
+    """Return the number of cores that processes of ours may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def shares(processes: int | None, threads: int | None) -> tuple[int, int]:
-    """Give the number of processes, and of threads of each, where not told: all cores, shared out.
-
-    Raises
-    ------
-    ValueError
-        If a number is out of range.
-    """
+    """Return the number of processes, and of threads of each, where not told: all cores, shared out."""
     if processes is None:
         processes = max(1, cores() // (threads or THREADS))
     if not 1 <= processes <= MOST_PROCESSES:
@@ -38,15 +32,7 @@ def shares(processes: int | None, threads: int | None) -> tuple[int, int]:
 
 
 class Local:
-    """A pool of processes on this machine; each loses no more than its own render when it dies.
-
-    Parameters
-    ----------
-    processes, threads : int
-        How many, and of how many threads each.
-    place : str
-        The folder they run in.
-    """
+    """A pool of processes on this machine; each loses no more than its own render when it dies."""
 
     def __init__(self, processes: int, threads: int, place: str):
         self.capacity = processes

@@ -43,35 +43,13 @@ class Entry(NamedTuple):
 
 
 def key(parameters: Mapping[str, Any], seed: int, inputs: str, versions: Mapping[str, str]) -> bytes:
-    """Give 16 bytes that tell what a render is made of."""
+    """Return 16 bytes that tell what a render is made of."""
     made_of = json.dumps([parameters, seed, inputs, versions], sort_keys=True)
     return hashlib.sha256(made_of.encode()).digest()[:16]
 
 
 class Manifest:
-    """The manifest of a folder, held by one runner at a time.
-
-    Parameters
-    ----------
-    folder : str
-        It exists.
-
-    Attributes
-    ----------
-    entries : dict of str to Entry
-        By output, as the file says on opening.
-    damaged : int
-        Lines in it that are no entries.
-    fresh : bool
-        Whether there was none before.
-
-    Raises
-    ------
-    ValueError
-        If another runner holds it; says which.
-    OSError
-        If it cannot be read or written.
-    """
+    """The manifest of a folder, held by one runner at a time."""
 
     def __init__(self, folder: str):
         self.path = os.path.join(folder, MANIFEST)
@@ -104,13 +82,7 @@ class Manifest:
         os.close(self._lock)
 
     def append(self, record: Mapping[str, Any]) -> None:
-        """Write a line, whole or not at all.
-
-        Raises
-        ------
-        OSError
-            If it cannot be written, the disk being full for example; the file then ends as before.
-        """
+        """Write a line, whole or not at all."""
         line = json.dumps(record, allow_nan=False).encode() + b"\n"
         try:
             written = os.pwrite(self._file, line, self._end)
@@ -132,20 +104,7 @@ def full(path: str, error: OSError) -> str:
 
 
 def read(path: FilePath) -> tuple[dict[str, Entry], int, int]:
-    """Read a manifest.
-
-    Parameters
-    ----------
-    path : str
-
-    Returns
-    -------
-    entries : dict of str to Entry
-    damaged : int
-        Whole lines that are no entries.
-    whole : int
-        Bytes to the end of the last whole line.
-    """
+    """Read a manifest."""
     entries, damaged, whole = {}, 0, 0
     if not os.path.exists(path):
         return entries, damaged, whole

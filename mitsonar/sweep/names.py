@@ -17,22 +17,7 @@ LONGEST = 200                                                # bytes of a part: 
 
 
 class Pattern:
-    """A pattern of names with the parameters it uses.
-
-    Parameters
-    ----------
-    text : str
-        With the fields ``{index}``, ``{seed}`` and names of parameters, each with a format after a colon if wanted.
-    known : iterable of str
-        The parameters that the sweep sets.
-    paths : iterable of str
-        Those of them that name files; names take these without their folders.
-
-    Raises
-    ------
-    ValueError
-        If a field is unknown, or names would leave the folder, be hidden or not end in ``.exr``.
-    """
+    """A pattern of names with the parameters it uses."""
 
     def __init__(self, text: str, known: Iterable[str], paths: Iterable[str] = ()):
         known = {"index", "seed", *known}
@@ -63,13 +48,7 @@ class Pattern:
         return field == "index" and NUMBER.fullmatch(spec or "") is not None and after[:1] not in (*string.digits, "")
 
     def name(self, index: int, seed: int, parameters: Mapping[str, Any]) -> str:
-        """Make the name of a render.
-
-        Raises
-        ------
-        ValueError
-            If a value does not take the format, or makes no name.
-        """
+        """Make the name of a render."""
         values = {**parameters, "index": index, "seed": seed}
         values |= {name: FOLDERS.sub("", values[name]) for name in self.parameters & self.paths
                    if isinstance(values[name], str)}

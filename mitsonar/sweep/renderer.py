@@ -15,15 +15,7 @@ START = ("import json, sys; sys.path[:] = json.loads(sys.argv[1]); from mitsonar
 
 
 class Renderer:
-    """Starts a process when there is something to do, and again when it has died.
-
-    Parameters
-    ----------
-    threads : int
-        Of the process, at least 2.
-    place : str
-        The folder it runs in, where files are found that are not beside the scene.
-    """
+    """Starts a process when there is something to do, and again when it has died."""
 
     def __init__(self, threads: int, place: str):
         self.threads, self.place = threads, place
@@ -53,7 +45,7 @@ class Renderer:
                     stream.close()
 
     def _running(self) -> tuple[IO[str], IO[str]]:
-        """Give the pipes to and from the process, which is started where there is none."""
+        """Return the pipes to and from the process, which is started where there is none."""
         if self._process is None or self._process.poll() is not None:
             self.kill()
             path = [os.path.abspath(entry) for entry in sys.path]

@@ -23,31 +23,15 @@ DIGITS = 12                        # of what is computed here: enough for any so
 
 @dataclass(frozen=True, kw_only=True)
 class Draw:
-    """How a parameter is drawn.
+    """How a parameter is drawn."""
 
-    Attributes
-    ----------
-    what : str
-        As the plan says it: ``uniform``, ``choice``, ...
-    at : callable(int)
-        The value for a whole number of 256 random bits.
-    choices : tuple
-        All values there are, empty where they are numbers of a distribution.
-    """
-
-    what: str
-    at: Callable[[int], Any]
-    choices: tuple = ()
+    what: str  # as the plan says it
+    at: Callable[[int], Any]  # the value for a whole number of 256 random bits
+    choices: tuple = ()  # all values there are, empty where they are numbers of a distribution
 
 
 def value(given: object, where: str) -> Any:
-    """Check one value of a parameter: a number, true or false, a text, or a list of numbers, which becomes a tuple.
-
-    Raises
-    ------
-    ValueError
-        If it is of another kind, not finite, or too long.
-    """
+    """Check one value of a parameter: a number, true or false, a text, or a list of numbers, which becomes a tuple."""
     if isinstance(given, bool):
         return given
     if isinstance(given, (int, float)):
@@ -62,13 +46,7 @@ def value(given: object, where: str) -> Any:
 
 
 def axis(given: object, where: str) -> tuple:
-    """Give the values of a list or a range ``{from, to, count or step, scale}`` as a tuple.
-
-    Raises
-    ------
-    ValueError
-        If there are none, too many, or what is given makes no list.
-    """
+    """Return the values of a list or a range ``{from, to, count or step, scale}`` as a tuple."""
     if isinstance(given, dict):
         return _range(given, where)
     if not isinstance(given, list) or not given:
@@ -79,13 +57,7 @@ def axis(given: object, where: str) -> tuple:
 
 
 def draw(given: object, where: str) -> Draw:
-    """Give how a parameter is drawn: ``{ uniform = [low, high] }`` and so on.
-
-    Raises
-    ------
-    ValueError
-        If the distribution is unknown or its numbers are wrong.
-    """
+    """Return how a parameter is drawn: ``{ uniform = [low, high] }`` and so on."""
     kinds = [name for name in given if name in DISTRIBUTIONS] if isinstance(given, dict) else []
     if not isinstance(given, dict) or len(kinds) != 1:
         raise ValueError(f"{where} is {shortened(given)}; give one of {', '.join(DISTRIBUTIONS)}, "
@@ -98,12 +70,12 @@ def draw(given: object, where: str) -> Draw:
 
 
 def fraction(bits: int) -> float:
-    """Give a number above 0 and below 1 for 256 random bits."""
+    """Return a number above 0 and below 1 for 256 random bits."""
     return ((bits >> 204) + 0.5) / (1 << 52)           # with one bit more the largest would round to 1
 
 
 def random_bits(*parts: object) -> int:
-    """Give 256 bits that depend on the parts and look random."""
+    """Return 256 bits that depend on the parts and look random."""
     return int.from_bytes(hashlib.sha256("/".join(map(str, parts)).encode()).digest(), "big")
 
 

@@ -7,6 +7,6 @@ __all__ = ["versions"]
 
 
 def versions() -> dict[str, str]:
-    """Give the versions of mitsonar and of what computes for it, by name."""
+    """Return the versions of mitsonar and of what computes for it, by name."""
     others = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit", "numpy")}
     return {"mitsonar": __version__, **others}

@@ -25,13 +25,7 @@ class _Refused(ValueError):
 
 
 def main(threads: int) -> NoReturn:
-    """Serve until standard input ends.
-
-    Parameters
-    ----------
-    threads : int
-        Worker threads of Dr.Jit, at least 2.
-    """
+    """Serve until standard input ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)       # Ctrl-C is the runner's business
     replies = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)                                      # what libraries print must not come between

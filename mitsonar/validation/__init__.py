@@ -48,31 +48,7 @@ CASES = {
 
 def validate(names: Sequence[str] | None = None, *, quick: bool = False, folder: FilePath | None = None,
              say: Callable[[str], object] = print) -> bool:
-    """Run comparisons, say what they find as they go, and write a report.
-
-    Parameters
-    ----------
-    names : sequence of str, optional
-        Of `CASES`; all by default, in that order.
-    quick : bool
-        Fewer rays, angles and sediments: under a minute in place of several.
-    folder : str or path, optional
-        Of the report; none is written without.
-    say : callable(str)
-        Called with the lines of every case.
-
-    Returns
-    -------
-    bool
-        Whether all errors are within what is allowed.
-
-    Raises
-    ------
-    ValueError
-        If there is no such case, or the folder holds something else.
-    FileNotFoundError, PermissionError, OSError
-        If the report cannot be written.
-    """
+    """Run comparisons, say what they find as they go, and write a report."""
     for name in names or ():
         if name not in CASES:
             raise ValueError(f"there is no comparison {name!r}{meant(name, CASES)}; give some of {', '.join(CASES)}")

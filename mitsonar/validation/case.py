@@ -16,23 +16,13 @@ __all__ = ["Case", "Line", "Panel", "Row", "Table", "root_of", "worst"]
 
 @dataclass(frozen=True)
 class Row:
-    """Hold one number that was computed, and the number it should be.
-
-    Parameters
-    ----------
-    label : str
-    got, expected : float [unit]
-    allowed : float [unit]
-        The largest error, either way, that passes.
-    unit : str
-        "-" for pure numbers.
-    """
+    """Hold one number that was computed, and the number it should be."""
 
     label: str
-    got: float
-    expected: float
-    allowed: float
-    unit: str
+    got: float  # [unit]
+    expected: float  # [unit]
+    allowed: float  # [unit]: the largest error, either way, that passes
+    unit: str  # "-" for pure numbers
 
     @property
     def error(self) -> float:
@@ -93,45 +83,23 @@ class Table:
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """Hold a comparison.
+    """Hold a comparison."""
 
-    Parameters
-    ----------
-    title : str
-        What is compared, in a line.
-    text : str
-        Geometry, equation, source, and why that much error is allowed; Markdown.
-    run : callable(quick) -> Table
-        With ``quick`` fewer rays, angles or sediments.
-    """
-
-    title: str
-    text: str
-    run: Callable[[bool], Table]
+    title: str  # what is compared, in a line
+    text: str  # geometry, equation, source, and why that much error is allowed
+    run: Callable[[bool], Table]  # with ``quick`` fewer rays, angles or sediments
 
 
 def root_of(function: Callable[[float], float], low: float, high: float) -> float:
-    """Give the place between two others at which a function passes through 0."""
+    """Return the place between two others at which a function passes through 0."""
     from scipy.optimize import brentq
 
     return float(cast(float, brentq(function, low, high)))
 
 
 def worst(label: str, got: npt.ArrayLike, expected: npt.ArrayLike, allowed: float, unit: str) -> Row:
-    """Make the row of the number that errs most among arrays of them, told with how many they are.
-
-    Parameters
-    ----------
-    label : str
-    got, expected : array [unit]
-        They broadcast.
-    allowed : float [unit]
-    unit : str
-
-    Returns
-    -------
-    Row
-    """
+    """Make the row of the number that errs most among arrays of them, told with how many they are."""
+    # got, expected [unit]; allowed [unit]
     got, expected = (np.ravel(one) for one in np.broadcast_arrays(np.asarray(got, float), expected))
     error = np.abs(got - expected)
     k = int(np.argmax(np.where(np.isfinite(error), error, np.inf)))

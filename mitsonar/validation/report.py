@@ -27,17 +27,7 @@ IN_A_ROW, WIDTH, HEIGHT = 3, 520, 400      # panels, and picture elements of one
 
 
 def draw(case: Case, table: Table) -> Figure:
-    """Draw the panels of a case.
-
-    Parameters
-    ----------
-    case : Case
-    table : Table
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw the panels of a case."""
     panels = table.panels
     rows = -(-len(panels) // IN_A_ROW)
     columns = -(-len(panels) // rows)
@@ -82,21 +72,8 @@ MOST_DECIMALS = 7                  # more are written as powers of ten
 
 
 def lines(name: str, case: Case, table: Table, seconds: float) -> str:
-    """Say what a case found.
-
-    Parameters
-    ----------
-    name : str
-    case : Case
-    table : Table
-    seconds : float [s]
-        What it took.
-
-    Returns
-    -------
-    str
-        A heading, a line for every row, and the verdict.
-    """
+    """Say what a case found."""
+    # seconds [s]
     said = [f"{name}: {case.title}",
             f"  {'':{LABEL}}{'got':>16}{'expected':>16}{'error':>11}{'allowed':>10}"]
     for row in table.rows:
@@ -123,25 +100,7 @@ def _numbers(row):
 
 
 def check_folder(folder: FilePath) -> Path:
-    """Check that a report can be put into ``folder``, before any work is spent on it.
-
-    Parameters
-    ----------
-    folder : str or path
-        It may not exist yet, be empty, or hold an older report, which will be replaced.
-
-    Returns
-    -------
-    pathlib.Path
-        Absolute, symbolic links resolved.
-
-    Raises
-    ------
-    FileNotFoundError, PermissionError
-        If the folder around it does not exist or may not be written to.
-    ValueError
-        If it is a file, or holds anything but a report.
-    """
+    """Check that a report can be put into ``folder``, before any work is spent on it."""
     if os.fspath(folder) == "":
         raise ValueError("cannot write '': it names no folder; give the name of one for the report.")
     target = Path(os.path.realpath(folder))
@@ -157,27 +116,12 @@ def check_folder(folder: FilePath) -> Path:
 
 
 def _is_ours(entry, folder):
-    """Whether a file may be one of an older report: report.md, or a picture beside it."""
+    """Return whether a file may be one of an older report: report.md, or a picture beside it."""
     return entry.is_file() and (entry.name == REPORT or entry.suffix == ".png" and (folder / REPORT).is_file())
 
 
 def write(folder: FilePath, found: Mapping[str, Table], cases: Mapping[str, Case], quick: bool) -> None:
-    """Write the report and its pictures, whole or not at all.
-
-    Parameters
-    ----------
-    folder : str or path
-    found : dict of str to Table
-        By the name of the case.
-    cases : dict of str to Case
-    quick : bool
-        Whether these are the numbers of the quick run.
-
-    Raises
-    ------
-    FileNotFoundError, PermissionError, ValueError
-        As `check_folder`.
-    """
+    """Write the report and its pictures, whole or not at all."""
     from mitsonar.plots import canvas
 
     target = check_folder(folder)

@@ -28,22 +28,8 @@ FLAWLESS: Attributes = {"sidelobe_db": -200.0, "vertical_sidelobe_db": -200.0, "
 def sidescan(shapes: Mapping[str, Any], *, depth: float = 20.0, pings: int = 4, rays: int = 100_000,
              sensor: Attributes | None = None, water: Attributes | None = None, film: Attributes | None = None,
              integrator: Attributes | None = None) -> "mi.Scene":
-    """Load a scene of a sidescan, by default of 100 kHz and 1000 bins to 100 m.
-
-    Parameters
-    ----------
-    shapes : dict of str to dict
-        By their ids.
-    depth : float [m]
-        Of the sonar.
-    pings, rays : int
-    sensor, water, film, integrator : dict, optional
-        Attributes that are added or replaced. Of a sensor with a ``track``, place and pings are the track's.
-
-    Returns
-    -------
-    mitsuba.Scene
-    """
+    """Load a scene of a sidescan, by default of 100 kHz and 1000 bins to 100 m."""
+    # depth [m]
     still = {"pings": pings, **_still(depth)}
     return _loaded(shapes, {"type": "sidescan", "preset": "towed_100khz", "speckle": False, **FLAWLESS}, still, sensor,
                    water, {"range": 100.0, "bins": 1000, **(film or {})}, {"rays": rays, **(integrator or {})})
@@ -125,30 +111,15 @@ def _loaded(shapes: Mapping[str, Any], kind: Attributes, still: Attributes, sens
 
 
 def water_of(profile: "SoundSpeedProfile") -> dict[str, Any]:
-    """Give the attributes of water with a sound speed profile."""
+    """Return the attributes of water with a sound speed profile."""
     if len(profile.depth) == 1:
         return {"sound_speed": float(profile.sound_speed[0])}
     return {"profile": ", ".join(f"{depth:g}:{speed:g}" for depth, speed in zip(profile.depth, profile.sound_speed))}
 
 
 def bed(depth: float, material: Attributes | None = None, *, size: float = 800.0, tilt: float = 0.0) -> dict[str, Any]:
-    """Describe a flat bed of two facets.
-
-    Parameters
-    ----------
-    depth : float [m]
-        In the middle, at x = y = 0.
-    material : dict, optional
-        `lambert` by default.
-    size : float [m]
-        Length of a side.
-    tilt : float [rad]
-        Slope, deeper to the east.
-
-    Returns
-    -------
-    dict
-    """
+    """Describe a flat bed of two facets."""
+    # depth [m]; size [m]; tilt [rad]
     from mitsonar.scene.loading import prepare
 
     prepare()

@@ -58,18 +58,8 @@ SPEED = 1500.0
 
 def holding(names: Sequence[str] = SIX,
             frequencies: Sequence[float] = KHZ) -> tuple[list[tuple[str, float]], tuple[str, ...]]:
-    """Tell of which sediments the law holds at which frequencies.
-
-    Parameters
-    ----------
-    names : sequence of str
-    frequencies : sequence of float [kHz]
-
-    Returns
-    -------
-    list of (str, float), tuple of str
-        Pairs of sediment and frequency [kHz], and what the law says of those it refuses.
-    """
+    """Tell of which sediments the law holds at which frequencies."""
+    # frequencies [kHz]
     pairs, refusals = [], []
     for khz in frequencies:
         for name in names:
@@ -83,15 +73,9 @@ def holding(names: Sequence[str] = SIX,
 
 
 def scattered_share(surface: Callable[..., np.ndarray], grazing: float, rings: int = 160, spokes: int = 96) -> float:
-    """Give the share of the power that a law sends back, (1/sin θ_i) ∫ σ dΩ, by quadrature around the specular lobe.
-
-    Parameters
-    ----------
-    surface : callable(grazing_in, grazing_out, azimuth) -> σ [-]
-    grazing : float [rad]
-    rings, spokes : int
-        Of the grid in the transverse wavenumber K, dΩ = dK² / (k² sin θ_s), of one half plane: the other is alike.
+    """Return the share of the power that a law sends back, (1/sin θ_i) ∫ σ dΩ, by quadrature around the specular lobe.
     """
+    # grazing [rad]
     # polar about the specular direction up to the edge of the half space: r = edge s, fine where s is small
     specular = np.cos(grazing)
     turn = (np.arange(spokes) + 0.5) * np.pi / spokes

@@ -23,26 +23,14 @@ NODES = 40_001
 
 @dataclass(frozen=True, eq=False)
 class FlatBed:
-    """Hold the direct eigenrays from a sonar to a level plane, at ranges (x,) from nadir to where there are no more.
+    """Hold the direct eigenrays from a sonar to a level plane, at ranges (x,) from nadir to where there are no more."""
 
-    Attributes
-    ----------
-    across : array (x,) [m]
-        Horizontal range.
-    time, length : array (x,) [s], [m]
-        One way.
-    launch, grazing : array (x,) [rad]
-        At sonar and plane, from the horizontal.
-    spread : array (x,) [1/m^4]
-        (c_b/c_0)² / A², the loss of a point scatterer there and back.
-    """
-
-    across: np.ndarray
-    time: np.ndarray
-    length: np.ndarray
-    launch: np.ndarray
-    grazing: np.ndarray
-    spread: np.ndarray
+    across: np.ndarray  # [m]: horizontal range
+    time: np.ndarray  # [m]: one way
+    length: np.ndarray  # [m]: one way
+    launch: np.ndarray  # [rad]: at sonar and plane, from the horizontal
+    grazing: np.ndarray  # [rad]: at sonar and plane, from the horizontal
+    spread: np.ndarray  # [1/m^4]: (c_b/c_0)² / A², the loss of a point scatterer there and back
 
     @classmethod
     def of(cls, profile: SoundSpeedProfile, sonar_depth: float, bed_depth: float, longest: float) -> "FlatBed":
@@ -67,23 +55,8 @@ class FlatBed:
 
     def energy(self, edges: np.ndarray, strength: Callable[[np.ndarray], np.ndarray], absorption_db: float,
                azimuths: np.ndarray | float) -> np.ndarray:
-        """Integrate between two-way times.
-
-        Parameters
-        ----------
-        edges : array (bin + 1,) [s]
-            Two-way times.
-        strength : callable(grazing) -> σ [-]
-        absorption_db : float [dB/m]
-        azimuths : array (x,) or float [rad]
-            Φ, of the pattern.
-
-        Returns
-        -------
-        array (bin,) [1/m²]
-            Sum over the gate of the echoes of its scatterers, at a source level of 0 dB; NaN where the rays end
-            within it or before it.
-        """
+        """Integrate between two-way times."""
+        # edges [s]; absorption_db [dB/m]; azimuths [rad] -> [1/m²]
         density = azimuths * strength(self.grazing) * self.spread * 10 ** (-0.2 * absorption_db * self.length)
         within = cumulative_trapezoid(density * self.across, self.across, initial=0)
         return np.diff(np.interp(edges, 2 * self.time, within, left=0.0, right=np.nan))

@@ -40,7 +40,7 @@ Weights = np.ndarray | Callable[[np.ndarray], np.ndarray]
 
 def gradient(scene: mi.Scene | FilePath, keys: Sequence[str], weights: Weights, *, of: str = "level",
              sensor: int | str = 0, seed: int = 0) -> dict[str, np.ndarray]:
-    """Give the gradient of a number made of a sonar's record, by parameters of its scene.
+    """Return the gradient of a number made of a sonar's record, by parameters of its scene.
 
     The number is Σ w y of the record y, mean levels or intensities without speckle; or any function of it whose own
     gradient by the record `weights` gives.
@@ -84,7 +84,7 @@ def gradient(scene: mi.Scene | FilePath, keys: Sequence[str], weights: Weights, 
 
 def directional_derivative(scene: mi.Scene | FilePath, tangents: Mapping[str, np.ndarray], *, of: str = "level",
                            sensor: int | str = 0, seed: int = 0) -> np.ndarray:
-    """Give how a sonar's record moves as parameters of its scene move in a direction: a Jacobian product.
+    """Return how a sonar's record moves as parameters of its scene move in a direction: a Jacobian product.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def directional_derivative(scene: mi.Scene | FilePath, tangents: Mapping[str, np
 
 def scene_model(scene: mi.Scene | FilePath, keys: Sequence[str], *, sensor: int | str = 0, seed: int = 0,
                 edges: bool = True, rays: int | None = None) -> SceneModel:
-    """Give the mean intensities of a sonar's record as a function of parameters of its scene.
+    """Return the mean intensities of a sonar's record as a function of parameters of its scene.
 
     It writes the parameters into the scene, and keeps rays and hits between products: for fits, and for many products
     about the same values.
@@ -153,7 +153,7 @@ def _model(scene: mi.Scene | FilePath, keys: Sequence[str], sensor: int | str, s
 
 def coherent_model(scene: mi.Scene | FilePath, keys: Sequence[str], *, of: str = "intensity",
                    pings: Sequence[int] | None = None, sensor: int | str = 0, seed: int = 0) -> CoherentPicture:
-    """Give the picture of an array's beams, speckle and all, as a function of its elements and of point targets.
+    """Return the picture of an array's beams, speckle and all, as a function of its elements and of point targets.
 
     Beams are formed with the arrays as the scene has them: changes are errors that they do not know of.
 
@@ -185,7 +185,7 @@ def coherent_model(scene: mi.Scene | FilePath, keys: Sequence[str], *, of: str =
 
 def differentiable_signals(scene: mi.Scene, params: Any, pings: Sequence[int] = (0,), *, sensor: int | str = 0,
                            seed: int = 0) -> mi.TensorXf:
-    """Give the signals of a sonar's elements, attached to the parameters of its scene that carry gradients.
+    """Return the signals of a sonar's elements, attached to the parameters of its scene that carry gradients.
 
     It is `mitsonar.element_signals` for `dr.backward` and `dr.forward_to`: coherent, with phases, scatterers staying.
     What Dr.Jit makes of the signals, beams or pictures, can be differentiated as well.

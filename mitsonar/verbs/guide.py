@@ -26,43 +26,22 @@ class SceneList(dict[str, str]):
 
 
 class Entry(NamedTuple):
-    """A parameter of a scene, or an attribute of a plugin.
+    """A parameter of a scene, or an attribute of a plugin."""
 
-    Attributes
-    ----------
-    default : str
-        As it is written in XML; empty where there is none.
-    heading : str
-        Name, values that are allowed, and default, on a line.
-    text : str
-        What it means.
-    """
-
-    default: str
-    heading: str
-    text: str
+    default: str  # as it is written in XML
+    heading: str  # name, values that are allowed, and default, on a line
+    text: str  # what it means
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Description:
-    """Description of a scene or a plugin and of what it takes; prints as ``mitsonar describe`` does.
-
-    Attributes
-    ----------
-    name : str
-    plugin, scene : str
-        What the plugin and the scene of that name are; empty where there is none.
-    element : str
-        Of the plugin in XML, such as ``<sensor type="sidescan">``.
-    attributes, parameters : dict of str to Entry
-        Those of the plugin, and those of the scene, which ``-D`` and `mitsonar.load_file` set.
-    """
+    """Description of a scene or a plugin and of what it takes; prints as ``mitsonar describe`` does."""
 
     name: str
-    plugin: str
-    element: str
+    plugin: str  # what the plugin and the scene of that name are
+    element: str  # of the plugin in XML, such as ``<sensor type="sidescan">``
     attributes: dict[str, Entry]
-    scene: str
+    scene: str  # what the plugin and the scene of that name are
     parameters: dict[str, Entry]
 
     def paragraphs(self) -> Iterator[tuple[str, str]]:

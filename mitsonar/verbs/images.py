@@ -266,27 +266,7 @@ def soundings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProf
 def sounded_pings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProfile | FilePath | None = None, *,
                   sensor: int | str = 0, column: bool = False, snippets: int = 0, start: int = 0,
                   count: Callable[[int], object] | None = None) -> Iterator[SonarImage]:
-    """Sound the bed ping by ping: what is kept does not grow with their number.
-
-    Parameters
-    ----------
-    scene, seed, profile, sensor, column, snippets
-        As of `soundings`.
-    start : int
-        Number of the first ping, from 0.
-    count : callable(pings) or None
-        Called with the number of all pings before the first.
-
-    Yields
-    ------
-    SonarImage
-        Of one ping; the same as that ping of what `soundings` gives.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError, TypeError
-        As `soundings`.
-    """
+    """Sound the bed ping by ping: what is kept does not grow with their number."""
     seed = checked_seed(seed)
     if profile is not None and not isinstance(profile, SoundSpeedProfile):
         profile = casts.read(profile).profile
@@ -306,7 +286,7 @@ def sounded_pings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeed
 
 
 def _samples(snippets: int) -> int:
-    """Give a number of samples, or refuse it."""
+    """Return a number of samples, or refuse it."""
     number = operator.index(snippets)
     if not 0 <= number <= MOST_SNIPPETS:
         raise ValueError(f"snippets is {number}; give a number of samples from 0, for none, to {MOST_SNIPPETS}")
@@ -322,11 +302,6 @@ def pings(scene: mi.Scene | FilePath, *, sensor: int | str = 0) -> int:
 def opened(scene: mi.Scene | FilePath, sensor: int | str = 0,
            parameters: Mapping[str, object] | None = None) -> tuple[mi.Scene, Any, Any]:
     """Return a scene (loaded if it is a path), the sensor of that number or id, and an integrator that renders sound.
-
-    Raises
-    ------
-    ValueError, TypeError, FileNotFoundError
-        As `render`.
     """
     sensor = sensor if isinstance(sensor, str) else operator.index(sensor)
     prepare()
@@ -354,7 +329,7 @@ def opened(scene: mi.Scene | FilePath, sensor: int | str = 0,
 
 
 def checked_seed(seed: int) -> int:
-    """Give a seed as a number, or refuse it."""
+    """Return a seed as a number, or refuse it."""
     number = operator.index(seed)
     if not 0 <= number < SEEDS:
         raise ValueError(f"seed is {number}; give a whole number from 0 to {SEEDS - 1}")

@@ -154,27 +154,7 @@ def _windows(window: str | tuple | None, range_window: str | tuple | None) -> di
 
 def raw_pings(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0, start: int = 0,
               count: Callable[[int], object] | None = None) -> Iterator[SonarImage]:
-    """Make raw echoes ping by ping: what is kept does not grow with their number.
-
-    Parameters
-    ----------
-    scene, seed, sensor
-        As of `raw_echoes`.
-    start : int
-        The first ping that is made; it is the same wherever one starts.
-    count : callable(pings) or None
-        Called with the number of the strip's pings before the first.
-
-    Yields
-    ------
-    SonarImage
-        Of one ping, with what all pings have in common.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError, TypeError
-        As `raw_echoes`, or if there is no such ping to start at.
-    """
+    """Make raw echoes ping by ping: what is kept does not grow with their number."""
     seed, start = checked_seed(seed), operator.index(start)
     scene, sonar, integrator = opened(scene, sensor)
     survey, about = _planned(scene, sonar, integrator)
@@ -187,22 +167,7 @@ def raw_pings(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 
 
 
 def scatterers(scene: mi.Scene | FilePath, *, sensor: int | str = 0) -> SonarImage:
-    """Give the scatterers that the raw echoes of a scene's seabeds and objects are made of: the truth of its speckle.
-
-    Parameters
-    ----------
-    scene, sensor
-        As of `raw_echoes`.
-
-    Returns
-    -------
-    SonarImage
-        Over ``scatterer``, see `survey.strip.scatterers.scatterers_of`.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError, TypeError
-        As `raw_echoes`, or if there are too many.
+    """Return the scatterers that the raw echoes of a scene's seabeds and objects are made of: the truth of its speckle.
     """
     scene, sonar, integrator = opened(scene, sensor)
     survey, about = _planned(scene, sonar, integrator)

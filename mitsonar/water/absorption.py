@@ -21,7 +21,7 @@ from .ranges import checked, chosen
 
 def francois_garrison_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, salinity: ArrayLike = 35.0,
                          depth: ArrayLike = 0.0, ph: ArrayLike = 8.0) -> np.ndarray:
-    """Give the absorption of seawater by Francois and Garrison.
+    """Return the absorption of seawater by Francois and Garrison.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def francois_garrison_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, sa
 
 def ainslie_mccolm_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, salinity: ArrayLike = 35.0,
                       depth: ArrayLike = 0.0, ph: ArrayLike = 8.0) -> np.ndarray:
-    """Give the absorption of seawater by Ainslie and McColm; arguments and errors as `francois_garrison_db`.
+    """Return the absorption of seawater by Ainslie and McColm; arguments and errors as `francois_garrison_db`.
 
     Returns
     -------
@@ -89,7 +89,7 @@ def ainslie_mccolm_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, salin
 
 def thorp_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, salinity: ArrayLike = 35.0, depth: ArrayLike = 0.0,
              ph: ArrayLike = 8.0) -> np.ndarray:
-    """Give the absorption of seawater by Thorp; arguments and errors as `francois_garrison_db`.
+    """Return the absorption of seawater by Thorp; arguments and errors as `francois_garrison_db`.
 
     Returns
     -------
@@ -113,7 +113,7 @@ FORMULAS: dict[str, Callable[..., np.ndarray]] = {
 
 def absorption_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, salinity: ArrayLike = 35.0,
                   depth: ArrayLike = 0.0, ph: ArrayLike = 8.0, formula: str = "francois-garrison") -> np.ndarray:
-    """Give the absorption of seawater by the formula of a name.
+    """Return the absorption of seawater by the formula of a name.
 
     Parameters
     ----------

@@ -14,25 +14,8 @@ ABSORPTION_STEPS = 1024
 
 
 class Absorption:
-    """Two-way absorption on the device; see `water.column` for the equation.
-
-    Parameters
-    ----------
-    column : AbsorptionColumn
-    profile : SoundSpeedProfile
-    deepest : float [m]
-        Of source and scene.
-    like : Dr.Jit array or type
-    top : float [m]
-        Shallowest depth asked for.
-
-    Attributes
-    ----------
-    depth : (S,) [m]
-        Where the table has its rows, from the top to the deepest.
-    table : Float (S, 4)
-        See `column.column_integrals`.
-    """
+    """Two-way absorption on the device; see `water.column` for the equation."""
+    # deepest [m]; top [m]; depth (S,) [m]; table (S, 4)
 
     def __init__(self, column: AbsorptionColumn, profile: SoundSpeedProfile, deepest: float, like: DrJitArray | type,
                  top: float = 0.0):
@@ -47,7 +30,7 @@ class Absorption:
         dr.eval(self.table)
 
     def two_way_db(self, z0: Float, z1: Float, arc_length: Float, ray_parameter: Float) -> Float:
-        """Give the loss 2 ᾱ L [dB] between depths z0 and z1 [m]; float32 arrays."""
+        """Return the loss 2 ᾱ L [dB] between depths z0 and z1 [m]; float32 arrays."""
         a, b = self._at(z0), self._at(z1)
         apart = z1 - z0
         far = abs(apart) > 0.5                              # nearer, float32 differences are worse than α itself

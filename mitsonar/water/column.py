@@ -27,18 +27,10 @@ __all__ = ["AbsorptionColumn", "column_integrals"]
 
 @dataclass(frozen=True, eq=False, init=False)
 class AbsorptionColumn:
-    """Absorption against depth, linear between nodes and constant beyond the ends.
+    """Absorption against depth, linear between nodes and constant beyond the ends."""
 
-    Parameters
-    ----------
-    depth : (K,) [m]
-        Increasing, positive down.
-    absorption_db : (K,) [dB/m]
-        At the one frequency the sonar uses, not negative.
-    """
-
-    depth: np.ndarray
-    absorption_db: np.ndarray
+    depth: np.ndarray  # (K,) [m]: increasing, positive down
+    absorption_db: np.ndarray  # (K,) [dB/m]: at the one frequency the sonar uses, not negative
 
     def __init__(self, depth: ArrayLike, absorption_db: ArrayLike):
         nodes, alpha = (np.atleast_1d(np.asarray(v, float)) for v in (depth, absorption_db))
@@ -56,39 +48,19 @@ class AbsorptionColumn:
         return type(self)(np.r_[-depth[:0:-1], depth], np.r_[alpha[:0:-1], alpha])
 
     def added(self, depth: np.ndarray, offset: np.ndarray) -> "AbsorptionColumn":
-        """Make a column with something more [dB/m] at depths (K,) [m], linear between them and constant beyond.
-
-        Raises
-        ------
-        ValueError
-            If it is less than nothing somewhere.
-        """
+        """Make a column with something more [dB/m] at depths (K,) [m], linear between them and constant beyond."""
         nodes = np.union1d(self.depth, depth)
         return type(self)(nodes, self.at(nodes) + np.interp(nodes, depth, offset))
 
     def at(self, depth: Values) -> Values:
-        """Give the absorption [dB/m] at depths [m]."""
+        """Return the absorption [dB/m] at depths [m]."""
         return cast(Values, np.interp(depth, self.depth, self.absorption_db))
 
 
 def column_integrals(column: AbsorptionColumn, profile: SoundSpeedProfile, deepest: float, steps: int,
                      top: float = 0.0) -> tuple[np.ndarray, float]:
-    """Integrate down from `top`, at `steps` + 1 equal depths from there to `deepest` [m].
-
-    Parameters
-    ----------
-    column : AbsorptionColumn
-    profile : SoundSpeedProfile
-    deepest : float [m]
-    steps : int
-    top : float [m]
-
-    Returns
-    -------
-    (steps + 1, 4)
-        ∫ α dz, ∫ α e dz, ∫ e dz and α itself.
-    c_r : float [m/s]
-    """
+    """Integrate down from `top`, at `steps` + 1 equal depths from there to `deepest` [m]."""
+    # deepest [m]; top [m] -> c_r [m/s]
     z = np.linspace(top, deepest, steps + 1)
     nodes = np.concatenate([column.depth, profile.depth])
     fine = np.unique(np.concatenate([z, nodes[(nodes > top) & (nodes < deepest)]]))

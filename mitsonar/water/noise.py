@@ -23,7 +23,7 @@ MICROPASCAL = 1e-6  # [Pa]
 
 
 def ambient_noise_db(frequency: ArrayLike, wind_speed: ArrayLike = 5.0, shipping: ArrayLike = 0.5) -> np.ndarray:
-    """Give the ambient noise level of the deep sea.
+    """Return the ambient noise level of the deep sea.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def ambient_noise_db(frequency: ArrayLike, wind_speed: ArrayLike = 5.0, shipping
 
 def noise_components_db(frequency: ArrayLike, wind_speed: ArrayLike = 5.0,
                         shipping: ArrayLike = 0.5) -> dict[str, np.ndarray]:
-    """Give the levels of what `ambient_noise_db` adds up.
+    """Return the levels of what `ambient_noise_db` adds up.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def noise_components_db(frequency: ArrayLike, wind_speed: ArrayLike = 5.0,
 
 def thermal_noise_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, sound_speed: ArrayLike = 1500.0,
                      density: ArrayLike = 1025.0) -> np.ndarray:
-    """Give the level of the molecular noise of water, the floor under every hydrophone.
+    """Return the level of the molecular noise of water, the floor under every hydrophone.
 
     Parameters
     ----------

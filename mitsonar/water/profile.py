@@ -88,11 +88,11 @@ class SoundSpeedProfile:
                           np.insert(self.sound_speed[others], place, sound_speed))
 
     def at(self, depth: Values) -> Values:
-        """Give the sound speed [m/s] at ``depth`` [m], any shape."""
+        """Return the sound speed [m/s] at ``depth`` [m], any shape."""
         return cast(Values, np.interp(depth, self.depth, self.sound_speed))
 
     def gradient(self, depth: Values, side: Literal["below", "above"] = "below") -> Values:
-        """Give dc/d(depth) [1/s] at ``depth`` [m], any shape.
+        """Return dc/d(depth) [1/s] at ``depth`` [m], any shape.
 
         Zero beyond the ends; at a node, the gradient of the layer on ``side`` of it, "below" or "above".
         """

@@ -37,7 +37,7 @@ SOUND_SPEED_RANGES = {
 
 def checked(what: str, ranges: Mapping[str, tuple[float, float, str]] = RANGES,
             **values: ArrayLike) -> list[np.ndarray]:
-    """Give the values as float64 arrays, in order, or raise a ValueError naming the first outside ``ranges``."""
+    """Return the values as float64 arrays, in order, or raise a ValueError naming the first outside ``ranges``."""
     arrays = []
     for name, value in values.items():
         low, high, unit = ranges[name]
@@ -51,7 +51,7 @@ def checked(what: str, ranges: Mapping[str, tuple[float, float, str]] = RANGES,
 
 
 def chosen(what: str, formula: str, formulas: Mapping[str, Formula]) -> Formula:
-    """Give the formula of that name, or raise a ValueError with the names of all."""
+    """Return the formula of that name, or raise a ValueError with the names of all."""
     if formula not in formulas:
         raise ValueError(f"{what}: formula {formula!r} is unknown; use one of {', '.join(formulas)}.")
     return formulas[formula]

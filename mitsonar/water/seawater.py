@@ -69,7 +69,7 @@ FORMULAS = {"teos-10": _teos_10, "chen-millero": _chen_millero, "mackenzie": _ma
 
 def sound_speed(temperature: ArrayLike, salinity: ArrayLike, depth: ArrayLike, latitude: ArrayLike = 45.0,
                 longitude: ArrayLike = -20.0, formula: str = "teos-10") -> np.ndarray:
-    """Give the sound speed of seawater from what a CTD measures.
+    """Return the sound speed of seawater from what a CTD measures.
 
     Parameters
     ----------

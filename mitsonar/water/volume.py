@@ -32,25 +32,12 @@ LAYERS = {"fish": (300.0, 500.0, -70.0), "plankton": (10.0, 60.0, -80.0), "bubbl
 
 @dataclass(frozen=True)
 class Layer:
-    """Hold a layer of scatterers that lies on top of the water's own.
-
-    Parameters
-    ----------
-    name : str
-    top, bottom : float [m]
-        Depths, top above bottom.
-    strength_db : float [dB re 1/m]
-
-    Raises
-    ------
-    ValueError
-        If a number is missing, not finite or out of range.
-    """
+    """Hold a layer of scatterers that lies on top of the water's own."""
 
     name: str
-    top: float
-    bottom: float
-    strength_db: float
+    top: float  # [m]: depths, top above bottom
+    bottom: float  # [m]: depths, top above bottom
+    strength_db: float  # [dB re 1/m]
 
     def __post_init__(self):
         if not -np.inf < self.top < self.bottom < np.inf:
@@ -135,19 +122,19 @@ class VolumeScattering:
         return pieces
 
     def at(self, depth: ArrayLike) -> np.ndarray:
-        """Give s_v [1/m] at ``depth`` [m], any shape."""
+        """Return s_v [1/m] at ``depth`` [m], any shape."""
         a, b, c = np.moveaxis(self.pieces[np.searchsorted(self.edges, depth, side="right")], -1, 0)
         return c + np.exp(a + b * np.asarray(depth, float))
 
     def strength_db_at(self, depth: ArrayLike) -> np.ndarray:
-        """Give S_v with all layers [dB re 1/m] at ``depth`` [m], any shape; -inf where nothing scatters."""
+        """Return S_v with all layers [dB re 1/m] at ``depth`` [m], any shape; -inf where nothing scatters."""
         return db_from_power(self.at(depth))
 
 
 def volume_reverberation_db(source_level_db: Real, slant_range: ArrayLike, volume_strength_db: Real,
                             beam_solid_angle: ArrayLike, pulse_length: ArrayLike, absorption_db: Real = 0.0,
                             sound_speed: Real = 1500.0) -> np.ndarray:
-    """Give the level of the reverberation of water that is the same everywhere.
+    """Return the level of the reverberation of water that is the same everywhere.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ class VolumeTable(Record):
     count: UInt32         # UInt32 (1,): E
 
     def at(self, depth: Float, active: Bool | bool = True) -> Float:
-        """Give s_v [1/m], Float (R,), at depths [m] Float (R,)."""
+        """Return s_v [1/m], Float (R,), at depths [m] Float (R,)."""
         piece = _pieces_above(self.lib, self.edges, self.count, depth, active)
         row = dr.gather(self.lib.Array4f, self.pieces, piece, active)
         return row[2] + dr.exp(dr.fma(row[1], depth - row[3], row[0]))
@@ -46,18 +46,7 @@ def _pieces_above(lib, edges, count, depth, active):
 
 
 def volume_table(volume: VolumeScattering, like: DrJitArray | type) -> VolumeTable:
-    """Put volume scattering on the device.
-
-    Parameters
-    ----------
-    volume : water.VolumeScattering
-    like : Dr.Jit array or type
-        Decides the backend.
-
-    Returns
-    -------
-    VolumeTable
-    """
+    """Put volume scattering on the device."""
     lib = arrays_of(like)
     a, b, c = volume.pieces.T
     start = np.concatenate([volume.edges[:1], volume.edges])

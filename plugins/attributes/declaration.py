@@ -22,17 +22,7 @@ REQUIRED = _Required()
 
 
 class Unfit(Exception):
-    """A value is not what the attribute expects.
-
-    Parameters
-    ----------
-    got, expected : str
-        In words, where these are not what the property and the attribute say by themselves.
-    hint : str
-        What may have been meant.
-    sentence : str
-        The whole complaint, where it is another one.
-    """
+    """A value is not what the attribute expects."""
 
     def __init__(self, *, got: str = "", expected: str = "", hint: str = "", sentence: str = "") -> None:
         super().__init__(sentence)
@@ -41,18 +31,10 @@ class Unfit(Exception):
 
 @dataclass(frozen=True, kw_only=True)
 class FromTable:
-    """A default that is looked up: of a preset, by the attribute that names the preset.
+    """A default that is looked up: of a preset, by the attribute that names the preset."""
 
-    Attributes
-    ----------
-    table : dict of str to dict
-        Values by preset and attribute.
-    by : str
-        Name of the attribute that holds the preset.
-    """
-
-    table: Mapping[str, Mapping[str, Any]]
-    by: str
+    table: Mapping[str, Mapping[str, Any]]  # values by preset and attribute
+    by: str  # name of the attribute that holds the preset
 
 
 @dataclass(frozen=True)
@@ -64,33 +46,16 @@ class SameAs:
 
 @dataclass(frozen=True)
 class Attribute(ABC):
-    """What a plugin takes under a name.
-
-    Attributes
-    ----------
-    name : str
-    default : any
-        As it would be written in a scene; `REQUIRED`, None, a `FromTable` or a `SameAs`.
-    otherwise : str
-        What is taken where it is not written, in words; by default the words for the default.
-    text : str
-        What it means.
-    only : (str, tuple of str) or None
-        It counts only where the attribute of this name, declared before, has one of these values.
-    formerly : str
-        A name that is read too.
-    types : tuple of str
-        Mitsuba's types of properties that are taken.
-    """
+    """What a plugin takes under a name."""
 
     name: str
     _: KW_ONLY
-    default: Any = REQUIRED
-    otherwise: str = ""
-    text: str
+    default: Any = REQUIRED  # as it would be written in a scene
+    otherwise: str = ""  # what is taken where it is not written, in words
+    text: str  # what it means
     only: tuple[str, tuple[str, ...]] | None = None
-    formerly: str = ""
-    types: ClassVar[tuple[str, ...]] = ()
+    formerly: str = ""  # A name that is read too
+    types: ClassVar[tuple[str, ...]] = ()  # mitsuba's types of properties that are taken
 
     @property
     @abstractmethod
@@ -99,10 +64,10 @@ class Attribute(ABC):
 
     @abstractmethod
     def read(self, value: Any, written_as: str) -> Any:
-        """Give what the plugin gets of a property's value, which has one of the types; raise `Unfit` otherwise."""
+        """Return what the plugin gets of a property's value, which has one of the types; raise `Unfit` otherwise."""
 
     def taken(self, default: Any) -> Any:
-        """Give what the plugin gets where the default is taken, which is not None."""
+        """Return what the plugin gets where the default is taken, which is not None."""
         return default
 
     @property
@@ -134,17 +99,17 @@ class Nested(Attribute):
         return f"nested `<{self.name}>`, one or more" if self.many else f"a nested `<{self.name}>`"
 
     def read(self, value: Any, written_as: str) -> Any:
-        """Give the object as Mitsuba made it."""
+        """Return the object as Mitsuba made it."""
         return value
 
 
 def in_unit(unit: str) -> str:
-    """Give a unit in brackets, as it follows a noun."""
+    """Return a unit in brackets, as it follows a noun."""
     return f" [{unit}]" if unit else ""
 
 
 def shown(value: Any) -> str:
-    """Give a value as it is written in a scene."""
+    """Return a value as it is written in a scene."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, (tuple, list, np.ndarray)):

@@ -9,23 +9,12 @@ __all__ = ["Group", "flat"]
 
 @dataclass(frozen=True, kw_only=True)
 class Group:
-    """Attributes that several plugins share, or one has several times under names that begin differently.
+    """Attributes that several plugins share, or one has several times under names that begin differently."""
 
-    Attributes
-    ----------
-    title : str
-        Of the chapter that the reference page has for them.
-    module : str
-        Of the package, whose text that chapter begins with.
-    attributes : tuple of Attribute
-    prefixes : tuple of str
-        What stands in front of every name.
-    """
-
-    title: str
-    module: str
+    title: str  # of the chapter that the reference page has for them
+    module: str  # of the package, whose text that chapter begins with
     attributes: tuple[Attribute, ...]
-    prefixes: tuple[str, ...] = ("",)
+    prefixes: tuple[str, ...] = ("",)  # what stands in front of every name
 
     def named(self, prefix: str) -> tuple[Attribute, ...]:
         """The attributes under their whole names."""

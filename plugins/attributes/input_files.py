@@ -8,25 +8,13 @@ __all__ = ["found_file", "resolved"]
 
 
 def resolved(name: str) -> str:
-    """Give the path of what a scene names, beside the scene or in the current folder; a name of nothing as it is."""
+    """Return the path of what a scene names, beside the scene or in the current folder; a name of nothing as it is."""
     resolver: Any = mi.file_resolver           # of which Mitsuba's stubs say only that it is an object
     return str(resolver().resolve(name))
 
 
 def found_file(attribute: str, name: str) -> str:
-    """Give the path of a file that a scene names, looked for beside the scene, then in the current folder.
-
-    Parameters
-    ----------
-    attribute : str
-        That names it, for the complaint.
-    name : str
-
-    Raises
-    ------
-    ValueError
-        If it is not there, no file, or may not be read.
-    """
+    """Return the path of a file that a scene names, looked for beside the scene, then in the current folder."""
     path = resolved(name)
     if not os.path.isfile(path):
         if os.path.isdir(path):

@@ -13,19 +13,12 @@ __all__ = ["Angle", "Integer", "Number", "Numbers", "Point", "Range", "Transform
 
 @dataclass(frozen=True)
 class Number(Attribute):
-    """A finite number within bounds, written as a float or an integer.
+    """A finite number within bounds, written as a float or an integer."""
 
-    Attributes
-    ----------
-    minimum, maximum, above, below : float or None
-        Bounds, inclusive and exclusive.
-    unit : str
-    """
-
-    minimum: float | None = None
-    maximum: float | None = None
-    above: float | None = None
-    below: float | None = None
+    minimum: float | None = None  # bounds, inclusive and exclusive
+    maximum: float | None = None  # bounds, inclusive and exclusive
+    above: float | None = None  # bounds, inclusive and exclusive
+    below: float | None = None  # bounds, inclusive and exclusive
     unit: str = ""
     types = ("Float", "Integer")
     noun: ClassVar[str] = "a number"
@@ -139,17 +132,10 @@ class Numbers(Attribute):
 
 @dataclass(frozen=True)
 class Range(Numbers):
-    """A number, or two from which one is drawn: "low, high"; the plugin gets two.
+    """A number, or two from which one is drawn: "low, high"; the plugin gets two."""
 
-    Attributes
-    ----------
-    minimum, maximum : float
-        Bounds of both.
-    whole : bool
-    """
-
-    minimum: float = -np.inf
-    maximum: float = np.inf
+    minimum: float = -np.inf  # bounds of both
+    maximum: float = np.inf  # bounds of both
     whole: bool = False
 
     @property

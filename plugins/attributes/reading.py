@@ -31,21 +31,7 @@ TAGS = {"Bool": "boolean", "Integer": "integer", "Float": "float", "Vector": "po
 
 
 class Attributes:
-    """Read and check the attributes of one plugin instance; each is an attribute of this object.
-
-    Parameters
-    ----------
-    props : mi.Properties
-        What Mitsuba hands to the plugin's constructor.
-    declared : tuple of Attribute or Group
-        What the plugin takes.
-
-    Raises
-    ------
-    ValueError
-        If something is missing, unknown, or not what was expected. Within an XML file Mitsuba adds file and line, see
-        `mitsonar.scene.errors.plain`.
-    """
+    """Read and check the attributes of one plugin instance; each is an attribute of this object."""
 
     def __init__(self, props: mi.Properties, declared: tuple[Attribute | Group, ...]) -> None:
         self._props = props

@@ -27,13 +27,7 @@ TEXTURES = "sediment_class", "second_class", "second_share"
 
 
 class ClassMap:
-    """Give the numbers of classes.
-
-    Attributes
-    ----------
-    textures : dict of str to mi.Texture
-        By the names of their attributes; the second ones may be missing.
-    """
+    """Return the numbers of classes."""
 
     def __init__(self, textures: dict[str, mi.Texture], *, scale: float, count: int, border: float) -> None:
         self.textures, self._scale, self._count = textures, scale, count
@@ -43,7 +37,7 @@ class ClassMap:
         self._moves = [[dr.opaque(mi.Float, float(part)) for part in row] for row in self._shift]
 
     def at(self, si: mi.SurfaceInteraction3f, active: mi.Bool | bool) -> mi.UInt32:
-        """Give the number of the class at interactions, UInt32 (R,)."""
+        """Return the number of the class at interactions, UInt32 (R,)."""
         if self._shift.any():
             si = self._displaced(si)
         number = self._read("sediment_class", si, active, self._scale)
@@ -73,13 +67,7 @@ class ClassMap:
 
 
 def class_map_of(attributes: Attributes, names: list[str]) -> ClassMap | None:
-    """Give the map of classes of these names; None where there is none.
-
-    Raises
-    ------
-    ValueError
-        If the attributes of `CLASSES` contradict each other.
-    """
+    """Return the map of classes of these names; None where there is none."""
     written = attributes.given("class_scale", "class_border", "second_class", "second_share")
     if attributes.sediment_class is None:
         if written:

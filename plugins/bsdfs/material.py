@@ -35,22 +35,11 @@ class Material(mi.BSDF):
     """A surface that scatters by a law; subclasses say which, and how to draw directions from it.
 
     Directions are local: unit vectors away from the surface, z along its normal on the side the sound is.
-
-    Attributes
-    ----------
-    textured : bool
-        Whether a parameter is read from a texture, so that texture coordinates are needed.
-    patches : scattering.patches.Patches or None
-        By which the strength varies from place to place.
-    coherence : float or mi.Texture
-        Of scatterers between any two passes.
-    reflects : bool
-        Whether it has `coherent_reflection`.
     """
 
     textured = False
     patches = None
-    coherence: float | mi.Texture = 1.0
+    coherence: float | mi.Texture = 1.0  # of scatterers between any two passes
     reflects = False
 
     def __init__(self, props: mi.Properties, *, flags: mi.BSDFFlags | int | None = None) -> None:
@@ -61,44 +50,24 @@ class Material(mi.BSDF):
         self.m_flags = flags
 
     def check(self, frequency: float, sound_speed: float) -> None:
-        """Refuse what the law does not hold for, before a run.
-
-        Parameters
-        ----------
-        frequency, sound_speed : float [Hz], [m/s]
-            The latter the lowest of the water at the scene's depths.
-
-        Raises
-        ------
-        ValueError
-            If the law does not hold.
-        """
+        """Refuse what the law does not hold for, before a run."""
+        # frequency, sound_speed [m/s]
 
     def scattering_strength(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
                             sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
-        """Give σ [-].
-
-        Parameters
-        ----------
-        si : SurfaceInteraction3f
-            With p, n, sh_frame, uv, shape and prim_index.
-        wi, wo : Vector3f (R,)
-            Towards where sound comes from, and where it goes.
-        frequency, sound_speed : Float [Hz], [m/s]
-            The latter of the water at the surface.
-        active : Bool (R,)
-        """
+        """Return σ [-]."""
+        # wi, wo (R,); frequency, sound_speed [m/s]; active (R,)
         # Mitsuba's classes have a metaclass of their own, so they cannot be abstract ones
         raise NotImplementedError(f"{type(self).__name__} lacks the method scattering_strength")
 
     def patchy_strength(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
                         sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
-        """Give σ [-] where it is met: that of the law times what the patch there is to the mean."""
+        """Return σ [-] where it is met: that of the law times what the patch there is to the mean."""
         strength = self.scattering_strength(si, wi, wo, frequency, sound_speed, active)
         return strength if self.patches is None else strength * self.patches.at(si.p.x, si.p.y, active)
 
     def coherence_at(self, si: mi.SurfaceInteraction3f, active: mi.Bool | bool = True) -> mi.Float:
-        """Give the coherence of what scatters at interactions between any two passes, 0 to 1."""
+        """Return the coherence of what scatters at interactions between any two passes, 0 to 1."""
         if isinstance(self.coherence, mi.Texture):
             return dr.clip(self.coherence.eval_1(si, mi.Bool(active)), 0, 1)
         return dr.full(mi.Float, self.coherence, dr.width(si.p))
@@ -106,21 +75,9 @@ class Material(mi.BSDF):
     def coherent_reflection(self, si: mi.SurfaceInteraction3f, sin_grazing: mi.Float, frequency: mi.Float,
                             sound_speed: mi.Float, lowest_wavenumber: mi.Float,
                             active: mi.Bool | bool = True) -> tuple[mi.Float, mi.Float]:
-        """Give what is reflected in one phase, in the convention e^(+iωt).
-
-        Parameters
-        ----------
-        si : SurfaceInteraction3f
-        sin_grazing, frequency, sound_speed : Float [-], [Hz], [m/s]
-            The last of the water at the surface.
-        lowest_wavenumber : Float (R,) [rad/m]
-            Of the roughness: what is longer is the shape of the surface.
-        active : Bool (R,)
-
-        Returns
-        -------
-        real, imaginary : Float (R,)
-        """
+        """Return what is reflected in one phase, in the convention e^(+iωt)."""
+        # sin_grazing, frequency, sound_speed [m/s]; lowest_wavenumber (R,) [rad/m]; active (R,) -> real, imaginary
+        # (R,)
         raise NotImplementedError(f"{type(self).__name__} lacks the method coherent_reflection")
 
     def drawn_direction(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, frequency: mi.Float, sound_speed: mi.Float,
@@ -130,7 +87,7 @@ class Material(mi.BSDF):
 
     def direction_density(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
                           sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
-        """Give the density of `drawn_direction` [1/sr]."""
+        """Return the density of `drawn_direction` [1/sr]."""
         density: Any = mi.warp.square_to_cosine_hemisphere_pdf(wo)
         return dr.select(active & (wo.z > 0), density, 0)
 
@@ -173,7 +130,7 @@ class Material(mi.BSDF):
 
 
 def patches_of(attributes: Attributes) -> Patches | None:
-    """Give the patches that the attributes of `PATCHES` say; None where there are none."""
+    """Return the patches that the attributes of `PATCHES` say; None where there are none."""
     if attributes.patchiness is None:
         if written := attributes.given("patch_size", "patch_border"):
             raise attributes.error(f"{written[0]} is given without patchiness; give both or neither.")

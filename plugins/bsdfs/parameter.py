@@ -11,22 +11,8 @@ __all__ = ["Parameter"]
 
 
 class Parameter:
-    """Give a parameter at surface interactions.
-
-    Parameters
-    ----------
-    value : float, array (C,) or mi.Texture
-        For all places, for those of each class, or as it varies.
-    low, high : float
-        What textures are clipped to.
-    least : float
-        From which on, up to `high`, numbers may be changed.
-
-    Attributes
-    ----------
-    textured : bool
-        Whether the value is a texture.
-    """
+    """Return a parameter at surface interactions."""
+    # value (C,)
 
     def __init__(self, value: float | np.ndarray | mi.Texture, low: float = -np.inf, high: float = np.inf,
                  least: float = -np.inf) -> None:
@@ -38,13 +24,7 @@ class Parameter:
         self.keep()
 
     def check(self, name: str) -> None:
-        """Refuse numbers that were changed into what cannot be.
-
-        Raises
-        ------
-        ValueError
-            If there are more or fewer than before, or one is not finite or out of range.
-        """
+        """Refuse numbers that were changed into what cannot be."""
         if self.textured:
             return
         numbers = dr.detach(self.value).numpy()

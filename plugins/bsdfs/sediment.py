@@ -76,13 +76,7 @@ ATTRIBUTES = (
 
 
 class SedimentBed(Material):
-    """See the module's text.
-
-    Attributes
-    ----------
-    law, bounds, declared : type, dict, tuple
-        What holds a sediment, the ranges of its parameters, and the attributes.
-    """
+    """See the module's text."""
 
     law, bounds, declared = Sediment, BOUNDS, ATTRIBUTES
     reflects = True

@@ -30,18 +30,7 @@ class Smooth(Material):
 
     def reflection(self, si: mi.SurfaceInteraction3f, sin_grazing: mi.Float, frequency: mi.Float,
                    sound_speed: mi.Float, active: mi.Bool | bool = True) -> tuple[mi.Float, mi.Float]:
-        """Give the reflection coefficient in the convention e^(+iωt).
-
-        Parameters
-        ----------
-        si : SurfaceInteraction3f
-        sin_grazing, frequency, sound_speed : Float [-], [Hz], [m/s]
-            The last of the water at the surface.
-        active : Bool (R,)
-
-        Returns
-        -------
-        real, imaginary : Float (R,)
-        """
+        """Return the reflection coefficient in the convention e^(+iωt)."""
+        # sin_grazing, frequency, sound_speed [m/s]; active (R,) -> real, imaginary (R,)
         # Mitsuba's classes have a metaclass of their own, so they cannot be abstract ones
         raise NotImplementedError(f"{type(self).__name__} lacks the method reflection")

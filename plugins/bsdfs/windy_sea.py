@@ -22,15 +22,7 @@ ATTRIBUTES = (WIND_SPEED,)
 
 
 class WindySea(Material):
-    """See the module's text.
-
-    Attributes
-    ----------
-    coherence : float
-        0: the sea is another in every pass.
-    mirror : bool
-        Whether there is no wind: sound goes on in the mirror direction alone.
-    """
+    """See the module's text."""
 
     coherence = 0.0
 

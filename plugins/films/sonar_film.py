@@ -56,13 +56,7 @@ class SonarFilm(mi.Film):
         return ("bins", self._bins) if self._sample_rate is None else ("sample_rate_khz", self._sample_rate / 1000)
 
     def window(self, sound_speed: float) -> tuple[tuple[float, float], int]:
-        """Two-way time window (start, end) [s] and number of bins, at the sonar's sound speed [m/s].
-
-        Raises
-        ------
-        ValueError
-            If the sample rate makes more bins than a film may have.
-        """
+        """Two-way time window (start, end) [s] and number of bins, at the sonar's sound speed [m/s]."""
         start, end = 2 * self.range_min / sound_speed, 2 * self.range / sound_speed
         if self._sample_rate is None:
             return (start, end), self._bins
@@ -73,21 +67,8 @@ class SonarFilm(mi.Film):
         return (start, start + bins / self._sample_rate), int(bins)
 
     def sampling(self, sound_speed: float, usual_rate: float, *, written: bool = True) -> tuple[float, float, int]:
-        """Start of the record [s], sampling rate [Hz] and number of samples, at the sonar's sound speed [m/s].
-
-        Parameters
-        ----------
-        sound_speed : float [m/s]
-        usual_rate : float [Hz]
-            Taken where the scene writes neither bins nor a rate, or these are not to count.
-        written : bool
-            Whether what the scene writes counts.
-
-        Raises
-        ------
-        ValueError
-            If that makes more samples than a film may have.
-        """
+        """Start of the record [s], sampling rate [Hz] and number of samples, at the sonar's sound speed [m/s]."""
+        # sound_speed [m/s]; usual_rate [Hz]
         (start, end), bins = self.window(sound_speed)
         rate = usual_rate
         if written and (self._sample_rate or self._bins_written):

@@ -76,13 +76,7 @@ class SonarPath(mi.SamplingIntegrator):
         super().__init__(props)
 
     def survey(self, scene: mi.Scene, sensor: mi.Sensor) -> Survey:
-        """Plan a run of a sonar over a scene.
-
-        Raises
-        ------
-        ValueError
-            If the sensor is no sonar, or sensor and scene do not fit together: no seabed, a track outside it, ...
-        """
+        """Plan a run of a sonar over a scene."""
         from mitsonar.survey.coverage import warn_of_window
         from mitsonar.survey.kinds import kind_of
 
@@ -92,18 +86,7 @@ class SonarPath(mi.SamplingIntegrator):
         return survey
 
     def array_survey(self, scene: mi.Scene, sensor: mi.Sensor, lead: float = 0.0) -> ArraySurvey:
-        """Plan the same run for the signals of the sonar's elements.
-
-        Parameters
-        ----------
-        lead : float [-]
-            How many pulses earlier than the film's window the record starts: echoes that begin before it last into it.
-
-        Raises
-        ------
-        ValueError
-            As `survey`, or if the samples are too few for the pulse.
-        """
+        """Plan the same run for the signals of the sonar's elements."""
         from mitsonar.survey.coverage import warn_of_window
         from mitsonar.survey.kinds import kind_of
 
@@ -160,7 +143,7 @@ class SonarPath(mi.SamplingIntegrator):
 
     def render_forward(self, scene: mi.Scene, params: Any, sensor: mi.Sensor | int = 0, seed: int = 0,
                        spp: int = 0) -> mi.TensorXf:
-        """Give how the levels of `render` move [dB], as the tangents say that are set in the scene."""
+        """Return how the levels of `render` move [dB], as the tangents say that are set in the scene."""
         return mi.TensorXf(self._products(scene, sensor, seed).forward().astype(np.float32)[..., None])
 
     def render_backward(self, scene: mi.Scene, params: Any, grad_in: mi.TensorXf, sensor: mi.Sensor | int = 0,

@@ -78,20 +78,8 @@ ATTRIBUTES = (
 
 
 class Seawater(mi.Medium):
-    """See the module's text.
-
-    Attributes
-    ----------
-    loaded_profile : SoundSpeedProfile
-        The profile as the scene was loaded; `profile` is the one that `mi.traverse` changes.
-    volume : VolumeScattering or None
-    speeds : Float64 (K,) [m/s]
-        Sound speeds at the profile's nodes, for `mi.traverse`.
-    absorption_offset : Float64 (K,) [dB/m]
-        What is added to absorption at the profile's nodes, for `mi.traverse`.
-    absorption_scale : Float64 (1,) [-]
-        By which absorption is multiplied, for `mi.traverse`.
-    """
+    """See the module's text."""
+    # speeds (K,) [m/s]; absorption_offset (K,) [dB/m]; absorption_scale (1,) [-]
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, ATTRIBUTES)

@@ -30,24 +30,8 @@ SOUND_SPEED = 1500.0               # [m/s] where the sensor knows no better
 
 def read_array(attributes: Attributes, prefix: str, sound_speed_hint: float | None = None, *,
                frequency: float | None = None) -> Array:
-    """Make the array that attributes with a prefix describe.
-
-    Parameters
-    ----------
-    attributes : Attributes
-        Of the sensor, with those of `ARRAYS`.
-    prefix : str
-        ``transmit`` or ``receive``.
-    sound_speed_hint : float [m/s]
-        At the array, for steering, focus and the default pitch; default 1500.
-    frequency : float [Hz]
-        For the default pitch, half a wavelength; without it a pitch or radius must be written.
-
-    Raises
-    ------
-    ValueError
-        If attributes contradict each other, or the array cannot be made.
-    """
+    """Make the array that attributes with a prefix describe."""
+    # sound_speed_hint [m/s]; frequency [Hz]
     sound_speed = SOUND_SPEED if sound_speed_hint is None else sound_speed_hint
     array = _Prefixed(attributes, prefix, None if frequency is None else 0.5 * sound_speed / frequency)
     make = KINDS[getattr(attributes, prefix)](array)
@@ -60,7 +44,7 @@ def read_array(attributes: Attributes, prefix: str, sound_speed_hint: float | No
 
 
 def nominal_sound_speed(written: float | None, water: Water, route: Route) -> float:
-    """Give the sound speed [m/s] at arrays before their track is laid: as written, or of the profile at the start."""
+    """Return the sound speed [m/s] at arrays before their track is laid: as written, or of the profile at the start."""
     if written:
         return written
     profile = water.profile
@@ -68,13 +52,7 @@ def nominal_sound_speed(written: float | None, water: Water, route: Route) -> fl
 
 
 def with_elements_changed(attributes: Attributes, prefix: str, made: Array) -> Array:
-    """Give an array with the shading, the failures and the errors of place that attributes with a prefix describe.
-
-    Raises
-    ------
-    ValueError
-        If attributes contradict each other, or the array has no such elements.
-    """
+    """Return an array with the shading, the failures and the errors of place that attributes with a prefix describe."""
     array = _Prefixed(attributes, prefix, None)
     changes = [*_elements(array)]
     with array.named():

@@ -27,16 +27,7 @@ GEOMETRY, ALL = ("position", "delay"), ("position", "delay", "weight")
 
 
 class ElementKeys:
-    """Numbers of a sonar's elements on the device.
-
-    Parameters
-    ----------
-    kind : str
-        Of the sonar, for what is refused.
-    transmit, receive : Array
-    numbers : tuple of str
-        Which of position, delay and weight.
-    """
+    """Numbers of a sonar's elements on the device."""
 
     def __init__(self, kind: str, transmit: Array, receive: Array, numbers: tuple[str, ...] = ALL) -> None:
         self._kind, self._numbers = kind, numbers
@@ -52,12 +43,7 @@ class ElementKeys:
             callback.put(name, value, mi.ParamFlags.Differentiable if followed else mi.ParamFlags.NonDifferentiable)
 
     def changed(self) -> tuple[Array, Array]:
-        """Give the transmit and the receive array of the numbers as they are now; the same objects if none changed.
-
-        Raises
-        ------
-        ValueError
-            If there are too few or too many numbers, or no array can be made of them.
+        """Return the transmit and the receive array of the numbers as they are now; the same objects if none changed.
         """
         arrays = {side: self._array(side, array) for side, array in self._arrays.items()}
         self._arrays = arrays

@@ -33,13 +33,7 @@ def motion_errors(attributes: Attributes) -> MotionErrors:
 
 
 def depth_gate(attributes: Attributes) -> tuple[float, float] | None:
-    """Read the depths [m] between which the bed is looked for; None for all.
-
-    Raises
-    ------
-    ValueError
-        If they are no span.
-    """
+    """Read the depths [m] between which the bed is looked for; None for all."""
     gate = attributes.depth_gate
     if gate is None:
         return None

@@ -108,18 +108,7 @@ def pings(usual: int) -> Integer:
 
 
 def read_route(attributes: Attributes) -> Route:
-    """Give where a sonar goes.
-
-    Parameters
-    ----------
-    attributes : Attributes
-        With those of `ROUTE` and `pings`.
-
-    Raises
-    ------
-    ValueError
-        If attributes contradict each other, or a file does not hold a track.
-    """
+    """Return where a sonar goes."""
     path, text, origin = attributes.track, attributes.waypoints.strip(), attributes.origin
     try:
         record = tracks.load(path) if path is not None else tracks.waypoints(text) if text else None

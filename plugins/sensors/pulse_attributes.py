@@ -19,22 +19,8 @@ PULSE = (
 
 
 def read_pulse(attributes: Attributes, frequency: float, longer: float = 1.0) -> Pulse:
-    """Make the pulse that attributes describe.
-
-    Parameters
-    ----------
-    attributes : Attributes
-        Of the sensor, with those of `PULSE`.
-    frequency : float [Hz]
-        Of the carrier.
-    longer : float [-]
-        How many times longer than the attributes say the pulse is, and narrower its band, 1 or more.
-
-    Raises
-    ------
-    ValueError
-        If attributes contradict each other, or there is no such pulse.
-    """
+    """Make the pulse that attributes describe."""
+    # frequency [Hz]
     arguments = {"frequency": frequency, "duration": longer * attributes.pulse_ms / 1000}
     if attributes.pulse != "cw":
         arguments["bandwidth"] = float(hertz_from_khz(attributes.bandwidth_khz)) / longer

@@ -60,13 +60,7 @@ RECORDER = (
 
 
 def read_faces(attributes: Attributes) -> tuple[BuiltFace, BuiltFace]:
-    """Give the transmitting and the receiving face.
-
-    Raises
-    ------
-    ValueError
-        If a file holds no beam, or attributes contradict each other.
-    """
+    """Return the transmitting and the receiving face."""
     for measured, others in (("pattern", ("beam_width_deg", "shading")),
                              ("vertical_pattern", ("vertical_beam_width_deg", "vertical_sag")),
                              ("receive_pattern", ("receive_beam_width_deg", "receive_shading")),
@@ -93,20 +87,20 @@ def read_faces(attributes: Attributes) -> tuple[BuiltFace, BuiltFace]:
 
 
 def read_recorder(attributes: Attributes) -> Recorder:
-    """Give the receiver and the recorder."""
+    """Return the receiver and the recorder."""
     return Recorder(back=power_of(attributes.back_db), crosstalk=power_of(attributes.crosstalk_db),
                     bits=attributes.adc_bits, full_scale=float(power_from_db(attributes.full_scale_db)),
                     blind=attributes.pulse_ms / 1000, ringing=attributes.ringing_ms / 1000)
 
 
 def read_self_noise_db(attributes: Attributes) -> float | None:
-    """Give the receivers' noise [dB re 1 µPa²/Hz]; the preset's belongs to a scene with noise."""
+    """Return the receivers' noise [dB re 1 µPa²/Hz]; the preset's belongs to a scene with noise."""
     wanted = attributes.noise or attributes.given("self_noise_db")
     return attributes.self_noise_db if wanted and attributes.self_noise_db > LOWEST_DB else None
 
 
 def power_of(level_db: float) -> float:
-    """Give a power; 0 for the faintest level."""
+    """Return a power; 0 for the faintest level."""
     return float(power_from_db(level_db)) if level_db > LOWEST_DB else 0.0
 
 

@@ -48,43 +48,13 @@ class SonarSensor(mi.Sensor):
 
     A subclass says which kind of sonar it is and what it declares, and takes the attributes that no other kind has
     (`read`).
-
-    Attributes
-    ----------
-    kind : str
-        One of `mitsonar.survey.kinds.KINDS`.
-    declared : tuple of Attribute or Group
-        Those of the kind, `SOUND_SPEED`, `NOISE`, `NESTED` and the route's.
-    frequency : float [Hz]
-        Set by `read`.
-    water : Seawater
-    route : Route
-    sound_speed : float or None [m/s]
-        At the sonar; None: the profile's there.
-    noise : bool
-        Whether the sea's noise is added.
-    pass_number : int
-        Which pass over the ground it is, from 0.
-    leader : SonarSensor or None
-        Whose track it shares.
-    position_offset, attitude_offset : Float64 (3 rows,) [m], [rad]
-        By which pings are off the route, for `mi.traverse`: east, north, up; heading, pitch, roll.
-    elements : ElementKeys or None
-        Numbers of its elements, likewise.
-    rows : int
-        Of these: pings, where the scene writes how many, else one row for all.
-    provenance : dict or None
-        File, resolved text and parameters, told by `mitsonar.load_file`.
-    loaded : dict or None
-        What the scene held when it was loaded, likewise.
-    path : str or None
-        Of the scene's file, likewise.
     """
+    # sound_speed [m/s]; position_offset [rad]; attitude_offset [rad]
 
     follows_offsets = True             # whether its run takes a track's offsets, not its trajectory alone
-    kind: str
-    declared: tuple[Attribute | Group, ...]
-    frequency: float
+    kind: str  # one of `mitsonar.survey.kinds.KINDS`
+    declared: tuple[Attribute | Group, ...]  # those of the kind, `SOUND_SPEED`, `NOISE`, `NESTED` and the route's
+    frequency: float  # [Hz]: set by `read`
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, self.declared)
@@ -138,7 +108,7 @@ class SonarSensor(mi.Sensor):
                                    "the track to the sonar of the longer range, or write its ping_rate_hz.")
 
     def own_seed(self, seed: int) -> int:
-        """Give the seed of its rays, speckle and noise: one of its own in each pass, and beside another sonar."""
+        """Return the seed of its rays, speckle and noise: one of its own in each pass, and beside another sonar."""
         seed = pass_seed(seed, self.pass_number)
         return seed if self.leader is None else sonar_seed(seed, self.id())
 
@@ -182,7 +152,7 @@ class SonarSensor(mi.Sensor):
         self.route = replace(self.route, **found)
 
     def element_keys(self) -> ElementKeys | None:
-        """Give the numbers of its elements that can be changed; None: it has none."""
+        """Return the numbers of its elements that can be changed; None: it has none."""
         return None
 
     def take_elements(self, transmit: Array, receive: Array) -> None:
@@ -190,7 +160,7 @@ class SonarSensor(mi.Sensor):
         self.transmit, self.receive = transmit, receive
 
     def way_with_delays(self, written: str | None, receive: Array, steering: np.ndarray) -> str | None:
-        """Give how a picture is made of receivers with delays other than those of steering: of elements alone."""
+        """Return how a picture is made of receivers with delays other than those of steering: of elements alone."""
         if np.array_equal(receive.delay, steering):
             return written
         if written == "beams":

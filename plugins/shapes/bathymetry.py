@@ -89,22 +89,8 @@ ATTRIBUTES = (
 
 
 class Bathymetry(mi.Mesh):
-    """See the module's text. Attributes of the object are as before ``to_world``.
-
-    Attributes
-    ----------
-    survey : mitsonar.io.grids.bathymetry.Bathymetry
-    local_origin : (float, float) [m]
-    crs : str
-    bathymetry_bounds : (west, south, east, north) [m]
-        In ``crs``.
-    smooth_normals : bool
-        Whether sound meets the normals between nodes.
-    sediments : list of str
-        Of the classes in the mesh attributes ``face_sediment_class`` and ``face_second_class``.
-    seabed : bool
-        True: whoever looks for the seabed finds it by that.
-    """
+    """See the module's text. Attributes of the object are as before ``to_world``."""
+    # local_origin [m]; bathymetry_bounds [m]
 
     seabed = True
 

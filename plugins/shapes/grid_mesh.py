@@ -27,23 +27,8 @@ class GridMesh(NamedTuple):
 
 
 def triangulate(x: np.ndarray, y: np.ndarray, heights: np.ndarray, to_world: np.ndarray) -> GridMesh:
-    """Make two triangles of every grid cell, and one or none of a cell that touches a hole.
-
-    Parameters
-    ----------
-    x, y : array (X,), (Y,) [m]
-        Increasing coordinates of columns and rows.
-    heights : array (Y, X) [m]
-        z up; NaN is a hole.
-    to_world : array (4, 4)
-        Affine transform of the finished mesh.
-
-    Returns
-    -------
-    GridMesh
-        Faces look up (against +z of the grid), texture coordinate u runs with x, v with y. Vertices that no face
-        uses are left out.
-    """
+    """Make two triangles of every grid cell, and one or none of a cell that touches a hole."""
+    # x, y (X,) [m]; heights (Y, X) [m]; to_world (4, 4)
     rows, columns = heights.shape
     index = np.arange(rows * columns, dtype=np.uint32).reshape(rows, columns)
     here, east, north, across = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]

@@ -25,13 +25,7 @@ ATTRIBUTES = (
 
 
 class SeaSurface(mi.Mesh):
-    """See the module's text.
-
-    Attributes
-    ----------
-    sea_surface : bool
-        True: whoever looks for the seabed leaves the shape out.
-    """
+    """See the module's text."""
 
     sea_surface = True
 

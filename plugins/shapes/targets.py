@@ -65,21 +65,8 @@ ATTRIBUTES = (
 
 
 class Targets(mi.Mesh):
-    """See the module's text.
-
-    Attributes
-    ----------
-    part_names : tuple of str
-        "SPECIES.ID.K" of each target, K from 1.
-    part_of_face : array (F,) of uint32
-        Index into `part_names`.
-    placed : dict of str to dict
-        Plain JSON of each target by name: ``species``, ``position`` [m] (middle of the footprint, at the mean height of
-        the bed), ``radius`` [m] of the bounding circle, ``heading_deg``, ``tilt_deg``, ``tilt_heading_deg``, ``scale``,
-        ``burial``.
-    bears, bed : mitsuba.Shape, mitsonar.seabed.Bed
-        The seabed that they lie on, and its heights.
-    """
+    """See the module's text."""
+    # part_of_face (F,)
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, ATTRIBUTES)

@@ -35,11 +35,6 @@ def enter(argv: Sequence[str]) -> None:
     """Return when this interpreter can run the command `argv`; start it again in an interpreter that can, otherwise.
 
     A libLLVM that cannot be had stops only the commands that need it, by `mitsonar.device.llvm.check`.
-
-    Raises
-    ------
-    SetupError
-        The packages cannot be installed.
     """
     try:
         if os.path.isfile(PROJECT):
@@ -101,15 +96,7 @@ def _have_library():
 
 
 def run_tests(arguments: Sequence[str]) -> int:
-    """Run the checkout's tests by pytest with `arguments` and return its exit code.
-
-    Raises
-    ------
-    SetupError
-        mitsonar is installed without its checkout, so there are no tests.
-    BackendError
-        Kernels cannot be compiled here.
-    """
+    """Run the checkout's tests by pytest with `arguments` and return its exit code."""
     if not os.path.isdir(os.path.join(ROOT, "tests")):
         raise SetupError("The tests are part of the source checkout, and this mitsonar is installed without it; "
                          "run python3 -m mitsonar test there.")
@@ -157,13 +144,7 @@ def missing(with_tests: bool = False) -> list[str]:
 
 
 def set_up(folder: str) -> None:
-    """Make the environment `folder`, or bring it up to date; the caller holds its lock.
-
-    Raises
-    ------
-    SetupError
-        The packages cannot be installed; an environment that was there is left as it was.
-    """
+    """Make the environment `folder`, or bring it up to date; the caller holds its lock."""
     if os.name != "posix":
         raise SetupError("The set-up by itself works on Linux and macOS; elsewhere, run pip install -e .[test] first.")
     before, waiting = _read(_state_file(folder)), f"{folder}.old"

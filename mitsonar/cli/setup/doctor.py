@@ -14,13 +14,7 @@ BACKENDS = {"llvm_": "LLVM", "cuda_": "CUDA"}  # how a variant begins, and what 
 
 
 def report() -> None:
-    """Print versions, libLLVM, usable variants, threads and caches, one line each.
-
-    Raises
-    ------
-    BackendError
-        Kernels cannot be compiled here.
-    """
+    """Print versions, libLLVM, usable variants, threads and caches, one line each."""
     _line("mitsonar", f"{mitsonar.__version__}  {os.path.dirname(mitsonar.__file__)}")
     _line("python", f"{platform.python_version()}  {sys.executable}")
     for package in PACKAGES:
@@ -43,18 +37,7 @@ def report() -> None:
 
 
 def run(render_check: Callable[[], object] | None = None) -> int:
-    """Print the report, call `render_check`, and say how that went.
-
-    Parameters
-    ----------
-    render_check : callable or None
-        Renders something small; raises where it cannot.
-
-    Returns
-    -------
-    int
-        Exit code: 0 all well, 1 the check failed, 2 kernels cannot be compiled here.
-    """
+    """Print the report, call `render_check`, and say how that went."""
     try:
         report()
     except llvm.BackendError as error:

@@ -32,21 +32,7 @@ class SetupError(Exception):
 
 
 def install(folder: str, root: str, say: Callable[[str], object]) -> None:
-    """Make the environment `folder` if it is not there, and have all packages in it.
-
-    Parameters
-    ----------
-    folder : str
-    root : str
-        The checkout.
-    say : callable
-        Gets one line of text for each step.
-
-    Raises
-    ------
-    SetupError
-        The packages cannot be installed.
-    """
+    """Make the environment `folder` if it is not there, and have all packages in it."""
     if not (shutil.which("uv") and _by_uv(folder, root, say)):
         _by_pip(folder, root, say)
 
@@ -111,13 +97,7 @@ def _debian_pip(folder, say):
 
 
 def run(folder: str, say: Callable[[str], object], *command: str, **defaults: str) -> None:
-    """Run a command that installs into `folder`, and pass on what it says of its progress; `defaults` are variables.
-
-    Raises
-    ------
-    SetupError
-        It fails; the message has its own errors.
-    """
+    """Run a command that installs into `folder`, and pass on what it says of its progress; `defaults` are variables."""
     # A user's standing wish for installs into the home folder would make pip fail in an environment, and packages that
     # PYTHONPATH leads to would count as installed. What pip unpacks goes into a folder of ours: it is large for a /tmp
     # in memory, and an interrupted pip leaves it behind.

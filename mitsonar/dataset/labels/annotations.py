@@ -26,40 +26,18 @@ LIT_SHARE = 0.1                    # of a piece, or of the bins around it, that 
 
 @dataclass(frozen=True, kw_only=True)
 class Annotation:
-    """What an object brings to a picture, or hides from it.
+    """What an object brings to a picture, or hides from it."""
 
-    Attributes
-    ----------
-    kind : str
-        ``highlight``, ``shadow``, or ``whole`` for both together.
-    label : int
-        Number of the object in its record.
-    name, class_name : str
-    side : str
-        ``port``, ``starboard`` or empty.
-    row, column : int
-        Of the upper left corner of ``mask`` in the picture.
-    mask : bool array (h, w)
-        True somewhere in every border row and column.
-    truncated : bool
-        It touches an edge of what the sonar sees, beyond which it may go on.
-    visible : float
-        Share of its bins that this picture has; below 1 in tiles only.
-    exposed : float or None
-        Share of the object's facing surface that the sonar could see (`mitsonar.scene.shadows.exposure`); None where
-        the image does not say.
-    """
-
-    kind: str
-    label: int
+    kind: str  # ``highlight``, ``shadow``, or ``whole`` for both together
+    label: int  # number of the object in its record
     name: str
     class_name: str
-    side: str
-    row: int
-    column: int
-    mask: np.ndarray
-    truncated: bool
-    visible: float = 1.0
+    side: str  # ``port``, ``starboard`` or empty
+    row: int  # of the upper left corner of ``mask`` in the picture
+    column: int  # of the upper left corner of ``mask`` in the picture
+    mask: np.ndarray  # true somewhere in every border row and column
+    truncated: bool  # it touches an edge of what the sonar sees, beyond which it may go on
+    visible: float = 1.0  # share of its bins that this picture has
     exposed: float | None = None
 
     @property
@@ -139,20 +117,7 @@ def annotations(dataset: xr.Dataset, frames: Sequence[Frame], *, threshold: floa
 
 
 def clipped(annotation: Annotation, tile: Tile, smallest: int = 1) -> Annotation | None:
-    """Give the part of an annotation that lies in a tile, counted from the tile's corner.
-
-    Parameters
-    ----------
-    annotation : Annotation
-    tile : Tile
-    smallest : int
-        Bins it must have there.
-
-    Returns
-    -------
-    Annotation or None
-        None where too little of it lies there.
-    """
+    """Return the part of an annotation that lies in a tile, counted from the tile's corner."""
     row, column = annotation.row - tile.row, annotation.column - tile.column
     height, width = annotation.mask.shape
     inside = annotation.mask[max(0, -row):max(0, min(height, tile.height - row)),
@@ -170,16 +135,8 @@ def is_invisible(annotation: Annotation, picture: np.ndarray) -> bool:
 
     This happens under the track, where levels lie below the picture's black. An object there is in the record, but a
     box on it would teach that black is an object.
-
-    Parameters
-    ----------
-    annotation : Annotation
-    picture : uint8 array (H, W)
-
-    Returns
-    -------
-    bool
     """
+    # picture (H, W)
     height, width = annotation.mask.shape
     top, left = max(0, annotation.row - AROUND), max(0, annotation.column - AROUND)
     lit = picture[top:annotation.row + height + AROUND, left:annotation.column + width + AROUND] > 0

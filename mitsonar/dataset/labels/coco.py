@@ -16,25 +16,7 @@ __all__ = ["categories", "document", "entry", "kind_of"]
 
 
 def categories(classes: Sequence[str], *, whole: bool = False) -> dict[str, int]:
-    """Number the classes of objects, of their shadows, and on demand of both together.
-
-    Parameters
-    ----------
-    classes : list of str
-        Of objects.
-    whole : bool
-        Number objects with their shadows, too.
-
-    Returns
-    -------
-    dict of str, int
-        From 1: the classes in order, then their shadows, then both together.
-
-    Raises
-    ------
-    ValueError
-        If a class has the name of a shadow.
-    """
+    """Number the classes of objects, of their shadows, and on demand of both together."""
     odd = [name for name in classes if name.endswith(f" {SHADOW}")]
     if odd:
         raise ValueError(f"the class {odd[0]!r} would be taken for a shadow; give its shapes another id.")
@@ -49,20 +31,7 @@ def kind_of(name: str) -> str:
 
 
 def entry(annotation: Annotation, number: int, image: int, numbers: Mapping[str, int]) -> dict[str, Any]:
-    """Give the entry of one annotation.
-
-    Parameters
-    ----------
-    annotation : Annotation
-    number, image : int
-        Its own and its image's.
-    numbers : dict of str, int
-        As `categories`.
-
-    Returns
-    -------
-    dict
-    """
+    """Return the entry of one annotation."""
     rings = [ring + [annotation.column, annotation.row] for ring in polygons(annotation.mask)]
     return {"id": number, "image_id": image, "category_id": numbers[annotation.category], "bbox": list(annotation.box),
             "segmentation": [ring.ravel().tolist() for ring in rings], "area": annotation.bins, "iscrowd": 0,

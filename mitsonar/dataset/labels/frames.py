@@ -30,42 +30,21 @@ BORDERS = {"left": np.s_[:, :1], "right": np.s_[:, -1:], "top": np.s_[:1], "bott
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """Columns of a picture that belong together: a side of a sidescan, or all.
+    """Columns of a picture that belong together: a side of a sidescan, or all."""
 
-    Attributes
-    ----------
-    name : str
-        ``port``, ``starboard``, or empty where there are no sides.
-    start, stop : int
-        Columns.
-    near : {'left', 'right', 'top', 'bottom'}
-        On which edge the nearest range is.
-    """
-
-    name: str
-    start: int
-    stop: int
-    near: Literal["left", "right", "top", "bottom"]
+    name: str  # ``port``, ``starboard``, or empty where there are no sides
+    start: int  # columns
+    stop: int  # columns
+    near: Literal["left", "right", "top", "bottom"]  # on which edge the nearest range is
 
 
 @dataclass(frozen=True, kw_only=True)
 class Frame(ABC):
-    """One picture of a record: a `Waterfall`, a `PolarFrame`, a `CartesianFrame` or a `FocusedFrame`.
+    """One picture of a record: a `Waterfall`, a `PolarFrame`, a `CartesianFrame` or a `FocusedFrame`."""
 
-    Attributes
-    ----------
-    name : str
-        What tells it from other pictures of its record, such as ``ping0003``; empty where there is one only.
-    ping : int or None
-        Which ping of an array, or the first of a turn; None for all of a sidescan or a focused image.
-    parts : tuple of Part
-        From left to right.
-    height, width : int
-    """
-
-    name: str = ""
-    ping: int | None
-    parts: tuple[Part, ...]
+    name: str = ""  # what tells it from other pictures of its record, such as ``ping0003``
+    ping: int | None  # which ping of an array, or the first of a turn
+    parts: tuple[Part, ...]  # from left to right
     height: int
     width: int
 
@@ -78,11 +57,11 @@ class Frame(ABC):
         return self.lay(level)
 
     def seen(self) -> np.ndarray:
-        """Give the elements (height, width) that the sonar sees: all but those outside a fan."""
+        """Return the elements (height, width) that the sonar sees: all but those outside a fan."""
         return np.ones((self.height, self.width), bool)
 
     def edge(self, near: bool) -> np.ndarray:
-        """Give the elements (height, width) beyond which things may go on; at the near end of the range if asked."""
+        """Return the elements (height, width) beyond which things may go on; at the near end of the range if asked."""
         edge = np.zeros((self.height, self.width), bool)
         for part in self.parts:
             for border, where in BORDERS.items():
@@ -111,15 +90,9 @@ class Waterfall(Frame):
 @final
 @dataclass(frozen=True, kw_only=True)
 class PolarFrame(Frame):
-    """A fan, a column per beam.
+    """A fan, a column per beam."""
 
-    Attributes
-    ----------
-    columns : int array (width,)
-        Beams, or pings of a rotating head, in the order of the columns.
-    """
-
-    columns: np.ndarray
+    columns: np.ndarray  # beams, or pings of a rotating head, in the order of the columns
 
     def lay(self, values: np.ndarray) -> np.ndarray:
         """See `Frame.lay`."""
@@ -131,15 +104,9 @@ class PolarFrame(Frame):
 @final
 @dataclass(frozen=True, kw_only=True)
 class CartesianFrame(Frame):
-    """A fan in metres.
+    """A fan in metres."""
 
-    Attributes
-    ----------
-    sweep : Sweep
-        Where its bins lie.
-    """
-
-    sweep: Sweep
+    sweep: Sweep  # where its bins lie
 
     def lay(self, values: np.ndarray) -> np.ndarray:
         """See `Frame.lay`."""
@@ -179,27 +146,17 @@ class CartesianFrame(Frame):
 @final
 @dataclass(frozen=True, kw_only=True)
 class FocusedFrame(Frame):
-    """A focused image.
+    """A focused image."""
 
-    Attributes
-    ----------
-    rows, columns : slice
-        That bring its points into the picture's order.
-    along, across : (float, float) [m]
-        Of its grid: ``along_track`` and ``across_track`` of the upper left point, and the step to the next.
-    grid : EvenGrid or None
-        From the upper left point on; None where points lie unevenly.
-    """
-
-    rows: slice
-    columns: slice
-    along: tuple[float, float]
-    across: tuple[float, float]
-    grid: EvenGrid | None
+    rows: slice  # that bring its points into the picture's order
+    columns: slice  # that bring its points into the picture's order
+    along: tuple[float, float]  # [m]: of its grid
+    across: tuple[float, float]  # [m]: of its grid
+    grid: EvenGrid | None  # from the upper left point on
 
     @classmethod
     def of(cls, image: xr.Dataset) -> "FocusedFrame":
-        """Give the picture of an image over (bank, along_track, across_track)."""
+        """Return the picture of an image over (bank, along_track, across_track)."""
         known = {dim: image[dim].values if dim in image.coords else np.arange(image.sizes[dim])
                  for dim in ("along_track", "across_track")}
         upwards = slice(None, None, 1 if _rises(known["along_track"]) else -1)
@@ -250,28 +207,8 @@ class Tile:
 
 def frames(dataset: xr.Dataset, name: FilePath = "the dataset", form: Form = "polar",
            cell: float | None = None) -> list[Frame]:
-    """Give the pictures of a dataset.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        With ``level`` over (ping, side, range), (ping, range) or (ping, beam, range), or a focused image's.
-    name : str
-        What a person calls it.
-    form : {'polar', 'cartesian'}
-        Of fans and rotating heads; sidescans and focused images have the former only.
-    cell : float or None [m]
-        Side of a Cartesian picture's element; see `mitsonar.imaging.cartesian`.
-
-    Returns
-    -------
-    list of Frame
-
-    Raises
-    ------
-    ValueError
-        If its levels have other dimensions, or make no Cartesian picture.
-    """
+    """Return the pictures of a dataset."""
+    # cell [m]
     dims, shape = dataset["level"].dims, dataset["level"].shape
     if form == "cartesian":
         return _in_metres(dataset, name, cell)
@@ -297,20 +234,7 @@ def frames(dataset: xr.Dataset, name: FilePath = "the dataset", form: Form = "po
 
 
 def tiles(frame: Frame, size: tuple[int, int] | None = None, overlap: float = 0.0) -> list[Tile]:
-    """Cut a picture into tiles of one size; the last of a row or column is moved inwards to end at the edge.
-
-    Parameters
-    ----------
-    frame : Frame
-    size : (int, int) or None
-        Rows and columns of a tile, no more of them than the picture has; None for the whole picture.
-    overlap : float [-]
-        Share of a tile that its neighbour repeats, at least 0 and at most 0.9.
-
-    Returns
-    -------
-    list of Tile
-    """
+    """Cut a picture into tiles of one size; the last of a row or column is moved inwards to end at the edge."""
     height, width = (frame.height, frame.width) if size is None else (min(size[0], frame.height),
                                                                       min(size[1], frame.width))
     return [Tile(row=row, column=column, height=height, width=width)

@@ -28,24 +28,12 @@ MOST_LOOKED_AT = 8                 # Cartesian frames in which black and white a
 
 @dataclass(frozen=True, kw_only=True)
 class Greys:
-    """The levels of a record, ready to be drawn.
+    """The levels of a record, ready to be drawn."""
 
-    Attributes
-    ----------
-    level : float array
-        With the gain, over the dimensions of the record's bins [dB]; -1000 where no echo arrives.
-    window : (float, float) [dB]
-        Black and white.
-    words : str
-        What was added to the level, for people.
-    unit : str
-        Of the level.
-    """
-
-    level: np.ndarray
-    window: tuple[float, float]
-    words: str
-    unit: str = UNIT
+    level: np.ndarray  # with the gain, over the dimensions of the record's bins [dB]
+    window: tuple[float, float]  # [dB]: black and white
+    words: str  # what was added to the level, for people
+    unit: str = UNIT  # of the level
 
     def draw(self, frame: Frame) -> np.ndarray:
         """Draw one picture of the record: uint8 (height, width), 0 also where no echo arrives."""
@@ -54,55 +42,15 @@ class Greys:
 
 def grey(dataset: xr.Dataset, *, tvg: Tvg = "seabed",
          window: tuple[float, float] | None = None) -> tuple[np.ndarray, tuple[float, float], str]:
-    """Turn the levels of a dataset to grey, bin by bin.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        With ``level`` over (ping, ..., range).
-    tvg : {'seabed', 'target', 'recorder', None}
-        See `mitsonar.plots.images.gain`.
-    window : (float, float) or None [dB]
-        Levels, with their gain, of black and white; None finds them in this dataset.
-
-    Returns
-    -------
-    grey : uint8 array
-        Over the dimensions of ``level``, of a focused image of its first bank; 0 also where no echo arrives.
-    window : (float, float) [dB]
-    words : str
-        What was added to the level, for people.
-
-    Raises
-    ------
-    ValueError
-        If the window is empty or ``tvg`` unknown, or a focused image is to have a gain over range.
-    """
+    """Turn the levels of a dataset to grey, bin by bin."""
+    # window [dB] -> window [dB]
     found = greys(dataset, [], tvg=tvg, window=window)
     return _scaled(found.level, found.window), found.window, found.words
 
 
 def greys(dataset: xr.Dataset, frames: Sequence[Frame], *, tvg: Tvg = "seabed",
           window: tuple[float, float] | None = None) -> Greys:
-    """Prepare the pictures of a dataset, all with the same black and white.
-
-    Parameters
-    ----------
-    dataset, tvg, window
-        As of `grey`.
-    frames : list of Frame
-        Those to be drawn. Of Cartesian ones, black and white are found in the pictures, whose means of powers vary less
-        than bins do; of others in all bins.
-
-    Returns
-    -------
-    Greys
-
-    Raises
-    ------
-    ValueError
-        As `grey`.
-    """
+    """Prepare the pictures of a dataset, all with the same black and white."""
     level = dataset["level"].isel(bank=0, missing_dims="ignore").values.astype(float)
     gain, words = _gain(dataset, tvg)
     shown = np.where(level > NOTHING_DB, level + gain.reshape(len(gain), *[1] * (level.ndim - 2), -1), SILENCE_DB)
@@ -122,13 +70,8 @@ def greys(dataset: xr.Dataset, frames: Sequence[Frame], *, tvg: Tvg = "seabed",
 
 
 def write_png(image: np.ndarray, path: FilePath) -> None:
-    """Write a picture (H, W) of uint8 or uint16 as PNG.
-
-    Parameters
-    ----------
-    image : uint8 or uint16 array (H, W)
-    path : str or path
-    """
+    """Write a picture (H, W) of uint8 or uint16 as PNG."""
+    # image (H, W)
     from PIL import Image
 
     Image.fromarray(np.ascontiguousarray(image)).save(path, format="PNG")

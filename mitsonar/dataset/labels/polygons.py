@@ -12,18 +12,8 @@ __all__ = ["joined", "polygons"]
 
 
 def polygons(mask: np.ndarray) -> list[np.ndarray]:
-    """Cut a mask into polygons without holes that do not overlap.
-
-    Parameters
-    ----------
-    mask : bool array (H, W)
-
-    Returns
-    -------
-    list of int array (n, 2)
-        Corners x (columns), y (rows), the last not the first again, x from 0 to W and y from 0 to H: corner (0, 0) is
-        the upper left corner of the first element.
-    """
+    """Cut a mask into polygons without holes that do not overlap."""
+    # mask (H, W)
     from scipy import ndimage
 
     mask = np.asarray(mask, bool)
@@ -46,17 +36,7 @@ def polygons(mask: np.ndarray) -> list[np.ndarray]:
 
 
 def joined(rings: Sequence[np.ndarray]) -> np.ndarray:
-    """Join polygons to one ring, by lines to and fro between corners that are close to each other.
-
-    Parameters
-    ----------
-    rings : list of (n, 2) array
-        At least one.
-
-    Returns
-    -------
-    (n, 2) array
-    """
+    """Join polygons to one ring, by lines to and fro between corners that are close to each other."""
     whole, *others = rings
     for ring in others:
         apart = np.abs(whole[:, None] - ring).sum(-1)

@@ -100,7 +100,7 @@ def write(places: FilePath | Iterable[FilePath], folder: FilePath, labels: Label
 
 
 def groups_of(sources: Sequence[Source], by: str | None = None) -> list[str]:
-    """Give for every image the text of what it must not be parted from.
+    """Return for every image the text of what it must not be parted from.
 
     Parameters
     ----------

@@ -20,21 +20,7 @@ FORMS = ("boxes", "polygons")
 
 
 def line(annotation: Annotation, form: str, numbers: Mapping[str, int], height: int, width: int) -> str:
-    """Give the line of one annotation.
-
-    Parameters
-    ----------
-    annotation : Annotation
-    form : {'boxes', 'polygons'}
-    numbers : dict of str, int
-        Numbers of the categories, from 1 as in COCO.
-    height, width : int
-        Of the picture.
-
-    Returns
-    -------
-    str
-    """
+    """Return the line of one annotation."""
     if form == "boxes":
         left, upper, wide, high = annotation.box
         values = np.array([left + wide / 2, upper + high / 2, wide, high]).reshape(2, 2) / [width, height]
@@ -44,20 +30,7 @@ def line(annotation: Annotation, form: str, numbers: Mapping[str, int], height: 
 
 
 def data_yaml(lists: Mapping[str, str], numbers: Mapping[str, int], note: str = "") -> str:
-    """Give the text of ``data.yaml``.
-
-    Parameters
-    ----------
-    lists : dict of str, str
-        What each subset's images are, relative to the file: a list or a folder.
-    numbers : dict of str, int
-    note : str
-        A comment on its first line.
-
-    Returns
-    -------
-    str
-    """
+    """Return the text of ``data.yaml``."""
     lines = [f"# {note}"] * bool(note) + [f"{subset}: {place}" for subset, place in lists.items()]
     lines += ["names:", *(f"  {number - 1}: {json.dumps(name, ensure_ascii=False)}"
                           for name, number in numbers.items())]

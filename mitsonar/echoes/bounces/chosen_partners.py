@@ -45,21 +45,8 @@ EVEN_SHARE = 0.5                   # of the partners that are drawn evenly
 
 
 def partners(strata: Strata, key: mi.UInt32) -> tuple[mi.UInt32, mi.Float]:
-    """Draw a partner of the same row for every ray.
-
-    Parameters
-    ----------
-    strata : Strata
-        How the rays are numbered.
-    key : UInt32 (R,)
-        Of the chance; the same for all rays of a row.
-
-    Returns
-    -------
-    partner : UInt32 (R,)
-    chance : Float (R,)
-        With which that one was drawn.
-    """
+    """Draw a partner of the same row for every ray."""
+    # key (R,) -> partner (R,), chance (R,)
     row, within, i, j = strata.split(dr.arange(mi.UInt32, strata.rays))
     first, second = pair(within, key)
     third, fourth = other_pair(first, key)
@@ -93,15 +80,8 @@ NEAREST = 1e-6                     # [m] below which two ends are one
 
 
 class ChosenPartners:
-    """Choose partners.
-
-    Parameters
-    ----------
-    profile : SoundSpeedProfile
-    frequency : float [Hz]
-    surface : int
-        Label of the sea surface.
-    """
+    """Choose partners."""
+    # frequency [Hz]
 
     def __init__(self, profile: SoundSpeedProfile, *, frequency: float, surface: int):
         self._frequency, self._lib = frequency, arrays_of(mi.Float)
@@ -113,29 +93,8 @@ class ChosenPartners:
 
     def choose(self, a: Ends, b: Ends, seen: mi.Float, strata: Strata, key: mi.UInt32, *, folded: bool,
                unlike: bool | None) -> tuple[mi.UInt32, mi.Float]:
-        """Choose an end of b for every end of a.
-
-        Parameters
-        ----------
-        a, b : Ends
-            Of the same rays, (R,).
-        seen : Float (R,)
-            Intensity of the sonar's beams towards each ray, in any unit.
-        strata : Strata
-            How the rays are numbered.
-        key : UInt32 (R,)
-            Of the chance; the same for all rays of a row.
-        folded : bool
-            By way of the mirror.
-        unlike : bool or None
-            Only pairs of which one end lies at the surface, or only the others; None: all.
-
-        Returns
-        -------
-        partner : UInt32 (R,)
-        chance : Float (R,)
-            What a path is divided by; 0 where no candidate can be heard.
-        """
+        """Choose an end of b for every end of a."""
+        # seen (R,); key (R,) -> partner (R,), chance (R,)
         _, within, _, _ = strata.split(dr.arange(mi.UInt32, strata.rays))
         wanted = None if unlike is None else dr.opaque(mi.Bool, unlike)
 

@@ -45,15 +45,8 @@ NOTHING_ROUGH = 1e12               # [rad/m]
 
 
 class ConnectedEnds:
-    """Connect ends.
-
-    Parameters
-    ----------
-    connector : Connector
-    frequency : float [Hz]
-    max_depth : int
-        Bounces at most.
-    """
+    """Connect ends."""
+    # frequency [Hz]
 
     def __init__(self, connector: Connector, *, frequency: float, max_depth: int):
         geometry = connector.geometry
@@ -78,7 +71,7 @@ class ConnectedEnds:
             yield Ghosts.of(energy, out, back, out.between, code, active)
 
     def pairs(self, a: Ends, b: Ends, chance: mi.Float, sonar: Origins, folded: bool) -> Ghosts:
-        """Give ghosts that go from the ends a to the ends b, drawn with a chance each, straight or by the mirror."""
+        """Return ghosts that go from the ends a to the ends b, drawn with a chance each, straight or by the mirror."""
         active = a.valid & b.valid
         way = self._connector.join(a.point, a.hits.normal, b.point, b.hits.normal, active, folded=folded)
         active &= way.free
@@ -94,7 +87,7 @@ class ConnectedEnds:
         return Ghosts.of(energy, a, b, a.between + way.travel_time, joined(code, b.code), active, loss_db)
 
     def points(self, sonar: Origins, strata: Strata, key: mi.UInt32) -> dict[int, TargetEnds]:
-        """Give a point target for every ray, seen straight and by way of the mirror, by bounces made so far."""
+        """Return a point target for every ray, seen straight and by way of the mirror, by bounces made so far."""
         _, within, _, _ = strata.split(dr.arange(mi.UInt32, strata.rays))
         bits, _ = pair(within, salted(key, Salt.TARGET))
         which, strength = self.targets.drawn(uniform(self._lib, bits))
@@ -112,7 +105,7 @@ class ConnectedEnds:
         return seen
 
     def at_target(self, ends: Ends, target: TargetEnds, folded: bool) -> Ghosts:
-        """Give ghosts that go from the ends to point targets, straight or by way of the mirror, and home."""
+        """Return ghosts that go from the ends to point targets, straight or by way of the mirror, and home."""
         active = ends.valid & target.valid
         way = self._connector.join(ends.point, ends.hits.normal, target.point, mi.Vector3f(0, 0, 0), active,
                                    folded=folded, short=TARGET_RADIUS)

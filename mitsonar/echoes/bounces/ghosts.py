@@ -14,39 +14,22 @@ __all__ = ["Ghosts", "joined"]
 
 @dataclass(frozen=True, kw_only=True)
 class Ghosts:
-    """Echoes that have bounced more than once, or by way of the surface, one an entry.
+    """Echoes that have bounced more than once, or by way of the surface, one an entry."""
 
-    Attributes
-    ----------
-    energy : Float (R,)
-        e² but for absorption and patterns [-].
-    loss_db : Float (R,)
-        Absorption over the whole path.
-    out, back : Leg
-    between : Float64 (R,) [s]
-    code : UInt32 (R,)
-        See `paths`.
-    label : UInt32 (R,)
-        Of what the echo comes back from last.
-    depth : Float (R,) [m]
-        Where it does.
-    active : Bool (R,)
-    """
-
-    energy: mi.Float
-    loss_db: mi.Float
+    energy: mi.Float  # (R,): e² but for absorption and patterns [-]
+    loss_db: mi.Float  # (R,): absorption over the whole path
     out: Leg
     back: Leg
-    between: mi.Float64
-    code: mi.UInt32
-    label: mi.UInt32
-    depth: mi.Float
-    active: mi.Bool
+    between: mi.Float64  # (R,) [s]
+    code: mi.UInt32  # (R,): see `paths`
+    label: mi.UInt32  # (R,): of what the echo comes back from last
+    depth: mi.Float  # (R,) [m]: where it does
+    active: mi.Bool  # (R,)
 
     @classmethod
     def of(cls, energy: mi.Float, out: Ends, back: Ends | TargetEnds, between: mi.Float64, code: mi.UInt32,
            active: mi.Bool, loss_db: mi.Float | float = 0.0) -> Ghosts:
-        """Give the ghosts that leave by way of one end and come back by way of another; `loss_db` is that between."""
+        """Return the ghosts that leave by way of one end and come back by way of another; `loss_db` is that between."""
         active = active & (energy > 0) & dr.isfinite(energy)
         return cls(energy=energy, loss_db=out.loss_db + back.loss_db + loss_db, out=out.leg, back=back.leg,
                    between=between, code=code, label=back.label, depth=mi.Float(-back.point.z), active=active)
@@ -62,7 +45,7 @@ class Ghosts:
 
 
 def joined(code: mi.UInt32, last: mi.UInt32) -> mi.UInt32:
-    """Give codes of paths that go on with the bounces of `last` in reverse: it came from the other end."""
+    """Return codes of paths that go on with the bounces of `last` in reverse: it came from the other end."""
     # the last bounce of `last` comes first on the way back; all its bounces but the final lie nearer the sonar
     for _ in range(2):
         more = last > 1

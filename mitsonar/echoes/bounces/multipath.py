@@ -56,14 +56,8 @@ __all__ = ["Bounces", "TracedEnds"]
 
 
 class TracedEnds:
-    """Make ends of rays.
-
-    Parameters
-    ----------
-    connector : Connector
-    free_rays : FreeRays
-    frequency : float [Hz]
-    """
+    """Make ends of rays."""
+    # frequency [Hz]
 
     def __init__(self, connector: Connector, free_rays: FreeRays, *, frequency: float):
         geometry = connector.geometry
@@ -72,7 +66,7 @@ class TracedEnds:
         self._surface = dr.opaque(mi.UInt32, geometry.surface_label)
 
     def first(self, hits: Hits, solid_angle: mi.Float, origin: dr.ArrayBase) -> Ends:
-        """Give the ends that rays have met first."""
+        """Return the ends that rays have met first."""
         sine = -dr.dot(hits.normal, hits.arrival_direction)
         valid = hits.valid & (sine > GRAZING)
         if self._mirror:
@@ -86,7 +80,7 @@ class TracedEnds:
             first_label=hits.label, first_smooth=dr.zeros(mi.Bool, dr.width(solid_angle))))
 
     def folded(self, ends: Ends, origin: dr.ArrayBase) -> Ends:
-        """Give the same points, met by way of the mirror."""
+        """Return the same points, met by way of the mirror."""
         hits = ends.hits
         way = self._connector.join(origin, mi.Vector3f(0, 0, 0), hits.point, hits.normal, hits.valid, folded=True)
         sine = -dr.dot(hits.normal, way.arrival_direction)
@@ -99,7 +93,7 @@ class TracedEnds:
             loss_db=self._water.one_way_db(origin, hits.point, way, folded=True)))
 
     def next(self, ends: Ends, strata: Strata, key: mi.UInt32, *, smooth_only: bool) -> tuple[Ends, mi.Bool]:
-        """Give the ends after one bounce more, and whether that was off a smooth target; `smooth_only`: no others."""
+        """Return the ends after one bounce more, and whether that was off a smooth target; `smooth_only`: no others."""
         first, second = pair(strata.split(dr.arange(mi.UInt32, strata.rays))[1], key)
         third, _ = other_pair(second, key)
         first, second, third = (uniform(self._lib, bits) for bits in (first, second, third))
@@ -126,22 +120,8 @@ MOST_WAYS = 8                      # to connect ends: of either view, folded or 
 
 
 class Bounces:
-    """Make the ghosts of a scene.
-
-    Parameters
-    ----------
-    connector : Connector
-    free_rays : FreeRays
-    frequency : float [Hz]
-    paths : Paths
-    single : bool
-        Make those of one bounce with the mirror before or after it as well: arrays make theirs of cells.
-
-    Attributes
-    ----------
-    targets : bool
-        Whether the scene has point targets.
-    """
+    """Make the ghosts of a scene."""
+    # frequency [Hz]
 
     def __init__(self, connector: Connector, free_rays: FreeRays, *, frequency: float, paths: Paths,
                  single: bool = True):
@@ -159,30 +139,8 @@ class Bounces:
     def follow(self, hits: Hits, solid_angle: mi.Float, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32,
                strata: Strata, key: mi.UInt32, seen: mi.Float | None = None, *, surfaces: bool = True,
                targets: bool = True) -> Iterator[Ghosts]:
-        """Follow and connect a bundle of rays.
-
-        Parameters
-        ----------
-        hits : Hits
-        solid_angle : Float (R,) [sr]
-        sources : Sources
-        origin : Array3f64 (R,) [m]
-            Where each ray left.
-        source : UInt32 (R,)
-            Index into `sources`.
-        strata : Strata
-            How the rays are numbered; partners are of the same row.
-        key : UInt32 (R,)
-            Of the chance in partners and lobes; the same for all rays of a row.
-        seen : Float (R,) or None
-            Intensity of the sonar's beams towards each ray, in any unit: partners are chosen by it. None: all alike.
-        surfaces, targets : bool
-            Make the paths between surfaces alone; make those that meet a point target.
-
-        Yields
-        ------
-        Ghosts
-        """
+        """Follow and connect a bundle of rays."""
+        # solid_angle (R,) [sr]; origin (R,) [m]; source (R,); key (R,); seen (R,)
         most, targets = self._most, targets and self.targets
         seen = dr.ones(mi.Float, strata.rays) if seen is None else seen
         sonar = Origins(sources=sources, origin=origin, source=source,

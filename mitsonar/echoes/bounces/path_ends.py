@@ -24,61 +24,31 @@ Kept = TypeVar("Kept")             # the type of record that goes in comes out
 
 @dataclass(frozen=True, kw_only=True)
 class Origins:
-    """Where each ray left from.
-
-    Attributes
-    ----------
-    sources : Sources
-    origin : Array3f64 (R,) [m]
-    source : UInt32 (R,)
-        Index into `sources`.
-    speed : Float (R,) [m/s]
-        Of sound there.
-    """
+    """Where each ray left from."""
 
     sources: Sources
-    origin: dr.ArrayBase
-    source: mi.UInt32
-    speed: mi.Float
+    origin: dr.ArrayBase  # (R,) [m]
+    source: mi.UInt32  # (R,): index into `sources`
+    speed: mi.Float  # (R,) [m/s]: of sound there
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ends:
-    """Where rays are after some bounces, and how they came there.
+    """Where rays are after some bounces, and how they came there."""
 
-    Attributes
-    ----------
-    hits : Hits
-        What they met last, without the way.
-    solid_angle : Float (R,) [sr]
-        ΔΩ, times the shares of power carried on.
-    patch : Float (R,) [m²]
-        What of the surface the ray stands for, at its first hit.
-    between : Float64 (R,) [s]
-        From the first hit on.
-    loss_db : Float (R,)
-        So far, one way.
-    code : UInt32 (R,)
-        See `paths`.
-    leg : Leg
-        To the first hit.
-    first_label, first_smooth : UInt32 (R,), Bool (R,)
-        Of what the ray met first; whether that was a smooth target.
-    """
-
-    hits: Hits
-    solid_angle: mi.Float
-    patch: mi.Float
-    between: mi.Float64
-    loss_db: mi.Float
-    code: mi.UInt32
-    leg: Leg
-    first_label: mi.UInt32
-    first_smooth: mi.Bool
+    hits: Hits  # what they met last, without the way
+    solid_angle: mi.Float  # (R,) [sr]: ΔΩ, times the shares of power carried on
+    patch: mi.Float  # (R,) [m²]: what of the surface the ray stands for, at its first hit
+    between: mi.Float64  # (R,) [s]: from the first hit on
+    loss_db: mi.Float  # (R,): so far, one way
+    code: mi.UInt32  # (R,): see `paths`
+    leg: Leg  # to the first hit
+    first_label: mi.UInt32  # (R,): of what the ray met first
+    first_smooth: mi.Bool  # (R,): of what the ray met first
 
     @property
     def valid(self) -> mi.Bool:
-        """Whether the ray is on its way still."""
+        """Return whether the ray is on its way still."""
         return self.hits.valid
 
     @property
@@ -116,11 +86,11 @@ class TargetEnds:
 
 
 def image_of(origin: dr.ArrayBase) -> dr.ArrayBase:
-    """Give where the image of a point in the flat surface stands."""
+    """Return where the image of a point in the flat surface stands."""
     return type(origin)(origin.x, origin.y, -origin.z)
 
 
 def computed(record: Kept) -> Kept:
-    """Give the same record, its arrays evaluated."""
+    """Return the same record, its arrays evaluated."""
     dr.eval(record)
     return record

@@ -34,16 +34,8 @@ FAINTEST = 1e-12                   # of the strongest of its kind: weaker echoes
 
 
 class ArrayGhosts:
-    """Make these echoes for a source.
-
-    Parameters
-    ----------
-    tracer : Tracer
-    sights : Sights
-    frequency : float [Hz]
-    window : (float, float) [s]
-    max_depth : int
-    """
+    """Make these echoes for a source."""
+    # frequency [Hz]; window [s]
 
     def __init__(self, tracer: Tracer, sights: Sights, *, frequency: float, window: tuple[float, float],
                  max_depth: int):

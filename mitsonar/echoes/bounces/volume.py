@@ -30,36 +30,18 @@ NEARER, FARTHER = 0.97, 1.03       # of the window's straight ranges: rays bend
 
 @dataclass(frozen=True, kw_only=True)
 class DrawnPoints:
-    """Points of the water and their echoes.
+    """Points of the water and their echoes."""
 
-    Attributes
-    ----------
-    point : Array3f64 (R,) [m]
-    way : Connection
-    energy : Float (R,)
-        p² relative to 10^(SL/10), without B and absorption [1/m²].
-    loss_db : Float (R,)
-        Two-way absorption.
-    active : Bool (R,)
-    """
-
-    point: dr.ArrayBase
+    point: dr.ArrayBase  # (R,) [m]
     way: Connection
-    energy: mi.Float
-    loss_db: mi.Float
-    active: mi.Bool
+    energy: mi.Float  # (R,): p² relative to 10^(SL/10), without B and absorption [1/m²]
+    loss_db: mi.Float  # (R,): two-way absorption
+    active: mi.Bool  # (R,)
 
 
 class WaterEchoes:
-    """Draw what a stratified volume sends back.
-
-    Parameters
-    ----------
-    connector : Connector
-        To points of water that scatters.
-    window : (float, float) [s]
-        Two-way times.
-    """
+    """Draw what a stratified volume sends back."""
+    # window [s]
 
     def __init__(self, connector: Connector, window: tuple[float, float]):
         self.connector, self.water, self.lib = connector, connector.water, connector.lib
@@ -69,25 +51,8 @@ class WaterEchoes:
 
     def draw(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, direction: mi.Vector3f,
              solid_angle: mi.Float, strata: Strata, chance: mi.Float) -> DrawnPoints:
-        """Draw one point along each direction.
-
-        Parameters
-        ----------
-        sources, origin, source
-            As of `Connector.connect`.
-        direction : Vector3f (R,)
-            Unit.
-        solid_angle : Float (R,) [sr]
-            That each direction stands for.
-        strata : Strata
-            How the rays are numbered.
-        chance : Float (R,)
-            In [0, 1), independent, and another for every ping.
-
-        Returns
-        -------
-        DrawnPoints
-        """
+        """Draw one point along each direction."""
+        # direction (R,); solid_angle (R,) [sr]; chance (R,)
         row, within, _, _ = strata.split(dr.arange(mi.UInt32, strata.rays))
         first = dr.gather(mi.Float, chance, row * strata.per_row)
         count = strata.shape[0] * strata.shape[1]

@@ -24,7 +24,7 @@ __all__ = ["cell_of", "divisions", "place"]
 
 
 def divisions(longest_side: np.ndarray, cell_size: float | np.ndarray) -> np.ndarray:
-    """Give n for facets whose longest side [m] (F,) is cut to at most `cell_size` [m], as uint32 (F,)."""
+    """Return n for facets whose longest side [m] (F,) is cut to at most `cell_size` [m], as uint32 (F,)."""
     return np.maximum(1, np.ceil(np.asarray(longest_side, float) / cell_size - 1e-9)).astype(np.uint32)
 
 

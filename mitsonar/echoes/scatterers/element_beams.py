@@ -23,15 +23,8 @@ FACES_AIMED_BY = 4                 # beams of arrays with more faces are not loo
 
 
 class ElementBeams:
-    """The beams of all elements together.
-
-    Parameters
-    ----------
-    transmit, receive : Array
-    wavelength : float [m]
-    turn : float [rad]
-        The most that the arrays turn while the echoes of a ping come in.
-    """
+    """The beams of all elements together."""
+    # wavelength [m]; turn [rad]
 
     def __init__(self, transmit: Array, receive: Array, wavelength: float, turn: float = 0.0):
         self.arrays, self.wavelength = (transmit, receive), wavelength
@@ -39,11 +32,11 @@ class ElementBeams:
         self.turns = 0.0, float(turn)
 
     def __bool__(self) -> bool:
-        """Whether they tell directions apart, by faces few enough to be looked at one by one."""
+        """Return whether they tell directions apart, by faces few enough to be looked at one by one."""
         return not all(omni(array) for array in self.arrays) and max(map(len, self.faces)) <= FACES_AIMED_BY
 
     def intensity(self, direction: Triple, rotation: np.ndarray) -> Numbers:
-        """Give the two-way intensity towards scene directions, NumPy (..., 3) or Dr.Jit, at an attitude (3, 3)."""
+        """Return the two-way intensity towards scene directions, NumPy (..., 3) or Dr.Jit, at an attitude (3, 3)."""
         def of(array, normal, along):
             if dr.is_array_v(direction):
                 return dr.square(pressure(array, direction, self.wavelength, normal, along))
@@ -53,7 +46,7 @@ class ElementBeams:
 
     def bound(self, direction: Triple, distance: Numbers, rotation: np.ndarray,
               wider: mi.Float | float = 0.0) -> Numbers:
-        """Give what no element exceeds [-] towards Dr.Jit scene directions and at distances [m] from the centre.
+        """Return what no element exceeds [-] towards Dr.Jit scene directions and at distances [m] from the centre.
 
         Nor in any direction up to `wider` [rad] off, Float (R,). Where that is negative, what the bound of no direction
         up to as much off falls below.

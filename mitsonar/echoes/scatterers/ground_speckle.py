@@ -45,21 +45,11 @@ COEFFICIENTS = 20                  # numbers of a ping's way: six quadratics in 
 
 @dataclass(frozen=True, kw_only=True)
 class SpeckleBeam:
-    """The main lobe along the platform, at some ranges.
+    """The main lobe along the platform, at some ranges."""
 
-    Attributes
-    ----------
-    ranges : (K,) [m]
-        In order.
-    edge : (K,) [-]
-        Cosine u up to which it reaches.
-    pressure : (K, N) complex [-]
-        b(u) at N cosines from 0 to the edge, even in u, with the phase against a point in the middle; 1 at most.
-    """
-
-    ranges: np.ndarray
-    edge: np.ndarray
-    pressure: np.ndarray
+    ranges: np.ndarray  # (K,) [m]: in order
+    edge: np.ndarray  # (K,) [-]: cosine u up to which it reaches
+    pressure: np.ndarray  # (K, N) [-]
 
     @property
     def width(self) -> np.ndarray:
@@ -68,7 +58,7 @@ class SpeckleBeam:
         return 2 * self.edge / (power.shape[1] - 1) * (power.sum(1) - 0.5 * (power[:, 0] + power[:, -1]))
 
     def nearest(self, distance: np.ndarray) -> np.ndarray:
-        """Give the number of the range (...) whose ratio to a distance (...) [m] is nearest to 1."""
+        """Return the number of the range (...) whose ratio to a distance (...) [m] is nearest to 1."""
         if len(self.ranges) == 1:
             return np.zeros(np.shape(distance), int)
         return np.searchsorted(np.sqrt(self.ranges[1:] * self.ranges[:-1]), distance)
@@ -76,37 +66,16 @@ class SpeckleBeam:
 
 @dataclass(frozen=True, kw_only=True)
 class SpeckleWay:
-    """Where pings look from, as quadratics c_0 + c_1 t + c_2 t² of the time t since their transmission.
+    """Where pings look from, as quadratics c_0 + c_1 t + c_2 t² of the time t since their transmission."""
 
-    Attributes
-    ----------
-    centre : (P, 3, 3) [m, m/s, m/s²]
-        Phase centre: number of the coefficient, then x, y and height above the bed.
-    axis : (P, 3, 3) [-, 1/s, 1/s²]
-        Forward direction half-way between the attitudes: number of the coefficient, then x, y, z.
-    lattice : (P,) int
-        Which orientation serves the ping.
-    """
-
-    centre: np.ndarray
-    axis: np.ndarray
-    lattice: np.ndarray
+    centre: np.ndarray  # (P, 3, 3) [m, m/s, m/s²]: phase centre
+    axis: np.ndarray  # (P, 3, 3) [-, 1/s, 1/s²]: forward direction half-way between the attitudes
+    lattice: np.ndarray  # (P,): which orientation serves the ping
 
 
 class GroundSpeckle:
-    """Speckle of a survey's pings.
-
-    Parameters
-    ----------
-    way : SpeckleWay
-    beam : SpeckleBeam
-    wavenumber : float [rad/m]
-    start, gate : float [m]
-        Slant range of the first gate, and a gate's length.
-    gates : int
-    sound_speed : float [m/s]
-    seed : int
-    """
+    """Speckle of a survey's pings."""
+    # wavenumber [rad/m]; start [m]; gate [m]; sound_speed [m/s]
 
     def __init__(self, *, way: SpeckleWay, beam: SpeckleBeam, wavenumber: float, start: float, gate: float, gates: int,
                  sound_speed: float, seed: int):
@@ -247,35 +216,19 @@ class _Cells:
 
 @dataclass(frozen=True, kw_only=True)
 class _Footprint:
-    """Footprints of gates in the frames of their lattices: each a part of a ring.
+    """Footprints of gates in the frames of their lattices: each a part of a ring."""
 
-    Attributes
-    ----------
-    x, y, height : Float [m]
-        Of the phase centre, from the lattice's anchor and above the plane.
-    along_x, along_y : Float [-]
-        Level direction ahead, of unit length.
-    level, steep : Float [-]
-        Parts of the forward direction: along it, and upwards.
-    side : Float [-]
-        -1 port, 1 starboard.
-    near, far : Float [m]
-        Of the gate.
-    edge : Float [-]
-        Of the main lobe.
-    """
-
-    x: Float
-    y: Float
-    height: Float
-    along_x: Float
-    along_y: Float
-    level: Float
-    steep: Float
-    side: Float
-    near: Float
-    far: Float
-    edge: Float
+    x: Float  # [m]: of the phase centre, from the lattice's anchor and above the plane
+    y: Float  # [m]: of the phase centre, from the lattice's anchor and above the plane
+    height: Float  # [m]: of the phase centre, from the lattice's anchor and above the plane
+    along_x: Float  # level direction ahead, of unit length
+    along_y: Float  # level direction ahead, of unit length
+    level: Float  # parts of the forward direction
+    steep: Float  # parts of the forward direction
+    side: Float  # -1 port, 1 starboard
+    near: Float  # [m]: of the gate
+    far: Float  # [m]: of the gate
+    edge: Float  # of the main lobe
 
     @property
     def inner(self) -> Float:

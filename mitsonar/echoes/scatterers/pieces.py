@@ -43,29 +43,15 @@ LARGE = 0.04                       # of the reach: a facet of a larger radius is
 
 @dataclass(frozen=True, kw_only=True)
 class Pieces:
-    """Pieces of facets, (P,) each.
+    """Pieces of facets, (P,) each."""
 
-    Attributes
-    ----------
-    facet : (P,) uint32
-    cuts : (P,) int64
-        n of the facet.
-    row, column : (P,) int64
-        The first of each.
-    side : (P,) int64
-        k: how many rows and columns of cells; n of a whole facet.
-    centre : (P, 3) [m]
-    radius : (P,) [m]
-        Of a ball that holds the piece.
-    """
-
-    facet: np.ndarray
-    cuts: np.ndarray
-    row: np.ndarray
-    column: np.ndarray
-    side: np.ndarray
-    centre: np.ndarray
-    radius: np.ndarray
+    facet: np.ndarray  # (P,)
+    cuts: np.ndarray  # (P,): n of the facet
+    row: np.ndarray  # (P,): the first of each
+    column: np.ndarray  # (P,): the first of each
+    side: np.ndarray  # (P,): k
+    centre: np.ndarray  # (P, 3) [m]
+    radius: np.ndarray  # (P,) [m]: of a ball that holds the piece
 
     def chosen(self, index: np.ndarray) -> Pieces:
         """The pieces of these numbers, or under this mask."""
@@ -78,17 +64,13 @@ class Pieces:
         return np.bincount(piece, weights=count, minlength=len(self.facet)).astype(np.int64)
 
     def runs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Give runs of cells by their numbers s, piece after piece.
-
-        Returns
-        -------
-        facet, first, count : (S,) uint32, int64, int64
-        """
+        """Return runs of cells by their numbers s, piece after piece."""
+        # -> facet, first, count (S,)
         piece, first, count = self.rows()
         return self.facet[piece], first, count
 
     def rows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Give runs as their piece's number, their first cell and how many: a block has one of each of its rows."""
+        """Return runs as their piece's number, their first cell and how many: a block has one of each of its rows."""
         whole = self.side == self.cuts
         rows = np.where(whole, 1, np.minimum(self.side, self.cuts - self.row))
         piece = np.repeat(np.arange(len(rows)), rows)
@@ -152,27 +134,8 @@ FEWEST_CELLS = 4                   # and all of them if they have fewer each
 
 def pieces_in_beams(pieces: Pieces, connector: Connector, beams: ElementBeams, sources: Sources, origin: dr.ArrayBase,
                     rotation: np.ndarray, enough: float = NEGLIGIBLE) -> tuple[np.ndarray, np.ndarray]:
-    """Sort pieces of facets by what the beams make of them.
-
-    Parameters
-    ----------
-    pieces : Pieces
-    connector : Connector
-    beams : ElementBeams
-    sources, origin : Sources, Array3f64 (1,) [m]
-        As of `Connector.connect`.
-    rotation : (3, 3)
-        Body to scene.
-    enough : float [-]
-        Two-way intensity above which cells count.
-
-    Returns
-    -------
-    found : (P,) int
-        -1: negligible, 1: all count, 0: each cell has to be looked at.
-    bound : (P,) [-]
-        Two-way intensity that no cell of a piece exceeds.
-    """
+    """Sort pieces of facets by what the beams make of them."""
+    # sources, origin (1,) [m]; rotation (3, 3) -> found (P,), bound (P,) [-]
     if not len(pieces.facet) or pieces.cells.sum() < FEWEST_CELLS * len(pieces.facet):
         return np.zeros(len(pieces.facet), int), np.ones(len(pieces.facet))
     lib = arrays_of(mi.Float)

@@ -37,14 +37,7 @@ __all__ = ["Amplitudes", "Cells", "Scatterers"]
 
 
 class Amplitudes:
-    """Give scatterers their amplitudes.
-
-    Parameters
-    ----------
-    geometry : Geometry
-    pass_number : int
-        n, from 0.
-    """
+    """Return scatterers their amplitudes."""
 
     def __init__(self, geometry: Geometry, pass_number: int):
         self._lib, self._first = arrays_of(mi.Float), pass_number == 0
@@ -53,19 +46,8 @@ class Amplitudes:
 
     def of(self, first: mi.UInt32, second: mi.UInt32, point: dr.ArrayBase, normal: mi.Vector3f, shape: mi.ShapePtr,
            primitive: mi.UInt32, uv: mi.Point2f) -> tuple[mi.Float, mi.Float]:
-        """Give a_n.
-
-        Parameters
-        ----------
-        first, second : UInt32 (R,)
-            Hashes of the scatterers.
-        point, normal, shape, primitive, uv
-            As of `scene.materials.coherence`.
-
-        Returns
-        -------
-        real, imaginary : Float (R,)
-        """
+        """Return a_n."""
+        # first, second (R,) -> real, imaginary (R,)
         own = gaussian(self._lib, first, second)
         if not self._changes:
             return own
@@ -83,32 +65,16 @@ MOST_CUTS = 32768                  # s and n² are 32-bit
 
 @dataclass(frozen=True, kw_only=True)
 class Cells:
-    """Some scatterers, on the device.
+    """Some scatterers, on the device."""
 
-    Attributes
-    ----------
-    point : Array3f64 (R,) [m]
-    normal : Vector3f (R,)
-        Of the facet, unit, to the side its vertices run round counter-clockwise.
-    area : Float (R,) [m²]
-    amplitude : (Float, Float) (R,)
-        Real and imaginary part of g.
-    shape : ShapePtr (R,)
-    primitive : UInt32 (R,)
-    uv : Point2f (R,)
-        Texture coordinates, as those of `Hits`; where a shape has none, barycentric.
-    smooth : Vector3f (R,) or None
-        Interpolated normal, as of `tracing.hits.towards_sound`.
-    """
-
-    point: dr.ArrayBase
-    normal: mi.Vector3f
-    area: mi.Float
-    amplitude: tuple[mi.Float, mi.Float]
-    shape: mi.ShapePtr
-    primitive: mi.UInt32
-    uv: mi.Point2f
-    smooth: mi.Vector3f | None = None
+    point: dr.ArrayBase  # (R,) [m]
+    normal: mi.Vector3f  # (R,): of the facet, unit, to the side its vertices run round counter-clockwise
+    area: mi.Float  # (R,) [m²]
+    amplitude: tuple[mi.Float, mi.Float]  # (Float, Float): real and imaginary part of g
+    shape: mi.ShapePtr  # (R,)
+    primitive: mi.UInt32  # (R,)
+    uv: mi.Point2f  # (R,): texture coordinates, as those of `Hits`
+    smooth: mi.Vector3f | None = None  # (R,): interpolated normal, as of `tracing.hits.towards_sound`
 
     def hits(self, way: Connection) -> Hits:
         """The cells as sound meets them that comes along ways."""
@@ -118,35 +84,8 @@ class Cells:
 
 
 class Scatterers:
-    """Facets of a scene and how they are cut.
-
-    Parameters
-    ----------
-    geometry : Geometry
-    cell_size : float [m]
-        Longest side of a cell.
-    pass_number : int
-        Which pass over the ground it is.
-
-    Attributes
-    ----------
-    amplitudes : Amplitudes
-    centre : (F, 3) [m]
-    radius : (F,) [m]
-        Of a ball about the centre that holds the facet.
-    longest_side : (F,) [m]
-    cuts : (F,) uint32
-        n: facet f has n² cells.
-    at_surface : (F,) bool
-        Of the sea surface.
-    label : (F,) uint32
-        Numbers of the instances.
-
-    Raises
-    ------
-    ValueError
-        If a shape has no facets, or facets are too large to be cut that fine.
-    """
+    """Facets of a scene and how they are cut."""
+    # cell_size [m]; centre (F, 3) [m]; radius (F,) [m]; longest_side (F,) [m]; cuts (F,); at_surface (F,); label (F,)
 
     def __init__(self, geometry: Geometry, cell_size: float, pass_number: int = 0):
         self.lib = arrays_of(mi.Float)
@@ -247,14 +186,14 @@ class Scatterers:
         return facet, cell_of(self.lib, u, v, n)
 
     def device_corners(self, facet: mi.UInt32, active: mi.Bool | bool = True) -> tuple:
-        """Give the corners of facets, three Array3f64 (R,) [m], and into how many rows each is cut, UInt32."""
+        """Return the corners of facets, three Array3f64 (R,) [m], and into how many rows each is cut, UInt32."""
         lib = self.lib
         row = dr.gather(lib.Array4u, self._faces, facet, active)
         corners = (dr.gather(lib.Array4f, self._vertices, row[i], active) for i in range(3))
         return (*(lib.Array3f64(v[0], v[1], v[2]) for v in corners), row[3])
 
     def at(self, facet: mi.UInt32, s: mi.UInt32) -> Cells:
-        """Give the scatterers of cells s (R,) of facets (R,)."""
+        """Return the scatterers of cells s (R,) of facets (R,)."""
         lib = self.lib
         a, b, c, n = self.device_corners(facet)
         facts = self.facts(facet)
@@ -272,21 +211,22 @@ class Scatterers:
                      smooth=self.smooth_normals(facet, mi.Float(u), mi.Float(v)))
 
     def corners(self, facet: np.ndarray) -> np.ndarray:
-        """Give the corners of facets with these numbers (K,): (K, 3, 3) [m], on the host."""
+        """Return the corners of facets with these numbers (K,): (K, 3, 3) [m], on the host."""
         return self._host_vertices[self._host_faces[facet, :3], :3]
 
     def facts(self, facet: mi.UInt32) -> Array4u:
-        """Give registry index of the shape, number there, key of its hashes, and whether it has texture coordinates."""
+        """Return registry index of the shape, number there, key of its hashes, and whether it has texture coordinates.
+        """
         return dr.gather(self.lib.Array4u, self._facts, facet)
 
     def smooth_normals(self, facet: mi.UInt32, u: mi.Float, v: mi.Float) -> mi.Vector3f | None:
-        """Give interpolated normals at barycentric coordinates; None if no shape has any."""
+        """Return interpolated normals at barycentric coordinates; None if no shape has any."""
         if self._normals is None:
             return None
         return interpolated(self.lib, self._normals, dr.gather(self.lib.Array4u, self._faces, facet), u, v)
 
     def texture_coordinates(self, facet: mi.UInt32, mapped: mi.Bool, u: mi.Float, v: mi.Float) -> mi.Point2f:
-        """Give the texture coordinates of points given by barycentric ones."""
+        """Return the texture coordinates of points given by barycentric ones."""
         if self._texcoords is None:
             return mi.Point2f(u, v)
         row = dr.gather(self.lib.Array4u, self._faces, facet)

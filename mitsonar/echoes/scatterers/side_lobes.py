@@ -35,28 +35,14 @@ ROUNDED = 1.001                    # what bounds may be wrong by
 
 @dataclass(frozen=True, kw_only=True)
 class SideLobes:
-    """Thin the cells of scatterers.
-
-    Attributes
-    ----------
-    scatterers : Scatterers
-    below : float [-]
-        b₀: two-way intensity of the beams below which cells are thinned.
-    """
+    """Thin the cells of scatterers."""
 
     scatterers: Scatterers
-    below: float
+    below: float  # b₀
 
     def listed(self, pieces: Pieces, bound: np.ndarray, most: int) -> Iterator[tuple[mi.UInt32, mi.UInt32]]:
-        """Yield the cells of pieces that may exist as (facet, s), UInt32 arrays of at most `most` each.
-
-        Parameters
-        ----------
-        pieces : Pieces
-        bound : (P,) [-]
-            Two-way intensity that none of a piece's cells exceeds.
-        most : int
-        """
+        """Yield the cells of pieces that may exist as (facet, s), UInt32 arrays of at most `most` each."""
+        # bound (P,) [-]
         level = np.floor(np.log2(self.below / np.maximum(ROUNDED * bound, 1e-30))).clip(0, MOST_LEVEL).astype(np.int64)
         piece, first, count = pieces.rows()
         shift = level[piece]
@@ -76,11 +62,11 @@ class SideLobes:
                 yield dr.gather(mi.UInt32, facet, index), dr.gather(mi.UInt32, s, index)
 
     def share(self, bound: mi.Float) -> mi.Float:
-        """Give p of cells that beams bound by so much, Float (R,)."""
+        """Return p of cells that beams bound by so much, Float (R,)."""
         return dr.minimum(bound * dr.opaque(mi.Float, 1 / self.below), 1)
 
     def exist(self, facet: mi.UInt32, s: mi.UInt32, share: mi.Float) -> mi.Bool:
-        """Whether cells exist for a ping whose beams leave them this share p, Bool (R,)."""
+        """Return whether cells exist for a ping whose beams leave them this share p, Bool (R,)."""
         turned = dr.brev((s ^ self._hashed(facet, s >> BITS, Salt.SIDE_LOBES)) << (32 - BITS))
         within = uniform(arrays_of(mi.Float), self._hashed(facet, s, Salt.BESIDE_SIDE_LOBES))
         return (mi.Float(turned) + within) * 2.0 ** -BITS < share

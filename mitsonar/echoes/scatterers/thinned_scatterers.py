@@ -54,98 +54,47 @@ STEP_U, STEP_V = (round(2 ** 32 / PLASTIC ** power) for power in (1, 2))        
 
 @dataclass(frozen=True, kw_only=True)
 class TransmitLobe:
-    """Main lobe of a transmitting line, or of a long element.
+    """Main lobe of a transmitting line, or of a long element."""
 
-    Attributes
-    ----------
-    axis : (3,) [-]
-        b; scene coordinates.
-    sine : float [-]
-        Along it, that it is steered to.
-    cell : float [-]
-        Δt, of sines that it tells apart: wavelength / length.
-    place : (3,) [m]
-        Of the line's middle from the density's origin, scene coordinates.
-    """
-
-    axis: np.ndarray
-    sine: float
-    cell: float
-    place: np.ndarray
+    axis: np.ndarray  # (3,) [-]: b
+    sine: float  # along it, that it is steered to
+    cell: float  # δt, of sines that it tells apart
+    place: np.ndarray  # (3,) [m]: of the line's middle from the density's origin, scene coordinates
 
 
 @dataclass(frozen=True, kw_only=True)
 class Density:
-    """How densely a ping needs scatterers.
+    """How densely a ping needs scatterers."""
 
-    Attributes
-    ----------
-    origin : (3,) [m]
-        Where distances are measured from, scene coordinates.
-    axis : (3,) [-]
-        a, of the line; scene coordinates.
-    per_cell : float [-]
-        q.
-    range_cell, sine_cell : float [m], [-]
-        ΔR and Δs.
-    nearest, farthest : float [m]
-        Distances that matter.
-    around : bool
-        The picture is one over range and the bearing about the axis: a beam turns about it. For a, the way it turns, is
-        taken.
-    lobes : tuple of TransmitLobe
-        Of lines that send or hear across the line; scatterers are dense in each.
-    """
-
-    origin: np.ndarray
-    axis: np.ndarray
-    per_cell: float
-    range_cell: float
-    sine_cell: float
-    nearest: float
-    farthest: float
-    around: bool = False
-    lobes: tuple[TransmitLobe, ...] = ()
+    origin: np.ndarray  # (3,) [m]: where distances are measured from, scene coordinates
+    axis: np.ndarray  # (3,) [-]: a, of the line
+    per_cell: float  # q
+    range_cell: float  # ΔR and Δs
+    sine_cell: float  # ΔR and Δs
+    nearest: float  # [m]: distances that matter
+    farthest: float  # [m]: distances that matter
+    around: bool = False  # the picture is one over range and the bearing about the axis
+    lobes: tuple[TransmitLobe, ...] = ()  # of lines that send or hear across the line
 
 
 @dataclass(frozen=True, kw_only=True)
 class ThinnedSet:
-    """Some scatterers, on the device.
+    """Some scatterers, on the device."""
 
-    Attributes
-    ----------
-    exists : Bool (R,)
-        By (2).
-    offset : Array3f64 (R,) [m]
-        From the density's origin.
-    normal : Vector3f (R,)
-        Of the facet, unit, to the side its vertices run round counter-clockwise.
-    area : Float (R,) [m²]
-        That each stands for.
-    amplitude : (Float, Float) (R,)
-        Real and imaginary part of the Gaussian.
-    shape : ShapePtr (R,)
-    primitive, registry, label : UInt32 (R,)
-        Facet of the shape; row of `Geometry.rows`; number of the instance.
-    uv : Point2f (R,)
-    smooth : Vector3f (R,) or None
-        Interpolated normal, as of `tracing.hits.towards_sound`.
-    """
-
-    exists: mi.Bool
-    offset: dr.ArrayBase
-    normal: mi.Vector3f
-    area: mi.Float
-    amplitude: tuple[mi.Float, mi.Float]
-    shape: mi.ShapePtr
-    primitive: mi.UInt32
-    registry: mi.UInt32
-    label: mi.UInt32
-    uv: mi.Point2f
-    smooth: mi.Vector3f | None = None
+    exists: mi.Bool  # (R,): by (2)
+    offset: dr.ArrayBase  # (R,) [m]: from the density's origin
+    normal: mi.Vector3f  # (R,): of the facet, unit, to the side its vertices run round counter-clockwise
+    area: mi.Float  # (R,) [m²]: that each stands for
+    amplitude: tuple[mi.Float, mi.Float]  # (Float, Float): real and imaginary part of the Gaussian
+    shape: mi.ShapePtr  # (R,)
+    primitive: mi.UInt32  # (R,): facet of the shape
+    registry: mi.UInt32  # (R,): facet of the shape
+    label: mi.UInt32  # (R,): facet of the shape
+    uv: mi.Point2f  # (R,)
+    smooth: mi.Vector3f | None = None  # (R,): interpolated normal, as of `tracing.hits.towards_sound`
 
     def where_existing(self) -> ThinnedSet:
-        """Give those that exist, computed."""
+        """Return those that exist, computed."""
         dr.eval(*(value for value in vars(self).values() if value is not None))
         index = compressed(self.exists)
         amplitude = tuple(dr.gather(mi.Float, part, index) for part in self.amplitude)
@@ -155,17 +104,8 @@ class ThinnedSet:
 
 
 class ThinnedScatterers:
-    """The patches of a scene, and the scatterers that a ping needs of them.
-
-    Parameters
-    ----------
-    facets : Scatterers
-        How they are cut into cells does not matter.
-    farthest : float [m]
-        Reach of the sonar.
-    places : (P, 3) [m]
-        Where it will be, scene coordinates: facets out of its reach from all of them have no patches.
-    """
+    """The patches of a scene, and the scatterers that a ping needs of them."""
+    # farthest [m]; places (P, 3) [m]
 
     def __init__(self, facets: Scatterers, *, farthest: float, places: np.ndarray):
         self.lib, self._facets = arrays_of(mi.Float), facets
@@ -197,19 +137,7 @@ class ThinnedScatterers:
 
     def candidates(self, density: Density,
                    useful: Callable[[mi.Vector3f, mi.Float], mi.Bool]) -> tuple[mi.UInt32, mi.UInt32]:
-        """List the scatterers that may exist: patches and numbers k, UInt32 (R,).
-
-        Parameters
-        ----------
-        density : Density
-        useful : callable(direction, distance) -> Bool
-            Whether a direction (Vector3f, scene) is looked into at a distance (Float) [m].
-
-        Raises
-        ------
-        ValueError
-            If there are too many.
-        """
+        """List the scatterers that may exist: patches and numbers k, UInt32 (R,)."""
         patches = self._in_reach(density)
         if not len(patches):
             return mi.UInt32(), mi.UInt32()
@@ -233,7 +161,7 @@ class ThinnedScatterers:
         return _listed(self.lib, patch, number, int(dr.sum(number)[0]))
 
     def at(self, patch: mi.UInt32, k: mi.UInt32, density: Density) -> ThinnedSet:
-        """Give scatterers by patch and number."""
+        """Return scatterers by patch and number."""
         lib, facets = self.lib, self._facets
         facet, part = dr.gather(mi.UInt32, self._facet_of, patch), dr.gather(mi.UInt32, self._part_of, patch)
         a, b, c, _ = facets.device_corners(facet)

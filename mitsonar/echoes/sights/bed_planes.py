@@ -27,38 +27,16 @@ CLOSE = 0.1                        # [m] least radius
 
 @dataclass(frozen=True, kw_only=True)
 class Planes:
-    """Planes of the bed, one an entry.
+    """Planes of the bed, one an entry."""
 
-    Attributes
-    ----------
-    known : Bool (R,)
-        Whether there is one.
-    height : Float64 (R,) [m]
-        At x = y = 0: a.
-    slope : (Float64, Float64) (R,) [-]
-        b and c.
-    rest : Float (R,) [m]
-        σ.
-    """
-
-    known: mi.Bool
-    height: mi.Float64
-    slope: tuple[mi.Float64, mi.Float64]
-    rest: mi.Float
+    known: mi.Bool  # (R,): whether there is one
+    height: mi.Float64  # (R,) [m]: at x = y = 0
+    slope: tuple[mi.Float64, mi.Float64]  # (Float64, Float64) [-]: b and c
+    rest: mi.Float  # (R,) [m]: σ
 
 
 class BedPlanes:
-    """Planes under the point targets and the smooth shapes of a scene.
-
-    Parameters
-    ----------
-    geometry : Geometry
-
-    Attributes
-    ----------
-    table : (L + 1, 5)
-        a, b, c, σ and whether there is one, by the targets' labels.
-    """
+    """Planes under the point targets and the smooth shapes of a scene."""
 
     def __init__(self, geometry: Geometry):
         self.table = np.zeros((len(geometry.named) + 1, 5))
@@ -78,12 +56,12 @@ class BedPlanes:
         return bool(self.table[:, 4].any())
 
     def of(self, label: mi.UInt32) -> Planes:
-        """Give the planes under targets by their labels, UInt32 (R,)."""
+        """Return the planes under targets by their labels, UInt32 (R,)."""
         a, b, c, rest, known = (dr.gather(mi.Float64, self._device, 5 * label + k) for k in range(5))
         return Planes(known=known > 0, height=a, slope=(b, c), rest=mi.Float(rest))
 
     def image(self, point: np.ndarray, label: np.ndarray) -> np.ndarray:
-        """Give the images of points (R, 3), or one (3,), in the planes under targets (R,): (R, 3) [m]."""
+        """Return the images of points (R, 3), or one (3,), in the planes under targets (R,): (R, 3) [m]."""
         a, b, c = self.table[label, :3].T
         normal = np.stack([-b, -c, np.ones_like(a)], -1) / np.sqrt(1 + b * b + c * c)[:, None]
         point = np.broadcast_to(point, normal.shape)
@@ -92,7 +70,7 @@ class BedPlanes:
 
 
 def first_zone(wavelength: mi.Float, first: mi.Float, second: mi.Float) -> mi.Float:
-    """Give the width across the way [m] of Fresnel's first zone between places so far from a plane [m].
+    """Return the width across the way [m] of Fresnel's first zone between places so far from a plane [m].
 
     2 √(λ l_1 l_2 / (l_1 + l_2)).
     """

@@ -34,47 +34,20 @@ CLOSEST = 0.05                     # [m] from the source, where spreading ends
 
 @dataclass(frozen=True, kw_only=True)
 class TableLegs:
-    """Legs from the source to points, one each.
+    """Legs from the source to points, one each."""
 
-    Attributes
-    ----------
-    exists : Bool (R,)
-    travel_time : Float64 (R,) [s]
-    launch_direction, arrival_direction : Vector3f (R,)
-        Unit, along the travel.
-    gain : Float (R,) [1/m²]
-        g.
-    horizontal_range, distance : Float (R,) [m]
-        Distance in a straight line.
-    """
-
-    exists: mi.Bool
-    travel_time: mi.Float64
-    launch_direction: mi.Vector3f
-    arrival_direction: mi.Vector3f
-    gain: mi.Float
-    horizontal_range: mi.Float
-    distance: mi.Float
+    exists: mi.Bool  # (R,)
+    travel_time: mi.Float64  # (R,) [s]
+    launch_direction: mi.Vector3f  # (R,): unit, along the travel
+    arrival_direction: mi.Vector3f  # (R,): unit, along the travel
+    gain: mi.Float  # (R,) [1/m²]: g
+    horizontal_range: mi.Float  # (R,) [m]: distance in a straight line
+    distance: mi.Float  # (R,) [m]: distance in a straight line
 
 
 class EigenrayTable:
-    """Tabulate the eigenrays that leave one depth.
-
-    Parameters
-    ----------
-    connector : Connector
-        Finds the nodes' rays.
-    depth : float [m]
-        Of the source.
-    farthest : float [m]
-        Distance up to which points may lie.
-
-    Attributes
-    ----------
-    depth : float [m]
-    sound_speed : float [m/s]
-        c_0.
-    """
+    """Tabulate the eigenrays that leave one depth."""
+    # depth [m]; farthest [m]; sound_speed [m/s]
 
     def __init__(self, connector: Connector, *, depth: float, farthest: float):
         self.lib, self.depth = arrays_of(mi.Float), float(depth)
@@ -109,7 +82,7 @@ class EigenrayTable:
         self._speed = dr.opaque(mi.Float64, self.sound_speed)
 
     def values(self, horizontal_range: mi.Float, depth: mi.Float) -> tuple[mi.Float, mi.Float, mi.Float, mi.Float]:
-        """Give τ, λ, α and γ at horizontal ranges and depths [m], Float (R,)."""
+        """Return τ, λ, α and γ at horizontal ranges and depths [m], Float (R,)."""
         px = held(horizontal_range * self._per_x, 0.0, RANGES - 1.001)
         pz = held((depth - self._top) * self._per_z, 0.0, DEPTHS - 1.001)
         i, j = mi.UInt32(px), mi.UInt32(pz)
@@ -121,12 +94,12 @@ class EigenrayTable:
         return value[0], value[1], value[2], value[3]
 
     def launch_rise(self, horizontal_range: mi.Float, height: mi.Float) -> mi.Float:
-        """Give sin θ_0, positive up, of the rays to points `height` [m] above the source."""
+        """Return sin θ_0, positive up, of the rays to points `height` [m] above the source."""
         _, launch, _, _ = self.values(horizontal_range, dr.opaque(mi.Float, self.depth) - height)
         return height * dr.rsqrt(height * height + dr.square(dr.maximum(horizontal_range, NEAREST))) + launch
 
     def curvatures(self, horizontal_range: mi.Float, height: mi.Float) -> tuple[mi.Float, mi.Float]:
-        """Give curvatures at the source of the waves of points `height` [m] above it, Float (R,) [1/m].
+        """Return curvatures at the source of the waves of points `height` [m] above it, Float (R,) [1/m].
 
         Across the ray's plane and in it; with k = cos θ_0, and x the horizontal range, they are k / x and
         -(d sin θ_0 / dx) / (k sin θ_0). In water of one speed both are 1 / R.
@@ -147,17 +120,8 @@ class EigenrayTable:
         return across, dr.select(good, within, across)
 
     def legs(self, offset: dr.ArrayBase) -> TableLegs:
-        """Give the legs to points.
-
-        Parameters
-        ----------
-        offset : Array3f64 (R,) [m]
-            Points minus source.
-
-        Returns
-        -------
-        TableLegs
-        """
+        """Return the legs to points."""
+        # offset (R,) [m]
         square = dr.fma(offset.x, offset.x, offset.y * offset.y)
         R = dr.maximum(dr.sqrt(dr.fma(offset.z, offset.z, square)), CLOSEST)
         x, distance = mi.Float(dr.sqrt(square)), mi.Float(R)

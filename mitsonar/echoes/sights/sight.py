@@ -15,29 +15,17 @@ __all__ = ["Sight", "path_of", "product"]
 
 @dataclass(frozen=True, kw_only=True)
 class Sight:
-    """How points are seen, one an entry.
-
-    Attributes
-    ----------
-    way : Connection
-    leg : Leg
-    gain : Float (R,) [1/m²]
-        g.
-    factor : (Float, Float) (R,) or None
-        What the pressure is multiplied by on the way, real and imaginary part; None: nothing.
-    later : Float64 (R,) [s] or None
-        How much later than along the leg sound is there; None: not at all.
-    """
+    """How points are seen, one an entry."""
 
     way: Connection
     leg: Leg
-    gain: mi.Float
-    factor: tuple[mi.Float, mi.Float] | None = None
-    later: mi.Float64 | None = None
+    gain: mi.Float  # (R,) [1/m²]: g
+    factor: tuple[mi.Float, mi.Float] | None = None  # (Float, Float)
+    later: mi.Float64 | None = None  # (R,) [s]: how much later than along the leg sound is there
 
 
 def product(out: Sight, back: Sight) -> tuple[tuple[mi.Float, mi.Float], mi.Float64]:
-    """Give the product of the factors of two legs, and how much later sound is there along both [s]."""
+    """Return the product of the factors of two legs, and how much later sound is there along both [s]."""
     size = dr.width(out.gain)
     (a, b), (c, d) = (some.factor or (dr.ones(mi.Float, size), dr.zeros(mi.Float, size)) for some in (out, back))
     later = dr.zeros(mi.Float64, size)
@@ -47,6 +35,6 @@ def product(out: Sight, back: Sight) -> tuple[tuple[mi.Float, mi.Float], mi.Floa
 
 
 def path_of(there: str, back: str) -> str:
-    """Give the name of the path to a target and back, by what the legs go by: "", "s" or "b"."""
+    """Return the name of the path to a target and back, by what the legs go by: "", "s" or "b"."""
     word = there + "b" + back
     return min(word, word[::-1])

@@ -59,17 +59,8 @@ LYING = 0.02                       # [m] over the bed, up to which a point targe
 
 
 class BedMirror:
-    """See targets by way of the bed.
-
-    Parameters
-    ----------
-    connector : Connector
-    frequency : float [Hz]
-
-    Attributes
-    ----------
-    planes : BedPlanes
-    """
+    """See targets by way of the bed."""
+    # frequency [Hz]
 
     def __init__(self, connector: Connector, frequency: float):
         self._connector, self._frequency = connector, float(frequency)
@@ -78,22 +69,8 @@ class BedMirror:
 
     def see(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, point: dr.ArrayBase, normal: mi.Vector3f,
             label: mi.UInt32, *, short: float = 0.0, smooth: bool = False) -> Sight:
-        """See one point an entry.
-
-        Parameters
-        ----------
-        sources, origin, source, point, normal, short
-            As of `Connector.connect`.
-        label : UInt32 (R,)
-            Of the targets that the points belong to.
-        smooth : bool
-            The points are those of smooth surfaces: by way of smooth beds they are met otherwise.
-
-        Returns
-        -------
-        Sight
-            Its way is as sound comes to the point itself, its leg leads to the image.
-        """
+        """See one point an entry."""
+        # label (R,)
         lib, water, plane = self._lib, self._connector.water, self.planes.of(label)
         upward, up = self._upward(plane)
         over, sonar_over = (_over(plane, up, some) for some in (point, origin))
@@ -129,7 +106,7 @@ class BedMirror:
 
     def _bounce(self, met: dr.ArrayBase, flat: mi.Vector3f, plane: Planes, down: mi.Vector3f, speed: mi.Float64,
                 active: mi.Bool) -> tuple[mi.Bool, Hits]:
-        """Whether there is bed where sound meets the planes, and the bed there."""
+        """Return whether there is bed where sound meets the planes, and the bed there."""
         wide = self._lib.Array3f64
         lift = LIFT + LIFTED * plane.rest
         start = mi.Point3f(met + self._lib.Float64(lift) * wide(flat))
@@ -179,23 +156,8 @@ JUST_BELOW = 1e-4                  # [m] where the surface is met from below
 
 
 class Sights:
-    """See points from sonars.
-
-    Parameters
-    ----------
-    connector : Connector
-    max_depth : int
-        Bounces that an echo may have made.
-    frequency : float or None [Hz]
-        None: targets are not seen by way of the bed.
-
-    Attributes
-    ----------
-    mirror : bool
-        Whether the surface is flat and mirrors.
-    bed : BedMirror or None
-        How targets are seen by way of the bed; None: not at all.
-    """
+    """See points from sonars."""
+    # frequency [Hz]
 
     def __init__(self, connector: Connector, *, max_depth: int, frequency: float | None = None):
         self.connector, self.max_depth = connector, max_depth
@@ -206,19 +168,7 @@ class Sights:
 
     def see(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, point: dr.ArrayBase,
             normal: mi.Vector3f, *, folded: bool = False, short: float = 0.0) -> Sight:
-        """See one point an entry.
-
-        Parameters
-        ----------
-        sources, origin, source, point, normal, short
-            As of `Connector.connect`.
-        folded : bool
-            By way of the mirror.
-
-        Returns
-        -------
-        Sight
-        """
+        """See one point an entry."""
         if folded:
             start = origin + dr.zeros(type(origin), dr.width(point))
             way = self.connector.join(start, mi.Vector3f(0, 0, 0), point, normal, folded=True, short=short)
@@ -253,14 +203,8 @@ class Sights:
                     yield there, back
 
     def overhead(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32) -> tuple[Echoes, mi.Bool]:
-        """The echo of a mirror straight above: half the pressure of a wave that comes from a point there.
-
-        Returns
-        -------
-        Echoes
-            Of the path "s".
-        free : Bool (R,)
-        """
+        """The echo of a mirror straight above: half the pressure of a wave that comes from a point there."""
+        # -> free (R,)
         point = self.lib.Array3f64(origin.x, origin.y, -JUST_BELOW)
         sight = self.see(sources, origin, source, point, mi.Vector3f(0, 0, 0))
         way, nothing = sight.way, dr.zeros(mi.Float, dr.width(sight.gain))

@@ -37,57 +37,21 @@ TURN = 0.06                        # [rad] that a surface turns by over a cell t
 
 @dataclass(frozen=True, kw_only=True)
 class SmoothCells:
-    """Some cells, on the device.
+    """Some cells, on the device."""
 
-    Attributes
-    ----------
-    point : Array3f64 (R,) [m]
-        Their centroids.
-    corners, flat : list of three Vector3f (R,) [m]
-        From the centroid to the bent surface, and in the facet.
-    places : list of three (Float, Float) (R,)
-        Barycentric coordinates of the corners in the facet.
-    normal : Vector3f (R,)
-        Of the facet, unit.
-    facet : UInt32 (R,)
-    area : Float (R,) [m²]
-    """
-
-    point: dr.ArrayBase
-    corners: list[mi.Vector3f]
-    flat: list[mi.Vector3f]
-    places: list[tuple[mi.Float, mi.Float]]
-    normal: mi.Vector3f
-    facet: mi.UInt32
-    area: mi.Float
+    point: dr.ArrayBase  # (R,) [m]: their centroids
+    corners: list[mi.Vector3f]  # (R,) [m]: from the centroid to the bent surface, and in the facet
+    flat: list[mi.Vector3f]  # (R,) [m]: from the centroid to the bent surface, and in the facet
+    places: list[tuple[mi.Float, mi.Float]]  # (Float, Float): barycentric coordinates of the corners in the facet
+    normal: mi.Vector3f  # (R,): of the facet, unit
+    facet: mi.UInt32  # (R,)
+    area: mi.Float  # (R,) [m²]
 
 
 class SmoothFacets:
-    """The facets of a scene's smooth surfaces.
-
-    Parameters
-    ----------
-    geometry : Geometry
-    wavelength : float [m]
-        Shapes without facets are given such as lie within a thirty-second of it from them.
-
-    Attributes
-    ----------
-    corner : (F, 3, 3) [m]
-    centre, normal : (F, 3) [m], [-]
-    radius, side : (F,) [m]
-        Of a ball about the centre that holds the facet; its longest side.
-    bent : (F,) bool
-        Whether it stands for a surface that is not flat.
-    fewest, fewest_lit : (F,) int
-        n that the surface's bend asks for, of parts over which phases are linear, and of cells that are lit as a whole.
-    outward : (F,) int
-        1 where the normal leads out of a closed body, -1 where into one, 0 where the shape is open.
-    label : (F,) uint32
-        Of the instances.
-    convex : bool
-        Nothing smooth can be seen from anything smooth: there is one shape, and it is bent outwards everywhere.
-    """
+    """The facets of a scene's smooth surfaces."""
+    # wavelength [m]; corner (F, 3, 3) [m]; centre (F, 3) [-]; normal (F, 3) [-]; radius (F,) [m]; side (F,) [m]; bent
+    # (F,); fewest (F,); fewest_lit (F,); outward (F,); label (F,)
 
     def __init__(self, geometry: Geometry, wavelength: float):
         self.lib = arrays_of(mi.Float)
@@ -152,7 +116,7 @@ class SmoothFacets:
         return [self.lib.Array3f64(row[0], row[1], row[2]) for row in rows]
 
     def cells(self, facet: mi.UInt32, s: mi.UInt32, n: mi.UInt32) -> SmoothCells:
-        """Give cells s of facets cut n-fold, UInt32 (R,) each."""
+        """Return cells s of facets cut n-fold, UInt32 (R,) each."""
         lib = self.lib
         a, b, c = self.corners_of(facet)
         across = dr.cross(mi.Vector3f(b - a), mi.Vector3f(c - a))
@@ -233,19 +197,8 @@ def too_coarse(corner: np.ndarray, wavelength: float,
 
     The sagitta of two neighbours is l a / 8: l their mean height over the edge they share, a the angle between them;
     beyond 30 degrees the edge is taken for one of the object. Facets whose normals tell of the bend are fine enough.
-
-    Parameters
-    ----------
-    corner : (F, 3, 3) [m]
-    wavelength : float [m]
-    bend : (F,) [m]
-        Height of the surface that cells are laid on over the middle of the facet's longest edge.
-
-    Returns
-    -------
-    (float, float) [m] or None
-        The largest sagitta, if over a sixteenth of the wavelength, and the edge length √(R λ / 2) to take there.
     """
+    # corner (F, 3, 3) [m]; wavelength [m]; bend (F,) [m] -> [m]
     _, vertex = np.unique(np.round(corner.reshape(-1, 3), 6), axis=0, return_inverse=True)
     vertex = vertex.reshape(-1, 3)
     area, normal = _area_and_normal(corner)
@@ -316,7 +269,8 @@ def _area_and_normal(corner):
 
 
 def _outward(corner):
-    """Whether facets are the closed surface of a body, and which way their normals lead: 1 out, -1 in, 0 open."""
+    """Return whether facets are the closed surface of a body, and which way their normals lead: 1 out, -1 in, 0 open.
+    """
     _, vertex = np.unique(np.round(corner.reshape(-1, 3), 6), axis=0, return_inverse=True)
     vertex = vertex.reshape(-1, 3)
     ends = np.stack([vertex, np.roll(vertex, -1, axis=1)], -1).reshape(-1, 2)
@@ -330,7 +284,7 @@ def _outward(corner):
 
 
 def _is_convex(corner, normal, outward):
-    """Whether facets are all in one plane, or the surface of a convex body."""
+    """Return whether facets are all in one plane, or the surface of a convex body."""
     points, number = np.unique(corner.reshape(-1, 3).round(6), axis=0, return_inverse=True)
     slack = 1e-5 * np.ptp(points, axis=0).max() + ROUNDED * np.abs(points).max()
     if np.abs((points - points[0]) @ normal[0]).max() < slack:

@@ -35,23 +35,8 @@ def further(offset: mi.Vector3f, direction: mi.Vector3f, radius: mi.Float) -> mi
 def mean_sent_back(facets: SmoothFacets, cells: SmoothCells, parts: mi.UInt32,
                    ways: Sequence[tuple[mi.Vector3f, mi.Float]], wavenumber: mi.Float,
                    active: mi.Bool) -> tuple[mi.Float, mi.Float]:
-    """Mean of n·u e^iφ over cells, from one place to another.
-
-    Parameters
-    ----------
-    facets : SmoothFacets
-    cells : SmoothCells
-    parts : UInt32 (R,)
-        m.
-    ways : one or two of (Vector3f, Float) (R,) [-], [m]
-        Directions and radii of the waves that come in from both places; one where they are the same.
-    wavenumber : Float (R,) [rad/m]
-    active : Bool (R,)
-
-    Returns
-    -------
-    real, imaginary : Float (R,)
-    """
+    """Mean of n·u e^iφ over cells, from one place to another."""
+    # parts (R,); ways (Vector3f, Float) [m]; wavenumber (R,) [rad/m]; active (R,) -> real, imaginary (R,)
     bend, normals = facets.bend_of(cells.facet, active), facets.normals_of(cells.facet, active)
     return _summed(facets.lib, parts, cells.flat, cells.places, bend, normals, cells.normal, ways, wavenumber, active)
 

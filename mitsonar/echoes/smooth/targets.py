@@ -93,22 +93,8 @@ def _picked(value: Any, index: mi.UInt32) -> Any:
 
 
 class SmoothTargets:
-    """The smooth surfaces of a scene.
-
-    Parameters
-    ----------
-    sights : Sights
-        How they are seen; its bounces are the most facets, and mirrors, that an echo may have met.
-    frequency : float [Hz]
-    resolution : float [m]
-        c / 2B: what ranges are told apart.
-    reach : float [m]
-        How far elements lie from the sources, out and back together.
-    drift : float [-]
-        How much farther off they are, for each metre of range: sources that move on until echoes are back.
-    farthest : float [m]
-        Range beyond which nothing matters.
-    """
+    """The smooth surfaces of a scene."""
+    # frequency [Hz]; resolution [m]; reach [m]; farthest [m]
 
     def __init__(self, sights: Sights, *, frequency: float, resolution: float, reach: float, farthest: float,
                  drift: float = 0.0):
@@ -131,25 +117,8 @@ class SmoothTargets:
     def echoes(self, sources: Sources, origins: np.ndarray, source: np.ndarray,
                choose: Callable[[int, np.ndarray, np.ndarray], np.ndarray] | None = None,
                ) -> Iterator[tuple[mi.UInt32, mi.UInt32, Echoes]]:
-        """Ensonify the surfaces.
-
-        Parameters
-        ----------
-        sources : Sources
-        origins : (P, 3) [m]
-            NumPy; where sound leaves from.
-        source : (P,) uint32
-            NumPy; the index into `sources` of each.
-        choose : callable(number, centre (F, 3), radius (F,)) -> Bool (F,)
-            Which facets, of balls about centres [m], are worth a look from the place of that number; None: all.
-
-        Yields
-        ------
-        place, label : UInt32 (R,)
-            Which of `origins`, and which shape the echo comes from last.
-        echoes : Echoes
-            Of one path, "b", "bb", ...
-        """
+        """Ensonify the surfaces."""
+        # origins (P, 3) [m]; source (P,); choose (F, 3) -> place, label (R,)
         if not self:
             return
         place = _Places(self.lib, np.asarray(origins, float), source)

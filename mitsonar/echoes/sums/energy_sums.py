@@ -45,47 +45,20 @@ def add_words(target: DrJitArray, words: Sequence[DrJitArray], index: DrJitArray
 
 @dataclass(frozen=True, kw_only=True)
 class SummedEnergy:
-    """Energies of a block of pings.
+    """Energies of a block of pings."""
 
-    Attributes
-    ----------
-    intensity : (rows, bins) [µPa²]
-    label_intensity : (rows, labels, bins) [µPa²]
-        Of every instance.
-    path_intensity : (rows, paths, bins) [µPa²] or None
-        None where paths are not told apart.
-    depth : (rows, bins) float32 [m]
-        Mean, weighted by energy; NaN where no echo is.
-    rays, rays_in_beam : (rows, bins) uint32
-    meets : (rows, labels, bins) bool
-        Whether a ray of the main lobe arrives from an instance.
-    """
-
-    intensity: np.ndarray
-    label_intensity: np.ndarray
-    path_intensity: np.ndarray | None
-    depth: np.ndarray
+    intensity: np.ndarray  # [µPa²]
+    label_intensity: np.ndarray  # [µPa²]: of every instance
+    path_intensity: np.ndarray | None  # [µPa²]: none where paths are not told apart
+    depth: np.ndarray  # [m]: mean, weighted by energy
     rays: np.ndarray
     rays_in_beam: np.ndarray
-    meets: np.ndarray
+    meets: np.ndarray  # whether a ray of the main lobe arrives from an instance
 
 
 class EchoSums:
-    """Integer sums of a block of pings, and their reading in physical units.
-
-    Parameters
-    ----------
-    lib : Dr.Jit namespace
-    rows : int
-        Pings x sides of the block.
-    labels : int
-        Number of shapes.
-    bins : int
-    depth_range : (float, float) [m]
-        Of the scene.
-    paths : int
-        Number of paths; one is not told apart.
-    """
+    """Integer sums of a block of pings, and their reading in physical units."""
+    # depth_range [m]
 
     def __init__(self, lib: ModuleType, rows: int, labels: int, bins: int, depth_range: tuple[float, float],
                  paths: int = 1):
@@ -101,24 +74,8 @@ class EchoSums:
 
     def add(self, *, row: DrJitArray, label: DrJitArray, bin: DrJitArray, units: DrJitArray, depth: DrJitArray,
             in_beam: DrJitArray, active: DrJitArray, path: DrJitArray | None = None, counted: bool = True) -> None:
-        """Scatter echoes into their bins.
-
-        Parameters
-        ----------
-        row, label, bin : UInt32 (R,)
-            Row of the block; shape number from 1; time bin.
-        units : Float64 (R,)
-            Echo energy in units of the bin.
-        depth : Float (R,) [m]
-            That the echoes come from.
-        in_beam : Bool (R,)
-            The ray lies in the main lobe.
-        active : Bool (R,)
-        path : UInt32 (R,) or None
-            Number of the path from 1, where there is more than one.
-        counted : bool
-            Whether they are rays that arrive from where they hit, which light the bins.
-        """
+        """Scatter echoes into their bins."""
+        # row, label, bin (R,); units (R,); depth (R,) [m]; in_beam (R,); active (R,); path (R,)
         lib = self.lib
         U = lib.UInt64
         units = dr.minimum(units, LARGEST)
@@ -145,13 +102,8 @@ class EchoSums:
         return [array for array in (self.energy, self.depth_and_count, self.met, self.path_energy) if array is not None]
 
     def read(self, unit: np.ndarray) -> SummedEnergy:
-        """Give the sums as physical arrays.
-
-        Parameters
-        ----------
-        unit : (bins,) [µPa²]
-            Worth of one unit in each bin.
-        """
+        """Return the sums as physical arrays."""
+        # unit [µPa²]
         shape = (self.rows, self.bins)
 
         def values(sums, *shape):

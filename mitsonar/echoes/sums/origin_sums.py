@@ -29,22 +29,8 @@ ROUNDING = 0.02                    # [m] that the rounding of an echo's share in
 
 
 def sector(sine: DrJitArray, depth_below: DrJitArray, farthest: DrJitArray) -> DrJitArray:
-    """Sector of directions: how far along the record they would meet a level bed.
-
-    Parameters
-    ----------
-    sine : Float (R,)
-        Of the angle below the horizon.
-    depth_below : Float (R,) [m]
-        Bed below the sonar.
-    farthest : float [m]
-        Slant range where the record ends.
-
-    Returns
-    -------
-    UInt32 (R,)
-        0 straight below, the last for what meets it beyond the record or not at all.
-    """
+    """Sector of directions: how far along the record they would meet a level bed."""
+    # sine (R,); depth_below (R,) [m]; farthest [m] -> (R,)
     slant_range = depth_below / dr.maximum(sine, 1e-6)
     share = (slant_range - depth_below) / dr.maximum(farthest - depth_below, 1e-3)
     return dr.uint32_array_t(type(sine))(held(share, 0, 1) * (SECTORS - 1e-3))
@@ -52,39 +38,16 @@ def sector(sine: DrJitArray, depth_below: DrJitArray, farthest: DrJitArray) -> D
 
 @dataclass(frozen=True, kw_only=True)
 class SummedOrigins:
-    """Where the energies of a block of pings come from.
+    """Where the energies of a block of pings come from."""
 
-    Attributes
-    ----------
-    seabed_place : (rows, bins, 3) float32 [m]
-        x, y and depth of the seabed that the main lobe sees, NaN where that is hardly any.
-    seabed_intensity : (rows, bins) [µPa²]
-    hidden_intensity : (rows, labels, bins) [µPa²] or None
-        What each object hides of the seabed; None where nothing can hide it.
-    layover : (rows, bins) uint8
-        Number of separate runs of sectors.
-    """
-
-    seabed_place: np.ndarray
-    seabed_intensity: np.ndarray
-    hidden_intensity: np.ndarray | None
-    layover: np.ndarray
+    seabed_place: np.ndarray  # [m]: x, y and depth of the seabed that the main lobe sees, NaN where that is hardly any
+    seabed_intensity: np.ndarray  # [µPa²]
+    hidden_intensity: np.ndarray | None  # [µPa²]: what each object hides of the seabed
+    layover: np.ndarray  # number of separate runs of sectors
 
 
 class OriginSums:
-    """Sums of a block of pings.
-
-    Parameters
-    ----------
-    lib : Dr.Jit namespace
-    rows : int
-        Pings x sides of the block.
-    labels : int
-        Number of instances.
-    bins : int
-    hidden : bool
-        Whether anything can hide the seabed.
-    """
+    """Sums of a block of pings."""
 
     def __init__(self, lib: ModuleType, rows: int, labels: int, bins: int, hidden: bool):
         self.lib, self.rows, self.labels, self.bins = lib, rows, labels, bins
@@ -94,21 +57,8 @@ class OriginSums:
 
     def add(self, *, row: DrJitArray, bin: DrJitArray, units: DrJitArray, place: Sequence[DrJitArray],
             sector: DrJitArray, seabed: DrJitArray, in_beam: DrJitArray, active: DrJitArray) -> None:
-        """Scatter rays that arrive from where they hit.
-
-        Parameters
-        ----------
-        row, bin : UInt32 (R,)
-        units : Float64 (R,)
-            Echo energy in units of the bin.
-        place : three Float (R,)
-            x, y and depth as fractions [0, 1] of the scene's.
-        sector : UInt32 (R,)
-            Of the ray's direction.
-        seabed : Bool (R,)
-            Whether they hit the seabed.
-        in_beam, active : Bool (R,)
-        """
+        """Scatter rays that arrive from where they hit."""
+        # row, bin (R,); units (R,); place (R,); sector (R,); seabed (R,); in_beam, active (R,)
         U = self.lib.UInt64
         index = row * dr.opaque(self.lib.UInt32, self.bins) + bin
         units = dr.minimum(units, LARGEST)
@@ -132,15 +82,8 @@ class OriginSums:
         return [array for array in (self.place, self.sectors, self.hidden) if array is not None]
 
     def read(self, unit: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> SummedOrigins:
-        """Give the sums as physical arrays.
-
-        Parameters
-        ----------
-        unit : (bins,) [µPa²]
-            Worth of one unit in each bin.
-        lower, upper : (3,) [m]
-            x, y and depth that the fractions 0 and 1 stand for.
-        """
+        """Return the sums as physical arrays."""
+        # unit [µPa²]; lower, upper (3,) [m]
         def values(sums, *shape):
             return sums.numpy()[:int(np.prod(shape))].reshape(shape)
 

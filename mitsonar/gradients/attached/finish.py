@@ -44,47 +44,19 @@ GRAZING = 1e-4                     # sine below which nothing slides: its deriva
 
 @dataclass(frozen=True, kw_only=True)
 class Facets:
-    """Facets that hits lie on.
+    """Facets that hits lie on."""
 
-    Attributes
-    ----------
-    on_mesh : Bool (R,)
-    shape : UInt32 (R,)
-        Registry index of what was hit.
-    face : Array4u (R,)
-        Corners and label, see `Geometry`.
-    u, v : Float (R,)
-        Barycentric coordinates of the hits.
-    """
-
-    on_mesh: mi.Bool
-    shape: mi.UInt32
-    face: dr.ArrayBase
-    u: mi.Float
-    v: mi.Float
+    on_mesh: mi.Bool  # (R,)
+    shape: mi.UInt32  # (R,): registry index of what was hit
+    face: dr.ArrayBase  # (R,): corners and label, see `Geometry`
+    u: mi.Float  # (R,): barycentric coordinates of the hits
+    v: mi.Float  # (R,): barycentric coordinates of the hits
 
 
 def finished(hits: Hits, facets: Facets, geometry: AttachedGeometry, layers: LayerTable, sine0: mi.Float,
              distance: mi.Float, shift: RayShift | None, side: mi.Float | None = None) -> Hits:
-    """Give the same hits with gradients.
-
-    Parameters
-    ----------
-    hits : Hits
-        Detached.
-    facets : Facets
-    geometry : AttachedGeometry
-    layers : LayerTable
-        Of the water; only its detached numbers count.
-    sine0 : Float (R,)
-        Of the launch angle, positive down.
-    distance : Float (R,) [m]
-        X: from the sonar to the hits, horizontally.
-    shift : RayShift or None
-        None: rays leave from where they did, in the same water.
-    side : Float (R,) or None
-        Sign of V, 0 where it is unknown; None where no ray turned, and all are 1.
-    """
+    """Return the same hits with gradients."""
+    # sine0 (R,); distance (R,) [m]; side (R,)
     t, n, valid = hits.arrival_direction, hits.normal, hits.valid
     a, b, c = _corners(geometry.vertices, facets)
     e1, e2 = b - a, c - a
@@ -135,7 +107,7 @@ def _corners(vertices: mi.Float, facets: Facets) -> list[mi.Vector3f]:
 
 def side_of(hits: Hits, layers: LayerTable, speeds: mi.Float64, origin: dr.ArrayBase,
             direction: mi.Vector3f) -> mi.Float | None:
-    """Give the sign of V of detached hits of rays from points `origin` in launch directions; see `finished`."""
+    """Return the sign of V of detached hits of rays from points `origin` in launch directions; see `finished`."""
     sine0, drop = mi.Float64(-direction.z), mi.Float64(origin.z - hits.point.z)
     turned = hits.valid & ((sine0 * mi.Float64(-hits.arrival_direction.z) < 0) | (sine0 * drop < 0))
     if not dr.any(turned)[0]:

@@ -21,26 +21,7 @@ __all__ = ["AttachedGeometry"]
 
 
 class AttachedGeometry:
-    """A scene's facets with gradients.
-
-    Parameters
-    ----------
-    geometry : Geometry
-        Of the scene as it is now.
-
-    Attributes
-    ----------
-    vertices : Float
-        As of `Geometry`, four wide.
-    normals : Float or None
-    texcoords : Float or None
-    shapes : AttachedShapes or None
-        What is not made of facets; None where that is nothing that is known there.
-    textured : bool
-        Whether a material may read texture coordinates.
-    attached : bool
-        Whether anything carries a gradient.
-    """
+    """A scene's facets with gradients."""
 
     def __init__(self, geometry: Geometry):
         self.vertices: Any = geometry.vertices

@@ -23,26 +23,14 @@ __all__ = ["LayerPlaces", "attached_layers", "layer_places"]
 
 
 class LayerPlaces(NamedTuple):
-    """Where the K layers of a table lie in the profile that it was made of, NumPy arrays (K,).
+    """Where the K layers of a table lie in the profile that it was made of, NumPy arrays (K,)."""
 
-    Attributes
-    ----------
-    top, bottom : array [m]
-        Of a layer; the first and the last are the uniform water beyond the profile.
-    upper, lower : array of int
-        Nodes of the profile that the layer lies between; one node twice beyond the profile.
-    node_depth : array [m]
-        Of `upper`.
-    per_metre : array [1/m]
-        One over the distance between the two nodes; 0 beyond the profile.
-    """
-
-    top: np.ndarray
-    bottom: np.ndarray
-    upper: np.ndarray
-    lower: np.ndarray
-    node_depth: np.ndarray
-    per_metre: np.ndarray
+    top: np.ndarray  # [m]: of a layer
+    bottom: np.ndarray  # [m]: of a layer
+    upper: np.ndarray  # nodes of the profile that the layer lies between
+    lower: np.ndarray  # nodes of the profile that the layer lies between
+    node_depth: np.ndarray  # [m]: of `upper`
+    per_metre: np.ndarray  # [1/m]: one over the distance between the two nodes
 
 
 def layer_places(table: LayerTable) -> LayerPlaces:
@@ -58,24 +46,8 @@ def layer_places(table: LayerTable) -> LayerPlaces:
 
 
 def attached_layers(table: LayerTable, speeds: Float64) -> LayerTable:
-    """Give the same table, attached to the speeds at the profile's nodes.
-
-    Parameters
-    ----------
-    table : LayerTable
-    speeds : Float64 (N,) [m/s]
-        At ``table.profile.depth``, with gradients enabled; their values are the profile's own.
-
-    Returns
-    -------
-    LayerTable
-        Of which `at` and `shape` are differentiable; all else is shared with the table.
-
-    Raises
-    ------
-    ValueError
-        If there is not one speed for each node.
-    """
+    """Return the same table, attached to the speeds at the profile's nodes."""
+    # speeds (N,) [m/s]
     nodes = table.profile.depth.size
     if dr.width(speeds) != nodes:
         raise ValueError(f"layers: {dr.width(speeds)} sound speeds for the {nodes} nodes of the profile; give one for "

@@ -39,7 +39,7 @@ Attached = TypeVar("Attached")
 
 
 def tangent(value: Attached) -> Attached:
-    """Give 0 with the gradient of a Dr.Jit value."""
+    """Return 0 with the gradient of a Dr.Jit value."""
     zero: Any = dr.zeros(type(value), dr.width(value))
     moving: Any = dr.replace_grad(zero, value)
     return moving
@@ -53,49 +53,22 @@ CAUSTIC = 2 / MAX_TUBE_GAIN        # of the squared distance: spreading areas be
 
 @dataclass(frozen=True, kw_only=True)
 class RayShift:
-    """Increments at the depths of hits: 0, with gradients.
+    """Increments at the depths of hits: 0, with gradients."""
 
-    Attributes
-    ----------
-    across : Vector3f (R,) [m]
-        Of the ray, level.
-    travel_time : Float64 (R,) [s]
-    arc_length : Float (R,) [m]
-    spreading : Float (R,) [-]
-        Of the logarithm of the spreading area.
-    ray_parameter, sound_speed : Float64 (R,) [s/m], [m/s]
-    heading : Vector2f (R,) [-]
-    widens : Bool (R,)
-        Where `spreading` is known; elsewhere it stands still.
-    """
-
-    across: mi.Vector3f
-    travel_time: mi.Float64
-    arc_length: mi.Float
-    spreading: mi.Float
-    ray_parameter: mi.Float64
-    sound_speed: mi.Float64
-    heading: mi.Vector2f
-    widens: mi.Bool
+    across: mi.Vector3f  # (R,) [m]: of the ray, level
+    travel_time: mi.Float64  # (R,) [s]
+    arc_length: mi.Float  # (R,) [m]
+    spreading: mi.Float  # (R,) [-]: of the logarithm of the spreading area
+    ray_parameter: mi.Float64  # (R,) [m/s]
+    sound_speed: mi.Float64  # (R,) [m/s]
+    heading: mi.Vector2f  # (R,) [-]
+    widens: mi.Bool  # (R,): where `spreading` is known
 
 
 def ray_shift(layers: LayerTable, speeds: mi.Float64, origin: dr.ArrayBase, direction: mi.Vector3f,
               hits: Hits) -> RayShift:
-    """Give how rays move at the depths of their hits.
-
-    Parameters
-    ----------
-    layers : LayerTable
-        Attached where sound speeds are.
-    speeds : Float64 (K,) [m/s]
-        Those of the profile's nodes.
-    origin : Array3f64 (R,) [m]
-        Of the rays, attached where the sonar's place is.
-    direction : Vector3f (R,)
-        At launch, attached where the attitude is.
-    hits : Hits
-        Detached.
-    """
+    """Return how rays move at the depths of their hits."""
+    # speeds (K,) [m/s]; origin (R,) [m]; direction (R,)
     wide = mi.Float64
     x, y, z = wide(direction.x), wide(direction.y), wide(direction.z)
     across = dr.sqrt(dr.maximum(x * x + y * y, 1e-24))

@@ -45,15 +45,8 @@ __all__ = ["AttachedScene", "AttachedWater"]
 
 
 class AttachedWater:
-    """See the module's text.
-
-    Parameters
-    ----------
-    water : DeviceWater
-        With scale and offset as they are.
-    scale : Float64 (1,) [-]
-    offset : Float64 (K,) [dB/m]
-    """
+    """See the module's text."""
+    # scale (1,) [-]; offset (K,) [dB/m]
 
     def __init__(self, water: DeviceWater, scale: mi.Float64, offset: mi.Float64):
         self._water, self._grows, self._more = water, None, None
@@ -107,14 +100,7 @@ def _put(table: mi.Float, column: int, values: mi.Float) -> None:
 
 
 class AttachedScene:
-    """What a sonar's record is made of, whenever it is asked for.
-
-    Parameters
-    ----------
-    picture : Picture
-    survey : Survey
-        At the start; sonar, bins and the track that rays are drawn for are its own.
-    """
+    """What a sonar's record is made of, whenever it is asked for."""
 
     def __init__(self, picture: Picture, survey: Survey):
         self._sensor, self._survey, self._frequency = picture.sensor, survey, picture.rows.frequency
@@ -135,7 +121,7 @@ class AttachedScene:
         return self._survey.track.moved(position, attitude)
 
     def scenery(self, field: EnergyField) -> Scenery:
-        """Give the scene as it is now, without gradients."""
+        """Return the scene as it is now, without gradients."""
         water, voyage = self._sensor.water, self._survey.voyage
         with dr.suspend_grad():
             survey = replace(
@@ -156,7 +142,7 @@ class AttachedScene:
             self._checked = places
 
     def attached(self, scenery: Scenery) -> Scenery:
-        """Give the same scenery with gradients of its own: those of a product are used up by it."""
+        """Return the same scenery with gradients of its own: those of a product are used up by it."""
         water: Any = self._sensor.water
         layers = scenery.water.direct.layers
         moving = [self._sensor.position_offset, self._sensor.attitude_offset]

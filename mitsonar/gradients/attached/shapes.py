@@ -39,13 +39,7 @@ def kind_of(shape: mi.Shape) -> int:
 
 
 def as_taken(kind: int, matrix: np.ndarray, name: str) -> np.ndarray:
-    """Give the matrix (4, 4) that stands for one: of a sphere, one that scales all axes alike.
-
-    Raises
-    ------
-    ValueError
-        If its last row is not 0, 0, 0, 1, or it has no inverse.
-    """
+    """Return the matrix (4, 4) that stands for one: of a sphere, one that scales all axes alike."""
     volume = np.linalg.det(matrix[:3, :3])
     if not np.allclose(matrix[3], (0, 0, 0, 1), atol=1e-6):
         raise ValueError(f"{name} has the last row {matrix[3].tolist()}; give 0, 0, 0, 1")
@@ -61,18 +55,10 @@ def as_taken(kind: int, matrix: np.ndarray, name: str) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True)
 class OnShapes:
-    """Which shapes points lie on, and how those stand.
+    """Which shapes points lie on, and how those stand."""
 
-    Attributes
-    ----------
-    kind : UInt32 (R,)
-        0 of points on nothing that is known here.
-    columns : tuple of Vector3f (R,)
-        a, b, c, t; attached.
-    """
-
-    kind: mi.UInt32
-    columns: tuple[mi.Vector3f, mi.Vector3f, mi.Vector3f, mi.Vector3f]
+    kind: mi.UInt32  # (R,): 0 of points on nothing that is known here
+    columns: tuple[mi.Vector3f, mi.Vector3f, mi.Vector3f, mi.Vector3f]  # (R,): a, b, c, t
 
     @property
     def known(self) -> mi.Bool:
@@ -80,7 +66,7 @@ class OnShapes:
         return self.kind != 0
 
     def motion(self, point: mi.Vector3f) -> mi.Vector3f:
-        """Give dx of the material there: 0, with gradients."""
+        """Return dx of the material there: 0, with gradients."""
         a, b, c, t = self.columns
         with dr.suspend_grad():
             still = dr.detach(a), dr.detach(b), dr.detach(c), dr.detach(t)
@@ -116,22 +102,8 @@ class OnShapes:
 
 
 class AttachedShapes:
-    """A scene's spheres, cylinders, disks and rectangles, with gradients.
-
-    Parameters
-    ----------
-    geometry : Geometry
-        Of the scene as it is now.
-
-    Attributes
-    ----------
-    numbers : list of int
-        Registry indices of those that are known here.
-    moving : list of int
-        Of those whose ``to_world`` carries a gradient.
-    names : dict[int, str]
-        Of those that are known.
-    """
+    """A scene's spheres, cylinders, disks and rectangles, with gradients."""
+    # names [int, str]
 
     def __init__(self, geometry: Geometry):
         known = [(number, shape) for number, shape in geometry.others if kind_of(shape)]

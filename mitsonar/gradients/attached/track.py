@@ -31,17 +31,10 @@ STEP = 1e-5                        # [rad] of the differences that rotations are
 
 @dataclass(frozen=True, kw_only=True)
 class Offsets:
-    """Offsets from a track that carry gradients.
+    """Offsets from a track that carry gradients."""
 
-    Attributes
-    ----------
-    position, attitude : Float64 (3 rows,) or None
-        None: without. A row a ping, or one for all.
-    rows : int
-    """
-
-    position: mi.Float64 | None
-    attitude: mi.Float64 | None
+    position: mi.Float64 | None  # none
+    attitude: mi.Float64 | None  # none
     rows: int
 
 
@@ -53,22 +46,13 @@ class PingStates(Record):
     moments: list[Float64]
 
     def gather(self, lib: ArrayTypes, index: UInt32) -> tuple[Float64, Float64, list[Float64]]:
-        """Give depth, sound speed and moments at the sources of rays, as `SourceState` does."""
+        """Return depth, sound speed and moments at the sources of rays, as `SourceState` does."""
         return (dr.gather(lib.Float64, self.depth, index), dr.gather(lib.Float64, self.speed, index),
                 [dr.gather(lib.Float64, moment, index) for moment in self.moments])
 
 
 class AttachedTrack:
-    """Places of pings with gradients.
-
-    Parameters
-    ----------
-    drawn, track : Track
-        When the rays were drawn, and as it is now.
-    offsets : Offsets
-    layers : LayerTable
-        Of the water, attached where sound speeds are.
-    """
+    """Places of pings with gradients."""
 
     def __init__(self, drawn: Track, track: Track, offsets: Offsets, layers: LayerTable):
         self._offsets, self._layers = offsets, layers

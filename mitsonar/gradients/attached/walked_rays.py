@@ -51,7 +51,7 @@ class _Nodes(Record):
     per_metre: Float64       # Float64 (L,) one over their distance, 0 beyond the profile
 
     def of(self, layer: UInt32, active: Bool) -> tuple[UInt32, UInt32, Float64, Float64]:
-        """Give upper and lower node, depth of the upper one and one over their distance."""
+        """Return upper and lower node, depth of the upper one and one over their distance."""
         whole, real = self.lib.UInt32, self.lib.Float64
         return (dr.gather(whole, self.upper, layer, active), dr.gather(whole, self.lower, layer, active),
                 dr.gather(real, self.depth, layer, active), dr.gather(real, self.per_metre, layer, active))
@@ -81,36 +81,13 @@ class _Sums(Record):
 
 def walked(table: LayerTable, lib: ArrayTypes, speeds: Float64, z0: Float64, s0: Float64, z: Float64, x: Float64,
            active: Bool) -> Walked:
-    """Give range, travel time and spread of launched rays to a depth, with their gradients.
+    """Return range, travel time and spread of launched rays to a depth, with their gradients.
 
-    Parameters
-    ----------
-    table : LayerTable
-        Of the profile; attached to its speeds or not.
-    lib : Dr.Jit namespace
-    speeds : Float64 (K,) [m/s]
-        At the profile's nodes; attached where gradients are asked for. Their values are the profile's own.
-    z0 : Float64 (R,) [m]
-        Depth of the source, attached or not.
-    s0 : Float64 (R,)
-        Sine of the launch angle, positive down, attached or not.
-    z : Float64 (R,) [m]
-        Depth of the hit, which stands still.
-    x : Float64 (R,) [m]
-        About its range: of all passages through the depth, the one is meant that is next to it.
-    active : Bool (R,)
-
-    Returns
-    -------
-    range, travel_time, spread : Float64 (R,) [m], [s], [m²/s]
-        X, T and D; ``x``, 0 and 1, with no gradient, where a ray is not active or does not come to the depth near that
-        range.
-
-    Notes
-    -----
     Relative errors of gradients are about 1e-10. By the depth of a source at a node they are those of the side that
     the ray heads into.
     """
+    # speeds (K,) [m/s]; z0 (R,) [m]; s0 (R,); z (R,) [m]; x (R,) [m]; active (R,) -> range, travel_time, spread (R,)
+    # [m²/s]
     detached = LayerTable(**{**vars(table), "layers": dr.detach(table.layers)})
     return dr.custom(_Walked, detached, _nodes(detached), speeds, z0, s0, dr.detach(z), dr.detach(x), active)
 
@@ -244,7 +221,7 @@ def _start(table: LayerTable, z0: Float64, s0: Float64) -> _Start:
 
 
 def _sine(p: Float64, s1: Float64, c1: Float64, c2: Float64) -> Float64:
-    """Give the sine where the speed is c2, on the same side of the turning point."""
+    """Return the sine where the speed is c2, on the same side of the turning point."""
     return dr.sqrt(dr.maximum(s1 * s1 - p * p * (c2 - c1) * (c2 + c1), 0)) * dr.sign(s1)
 
 

@@ -42,33 +42,7 @@ SWINGS = 0.2                       # share of a record's size that is below zero
 def check_gradients(model: ForwardModel, keys: Sequence[str] | None = None, *, directions: int = 3,
                     tolerance: float = 0.01, seed: int = 0,
                     progress: Callable[[int, int], object] | None = None) -> GradientCheck:
-    """Compare a model's derivatives forward, backward, and with differences, each parameter alone.
-
-    Parameters
-    ----------
-    model : ForwardModel
-        With an attribute `shape`, weights vary slowly over each axis of the record; its linearisation may tell
-        shares of what it leaves out, as `told`.
-    keys : sequence of str, optional
-        Parameters to check; default: all.
-    directions : int
-        Random smooth directions of each part of a parameter.
-    tolerance : float
-        Error up to which a derivative is right.
-    seed : int
-        Of directions and weights.
-    progress : function, optional
-        Called with the parts done and their total.
-
-    Returns
-    -------
-    GradientCheck
-
-    Raises
-    ------
-    ValueError
-        If a key is unknown or an option out of its range, or no record is to be had.
-    """
+    """Compare a model's derivatives forward, backward, and with differences, each parameter alone."""
     keys = _keys(model, keys)
     if directions < 1:
         raise ValueError(f"directions is {directions}; give 1 or more")
@@ -116,7 +90,7 @@ class _Checker:
         self._notes = self._of_records(about)
 
     def products(self, key: str, part: Part) -> _Products | PartCheck:
-        """Give the derivatives of a part, or what is wrong with them."""
+        """Return the derivatives of a part, or what is wrong with them."""
         moves = [self._about.forward({key: direction}) for direction in part.directions]
         broken = sum(int(np.count_nonzero(~np.isfinite(move) & np.isfinite(self._base))) for move in moves)
         if broken:
@@ -132,7 +106,7 @@ class _Checker:
         return _Products(weights=weights, forward=forward, backward=backward)
 
     def row(self, key: str, part: Part, products: _Products | PartCheck) -> PartCheck:
-        """Give what is found of a part."""
+        """Return what is found of a part."""
         if isinstance(products, PartCheck):
             return products
         start = np.asarray(self._model.start[key], float)

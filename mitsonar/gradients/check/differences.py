@@ -25,22 +25,12 @@ SHARE = 0.1                        # of a parameter's size: the first step where
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """Slopes of weighted sums of a record along one direction.
+    """Slopes of weighted sums of a record along one direction."""
 
-    Parameters
-    ----------
-    coarse, fine : array (W,)
-        D(h) and D(h/2).
-    moved : float
-        How far the sums moved from -2h to 2h, as a share of their size.
-    bent : float
-        How far the record moved by 2h, as a share of its size.
-    """
-
-    coarse: np.ndarray
-    fine: np.ndarray
-    moved: float
-    bent: float
+    coarse: np.ndarray  # (W,): D(h) and D(h/2)
+    fine: np.ndarray  # (W,): D(h) and D(h/2)
+    moved: float  # how far the sums moved from -2h to 2h, as a share of their size
+    bent: float  # how far the record moved by 2h, as a share of its size
 
     @property
     def best(self) -> np.ndarray:
@@ -55,17 +45,8 @@ class Difference:
 
 
 class Line:
-    """A record along one direction.
-
-    Parameters
-    ----------
-    record : function
-        Of the distance along the direction: the record, (N,).
-    base : array (N,)
-        The record at 0.
-    weights : array (W, N)
-        0 where the record is not finite at 0.
-    """
+    """A record along one direction."""
+    # base (N,); weights (W, N)
 
     def __init__(self, record: Callable[[float], np.ndarray], base: np.ndarray, weights: np.ndarray):
         self._record, self._weights = record, weights
@@ -76,11 +57,11 @@ class Line:
         self._found: dict[float, tuple[np.ndarray, float]] = {}
 
     def sums(self, distance: float) -> np.ndarray:
-        """Give the weighted sums at a distance, (W,)."""
+        """Return the weighted sums at a distance, (W,)."""
         return self._at(distance)[0]
 
     def bent(self, distance: float) -> float:
-        """Give how far the record there is from that at 0, as a share of its size."""
+        """Return how far the record there is from that at 0, as a share of its size."""
         return self._at(distance)[1]
 
     def _at(self, distance):
@@ -93,7 +74,7 @@ class Line:
 
 
 def first_step(start: np.ndarray, unit: str) -> float:
-    """Give the largest step to try, of a parameter of this unit and these values."""
+    """Return the largest step to try, of a parameter of this unit and these values."""
     size = float(np.abs(start).max(initial=0.0))
     if unit in FIRST:
         return FIRST[unit]
@@ -101,26 +82,14 @@ def first_step(start: np.ndarray, unit: str) -> float:
 
 
 def difference_at(line: Line, step: float) -> Difference:
-    """Give the differences at a step and at half of it."""
+    """Return the differences at a step and at half of it."""
     moved = np.abs(line.sums(2 * step) - line.sums(-2 * step)) / line.size
     return Difference(coarse=_central(line, step), fine=_central(line, step / 2), moved=float(moved.max(initial=0.0)),
                       bent=max(line.bent(2 * step), line.bent(-2 * step)))
 
 
 def settled_step(line: Line, first: float) -> float:
-    """Give the step whose differences agree best with those of half of it.
-
-    Parameters
-    ----------
-    line : Line
-    first : float
-        The largest to try.
-
-    Raises
-    ------
-    ValueError
-        If there is no record at the smallest step either.
-    """
+    """Return the step whose differences agree best with those of half of it."""
     best, found, refused = None, np.inf, None
     for step in (first * 0.5 ** np.arange(HALVINGS)).tolist():
         try:

@@ -32,42 +32,19 @@ AXES = "xyzw"
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """What is moved of one parameter.
+    """What is moved of one parameter."""
 
-    Parameters
-    ----------
-    name : str
-        Component or index, empty where the whole parameter moves.
-    directions : array (D, ...)
-        Each of the parameter's shape.
-    """
-
-    name: str
-    directions: np.ndarray
+    name: str  # component or index, empty where the whole parameter moves
+    directions: np.ndarray  # (D, ...): each of the parameter's shape
 
 
 def generator(seed: int, key: str) -> np.random.Generator:
-    """Give what a parameter's directions are drawn with, whichever others are checked beside it."""
+    """Return what a parameter's directions are drawn with, whichever others are checked beside it."""
     return np.random.default_rng([seed, shape_key(key)])
 
 
 def parts(start: np.ndarray, count: int, random: np.random.Generator) -> list[Part]:
-    """Give the parts of a parameter, each with smooth random directions.
-
-    Parameters
-    ----------
-    start : array
-        The parameter's values.
-    count : int
-        Directions of a part.
-    random : Generator
-
-    Returns
-    -------
-    list of Part
-        One of a scalar; one for each of up to four numbers; one for each component of rows of vectors; seven
-        of a matrix (4, 4), which is moved and turned as a rigid body, and grows; else one.
-    """
+    """Return the parts of a parameter, each with smooth random directions."""
     shape = start.shape
     if shape == (4, 4):
         return _rigid(start)
@@ -80,21 +57,8 @@ def parts(start: np.ndarray, count: int, random: np.random.Generator) -> list[Pa
 
 
 def slow_weights(record: np.ndarray, shape: Sequence[int], random: np.random.Generator) -> np.ndarray:
-    """Give a positive and a signed weight of a record, slowly varying over its axes.
-
-    Parameters
-    ----------
-    record : array (N,)
-        Values that are not finite have no weight.
-    shape : sequence of int
-        Of the record, such as pings, rows and bins.
-    random : Generator
-
-    Returns
-    -------
-    array (2, N)
-        Such that the near and loud does not hide the far and faint, and weights times record sum to about 1.
-    """
+    """Return a positive and a signed weight of a record, slowly varying over its axes."""
+    # record (N,) -> (2, N)
     finite = np.isfinite(record)
     size = np.where(finite, np.abs(record), 0.0).reshape(shape)
     envelope = _envelope(size)

@@ -30,56 +30,29 @@ NUMBERS = {"error": "of derivatives, as a share of what they are: rms over direc
 
 @dataclass(frozen=True, kw_only=True)
 class PartCheck:
-    """What was found of one part of one parameter.
+    """What was found of one part of one parameter."""
 
-    Parameters
-    ----------
-    key, unit : str
-        Of the parameter.
-    part : str
-        Component or index; empty where it was checked as a whole.
-    size : int
-        Numbers that the parameter has.
-    verdict : str
-        right, off, disconnected, unseen, undecided or not differentiated.
-    error, slope, asymmetry, disagreement, step, moved : float
-        See `NUMBERS`; NaN where there is nothing to compare.
-    notes : tuple of str
-        What else there is to say, in words.
-    """
-
-    key: str
-    unit: str
-    size: int
-    verdict: str
-    part: str = ""
-    error: float = np.nan
-    slope: float = np.nan
-    asymmetry: float = np.nan
-    disagreement: float = np.nan
-    step: float = np.nan
-    moved: float = np.nan
-    notes: tuple[str, ...] = ()
+    key: str  # of the parameter
+    unit: str  # of the parameter
+    size: int  # numbers that the parameter has
+    verdict: str  # right, off, disconnected, unseen, undecided or not differentiated
+    part: str = ""  # component or index
+    error: float = np.nan  # see `NUMBERS`
+    slope: float = np.nan  # see `NUMBERS`
+    asymmetry: float = np.nan  # see `NUMBERS`
+    disagreement: float = np.nan  # see `NUMBERS`
+    step: float = np.nan  # see `NUMBERS`
+    moved: float = np.nan  # see `NUMBERS`
+    notes: tuple[str, ...] = ()  # what else there is to say, in words
 
 
 @dataclass(frozen=True, kw_only=True)
 class GradientCheck:
-    """What was found of parameters of a model.
-
-    Parameters
-    ----------
-    rows : tuple of PartCheck
-    directions : int
-        Of each part, at most.
-    tolerance : float
-        Errors up to which a derivative is right.
-    told : mapping of str to float
-        Shares that the model tells of itself, such as of bins in shadow.
-    """
+    """What was found of parameters of a model."""
 
     rows: tuple[PartCheck, ...]
-    directions: int
-    tolerance: float
+    directions: int  # of each part, at most
+    tolerance: float  # errors up to which a derivative is right
     told: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -93,7 +66,7 @@ class GradientCheck:
         return tuple(row for row in self.rows if row.verdict == UNDECIDED)
 
     def text(self) -> str:
-        """Give a table in words; what is said of many parts is said once."""
+        """Return a table in words; what is said of many parts is said once."""
         head = ("parameter", "verdict", "error", "slope", "forward/backward", "two steps", "step")
         lines = [head, *(_cells(row) for row in self.rows)]
         widths = [max(len(line[k]) for line in lines) for k in range(len(head))]
@@ -108,7 +81,7 @@ class GradientCheck:
         return "\n".join(shown)
 
     def to_dataset(self) -> xr.Dataset:
-        """Give the table as a dataset with one dimension, `row`."""
+        """Return the table as a dataset with one dimension, `row`."""
         import xarray as xr
 
         columns: dict = {name: ("row", [getattr(row, name) for row in self.rows])
@@ -123,7 +96,7 @@ class GradientCheck:
 
 
 def joined(checks: Sequence[GradientCheck]) -> GradientCheck:
-    """Give checks with the same options as one, and of what several tell the largest share."""
+    """Return checks with the same options as one, and of what several tell the largest share."""
     told: dict[str, float] = {}
     for check in checks:
         for name, share in check.told.items():

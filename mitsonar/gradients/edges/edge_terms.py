@@ -55,55 +55,27 @@ ASIDE, ASIDE_PER_RANGE = 1e-4, 2e-6    # [m], [-] of the rays on either side, ov
 
 @dataclass(frozen=True, kw_only=True)
 class LinePoints:
-    """Points of lines in directions, detached.
+    """Points of lines in directions, detached."""
 
-    Attributes
-    ----------
-    hits : Hits
-        The points as if rays ended there: of them only places, and which are valid, count.
-    rays, drawn : Rays (N,)
-        That lead there, and as they would have been drawn, before the sonar was turned.
-    covector : Vector3f (N,)
-        g, times what each point is worth.
-    motion : list of (UInt32, Vector3f)
-        Rows of vertices, and what of v_n dl their motion adds: g shared out.
-    shape : UInt32 (N,) or None
-        Registry index of the shape without facets that the points lie on.
-    """
-
-    hits: Hits
-    rays: Rays
-    drawn: Rays
-    covector: mi.Vector3f
-    motion: list[tuple[mi.UInt32, mi.Vector3f]]
-    shape: mi.UInt32 | None = None
+    hits: Hits  # the points as if rays ended there
+    rays: Rays  # (N,): that lead there, and as they would have been drawn, before the sonar was turned
+    drawn: Rays  # (N,): that lead there, and as they would have been drawn, before the sonar was turned
+    covector: mi.Vector3f  # (N,): g, times what each point is worth
+    motion: list[tuple[mi.UInt32, mi.Vector3f]]  # (UInt32, Vector3f)
+    shape: mi.UInt32 | None = None  # (N,): registry index of the shape without facets that the points lie on
 
 
 @dataclass(frozen=True, kw_only=True)
 class EdgeTerms:
-    """The terms of a block's pings.
-
-    Attributes
-    ----------
-    points : LinePoints
-    sides : list of Echoes
-        Of a worth of one, on either side of the lines.
-    worths : list of float
-        Of each side, with its sign.
-    """
+    """The terms of a block's pings."""
 
     points: LinePoints
-    sides: list[Echoes]
-    worths: list[float]
+    sides: list[Echoes]  # of a worth of one, on either side of the lines
+    worths: list[float]  # of each side, with its sign
 
     def add(self, sums: mi.Float64, tents: TentBins, geometry: AttachedGeometry, across: mi.Vector3f | None) -> None:
-        """Add the terms to sums (rows x bins,) [1/m²]: 0, with gradients.
-
-        Parameters
-        ----------
-        across : Vector3f (N,) or None
-            dr, attached; None where rays stand still.
-        """
+        """Add the terms to sums (rows x bins,) [1/m²]: 0, with gradients."""
+        # across (N,)
         lib: Any = arrays_of(mi.Float)
         speed = mi.Float(0)
         for vertex, part in self.points.motion:
@@ -121,22 +93,7 @@ class EdgeTerms:
 
 def edge_terms(tracer: Tracer, rows: Rows, first_hits: FirstHits, place: Place, lines: JumpLines,
                samples: LineSamples, *, surface: int | None, drawn: Callable[[Place, Rays], Rays]) -> EdgeTerms:
-    """Trace both sides of points on lines.
-
-    Parameters
-    ----------
-    tracer : Tracer
-        Whose chords are nearer to rays than `ASIDE`.
-    rows : Rows
-    first_hits : FirstHits
-    place : Place
-    lines : JumpLines
-    samples : LineSamples
-    surface : int or None
-        Label of a surface that mirrors: nothing comes back from there.
-    drawn : callable(place, rays)
-        Gives rays as they would have been drawn.
-    """
+    """Trace both sides of points on lines."""
     ends = lines.ends[samples.line].astype(float)
     along = ends[:, 1] - ends[:, 0]
     middle = ends[:, 0] + samples.place[:, None] * along
@@ -195,7 +152,7 @@ def _facet(tracer: Tracer, met: mi.PreliminaryIntersection3f, valid: mi.Bool) ->
 
 def _own(points: Hits, kind: _Kind, lines: JumpLines, samples: LineSamples,
          met: list[tuple[Hits, mi.UInt32]]) -> mi.Bool:
-    """Whether what jumps between two rays jumps at the line between them.
+    """Return whether what jumps between two rays jumps at the line between them.
 
     At a fold both meet its facets. At an outline, or where meshes meet, that which goes less far meets one of the
     line's facets, or something just by it: facets of a limb are small and nearly level.
@@ -207,7 +164,7 @@ def _own(points: Hits, kind: _Kind, lines: JumpLines, samples: LineSamples,
 
 
 def _nearer_is(points: Hits, met: list[Hits], mine: list[mi.Bool]) -> mi.Bool:
-    """Whether of two rays that which goes less far meets something of the line's own, or just by it."""
+    """Return whether of two rays that which goes less far meets something of the line's own, or just by it."""
     first, second = (dr.select(hits.valid, mi.Float(hits.arc_length), dr.inf) for hits in met)
     by = abs(dr.minimum(first, second) - mi.Float(points.arc_length)) < NEAR
     return dr.select(first < second, mine[0], mine[1]) | by

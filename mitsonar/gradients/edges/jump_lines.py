@@ -30,20 +30,8 @@ MOST_PAIRS = 1 << 20               # of facets, looked at together
 
 
 def meetings(geometry: Geometry, meshes: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Give where some of a scene's meshes meet others.
-
-    Parameters
-    ----------
-    geometry : Geometry
-    meshes : list of int
-        Numbers in `Geometry.meshes`.
-
-    Returns
-    -------
-    ends : (L, 2, 3) float32 [m]
-    faces : (L, 2) uint32
-        Rows in `Geometry.faces`.
-    """
+    """Return where some of a scene's meshes meet others."""
+    # -> ends (L, 2, 3) [m], faces (L, 2)
     vertices, corners = geometry.vertices.numpy().reshape(-1, 4)[:, :3], geometry.faces.numpy().reshape(-1, 4)[:, :3]
     ends, faces = [np.zeros((0, 2, 3), np.float32)], [np.zeros((0, 2), np.uint32)]
     boxes = {}
@@ -82,20 +70,8 @@ def _overlaps(one: tuple[np.ndarray, np.ndarray],
 
 
 def triangles_meet(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give which pairs of triangles pass through each other, and where.
-
-    Parameters
-    ----------
-    one, other : (N, 3, 3) [m]
-        Corners.
-
-    Returns
-    -------
-    met : (N,) bool
-        False of triangles of one plane.
-    ends : (N, 2, 3) [m]
-        Of the lines along which they meet.
-    """
+    """Return which pairs of triangles pass through each other, and where."""
+    # one, other (N, 3, 3) [m] -> met (N,), ends (N, 2, 3) [m]
     normals = [np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) for t in (one, other)]
     along = np.cross(normals[0], normals[1])
     square = np.einsum("nk,nk->n", along, along)
@@ -135,38 +111,19 @@ def _crossing(triangle: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, np.
 
 @dataclass(frozen=True, kw_only=True)
 class JumpLines:
-    """Lines, the edges first.
+    """Lines, the edges first."""
 
-    Attributes
-    ----------
-    ends : (L, 2, 3) float32 [m]
-    faces : (L, 2) uint32
-        Rows in `Geometry.faces` of the facets on either side, or that meet; `NO_FACE` where there is none.
-    corners : (L, 2) uint32
-        Rows in `Geometry.vertices` of an edge's ends.
-    smooth : (L,) bool
-        Whether folds there show no facets.
-    edges : int
-        How many are edges; the others are meetings, of which `corners` means nothing.
-    """
-
-    ends: np.ndarray
-    faces: np.ndarray
-    corners: np.ndarray
-    smooth: np.ndarray
-    edges: int
+    ends: np.ndarray  # (L, 2, 3) [m]
+    faces: np.ndarray  # (L, 2): rows in `Geometry.faces` of the facets on either side, or that meet
+    corners: np.ndarray  # (L, 2): rows in `Geometry.vertices` of an edge's ends
+    smooth: np.ndarray  # (L,): whether folds there show no facets
+    edges: int  # how many are edges
 
 
 class LineMaker:
     """Find the lines that move with some of a scene's meshes, as they are now.
 
     Edges are paired once: which facets a mesh has stays as it is.
-
-    Parameters
-    ----------
-    geometry : Geometry
-    meshes : sequence of int
-        Numbers in `Geometry.meshes` of those that move.
     """
 
     def __init__(self, geometry: Geometry, meshes: list[int]):
@@ -174,7 +131,7 @@ class LineMaker:
         self._edges: MeshEdges = edges_of(geometry, meshes)
 
     def lines(self, geometry: Geometry) -> JumpLines:
-        """Give the lines of the same scene, whose vertices may have moved."""
+        """Return the lines of the same scene, whose vertices may have moved."""
         vertices = geometry.vertices.numpy().reshape(-1, 4)[:, :3]
         ends, faces = meetings(geometry, self._meshes)
         corners = self._edges.corners

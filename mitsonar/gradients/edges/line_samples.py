@@ -36,45 +36,17 @@ HIDDEN = 0.1                       # of the weight of lines whose facets look aw
 
 @dataclass(frozen=True, kw_only=True)
 class LineSamples:
-    """Points on lines, NumPy arrays (N,).
+    """Points on lines, NumPy arrays (N,)."""
 
-    Attributes
-    ----------
-    ping : uint32
-        Number within the block.
-    line : uint32
-    place : float
-        Along the line, 0 to 1.
-    worth : float
-        Share of a line that each stands for.
-    """
-
-    ping: np.ndarray
+    ping: np.ndarray  # number within the block
     line: np.ndarray
-    place: np.ndarray
-    worth: np.ndarray
+    place: np.ndarray  # along the line, 0 to 1
+    worth: np.ndarray  # share of a line that each stands for
 
 
 class LineSampler:
-    """Draw points on lines.
-
-    Parameters
-    ----------
-    lines : JumpLines
-    tracer : Tracer
-        Of the scene that they lie in.
-    rows : Rows
-    positions : (P, 3) [m]
-        Of the sonar at all pings.
-    reach : float [m]
-        Beyond which nothing is heard.
-    seed : int
-
-    Attributes
-    ----------
-    lines : JumpLines
-    tracer : Tracer
-    """
+    """Draw points on lines."""
+    # positions (P, 3) [m]; reach [m]
 
     def __init__(self, lines: JumpLines, tracer: Tracer, rows: Rows, positions: np.ndarray, reach: float, seed: int):
         self.lines, self.tracer = lines, tracer

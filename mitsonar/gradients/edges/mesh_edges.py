@@ -17,39 +17,16 @@ NO_FACE = 0xFFFFFFFF               # in place of a facet
 
 @dataclass(frozen=True, kw_only=True)
 class MeshEdges:
-    """Edges of a scene's meshes.
+    """Edges of a scene's meshes."""
 
-    Attributes
-    ----------
-    corners : (L, 2) uint32
-        Rows in `Geometry.vertices`.
-    faces : (L, 2) uint32
-        Rows in `Geometry.faces` of the facets on either side; `NO_FACE` where the mesh ends.
-    smooth : (L,) bool
-        Whether the mesh is met by normals between its corners: nothing jumps at its folds.
-    """
-
-    corners: np.ndarray
-    faces: np.ndarray
-    smooth: np.ndarray
+    corners: np.ndarray  # (L, 2): rows in `Geometry.vertices`
+    faces: np.ndarray  # (L, 2): rows in `Geometry.faces` of the facets on either side
+    smooth: np.ndarray  # (L,): whether the mesh is met by normals between its corners
 
 
 def mesh_edges(vertices: np.ndarray, faces: np.ndarray, smooth: bool = False) -> MeshEdges:
-    """Give the edges of one mesh.
-
-    Parameters
-    ----------
-    vertices : (V, 3) [m]
-    faces : (F, 3) int
-        Their corners.
-    smooth : bool
-        Of the mesh.
-
-    Returns
-    -------
-    MeshEdges
-        Rows are those of the mesh itself. An edge of more than two facets is given with two of them.
-    """
+    """Return the edges of one mesh."""
+    # vertices (V, 3) [m]; faces (F, 3)
     found = _paired(faces, smooth)
     rim = np.unique(found.corners[found.faces[:, 1] == NO_FACE])
     if not len(rim):
@@ -79,7 +56,7 @@ def _paired(faces: np.ndarray, smooth: bool) -> MeshEdges:
 
 
 def edges_of(geometry: Geometry, meshes: list[int]) -> MeshEdges:
-    """Give the edges of some of a scene's meshes, by their numbers in `Geometry.meshes`."""
+    """Return the edges of some of a scene's meshes, by their numbers in `Geometry.meshes`."""
     vertices, faces = geometry.vertices.numpy().reshape(-1, 4)[:, :3], geometry.faces.numpy().reshape(-1, 4)[:, :3]
     corners, sides, smooth = [np.zeros((0, 2), np.uint32)], [np.zeros((0, 2), np.uint32)], [np.zeros(0, bool)]
     for number in meshes:

@@ -35,25 +35,13 @@ CLEAR = 1 + 1e-4                   # times the shape's half-width: a sonar that 
 
 @dataclass(frozen=True, kw_only=True)
 class OutlinePoints:
-    """Points on outlines, NumPy arrays (N,).
+    """Points on outlines, NumPy arrays (N,)."""
 
-    Attributes
-    ----------
-    ping : uint32
-        Number within the block.
-    shape : uint32
-        Registry index.
-    point, along : (N, 3) [m]
-        Place, and the line there per unit of its length.
-    worth : float
-        Share of a line that each stands for.
-    """
-
-    ping: np.ndarray
-    shape: np.ndarray
-    point: np.ndarray
-    along: np.ndarray
-    worth: np.ndarray
+    ping: np.ndarray  # number within the block
+    shape: np.ndarray  # registry index
+    point: np.ndarray  # (N, 3) [m]: place, and the line there per unit of its length
+    along: np.ndarray  # (N, 3) [m]: place, and the line there per unit of its length
+    worth: np.ndarray  # share of a line that each stands for
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,24 +59,8 @@ class _Lines:
 
 
 class OutlineSampler:
-    """Draw points on outlines of shapes without facets.
-
-    Parameters
-    ----------
-    shapes : AttachedShapes
-        As they stand now.
-    numbers : sequence of int
-        Registry indices of those whose outlines count.
-    tracer : Tracer
-    rows : Rows
-    reach : float [m]
-        Beyond which nothing is heard.
-    seed : int
-
-    Attributes
-    ----------
-    tracer : Tracer
-    """
+    """Draw points on outlines of shapes without facets."""
+    # reach [m]
 
     def __init__(self, shapes: AttachedShapes, numbers: Sequence[int], tracer: Tracer, rows: Rows, reach: float,
                  seed: int):

@@ -24,15 +24,8 @@ FAINT = 1e-3                       # of the strongest beam: what directions outs
 
 
 class Sight:
-    """See points from pings.
-
-    Parameters
-    ----------
-    tracer : Tracer
-    rows : Rows
-    reach : float [m]
-        Beyond which nothing is heard.
-    """
+    """See points from pings."""
+    # reach [m]
 
     def __init__(self, tracer: Tracer, rows: Rows, reach: float):
         self._rows, self._water = rows, tracer.water
@@ -68,14 +61,6 @@ class Sight:
 def drawn_pieces(weights: np.ndarray, count: int, number: int, seed: int,
                  salt: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Draw so many points, stratified through the sums of weights (n,) that are not all 0, from a ping of this number.
-
-    Returns
-    -------
-    piece : (count,) int
-    within : (count,) float
-        Place along the piece, 0 to 1.
-    worth : (count,) float
-        How many pieces each stands for: Σw / (N w).
     """
     sums = np.cumsum(weights)
     lib: Any = arrays_of(mi.Float)

@@ -29,16 +29,7 @@ __all__ = ["Seen", "may_meet", "seen_in", "shares"]
 
 
 def may_meet(geometry: Geometry, numbers: Sequence[int], meshes: Sequence[int]) -> list[tuple[str, str]]:
-    """Give names of pairs that may pass through each other, at least one of them moving and one without facets.
-
-    Parameters
-    ----------
-    geometry : Geometry
-    numbers : sequence of int
-        Registry indices of moving shapes without facets.
-    meshes : sequence of int
-        Numbers in `Geometry.meshes` of moving meshes.
-    """
+    """Return names of pairs that may pass through each other, at least one of them moving and one without facets."""
     others = [(number, _name(shape), *_box(shape)) for number, shape in geometry.others]
     found = []
     for index, (number, name, low, high) in enumerate(others):
@@ -52,7 +43,7 @@ def may_meet(geometry: Geometry, numbers: Sequence[int], meshes: Sequence[int]) 
 
 
 def _touches(geometry: Geometry, first: int, count: int, low: np.ndarray, high: np.ndarray) -> bool:
-    """Whether the box of any facet of a mesh overlaps a box."""
+    """Return whether the box of any facet of a mesh overlaps a box."""
     vertices, faces = geometry.mesh(first, count)
     corners = vertices[faces]
     return bool(np.any(np.all((corners.min(1) < high) & (corners.max(1) > low), axis=1)))
@@ -69,19 +60,11 @@ def _name(shape: mi.Shape) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Seen:
-    """What is seen in a block.
+    """What is seen in a block."""
 
-    Attributes
-    ----------
-    rays : (rows, bins)
-        Within the main lobe.
-    energy, standing : float
-        Of all first hits, and of those on shapes that stand still, in units of their bins.
-    """
-
-    rays: np.ndarray
-    energy: float
-    standing: float
+    rays: np.ndarray  # within the main lobe
+    energy: float  # of all first hits, and of those on shapes that stand still, in units of their bins
+    standing: float  # of all first hits, and of those on shapes that stand still, in units of their bins
 
 
 def seen_in(energy: EnergyField, scenery: Scenery, block: Block, kept: list[Kept]) -> Seen:
@@ -104,7 +87,7 @@ def seen_in(energy: EnergyField, scenery: Scenery, block: Block, kept: list[Kept
 
 
 def shares(seen: list[Seen], *, outlines: bool) -> dict[str, float]:
-    """Give what is not seen of all blocks, by name; `outlines`: whether derivatives know of them."""
+    """Return what is not seen of all blocks, by name; `outlines`: whether derivatives know of them."""
     lit = np.concatenate([one.rays for one in seen]) > 0
     within = np.maximum.accumulate(lit, 1) & np.maximum.accumulate(lit[:, ::-1], 1)[:, ::-1]
     told = {"bins in shadow": float(np.sum(within & ~lit) / max(np.sum(within), 1))}

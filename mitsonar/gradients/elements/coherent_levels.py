@@ -29,13 +29,7 @@ PER_INTENSITY = 10 / np.log(10)    # dB
 
 
 def is_coherent(scene: mi.Scene, sensor: Any) -> bool:
-    """Whether gradients of a sonar's picture are those of the coherent one.
-
-    Raises
-    ------
-    ValueError
-        If some of what carries gradients needs one way and some the other, or it is what beams are formed with.
-    """
+    """Return whether gradients of a sonar's picture are those of the coherent one."""
     targets = {shape.id() for shape in scene.shapes() if hasattr(shape, "target_strength_db")}
     elements = {f"{sensor.id()}.{name}" for name in OF_ELEMENTS} | {f"{one}.{name}" for one in targets
                                                                    for name in OF_TARGETS}
@@ -54,24 +48,8 @@ def is_coherent(scene: mi.Scene, sensor: Any) -> bool:
 
 
 class CoherentLevels:
-    """The levels of a scene's picture, speckle and all, and how they move with what carries gradients in it.
-
-    Parameters
-    ----------
-    scene : mitsuba.Scene
-    sensor : mitsuba.Sensor
-    seed : int
-
-    Attributes
-    ----------
-    levels : float32 (rows, columns) [dB re 1 µPa]
-        Of beams formed of the elements' signals.
-
-    Raises
-    ------
-    ValueError
-        If there are none of this kind of sonar.
-    """
+    """The levels of a scene's picture, speckle and all, and how they move with what carries gradients in it."""
+    # levels [dB re 1 µPa]
 
     def __init__(self, scene: mi.Scene, sensor: Any, seed: int):
         self._parameters: Any = mi.traverse(scene)
@@ -89,7 +67,7 @@ class CoherentLevels:
         self.levels = level[self._order].reshape(self._shape).astype(np.float32)
 
     def forward(self) -> np.ndarray:
-        """Give dL, (rows, columns) [dB], of the tangents that are set at the leaves."""
+        """Return dL, (rows, columns) [dB], of the tangents that are set at the leaves."""
         with dr.resume_grad():
             tangents = {key: np.array(dr.grad(self._parameters[key]), float).reshape(self._start[key].shape)
                         for key in self._keys}

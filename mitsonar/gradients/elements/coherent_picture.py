@@ -37,22 +37,8 @@ __all__ = ["CoherentFan", "CoherentJacobian", "CoherentPicture", "KINDS", "PARTS
 
 
 class CoherentFan:
-    """The beams of a ping as a function of the signals of its elements.
-
-    Parameters
-    ----------
-    survey : ArraySurvey
-        Its record leads by a pulse.
-    direction : (B, 3)
-        Of the beams, body frame.
-    speed : float [m/s]
-        That beams are formed with.
-
-    Attributes
-    ----------
-    shape : (int, int)
-        Beams and samples.
-    """
+    """The beams of a ping as a function of the signals of its elements."""
+    # direction (B, 3); speed [m/s]
 
     def __init__(self, survey: ArraySurvey, direction: np.ndarray, speed: float):
         self._survey, self._direction = survey, direction
@@ -66,12 +52,12 @@ class CoherentFan:
             attrs={"frequency": survey.frequency, "sampling_rate": survey.sampling_rate, "sound_speed": speed})
 
     def beams(self, signals: np.ndarray) -> np.ndarray:
-        """Give beams complex64 (B, S) [µPa] of signals (rx, S) [µPa]."""
+        """Return beams complex64 (B, S) [µPa] of signals (rx, S) [µPa]."""
         frame: Any = self._frame.copy(data=signals[None, None].astype(np.complex64))
         return fan.formed(frame, self._survey.pulse, self._direction)[0]
 
     def transposed(self, weights: np.ndarray) -> np.ndarray:
-        """Give weights of signals (rx, S) of those of beams (B, S): the conjugate transpose."""
+        """Return weights of signals (rx, S) of those of beams (B, S): the conjugate transpose."""
         survey, delay = self._survey, self._survey.receive.delay
         summed = delay_and_sum_transposed(self._frame, self._direction, weights[None])[0, 0]
         found = matched_filter_transposed(summed, survey.pulse, survey.sampling_rate)
@@ -84,35 +70,7 @@ PARTS = "intensity", "amplitude"
 
 
 class CoherentPicture:
-    """The picture of a sonar's beams as a `ForwardModel`, with its speckle, noise and targets.
-
-    Parameters
-    ----------
-    scene : mitsuba.Scene
-    keys : sequence of str
-        Parameters, as `element_parameters` names them.
-    pings : sequence of int, optional
-        Default: all.
-    sensor : int
-        Number of the sensor.
-    seed : int
-    of : {"intensity", "amplitude"}
-        y: |p|² [µPa²], or real and imaginary part of p [µPa] one after the other.
-
-    Attributes
-    ----------
-    start, units : dict
-        Of the parameters.
-    shape : tuple of int
-        Of y: pings, beams, samples, and 2 for amplitudes.
-    left_out : tuple of str
-        What the Jacobian does not hold.
-
-    Raises
-    ------
-    ValueError
-        If the sonar is of another kind, or as `ElementModel`.
-    """
+    """The picture of a sonar's beams as a `ForwardModel`, with its speckle, noise and targets."""
 
     def __init__(self, scene: mi.Scene, keys: Sequence[str], *, pings: Sequence[int] | None = None, sensor: int = 0,
                  seed: int = 0, of: str = "intensity"):
@@ -136,33 +94,17 @@ class CoherentPicture:
         return f"CoherentPicture of {self.shape[0]} pings, {self.shape[1]} beams, {self.shape[2]} samples by {keys}"
 
     def value(self, values: Values) -> np.ndarray:
-        """Give the picture of values; see `ForwardModel.value`."""
+        """Return the picture of values; see `ForwardModel.value`."""
         return _shown(_beams(self._fans, self._elements.value(values), self._elements.shape), self._of)
 
     def linearised(self, values: Values) -> CoherentJacobian:
-        """Give the picture about values, with its Jacobian; see `ForwardModel.linearised`."""
+        """Return the picture about values, with its Jacobian; see `ForwardModel.linearised`."""
         return CoherentJacobian(self._elements.linearised(values), self._elements.shape, self._fans, self._of)
 
 
 class CoherentJacobian:
-    """A coherent picture about some values, as a `Linearised`.
-
-    Parameters
-    ----------
-    elements : Linearised
-        Of the signals.
-    shape : (int, int, int, int)
-        Of their record.
-    fans : sequence of CoherentFan
-        One a ping.
-    of : str
-        As of `CoherentPicture`.
-
-    Attributes
-    ----------
-    value : (N,) float64
-    beams : complex (P, B, S) [µPa]
-    """
+    """A coherent picture about some values, as a `Linearised`."""
+    # value (N,); beams (P, B, S) [µPa]
 
     def __init__(self, elements: Linearised, shape: tuple[int, int, int, int], fans: Sequence[CoherentFan],
                  of: str):
@@ -171,12 +113,12 @@ class CoherentJacobian:
         self.value = _shown(self.beams, of)
 
     def forward(self, tangents: Values) -> np.ndarray:
-        """Give J v; see `Linearised.forward`."""
+        """Return J v; see `Linearised.forward`."""
         moved = _beams(self._fans, self._elements.forward(tangents), self._shape)
         return _shown(moved, self._of) if self._of == "amplitude" else 2 * np.real(self.beams.conj() * moved).ravel()
 
     def backward(self, cotangent: np.ndarray) -> dict[str, np.ndarray]:
-        """Give Jᵀ w; see `Linearised.backward`."""
+        """Return Jᵀ w; see `Linearised.backward`."""
         cotangent = np.asarray(cotangent, float)
         if cotangent.shape != self.value.shape:
             raise ValueError(f"weights have the shape {cotangent.shape}; give one for each of the "

@@ -112,12 +112,12 @@ class ElementModel:
         return f"ElementModel of {self.shape[0]} pings, {self.shape[1]} receivers, {self.shape[2]} samples by {keys}"
 
     def value(self, values: Values) -> np.ndarray:
-        """Give the signals of values; see `ForwardModel.value`."""
+        """Return the signals of values; see `ForwardModel.value`."""
         run = self._run(values)
         return np.concatenate([_flat(run.kept(run.signals(ping))) for ping in self._pings])
 
     def linearised(self, values: Values) -> ElementJacobian:
-        """Give the signals about values, with their Jacobian; see `ForwardModel.linearised`."""
+        """Return the signals about values, with their Jacobian; see `ForwardModel.linearised`."""
         return ElementJacobian(self._run(values), self._parameters, self.shape)
 
     def _run(self, values: Values) -> _Run:
@@ -213,12 +213,8 @@ class _LeveredRecord(PressureRecord):
 
 
 class ElementJacobian:
-    """Element signals about some values, as a `Linearised`.
-
-    Attributes
-    ----------
-    value : (N,) float64
-    """
+    """Element signals about some values, as a `Linearised`."""
+    # value (N,)
 
     def __init__(self, run: _Run, parameters: ElementParameters, shape: tuple[int, int, int, int]):
         self._run, self._parameters, self._shape = run, parameters, shape
@@ -228,7 +224,7 @@ class ElementJacobian:
         self.value = np.concatenate([_flat(run.kept(signals)) for signals in self._signals])
 
     def forward(self, tangents: Values) -> np.ndarray:
-        """Give J v; see `Linearised.forward`."""
+        """Return J v; see `Linearised.forward`."""
         run, parameters = self._run, self._parameters
         survey, moved = run.survey, parameters.checked(tangents, whole=False)
         late, gain = parameters.receivers(moved)
@@ -255,7 +251,7 @@ class ElementJacobian:
         return np.concatenate(parts)
 
     def backward(self, cotangent: np.ndarray) -> dict[str, np.ndarray]:
-        """Give Jᵀ w; see `Linearised.backward`."""
+        """Return Jᵀ w; see `Linearised.backward`."""
         run, parameters = self._run, self._parameters
         cotangent = np.asarray(cotangent, float)
         if cotangent.shape != self.value.shape:

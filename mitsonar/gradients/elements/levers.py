@@ -49,30 +49,15 @@ __all__ = ["Ends", "LeveredDelays", "Levers", "Motion", "TargetEnds"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion:
-    """A direction in which a ping's echoes may change, or the gradient of a number by each part of it.
+    """A direction in which a ping's echoes may change, or the gradient of a number by each part of it."""
 
-    Attributes
-    ----------
-    place : (3,) [m]
-        Of the platform.
-    rx, tx : (E, 3), (T, 3) [m]
-        Of elements, besides, as the platform stands at the transmission.
-    tx_delay : (T,) [s]
-    tx_strength : (T,) [-]
-        Relative change of what an element sends.
-    target : (K, 3) [m]
-        Of point targets.
-    target_strength : (K,) [-]
-        Relative change of their pressures.
-    """
-
-    place: np.ndarray
-    rx: np.ndarray
-    tx: np.ndarray
-    tx_delay: np.ndarray
-    tx_strength: np.ndarray
-    target: np.ndarray
-    target_strength: np.ndarray
+    place: np.ndarray  # (3,) [m]: of the platform
+    rx: np.ndarray  # (E, 3) [m]: of elements, besides, as the platform stands at the transmission
+    tx: np.ndarray  # (E, 3) [m]: of elements, besides, as the platform stands at the transmission
+    tx_delay: np.ndarray  # (T,) [s]
+    tx_strength: np.ndarray  # (T,) [-]: relative change of what an element sends
+    target: np.ndarray  # (K, 3) [m]: of point targets
+    target_strength: np.ndarray  # (K,) [-]: relative change of their pressures
 
     @classmethod
     def none(cls, *, receivers: int, senders: int, targets: int) -> Motion:
@@ -83,12 +68,12 @@ class Motion:
 
     @property
     def delays(self) -> bool:
-        """Whether echoes come later or earlier by it."""
+        """Return whether echoes come later or earlier by it."""
         return any(np.any(part) for part in (self.place, self.rx, self.tx, self.tx_delay, self.target))
 
     @property
     def strengths(self) -> bool:
-        """Whether echoes get stronger or weaker by it."""
+        """Return whether echoes get stronger or weaker by it."""
         return bool(np.any(self.tx_strength) or np.any(self.target_strength))
 
 
@@ -98,18 +83,11 @@ SAME_PLACE = 1e-6                  # [m]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ends:
-    """Which of a block's echoes came from which point target, on the host.
+    """Which of a block's echoes came from which point target, on the host."""
 
-    Attributes
-    ----------
-    target : (H,) int
-    out, back : (H,) [-]
-        (c/c_x)² of the legs, negative where the ray has turned up or down on its way.
-    """
-
-    target: np.ndarray
-    out: np.ndarray
-    back: np.ndarray
+    target: np.ndarray  # (H,)
+    out: np.ndarray  # (H,) [-]: (c/c_x)² of the legs, negative where the ray has turned up or down on its way
+    back: np.ndarray  # (H,) [-]: (c/c_x)² of the legs, negative where the ray has turned up or down on its way
 
     def chosen(self, index: np.ndarray) -> Ends:
         """Those of some echoes."""
@@ -118,41 +96,19 @@ class Ends:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Levers:
-    """Of a block of echoes from one transmit element.
-
-    Attributes
-    ----------
-    sender : int
-    out, back : View
-        Of the platform, by the legs there and back.
-    towards : list of Float (H,)
-        Unit vectors from the source towards echoes, as the array was at the transmission.
-    curvature : Float (H,) [1/m]
-    shift : list of Float (H,)
-        What these vectors lack to be those in scene coordinates at the reception.
-    sent : list of Float (H,)
-        Unit vectors from the transmit element.
-    scale : Float (H,) [s/m]
-        -ρ / c.
-    late : Float (H,) [-]
-        f.
-    offsets : (E, 3) [m]
-        Of receive elements.
-    ends : Ends or None
-        Of echoes of point targets.
-    """
+    """Of a block of echoes from one transmit element."""
 
     sender: int
-    out: View
-    back: View
-    towards: list[Float]
-    curvature: Float
-    shift: list[Float]
-    sent: list[Float]
-    scale: Float
-    late: Float
-    offsets: np.ndarray
-    ends: Ends | None
+    out: View  # of the platform, by the legs there and back
+    back: View  # of the platform, by the legs there and back
+    towards: list[Float]  # (H,): unit vectors from the source towards echoes, as the array was at the transmission
+    curvature: Float  # (H,) [1/m]
+    shift: list[Float]  # (H,): what these vectors lack to be those in scene coordinates at the reception
+    sent: list[Float]  # (H,): unit vectors from the transmit element
+    scale: Float  # (H,) [s/m]: -ρ / c
+    late: Float  # (H,) [-]: f
+    offsets: np.ndarray  # (E, 3) [m]: of receive elements
+    ends: Ends | None  # of echoes of point targets
 
     def chosen(self, index: UInt32) -> Levers:
         """Those of some echoes."""
@@ -166,23 +122,19 @@ class Levers:
 
 
 def mirrored(view: View, vector: np.ndarray) -> np.ndarray:
-    """Give vectors (..., 3) of the scene as a view sees them."""
+    """Return vectors (..., 3) of the scene as a view sees them."""
     return vector * np.sign([1.0, 1.0, view.depth]) if view.depth < 0 else vector
 
 
 class TargetEnds:
-    """Tell which echoes are those of point targets.
-
-    Parameters
-    ----------
-    position : (K, 3) [m]
-    """
+    """Tell which echoes are those of point targets."""
+    # position (K, 3) [m]
 
     def __init__(self, position: np.ndarray):
         self.position = position
 
     def of(self, echoes: Echoes, out: View, back: View, origin: np.ndarray) -> Ends | None:
-        """Give the ends of a block of echoes; None where it is not one of targets."""
+        """Return the ends of a block of echoes; None where it is not one of targets."""
         if not len(self.position) or echoes.count > MOST_OF_TARGETS * len(self.position):
             return None
         start = mirrored(out, origin)
@@ -202,12 +154,7 @@ class TargetEnds:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LeveredDelays(GuardedDelays):
-    """Delays as the record's, whose sums know how far each echo moves with what.
-
-    Attributes
-    ----------
-    targets : TargetEnds
-    """
+    """Delays as the record's, whose sums know how far each echo moves with what."""
 
     targets: TargetEnds = field(default_factory=lambda: TargetEnds(np.zeros((0, 3))))
 

@@ -22,21 +22,8 @@ OF_PINGS = "position_offset", "attitude_offset"       # a scene names them for a
 
 
 def attached_signals(model: ElementModel, parameters: Any, pings: Sequence[int]) -> mi.TensorXf:
-    """Give a model's signals, attached to parameters of its scene.
-
-    Parameters
-    ----------
-    model : ElementModel
-        Of keys among the parameters, at their values now.
-    parameters : mitsuba.SceneParameters
-    pings : sequence of int
-        Of the model.
-
-    Returns
-    -------
-    TensorXf (ping, receiver, sample, 2) [µPa]
-        Real and imaginary part.
-    """
+    """Return a model's signals, attached to parameters of its scene."""
+    # -> [µPa]
     values = [parameters[key] for key in model.start]
     return dr.custom(_Signals, model.linearised({}), model, list(pings), values)
 

@@ -45,45 +45,16 @@ ANGLE_STEP = 1e-5                  # [rad] of differences of rotations, in float
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Altered:
-    """A run with other values.
-
-    Attributes
-    ----------
-    survey : ArraySurvey
-    targets : list of Target
-    gain : complex (E,)
-        Of the receivers' channels.
-    """
+    """A run with other values."""
 
     survey: ArraySurvey
     targets: list[Target]
-    gain: np.ndarray
+    gain: np.ndarray  # (E,): of the receivers' channels
 
 
 class ElementParameters:
-    """Parameters of the element signals of a run.
-
-    Parameters
-    ----------
-    survey : ArraySurvey
-    keys : sequence of str
-        Names, as above.
-    sensor : str
-        Id of the sensor.
-    pings : sequence of int
-    offsets : pair of (P, 3) or None [m], [rad]
-        Of places and attitudes, that the survey's track holds already; None: there are none.
-
-    Attributes
-    ----------
-    start, units : dict
-        By name.
-
-    Raises
-    ------
-    ValueError
-        If there is no such name, or one is asked for twice.
-    """
+    """Parameters of the element signals of a run."""
+    # offsets (P, 3) [rad]
 
     def __init__(self, survey: ArraySurvey, keys: Sequence[str], *, sensor: str, pings: Sequence[int],
                  offsets: tuple[np.ndarray, np.ndarray] | None = None):
@@ -121,13 +92,7 @@ class ElementParameters:
         return known
 
     def checked(self, values: Values, whole: bool = True) -> dict[str, np.ndarray]:
-        """Give values as float64 arrays of their shapes, with those of the start, or zeros, for what is left out.
-
-        Raises
-        ------
-        ValueError
-            If a name is unknown, a shape does not fit, or a number is not finite.
-        """
+        """Return values as float64 arrays of their shapes, with those of the start, or zeros, for what is left out."""
         for name in values:
             if name not in self.start:
                 raise ValueError(f"{name!r} is none of the model's parameters{meant(name, list(self.start))}; it has "
@@ -145,13 +110,7 @@ class ElementParameters:
     # ---- runs with other values
 
     def altered(self, values: Mapping[str, np.ndarray]) -> Altered:
-        """Give the run with values as `checked` gives them.
-
-        Raises
-        ------
-        ValueError
-            If arrays or tracks cannot be made of them.
-        """
+        """Return the run with values as `checked` gives them."""
         survey = self.survey
         transmit = _replaced(survey.transmit, position=self._of(values, "tx_position"),
                              weight=self._of(values, "tx_weight"), delay=self._of(values, "tx_delay"))
@@ -180,21 +139,21 @@ class ElementParameters:
 
     @property
     def moves(self) -> bool:
-        """Whether echoes come later by any."""
+        """Return whether echoes come later by any."""
         return any(name.rpartition(".")[2] in MOVING for name in self.start)
 
     @property
     def strengthens(self) -> bool:
-        """Whether echoes get stronger by any."""
+        """Return whether echoes get stronger by any."""
         return any(name.rpartition(".")[2] in STRENGTHENING for name in self.start)
 
     @property
     def receives(self) -> bool:
-        """Whether any is of the receivers' channels."""
+        """Return whether any is of the receivers' channels."""
         return any(name.rpartition(".")[2] in RECEIVING for name in self.start)
 
     def receivers(self, tangents: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """Give what delays (E,) [s] and complex gains (E,) of the receivers' channels change by."""
+        """Return what delays (E,) [s] and complex gains (E,) of the receivers' channels change by."""
         late, gain = self._of(tangents, "rx_delay"), self._of(tangents, "rx_gain")
         nothing = np.zeros(self.survey.receive.elements)
         return (nothing if late is None else late,
@@ -210,7 +169,7 @@ class ElementParameters:
     # ---- motions of one ping
 
     def motion(self, tangents: Mapping[str, np.ndarray], survey: ArraySurvey, number: int) -> Motion:
-        """Give what moves at a ping, by its number among the model's, of a survey as `altered` gives it."""
+        """Return what moves at a ping, by its number among the model's, of a survey as `altered` gives it."""
         ping = self.pings[number]
         rotation, turns = _rotations(survey.track, ping)
         motion = Motion.none(receivers=survey.receive.elements, senders=survey.transmit.elements,

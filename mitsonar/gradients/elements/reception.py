@@ -22,19 +22,8 @@ __all__ = ["delayed_transposed", "later", "response_weights"]
 
 def response_weights(weights: np.ndarray, survey: ArraySurvey, sent: SentPiece, factor: float,
                      speed: float) -> np.ndarray:
-    """Give what signals' weights are of the responses of one Doppler class: A* P* w, complex64 (rx, samples).
-
-    Parameters
-    ----------
-    weights : complex (rx, samples)
-        Of all samples of the survey's record.
-    survey : ArraySurvey
-    sent : SentPiece
-    factor : float [-]
-        Of the class.
-    speed : float [m/s]
-        Of sound at the array.
-    """
+    """Return what signals' weights are of the responses of one Doppler class: A* P* w, complex64 (rx, samples)."""
+    # speed [m/s]
     found = _received_transposed(weights, sent.pulse, survey.sampling_rate, factor)
     if survey.absorption_db is not None:
         found = _absorbed_transposed(found, survey.sampling_rate, survey.frequency, survey.absorption_db, speed,
@@ -43,12 +32,12 @@ def response_weights(weights: np.ndarray, survey: ArraySurvey, sent: SentPiece, 
 
 
 def delayed_transposed(weights: np.ndarray, delay: np.ndarray, sampling_rate: float, frequency: float) -> np.ndarray:
-    """Give the transpose of `signal.reception.delayed`; arguments as of that."""
+    """Return the transpose of `signal.reception.delayed`; arguments as of that."""
     return _shifted(weights, delay, sampling_rate, frequency, np.conj)
 
 
 def later(signals: np.ndarray, delay: np.ndarray, sampling_rate: float, frequency: float) -> np.ndarray:
-    """Give what signals (rx, samples) change by as their delay (rx,) [s] grows, per second."""
+    """Return what signals (rx, samples) change by as their delay (rx,) [s] grows, per second."""
     return _shifted(signals, delay, sampling_rate, frequency, lambda turn: turn, rate=True)
 
 

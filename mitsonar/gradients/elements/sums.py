@@ -29,19 +29,14 @@ __all__ = ["DelayGradients", "DelayTangents", "StrengthGradients", "StrengthTang
 
 
 class DelayTangents(ImpulseResponses):
-    """Sum how responses change as echoes come later. Its kernel is `signal.impulses.Later`.
-
-    Parameters
-    ----------
-    motion : Motion
-    """
+    """Sum how responses change as echoes come later. Its kernel is `signal.impulses.Later`."""
 
     def __init__(self, like: type, motion: Motion, **how: Any):
         super().__init__(like, **how)
         self._motion = motion
 
     def bound(self, levers: Levers) -> _Bound:
-        """Give what echoes of these levers are added to."""
+        """Return what echoes of these levers are added to."""
         motion = self._motion
         place = mirrored(levers.back, motion.place)
         sent = mirrored(levers.out, motion.place + motion.tx[levers.sender])
@@ -71,19 +66,14 @@ class DelayTangents(ImpulseResponses):
 
 
 class StrengthTangents(ImpulseResponses):
-    """Sum how responses change as echoes get stronger.
-
-    Parameters
-    ----------
-    motion : Motion
-    """
+    """Sum how responses change as echoes get stronger."""
 
     def __init__(self, like: type, motion: Motion, **how: Any):
         super().__init__(like, **how)
         self._motion = motion
 
     def bound(self, levers: Levers) -> _Bound:
-        """Give what echoes of these levers are added to."""
+        """Return what echoes of these levers are added to."""
         stronger: Any = dr.opaque(mi.Float, float(self._motion.tx_strength[levers.sender]))
         if levers.ends is not None:
             of_target = self._motion.target_strength[levers.ends.target]
@@ -131,21 +121,13 @@ class _Bound:
 
 
 class DelayGradients:
-    """Sum the gradient of a number by what makes echoes later.
-
-    Parameters
-    ----------
-    weights : GatheredWeights
-        Its gradient by the responses; of the kernel `signal.impulses.Later`.
-    total : Motion
-        The sums are added here.
-    """
+    """Sum the gradient of a number by what makes echoes later."""
 
     def __init__(self, weights: GatheredWeights, total: Motion):
         self._weights, self._total = weights, total
 
     def bound(self, levers: Levers) -> _Gathering:
-        """Give what echoes of these levers are gathered by."""
+        """Return what echoes of these levers are gathered by."""
         hits = [*levers.towards, levers.curvature, levers.scale, *levers.shift, *levers.sent, levers.late]
         return _Gathering(self._of_targets if levers.ends is not None else self._of_echoes, levers, hits,
                           list(levers.offsets.T))
@@ -197,7 +179,7 @@ class StrengthGradients:
         self._weights, self._total = weights, total
 
     def bound(self, levers: Levers) -> _Gathering:
-        """Give what echoes of these levers are gathered by."""
+        """Return what echoes of these levers are gathered by."""
         return _Gathering(self._of_echoes, levers, [], [])
 
     def _of_echoes(self, levers: Levers, pairs: EchoPairs, n: int, m: int) -> None:

@@ -31,24 +31,8 @@ __all__ = ["BoundChange", "Change", "Heights", "InDecibels", "Log", "Offset", "O
 
 
 class Rigid:
-    """What moves as one.
-
-    Parameters
-    ----------
-    key : str
-    start : (V, 3) or (4, 4) [m]
-
-    Attributes
-    ----------
-    centre : (3,) [m]
-        c: the middle of the box around vertices; the origin of a transform, which is the middle of a sphere, disk or
-        rectangle and the foot of a cylinder.
-
-    Raises
-    ------
-    ValueError
-        If it is neither.
-    """
+    """What moves as one."""
+    # start (V, 3) [m]; centre (3,) [m]
 
     def __init__(self, key: str, start: np.ndarray):
         self._matrix = start.shape == (4, 4)
@@ -81,14 +65,14 @@ SMALL = 1e-4                       # rad, below which series are better than quo
 
 
 def rotation(vector: np.ndarray) -> np.ndarray:
-    """Give the matrix (3, 3) of a rotation vector (3,) [rad]."""
+    """Return the matrix (3, 3) of a rotation vector (3,) [rad]."""
     angle, cross = float(np.linalg.norm(vector)), _cross(vector)
     first, second = (np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2 * np.pi)) ** 2)
     return np.eye(3) + first * cross + second * cross @ cross
 
 
 def left_jacobian(vector: np.ndarray) -> np.ndarray:
-    """Give J (3, 3) of a rotation vector (3,) [rad]."""
+    """Return J (3, 3) of a rotation vector (3,) [rad]."""
     angle, cross = float(np.linalg.norm(vector)), _cross(vector)
     first = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
     second = 1 / 6 - angle ** 2 / 120 if angle < SMALL else (angle - np.sin(angle)) / angle ** 3
@@ -106,26 +90,14 @@ DECIBELS = 10 / np.log(10)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BoundChange:
-    """A parameter by other numbers.
+    """A parameter by other numbers."""
 
-    Attributes
-    ----------
-    name, unit : str
-        Of x.
-    start : array
-        x, where y is as the model begins.
-    inner : callable
-        y of x.
-    push, pull : callable
-        G dx of x and dx; Gᵀ w of x and w.
-    """
-
-    name: str
-    unit: str
-    start: np.ndarray
-    inner: Callable[[np.ndarray], np.ndarray]
-    push: Callable[[np.ndarray, np.ndarray], np.ndarray]
-    pull: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    name: str  # of x
+    unit: str  # of x
+    start: np.ndarray  # x, where y is as the model begins
+    inner: Callable[[np.ndarray], np.ndarray]  # y of x
+    push: Callable[[np.ndarray, np.ndarray], np.ndarray]  # G dx of x and dx
+    pull: Callable[[np.ndarray, np.ndarray], np.ndarray]  # G dx of x and dx
 
 
 class Change(Protocol):
@@ -140,7 +112,7 @@ class Change(Protocol):
     def key(self) -> str: ...
 
     def bound(self, start: np.ndarray, unit: str) -> BoundChange:
-        """Give it for a parameter with a start and a unit.
+        """Return it for a parameter with a start and a unit.
 
         Raises
         ------
@@ -152,17 +124,12 @@ class Change(Protocol):
 
 @dataclass(frozen=True)
 class Heights:
-    """The z (V,) [m] of the vertices of a mesh, whose x and y stay: ``bed.vertex_positions`` as ``bed.heights``.
-
-    Parameters
-    ----------
-    key : str
-    """
+    """The z (V,) [m] of the vertices of a mesh, whose x and y stay: ``bed.vertex_positions`` as ``bed.heights``."""
 
     key: str
 
     def bound(self, start: np.ndarray, unit: str) -> BoundChange:
-        """Give it for vertices (V, 3); see `Change.bound`."""
+        """Return it for vertices (V, 3); see `Change.bound`."""
         _check_vertices(self.key, start)
 
         def inner(x: np.ndarray) -> np.ndarray:
@@ -185,16 +152,12 @@ class Pose:
     ``crate.vertex_positions`` or ``ball.to_world`` as ``crate.pose`` and ``ball.pose``, zeros at the start. Of vertices
     the centre is that of the box around them, of a transform its origin (see `rigid`); the vector's direction is the
     axis, in scene coordinates, and its length the angle.
-
-    Parameters
-    ----------
-    key : str
     """
 
     key: str
 
     def bound(self, start: np.ndarray, unit: str) -> BoundChange:
-        """Give it for vertices (V, 3) or a transform (4, 4); see `Change.bound`."""
+        """Return it for vertices (V, 3) or a transform (4, 4); see `Change.bound`."""
         body = Rigid(self.key, start)
 
         def inner(x: np.ndarray) -> np.ndarray:
@@ -215,53 +178,36 @@ class Pose:
 
 @dataclass(frozen=True)
 class InDecibels:
-    """A parameter above zero as 10 log y [dB]: ``mu`` as ``mu_in_db``.
-
-    Parameters
-    ----------
-    key : str
-    """
+    """A parameter above zero as 10 log y [dB]: ``mu`` as ``mu_in_db``."""
 
     key: str
 
     def bound(self, start: np.ndarray, unit: str) -> BoundChange:
-        """Give it for a parameter above zero; see `Change.bound`."""
+        """Return it for a parameter above zero; see `Change.bound`."""
         return _logarithm(self.key, start, f"{self.key}_in_db", f"dB re 1 {unit}" if unit not in ("", "1") else "dB",
                           DECIBELS)
 
 
 @dataclass(frozen=True)
 class Log:
-    """A parameter above zero as ln y: ``mu`` as ``mu_log``.
-
-    Parameters
-    ----------
-    key : str
-    """
+    """A parameter above zero as ln y: ``mu`` as ``mu_log``."""
 
     key: str
 
     def bound(self, start: np.ndarray, unit: str) -> BoundChange:
-        """Give it for a parameter above zero; see `Change.bound`."""
+        """Return it for a parameter above zero; see `Change.bound`."""
         return _logarithm(self.key, start, f"{self.key}_log", "Np", 1.0)
 
 
 @dataclass(frozen=True)
 class Offset:
-    """A number that is added to all of a parameter: ``bed.heights`` as ``bed.heights_offset``, 0 at the start.
-
-    Parameters
-    ----------
-    key : str
-    by_column : bool
-        A number for each column (of vertices: of x, y and z), instead of one for all.
-    """
+    """A number that is added to all of a parameter: ``bed.heights`` as ``bed.heights_offset``, 0 at the start."""
 
     key: str
-    by_column: bool = False
+    by_column: bool = False  # A number for each column (of vertices
 
     def bound(self, start: np.ndarray, unit: str) -> BoundChange:
-        """Give it for any parameter, or one with columns; see `Change.bound`."""
+        """Return it for any parameter, or one with columns; see `Change.bound`."""
         if self.by_column and start.ndim != 2:
             raise ValueError(f"{self.key} has the shape {start.shape}, and no columns; leave by_column out")
         count = start.shape[1] if self.by_column else 1
@@ -282,25 +228,15 @@ class Offset:
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OnNodes:
     """What is added to a parameter, from a grid of fewer nodes: ``bed.heights`` as ``bed.heights_nodes``, 0 at first.
-
-    Parameters
-    ----------
-    key : str
-    places : (n, 1) or (n, 2) array [m]
-        Where the parameter's numbers lie, in their order.
-    spacing : float [m]
-        Between nodes; their array has an axis an axis of the places, the first first.
-    cubic : bool
-        Cubic B-splines, which are smooth to the second derivative, instead of linear weights.
     """
 
     key: str
-    places: np.ndarray
-    spacing: float
-    cubic: bool = False
+    places: np.ndarray  # [m]: where the parameter's numbers lie, in their order
+    spacing: float  # [m]: between nodes
+    cubic: bool = False  # cubic B-splines, which are smooth to the second derivative, instead of linear weights
 
     def bound(self, start: np.ndarray, unit: str) -> BoundChange:
-        """Give it for a parameter with a number a place; see `Change.bound`."""
+        """Return it for a parameter with a number a place; see `Change.bound`."""
         places = np.asarray(self.places, float)
         if places.ndim != 2 or len(places) != start.size:
             raise ValueError(f"{self.key} has {start.size} numbers, and its places the shape {places.shape}; give one "

@@ -19,19 +19,8 @@ MOST = 10_000_000                  # nodes
 
 
 def node_weights(places: np.ndarray, spacing: float, cubic: bool) -> tuple[sparse.csr_array, tuple[int, ...]]:
-    """Give the weights of nodes at places, (n, nodes), and how many nodes each axis has.
-
-    Parameters
-    ----------
-    places : (n, d) array [m]
-    spacing : float [m]
-    cubic : bool
-
-    Raises
-    ------
-    ValueError
-        If the spacing is not above zero, places are not finite, or nodes are too many.
-    """
+    """Return the weights of nodes at places, (n, nodes), and how many nodes each axis has."""
+    # places [m]; spacing [m]
     from scipy import sparse
 
     if not (np.isfinite(spacing) and spacing > 0):

@@ -19,7 +19,7 @@ __all__ = ["Heights", "InDecibels", "Log", "Offset", "OnNodes", "Parametrised", 
 
 
 def parametrised(model: ForwardModel, *changes: Change) -> ForwardModel:
-    """Give a model by other parameters; each change is of a parameter of what the changes before it made.
+    """Return a model by other parameters; each change is of a parameter of what the changes before it made.
 
     Raises
     ------
@@ -32,25 +32,7 @@ def parametrised(model: ForwardModel, *changes: Change) -> ForwardModel:
 
 
 class Parametrised:
-    """A model with one parameter by other numbers.
-
-    Parameters
-    ----------
-    model : ForwardModel
-    change : Change
-
-    Attributes
-    ----------
-    start, units
-        See `ForwardModel`.
-    shape : tuple of int
-        Of the record; there where the model has it.
-
-    Raises
-    ------
-    ValueError
-        As `parametrised`.
-    """
+    """A model with one parameter by other numbers."""
 
     def __init__(self, model: ForwardModel, change: Change):
         key = change.key
@@ -70,11 +52,11 @@ class Parametrised:
             self.shape: tuple[int, ...] = tuple(getattr(model, "shape"))
 
     def value(self, values: Values) -> np.ndarray:
-        """Give the record of values; see `ForwardModel.value`."""
+        """Return the record of values; see `ForwardModel.value`."""
         return self._model.value(self._inner(self._checked(values)))
 
     def linearised(self, values: Values) -> ParametrisedLine:
-        """Give the record about values; see `ForwardModel.linearised`."""
+        """Return the record about values; see `ForwardModel.linearised`."""
         checked = self._checked(values)
         at = checked.get(self._change.name, self._change.start)
         return ParametrisedLine(self._model.linearised(self._inner(checked)), self._key, self._change, at)
@@ -98,13 +80,7 @@ class Parametrised:
 
 
 class ParametrisedLine:
-    """A `Parametrised` model about some values: see `model.Linearised`.
-
-    Attributes
-    ----------
-    told : dict
-        Shares of what the model's own linearisation leaves out, where it tells.
-    """
+    """A `Parametrised` model about some values: see `model.Linearised`."""
 
     def __init__(self, line: Linearised, key: str, change: BoundChange, at: np.ndarray):
         self._line, self._key, self._change, self._at = line, key, change, at
@@ -112,7 +88,7 @@ class ParametrisedLine:
         self.told = getattr(line, "told", {})
 
     def forward(self, tangents: Values) -> np.ndarray:
-        """Give J v; see `Linearised.forward`."""
+        """Return J v; see `Linearised.forward`."""
         if self._key in tangents:
             raise ValueError(f"{self._key!r} is by {self._change.name!r} here; give directions of that")
         inner = {name: value for name, value in tangents.items() if name != self._change.name}
@@ -123,7 +99,7 @@ class ParametrisedLine:
         return self._line.forward(inner)
 
     def backward(self, cotangent: np.ndarray) -> dict[str, np.ndarray]:
-        """Give Jᵀ w; see `Linearised.backward`."""
+        """Return Jᵀ w; see `Linearised.backward`."""
         return {self._change.name if name == self._key else name:
                 self._change.pull(self._at, value) if name == self._key else value
                 for name, value in self._line.backward(cotangent).items()}

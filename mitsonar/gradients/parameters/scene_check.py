@@ -13,30 +13,7 @@ __all__ = ["check_parameters"]
 def check_parameters(model_of: Callable[[str], ForwardModel], keys: Sequence[str], *, refuse: bool = False,
                      directions: int = 3, tolerance: float = 0.01, seed: int = 0,
                      progress: Callable[[float, float], object] | None = None) -> GradientCheck:
-    """Check parameters by models that are made for one each.
-
-    Parameters
-    ----------
-    model_of : function
-        Gives the model of a parameter's name.
-    keys : sequence of str
-        One or more.
-    refuse : bool
-        Raise what a model that cannot be made says; else its parameter is called not differentiated.
-    directions, tolerance, seed
-        See `check_gradients`.
-    progress : function, optional
-        Called with the parameters done, parts of them included, and their number.
-
-    Returns
-    -------
-    GradientCheck
-
-    Raises
-    ------
-    ValueError
-        See `check_gradients`.
-    """
+    """Check parameters by models that are made for one each."""
     found = []
     for number, key in enumerate(keys):
         def of_parts(done: int, total: int, number: int = number) -> None:

@@ -70,13 +70,7 @@ def _still(scene: mi.Scene, parameters: Any) -> dict[str, str]:
 
 
 def check_followed(scene: mi.Scene) -> None:
-    """Refuse gradients of what levels do not follow: they would be zero.
-
-    Raises
-    ------
-    ValueError
-        If such a parameter of the scene carries one.
-    """
+    """Refuse gradients of what levels do not follow: they would be zero."""
     parameters: Any = mi.traverse(scene)
     for key, reason in _still(scene, parameters).items():
         value = parameters[key]
@@ -85,24 +79,8 @@ def check_followed(scene: mi.Scene) -> None:
 
 
 class SceneValues:
-    """Some parameters of a scene.
-
-    Parameters
-    ----------
-    scene : mitsuba.Scene
-    keys : sequence of str
-
-    Attributes
-    ----------
-    start : dict[str, array]
-        Their values when this was made.
-    units : dict[str, str]
-
-    Raises
-    ------
-    ValueError
-        If the scene has no such parameter, or it has no gradient.
-    """
+    """Some parameters of a scene."""
+    # start [str, array]; units [str, str]
 
     def __init__(self, scene: mi.Scene, keys: Sequence[str]):
         self._parameters: Any = mi.traverse(scene)
@@ -180,7 +158,7 @@ class SceneValues:
         return kind(np.ascontiguousarray(array.ravel(), wide))
 
     def attached(self) -> AttachedValues:
-        """Give the parameters as leaves, in the scene."""
+        """Return the parameters as leaves, in the scene."""
         leaves = {}
         for key in self.keys:
             leaf = self.value(key, self._array(key))
@@ -191,7 +169,7 @@ class SceneValues:
         return found
 
     def is_read(self, key: str) -> bool:
-        """Whether it is the vertices of a mesh with attributes of its own, which textures may read."""
+        """Return whether it is the vertices of a mesh with attributes of its own, which textures may read."""
         mesh, _, name = key.rpartition(".")
         own = (other.removeprefix(f"{mesh}.") for other in self._parameters.keys() if other.startswith(f"{mesh}."))
         return name == "vertex_positions" and any(
@@ -227,13 +205,8 @@ class SceneValues:
 
 
 class AttachedValues:
-    """Leaves of a scene's parameters.
-
-    Parameters
-    ----------
-    values : SceneValues
-    leaves : dict[str, Dr.Jit array]
-    """
+    """Leaves of a scene's parameters."""
+    # leaves [str, Dr.Jit array]
 
     def __init__(self, values: SceneValues, leaves: Mapping[str, Any]):
         self._values, self._leaves = values, dict(leaves)

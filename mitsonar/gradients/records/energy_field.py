@@ -47,17 +47,10 @@ FEWEST_POINTS, POINTS_PER_RAY = 256, 1 / 8         # of lines at which energies 
 
 @dataclass(frozen=True, kw_only=True)
 class Block:
-    """A block of pings with its rays, which stay.
+    """A block of pings with its rays, which stay."""
 
-    Attributes
-    ----------
-    ping : (B,) int
-    rays : list of Rays
-        Pass by pass, on the device.
-    """
-
-    ping: np.ndarray
-    rays: list[Rays]
+    ping: np.ndarray  # (B,)
+    rays: list[Rays]  # pass by pass, on the device
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,19 +73,7 @@ class Samplers:
 
 
 class EnergyField:
-    """The energy record of a survey as a function of what is in the scene.
-
-    Parameters
-    ----------
-    survey : Survey
-        With the rays of which the field is made; the scene as it is then.
-    rows : Rows
-    seed : int
-
-    Attributes
-    ----------
-    rows : Rows
-    """
+    """The energy record of a survey as a function of what is in the scene."""
 
     def __init__(self, survey: Survey, rows: Rows, seed: int):
         self.rows, self._seed = rows, seed
@@ -148,7 +129,8 @@ class EnergyField:
         return found
 
     def sampler(self, scenery: Scenery, lines: JumpLines | None, outlined: Sequence[int]) -> Samplers:
-        """Give what draws points on lines, and on outlines of the shapes without facets with these registry indices."""
+        """Return what draws points on lines, and on outlines of the shapes without facets with these registry indices.
+        """
         with dr.suspend_grad():
             tracer = Tracer(scenery.tracer.geometry, scenery.water, max_range=self._range, tolerance=FINE)
             of_lines = of_shapes = None
@@ -177,7 +159,7 @@ class EnergyField:
         return found
 
     def echoes(self, scenery: Scenery, block: Block, kept: Kept) -> Echoes:
-        """Give the echoes of a pass of rays, detached."""
+        """Return the echoes of a pass of rays, detached."""
         place = scenery.of(block.ping)
         rays = scenery.turned(place, kept.rays)
         first_hits = FirstHits(self.rows, scenery.water, self._tents.of, smooth_patches=True)
@@ -213,21 +195,7 @@ class EnergyField:
 
 
 class Scenery:
-    """A survey's scene, water and track as a field sees them at one moment.
-
-    Parameters
-    ----------
-    survey : Survey
-    tracer : Tracer
-    rows : Rows
-
-    Attributes
-    ----------
-    facets, layers, losses
-        Of the scene, with gradients where it carries any.
-    track : AttachedTrack or None
-        None where rays leave as they were drawn, and nothing about them carries a gradient.
-    """
+    """A survey's scene, water and track as a field sees them at one moment."""
 
     def __init__(self, survey: Survey, tracer: Tracer, rows: Rows):
         self.survey, self.tracer = survey, tracer
@@ -241,14 +209,14 @@ class Scenery:
         self.track: AttachedTrack | None = None
 
     def again(self, **changes: AttachedGeometry | LayerTable | AttachedTrack | Losses | mi.Float64 | None) -> Scenery:
-        """Give the same scenery with other facets, layers, track or losses."""
+        """Return the same scenery with other facets, layers, track or losses."""
         other = copy.copy(self)
         vars(other).update(changes)
         return other
 
     @property
     def moves(self) -> bool:
-        """Whether rays themselves carry gradients: by water or track."""
+        """Return whether rays themselves carry gradients: by water or track."""
         return self.track is not None
 
     def of(self, ping: np.ndarray) -> Place:

@@ -25,20 +25,7 @@ PER_INTENSITY = 10 / np.log(10)    # dB
 
 
 class LevelProducts:
-    """The levels of a scene's picture, and how they move with what carries gradients in it.
-
-    Parameters
-    ----------
-    scene : mitsuba.Scene
-    sensor : mitsuba.Sensor
-    integrator : mitsuba.Integrator
-    seed : int
-
-    Raises
-    ------
-    ValueError
-        If there are none of this kind of sonar, or something carries a gradient that levels have none of.
-    """
+    """The levels of a scene's picture, and how they move with what carries gradients in it."""
 
     def __init__(self, scene: mi.Scene, sensor: Any, integrator: Any, seed: int):
         with dr.resume_grad():
@@ -51,7 +38,7 @@ class LevelProducts:
         self._shape, self._order = order.shape, order.ravel()
 
     def forward(self) -> np.ndarray:
-        """Give dL, (rows, columns) [dB], of the tangents that are set at the leaves."""
+        """Return dL, (rows, columns) [dB], of the tangents that are set at the leaves."""
         moved = self._about.pushed(lambda: None) * self._slope
         return moved[self._order].reshape(self._shape)
 
@@ -63,7 +50,7 @@ class LevelProducts:
 
 
 def wants_gradients(scene: mi.Scene) -> bool:
-    """Whether anything in a scene carries a gradient, be they suspended or not."""
+    """Return whether anything in a scene carries a gradient, be they suspended or not."""
     parameters: Any = mi.traverse(scene)
     with dr.resume_grad():
         return any(dr.grad_enabled(value) for _, value in parameters.items() if dr.is_diff_v(value))

@@ -50,26 +50,20 @@ class Picture(Protocol):
     noise: float
 
     def shown(self, energy: np.ndarray) -> np.ndarray:
-        """Give what the picture shows of energies (ping, row, bin) [µPa²]."""
+        """Return what the picture shows of energies (ping, row, bin) [µPa²]."""
         ...
 
     def transposed(self, cotangent: np.ndarray) -> np.ndarray:
-        """Give the transpose of `shown`, of weights (ping, row, bin)."""
+        """Return the transpose of `shown`, of weights (ping, row, bin)."""
         ...
 
     def still(self, survey: Survey, seed: int) -> np.ndarray:
-        """Give what stands still (N,) [µPa²]: noise, and echoes other than those of first hits."""
+        """Return what stands still (N,) [µPa²]: noise, and echoes other than those of first hits."""
         ...
 
 
 class SidescanPicture:
-    """The picture of a sidescan; see `Picture`.
-
-    Parameters
-    ----------
-    survey : SidescanSurvey
-    sensor : mitsuba.Sensor
-    """
+    """The picture of a sidescan; see `Picture`."""
 
     def __init__(self, survey: SidescanSurvey, sensor: Any):
         self.survey: Survey = survey
@@ -80,15 +74,15 @@ class SidescanPicture:
         self.noise = 0.0 if noise is None else float(power_from_db(noise))
 
     def shown(self, energy: np.ndarray) -> np.ndarray:
-        """Give what the picture shows of energies."""
+        """Return what the picture shows of energies."""
         return leaked(mean_intensity(energy, self._shares), self.sensor.recorder)
 
     def transposed(self, cotangent: np.ndarray) -> np.ndarray:
-        """Give the transpose of `shown`: pulse and leakage are symmetric."""
+        """Return the transpose of `shown`: pulse and leakage are symmetric."""
         return mean_intensity(leaked(cotangent, self.sensor.recorder), self._shares)
 
     def still(self, survey: Survey, seed: int) -> np.ndarray:
-        """Give noise, and echoes other than those of first hits."""
+        """Return noise, and echoes other than those of first hits."""
         total = np.full((survey.track.pings, 2, self.rows.bins.count), self.noise)
         if len(self.rows.paths) > 1 or has_phases(survey):
             record = energy.record(survey, self.rows, seed)
@@ -106,14 +100,8 @@ class FanPicture:
         <|y|²> = Σ_r E_r |R(t - t_r)|²,    R the compressed pulse, 1 at its peak
 
     so that a bin's mean is what beams mix, smeared over range, times Σ_k |R(k / f_s)|².
-
-    Parameters
-    ----------
-    survey : ArraySurvey
-    sensor : mitsuba.Sensor
-    directions : (B,) [rad], (B, 3)
-        Of the beams.
     """
+    # directions (B,) [rad]
 
     def __init__(self, survey: ArraySurvey, sensor: Any, directions: tuple[np.ndarray, np.ndarray]):
         self.survey: Survey = survey
@@ -123,15 +111,15 @@ class FanPicture:
         self._gain = _compressed_energy(survey)
 
     def shown(self, energy: np.ndarray) -> np.ndarray:
-        """Give what the picture shows of energies."""
+        """Return what the picture shows of energies."""
         return self._gain * np.moveaxis(self._beams.shown(np.moveaxis(energy, 0, 1)), 0, 1)
 
     def transposed(self, cotangent: np.ndarray) -> np.ndarray:
-        """Give the transpose of `shown`."""
+        """Return the transpose of `shown`."""
         return self._gain * np.moveaxis(self._beams.shown_transposed(np.moveaxis(cotangent, 0, 1)), 0, 1)
 
     def still(self, survey: Survey, seed: int) -> np.ndarray:
-        """Give what has a phase of its own."""
+        """Return what has a phase of its own."""
         return _with_phase(survey, self.rows, seed)
 
 
@@ -144,13 +132,7 @@ def _compressed_energy(survey: ArraySurvey) -> float:
 
 
 class StepPicture:
-    """The mean intensities of a sector scan; see `Picture`. Noise is left out.
-
-    Parameters
-    ----------
-    survey : ArraySurvey
-    sensor : mitsuba.Sensor
-    """
+    """The mean intensities of a sector scan; see `Picture`. Noise is left out."""
 
     def __init__(self, survey: ArraySurvey, sensor: Any):
         self.survey: Survey = survey
@@ -159,15 +141,15 @@ class StepPicture:
         self.noise = 0.0
 
     def shown(self, energy: np.ndarray) -> np.ndarray:
-        """Give what the picture shows of energies."""
+        """Return what the picture shows of energies."""
         return self._steps.shown(energy)
 
     def transposed(self, cotangent: np.ndarray) -> np.ndarray:
-        """Give the transpose of `shown`: the pulse is symmetric."""
+        """Return the transpose of `shown`: the pulse is symmetric."""
         return self._steps.shown(cotangent)
 
     def still(self, survey: Survey, seed: int) -> np.ndarray:
-        """Give what has a phase of its own."""
+        """Return what has a phase of its own."""
         return _with_phase(survey, self.rows, seed)
 
 
@@ -179,20 +161,14 @@ def _with_phase(survey: Survey, rows: Rows, seed: int) -> np.ndarray:
 
 
 def has_phases(survey: Survey) -> bool:
-    """Whether anything in a scene has an echo of a phase of its own."""
+    """Return whether anything in a scene has an echo of a phase of its own."""
     geometry = survey.geometry
     smooth = any(getattr(shape.bsdf(), "smooth", False) for shape in geometry.scene.shapes())
     return bool(geometry.targets()) or smooth or geometry.surface_mirrors
 
 
 def picture_of(scene: mi.Scene, sensor: Any, integrator: Any, rays: int | None = None) -> Picture:
-    """Plan what gradients can be of; of so many rays a ping at most.
-
-    Raises
-    ------
-    ValueError
-        If they cannot be of this kind of sonar, or scene and sonar do not fit together.
-    """
+    """Plan what gradients can be of; of so many rays a ping at most."""
     kind_of(sensor)
     if sensor.kind not in PICTURES:
         raise ValueError(f"gradients are of {', '.join(PICTURES)}, and this sensor is a {sensor.kind}; give the scene "

@@ -33,29 +33,8 @@ MOST_KEPT = 8_000_000              # rays of which hits are kept between product
 
 
 class RecordField:
-    """A sonar's record as a field.
-
-    Parameters
-    ----------
-    picture : Picture
-    seed : int
-        Of ray directions.
-    edges : bool
-        Whether derivatives know that outlines move, and with them what is lit.
-
-    Attributes
-    ----------
-    shape : (int, int, int)
-        Pings, rows and bins.
-    still : (N,) [µPa²]
-        What stands still.
-    still_echoes : float [µPa²]
-        Sum of that without noise.
-    outlines : bool
-        As `edges`.
-    unsampled : list of (str, str)
-        Names of moving shapes that may meet along lines that derivatives do not know of.
-    """
+    """A sonar's record as a field."""
+    # still (N,) [µPa²]; still_echoes [µPa²]
 
     def __init__(self, picture: Picture, seed: int, *, edges: bool = True):
         survey = picture.survey
@@ -71,19 +50,7 @@ class RecordField:
             self.still_echoes = max(float(np.sum(self.still - picture.noise)), 0.0)
 
     def value(self, picture: Picture | None = None) -> np.ndarray:
-        """Return the record of the scene as it is, (N,) [µPa²].
-
-        Parameters
-        ----------
-        picture : Picture, optional
-            Planned for the scene as it is now: its bins and beams receive the rays. Default: those of the start, which
-            gradients hold.
-
-        Raises
-        ------
-        ValueError
-            If that picture has another shape than the one at the start.
-        """
+        """Return the record of the scene as it is, (N,) [µPa²]."""
         picture = self._picture if picture is None else picture
         shape = _shape(picture)
         if shape != self.shape:
@@ -96,11 +63,11 @@ class RecordField:
         return self._linear(picture, sums) + self.still
 
     def about(self) -> About:
-        """Give the record about the scene as it is, with products by its Jacobian."""
+        """Return the record about the scene as it is, with products by its Jacobian."""
         return About(self)
 
     def samplers(self, scenery: Scenery) -> Samplers | None:
-        """Give what draws points on lines that move with what carries gradients; None where none does."""
+        """Return what draws points on lines that move with what carries gradients; None where none does."""
         if not self.outlines:
             return None
         geometry, attached = scenery.tracer.geometry, self.scene.attached(scenery)
@@ -133,16 +100,8 @@ class RecordField:
 
 
 class About:
-    """A record about the scene as it is.
-
-    Parameters
-    ----------
-    field : RecordField
-
-    Attributes
-    ----------
-    value : (N,) [µPa²]
-    """
+    """A record about the scene as it is."""
+    # value (N,) [µPa²]
 
     def __init__(self, field: RecordField):
         self._field, self._energy = field, field.energy
@@ -179,7 +138,7 @@ class About:
             yield block, *(self._traced(block, edges) if self._kept is None else self._kept[number])
 
     def pushed(self, set_tangents: Callable[[], None]) -> np.ndarray:
-        """Give J v, (N,): `set_tangents` sets v at the leaves, and is called for every block."""
+        """Return J v, (N,): `set_tangents` sets v at the leaves, and is called for every block."""
         found = []
         for block, kept, edges in self._each():
             set_tangents()

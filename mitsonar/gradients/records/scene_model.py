@@ -62,29 +62,19 @@ class SceneModel:
                 + ", ".join(f"{key} {start.shape}" for key, start in self.start.items()))
 
     def value(self, values: Values) -> np.ndarray:
-        """Give the record of values, (N,) [µPa²]; see `ForwardModel.value`."""
+        """Return the record of values, (N,) [µPa²]; see `ForwardModel.value`."""
         self._values.write(values)
         return self._field.value(None if self._plan is None else self._plan())
 
     def linearised(self, values: Values) -> SceneLinearised:
-        """Give the record about values, with its Jacobian; see `ForwardModel.linearised`."""
+        """Return the record about values, with its Jacobian; see `ForwardModel.linearised`."""
         self._values.write(values)
         return SceneLinearised(self._values, self._field)
 
 
 class SceneLinearised:
-    """A `SceneModel` about the values that its scene has now: see `model.Linearised`.
-
-    Parameters
-    ----------
-    values : SceneValues
-    field : RecordField
-
-    Attributes
-    ----------
-    told : dict[str, float]
-        What the record and its derivatives do not see, as shares; see `unseen`.
-    """
+    """A `SceneModel` about the values that its scene has now: see `model.Linearised`."""
+    # told [str, float]
 
     def __init__(self, values: SceneValues, field: RecordField):
         self._values = values.attached()
@@ -97,7 +87,7 @@ class SceneLinearised:
         return self._about.told
 
     def forward(self, tangents: Values) -> np.ndarray:
-        """Give J v; see `Linearised.forward`."""
+        """Return J v; see `Linearised.forward`."""
         directions = self._values.directions(tangents)
         self._values.hold()
         moved = self._about.pushed(lambda: self._values.set_tangents(directions))
@@ -105,7 +95,7 @@ class SceneLinearised:
         return moved
 
     def backward(self, cotangent: np.ndarray) -> dict[str, np.ndarray]:
-        """Give Jᵀ w; see `Linearised.backward`."""
+        """Return Jᵀ w; see `Linearised.backward`."""
         weights = np.asarray(cotangent, float)
         if weights.shape != self.value.shape:
             raise ValueError(f"weights have the shape {weights.shape}, and the record {self.value.shape}; give one for "

@@ -18,19 +18,14 @@ __all__ = ["TentBins"]
 
 
 class TentBins:
-    """Bins of a record whose sums move smoothly with its echoes.
-
-    Parameters
-    ----------
-    bins : EnergyBins
-    """
+    """Bins of a record whose sums move smoothly with its echoes."""
 
     def __init__(self, bins: EnergyBins):
         self._bins, self._count = bins, float(bins.count)
         self._unit = upload(mi.Float64, bins.unit)
 
     def of(self, delay: mi.Float64, valid: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:
-        """Give the bins of two-way times [s], and which of them reach into any: up to half a bin beyond the ends."""
+        """Return the bins of two-way times [s], and which of them reach into any: up to half a bin beyond the ends."""
         place = dr.detach(self._bins.place(delay))
         inside = valid & (place > -0.5) & (place < self._count + 0.5)
         return mi.UInt32(held(place, 0.0, self._count - 1)), inside

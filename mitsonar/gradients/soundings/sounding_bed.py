@@ -10,20 +10,12 @@ __all__ = ["BedGrid", "BedShares"]
 
 
 class BedShares(NamedTuple):
-    """Nodes about N places and their shares in the depth there.
+    """Nodes about N places and their shares in the depth there."""
 
-    Attributes
-    ----------
-    node : array (N, 4) of int
-        Flat numbers.
-    share, by_x, by_y : array (N, 4)
-        Of sum 1, and their slopes [1/m].
-    """
-
-    node: np.ndarray
-    share: np.ndarray
-    by_x: np.ndarray
-    by_y: np.ndarray
+    node: np.ndarray  # (N, 4): flat numbers
+    share: np.ndarray  # (N, 4): of sum 1, and their slopes [1/m]
+    by_x: np.ndarray  # (N, 4): of sum 1, and their slopes [1/m]
+    by_y: np.ndarray  # (N, 4): of sum 1, and their slopes [1/m]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -91,11 +91,11 @@ class SoundingTimes:
         self.units = {name: UNITS[name] for name in self.start}
 
     def value(self, values: Values) -> np.ndarray:
-        """Give the two-way times (N,) [s]; see `ForwardModel.value`."""
+        """Return the two-way times (N,) [s]; see `ForwardModel.value`."""
         return 2 * self._landed(*self._given(values)).time
 
     def linearised(self, values: Values) -> LinearisedTimes:
-        """Give the times about values, with their Jacobian; see `ForwardModel.linearised`."""
+        """Return the times about values, with their Jacobian; see `ForwardModel.linearised`."""
         profile, depths, roll = self._given(values)
         landing = self._landed(profile, depths, roll)
         beams, p = self.beams, landing.slowness
@@ -115,7 +115,7 @@ class SoundingTimes:
         return LinearisedTimes(2 * landing.time, jacobian, shapes)
 
     def places(self, values: Values) -> np.ndarray:
-        """Give where beams meet the bed: x, y, depth, (N, 3) [m]."""
+        """Return where beams meet the bed: x, y, depth, (N, 3) [m]."""
         landing = self._landed(*self._given(values))
         return np.stack([self.beams.x + self.beams.east * landing.distance,
                          self.beams.y + self.beams.north * landing.distance, landing.depth], -1)
@@ -171,21 +171,15 @@ class SoundingTimes:
 
 
 class LinearisedTimes:
-    """Times about values; see `Linearised`.
-
-    Attributes
-    ----------
-    value : array (N,) [s]
-    jacobian : dict of str to array (N, size)
-        Of each parameter, flat; sparse of the bed.
-    """
+    """Times about values; see `Linearised`."""
+    # value (N,) [s]; jacobian (N, size)
 
     def __init__(self, value: np.ndarray, jacobian: dict[str, np.ndarray | sparse.csr_array],
                  shapes: dict[str, tuple[int, ...]]):
         self.value, self.jacobian, self._shapes = value, jacobian, shapes
 
     def forward(self, tangents: Values) -> np.ndarray:
-        """Give J v; see `Linearised.forward`."""
+        """Return J v; see `Linearised.forward`."""
         result = np.zeros(len(self.value))
         like = {name: np.empty(shape) for name, shape in self._shapes.items()}
         for name, tangent in tangents.items():
@@ -193,7 +187,7 @@ class LinearisedTimes:
         return result
 
     def backward(self, cotangent: np.ndarray) -> dict[str, np.ndarray]:
-        """Give Jᵀ w; see `Linearised.backward`."""
+        """Return Jᵀ w; see `Linearised.backward`."""
         if np.shape(cotangent) != self.value.shape:
             raise ValueError(f"sounding times: weights have the shape {np.shape(cotangent)}; give {self.value.size}, "
                              "one for each time.")
@@ -202,7 +196,7 @@ class LinearisedTimes:
 
 
 def fitting(like: Values, name: str, value: np.ndarray) -> np.ndarray:
-    """Give a parameter's value as numbers; refuse a name or a shape that is not there."""
+    """Return a parameter's value as numbers; refuse a name or a shape that is not there."""
     if name not in like:
         raise ValueError(f"sounding times: {name} is no parameter; there are {', '.join(like)}.")
     value = np.asarray(value, float)

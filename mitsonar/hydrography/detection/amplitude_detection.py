@@ -36,35 +36,17 @@ PULSES = 1.5                      # and in pulses
 
 @dataclass(frozen=True, kw_only=True)
 class AmplitudeDetections:
-    """One a beam.
+    """One a beam."""
 
-    Attributes
-    ----------
-    time, deviation : float (B,) [s]
-        Before what the footprint makes late is taken off.
-    energy : float (B,) [µPa² s]
-        Of the echo, without noise.
-    peak : float (B,)
-        Greatest intensity over the noise.
-    """
-
-    time: np.ndarray
-    deviation: np.ndarray
-    energy: np.ndarray
-    peak: np.ndarray
+    time: np.ndarray  # (B,) [s]: before what the footprint makes late is taken off
+    deviation: np.ndarray  # (B,) [s]: before what the footprint makes late is taken off
+    energy: np.ndarray  # (B,) [µPa² s]: of the echo, without noise
+    peak: np.ndarray  # (B,): greatest intensity over the noise
 
 
 def footprint_duration(time: np.ndarray, slope: np.ndarray, beam: np.ndarray) -> np.ndarray:
-    """Give the rms duration [s] of a plane footprint's echo.
-
-    Parameters
-    ----------
-    time : float (B,) [s]
-    slope : float (B,)
-        tan of the incidence.
-    beam : float (B,) [rad]
-        rms width.
-    """
+    """Return the rms duration [s] of a plane footprint's echo."""
+    # time (B,) [s]; slope (B,); beam (B,) [rad]
     return time * beam * np.sqrt(slope ** 2 + beam ** 2 / 2)
 
 
@@ -74,19 +56,8 @@ def along_delay(angle: np.ndarray, incidence: np.ndarray, transmit_width: float)
 
 
 def slopes(values: np.ndarray, angle: np.ndarray, good: np.ndarray) -> np.ndarray:
-    """Give the slope of values over the beams' angles, by the median of differences across each beam.
-
-    Parameters
-    ----------
-    values, angle : float (B,)
-    good : bool (B,)
-        Which values count.
-
-    Returns
-    -------
-    float (B,)
-        NaN at the fan's ends and where a beam has no good ones to both sides.
-    """
+    """Return the slope of values over the beams' angles, by the median of differences across each beam."""
+    # values, angle (B,); good (B,) -> (B,)
     beams = np.arange(len(values))
     spacing = float(np.median(np.diff(angle))) if len(angle) > 1 else 1.0
     found = [np.full(len(values), np.nan)]
@@ -104,7 +75,7 @@ def slopes(values: np.ndarray, angle: np.ndarray, good: np.ndarray) -> np.ndarra
 
 
 def incidences(log_time: np.ndarray, angle: np.ndarray, good: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
-    """Give the incidence (B,) [rad] on the bed across the track: tan ψ is the slope of log t over the angle.
+    """Return the incidence (B,) [rad] on the bed across the track: tan ψ is the slope of log t over the angle.
 
     A beam whose slope is not known takes the tilt of the nearest that is, and ``otherwise`` (B,) if none is.
     """
@@ -121,25 +92,8 @@ def incidences(log_time: np.ndarray, angle: np.ndarray, good: np.ndarray, otherw
 
 def by_amplitude(intensity: np.ndarray, windows: Windows, time: np.ndarray, centre: np.ndarray, footprint: np.ndarray,
                  pulse_length: float, noise: float) -> AmplitudeDetections:
-    """Detect by the centre of gravity.
-
-    Parameters
-    ----------
-    intensity : float (W,) [µPa²]
-        Of the whole beam, in windows that hold twice the reach.
-    windows : Windows
-    time : float (T,) [s]
-    centre : float (B,) [s]
-        Where the echo is, to within the footprint or the pulse.
-    footprint : float (B,) [s]
-        Its rms duration, expected.
-    pulse_length : float [s]
-    noise : float [µPa²]
-
-    Returns
-    -------
-    AmplitudeDetections
-    """
+    """Detect by the centre of gravity."""
+    # intensity (W,) [µPa²]; time (T,) [s]; centre (B,) [s]; footprint (B,) [s]; pulse_length [s]; noise [µPa²]
     step = time[1] - time[0]
     half = REACH * GAUSSIAN_WIDTH * footprint + PULSES * pulse_length
     instants = time[windows.sample]
@@ -172,16 +126,8 @@ def by_amplitude(intensity: np.ndarray, windows: Windows, time: np.ndarray, cent
 
 
 def refined_centre(intensity: np.ndarray, windows: Windows, time: np.ndarray, length: np.ndarray) -> np.ndarray:
-    """Give where in its window each beam has the most energy.
-
-    Parameters
-    ----------
-    intensity : float (W,)
-    windows : Windows
-    time : float (T,) [s]
-    length : float (B,) [s]
-        Of the echo.
-    """
+    """Return where in its window each beam has the most energy."""
+    # intensity (W,); time (T,) [s]; length (B,) [s]
     samples = np.maximum(length / (time[1] - time[0]), 1).astype(np.int64)
     return time[windows.place_of_greatest(windows.smoothed(intensity, samples))]
 

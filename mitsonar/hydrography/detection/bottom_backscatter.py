@@ -40,7 +40,7 @@ __all__ = ["DB_MEAN_BIAS", "ensonified_area", "mean_absorption", "strength_db", 
 
 
 def mean_absorption(column: AbsorptionColumn, top: np.ndarray | float, bottom: np.ndarray | float) -> np.ndarray:
-    """Give the mean absorption [dB/m] between depths (...) [m]: exactly that of a column linear between nodes."""
+    """Return the mean absorption [dB/m] between depths (...) [m]: exactly that of a column linear between nodes."""
     top, bottom = np.broadcast_arrays(np.asarray(top, float), np.asarray(bottom, float))
     whole = np.r_[0.0, np.cumsum(0.5 * (column.absorption_db[1:] + column.absorption_db[:-1]) * np.diff(column.depth))]
 
@@ -55,7 +55,7 @@ def mean_absorption(column: AbsorptionColumn, top: np.ndarray | float, bottom: n
 
 
 def transmission_loss_db(places: Located, absorption: AbsorptionColumn | float | np.ndarray) -> np.ndarray:
-    """Give the one-way transmission loss to soundings.
+    """Return the one-way transmission loss to soundings.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def ensonified_area(slant_range: np.ndarray, incidence: np.ndarray, *, pulse_len
                     transmit_width: float | np.ndarray, receive_width: float | np.ndarray,
                     sound_speed: float | np.ndarray,
                     stretch: float | np.ndarray = 0.0, away: float | np.ndarray = 0.0) -> np.ndarray:
-    """Give the area of bed that sounds at once, on average over a stretch of time.
+    """Return the area of bed that sounds at once, on average over a stretch of time.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def ensonified_area(slant_range: np.ndarray, incidence: np.ndarray, *, pulse_len
 def strength_db(intensity: np.ndarray, *, source_level_db: float | np.ndarray, loss_db: np.ndarray,
                 area: np.ndarray, transmit_pattern_db: float | np.ndarray = 0.0,
                 receive_pattern_db: float | np.ndarray = 0.0) -> np.ndarray:
-    """Give the bottom backscattering strength.
+    """Return the bottom backscattering strength.
 
     Parameters
     ----------

@@ -37,38 +37,21 @@ LEAST_SCORE = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class Echoes:
-    """Sums over short blocks of samples.
+    """Sums over short blocks of samples."""
 
-    Attributes
-    ----------
-    power, common : float (B, N) [µPa²]
-        Mean over a block of (|a|² + |b|²)/2 and of Re(a b*).
-    start, step : float [s]
-        Begin of the first block, and length of each.
-    echoes : float
-        Independent ones in a block.
-    """
-
-    power: np.ndarray
-    common: np.ndarray
-    start: float
-    step: float
-    echoes: float
+    power: np.ndarray  # (B, N) [µPa²]: mean over a block of (|a|² + |b|²)/2 and of Re(a b*)
+    common: np.ndarray  # (B, N) [µPa²]: mean over a block of (|a|² + |b|²)/2 and of Re(a b*)
+    start: float  # [s]: begin of the first block, and length of each
+    step: float  # [s]: begin of the first block, and length of each
+    echoes: float  # independent ones in a block
 
 
 @dataclass(frozen=True, kw_only=True)
 class Track:
-    """The bed, roughly.
+    """The bed, roughly."""
 
-    Attributes
-    ----------
-    time : float (B,) [s]
-    seen : bool (B,)
-        Whether there is an echo at all.
-    """
-
-    time: np.ndarray
-    seen: np.ndarray
+    time: np.ndarray  # (B,) [s]
+    seen: np.ndarray  # (B,): whether there is an echo at all
 
 
 def reduced(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, pulse_length: float) -> Echoes:
@@ -88,7 +71,7 @@ def _as_pairs(record: np.ndarray, blocks: int) -> np.ndarray:
 
 
 def _independent(size: int, spacing: float) -> float:
-    """Give how many independent samples of filtered noise some samples are worth; ``spacing`` in pulse lengths."""
+    """Return how many independent samples of filtered noise some samples are worth; ``spacing`` in pulse lengths."""
     lags = np.subtract.outer(np.arange(size), np.arange(size)) * spacing
     return size ** 2 / float(np.exp(-np.pi * lags ** 2).sum())
 
@@ -102,21 +85,8 @@ def noise_level(echoes: Echoes) -> float:
 
 def track(echoes: Echoes, sines: np.ndarray, widths: np.ndarray, noise: float,
           gate: tuple[float, float]) -> Track:
-    """Track the bed through the beams.
-
-    Parameters
-    ----------
-    echoes : Echoes
-    sines : float (B,)
-        Increasing.
-    widths : float (B,) [rad]
-    noise : float [µPa²]
-    gate : float, float [s]
-
-    Returns
-    -------
-    Track
-    """
+    """Track the bed through the beams."""
+    # sines (B,); widths (B,) [rad]; noise [µPa²]; gate [s]
     together = -(-len(sines) // ROWS)
     first = np.arange(0, len(sines), together)
     count = np.diff(np.append(first, len(sines)))
@@ -136,7 +106,7 @@ def track(echoes: Echoes, sines: np.ndarray, widths: np.ndarray, noise: float,
 
 def _scores(echoes: Echoes, power: np.ndarray, common: np.ndarray, angle: np.ndarray, width: np.ndarray, noise: float,
             gate: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Give the scores (G, Z), and log(t cos θ) of the cells (Z,)."""
+    """Return the scores (G, Z), and log(t cos θ) of the cells (Z,)."""
     cosine, blocks = np.cos(angle), power.shape[1]
     low = max(gate[0], gate[1] / 200, echoes.start + echoes.step)
     last = echoes.start + blocks * echoes.step
@@ -174,7 +144,7 @@ def _means(values: np.ndarray, begin: np.ndarray, end: np.ndarray) -> np.ndarray
 
 
 def _best_path(score: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """Give the cell (G,) of each beam on the path with the greatest sum of scores."""
+    """Return the cell (G,) of each beam on the path with the greatest sum of scores."""
     sums = score.astype(np.float32)
     step = np.abs(np.diff(angle))
     gentle, steep = (np.ceil(step * slope / CELL).astype(int) for slope in (GENTLE, STEEP))

@@ -221,7 +221,7 @@ def _aside(fan: _Fan, centre: np.ndarray, incidence: np.ndarray) -> np.ndarray:
 
 def _finite(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray,
             pulse_length: float) -> tuple[tuple[np.ndarray, np.ndarray], Echoes]:
-    """Give the halves as complex64 without what is not finite, and their sums over blocks."""
+    """Return the halves as complex64 without what is not finite, and their sums over blocks."""
     port, starboard = (np.ascontiguousarray(half, np.complex64) for half in halves)
     sums = reduced((port, starboard), time, pulse_length)
     if not np.isfinite(sums.power).all():
@@ -231,7 +231,7 @@ def _finite(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray,
 
 
 def _intensity(halves: tuple[np.ndarray, np.ndarray], windows: Windows) -> np.ndarray:
-    """Give the whole beam's intensity (W,) in some windows."""
+    """Return the whole beam's intensity (W,) in some windows."""
     whole = (windows.taken(halves[0]).astype(complex) + windows.taken(halves[1])) / 2
     return whole.real ** 2 + whole.imag ** 2
 

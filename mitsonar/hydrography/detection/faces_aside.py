@@ -18,43 +18,25 @@ __all__ = ["AsideFace", "Seen"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Seen:
-    """Echoes as the body's origin would see them, (B,) each.
+    """Echoes as the body's origin would see them, (B,) each."""
 
-    Attributes
-    ----------
-    travel_time : [s]
-        Both ways.
-    angle, transmit_angle : [rad]
-        Arcsines along the body's starboard and forward axes.
-    depression : [rad]
-        Below the body's horizontal, on the face's side.
-    """
-
-    travel_time: np.ndarray
-    angle: np.ndarray
-    transmit_angle: np.ndarray
-    depression: np.ndarray
+    travel_time: np.ndarray  # [s]: both ways
+    angle: np.ndarray  # [rad]: arcsines along the body's starboard and forward axes
+    transmit_angle: np.ndarray  # [rad]: arcsines along the body's starboard and forward axes
+    depression: np.ndarray  # [rad]: below the body's horizontal, on the face's side
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AsideFace:
-    """A side's face, body frame (forward, starboard, down).
+    """A side's face, body frame (forward, starboard, down)."""
 
-    Attributes
-    ----------
-    transmit_centre, receive_centre : (3,) [m]
-        T and R.
-    axis, normal : (3,)
-        a, up along the face, and b.
-    """
-
-    transmit_centre: np.ndarray
-    receive_centre: np.ndarray
-    axis: np.ndarray
-    normal: np.ndarray
+    transmit_centre: np.ndarray  # (3,) [m]: T and R
+    receive_centre: np.ndarray  # (3,) [m]: T and R
+    axis: np.ndarray  # (3,): a, up along the face, and b
+    normal: np.ndarray  # (3,): a, up along the face, and b
 
     def seen(self, sine: np.ndarray, time: np.ndarray, sound_speed: float) -> Seen:
-        """Give echoes of sines (B,) and times (B,) [s] from the centre, at a sound speed [m/s]."""
+        """Return echoes of sines (B,) and times (B,) [s] from the centre, at a sound speed [m/s]."""
         sine = np.clip(sine, -1, 1)
         towards = sine[:, None] * self.axis + np.sqrt(1 - sine ** 2)[:, None] * self.normal
         e, way = self.receive_centre - self.transmit_centre, sound_speed * np.asarray(time, float)

@@ -44,49 +44,20 @@ SIDE_BY_SIDE = 1.5           # pulse lengths from one independent echo to the ne
 
 @dataclass(frozen=True, kw_only=True)
 class PhaseDetections:
-    """One a beam.
+    """One a beam."""
 
-    Attributes
-    ----------
-    time, deviation : float (B,) [s]
-        deviation is inf where the phase does not say.
-    slope : float (B,)
-        tan of the incidence.
-    coherence : float (B,)
-    echoes : float (B,)
-        Independent ones in the window.
-    """
-
-    time: np.ndarray
-    deviation: np.ndarray
-    slope: np.ndarray
-    coherence: np.ndarray
-    echoes: np.ndarray
+    time: np.ndarray  # (B,) [s]: deviation is inf where the phase does not say
+    deviation: np.ndarray  # (B,) [s]: deviation is inf where the phase does not say
+    slope: np.ndarray  # (B,): tan of the incidence
+    coherence: np.ndarray  # (B,)
+    echoes: np.ndarray  # (B,): independent ones in the window
 
 
 def by_phase(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, centre: np.ndarray, slope: np.ndarray,
              sines: np.ndarray, widths: np.ndarray, baseline: float, pulse_length: float) -> PhaseDetections:
-    """Detect by the zero crossing.
-
-    Parameters
-    ----------
-    halves : complex (B, T), complex (B, T)
-        Port and starboard.
-    time : float (T,) [s]
-    centre : float (B,) [s]
-        Where the echo is, to within half the footprint.
-    slope : float (B,)
-        tan of the incidence, from neighbouring beams.
-    sines : float (B,)
-    widths : float (B,) [rad]
-        Of the whole beams, -3 dB.
-    baseline : float [wavelengths]
-    pulse_length : float [s]
-
-    Returns
-    -------
-    PhaseDetections
-    """
+    """Detect by the zero crossing."""
+    # halves (B, T); time (T,) [s]; centre (B,) [s]; slope (B,); sines (B,); widths (B,) [rad]; baseline [wavelengths];
+    # pulse_length [s]
     beams = _Beams(halves=halves, time=time, sines=sines, spread=widths * np.sqrt(1 - sines ** 2),
                    turn=np.full(len(centre), 2 * np.pi * baseline), spacing=SIDE_BY_SIDE * pulse_length)
     incidence = np.arctan(np.where(np.abs(slope) < 0.02, 0.02, slope))
@@ -172,7 +143,7 @@ def _no_surer(narrow: PhaseDetections, wide: PhaseDetections) -> PhaseDetections
 
 
 def _widest_that_agrees(made: list[PhaseDetections]) -> np.ndarray:
-    """Give the number (B,) of the widest window whose crossing agrees with those of all narrower ones."""
+    """Return the number (B,) of the widest window whose crossing agrees with those of all narrower ones."""
     best = np.full(len(made[0].time), len(made) - 1)
     for number in range(len(made) - 2, -1, -1):
         agreed = np.isfinite(made[number].deviation)
@@ -185,7 +156,7 @@ def _widest_that_agrees(made: list[PhaseDetections]) -> np.ndarray:
 
 
 def no_phase(time: np.ndarray) -> PhaseDetections:
-    """Give the detections (B,) of a head whose beams are not split: none."""
+    """Return the detections (B,) of a head whose beams are not split: none."""
     nothing = np.zeros_like(time)
     return PhaseDetections(time=time, deviation=np.full_like(time, np.inf), slope=nothing, coherence=nothing,
                            echoes=nothing)
@@ -260,7 +231,7 @@ def _fitted(samples: _Samples, turned: _Turned, turn: np.ndarray, block: int) ->
 
 def _offsets(instants: np.ndarray, found: np.ndarray, incidence: np.ndarray, sines: np.ndarray,
              beam: np.ndarray) -> np.ndarray:
-    """Give x(t) (W,)."""
+    """Return x(t) (W,)."""
     leaning = np.arcsin(sines) - incidence
     nearest = (found * np.cos(incidence))[beam] / np.maximum(instants, 1e-12)
     away = np.sign(incidence)[beam] * np.arccos(np.clip(nearest, -1.0, 1.0))
@@ -268,7 +239,7 @@ def _offsets(instants: np.ndarray, found: np.ndarray, incidence: np.ndarray, sin
 
 
 def _time_of(crossing: np.ndarray, found: np.ndarray, incidence: np.ndarray, sines: np.ndarray) -> np.ndarray:
-    """Give the time (B,) at which the plane through ``found`` is seen ``crossing`` off the axis."""
+    """Return the time (B,) at which the plane through ``found`` is seen ``crossing`` off the axis."""
     leaning = np.arcsin(sines) - incidence
     away = np.arcsin(np.clip(sines + crossing, -1, 1)) - leaning
     return found * np.cos(incidence) / np.maximum(np.cos(away), 1e-3)

@@ -30,61 +30,38 @@ GAUSSIAN_WIDTH = 2 * np.sqrt(2 * np.log(2))       # -3 dB width over standard de
 
 
 def pulse_deviation(pulse_length: float | np.ndarray) -> float | np.ndarray:
-    """Give the rms duration [s] of |χ|², a Gaussian with the integral ``pulse_length`` [s]."""
+    """Return the rms duration [s] of |χ|², a Gaussian with the integral ``pulse_length`` [s]."""
     return pulse_length / np.sqrt(2 * np.pi)
 
 
 def correlation_time(pulse_length: float) -> float:
-    """Give s [s]: the squared correlation of echoes falls as exp(-τ²/2s²)."""
+    """Return s [s]: the squared correlation of echoes falls as exp(-τ²/2s²)."""
     return pulse_length / np.sqrt(np.pi)
 
 
 def gravity_deviation(footprint: np.ndarray, pulse_length: float) -> np.ndarray:
-    """Give the standard deviation of a centre of gravity by speckle.
-
-    Parameters
-    ----------
-    footprint : float (B,) [s]
-        rms duration of the footprint's echo.
-    pulse_length : float [s]
-        ∫|χ|² dt of the compressed pulse.
-
-    Returns
-    -------
-    float (B,) [s]
-    """
+    """Return the standard deviation of a centre of gravity by speckle."""
+    # footprint (B,) [s]; pulse_length [s] -> (B,) [s]
     return footprint * np.sqrt(0.5 / echoes_side_by_side(footprint, pulse_length))
 
 
 def angle_deviation(beam: np.ndarray, footprint: np.ndarray, pulse_length: float) -> np.ndarray:
-    """Give how far the centre of an amplitude's echo strays from the beam's mean direction.
-
-    Parameters
-    ----------
-    beam : float (B,) [rad]
-        rms width of the beam.
-    footprint, pulse_length
-        As in `gravity_deviation`.
-
-    Returns
-    -------
-    float (B,) [rad]
-        The same error as the time's, seen as an angle: a sounding has one of the two.
-    """
+    """Return how far the centre of an amplitude's echo strays from the beam's mean direction."""
+    # beam (B,) [rad] -> (B,) [rad]
     return beam * np.sqrt(0.5 / echoes_side_by_side(footprint, pulse_length))
 
 
 def echoes_side_by_side(footprint: np.ndarray, pulse_length: float) -> np.ndarray:
-    """Give how many echoes of a pulse's length a footprint's echo holds, 1 or more."""
+    """Return how many echoes of a pulse's length a footprint's echo holds, 1 or more."""
     return np.sqrt(1 + 2 * (footprint / correlation_time(pulse_length)) ** 2)
 
 
 def coherent_phase_deviation(coherence: np.ndarray, echoes: np.ndarray) -> np.ndarray:
-    """Give the standard deviation [rad] of a mean phase difference of many echoes (Rodríguez and Martin 1992)."""
+    """Return the standard deviation [rad] of a mean phase difference of many echoes (Rodríguez and Martin 1992)."""
     return np.sqrt((1 - coherence ** 2) / (2 * coherence ** 2 * echoes))
 
 
 def quality_factor(time: np.ndarray, deviation: np.ndarray) -> np.ndarray:
-    """Give log10(t / σ_t), -inf where nothing is known."""
+    """Return log10(t / σ_t), -inf where nothing is known."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(np.isfinite(deviation) & (time > 0), np.log10(time / deviation), -np.inf)

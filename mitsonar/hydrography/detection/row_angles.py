@@ -109,7 +109,7 @@ class Rows:
 
     def angles(self, signals: np.ndarray, *, per_bin: int, window: int, looks: float,
                relative_bandwidth: float = 0.0) -> RowAngles:
-        """Give the angles of the echoes in bins.
+        """Return the angles of the echoes in bins.
 
         Parameters
         ----------
@@ -142,7 +142,7 @@ class Rows:
 
     def deviation(self, coherence: np.ndarray, sine: np.ndarray, looks: float,
                   relative_bandwidth: float = 0.0) -> np.ndarray:
-        """Give σ_s of (3), (B,), inf where nothing is known; arguments as of `angles` and `RowAngles`."""
+        """Return σ_s of (3), (B,), inf where nothing is known; arguments as of `angles` and `RowAngles`."""
         first, second = np.triu_indices(len(self.place), 1)
         apart = relative_bandwidth * np.multiply.outer(self.place[first] - self.place[second], sine)
         white = np.clip(coherence / np.maximum(np.sinc(apart).mean(0), 1e-3), 0, CERTAIN)
@@ -173,7 +173,7 @@ class Rows:
 
 
 def sector_of(tilt: float) -> tuple[float, float]:
-    """Give sines along the rows of a face tilted down [rad], from nadir to horizon and somewhat beyond."""
+    """Return sines along the rows of a face tilted down [rad], from nadir to horizon and somewhat beyond."""
     low, high = -(0.5 * np.pi - tilt) - MARGIN, tilt + MARGIN
     return float(np.sin(max(low, -STEEPEST))), float(np.sin(min(high, STEEPEST)))
 

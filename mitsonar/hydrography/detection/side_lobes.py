@@ -38,17 +38,8 @@ def mean_between(echoes: Echoes, begin: np.ndarray, end: np.ndarray) -> np.ndarr
 
 
 def through_side_lobes(pattern: np.ndarray, intensity: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Return the level (B,) [µPa²] that side lobes may have brought.
-
-    Parameters
-    ----------
-    pattern : float (B, J)
-        Of each beam towards the axes of others, intensity relative to its own axis, 0 within the main lobe.
-    intensity : float (J, B) [µPa²]
-        Of the others at the time of each beam's sounding.
-    share : float (J,)
-        Steps from beam to beam over the width of the main lobe.
-    """
+    """Return the level (B,) [µPa²] that side lobes may have brought."""
+    # pattern (B, J); intensity (J, B) [µPa²]; share (J,)
     return MARGIN * np.where(pattern < HIGHEST, pattern * intensity.T, 0.0) @ share
 
 

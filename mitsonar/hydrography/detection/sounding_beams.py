@@ -90,25 +90,7 @@ class SoundingBeams:
 
 
 def beams_of(soundings: xr.Dataset, under_way: bool = True) -> SoundingBeams:
-    """Take the beams of the valid soundings out of a line.
-
-    Parameters
-    ----------
-    soundings : xarray.Dataset
-        Simulated or read from a file; `mitsonar.hydrography.record` says what it holds.
-    under_way : bool
-        Whether its places count the way that the platform made while an echo came in; some instruments leave it out.
-
-    Returns
-    -------
-    SoundingBeams
-        Ping after ping.
-
-    Raises
-    ------
-    ValueError
-        If it is no line of soundings, or no ray leads to any of them in the line's own water.
-    """
+    """Take the beams of the valid soundings out of a line."""
     check(soundings)
     motion, measured, profile = Motion.of(soundings), measured_of(soundings), profile_of(soundings)
     shape = soundings["valid"].shape
@@ -142,25 +124,7 @@ def beams_of(soundings: xr.Dataset, under_way: bool = True) -> SoundingBeams:
 
 
 def beams_of_lines(lines: Sequence[xr.Dataset], under_way: bool = True) -> SoundingBeams:
-    """Take the beams of several lines, in the frame of the first.
-
-    Parameters
-    ----------
-    lines : sequence of xarray.Dataset
-        In one coordinate system, each about the origin that its attributes tell; without one, all in one frame.
-    under_way : bool
-        As of `beams_of`.
-
-    Returns
-    -------
-    SoundingBeams
-        Line after line.
-
-    Raises
-    ------
-    ValueError
-        If there is no line, coordinate systems differ, or as of `beams_of`.
-    """
+    """Take the beams of several lines, in the frame of the first."""
     if not lines:
         raise ValueError("beams: there is no line of soundings; give one at least.")
     first, parts = lines[0].attrs, []
@@ -176,7 +140,8 @@ def beams_of_lines(lines: Sequence[xr.Dataset], under_way: bool = True) -> Sound
 
 
 def slowness_to(starts: Starts, depth: np.ndarray, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give horizontal slowness [s/m] and one-way time [s] of the direct rays down to places, (N,); NaN without one."""
+    """Return horizontal slowness [s/m] and one-way time [s] of the direct rays down to places, (N,); NaN without one.
+    """
     height = depth - starts.depth
     fastest = np.maximum(starts.speed, starts.profile.at(depth))
     slowness = distance / np.hypot(distance, height) / fastest * (1 - 1e-6)

@@ -15,28 +15,16 @@ __all__ = ["Windows", "among_neighbours", "windows_about"]
 
 @dataclass(frozen=True, kw_only=True)
 class Windows:
-    """One window of samples a beam.
+    """One window of samples a beam."""
 
-    Attributes
-    ----------
-    begin, end : int (B,)
-        Samples begin <= n < end; none is empty.
-    beam : int (W,)
-        Of each sample of all windows, increasing.
-    sample : int (W,)
-        Its number in the record.
-    start : int (B,)
-        Where each window begins among the W.
-    """
-
-    begin: np.ndarray
-    end: np.ndarray
-    beam: np.ndarray
-    sample: np.ndarray
-    start: np.ndarray
+    begin: np.ndarray  # (B,): samples begin <= n < end
+    end: np.ndarray  # (B,): samples begin <= n < end
+    beam: np.ndarray  # (W,): of each sample of all windows, increasing
+    sample: np.ndarray  # (W,): its number in the record
+    start: np.ndarray  # (B,): where each window begins among the W
 
     def taken(self, record: np.ndarray) -> np.ndarray:
-        """Give the samples (W,) of a record (B, T)."""
+        """Return the samples (W,) of a record (B, T)."""
         return record[self.beam, self.sample]
 
     def summed(self, values: np.ndarray) -> np.ndarray:
@@ -44,12 +32,12 @@ class Windows:
         return np.add.reduceat(values, self.start)
 
     def place_of_greatest(self, values: np.ndarray) -> np.ndarray:
-        """Give the sample number (B,) of the first greatest of values (W,) in each window."""
+        """Return the sample number (B,) of the first greatest of values (W,) in each window."""
         found = np.flatnonzero(values >= np.maximum.reduceat(values, self.start)[self.beam])
         return self.sample[found[np.searchsorted(self.beam[found], np.arange(len(self.begin)))]]
 
     def smoothed(self, values: np.ndarray, length: np.ndarray) -> np.ndarray:
-        """Give the running sum of values (W,) over ``length`` samples (B,) of each beam, cut at its window's ends."""
+        """Return the running sum of values (W,) over ``length`` samples (B,) of each beam, cut at its window's ends."""
         total = np.concatenate([[0.0], np.cumsum(values)])
         place = np.arange(len(values))
         half = (length // 2)[self.beam]
@@ -67,14 +55,8 @@ def among_neighbours(values: np.ndarray, good: np.ndarray, aside: int = 2) -> np
 
 
 def windows_about(time: np.ndarray, centre: np.ndarray, half: np.ndarray) -> Windows:
-    """Lay a window about a time of every beam, cut at the record's ends.
-
-    Parameters
-    ----------
-    time : float (T,) [s]
-        Evenly spaced.
-    centre, half : float (B,) [s]
-    """
+    """Lay a window about a time of every beam, cut at the record's ends."""
+    # time (T,) [s]; centre, half (B,) [s]
     rate = 1 / (time[1] - time[0])
     begin = np.clip(np.floor((centre - half - time[0]) * rate), 0, len(time) - 2).astype(np.int64)
     end = np.clip(np.ceil((centre + half - time[0]) * rate) + 1, begin + 2, len(time)).astype(np.int64)

@@ -43,11 +43,11 @@ class Pose:
     heading: np.ndarray
 
     def turned(self, vector: np.ndarray) -> np.ndarray:
-        """Give a vector (..., 3) of the body in the scene: (..., 3)."""
+        """Return a vector (..., 3) of the body in the scene: (..., 3)."""
         return turned(vector, (self.roll, self.pitch, self.heading))
 
     def carried(self, offset: np.ndarray) -> np.ndarray:
-        """Give the place (..., 3) [m] of what is mounted `offset` (3,) [m] from the reference point."""
+        """Return the place (..., 3) [m] of what is mounted `offset` (3,) [m] from the reference point."""
         return self.place + self.turned(offset)
 
 
@@ -115,7 +115,7 @@ class Motion:
         return cls(**{one.name: soundings[f"motion_{one.name}"].values for one in fields(cls)})
 
     def at(self, time: np.ndarray) -> Pose:
-        """Give the pose at times (...) [s]; NaN where the time is."""
+        """Return the pose at times (...) [s]; NaN where the time is."""
         time = np.asarray(time, float)
         inside = np.clip(time, self.time[0], self.time[-1])
         if self.time.size == 1:

@@ -51,7 +51,7 @@ class Reduction:
     node: bool = True
 
     def located(self, measured: Measured) -> Located:
-        """Give the places of soundings."""
+        """Return the places of soundings."""
         return located(measured, self.motion, self.installation, self.profile, head_speed=self.head_speed,
                        node=self.node)
 
@@ -76,13 +76,13 @@ class Errors:
     error_motion: np.ndarray
 
     def variables(self) -> dict[str, np.ndarray]:
-        """Give them by name, as a record holds them."""
+        """Return them by name, as a record holds them."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
 
 def errors(measured: Measured, true: Reduction, used: Reduction, bed: Bed, *,
            at_rest: Measured | None = None, refracted: Measured | None = None) -> tuple[Located, Errors]:
-    """Give soundings as they come out, and their errors by cause.
+    """Return soundings as they come out, and their errors by cause.
 
     Parameters
     ----------

@@ -59,20 +59,11 @@ def crossed(slowness: np.ndarray, thickness: np.ndarray, upper_speed: np.ndarray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Column:
-    """The layers between some nodes of a profile.
+    """The layers between some nodes of a profile."""
 
-    Attributes
-    ----------
-    first : int
-        Number of the topmost of the nodes.
-    fastest : float [m/s]
-    table : array (nodes, 4, coefficients)
-        Chebyshev coefficients of `crossed`'s sums from the first node down to each.
-    """
-
-    first: int
-    fastest: float
-    table: np.ndarray
+    first: int  # number of the topmost of the nodes
+    fastest: float  # [m/s]
+    table: np.ndarray  # chebyshev coefficients of `crossed`'s sums from the first node down to each
 
     @staticmethod
     @lru_cache(maxsize=64)
@@ -91,11 +82,11 @@ class Column:
         return Column(first=first, fastest=fastest, table=table)
 
     def knows(self, slowness: np.ndarray) -> np.ndarray:
-        """Whether rays are steep enough for the table."""
+        """Return whether rays are steep enough for the table."""
         return np.abs(slowness) * self.fastest < np.sqrt(1 - FLATTEST**2)
 
     def between(self, slowness: np.ndarray, upper: np.ndarray, lower: np.ndarray) -> np.ndarray:
-        """Give the sums (4, N) of rays that it knows, from nodes to nodes by their numbers (N,)."""
+        """Return the sums (4, N) of rays that it knows, from nodes to nodes by their numbers (N,)."""
         sine = np.sqrt(1 - (slowness * self.fastest)**2)
         place = (2 * sine - 1 - FLATTEST) / (1 - FLATTEST)
         powers = np.polynomial.chebyshev.chebvander(place, COEFFICIENTS - 1)
@@ -128,20 +119,11 @@ class Leg(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Starts:
-    """Where rays start, in which water.
-
-    Parameters
-    ----------
-    profile : SoundSpeedProfile
-    depth : array (N,) [m]
-    head_speed : array (N,) [m/s] or None
-        Speed at the start, in place of the profile's; None: the profile's own. Below the profile's last node, where
-        there is no node to go to, rays see the profile at once.
-    """
+    """Where rays start, in which water."""
 
     profile: SoundSpeedProfile
-    depth: np.ndarray
-    head_speed: np.ndarray | None = None
+    depth: np.ndarray  # (N,) [m]
+    head_speed: np.ndarray | None = None  # (N,) [m/s]: speed at the start, in place of the profile's
 
     @property
     def speed(self) -> np.ndarray:

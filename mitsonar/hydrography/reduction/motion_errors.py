@@ -19,33 +19,20 @@ FASTEST = 5.0                      # [Hz]: no sensor's error wanders faster
 
 @dataclass(frozen=True, kw_only=True)
 class MotionErrors:
-    """Errors of attitude, heave and position.
+    """Errors of attitude, heave and position."""
 
-    Attributes
-    ----------
-    roll_bias, pitch_bias, heading_bias : float [rad]
-    latency : float [s]
-        By which attitude and heave are those of an earlier time.
-    attitude_noise, heading_noise : float [rad]
-        Of roll and of pitch, and of the heading; root mean squares.
-    heave_noise, position_noise : float [m]
-        Of the depth, and of x and of y.
-    correlation : float [s]
-        T.
-    """
-
-    roll_bias: float = 0.0
-    pitch_bias: float = 0.0
-    heading_bias: float = 0.0
-    latency: float = 0.0
-    attitude_noise: float = 0.0
-    heading_noise: float = 0.0
-    heave_noise: float = 0.0
-    position_noise: float = 0.0
-    correlation: float = 5.0
+    roll_bias: float = 0.0  # [rad]
+    pitch_bias: float = 0.0  # [rad]
+    heading_bias: float = 0.0  # [rad]
+    latency: float = 0.0  # [s]: by which attitude and heave are those of an earlier time
+    attitude_noise: float = 0.0  # [rad]: of roll and of pitch, and of the heading
+    heading_noise: float = 0.0  # [rad]: of roll and of pitch, and of the heading
+    heave_noise: float = 0.0  # [m]: of the depth, and of x and of y
+    position_noise: float = 0.0  # [m]: of the depth, and of x and of y
+    correlation: float = 5.0  # [s]: T
 
     def added(self, time: np.ndarray, seed: int) -> dict[str, np.ndarray]:
-        """Give bias and noise at times (M,) [s]: (M,) [m], [rad] for x, y, depth, roll, pitch and heading."""
+        """Return bias and noise at times (M,) [s]: (M,) [m], [rad] for x, y, depth, roll, pitch and heading."""
         spread = {"x": self.position_noise, "y": self.position_noise, "depth": self.heave_noise,
                   "roll": self.attitude_noise, "pitch": self.attitude_noise, "heading": self.heading_noise}
         bias = {"roll": self.roll_bias, "pitch": self.pitch_bias, "heading": self.heading_bias}

@@ -38,29 +38,17 @@ FLATTEST = 1e-4                    # least sine of a ray that is followed: flatt
 
 @dataclass(frozen=True, kw_only=True)
 class Head:
-    """The arrays in one ping, level axes along the heading: forward, starboard, down.
+    """The arrays in one ping, level axes along the heading: forward, starboard, down."""
 
-    Attributes
-    ----------
-    depth : float [m]
-        Of the middle between the arrays.
-    across : float [m]
-        Their way to starboard from the reference point.
-    sound_speed : float [m/s]
-        By the head's own sensor.
-    transmit, receive : (3,)
-        Unit vectors along the arrays at the transmission.
-    """
-
-    depth: float
-    across: float
-    sound_speed: float
-    transmit: np.ndarray
-    receive: np.ndarray
+    depth: float  # [m]: of the middle between the arrays
+    across: float  # [m]: their way to starboard from the reference point
+    sound_speed: float  # [m/s]: by the head's own sensor
+    transmit: np.ndarray  # (3,): unit vectors along the arrays at the transmission
+    receive: np.ndarray  # (3,): unit vectors along the arrays at the transmission
 
 
 def head_of(line: xr.Dataset, ping: int) -> Head:
-    """Give where the arrays of a ping are, and how they lie."""
+    """Return where the arrays of a ping are, and how they lie."""
     one = _with_head(line[[name for name in (*HELD, *SEVERAL) if name in line]].isel(ping=ping))
     held = float(one["ping_roll"]), float(one["ping_pitch"]), 0.0
     middle = _turned(0.5 * (one["transmit_offset"].values + one["receive_offset"].values), *held)
@@ -92,21 +80,8 @@ def _mounting(line: xr.Dataset, name: str) -> np.ndarray:
 
 
 def receiving_axes(line: xr.Dataset, ping: int, head: Head, time: np.ndarray) -> np.ndarray:
-    """Give the directions of the receive array when echoes return.
-
-    Parameters
-    ----------
-    line : xarray.Dataset
-    ping : int
-    head : Head
-    time : (N,) [s]
-        After the ping's first transmission.
-
-    Returns
-    -------
-    (N, 3)
-        Unit vectors in the level axes of the transmission; those of `head` where motion sensors tell nothing.
-    """
+    """Return the directions of the receive array when echoes return."""
+    # time (N,) [s] -> (N, 3)
     when = float(line["ping_time"][ping]) + time
     clock = line["motion_time"].values
     told = [line[f"motion_{name}"].values for name in ("roll", "pitch", "heading")]
@@ -124,21 +99,8 @@ def receiving_axes(line: xr.Dataset, ping: int, head: Head, time: np.ndarray) ->
 
 
 def launches(head: Head, angle: ArrayLike, transmit_angle: ArrayLike, receive: np.ndarray | None = None) -> np.ndarray:
-    """Give the directions of beams at the head.
-
-    Parameters
-    ----------
-    head : Head
-    angle, transmit_angle : array_like (N,) [rad]
-        Of the receiving beams and of the transmission; an unknown one of the latter counts as 0.
-    receive : (N, 3) or (1, 3), optional
-        Directions of the receive array at the reception; by default that at the transmission.
-
-    Returns
-    -------
-    (N, 3)
-        Unit vectors forward, starboard, down; NaN where the two cones do not meet.
-    """
+    """Return the directions of beams at the head."""
+    # angle, transmit_angle (N,) [rad]; receive (N, 3) -> (N, 3)
     received, sent = np.sin(np.asarray(angle, float)), np.sin(np.nan_to_num(np.asarray(transmit_angle, float)))
     receive = head.receive[None] if receive is None else receive
     common = receive @ head.transmit
@@ -151,7 +113,7 @@ def launches(head: Head, angle: ArrayLike, transmit_angle: ArrayLike, receive: n
 
 
 def used_profile(line: xr.Dataset, head: Head) -> SoundSpeedProfile:
-    """Give the profile that the soundings of a ping were made with: the cast, and the head's own speed as its node.
+    """Return the profile that the soundings of a ping were made with: the cast, and the head's own speed as its node.
 
     Below the cast's last node, where there is none to go to, rays see the cast at once
     (`mitsonar.hydrography.reduction.legs`).
@@ -164,7 +126,7 @@ def used_profile(line: xr.Dataset, head: Head) -> SoundSpeedProfile:
 
 
 def water_profile(line: xr.Dataset) -> SoundSpeedProfile | None:
-    """Give the water's own profile, where the line tells it."""
+    """Return the water's own profile, where the line tells it."""
     return _profile(line, "true_cast") if {"true_cast_depth", "true_cast_sound_speed"} <= set(line) else None
 
 
@@ -176,23 +138,8 @@ def _profile(line: xr.Dataset, name: str) -> SoundSpeedProfile:
 
 def ray_places(profile: SoundSpeedProfile, depth: float, slowness: np.ndarray,
                time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Follow rays that go down.
-
-    Parameters
-    ----------
-    profile : SoundSpeedProfile
-    depth : float [m]
-        Where they begin.
-    slowness : (N,) [s/m]
-        p of each, level.
-    time : (N, T) [s]
-        One way.
-
-    Returns
-    -------
-    away, depth : (N, T) [m]
-        Level way from the beginning, and depth below the surface; NaN from where a ray turns.
-    """
+    """Follow rays that go down."""
+    # depth [m]; slowness (N,) [s/m]; time (N, T) [s] -> away, depth (N, T) [m]
     edges, ways, times = layer_sums(profile, depth, slowness, float(np.nanmax(time, initial=0.0)))
     places = np.full((2, *time.shape), np.nan)
     for ray, (way, passed) in enumerate(zip(ways, times)):
@@ -205,7 +152,9 @@ def ray_places(profile: SoundSpeedProfile, depth: float, slowness: np.ndarray,
 
 def layer_sums(profile: SoundSpeedProfile, depth: float, slowness: np.ndarray,
                longest: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Give depths (D,) that rays cross within a time [s], and there the ways and times (N, D) of each; NaN from a turn.
+    """Return depths (D,) that rays cross within a time [s], and there the ways and times (N, D) of each; NaN from a
+    turn.
+
     """
     reach = depth + max(1.01 * longest * float(profile.sound_speed.max()), 1e-3)
     nodes = profile.depth[(profile.depth > depth) & (profile.depth < reach)]
@@ -224,29 +173,12 @@ def layer_sums(profile: SoundSpeedProfile, depth: float, slowness: np.ndarray,
 
 def refraction_error(used: SoundSpeedProfile, water: SoundSpeedProfile, head: Head, bed: float,
                      angle: np.ndarray) -> np.ndarray:
-    """Give by ray theory what a wrong profile does to soundings of a level bed.
+    """Return by ray theory what a wrong profile does to soundings of a level bed.
 
-    Parameters
-    ----------
-    used, water : SoundSpeedProfile
-        That of the soundings, and that which the echoes travelled in.
-    head : Head
-        Its sound speed, that beams were steered with and read by, plays no part of its own: arrays measure slowness.
-    bed : float [m]
-        Depth of the bed.
-    angle : (N,) [rad]
-        From the vertical, as the soundings say it of the straight line from the head.
-
-    Returns
-    -------
-    (N,) [m]
-        Depth of the soundings less that of the bed; NaN where no ray goes.
-
-    Notes
-    -----
     A ray of slowness p takes t(p) in the water to the bed, and is placed where a ray of the same p is after t(p) in the
     profile used. The errors of many p are found, and read off at the angles under which soundings lie then.
     """
+    # bed [m]; angle (N,) [rad] -> (N,) [m]
     slowness = np.linspace(0.0, 0.999, 400) / head.sound_speed
     edges, _, times = layer_sums(water, head.depth, slowness, 3 * (bed - head.depth) / float(water.sound_speed.min()))
     time = np.array([np.interp(bed, edges, passed) for passed in times])

@@ -138,13 +138,13 @@ class Located:
 
     @property
     def found(self) -> np.ndarray:
-        """Whether there is a place."""
+        """Return whether there is a place."""
         return np.isfinite(self.depth)
 
 
 def located(measured: Measured, motion: Motion, installation: Installation, profile: SoundSpeedProfile, *,
             head_speed: ArrayLike | None = None, node: bool = True, under_way: bool = True) -> Located:
-    """Give the places of soundings.
+    """Return the places of soundings.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ class _Legs:
 
 
 def _solved(legs: _Legs) -> np.ndarray:
-    """Give the rows of `Located` (9, N) of soundings below their arrays; across and along track are left out."""
+    """Return the rows of `Located` (9, N) of soundings below their arrays; across and along track are left out."""
     out, back = legs.out, legs.back
     middle = replace(out.starts, depth=0.5 * (out.place[:, 2] + back.place[:, 2]))
     q = legs.initial()[:, :2] / middle.speed[:, None]

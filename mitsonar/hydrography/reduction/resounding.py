@@ -73,7 +73,7 @@ def resounded(soundings: xr.Dataset, profile: SoundSpeedProfile | None = None, h
 
 
 def placed(places: Located) -> dict[str, np.ndarray]:
-    """Give what a record holds of places (ping, beam), by name."""
+    """Return what a record holds of places (ping, beam), by name."""
     return {name: getattr(places, name) for name in PLACES}
 
 

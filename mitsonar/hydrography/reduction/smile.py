@@ -46,7 +46,7 @@ class Smile:
 
 def smile_of_profile(true: SoundSpeedProfile, used: SoundSpeedProfile, head_depth: float, bed_depth: float,
                      across: ArrayLike) -> Smile:
-    """Give the smile of a wrong profile.
+    """Return the smile of a wrong profile.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def smile_of_profile(true: SoundSpeedProfile, used: SoundSpeedProfile, head_dept
 
 def smile_of_head(true: SoundSpeedProfile, error: float, head_depth: float, bed_depth: float,
                   across: ArrayLike) -> Smile:
-    """Give the smile of a wrong sound speed at the head: right sines of a level array, read with it.
+    """Return the smile of a wrong sound speed at the head: right sines of a level array, read with it.
 
     Parameters
     ----------

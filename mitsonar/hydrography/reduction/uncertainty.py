@@ -121,7 +121,7 @@ def with_uncertainty(soundings: xr.Dataset, accuracies: Accuracies | None = None
 
 def budget(soundings: xr.Dataset, accuracies: Accuracies,
            deviations: Deviations | None = None) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Give vertical and horizontal standard deviations [m] by cause.
+    """Return vertical and horizontal standard deviations [m] by cause.
 
     Parameters
     ----------

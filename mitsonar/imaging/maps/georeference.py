@@ -20,28 +20,14 @@ FARTHEST = 1e8                     # [m]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MapPlaces:
-    """Hold a record's pings on a map.
+    """Hold a record's pings on a map."""
 
-    Attributes
-    ----------
-    position : (P, 2) [m]
-        Easting and northing.
-    derivative : (P, 2, 2)
-        Of easting and northing by x and y of the scene.
-    """
-
-    position: np.ndarray
-    derivative: np.ndarray
+    position: np.ndarray  # (P, 2) [m]: easting and northing
+    derivative: np.ndarray  # (P, 2, 2): of easting and northing by x and y of the scene
 
 
 def origin(attrs: Mapping[str, Any]) -> tuple[float, float]:
-    """Give the easting and northing of a record's x = y = 0, 0 where it has none.
-
-    Raises
-    ------
-    ValueError
-        If they are no numbers, or lie nowhere on Earth.
-    """
+    """Return the easting and northing of a record's x = y = 0, 0 where it has none."""
     values = attrs.get("local_origin")
     if values is None:
         return 0.0, 0.0
@@ -55,13 +41,7 @@ def origin(attrs: Mapping[str, Any]) -> tuple[float, float]:
 
 
 def system(attrs: Mapping[str, Any]) -> str | None:
-    """Give a record's coordinate system, None where it names none.
-
-    Raises
-    ------
-    ValueError
-        If it is no text.
-    """
+    """Return a record's coordinate system, None where it names none."""
     crs = attrs.get("crs")
     if crs is not None and not isinstance(crs, str):
         raise ValueError(f"the record's crs is {crs!r}; it takes text such as \"EPSG:32632\".")
@@ -69,13 +49,7 @@ def system(attrs: Mapping[str, Any]) -> str | None:
 
 
 def named_system(crs: str) -> str:
-    """Check that PROJ knows a coordinate system in metres, and give it.
-
-    Raises
-    ------
-    ValueError
-        If it does not, or the system is in degrees or feet.
-    """
+    """Check that PROJ knows a coordinate system in metres, and give it."""
     import pyproj
     from pyproj.exceptions import ProjError
 
@@ -92,24 +66,7 @@ def named_system(crs: str) -> str:
 
 
 def map_places(record: xr.Dataset, crs: str | None) -> MapPlaces:
-    """Give a record's pings in a coordinate system.
-
-    Parameters
-    ----------
-    record : xarray.Dataset
-        With x(ping) and y(ping).
-    crs : str or None
-        None, or what the record names: its own coordinates. A record that names none is taken to be in it.
-
-    Returns
-    -------
-    MapPlaces
-
-    Raises
-    ------
-    ValueError
-        If a system is not known, or does not reach the track.
-    """
+    """Return a record's pings in a coordinate system."""
     position = np.stack([np.asarray(record[axis].values, float) for axis in "xy"], -1) + origin(record.attrs)
     own = system(record.attrs)
     if own is None or crs is None or _same(own, crs):

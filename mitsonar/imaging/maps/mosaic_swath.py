@@ -23,47 +23,23 @@ PLACES = ("flat", "truth")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ground:
-    """Hold samples of the ground of some pings of one side.
+    """Hold samples of the ground of some pings of one side."""
 
-    Attributes
-    ----------
-    place : (K, G, 2) [m]
-        On the map; NaN where the record has none.
-    bin : (K, G) int
-        That shows it; 0 where the place is NaN.
-    ground_range : (G,) [m]
-    """
-
-    place: np.ndarray
-    bin: np.ndarray
-    ground_range: np.ndarray
+    place: np.ndarray  # (K, G, 2) [m]: on the map
+    bin: np.ndarray  # (K, G): that shows it
+    ground_range: np.ndarray  # (G,) [m]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Swath:
-    """Lay out one record.
-
-    Attributes
-    ----------
-    record : xarray.Dataset
-    position : (P, 2) [m]
-        On the map.
-    derivative : (P, 2, 2)
-        Of the map by the scene.
-    velocity : (P, 2) [m/s]
-        In the scene.
-    place : str
-        'flat' or 'truth'.
-    steepest : float [rad]
-        From nadir; what is steeper is left out.
-    """
+    """Lay out one record."""
 
     record: xr.Dataset
-    position: np.ndarray
-    derivative: np.ndarray
-    velocity: np.ndarray
-    place: str
-    steepest: float
+    position: np.ndarray  # (P, 2) [m]: on the map
+    derivative: np.ndarray  # (P, 2, 2): of the map by the scene
+    velocity: np.ndarray  # (P, 2) [m/s]: in the scene
+    place: str  # 'flat' or 'truth'
+    steepest: float  # [rad]: from nadir
 
     @classmethod
     def of(cls, record: xr.Dataset, crs: str | None, place: str, steepest: float) -> "Swath":
@@ -100,7 +76,7 @@ class Swath:
         return 1.01 * stretch * self.reach * (1 + speed / float(self.record.attrs["sound_speed"]))
 
     def bounds(self) -> tuple[float, float, float, float]:
-        """Give west, south, east, north [m] of all that it can cover."""
+        """Return west, south, east, north [m] of all that it can cover."""
         around = self.around
         (west, south), (east, north) = self.position.min(0) - around, self.position.max(0) + around
         return float(west), float(south), float(east), float(north)

@@ -37,22 +37,12 @@ FINEST = 0.6                       # cells between samples: below 1/√2 none is
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Line:
-    """Say what of a record is laid out, and what is added to its levels.
-
-    Attributes
-    ----------
-    swath : Swath
-    quantity : str
-    gain : {'seabed', 'target', 'angle', None}
-        Of levels.
-    angles : AngleGain or None
-        Of the whole record, for the gain by angle.
-    """
+    """Say what of a record is laid out, and what is added to its levels."""
 
     swath: Swath
     quantity: str
-    gain: Gain
-    angles: AngleGain | None
+    gain: Gain  # of levels
+    angles: AngleGain | None  # of the whole record, for the gain by angle
 
     @classmethod
     def of(cls, swath: Swath, quantity: str, gain: Gain) -> "Line":
@@ -76,20 +66,8 @@ class Line:
 
 def samples(line: Line, cell: float, fill: float, *,
             with_values: bool) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray | None]]:
-    """Sample a record's ground, dense enough for cells [m]; pings farther apart than ``fill`` [m] leave a hole.
-
-    Yields
-    ------
-    place : (N, 2) [m]
-    ground_range : (N,) [m]
-    values : (N,) or None
-        Where they are asked for.
-
-    Raises
-    ------
-    ValueError
-        If levels are beyond any sound.
-    """
+    """Sample a record's ground, dense enough for cells [m]; pings farther apart than ``fill`` [m] leave a hole."""
+    # -> place (N, 2) [m], ground_range (N,) [m], values (N,)
     swath, step = line.swath, min(FINEST * cell, line.swath.bin_width)
     pings = swath.record.sizes["ping"]
     block = max(1, int(WORK * step / swath.reach))
@@ -136,13 +114,7 @@ NEEDED = ("ping_time", "x", "y", "heading", "pitch", "altitude")
 
 
 def check(lines: Sequence[xr.Dataset], quantity: str, options: Mapping[str, Any]) -> None:
-    """Check what `mosaic` is given; ``options`` are its place, blend, gain and nadir_deg.
-
-    Raises
-    ------
-    ValueError
-        As `mosaic`.
-    """
+    """Check what `mosaic` is given; ``options`` are its place, blend, gain and nadir_deg."""
     if not lines:
         raise ValueError("no record was given; give one or more.")
     for name, known in (("place", PLACES), ("blend", BLENDS), ("gain", GAINS)):
@@ -158,13 +130,7 @@ def check(lines: Sequence[xr.Dataset], quantity: str, options: Mapping[str, Any]
 
 
 def common_system(lines: Sequence[xr.Dataset], crs: str | None) -> str | None:
-    """Give the map's coordinate system: the one that is asked for, else the first record's, which may name none.
-
-    Raises
-    ------
-    ValueError
-        If a system is unknown or not in metres, or only some of the records name one and none is asked for.
-    """
+    """Return the map's coordinate system: the one that is asked for, else the first record's, which may name none."""
     if crs is not None:
         return named_system(crs)
     named = {system(line.attrs) for line in lines}

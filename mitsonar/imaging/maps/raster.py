@@ -31,22 +31,14 @@ SONAR = ("x", "y", "z")            # places of the sonar, whose names the pictur
 
 @dataclass(frozen=True, kw_only=True)
 class Sweep:
-    """One frame: the pings of a record that make it, and where their bins lie in it.
+    """One frame: the pings of a record that make it, and where their bins lie in it."""
 
-    Attributes
-    ----------
-    pings : slice
-        One ping of an array; the steps of one turn of a rotating head.
-    grid : FanGrid
-    map : FanMap
-    """
-
-    pings: slice
+    pings: slice  # one ping of an array
     grid: FanGrid
     map: FanMap
 
     def own(self, values: np.ndarray) -> np.ndarray:
-        """Give the frame's part (beam or step, range) of values over (ping, beam, range) or (ping, range)."""
+        """Return the frame's part (beam or step, range) of values over (ping, beam, range) or (ping, range)."""
         part = values[self.pings]
         return part[0] if values.ndim == 3 else part
 
@@ -120,29 +112,14 @@ def cartesian(dataset: xr.Dataset, cell: float | None = None, *, names: Iterable
 
 
 def sweeps(dataset: xr.Dataset, cell: float | None = None) -> list[Sweep]:
-    """Give the frames of a record; arguments and errors as of `cartesian`."""
+    """Return the frames of a record; arguments and errors as of `cartesian`."""
     record = _transposed(dataset)
     return list(_sweeps(record, *_layout(record, cell)))
 
 
 def bearings(dataset: xr.Dataset) -> tuple[np.ndarray, list[slice]]:
-    """Give the bearings of a record and which of its pings make a frame.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-
-    Returns
-    -------
-    bearing : (B,) [rad]
-        Of the beams; of a rotating head, of all its pings.
-    pings : list of slice
-
-    Raises
-    ------
-    ValueError
-        If it has neither beams nor a bearing for each ping, or only one.
-    """
+    """Return the bearings of a record and which of its pings make a frame."""
+    # -> bearing (B,) [rad]
     dims, coords = dataset["level"].dims, dataset.coords
     if set(dims) == {"ping", "beam", "range"}:
         name = "bearing" if "bearing" in coords and coords["bearing"].dims == ("beam",) else "beam"

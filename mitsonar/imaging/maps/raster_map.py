@@ -29,21 +29,11 @@ AXES = 0.5 * np.pi * np.arange(-8, 9)      # angles at which a rim may reach far
 
 @dataclass(frozen=True, kw_only=True)
 class FanGrid:
-    """Middles of a picture's elements.
+    """Middles of a picture's elements."""
 
-    Attributes
-    ----------
-    x : (X,) [m]
-        To the right, rising.
-    y : (Y,) [m]
-        Along the fan's middle, in the order of the picture's rows.
-    cell : float [m]
-        Side of an element.
-    """
-
-    x: np.ndarray
-    y: np.ndarray
-    cell: float
+    x: np.ndarray  # (X,) [m]: to the right, rising
+    y: np.ndarray  # (Y,) [m]: along the fan's middle, in the order of the picture's rows
+    cell: float  # [m]: side of an element
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -53,37 +43,16 @@ class FanGrid:
 
 @dataclass(frozen=True, kw_only=True)
 class FanMap:
-    """Which bins (beam, range) make which elements of a picture.
+    """Which bins (beam, range) make which elements of a picture."""
 
-    Attributes
-    ----------
-    shape : (int, int)
-        Rows and columns of the picture.
-    inside : (M,) int
-        Elements within the fan, counted along rows, in the order of `weights`.
-    nearest : (M,) int
-        The bin in which the middle of each lies, counted along ranges.
-    weights : sparse (M, bins) float32
-        Share of every bin in each; rows add to 1.
-    """
-
-    shape: tuple[int, int]
-    inside: np.ndarray
-    nearest: np.ndarray
-    weights: csr_array
+    shape: tuple[int, int]  # rows and columns of the picture
+    inside: np.ndarray  # (M,): elements within the fan, counted along rows, in the order of `weights`
+    nearest: np.ndarray  # (M,): the bin in which the middle of each lies, counted along ranges
+    weights: csr_array  # (M, bins): share of every bin in each
 
     def levels(self, level: np.ndarray) -> np.ndarray:
-        """Draw levels as means of powers.
-
-        Parameters
-        ----------
-        level : (beam, range) [dB]
-
-        Returns
-        -------
-        (row, column) float32 [dB]
-            NaN outside the fan.
-        """
+        """Draw levels as means of powers."""
+        # level [dB] -> [dB]
         power = np.exp(np.float32(np.log(10) / 10) * np.asarray(level, np.float32).ravel())
         mean = np.maximum(self.weights @ power, np.float32(10 ** (NOTHING_DB / 10)))
         drawn = np.full(self.shape, np.nan, np.float32)
@@ -91,18 +60,8 @@ class FanMap:
         return drawn
 
     def labels(self, values: np.ndarray) -> np.ndarray:
-        """Draw what must not be mixed: of every element the bin that its middle lies in.
-
-        Parameters
-        ----------
-        values : (..., beam, range)
-            Of any type.
-
-        Returns
-        -------
-        (..., row, column)
-            Of the same type; outside the fan 0, or NaN where the type has it.
-        """
+        """Draw what must not be mixed: of every element the bin that its middle lies in."""
+        # values (..., beam, range) -> (..., row, column)
         values = np.asarray(values)
         flat = values.reshape(*values.shape[:-2], -1)
         outside = np.nan if values.dtype.kind == "f" else 0
@@ -112,22 +71,8 @@ class FanMap:
 
 
 def in_order(bearing: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Sort bearings along the circle, beginning behind its largest gap, or astern where they go all around.
-
-    Parameters
-    ----------
-    bearing : (B,) [rad]
-        Two or more that differ.
-
-    Returns
-    -------
-    order : (B',) int
-        Positions in ``bearing``; of equal ones one.
-    rising : (B',) [rad]
-        ``bearing[order]`` plus whole turns; the middle is nearest to ahead, and ahead where they go all around.
-    closed : bool
-        They go all around.
-    """
+    """Sort bearings along the circle, beginning behind its largest gap, or astern where they go all around."""
+    # bearing (B,) [rad] -> rising [rad]
     turned = np.mod(np.asarray(bearing, float), TURN)
     order = np.argsort(turned, kind="stable")
     apart = np.diff(turned[order], prepend=turned[order[-1]] - TURN) > ALIKE
@@ -145,20 +90,8 @@ def in_order(bearing: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
 
 
 def fan_grid(bearing: np.ndarray, slant_range: np.ndarray, cell: float, downwards: bool = False) -> FanGrid:
-    """Lay a grid over a fan; the sonar is on a corner of elements.
-
-    Parameters
-    ----------
-    bearing : (B,) [rad]
-    slant_range : (N,) [m]
-    cell : float [m]
-    downwards : bool
-        Rows run away from the sonar; else the first is the farthest.
-
-    Returns
-    -------
-    FanGrid
-    """
+    """Lay a grid over a fan; the sonar is on a corner of elements."""
+    # bearing (B,) [rad]; slant_range (N,) [m]; cell [m]
     left, right, near, far = reach(bearing, slant_range)
     x, y = (cell * (np.arange(np.floor(low / cell + EVEN), max(np.ceil(high / cell - EVEN), 1 + np.floor(low / cell)))
                     + 0.5) for low, high in ((left, right), (near, far)))
@@ -166,25 +99,8 @@ def fan_grid(bearing: np.ndarray, slant_range: np.ndarray, cell: float, downward
 
 
 def fan_map(bearing: np.ndarray, slant_range: np.ndarray, grid: FanGrid) -> FanMap:
-    """Find which bins make which elements.
-
-    Parameters
-    ----------
-    bearing : (B,) [rad]
-        Of the beams, positive to the right; in any order and steps.
-    slant_range : (N,) [m]
-        In equal steps.
-    grid : FanGrid
-
-    Returns
-    -------
-    FanMap
-
-    Raises
-    ------
-    ValueError
-        If there are not two bearings, or the ranges are uneven.
-    """
+    """Find which bins make which elements."""
+    # bearing (B,) [rad]; slant_range (N,) [m]
     order, rising, closed = in_order(bearing)
     step = _even_step(slant_range)
     away = np.hypot(grid.x, grid.y[:, None]).ravel()
@@ -204,20 +120,8 @@ def fan_map(bearing: np.ndarray, slant_range: np.ndarray, grid: FanGrid) -> FanM
 
 
 def reach(bearing: np.ndarray, slant_range: np.ndarray) -> tuple[float, float, float, float]:
-    """Give how far a fan reaches with its outer beams and bins.
-
-    Parameters
-    ----------
-    bearing : (B,) [rad]
-    slant_range : (N,) [m]
-
-    Returns
-    -------
-    left, right : float [m]
-        Along x.
-    near, far : float [m]
-        Along y; near is below 0 where it looks back.
-    """
+    """Return how far a fan reaches with its outer beams and bins."""
+    # bearing (B,) [rad]; slant_range (N,) [m] -> left, right [m], near, far [m]
     _, rising, closed = in_order(bearing)
     half = 0.5 * np.array([rising[1] - rising[0], rising[-1] - rising[-2]])
     first, last = (-np.pi, np.pi) if closed else (rising[0] - half[0], rising[-1] + half[1])

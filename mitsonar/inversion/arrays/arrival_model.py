@@ -34,50 +34,15 @@ STEP = 1e-6                        # [s], [rad] of differences of the platform's
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Arrivals:
-    """Times, and their derivatives.
+    """Times, and their derivatives."""
 
-    Attributes
-    ----------
-    time : (P, K, E) [s]
-        Since each transmission.
-    jacobian : dict of (P, K, E, ...)
-        By each parameter, its own numbers last: dense, with those of other pings, targets and elements left out.
-    """
-
-    time: np.ndarray
-    jacobian: dict[str, np.ndarray]
+    time: np.ndarray  # (P, K, E) [s]: since each transmission
+    jacobian: dict[str, np.ndarray]  # (P, K, E, ...): by each parameter, its own numbers last
 
 
 class ArrivalModel:
-    """Arrival times as a `ForwardModel`.
-
-    Parameters
-    ----------
-    track : Track
-        Of the pings, as navigated.
-    receive : (E, 3) [m]
-        Elements, body frame.
-    transmit : (3,) [m]
-        The transmit element, or the middle of the transmit array.
-    targets : (K, 3) [m]
-        Scene coordinates, z up.
-    profile : SoundSpeedProfile
-    duration : float [s]
-        Of a record.
-    keys : sequence of str
-        Parameters, by the names of `UNITS`.
-
-    Attributes
-    ----------
-    start, units : dict
-    shape : (int, int, int)
-        Pings, targets, elements.
-
-    Raises
-    ------
-    ValueError
-        If a name is unknown, or shapes do not fit.
-    """
+    """Arrival times as a `ForwardModel`."""
+    # receive (E, 3) [m]; transmit (3,) [m]; targets (K, 3) [m]; duration [s]
 
     def __init__(self, track: Track, receive: np.ndarray, transmit: np.ndarray, targets: np.ndarray,
                  profile: SoundSpeedProfile, *, duration: float, keys: Sequence[str] = tuple(UNITS)):
@@ -109,32 +74,26 @@ class ArrivalModel:
             self._ways = [REST]
 
     def value(self, values: Values) -> np.ndarray:
-        """Give the times (P K E,) [s]; see `ForwardModel.value`."""
+        """Return the times (P K E,) [s]; see `ForwardModel.value`."""
         return self.arrivals(values).time.ravel()
 
     def linearised(self, values: Values, coupling: float = 0.0) -> ArrivalJacobian:
-        """Give the times with their Jacobian; see `ForwardModel.linearised`."""
+        """Return the times with their Jacobian; see `ForwardModel.linearised`."""
         return ArrivalJacobian(self.arrivals(values, coupling), self.start)
 
     def doppler(self) -> np.ndarray:
-        """Give the two-way Doppler factors (P, K) of echoes, at the start."""
+        """Return the two-way Doppler factors (P, K) of echoes, at the start."""
         slower = self.arrivals(self.start).jacobian["position_offset"] @ self._velocity[:, None, :, None]
         return 1 / (1 + slower[..., 0].mean(-1))
 
     def shaped(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
-        """Give the parameters of all their numbers one after the other."""
+        """Return the parameters of all their numbers one after the other."""
         ends = np.cumsum([start.size for start in self.start.values()])
         return {name: part.reshape(start.shape) for (name, start), part in
                 zip(self.start.items(), np.split(numbers, ends[:-1]))}
 
     def checked(self, values: Values) -> dict[str, np.ndarray]:
-        """Give values of all parameters, those left out as at the start.
-
-        Raises
-        ------
-        ValueError
-            If a name is unknown, or a shape does not fit.
-        """
+        """Return values of all parameters, those left out as at the start."""
         for name, value in values.items():
             if name not in self.start:
                 raise ValueError(f"{name!r} is none of the model's parameters{meant(name, list(self.start))}; it has "
@@ -144,20 +103,8 @@ class ArrivalModel:
         return {name: np.asarray(values.get(name, start), float) for name, start in self._all.items()}
 
     def arrivals(self, values: Values, coupling: float = 0.0) -> Arrivals:
-        """Give the times and their derivatives.
-
-        Parameters
-        ----------
-        values
-            As of `value`.
-        coupling : float [s]
-            By which times are off for Doppler factors that are off.
-
-        Raises
-        ------
-        ValueError
-            As `checked`, or if no direct or once-turned ray leads to an element.
-        """
+        """Return the times and their derivatives."""
+        # coupling [s]
         at = self.checked(values)
         parts = [self._of_ping(ping, at) for ping in range(self.shape[0])]
         time = np.stack([part[0] for part in parts])
@@ -225,19 +172,15 @@ class ArrivalModel:
 
 
 class ArrivalJacobian:
-    """Arrival times about some values, as a `Linearised`.
-
-    Attributes
-    ----------
-    value : (N,) [s]
-    """
+    """Arrival times about some values, as a `Linearised`."""
+    # value (N,) [s]
 
     def __init__(self, arrivals: Arrivals, start: dict[str, np.ndarray]):
         self._arrivals, self._start = arrivals, start
         self.value = arrivals.time.ravel()
 
     def forward(self, tangents: Values) -> np.ndarray:
-        """Give J v; see `Linearised.forward`."""
+        """Return J v; see `Linearised.forward`."""
         total = np.zeros(self._arrivals.time.shape)
         for name, tangent in tangents.items():
             if name not in self._start or np.shape(tangent) != self._start[name].shape:
@@ -247,7 +190,7 @@ class ArrivalJacobian:
         return total.ravel()
 
     def backward(self, cotangent: np.ndarray) -> dict[str, np.ndarray]:
-        """Give Jᵀ w; see `Linearised.backward`."""
+        """Return Jᵀ w; see `Linearised.backward`."""
         if np.shape(cotangent) != self.value.shape:
             raise ValueError(f"weights have the shape {np.shape(cotangent)}; give one for each of the "
                              f"{len(self.value)} times")
@@ -260,7 +203,7 @@ class ArrivalJacobian:
         return found
 
     def dense(self) -> np.ndarray:
-        """Give the whole Jacobian, (N, unknowns), parameters in their order."""
+        """Return the whole Jacobian, (N, unknowns), parameters in their order."""
         pings, targets, elements = self._arrivals.time.shape
         columns = []
         for name in self._start:

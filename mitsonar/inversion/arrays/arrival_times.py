@@ -26,55 +26,29 @@ FEWEST = 8                         # samples of a window
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasuredArrivals:
-    """Peaks of echoes, not a number where there is none.
+    """Peaks of echoes, not a number where there is none."""
 
-    Attributes
-    ----------
-    time : (P, K, E) [s]
-        Of envelopes.
-    peak : complex (P, K, E)
-        a e^(-i2πf₀τ).
-    noise_ratio : (P, K, E) [-]
-        S.
-    bandwidth : float [Hz]
-        β.
-    frequency : float [Hz]
-    """
-
-    time: np.ndarray
-    peak: np.ndarray
-    noise_ratio: np.ndarray
-    bandwidth: float
-    frequency: float
+    time: np.ndarray  # (P, K, E) [s]: of envelopes
+    peak: np.ndarray  # (P, K, E): a e^(-i2πf₀τ)
+    noise_ratio: np.ndarray  # (P, K, E) [-]: S
+    bandwidth: float  # [Hz]: β
+    frequency: float  # [Hz]
 
     def phase_time(self, near: np.ndarray) -> np.ndarray:
-        """Give the delays of the phases that are nearest to some: (P, K, E) [s]."""
+        """Return the delays of the phases that are nearest to some: (P, K, E) [s]."""
         cycles = -np.angle(self.peak) / (2 * np.pi)
         return (cycles + np.round(near * self.frequency - cycles)) / self.frequency
 
     def deviation(self, by: float) -> np.ndarray:
-        """Give the deviation [s] of a time that is told by a frequency [Hz]: `bandwidth`, or the carrier."""
+        """Return the deviation [s] of a time that is told by a frequency [Hz]: `bandwidth`, or the carrier."""
         return 1 / (2 * np.pi * by * np.sqrt(2 * self.noise_ratio))
 
 
 def measured_arrivals(signals: np.ndarray, time: np.ndarray, pulse: Pulse, sampling_rate: float, *,
                       predicted: np.ndarray, reach: np.ndarray, doppler: np.ndarray) -> MeasuredArrivals:
-    """Find the echoes of targets.
-
-    Parameters
-    ----------
-    signals : complex (P, E, samples)
-        Of elements, baseband about the pulse's carrier.
-    time : (samples,) [s]
-        Since each transmission.
-    pulse : Pulse
-    sampling_rate : float [Hz]
-    predicted : (P, K, E) [s]
-    reach : (P, K) [s]
-        How far off them peaks are looked for. Where two targets lie within each other's reach neither is measured.
-    doppler : (P, K) [-]
-        Two-way factors.
-    """
+    """Find the echoes of targets."""
+    # signals (P, E, samples); time [s]; sampling_rate [Hz]; predicted (P, K, E) [s]; reach (P, K) [s]; doppler (P, K)
+    # [-]
     shape = predicted.shape
     found, peak, ratio = np.full(shape, np.nan), np.full(shape, np.nan + 0j), np.full(shape, np.nan)
     for ping in range(shape[0]):
@@ -99,7 +73,7 @@ def measured_arrivals(signals: np.ndarray, time: np.ndarray, pulse: Pulse, sampl
 
 
 def _peak(window: np.ndarray, width: float) -> tuple[float, complex, float]:
-    """Give the place [samples] and the value of the highest peak of a window, and the mean power beside it."""
+    """Return the place [samples] and the value of the highest peak of a window, and the mean power beside it."""
     count = len(window)
     spectrum = fft.fft(window)
     wide = np.zeros(FINER * count, complex)

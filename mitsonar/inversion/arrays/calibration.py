@@ -96,7 +96,7 @@ class Calibration:
         return float(np.sum(power / (1 + power)))
 
     def resolved(self, name: str) -> np.ndarray:
-        """Give the share of a parameter's doubt that data have taken: 1 - variance after / before."""
+        """Return the share of a parameter's doubt that data have taken: 1 - variance after / before."""
         return 1 - (self.uncertainty[name] / np.maximum(self.believed[name], 1e-300)) ** 2
 
     def sentences(self) -> list[str]:
@@ -120,7 +120,7 @@ class Calibration:
         return said
 
     def to_dataset(self) -> xr.Dataset:
-        """Give it as a dataset, by the names of `Fit.to_dataset`: each parameter with its start and deviations."""
+        """Return it as a dataset, by the names of `Fit.to_dataset`: each parameter with its start and deviations."""
         dims = {"rx_position": ("rx", "axis"), "rx_delay": ("rx",), "tx_position": ("axis",), "lever_arm": ("axis",),
                 "position_offset": ("ping", "axis"), "attitude_offset": ("ping", "angle"),
                 "velocity_offset": ("ping", "axis"), "target_position": ("target", "axis")}
@@ -174,22 +174,7 @@ def calibrated(signals: xr.DataArray, targets: np.ndarray, profile: SoundSpeedPr
 
 def found(model: ArrivalModel, heard: MeasuredArrivals, believed: dict[str, np.ndarray], *,
           couplings: Mapping[str, float] | None = None) -> Calibration:
-    """Fit a model's parameters to measured arrivals.
-
-    Parameters
-    ----------
-    model : ArrivalModel
-    heard : MeasuredArrivals
-    believed : dict
-        Deviations before of all parameters, in their shapes; 0 holds one still.
-    couplings : dict or None
-        κ of `arrival_model` [s] of "envelope" and "phase"; None: 0.
-
-    Raises
-    ------
-    ValueError
-        If too few arrivals were measured, or nothing is free.
-    """
+    """Fit a model's parameters to measured arrivals."""
     coupling = {"envelope": 0.0, "phase": 0.0, **(couplings or {})}
     free = np.concatenate([np.ravel(part) for part in believed.values()])
     unknown = np.flatnonzero(free > 0)

@@ -113,18 +113,18 @@ class PingImages:
         return float(2 * np.pi * power.sum() / (power @ np.abs(self.rates).mean(0, dtype=float)))
 
     def turned(self, sway: np.ndarray) -> np.ndarray:
-        """Give the pings' images (P, N) with a sway (P,) [m]."""
+        """Return the pings' images (P, N) with a sway (P,) [m]."""
         phase = self.rates * sway[:, None].astype(np.float32)
         return self.images * (np.cos(phase) + 1j * np.sin(phase))
 
     def image(self, sway: np.ndarray) -> np.ndarray:
-        """Give the image on the whole grid, complex64, 0 where no ping sees it."""
+        """Return the image on the whole grid, complex64, 0 where no ping sees it."""
         whole = np.zeros(self.grid.depth.size, np.complex64)
         whole[self.points] = self.turned(sway).sum(0)
         return whole.reshape(self.grid.depth.shape)
 
     def part(self, chosen: np.ndarray) -> PingImages:
-        """Give the same of some of the points (N,)."""
+        """Return the same of some of the points (N,)."""
         return PingImages(images=self.images[:, chosen], rates=self.rates[:, chosen], points=self.points[chosen],
                           grid=self.grid, time=self.time, along=self.along)
 

@@ -91,7 +91,7 @@ class Sway:
         return said
 
     def to_dataset(self) -> xr.Dataset:
-        """Give sway by the names of `Fit.to_dataset`, and the trajectory with it, which `focus` takes."""
+        """Return sway by the names of `Fit.to_dataset`, and the trajectory with it, which `focus` takes."""
         metres, still = {"units": "m"}, np.zeros(len(self.sway))
         found = xr.Dataset({"sway": ("ping", self.sway, metres), "sway_start": ("ping", still, metres),
                             "sway_deviation": ("ping", self.uncertainty, metres),
@@ -104,7 +104,7 @@ class Sway:
 
 
 def sharpness(pings: PingImages, sway: np.ndarray) -> tuple[float, np.ndarray]:
-    """Give L and its gradient (P,) [1/m] at a sway (P,) [m]."""
+    """Return L and its gradient (P,) [1/m] at a sway (P,) [m]."""
     turned = pings.turned(sway)
     image = turned.sum(0)
     power = np.abs(image) ** 2
@@ -180,24 +180,12 @@ def sharpened(raw: xr.Dataset, grid: Grid | None = None, *, trajectory: xr.Datas
 
 
 def sway_of_targets(pings: PingImages, targets: np.ndarray) -> np.ndarray:
-    """Give the sway (P,) [m] that the phases of point targets tell, without mean and trend.
+    """Return the sway (P,) [m] that the phases of point targets tell, without mean and trend.
 
-    Parameters
-    ----------
-    pings : PingImages
-    targets : (K, 2) int
-        Rows and columns of the grid where they are brightest.
-
-    Raises
-    ------
-    ValueError
-        If no ping sees a target.
-
-    Notes
-    -----
     Phases are unwrapped from ping to ping: sway must change by less than an eighth of a wavelength between them, level
     and abreast. A target off its pixel adds a trend, which is taken out, and a bend that is small where it is near.
     """
+    # targets (K, 2)
     where = np.ravel_multi_index(tuple(np.asarray(targets, int).T), pings.grid.depth.shape)
     index = np.searchsorted(pings.points, where)
     index = np.minimum(index, len(pings.points) - 1)

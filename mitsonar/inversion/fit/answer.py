@@ -143,7 +143,7 @@ class Fit:
                 f"{'' if look.complete else f', in the {look.singular_values.size} directions that were looked at'}")
 
     def to_dataset(self) -> xr.Dataset:
-        """Give all of it as a dataset; `mitsonar.write` makes a netCDF file of it."""
+        """Return all of it as a dataset; `mitsonar.write` makes a netCDF file of it."""
         import xarray as xr
 
         variables = {"deviance": ("iteration", self.deviance, {"long_name": "deviance over that of noise"}),
@@ -174,18 +174,7 @@ def told_of(name: str, resolved: np.ndarray, deviation: np.ndarray, unit: str) -
 
 def named(name: str, dims: tuple[str, ...], unit: str, *, value: np.ndarray, start: np.ndarray, deviation: np.ndarray,
           prior_deviation: np.ndarray, resolved: np.ndarray) -> dict[str, tuple]:
-    """Give a parameter's variables by the names that every fit's dataset has.
-
-    Parameters
-    ----------
-    name : str
-    dims : tuple of str
-    unit : str
-    value, start, deviation, prior_deviation : array
-        What was found, what it began with, one deviation after and before the fit.
-    resolved : array [-]
-        Share of the prior's variance that has gone.
-    """
+    """Return a parameter's variables by the names that every fit's dataset has."""
     measured = {"": value, "_start": start, "_deviation": deviation, "_prior_deviation": prior_deviation}
     return {**{name + what: (dims, some, {"units": unit}) for what, some in measured.items()},
             f"{name}_resolved": (dims, resolved, {"units": "1"})}

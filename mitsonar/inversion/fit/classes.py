@@ -51,7 +51,7 @@ class Classes:
                              "zero for each")
 
     def spread_at(self, iteration: int) -> float:
-        """Give the spread that an iteration pulls with: from the widest gap down to `spread`."""
+        """Return the spread that an iteration pulls with: from the widest gap down to `spread`."""
         gap = float(np.diff(np.sort(self.values)).max())
         return max(self.spread, gap * NARROWING ** iteration)
 
@@ -65,7 +65,7 @@ class Classes:
                      weight=np.full(numbers.shape, spread ** -2))
 
     def probabilities(self, numbers: np.ndarray, deviation: np.ndarray) -> np.ndarray:
-        """Give those of each class, (n, K), for numbers with deviations (n,)."""
+        """Return those of each class, (n, K), for numbers with deviations (n,)."""
         return self._probabilities(self._logs(numbers, self.spread ** 2 + deviation[:, None] ** 2))
 
     def _logs(self, numbers: np.ndarray, variance: float | np.ndarray) -> np.ndarray:

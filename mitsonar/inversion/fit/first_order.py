@@ -45,7 +45,7 @@ class Adam:
             raise ValueError(f"Adam: a rate of {self.rate:g} and {self.gradients} gradients; give numbers above zero")
 
     def step(self, misfit: Misfit, state: State) -> State:
-        """Give the state after a step; see `Method.step`."""
+        """Return the state after a step; see `Method.step`."""
         before = misfit.cost(state.z, state.iteration).total
         fewest, memory = int(state.damping), state.memory if state.memory.size else np.zeros((2, state.z.size))
         for halvings in range(fewest, fewest + HALVINGS):
@@ -95,7 +95,7 @@ class LBFGS:
             raise ValueError(f"L-BFGS: {self.gradients} gradients a step; give 1 or more")
 
     def step(self, misfit: Misfit, state: State) -> State:
-        """Give the state after a step; see `Method.step`."""
+        """Return the state after a step; see `Method.step`."""
         from scipy.optimize import minimize
 
         start = misfit.cost(state.z, state.iteration)

@@ -50,7 +50,7 @@ class GaussNewton:
                              "a tolerance between 0 and 1")
 
     def step(self, misfit: Misfit, state: State) -> State:
-        """Give the state after a step; see `Method.step`."""
+        """Return the state after a step; see `Method.step`."""
         damping = state.damping
         for _ in range(2):
             about = misfit.about(state.z, state.iteration)
@@ -86,7 +86,7 @@ class GaussNewton:
 
 
 def tried(misfit: Misfit, z: np.ndarray, iteration: int) -> Cost:
-    """Give Φ at z; infinite where the model makes no record of it."""
+    """Return Φ at z; infinite where the model makes no record of it."""
     try:
         cost = misfit.cost(z, iteration)
     except ValueError:

@@ -16,30 +16,15 @@ __all__ = ["FitStage", "Method", "State", "Stopping"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class State:
-    """A fit between two steps: all that the next step depends on.
-
-    Attributes
-    ----------
-    z : (n,) array
-    deviance, cost, step : (iterations + 1,) arrays
-        Of the record; Φ; how far z moved, as a root mean square [prior deviations].
-    damping : float
-        Of a Gauss-Newton step; of Adam, how often its rate was halved.
-    memory : (m, n) array
-        What a first-order method keeps.
-    stuck : bool
-        No step lowered Φ.
-    begins : (stages,) array of int
-        Iterations at which stages began, the present one last.
-    """
+    """A fit between two steps: all that the next step depends on."""
 
     z: np.ndarray
-    deviance: np.ndarray
-    cost: np.ndarray
-    step: np.ndarray
-    damping: float = 0.0
-    memory: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    stuck: bool = False
+    deviance: np.ndarray  # of the record
+    cost: np.ndarray  # of the record
+    step: np.ndarray  # of the record
+    damping: float = 0.0  # of a Gauss-Newton step
+    memory: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))  # what a first-order method keeps
+    stuck: bool = False  # no step lowered Φ
     begins: np.ndarray = field(default_factory=lambda: np.zeros(1, int))
 
     @classmethod
@@ -127,7 +112,7 @@ class Stopping:
 
 
     def _reached(self, state: State, expected: float) -> bool:
-        """Whether the last step reached the noise, or did no more than chance does.
+        """Return whether the last step reached the noise, or did no more than chance does.
 
         A record of more looks than was said lies below its noise from the start, where a step that helps tells it.
         """
@@ -139,28 +124,16 @@ class Method(Protocol):
     """What makes the steps of a fit."""
 
     def step(self, misfit: Misfit, state: State) -> State:
-        """Give the state after a step; where no step lowers Φ, the same one, stuck."""
+        """Return the state after a step; where no step lowers Φ, the same one, stuck."""
         ...
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FitStage:
-    """A fit that another goes on from, of the same unknowns.
+    """A fit that another goes on from, of the same unknowns."""
 
-    Parameters
-    ----------
-    model : ForwardModel
-        With the same parameters; such as of sums of a record.
-    likelihood : Likelihood
-        With its record.
-    method : Method
-    stopping : Stopping
-    moves : (n,) array of bool, optional
-        Which of the unknowns z move; default: all.
-    """
-
-    model: ForwardModel
-    likelihood: Likelihood
+    model: ForwardModel  # with the same parameters
+    likelihood: Likelihood  # with its record
     method: Method
     stopping: Stopping
-    moves: np.ndarray | None = None
+    moves: np.ndarray | None = None  # which of the unknowns z move

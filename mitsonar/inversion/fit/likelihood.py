@@ -26,20 +26,11 @@ LEAST_SHARE = 1e-6                 # of the record's mean: a mean below is no ec
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Terms:
-    """A record's misfit, bin by bin; bins that do not count have zeros.
+    """A record's misfit, bin by bin; bins that do not count have zeros."""
 
-    Attributes
-    ----------
-    deviance : (N,) float64
-    slope : (N,) float64
-        ½ dD/dm.
-    weight : (N,) float64
-        Expected ½ d²D/dm², at least 0.
-    """
-
-    deviance: np.ndarray
-    slope: np.ndarray
-    weight: np.ndarray
+    deviance: np.ndarray  # (N,)
+    slope: np.ndarray  # (N,): ½ dD/dm
+    weight: np.ndarray  # (N,): expected ½ d²D/dm², at least 0
 
     @property
     def misfit(self) -> float:
@@ -62,7 +53,7 @@ class Likelihood(Protocol):
     expected: float
 
     def terms(self, predicted: np.ndarray) -> Terms:
-        """Give the misfit of means (N,).
+        """Return the misfit of means (N,).
 
         Raises
         ------
@@ -97,7 +88,7 @@ class Gaussian:
         self.expected = float(self.counted.sum()) * _normal_deviance(self._robust)
 
     def terms(self, predicted: np.ndarray) -> Terms:
-        """Give the misfit of means (N,); see `Likelihood.terms`."""
+        """Return the misfit of means (N,); see `Likelihood.terms`."""
         means = _means(predicted, self.counted)
         rest = np.where(self.counted, means - self._record, 0) / self._deviation
         weight = np.where(self.counted, 1 / self._deviation ** 2, 0)
@@ -141,7 +132,7 @@ class Gamma:
         self.expected = float(_gamma_deviance(self._looks[self.counted], self._robust).sum())
 
     def terms(self, predicted: np.ndarray) -> Terms:
-        """Give the misfit of means (N,); see `Likelihood.terms`."""
+        """Return the misfit of means (N,); see `Likelihood.terms`."""
         means = np.where(self.counted, np.maximum(_means(predicted, self.counted), 0) + self._floor, 1)
         looks = np.where(self.counted, self._looks, 0)
         ratio = np.where(self.counted, self._record, 1) / means

@@ -24,31 +24,14 @@ ASYMMETRY = 1e-3                   # between forward and backward, that rounding
 
 @dataclass(frozen=True, kw_only=True)
 class Cost:
-    """Numbers of a fit at some z.
+    """Numbers of a fit at some z."""
 
-    Attributes
-    ----------
-    total : float
-        Φ.
-    deviance : float
-        Σ D, of the record alone.
-    """
-
-    total: float
-    deviance: float
+    total: float  # Φ
+    deviance: float  # Σ D, of the record alone
 
 
 class Misfit:
-    """Φ of a model, a record and priors.
-
-    Parameters
-    ----------
-    model : ForwardModel
-    likelihood : Likelihood
-    unknowns : Unknowns
-    moves : (n,) array of bool, optional
-        Which of z move; default: all.
-    """
+    """Φ of a model, a record and priors."""
 
     def __init__(self, model: ForwardModel, likelihood: Likelihood, unknowns: Unknowns,
                  moves: np.ndarray | None = None):
@@ -57,17 +40,11 @@ class Misfit:
         self._classed = [name for name in unknowns.names if unknowns.bound[name].classes is not None]
 
     def settled(self, iteration: int) -> bool:
-        """Whether Φ stays the same from this iteration on: classes pull as they will at the end."""
+        """Return whether Φ stays the same from this iteration on: classes pull as they will at the end."""
         return all(self._spread(name, iteration) == self._spread(name, 10_000) for name in self._classed)
 
     def cost(self, z: np.ndarray, iteration: int) -> Cost:
-        """Give Φ at z.
-
-        Raises
-        ------
-        ValueError
-            If the model makes no record of z.
-        """
+        """Return Φ at z."""
         values = self.unknowns.values(z)
         terms = self.likelihood.terms(self.model.value(values))
         return self._cost(z, terms, self._class_terms(values, iteration))
@@ -81,7 +58,7 @@ class Misfit:
         return About(self, z, line, terms, classes, self._cost(z, terms, classes))
 
     def classed(self) -> list[slice]:
-        """Give the parts of x that have classes."""
+        """Return the parts of x that have classes."""
         return [self.unknowns.parts[name] for name in self._classed]
 
     def _spread(self, name: str, iteration: int) -> float:
@@ -104,19 +81,8 @@ class Misfit:
 
 
 class About:
-    """Φ about one z: the linear problem of a step.
-
-    Attributes
-    ----------
-    z : (n,) array
-    cost : Cost
-    rest : (N + classes,) array
-        b.
-    predicted : (N,) array
-        The model's record.
-    moves : (n,) array
-        1 of what moves, else 0.
-    """
+    """Φ about one z: the linear problem of a step."""
+    # predicted (N,)
 
     def __init__(self, misfit: Misfit, z: np.ndarray, line: Linearised, terms: Terms, classes: list[Terms], cost: Cost):
         self._unknowns, self._line, self._classed = misfit.unknowns, line, misfit.classed()
@@ -129,14 +95,14 @@ class About:
         self.rest = -np.concatenate(parts)
 
     def forward(self, dz: np.ndarray) -> np.ndarray:
-        """Give A dz."""
+        """Return A dz."""
         dx = self._unknowns.pushed(self._slope, self.moves * dz)
         moved = self._line.forward(self._unknowns.shaped(dx))
         return np.concatenate([_times(self._root, moved),
                                *(root * dx[part] for root, part in zip(self._class_root, self._classed))])
 
     def backward(self, weights: np.ndarray) -> np.ndarray:
-        """Give Aᵀ w."""
+        """Return Aᵀ w."""
         count = self._root.size
         dx = self._unknowns.flat(self._line.backward(self._root * weights[:count]))
         for root, part in zip(self._class_root, self._classed):
@@ -145,23 +111,23 @@ class About:
         return self.moves * self._unknowns.pulled(self._slope, dx)
 
     def gradient(self) -> np.ndarray:
-        """Give dΦ/dz."""
+        """Return dΦ/dz."""
         return self.moves * self.z - self.backward(self.rest)
 
     def spread(self, dz: np.ndarray) -> np.ndarray:
-        """Give dq (n,) of dz; q is x without bounds."""
+        """Return dq (n,) of dz; q is x without bounds."""
         return self._unknowns.pushed(np.ones_like(self._slope), dz)
 
     def gathered(self, dq: np.ndarray) -> np.ndarray:
-        """Give the transpose of `spread`."""
+        """Return the transpose of `spread`."""
         return self._unknowns.pulled(np.ones_like(self._slope), dq)
 
     def between_bounds(self, dq: np.ndarray) -> np.ndarray:
-        """Give dx (..., n) of dq (..., n)."""
+        """Return dx (..., n) of dq (..., n)."""
         return self._slope * dq
 
     def mapped(self, deviation: np.ndarray) -> np.ndarray:
-        """Give deviations of x (n,) of those of q."""
+        """Return deviations of x (n,) of those of q."""
         return self._unknowns.mapped(self.z, deviation)
 
     @property
@@ -173,11 +139,6 @@ class About:
     def check(self, random: np.random.Generator) -> None:
         """Check that forward and backward are of one matrix, by each parameter alone: one that the record hears
         little of would not be noticed beside others.
-
-        Raises
-        ------
-        ValueError
-            If they are not, or no bin moves with the unknowns.
         """
         dz, heard = random.standard_normal(self.z.size), False
         for name, part in self._unknowns.parts.items():
@@ -189,7 +150,7 @@ class About:
                              "they are heard")
 
     def _check_alone(self, name: str, dz: np.ndarray) -> bool:
-        """Whether the record moves with dz, of one parameter, and forward and backward agree on it."""
+        """Return whether the record moves with dz, of one parameter, and forward and backward agree on it."""
         moved = self.forward(dz)[:self._root.size]           # without classes, which hear all
         square = float(moved @ moved)
         if not np.isfinite(square):

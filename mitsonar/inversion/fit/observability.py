@@ -30,33 +30,15 @@ UNSEEN = 6                         # patterns that are given
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Observability:
-    """What was told of x.
+    """What was told of x."""
 
-    Attributes
-    ----------
-    singular_values : (k,) array
-        s, falling.
-    complete : bool
-        Whether these are all, or there may be more, none above the last.
-    deviation : (n,) array
-        Of the posterior of x.
-    resolved : (n,) array
-        1 - posterior / prior variance.
-    seen : (k, n) array
-        Patterns of x, each as large as the prior's deviation along it.
-    unseen : (u, n) array
-        Patterns of x that are least known, each of one posterior deviation; largest first.
-    unseen_resolved : (u,) array
-        Share of each that is told.
-    """
-
-    singular_values: np.ndarray
-    complete: bool
-    deviation: np.ndarray
-    resolved: np.ndarray
-    seen: np.ndarray
-    unseen: np.ndarray
-    unseen_resolved: np.ndarray
+    singular_values: np.ndarray  # s, falling
+    complete: bool  # whether these are all, or there may be more, none above the last
+    deviation: np.ndarray  # of the posterior of x
+    resolved: np.ndarray  # 1 - posterior / prior variance
+    seen: np.ndarray  # patterns of x, each as large as the prior's deviation along it
+    unseen: np.ndarray  # patterns of x that are least known, each of one posterior deviation
+    unseen_resolved: np.ndarray  # share of each that is told
 
     @property
     def effective(self) -> float:
@@ -66,17 +48,7 @@ class Observability:
 
 
 def observe(about: About, directions: int, seed: int) -> Observability:
-    """Look at what a record tells about some z.
-
-    Parameters
-    ----------
-    about : About
-        Of the answer.
-    directions : int
-        Singular values to find, at most.
-    seed : int
-        Of random probes.
-    """
+    """Look at what a record tells about some z."""
     size = about.z.size
     complete = size <= PRODUCTS * (directions + SPARE)
     values, right = _whole(about) if complete else _ranged(about, directions, seed)

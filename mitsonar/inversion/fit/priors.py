@@ -27,22 +27,14 @@ __all__ = ["BoundPrior", "Bounds", "Prior"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bounds:
-    """Limits of a parameter's numbers.
+    """Limits of a parameter's numbers."""
 
-    Parameters
-    ----------
-    lower, upper : float
-        May be infinite.
-    scale : (n,) float
-        s.
-    """
-
-    lower: float
-    upper: float
-    scale: np.ndarray
+    lower: float  # may be infinite
+    upper: float  # may be infinite
+    scale: np.ndarray  # s
 
     def inside(self, free: np.ndarray) -> np.ndarray:
-        """Give x of q (n,)."""
+        """Return x of q (n,)."""
         if self._both:
             middle, half = self._middle
             return middle + half * np.tanh((free - middle) / half)
@@ -50,7 +42,7 @@ class Bounds:
         return free if sign == 0 else bound + sign * self.scale * np.logaddexp(0, sign * (free - bound) / self.scale)
 
     def slope(self, free: np.ndarray) -> np.ndarray:
-        """Give dx/dq of q (n,)."""
+        """Return dx/dq of q (n,)."""
         if self._both:
             middle, half = self._middle
             return 1 / np.cosh(np.clip((free - middle) / half, -300, 300)) ** 2
@@ -60,13 +52,13 @@ class Bounds:
         return 0.5 * (1 + np.tanh(0.5 * sign * (free - bound) / self.scale))
 
     def deviation(self, free: np.ndarray, of_free: np.ndarray) -> np.ndarray:
-        """Give that of x where q (n,) has the deviations (n,): half the way from one below to one above."""
+        """Return that of x where q (n,) has the deviations (n,): half the way from one below to one above."""
         if not (self._both or self._one[0]):
             return of_free
         return 0.5 * (self.inside(free + of_free) - self.inside(free - of_free))
 
     def free(self, numbers: np.ndarray) -> np.ndarray:
-        """Give q of x (n,) strictly between the bounds."""
+        """Return q of x (n,) strictly between the bounds."""
         if self._both:
             middle, half = self._middle
             return middle + half * np.arctanh((numbers - middle) / half)
@@ -140,7 +132,7 @@ class Prior:
             raise ValueError(f"a prior has the bounds {self.lower:g} and {self.upper:g}; give a lower and a higher one")
 
     def bound(self, name: str, start: np.ndarray) -> BoundPrior:
-        """Give it for the parameter of a name and a start.
+        """Return it for the parameter of a name and a start.
 
         Raises
         ------
@@ -194,21 +186,10 @@ class Prior:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BoundPrior:
-    """A parameter's prior, for its own number of nodes; all arrays flat.
+    """A parameter's prior, for its own number of nodes; all arrays flat."""
 
-    Attributes
-    ----------
-    mean : (n,)
-        Of q, in which there are no bounds.
-    root : Root
-    deviation : (n,)
-        Of x, at the mean.
-    limits : Bounds
-    classes : Classes or None
-    """
-
-    mean: np.ndarray
+    mean: np.ndarray  # of q, in which there are no bounds
     root: Root
-    deviation: np.ndarray
+    deviation: np.ndarray  # of x, at the mean
     limits: Bounds
     classes: Classes | None

@@ -24,7 +24,7 @@ ROOM = 4096                        # bytes of an array's header
 
 
 def fingerprint(unknowns: Unknowns, likelihood: Likelihood, about: str) -> str:
-    """Give the digest of a fit's record, unknowns and priors."""
+    """Return the digest of a fit's record, unknowns and priors."""
     digest = hashlib.sha256(about.encode())
     size = likelihood.counted.size
     probe = np.linspace(0.5, 1.5, unknowns.size)
@@ -37,38 +37,14 @@ def fingerprint(unknowns: Unknowns, likelihood: Likelihood, about: str) -> str:
 
 
 def save_state(path: FilePath, state: State, mark: str) -> None:
-    """Write a state, whole or not at all.
-
-    Raises
-    ------
-    ValueError, OSError
-        If the file cannot be written there.
-    """
+    """Write a state, whole or not at all."""
     arrays = {name: np.asarray(getattr(state, name)) for name in ARRAYS}
     with replacing(path) as temporary, open(temporary, "wb") as file:
         np.savez(file, allow_pickle=False, mark=np.array(mark), **arrays)
 
 
 def load_state(path: FilePath, mark: str, size: int, stages: int = 1) -> State:
-    """Read a state of the same fit.
-
-    Parameters
-    ----------
-    path : str or path
-    mark : str
-        The fit's `fingerprint`.
-    size : int
-        Its unknowns.
-    stages : int
-        Its stages.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If it is no state, is damaged, or of another fit.
-    """
+    """Read a state of the same fit."""
     check_readable(path, "the fit's state", "a file that a fit left")
     wrong = f"cannot go on with {path}: it is no whole state of a fit; remove it, and begin anew"
     try:
@@ -98,6 +74,6 @@ def load_state(path: FilePath, mark: str, size: int, stages: int = 1) -> State:
 
 
 def _begins(begins: np.ndarray, steps: int, stages: int) -> bool:
-    """Whether stages can have begun at these iterations."""
+    """Return whether stages can have begun at these iterations."""
     return (begins.ndim == 1 and 0 < begins.size <= stages and begins.dtype.kind == "i" and begins[0] == 0
             and bool(np.all(np.diff(begins) >= 0)) and begins[-1] < steps)

@@ -16,28 +16,8 @@ __all__ = ["SmoothField", "grid_of"]
 
 
 class SmoothField:
-    """A prior over fields.
-
-    Parameters
-    ----------
-    shape : (int, int)
-    spacing : (float, float) [m]
-    deviation : float
-        Of what bends.
-    length : float [m]
-        Shorter waves are fainter.
-    level : float
-        Deviation of the plane's level.
-    slope : float [1/m]
-        Deviation of its slopes.
-
-    Attributes
-    ----------
-    size : int
-        Unknowns: level, two slopes, waves.
-    plane : int
-        Of the plane alone, which come first.
-    """
+    """A prior over fields."""
+    # spacing [m]; length [m]; slope [1/m]
 
     plane = 3
 
@@ -56,7 +36,7 @@ class SmoothField:
         self.shape, self.size = shape, 3 + share.size
 
     def of(self, unknowns: np.ndarray) -> np.ndarray:
-        """Give the field (shape) of unknowns (size,)."""
+        """Return the field (shape) of unknowns (size,)."""
         waves = idctn(unknowns[3:].reshape(self.shape) * self._share, norm="ortho")
         return waves + np.tensordot(unknowns[:3], self._plane, 1)
 
@@ -74,20 +54,8 @@ class SmoothField:
 
 
 def grid_of(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Find the regular grid that vertices (N, 3) stand on in the plane.
-
-    Returns
-    -------
-    x : (nx,) [m]
-    y : (ny,) [m]
-    number : (nx, ny) int
-        Of the vertex at each node.
-
-    Raises
-    ------
-    ValueError
-        If they stand on none.
-    """
+    """Find the regular grid that vertices (N, 3) stand on in the plane."""
+    # -> x [m], y [m]
     x, column = np.unique(np.round(positions[:, 0], 3), return_inverse=True)
     y, row = np.unique(np.round(positions[:, 1], 3), return_inverse=True)
     steps = [np.diff(axis) for axis in (x, y)]

@@ -27,20 +27,14 @@ Linear = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True, kw_only=True)
 class Root:
-    """A square root of a covariance: x = forward(z), and its transpose.
+    """A square root of a covariance: x = forward(z), and its transpose."""
 
-    Attributes
-    ----------
-    forward, transpose : callable
-        Of flat float64 arrays (n,).
-    """
-
-    forward: Linear
-    transpose: Linear
+    forward: Linear  # of flat float64 arrays (n,)
+    transpose: Linear  # of flat float64 arrays (n,)
 
 
 def independent_root(deviation: np.ndarray) -> Root:
-    """Give that of independent numbers of deviations (n,)."""
+    """Return that of independent numbers of deviations (n,)."""
     def scaled(numbers: np.ndarray) -> np.ndarray:
         return deviation * numbers
 
@@ -48,23 +42,8 @@ def independent_root(deviation: np.ndarray) -> Root:
 
 
 def grid_root(shape: Sequence[int], spacing: Sequence[float], length: float, deviation: np.ndarray) -> Root:
-    """Give that of a grid of nodes.
-
-    Parameters
-    ----------
-    shape : tuple of int
-        Nodes along each axis.
-    spacing : tuple of float [m]
-        Between nodes along each axis.
-    length : float [m]
-    deviation : (n,) float
-        Of each node.
-
-    Raises
-    ------
-    ValueError
-        If a number is not above zero, or axes and spacings are not as many.
-    """
+    """Return that of a grid of nodes."""
+    # spacing [m]; length [m]
     from scipy.fft import dctn, idctn
 
     shape, spacing = tuple(int(count) for count in shape), tuple(float(step) for step in spacing)
@@ -93,22 +72,8 @@ def grid_root(shape: Sequence[int], spacing: Sequence[float], length: float, dev
 
 
 def mesh_root(vertices: np.ndarray, faces: np.ndarray, length: float, deviation: np.ndarray) -> Root:
-    """Give that of a mesh's vertices, distances measured over its surface.
-
-    Parameters
-    ----------
-    vertices : (n, 3) float [m]
-    faces : (F, 3) int
-    length : float [m]
-    deviation : (n,) float
-        Of each vertex; on meshes of more than `EXACT` vertices to some hundredths, in corners to a fifth, where the
-        length is more than a few edges.
-
-    Raises
-    ------
-    ValueError
-        If a length is not above zero, a face names no vertex, or a vertex is on no face of any area.
-    """
+    """Return that of a mesh's vertices, distances measured over its surface."""
+    # vertices [m]; faces (F, 3); length [m]
     from scipy import sparse
     from scipy.sparse.linalg import splu
 

@@ -14,25 +14,8 @@ __all__ = ["Unknowns"]
 
 
 class Unknowns:
-    """Parameters of a model, with their priors.
-
-    Parameters
-    ----------
-    model : ForwardModel
-    priors : dict[str, Prior]
-        One for every parameter that is fitted; others stay as at the start.
-
-    Attributes
-    ----------
-    names : tuple of str
-    size : int
-        Of z.
-
-    Raises
-    ------
-    ValueError
-        If a name is unknown, or a prior does not fit its parameter.
-    """
+    """Parameters of a model, with their priors."""
+    # priors [str, Prior]
 
     def __init__(self, model: ForwardModel, priors: Mapping[str, Prior]):
         if not priors:
@@ -49,32 +32,32 @@ class Unknowns:
         self.size = int(ends[-1])
 
     def values(self, z: np.ndarray) -> dict[str, np.ndarray]:
-        """Give the parameters of z, in their shapes."""
+        """Return the parameters of z, in their shapes."""
         return self.shaped(np.concatenate([self.bound[name].limits.inside(free) for name, free in self._free(z)]))
 
     def shaped(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
-        """Give numbers (n,) as arrays by name."""
+        """Return numbers (n,) as arrays by name."""
         return {name: numbers[part].reshape(self.start[name].shape) for name, part in self.parts.items()}
 
     def flat(self, values: Values) -> np.ndarray:
-        """Give arrays by name as numbers (n,)."""
+        """Return arrays by name as numbers (n,)."""
         return np.concatenate([np.ravel(values[name]) for name in self.names])
 
     def slope(self, z: np.ndarray) -> np.ndarray:
-        """Give dx/dq (n,) about z."""
+        """Return dx/dq (n,) about z."""
         return np.concatenate([self.bound[name].limits.slope(free) for name, free in self._free(z)])
 
     def mapped(self, z: np.ndarray, deviation: np.ndarray) -> np.ndarray:
-        """Give deviations (n,) of x about z where those of q are (n,)."""
+        """Return deviations (n,) of x about z where those of q are (n,)."""
         return np.concatenate([self.bound[name].limits.deviation(free, deviation[self.parts[name]])
                                for name, free in self._free(z)])
 
     def pushed(self, slope: np.ndarray, dz: np.ndarray) -> np.ndarray:
-        """Give dx (n,) of dz (n,)."""
+        """Return dx (n,) of dz (n,)."""
         return slope * np.concatenate([self.bound[name].root.forward(dz[part]) for name, part in self.parts.items()])
 
     def pulled(self, slope: np.ndarray, dx: np.ndarray) -> np.ndarray:
-        """Give the transpose of `pushed`."""
+        """Return the transpose of `pushed`."""
         dx = slope * dx
         return np.concatenate([self.bound[name].root.transpose(dx[part]) for name, part in self.parts.items()])
 

@@ -55,24 +55,8 @@ class HeightPrior:
 
 
 class HeightUnknowns:
-    """Heights of a bed and its strength, as unknowns.
-
-    Parameters
-    ----------
-    model : SceneModel
-    key : str
-        Of the bed's vertices.
-    strength : str or None
-        Key of its strength, a number; None: the level is right.
-    depth : float [m]
-        Of the level bed at the start.
-    prior : HeightPrior
-
-    Attributes
-    ----------
-    x : (nx,) [m]
-    y : (ny,) [m]
-    """
+    """Heights of a bed and its strength, as unknowns."""
+    # depth [m]; x [m]; y [m]
 
     def __init__(self, model: SceneModel, key: str, strength: str | None, depth: float, prior: HeightPrior):
         self._key, self._strength = key, strength
@@ -88,15 +72,15 @@ class HeightUnknowns:
         self.size, self.first = self.field.size + self._gains, self.field.plane + self._gains
 
     def heights(self, unknowns: np.ndarray) -> np.ndarray:
-        """Give z (nx, ny) [m] of unknowns."""
+        """Return z (nx, ny) [m] of unknowns."""
         return self._start[self._number, 2] + self.field.of(unknowns[self._gains:])
 
     def gain_db(self, unknowns: np.ndarray) -> float:
-        """Give how much stronger the bed is [dB] than in the scene."""
+        """Return how much stronger the bed is [dB] than in the scene."""
         return float(10 / np.log(10) * self._gain * unknowns[0]) if self._gains else 0.0
 
     def values(self, unknowns: np.ndarray) -> Values:
-        """Give vertices and strength of unknowns."""
+        """Return vertices and strength of unknowns."""
         positions = self._start.copy()
         positions[self._number, 2] = self.heights(unknowns)
         found = {self._key: positions}
@@ -105,7 +89,7 @@ class HeightUnknowns:
         return found
 
     def pushed(self, unknowns: np.ndarray, direction: np.ndarray) -> Values:
-        """Give how vertices and strength move along a direction."""
+        """Return how vertices and strength move along a direction."""
         positions = np.zeros_like(self._start)
         positions[self._number, 2] = self.field.of(direction[self._gains:])
         found = {self._key: positions}

@@ -45,11 +45,11 @@ class ImageUnknowns(Protocol):
     first: int
 
     def values(self, unknowns: np.ndarray) -> Values:
-        """Give the parameters of unknowns (size,)."""
+        """Return the parameters of unknowns (size,)."""
         ...
 
     def pushed(self, unknowns: np.ndarray, direction: np.ndarray) -> Values:
-        """Give how parameters move about unknowns, along a direction."""
+        """Return how parameters move about unknowns, along a direction."""
         ...
 
     def pulled(self, unknowns: np.ndarray, gradients: Values) -> np.ndarray:
@@ -84,14 +84,7 @@ COARSE_TO_FINE = (Stage(bins=8, steps=8, products=8, first_only=True), Stage(bin
 
 
 class SummedModel:
-    """A model by unknowns, whose record is sums of bins: a `ForwardModel`.
-
-    Parameters
-    ----------
-    model : ForwardModel
-    unknowns : ImageUnknowns
-    sums : Comparison
-    """
+    """A model by unknowns, whose record is sums of bins: a `ForwardModel`."""
 
     def __init__(self, model: ForwardModel, unknowns: ImageUnknowns, sums: Comparison):
         self._model, self._unknowns, self._sums = model, unknowns, sums
@@ -99,11 +92,11 @@ class SummedModel:
         self.units = {UNKNOWNS: "1"}
 
     def value(self, values: Values) -> np.ndarray:
-        """Give sums; see `ForwardModel.value`."""
+        """Return sums; see `ForwardModel.value`."""
         return self._sums.summed(self._model.value(self._unknowns.values(values[UNKNOWNS])))
 
     def linearised(self, values: Values) -> SummedLine:
-        """Give sums about values; see `ForwardModel.linearised`."""
+        """Return sums about values; see `ForwardModel.linearised`."""
         at = np.asarray(values[UNKNOWNS], float)
         return SummedLine(self._model.linearised(self._unknowns.values(at)), self._unknowns, self._sums, at)
 
@@ -116,11 +109,11 @@ class SummedLine:
         self.value = sums.summed(line.value)
 
     def forward(self, tangents: Values) -> np.ndarray:
-        """Give J v; see `Linearised.forward`."""
+        """Return J v; see `Linearised.forward`."""
         return self._sums.summed(self._line.forward(self._unknowns.pushed(self._at, tangents[UNKNOWNS])))
 
     def backward(self, cotangent: np.ndarray) -> dict[str, np.ndarray]:
-        """Give Jᵀ w; see `Linearised.backward`."""
+        """Return Jᵀ w; see `Linearised.backward`."""
         gradients = self._line.backward(self._sums.transposed(cotangent))
         return {UNKNOWNS: self._unknowns.pulled(self._at, gradients)}
 
@@ -129,26 +122,7 @@ def fit_image(model: ForwardModel, record: ImageRecord, unknowns: ImageUnknowns,
               stages: Sequence[Stage] = COARSE_TO_FINE, *, modes: int = 40,
               begin: Callable[[], np.ndarray] | None = None, state_file: FilePath | None = None, about: str = "",
               told: Callable[[float, float], object] | None = None) -> Fit:
-    """Fit unknowns to an image.
-
-    Parameters
-    ----------
-    model : ForwardModel
-    record : ImageRecord
-    unknowns : ImageUnknowns
-    stages : sequence of Stage
-    modes : int
-        Directions in which to look at what the image tells.
-    begin : callable
-        That gives the unknowns (size,) to begin with; without it, 0.
-    state_file, about, told
-        As ``state_file``, ``about`` and ``progress`` of `fit`.
-
-    Raises
-    ------
-    ValueError
-        If there is no stage or no mode, or as `fit`.
-    """
+    """Fit unknowns to an image."""
     if not stages:
         raise ValueError("no stage was given; give one or more, or leave them out")
     made = [_stage(model, record, unknowns, one) for one in stages]
@@ -168,12 +142,12 @@ def _stage(model: ForwardModel, record: ImageRecord, unknowns: ImageUnknowns, on
 
 
 def unknowns_of(found: Fit) -> np.ndarray:
-    """Give the unknowns (size,) that an image's fit found."""
+    """Return the unknowns (size,) that an image's fit found."""
     return found.values[UNKNOWNS]
 
 
 def spread_of(found: Fit) -> tuple[np.ndarray, np.ndarray]:
-    """Give what an image told best of its unknowns: information λ (modes,), falling, and unit vectors (modes, size).
+    """Return what an image told best of its unknowns: information λ (modes,), falling, and unit vectors (modes, size).
 
     Along a vector the deviation falls from 1 to (1 + λ)^-1/2; across all of them it is told as it was before.
     """

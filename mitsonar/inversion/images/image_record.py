@@ -27,51 +27,22 @@ BEFORE = 1.4                       # [m] of slant range that counts before the f
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImageRecord:
-    """A sidescan's image as intensities.
+    """A sidescan's image as intensities."""
 
-    Attributes
-    ----------
-    intensity : (pings, 2, bins) [µPa²]
-    first, last : int
-        Bins that count.
-    floor : (bins,) [µPa²]
-    looks : float
-    model_error : float
-        Relative, of a bin's mean.
-    first_return : (pings,) [m]
-    bin_width : float [m]
-    """
-
-    intensity: np.ndarray
-    first: int
-    last: int
-    floor: np.ndarray
+    intensity: np.ndarray  # [µPa²]
+    first: int  # bins that count
+    last: int  # bins that count
+    floor: np.ndarray  # [µPa²]
     looks: float
-    model_error: float
-    first_return: np.ndarray
-    bin_width: float
+    model_error: float  # relative, of a bin's mean
+    first_return: np.ndarray  # [m]
+    bin_width: float  # [m]
 
     @classmethod
     def of(cls, image: xr.Dataset, shape: tuple[int, ...], *, looks: float, farthest: float | None = None,
            model_error: float = 0.05) -> ImageRecord:
-        """Read an image that a model of some shape is to match.
-
-        Parameters
-        ----------
-        image : Dataset
-            With ``level`` (ping, side, range) [dB re 1 µPa].
-        shape : (int, int, int)
-            Of the model.
-        looks : float
-        farthest : float [m]
-            Slant range up to which it counts; without it, all.
-        model_error : float
-
-        Raises
-        ------
-        ValueError
-            If it is no sidescan's, its shape is another, or numbers are out of range.
-        """
+        """Read an image that a model of some shape is to match."""
+        # farthest [m]
         seen = intensities(image, shape)
         if not (looks > 0 and np.isfinite(looks)):
             raise ValueError(f"looks is {looks:g}; give the number of looks of a bin, above 0: 1 for raw speckle")
@@ -91,19 +62,12 @@ class ImageRecord:
                    model_error=model_error, first_return=returns, bin_width=width)
 
     def at(self, bins: int) -> Comparison:
-        """Give the comparison of sums over so many bins."""
+        """Return the comparison of sums over so many bins."""
         return Comparison(self, bins)
 
 
 class Comparison:
-    """Sums of bins of a record, and of a model's.
-
-    Parameters
-    ----------
-    record : ImageRecord
-    bins : int
-        Summed.
-    """
+    """Sums of bins of a record, and of a model's."""
 
     def __init__(self, record: ImageRecord, bins: int):
         self._record, self._bins = record, bins
@@ -125,11 +89,11 @@ class Comparison:
         return rows.ravel()
 
     def likelihood(self) -> Gamma:
-        """Give that of the sums."""
+        """Return that of the sums."""
         return self._likelihood(self.seen)
 
     def over_speckle(self, predicted: np.ndarray) -> float:
-        """Give the deviance of a model's sums (M,) over that of a draw of speckle about them."""
+        """Return the deviance of a model's sums (M,) over that of a draw of speckle about them."""
         looks = self._record.looks * self._bins
         drawn = np.random.default_rng(0).gamma(looks, np.maximum(predicted, 0) / looks) + self._floor
         seen, expected = (one.terms(predicted).misfit for one in (self.likelihood(), self._likelihood(drawn)))
@@ -145,13 +109,7 @@ class Comparison:
 
 
 def intensities(image: xr.Dataset, shape: tuple[int, ...]) -> np.ndarray:
-    """Give the intensities (ping, side, range) [µPa²] of a sidescan's image.
-
-    Raises
-    ------
-    ValueError
-        If it is no sidescan's, or its shape is another.
-    """
+    """Return the intensities (ping, side, range) [µPa²] of a sidescan's image."""
     kind = image.attrs.get("sonar")
     if "level" not in image or kind != "sidescan":
         raise ValueError(f"the record is one of {kind or 'no sonar that is named'}; give the image of a sidescan")
@@ -165,13 +123,7 @@ def intensities(image: xr.Dataset, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def first_return_range(intensity: np.ndarray, bin_width: float) -> np.ndarray:
-    """Give the slant range (pings,) [m] of the bed's first return, of both sides' mean.
-
-    Raises
-    ------
-    ValueError
-        If there is none.
-    """
+    """Return the slant range (pings,) [m] of the bed's first return, of both sides' mean."""
     from mitsonar.imaging.picture_statistics import first_return
 
     found = np.mean([first_return(np.sqrt(side), bin_width) for side in np.moveaxis(intensity, 1, 0)], 0)

@@ -64,24 +64,8 @@ class PosePrior:
 
 
 class PoseUnknowns:
-    """Six numbers that move a mesh or another shape, and beside them strengths and the track.
-
-    Parameters
-    ----------
-    start : (N, 3) or (4, 4) [m]
-    key : str
-    prior : PosePrior
-    strengths : dict of str to array
-        At the start, by key.
-    track : (str, int)
-        Key of the track's offsets, and pings.
-
-    Attributes
-    ----------
-    size : int
-    steady : int
-        Of them without the track.
-    """
+    """Six numbers that move a mesh or another shape, and beside them strengths and the track."""
+    # start (N, 3) [m]
 
     first = 6
 
@@ -119,7 +103,7 @@ class PoseUnknowns:
                          for deviation, step in zip(self.deviation, STEP * np.eye(6))])
 
     def values(self, unknowns: np.ndarray) -> Values:
-        """Give the vertices or the transform, strengths and the track's offsets."""
+        """Return the vertices or the transform, strengths and the track's offsets."""
         gains = np.exp(self._gain * unknowns[self._gains])
         found = {key: start * gain for (key, start), gain in zip(self._strengths.items(), gains)}
         if self._track:
@@ -127,7 +111,7 @@ class PoseUnknowns:
         return {self._key: self._moved(self.deviation * unknowns[:6]), **found}
 
     def pushed(self, unknowns: np.ndarray, direction: np.ndarray) -> Values:
-        """Give how they move."""
+        """Return how they move."""
         gains = self._gain * direction[self._gains] * np.exp(self._gain * unknowns[self._gains])
         found = {key: start * gain for (key, start), gain in zip(self._strengths.items(), gains)}
         if self._track:
@@ -145,16 +129,7 @@ class PoseUnknowns:
 
 
 def searched(cost: Callable[[np.ndarray], float], size: int, moved: Sequence[int] = MOVED) -> np.ndarray:
-    """Find unknowns (size,) of deviation 1 near the least cost, without gradients.
-
-    Parameters
-    ----------
-    cost : callable
-        Of unknowns.
-    size : int
-    moved : sequence of int
-        Which of them first tries vary; all take part in the steps after.
-    """
+    """Find unknowns (size,) of deviation 1 near the least cost, without gradients."""
     from scipy.stats import qmc
 
     tries = np.zeros((TRIED + 1, size))

@@ -40,24 +40,8 @@ RANGES = 0.02                      # share of a range that two sonars' ranges ma
 
 
 def image_intensities(image: xr.Dataset, kind: str, shape: Sequence[int], farthest: float | None = None) -> np.ndarray:
-    """Give the intensities of an image, (ping, row, bin) [µPa²]; NaN where there is no level.
-
-    Parameters
-    ----------
-    image : xarray.Dataset
-        With ``level`` [dB re 1 µPa] over ping, side or beam, and range.
-    kind : str
-        Of the sonar that the model is of.
-    shape : (int, int, int)
-        Of the model's record.
-    farthest : float [m], optional
-        Slant range that the model's record ends at, where it is known.
-
-    Raises
-    ------
-    ValueError
-        If it is the record of another sonar, or another number of pings, rows or bins.
-    """
+    """Return the intensities of an image, (ping, row, bin) [µPa²]; NaN where there is no level."""
+    # farthest [m]
     if "level" not in image or image["level"].ndim != 3:
         raise ValueError("the record has no levels over pings, sides or beams, and ranges; give an image that mitsonar "
                          "rendered, or one with the variable level (ping, side, range)")
@@ -156,13 +140,7 @@ def fit_scene(scene: mi.Scene | FilePath, image: xr.Dataset, priors: Sequence[Ke
 
 def scene_values(scene: mi.Scene | FilePath, names: Sequence[str], *, sensor: int | str = 0) \
         -> dict[str, np.ndarray]:
-    """Give the parameters of a scene by the names of a fit, such as a truth.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        As `fit_scene`.
-    """
+    """Return the parameters of a scene by the names of a fit, such as a truth."""
     scene, _, _ = opened(scene, sensor)
     wanted = _model(scene, [name for name in names if _other(name) != "pose"], sensor, 0).start
     return {name: wanted[name] for name in names if name in wanted}
@@ -199,7 +177,7 @@ def _other(name: str) -> str:
 
 
 def vertex_places(scene: mi.Scene, values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Give the vertices (V, 3) [m] of the meshes that have a number a vertex among values, by the values' names."""
+    """Return the vertices (V, 3) [m] of the meshes that have a number a vertex among values, by the values' names."""
     parameters: Any = mi.traverse(scene)
     found = {}
     for name, value in values.items():

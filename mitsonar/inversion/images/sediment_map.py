@@ -50,14 +50,8 @@ class StrengthPrior:
 
 
 class StrengthUnknowns:
-    """Cells of a texture in decibels, as unknowns.
-
-    Parameters
-    ----------
-    start : (ny, nx) [dB]
-    key : str
-    prior : StrengthPrior
-    """
+    """Cells of a texture in decibels, as unknowns."""
+    # start [dB]
 
     def __init__(self, start: np.ndarray, key: str, prior: StrengthPrior):
         self._start, self._key = start, key
@@ -67,15 +61,15 @@ class StrengthUnknowns:
         self.size, self.first = self.field.size, self.field.plane
 
     def strength_db(self, unknowns: np.ndarray) -> np.ndarray:
-        """Give strengths (ny, nx) [dB]."""
+        """Return strengths (ny, nx) [dB]."""
         return self._start[:, :, 0] + self.field.of(unknowns)
 
     def values(self, unknowns: np.ndarray) -> Values:
-        """Give the texture."""
+        """Return the texture."""
         return {self._key: self.strength_db(unknowns)[:, :, None]}
 
     def pushed(self, unknowns: np.ndarray, direction: np.ndarray) -> Values:
-        """Give how the texture moves."""
+        """Return how the texture moves."""
         return {self._key: self.field.of(direction)[:, :, None]}
 
     def pulled(self, unknowns: np.ndarray, gradients: Values) -> np.ndarray:

@@ -206,12 +206,7 @@ def fit_lines(paths: Sequence[FilePath], start: SoundSpeedProfile | None = None,
 
 def nodes_over(profile: SoundSpeedProfile, head: float, deepest: float, nodes: int,
                head_speed: float) -> SoundSpeedProfile:
-    """Give a profile of equal steps from the head down to the deepest sounding, the head's speed at its first node.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two steps, or no sounding lies below the head.
+    """Return a profile of equal steps from the head down to the deepest sounding, the head's speed at its first node.
     """
     if nodes < 2 or not deepest > head:
         raise ValueError(f"fit of a profile: {nodes} nodes from the head at {head:.1f} m down to {deepest:.1f} m; at "

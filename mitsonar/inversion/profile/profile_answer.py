@@ -95,12 +95,12 @@ class ProfileFit:
 
     @property
     def is_overlapping(self) -> bool:
-        """Whether the same bed was seen at several angles, or known: if not, depth and speed trade places."""
+        """Return whether the same bed was seen at several angles, or known: if not, depth and speed trade places."""
         return self.directions > ONE_WAY
 
     @property
     def is_profile(self) -> bool:
-        """Whether nodes are told over enough of the column to call the answer a profile."""
+        """Return whether nodes are told over enough of the column to call the answer a profile."""
         some = self.depth[self.told & (self.depth > self.head_depth)]
         if not self.is_overlapping:
             return False
@@ -144,7 +144,7 @@ class ProfileFit:
                 f"{self.depth.size} nodes, to {np.median(self.deviation[some]):.2f} m/s in the middle{rest}; {mean}.")
 
     def to_dataset(self) -> xr.Dataset:
-        """Give all of it as a dataset."""
+        """Return all of it as a dataset."""
         by_node = {"start_sound_speed": (self.start, "m/s"), "sound_speed": (self.speed, "m/s"),
                    "deviation": (self.deviation, "m/s"), "prior_deviation": (self.prior_deviation, "m/s"),
                    "resolved": (self.resolved, "1"), "told": (self.told.astype(np.int8), "1")}

@@ -73,13 +73,13 @@ class ProfilePrior:
                 raise ValueError(f"profile prior: {one.name} is {value:g}; give a number above zero.")
 
     def covariance(self, depth: np.ndarray) -> np.ndarray:
-        """Give that of the speeds at depths (K,) [m]: (K, K) [m²/s²]."""
+        """Return that of the speeds at depths (K,) [m]: (K, K) [m²/s²]."""
         apart = np.sqrt(3) * np.abs(depth[:, None] - depth) / self.length
         return self.deviation ** 2 * (1 + apart) * np.exp(-apart)
 
 
 def bed_precision(bed: BedGrid, prior: ProfilePrior, known: bool) -> sparse.csc_array:
-    """Give the inverse covariance of the bed's depths, sparse (J, J) [1/m²]."""
+    """Return the inverse covariance of the bed's depths, sparse (J, J) [1/m²]."""
     from scipy import sparse
 
     count = bed.depth.size
@@ -153,7 +153,7 @@ class ProfileProblem:
         return self.at(speed, self.bed.depth.ravel(), 0.0)
 
     def values(self, speed: np.ndarray, bed: np.ndarray, roll: float) -> dict[str, np.ndarray]:
-        """Give them as the model takes them."""
+        """Return them as the model takes them."""
         numbers = speed, bed.reshape(self.bed.depth.shape), np.array([roll])
         return dict(list(zip(self.names, numbers))[:3 if self.rolls else 2])
 
@@ -168,7 +168,7 @@ class ProfileProblem:
                       by_bed=line.jacobian[bed_name])
 
     def cost(self, state: _State, noise: float) -> float:
-        """Give Φ."""
+        """Return Φ."""
         ratio = np.abs(state.rest) / noise
         data = np.where(ratio <= OUTLIER, ratio ** 2, OUTLIER * (2 * ratio - OUTLIER)).sum()
         dense, bed = self._off(state)
@@ -214,12 +214,7 @@ class ProfileProblem:
         return self.answer(state, trusted, np.array(misfits), stopped)
 
     def stepped(self, state: _State, noise: float) -> tuple[_State | None, float, float]:
-        """Go one step of Gauss-Newton's; None: no step fits better.
-
-        Returns
-        -------
-        state, how far the farthest node moved, in its deviations, and by how much the cost fell
-        """
+        """Go one step of Gauss-Newton's; None: no step fits better."""
         nodes = self.start.depth.size
         dense, cross, solver, weight = self.normal(state, noise)
         off, bed_off = self._off(state)

@@ -31,7 +31,7 @@ def recognises(content: Sequence[str]) -> bool:
 
 
 def read(lines: Sequence[str], section: int) -> Samples:
-    """Give the samples; see `mitsonar.io.casts.read`."""
+    """Return the samples; see `mitsonar.io.casts.read`."""
     fields.only_section(section)
     start = next((k for k, line in enumerate(lines) if _begins_data(line)), None)
     if start is None:
@@ -60,7 +60,7 @@ def _begins_data(line):
 
 
 def _notes(lines):
-    """Give all values of each name, in order: sections repeat names."""
+    """Return all values of each name, in order: sections repeat names."""
     notes = {}
     for line in lines:
         name, equals, value = line.partition("=")
@@ -75,7 +75,7 @@ def _first_position(notes, name):
 
 
 def _columns(notes, rows, line):
-    """Give the columns and the rows that are samples."""
+    """Return the columns and the rows that are samples."""
     if "columns" in notes:
         names, units = (notes.get(key, [""])[0].split(",") for key in ("columns", "units"))
         titles = [f"{name} ({unit})" for name, unit in zip(names, units + [""] * len(names), strict=False)]

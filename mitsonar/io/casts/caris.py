@@ -12,7 +12,7 @@ def recognises(content: Sequence[str]) -> bool:
 
 
 def read(lines: Sequence[str], section: int) -> Samples:
-    """Give the samples of a section; see `mitsonar.io.casts.read`."""
+    """Return the samples of a section; see `mitsonar.io.casts.read`."""
     starts = [k for k, line in enumerate(lines) if line.lower().startswith("section")]
     if not 0 <= section < len(starts):
         raise ValueError(f"section {section} was asked for, but the file holds {len(starts)}; count from 0.")

@@ -40,23 +40,7 @@ SPIKE = 1.0             # [m]
 
 
 def cleaned(samples: Samples) -> tuple[Samples, Cleaning]:
-    """Clean samples that have a depth, by their state.
-
-    Parameters
-    ----------
-    samples : Samples
-
-    Returns
-    -------
-    Samples
-        Depths strictly increase.
-    Cleaning
-
-    Raises
-    ------
-    ValueError
-        If depths do not increase where they must, or a recording holds no water or no way down.
-    """
+    """Clean samples that have a depth, by their state."""
     counts = {"read": samples.lines.size + samples.flagged, "flagged": samples.flagged}
     if samples.state == "ordered":
         _check_order(samples)
@@ -153,27 +137,7 @@ STEPS = np.concatenate([np.arange(0, 1000, 50.0), np.arange(1000, DEEPEST + 1, 2
 
 
 def completed(samples: Samples, name: str, source: str, extension: str) -> Cast:
-    """Make the cast of samples.
-
-    Parameters
-    ----------
-    samples : Samples
-    name : str
-        Of the format.
-    source : str
-        Of `SOUND_SPEEDS`.
-    extension : str
-        Of `EXTENSIONS`.
-
-    Returns
-    -------
-    Cast
-
-    Raises
-    ------
-    ValueError
-        If a value is out of range, or what the sound speed is to be computed from is missing.
-    """
+    """Make the cast of samples."""
     samples, latitude = _with_depth(samples)
     samples, cleaning = cleaned(samples)
     samples = _with_salinity(samples, latitude)
@@ -249,7 +213,7 @@ def _teos_10(samples, **water):
 
 
 def _extended(samples):
-    """Give the columns with nodes below the deepest sample, at the depths of `STEPS`."""
+    """Return the columns with nodes below the deepest sample, at the depths of `STEPS`."""
     columns = samples.columns
     below = STEPS[STEPS > columns["depth"][-1]]
     last = {what: float(columns[what][-1]) if what in columns else MIXED[what] for what in MIXED}

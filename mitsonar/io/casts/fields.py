@@ -41,13 +41,13 @@ def only_section(section: int) -> None:
 
 
 def shown(text: str) -> str:
-    """Give a field as an error may show it: short, on one line."""
+    """Return a field as an error may show it: short, on one line."""
     text = "".join(character if character.isprintable() else "?" for character in text[:31])
     return f"{text[:30]}..." if len(text) > 30 else text
 
 
 def number(text: str) -> float:
-    """Give the number a field holds, NaN where it holds none."""
+    """Return the number a field holds, NaN where it holds none."""
     try:
         return math.nan if "_" in text else float(text)    # Python's 1_500 is no number to others
     except ValueError:
@@ -56,26 +56,7 @@ def number(text: str) -> float:
 
 def samples(rows: Sequence[tuple[int, Sequence[str]]], columns: Mapping[str, int | tuple[int, float]],
             state: Literal["recorded", "processed", "ordered"], **more: Any) -> Samples:
-    """Make samples of the rows of a file.
-
-    Parameters
-    ----------
-    rows : list of (int, list of str)
-        Line number and fields.
-    columns : dict of str to int or (int, float)
-        Where each quantity stands, and by what it is multiplied to have our unit.
-    state : str
-        And what else a `Samples` holds.
-
-    Returns
-    -------
-    Samples
-
-    Raises
-    ------
-    ValueError
-        If there is no row or a field is not a finite number; the first line with such a field is named.
-    """
+    """Make samples of the rows of a file."""
     if not rows:
         raise ValueError("it holds no samples; give at least one depth with its sound speed.")
     table = {what: np.empty(len(rows)) for what in columns}
@@ -92,13 +73,13 @@ def samples(rows: Sequence[tuple[int, Sequence[str]]], columns: Mapping[str, int
 
 
 def rows_of(lines: Sequence[str]) -> list[tuple[int, str]]:
-    """Give the rows that carry content, as (line number, text), without comments after #."""
+    """Return the rows that carry content, as (line number, text), without comments after #."""
     rows = ((number, line.partition("#")[0].strip()) for number, line in enumerate(lines, 1))
     return [(number, row) for number, row in rows if row]
 
 
 def title(text: str) -> tuple[str | None, str]:
-    """Give the quantity and the unit that the title of a column names, or None and all of it."""
+    """Return the quantity and the unit that the title of a column names, or None and all of it."""
     words = re.sub(r"[_()\[\]\"']+", " ", text.lower()).split()
     for end in range(min(len(words), 4), 0, -1):
         for what, names in QUANTITIES.items():
@@ -108,26 +89,7 @@ def title(text: str) -> tuple[str | None, str]:
 
 
 def titled(line: int, header: Sequence[str]) -> dict[str, tuple[int, float]]:
-    """Give the columns that a header names.
-
-    Parameters
-    ----------
-    line : int
-        The header's line number.
-    header : list of str
-        Titles such as ``depth``, ``Depth (m)``, ``depth_m``.
-
-    Returns
-    -------
-    dict of str to (int, float)
-        Quantity to column and factor.
-
-    Raises
-    ------
-    ValueError
-        If a quantity is named twice, the unit of one that is needed is not known, or depth (or pressure) or what
-        gives the sound speed is missing.
-    """
+    """Return the columns that a header names."""
     columns, titles = {}, [title(text) for text in header]
     named = {what for what, _ in titles}
     for k, (what, unit) in enumerate(titles):
@@ -156,7 +118,7 @@ def suffices(quantities: Collection[str | None]) -> bool:
 
 
 def position(text: str, name: str) -> float | None:
-    """Give the degrees of a latitude or longitude: decimal, or with minutes and seconds; None if it cannot be read.
+    """Return the degrees of a latitude or longitude: decimal, or with minutes and seconds; None if it cannot be read.
 
     The sign before the degrees is that of the whole, and so is a letter behind.
 
@@ -179,7 +141,7 @@ def position(text: str, name: str) -> float | None:
 
 
 def instant(text: str, *layouts: str) -> datetime.datetime | None:
-    """Give the time that a text holds in one of the layouts of ``strptime``, in UTC; None if in none of them."""
+    """Return the time that a text holds in one of the layouts of ``strptime``, in UTC; None if in none of them."""
     for layout in layouts:
         try:
             return datetime.datetime.strptime(" ".join(text.split()), layout).replace(tzinfo=datetime.timezone.utc)

@@ -11,7 +11,7 @@ def recognises(content: Sequence[str]) -> bool:
 
 
 def read(lines: Sequence[str], section: int) -> Samples:
-    """Give the samples; see `mitsonar.io.casts.read`."""
+    """Return the samples; see `mitsonar.io.casts.read`."""
     fields.only_section(section)
     (_, header), *rows = [(number, row.split()) for number, row in fields.rows_of(lines)]
     latitude, longitude, hour, day = (header[3:7] + [""] * 4)[:4]

@@ -14,7 +14,7 @@ def recognises(content: Sequence[str]) -> bool:
 
 
 def read(lines: Sequence[str], section: int) -> Samples:
-    """Give the samples; see `mitsonar.io.casts.read`."""
+    """Return the samples; see `mitsonar.io.casts.read`."""
     fields.only_section(section)
     (_, header), *rows = [(number, row.split()) for number, row in fields.rows_of(lines)]
     ended, header = header[-1] == ")", [word for word in header if word not in "()"]

@@ -39,7 +39,7 @@ def recognises(content: Sequence[str]) -> bool:
 
 
 def read(lines: Sequence[str], section: int) -> Samples:
-    """Give the samples; see `mitsonar.io.casts.read`."""
+    """Return the samples; see `mitsonar.io.casts.read`."""
     fields.only_section(section)
     end = next((k for k, line in enumerate(lines) if line.strip() == "*END*"), None)
     if end is None:
@@ -53,7 +53,7 @@ def read(lines: Sequence[str], section: int) -> Samples:
 
 
 def _header(lines):
-    """Give the notes, the columns with their factors, and the column of flags or None."""
+    """Return the notes, the columns with their factors, and the column of flags or None."""
     notes, columns, flag, named = {}, {}, None, []
     for line in lines:
         line = " ".join(line.split())

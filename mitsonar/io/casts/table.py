@@ -13,7 +13,7 @@ def recognises(content: Sequence[str]) -> bool:
 
 
 def read(lines: Sequence[str], section: int) -> Samples:
-    """Give the samples; see `mitsonar.io.casts.read`."""
+    """Return the samples; see `mitsonar.io.casts.read`."""
     fields.only_section(section)
     rows = [(number, _split(row)) for number, row in fields.rows_of(lines)]
     (number, first), columns = rows[0], {"depth": 0, "sound speed": 1}

@@ -7,22 +7,6 @@ MOST_BYTES, MOST_LINES, LONGEST = 32 * 2**20, 1_000_000, 10_000  # hours at 24 s
 def read_lines(path: Path) -> list[str] | None:
     """Read the lines of a text file.
 
-    Parameters
-    ----------
-    path : pathlib.Path
-
-    Returns
-    -------
-    list of str or None
-        Without their ends; None if the file is binary.
-
-    Raises
-    ------
-    ValueError
-        If the file is larger than a cast is; nothing of it was read then.
-
-    Notes
-    -----
     UTF-8, UTF-16 with its mark, or else Windows-1252, of which every byte is some character: the degree signs of
     older software matter less than the numbers beside them.
     """

@@ -16,7 +16,7 @@ def recognises(content: Sequence[str]) -> bool:
 
 
 def read(lines: Sequence[str], section: int) -> Samples:
-    """Give the samples; see `mitsonar.io.casts.read`."""
+    """Return the samples; see `mitsonar.io.casts.read`."""
     fields.only_section(section)
     notes, rows = {}, []
     for number, line in enumerate(lines, 1):

@@ -81,7 +81,7 @@ def fill_holes(heights: np.ndarray, steps: tuple[float, float], widest: float | 
 
 
 def _harmonic(heights, unknown, steps):
-    """Give the heights of the unknown nodes, in the order of the array."""
+    """Return the heights of the unknown nodes, in the order of the array."""
     from scipy.sparse import coo_array, diags_array
     from scipy.sparse.linalg import cg
 
@@ -107,7 +107,8 @@ def _harmonic(heights, unknown, steps):
 
 
 def _coarse(heights, unknown, steps, nodes):
-    """Give a first guess at nodes: the same on a grid of half as many rows and columns, from which a few rounds do."""
+    """Return a first guess at nodes: the same on a grid of half as many rows and columns, from which a few rounds do.
+    """
     from scipy.ndimage import map_coordinates
 
     rows, columns = (length + length % 2 for length in heights.shape)
@@ -163,19 +164,19 @@ class Bathymetry:
 
     @property
     def spacing(self) -> tuple[float, float]:
-        """Give the distance of columns and of rows [m]."""
+        """Return the distance of columns and of rows [m]."""
         across, along = (float((axis[-1] - axis[0]) / (axis.size - 1)) for axis in (self.x, self.y))
         return across, along
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
-        """Give west, south, east and north [m] of the nodes in the coordinate system ``crs``."""
+        """Return west, south, east and north [m] of the nodes in the coordinate system ``crs``."""
         east, north = self.local_origin
         return (float(self.x[0] + east), float(self.y[0] + north), float(self.x[-1] + east),
                 float(self.y[-1] + north))
 
     def height_at(self, x: npt.ArrayLike, y: npt.ArrayLike) -> np.ndarray:
-        """Give the height [m] at local points by bilinear interpolation; NaN beside holes and beyond the grid."""
+        """Return the height [m] at local points by bilinear interpolation; NaN beside holes and beyond the grid."""
         from scipy.interpolate import RegularGridInterpolator
 
         x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
@@ -214,7 +215,7 @@ class Relief:
 
     @property
     def spectrum(self) -> RoughnessSpectrum | None:
-        """Give the spectrum, where both numbers are given, else None."""
+        """Return the spectrum, where both numbers are given, else None."""
         if self.w2 is None or self.gamma is None:
             return None
         return RoughnessSpectrum(w2=self.w2, gamma=self.gamma, outer_scale=1e6)
@@ -345,7 +346,7 @@ def _measured(grid, depths, gamma):
 
 
 def _z_up(values, vertical):
-    """Give the heights, z up, and how the numbers were taken."""
+    """Return the heights, z up, and how the numbers were taken."""
     if np.isnan(values).all():
         raise ValueError("there is no depth in the part asked for, only holes.")
     low, high = np.nanmin(values), np.nanmax(values)

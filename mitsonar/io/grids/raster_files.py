@@ -101,7 +101,7 @@ def _is_number(word):
 
 
 def _blocks(file):
-    """Give the words after the header, some lines at a time."""
+    """Return the words after the header, some lines at a time."""
     rest = ""
     while (start := file.tell()) >= 0:
         line = file.readline(_LONGEST)

@@ -40,7 +40,7 @@ def check(raster: "DatasetReader", band: int) -> None:
 @contextlib.contextmanager
 def in_metres(raster: "DatasetReader", source: "CRS | None", resolution: float | None, nodata: float | None,
               smooth: bool = False) -> "Iterator[DatasetReader | WarpedVRT]":
-    """Give the raster itself, or a view of it in metres, upright and at the resolution asked for.
+    """Return the raster itself, or a view of it in metres, upright and at the resolution asked for.
 
     Views interpolate linearly, or if ``smooth`` by cubics, which keep more of the short waves.
     """
@@ -80,13 +80,7 @@ def in_metres(raster: "DatasetReader", source: "CRS | None", resolution: float |
 
 
 def source_crs(raster: "DatasetReader", crs: str | None) -> "CRS | None":
-    """Give the coordinate system of a raster, or the one stated for a raster that names none.
-
-    Raises
-    ------
-    ValueError
-        If both are there, the one stated is none, or none is and the coordinates look like degrees.
-    """
+    """Return the coordinate system of a raster, or the one stated for a raster that names none."""
     if raster.crs is not None and crs is not None:
         raise ValueError(f"the file names its coordinate system, {name_of(raster.crs)}; leave out {crs}.")
     if raster.crs is None and crs is None and max(raster.res) < 0.1:
@@ -102,7 +96,7 @@ def refuse_degrees(bounds: Sequence[float]) -> None:
 
 
 def crs_of(text: str) -> "CRS":
-    """Give the coordinate system that a text such as "EPSG:32632" names."""
+    """Return the coordinate system that a text such as "EPSG:32632" names."""
     from rasterio import Env
     from rasterio.crs import CRS
     from rasterio.errors import CRSError
@@ -123,7 +117,7 @@ def is_metric(crs: "CRS | None") -> bool:
 
 
 def utm(x: float, y: float, source: "CRS") -> "CRS":
-    """Give the UTM system of a place in the system ``source``."""
+    """Return the UTM system of a place in the system ``source``."""
     from pyproj.aoi import AreaOfInterest
     from pyproj.database import query_utm_crs_info
     from rasterio.crs import CRS
@@ -166,7 +160,7 @@ class Part:
 
     def bounds(self, middle: tuple[float, float], source: "CRS | None",
                target: "CRS | None") -> tuple[float, float, float, float]:
-        """Give west, south, east and north in the system ``target`` of a grid about ``middle``."""
+        """Return west, south, east and north in the system ``target`` of a grid about ``middle``."""
         from rasterio.warp import transform_bounds
 
         def placed(west: float, south: float, east: float, north: float) -> tuple[float, float, float, float]:
@@ -186,7 +180,7 @@ class Part:
 
 def window(grid: "DatasetReader | WarpedVRT | FinerGrid", part: Part,
            source: "CRS | None") -> "tuple[np.ndarray, np.ndarray, Window]":
-    """Give the coordinates of the columns and rows that ``part`` holds, and their window in the grid.
+    """Return the coordinates of the columns and rows that ``part`` holds, and their window in the grid.
 
     Rows come in the file's order, mostly from the north; raises `ValueError` if fewer than two of either are left.
     """
@@ -209,7 +203,7 @@ def window(grid: "DatasetReader | WarpedVRT | FinerGrid", part: Part,
 
 
 def window_at(column: int, row: int, width: int, height: int) -> "Window":
-    """Give the window of so many columns and rows from one on."""
+    """Return the window of so many columns and rows from one on."""
     from rasterio.windows import Window
 
     return Window(column, row, width, height)  # pyright: ignore[reportCallIssue]  its fields are declared untyped
@@ -217,16 +211,8 @@ def window_at(column: int, row: int, width: int, height: int) -> "Window":
 
 def window_about(grid: "DatasetReader | WarpedVRT", x: np.ndarray, y: np.ndarray,
                  margin: int) -> "tuple[np.ndarray, np.ndarray, Window]":
-    """Give the coordinates of columns and rows of a grid about those of another, and the window that holds them.
-
-    Parameters
-    ----------
-    grid
-        A raster, upright.
-    x, y : array (P,), (Q,) [m]
-    margin : int
-        Nodes of the grid that are wanted beyond these, where it has them.
-    """
+    """Return the coordinates of columns and rows of a grid about those of another, and the window that holds them."""
+    # x, y (P,) [m]
     at = grid.transform
     spans = []
     for places, first, step, number in ((x, at.c, at.a, grid.width), (y, at.f, at.e, grid.height)):
@@ -238,7 +224,7 @@ def window_about(grid: "DatasetReader | WarpedVRT", x: np.ndarray, y: np.ndarray
 
 
 def name_of(crs: "CRS | None") -> str:
-    """Give a coordinate system's EPSG code, else its WKT, else nothing."""
+    """Return a coordinate system's EPSG code, else its WKT, else nothing."""
     if not crs:
         return ""
     code = crs.to_epsg()

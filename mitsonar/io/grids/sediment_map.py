@@ -26,24 +26,8 @@ from .bathymetry import Bathymetry
 
 def blended(numbers: np.ndarray, known: np.ndarray, count: int,
             width: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Give the other class of every cell, and its share.
-
-    Parameters
-    ----------
-    numbers : integer array (Y, X)
-        Classes, from 0 to ``count`` - 1.
-    known : bool array (Y, X)
-        Where there is one.
-    count : int
-    width : (float, float) [cells]
-        w along rows and columns, as numbers of cells in y and x.
-
-    Returns
-    -------
-    other : uint32 array (Y, X)
-    share : float32 array (Y, X)
-        From 0 to 1; 0 where no other class is about, and where none is known.
-    """
+    """Return the other class of every cell, and its share."""
+    # numbers (Y, X); known (Y, X); width [cells] -> other (Y, X), share (Y, X)
     from scipy.ndimage import uniform_filter1d
 
     half = [min(max(1, round(0.5 * cells)), length) for cells, length in zip(width, numbers.shape)]
@@ -73,29 +57,16 @@ _SHOWN = 10                   # codes that an error lists
 
 @dataclass(frozen=True, kw_only=True)
 class ClassTable:
-    """Say what the codes of a map stand for.
+    """Say what the codes of a map stand for."""
 
-    Parameters
-    ----------
-    classes : dict of int to str
-        Code -> sediment of TR 9407.
-    elsewhere : str, optional
-        Sediment where the map has no code; without it the map must have one everywhere.
-    """
-
-    classes: dict[int, str]
-    elsewhere: str | None = None
+    classes: dict[int, str]  # code -> sediment of TR 9407
+    elsewhere: str | None = None  # sediment where the map has no code
 
     @classmethod
     def of(cls, text: str) -> "ClassTable":
         """Make a table of a text such as "1: clay, 7: medium sand, nodata: sand", or of a CSV file's path.
 
         The file has columns ``code`` and ``sediment``; "nodata" is a code in both.
-
-        Raises
-        ------
-        ValueError
-            If a code is no whole number or is there twice, or a sediment is unknown.
         """
         if os.path.isfile(text):
             names, _, rows = tables.records(text, "class table")
@@ -124,18 +95,12 @@ class ClassTable:
 
     @property
     def sediments(self) -> list[str]:
-        """Give the sediments, each once, in the order of the numbers that `numbers` gives."""
+        """Return the sediments, each once, in the order of the numbers that `numbers` gives."""
         named = [*self.classes.values(), *([self.elsewhere] if self.elsewhere else [])]
         return list(dict.fromkeys(named))
 
     def numbers(self, codes: np.ndarray) -> np.ndarray:
-        """Give the places (N,) in ``sediments`` of codes (N,); NaN is where the map has none.
-
-        Raises
-        ------
-        ValueError
-            If a code is not in the table, or there is none where the table does not say what then.
-        """
+        """Return the places (N,) in ``sediments`` of codes (N,); NaN is where the map has none."""
         found, inverse = np.unique(codes, return_inverse=True)
         place = np.zeros(found.size, np.uint32)
         unknown = [code for code in found if np.isfinite(code) and code not in self.classes]
@@ -156,44 +121,17 @@ class ClassTable:
 
 @dataclass(frozen=True, kw_only=True)
 class Painting:
-    """What a map paints on the cells of a survey.
+    """What a map paints on the cells of a survey."""
 
-    Attributes
-    ----------
-    number : uint32 array (N,)
-        Places in `ClassTable.sediments`.
-    other : uint32 array (N,)
-        The class beyond the nearest border.
-    share : float32 array (N,)
-        Of that class, 0 away from borders.
-    """
-
-    number: np.ndarray
-    other: np.ndarray
-    share: np.ndarray
+    number: np.ndarray  # (N,): places in `ClassTable.sediments`
+    other: np.ndarray  # (N,): the class beyond the nearest border
+    share: np.ndarray  # (N,): of that class, 0 away from borders
 
 
 def paint(path: FilePath, survey: Bathymetry, table: ClassTable, cells: np.ndarray | None = None, *,
           crs: str | None = None, border: float | None = None) -> Painting:
-    """Read what `read` does, with borders of a width.
-
-    Parameters
-    ----------
-    path, survey, table, cells, crs
-        As of `read`.
-    border : float, optional [m]
-        Width over which one class goes over into the next; by default a cell of the map, which knows its borders no
-        better.
-
-    Returns
-    -------
-    Painting
-
-    Raises
-    ------
-    ValueError
-        As `read`.
-    """
+    """Read what `read` does, with borders of a width."""
+    # border [m]
     codes, cell = _read(path, survey, crs)
     chosen = np.arange(codes.size) if cells is None else cells
     number = _named(path, table, codes.ravel()[chosen])
@@ -208,29 +146,8 @@ def paint(path: FilePath, survey: Bathymetry, table: ClassTable, cells: np.ndarr
 
 def read(path: FilePath, survey: Bathymetry, table: ClassTable, cells: np.ndarray | None = None, *,
          crs: str | None = None) -> np.ndarray:
-    """Read the classes of a map on the cells between the nodes of a survey.
-
-    Parameters
-    ----------
-    path : path
-        A raster as `bathymetry.read` takes them, of one band of whole numbers.
-    survey : bathymetry.Bathymetry
-    table : ClassTable
-    cells : integer array (N,), optional
-        Which cells, counted along the rows from the south-west; by default all.
-    crs : str, optional
-        Coordinate system of a map that names none; by default it is the survey's.
-
-    Returns
-    -------
-    uint32 array (N,)
-        Places in ``table.sediments``.
-
-    Raises
-    ------
-    ValueError
-        If the file is no such raster, it lies elsewhere, or it holds what the table does not say.
-    """
+    """Read the classes of a map on the cells between the nodes of a survey."""
+    # cells (N,) -> (N,)
     codes = _read(path, survey, crs)[0].ravel()
     return _named(path, table, codes if cells is None else codes[cells])
 
@@ -264,7 +181,7 @@ def _cell(raster, source, survey):
 
 
 def _codes(raster, source, survey):
-    """Give the codes (Y - 1, X - 1) of the cells, rows from the south; NaN where the map has none."""
+    """Return the codes (Y - 1, X - 1) of the cells, rows from the south; NaN where the map has none."""
     from rasterio.crs import CRS
     from rasterio.enums import Resampling
     from rasterio.transform import from_origin

@@ -58,7 +58,7 @@ class Soundings:
 
     @property
     def distance(self) -> float:
-        """Give the mean distance [m] of soundings: that of as many on a square grid over their convex hull."""
+        """Return the mean distance [m] of soundings: that of as many on a square grid over their convex hull."""
         from scipy.spatial import ConvexHull, QhullError
 
         try:
@@ -109,7 +109,7 @@ class Soundings:
         return first[0] * resolution, (first[1] + rows - 1) * resolution, (resolution, resolution), values[::-1]
 
     def _regular(self):
-        """Give what `gridded` does of soundings that are the nodes of a regular grid, None of others."""
+        """Return what `gridded` does of soundings that are the nodes of a regular grid, None of others."""
         columns_of, rows_of = _lattice(self.x), _lattice(self.y)
         if columns_of is None or rows_of is None:
             return None
@@ -126,7 +126,7 @@ class Soundings:
         return west, south + (rows - 1) * step_y, (step_x, step_y), values[::-1]
 
     def _interpolated(self, first, columns, rows, resolution, reach):
-        """Give the heights (Y, X), rows from the south, at multiples of the resolution from ``first`` on."""
+        """Return the heights (Y, X), rows from the south, at multiples of the resolution from ``first`` on."""
         from scipy.spatial import Delaunay, KDTree, QhullError
 
         x, y = self.x / resolution - first[0], self.y / resolution - first[1]  # [nodes]: small numbers
@@ -180,7 +180,7 @@ def _on_triangles(triangles, z, places, nearest):
 
 
 def _lattice(values):
-    """Give the first of evenly spaced coordinates, their step and number; None if they are not evenly spaced."""
+    """Return the first of evenly spaced coordinates, their step and number; None if they are not evenly spaced."""
     places = np.unique(values)
     if places.size < 2:
         return None
@@ -200,7 +200,7 @@ def _node(values, first, step):
 
 
 def _means(node, count, values):
-    """Give the mean of the values at each of ``count`` nodes, NaN where there is none."""
+    """Return the mean of the values at each of ``count`` nodes, NaN where there is none."""
     number = np.bincount(node, minlength=count)
     return np.bincount(node, values, minlength=count) / np.where(number, number, np.nan)
 
@@ -291,7 +291,7 @@ def _in_metres(x, y, z, source):
 
 
 def _layout(path):
-    """Give the divider, the lines before the first sounding, the columns of x, y, z, and whether they are degrees."""
+    """Return the divider, the lines before the first sounding, the columns of x, y, z, and whether they are degrees."""
     with open(path, "rb") as file:
         head = file.read(1 << 16)
     if b"\0" in head:
@@ -317,7 +317,7 @@ def _layout(path):
 
 
 def _parsed(lines, divider, columns, before):
-    """Give x, y and z (N, 3) of some lines, the first of which has number ``before + 1``."""
+    """Return x, y and z (N, 3) of some lines, the first of which has number ``before + 1``."""
     try:
         return np.loadtxt(lines, delimiter=divider, usecols=columns, ndmin=2, comments="#").reshape(-1, 3)
     except ValueError:
@@ -333,7 +333,7 @@ def _parsed(lines, divider, columns, before):
 
 
 def _numbers(line):
-    """Give the numbers that a line starts with."""
+    """Return the numbers that a line starts with."""
     found = []
     for word in re.split(r"[,;\s]+", line.partition("#")[0].strip()):
         try:

@@ -50,28 +50,8 @@ class FinerGrid(NamedTuple):
 
 def measure(read_window: Callable[[int, int, int], np.ndarray], shape: tuple[int, int], steps: tuple[float, float],
             gamma: float | None = None) -> RoughnessSpectrum:
-    """Measure the roughness of a survey on patches without holes, all over the file, whatever part of it is used.
-
-    Parameters
-    ----------
-    read_window : callable
-        Gives the heights [m] of (first row, first column, size).
-    shape : tuple of 2 int
-        Rows and columns of the file.
-    steps : tuple of 2 floats [m]
-        Distance of columns and of rows.
-    gamma : float, optional
-        The exponent, where it is known.
-
-    Returns
-    -------
-    RoughnessSpectrum
-
-    Raises
-    ------
-    ValueError
-        If the survey has no patch without holes.
-    """
+    """Measure the roughness of a survey on patches without holes, all over the file, whatever part of it is used."""
+    # steps [m]
     for size in (2 * SMALLEST_PATCH, SMALLEST_PATCH):
         patches = _patches(read_window, shape, size)
         if len(patches) >= _FEW or (patches and size == SMALLEST_PATCH):
@@ -98,25 +78,8 @@ def _patches(read_window, shape, size):
 
 def refine(x: np.ndarray, y: np.ndarray, heights: np.ndarray, finer_x: np.ndarray, finer_y: np.ndarray,
            spectrum: RoughnessSpectrum, seed: int) -> np.ndarray:
-    """Lay a survey on a finer grid and add the relief below its resolution.
-
-    Parameters
-    ----------
-    x, y : array (X,), (Y,) [m]
-        Eastings of the survey's columns and northings of its rows, either way round.
-    heights : array (Y, X) [m]
-        NaN is a hole.
-    finer_x, finer_y : array (P,), (Q,) [m]
-        Those of the finer grid, x increasing. The relief belongs to these places: another part shows the same.
-    spectrum : RoughnessSpectrum
-    seed : int
-        Realisation.
-
-    Returns
-    -------
-    float32 array (Q, P) [m]
-        A node is a hole unless the survey's nodes about it have depths.
-    """
+    """Lay a survey on a finer grid and add the relief below its resolution."""
+    # x, y (X,) [m]; heights (Y, X) [m]; finer_x, finer_y (P,) [m] -> (Q, P) [m]
     from scipy import ndimage
 
     holes = np.isnan(heights)

@@ -20,7 +20,7 @@ PARTS = ("real", "imag")
 
 
 def split(dataset: xr.Dataset) -> xr.Dataset:
-    """Give a dataset whose complex variables are two real ones each, in their place."""
+    """Return a dataset whose complex variables are two real ones each, in their place."""
     if not any(variable.dtype.kind == "c" for variable in dataset.variables.values()):
         return dataset
     variables, coords = {}, set(dataset.coords)
@@ -40,13 +40,7 @@ def split(dataset: xr.Dataset) -> xr.Dataset:
 
 
 def joined(dataset: xr.Dataset) -> xr.Dataset:
-    """Give back what `split` was given; values come from the file when they are used.
-
-    Raises
-    ------
-    ValueError
-        If two parts do not fit together.
-    """
+    """Return back what `split` was given; values come from the file when they are used."""
     if not any(OF in variable.attrs for variable in dataset.variables.values()):
         return dataset
     variables, coords = {}, set(dataset.coords)
@@ -79,13 +73,7 @@ def _whole(dataset: xr.Dataset, name: str, real: xr.Variable) -> xr.Variable:
 
 
 def together(real: xr.Variable, imag: xr.Variable) -> xr.Variable:
-    """Give the complex variable of two parts, without attributes; lazy where the first is.
-
-    Raises
-    ------
-    ValueError
-        If they have other dimensions, sizes or types, or are no floating-point numbers.
-    """
+    """Return the complex variable of two parts, without attributes; lazy where the first is."""
     if real.dims != imag.dims or real.shape != imag.shape or real.dtype != imag.dtype or real.dtype.kind != "f":
         raise ValueError(f"they are {real.dtype} over {dict(real.sizes)} and {imag.dtype} over {dict(imag.sizes)}")
     whole = xr.Variable(real.dims, indexing.LazilyIndexedArray(_Parts(real, imag)))

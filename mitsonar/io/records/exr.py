@@ -43,7 +43,7 @@ STORED = {"f4": np.float32, "f2": np.float16, "b1": np.uint32, **{f"u{n}": np.ui
 
 
 def suffixes(kind: np.dtype) -> tuple[str, ...]:
-    """Give what the channels of a type have behind the variable's name; none if channels cannot hold it."""
+    """Return what the channels of a type have behind the variable's name; none if channels cannot hold it."""
     if kind.str[1:] == "c8":
         return REAL, IMAG
     if kind.str[1:] == "f8":
@@ -52,7 +52,7 @@ def suffixes(kind: np.dtype) -> tuple[str, ...]:
 
 
 def parts_of(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
-    """Give the channels of values by their `suffixes`.
+    """Return the channels of values by their `suffixes`.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def parts_of(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def whole(parts: Mapping[str, np.ndarray], kind: np.dtype) -> np.ndarray:
-    """Give back the values of that type of which `parts_of` made channels."""
+    """Return back the values of that type of which `parts_of` made channels."""
     if kind.str[1:] == "c8":
         values = np.empty(parts[REAL].shape, kind)
         values.real, values.imag = parts[REAL], parts[IMAG]
@@ -335,12 +335,12 @@ def _layer_names(dim, coords, sizes):
 
 
 def _channel(variable):
-    """Give the name of a variable's channel."""
+    """Return the name of a variable's channel."""
     return CHANNELS.get(str(variable), str(variable))
 
 
 def _prefixes(names):
-    """Give the channel prefixes of the combinations of layer names, the last layer fastest: 'port.', 'starboard.'."""
+    """Return the channel prefixes of the combinations of layer names, the last layer fastest: 'port.', 'starboard.'."""
     prefixes = [""]
     for layer in names:
         prefixes = [f"{prefix}{name}." for prefix in prefixes for name in layer]
@@ -348,7 +348,7 @@ def _prefixes(names):
 
 
 def _values(name, array):
-    """Give an array as one list of plain numbers or text, the last dimension fastest."""
+    """Return an array as one list of plain numbers or text, the last dimension fastest."""
     if array.dtype.kind in "mM":
         array = array.view(np.int64)
     if array.dtype.kind not in "fiubU":
@@ -375,7 +375,7 @@ def _kind(entry, count, longest=0):
 
 
 def _strict(value, where):
-    """Give plain JSON values, naming the attribute that cannot be one."""
+    """Return plain JSON values, naming the attribute that cannot be one."""
     if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()
     if isinstance(value, dict):

@@ -50,7 +50,7 @@ def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
 
 
 def packing(dataset: xr.Dataset) -> dict[str, dict[str, Any]]:
-    """Give the encoding of a dataset's variables that makes a file small; complex signals are read ping by ping."""
+    """Return the encoding of a dataset's variables that makes a file small; complex signals are read ping by ping."""
     packed: dict[str, dict[str, Any]] = {
         str(name): {"zlib": True, "complevel": 1} for name, variable in dataset.variables.items()
         if name not in dataset.indexes and variable.ndim and variable.dtype.kind in "biuf"}
@@ -63,7 +63,7 @@ def packing(dataset: xr.Dataset) -> dict[str, dict[str, Any]]:
 
 @contextlib.contextmanager
 def full_disk_told() -> Iterator[None]:
-    """Give the error of a full disk its number, which HDF5 tells in words alone.
+    """Return the error of a full disk its number, which HDF5 tells in words alone.
 
     Raises
     ------

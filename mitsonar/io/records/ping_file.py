@@ -34,7 +34,7 @@ TOLD = ("seed", "file", "parameters", "sonar", "versions", "scene")     # what t
 
 
 def part_of(path: Path) -> Path:
-    """Give the name of a file while it is written."""
+    """Return the name of a file while it is written."""
     return path.with_name(path.name + ".part")
 
 
@@ -47,34 +47,7 @@ def size_of(first: xr.Dataset, count: int) -> int:
 def fill(pings_from: Callable[[int], Iterator[xr.Dataset]], path: Path, *, count: int,
          check: Callable[[xr.Dataset], object], progress: Callable[[int, int], None] | None = None,
          target: Path | None = None) -> int:
-    """Write pings to a file of `lay_out`, or go on where the writing of the same pings was interrupted.
-
-    Parameters
-    ----------
-    pings_from : callable(start) -> iterator of xarray.Dataset
-        The pings from that number on, each a record of one ping, all with the same variables without ``ping``.
-    path : pathlib.Path
-    count : int
-        Of all pings.
-    check : callable(ping)
-        Called with the first ping that is made, before anything is written; raises if the record is not wanted.
-    progress : callable(done, total) or None
-        Called after every ping.
-    target : pathlib.Path or None
-        The name that the file gets when it is whole; None: it keeps its own.
-
-    Returns
-    -------
-    int
-        Number of the first ping that was written now; above 0 if an earlier writing goes on.
-
-    Raises
-    ------
-    ValueError
-        If what is there is of other pings, or `pings_from` gives too few pings or unlike ones.
-    OSError
-        If the disk has not enough room; the pings that are whole stay.
-    """
+    """Write pings to a file of `lay_out`, or go on where the writing of the same pings was interrupted."""
     start = 0
     if path.exists():
         with PingFile(path, count) as file:
@@ -104,24 +77,7 @@ def fill(pings_from: Callable[[int], Iterator[xr.Dataset]], path: Path, *, count
 
 
 def lay_out(path: Path, first: xr.Dataset, count: int) -> None:
-    """Make the file with room for all pings and none of them, whole or not at all.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-    first : xarray.Dataset
-        A record of one ping, as `records.encoded` gives it.
-    count : int
-        Of all pings.
-
-    Raises
-    ------
-    ValueError
-        If a variable over ``ping`` is text, or has ``ping`` in another place than the first; or if another program has
-        made the file meanwhile.
-    OSError
-        If the file cannot be written there.
-    """
+    """Make the file with room for all pings and none of them, whole or not at all."""
     import h5netcdf
     import h5py
 
@@ -163,19 +119,7 @@ def _alone(path: Path) -> Iterator[None]:
 
 
 class PingFile:
-    """A file of `lay_out`, open to be filled.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-    count : int
-        Of all pings.
-
-    Raises
-    ------
-    ValueError
-        If it has another number of pings, or another program writes it.
-    """
+    """A file of `lay_out`, open to be filled."""
 
     def __init__(self, path: Path, count: int):
         import h5py
@@ -207,13 +151,7 @@ class PingFile:
         self.file.close()
 
     def check_run(self, first: xr.Dataset) -> None:
-        """Refuse a ping, as `records.encoded` gives it, that is of other echoes than those in the file.
-
-        Raises
-        ------
-        ValueError
-            With what is not the same.
-        """
+        """Refuse a ping, as `records.encoded` gives it, that is of other echoes than those in the file."""
         if self.file.attrs.get(RUN) == _digest(first):
             return
         for name in (*TOLD, *(key for key in first.attrs if key not in TOLD)):
@@ -227,15 +165,7 @@ class PingFile:
         raise ValueError(f"{self.path} was begun with another scene; remove it, or give another name.")
 
     def put(self, number: int, one: xr.Dataset) -> None:
-        """Write a ping, as `records.encoded` gives it, and once it is on the disk the count.
-
-        Raises
-        ------
-        ValueError
-            If its variables are not those of the file.
-        OSError
-            If the disk is full; the pings before stay.
-        """
+        """Write a ping, as `records.encoded` gives it, and once it is on the disk the count."""
         for name in _moving(one):
             found, place = one.variables[name], self.file.get(str(name))
             if place is None or found.shape != (1, *place.shape[1:]) or _stored(found) != place.dtype:
@@ -253,13 +183,7 @@ class PingFile:
         self.written = number + 1
 
     def finish(self, target: Path) -> None:
-        """Rename the file to its final name while it is still locked: nobody else can begin to write it.
-
-        Raises
-        ------
-        ValueError
-            If another program has taken the file away, where files cannot be locked.
-        """
+        """Rename the file to its final name while it is still locked: nobody else can begin to write it."""
         with _alone(self.path):
             os.replace(self.path, target)
 

@@ -63,7 +63,7 @@ def write(pings_from: Callable[[int], Iterator[xr.Dataset]], path: FilePath, *, 
 
 
 def written(path: FilePath) -> int:
-    """Give the number of whole pings that an interrupted writing left for a file of that name; 0 if there was none.
+    """Return the number of whole pings that an interrupted writing left for a file of that name; 0 if there was none.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def opened(path: FilePath, *, unfinished: bool = False) -> Iterator[SonarImage]:
 
 
 def pings(record: xr.Dataset, start: int = 0) -> Iterator[xr.Dataset]:
-    """Give the pings of a record one by one, in memory; of an opened file no more than one is held.
+    """Return the pings of a record one by one, in memory; of an opened file no more than one is held.
 
     Parameters
     ----------

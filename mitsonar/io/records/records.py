@@ -32,7 +32,7 @@ class SonarImage(xr.Dataset):
 
     @classmethod
     def of(cls, dataset: xr.Dataset) -> "SonarImage":
-        """Give the dataset as an image."""
+        """Return the dataset as an image."""
         return cls(dataset.data_vars, dataset.coords, dataset.attrs)
 
     def to_netcdf(self, path: FilePath | None = None, *arguments: Any, **options: Any) -> Any:
@@ -47,18 +47,12 @@ class SonarSignals(xr.DataArray):
 
     @classmethod
     def of(cls, array: xr.DataArray) -> "SonarSignals":
-        """Give the array as signals."""
+        """Return the array as signals."""
         return cls(array.variable, array.coords, name=array.name)
 
     @property
     def pulse(self) -> Pulse:
-        """What was transmitted.
-
-        Raises
-        ------
-        ValueError
-            If the attributes do not say.
-        """
+        """What was transmitted."""
         if self.attrs.get("pulse") is None:
             raise ValueError("these signals do not say which pulse was transmitted; take that of the scene's sensor.")
         return pulse_of(self.attrs["pulse"])
@@ -69,12 +63,7 @@ class SonarSignals(xr.DataArray):
 
 
 def not_all_nan(record: Record) -> Record:
-    """Return a record, or refuse it where its levels or samples are no numbers, or all NaN.
-
-    Raises
-    ------
-    ValueError
-    """
+    """Return a record, or refuse it where its levels or samples are no numbers, or all NaN."""
     arrays = [record] if isinstance(record, xr.DataArray) else [record[name] for name in RECORDED if name in record]
     for array in arrays:
         values = array.values
@@ -88,23 +77,7 @@ def not_all_nan(record: Record) -> Record:
 
 
 def encoded(record: xr.Dataset | xr.DataArray, *, whole: bool = False) -> xr.Dataset:
-    """Give a dataset that netCDF can hold.
-
-    Parameters
-    ----------
-    record : xarray.Dataset or xarray.DataArray
-        The latter becomes the variables ``real`` and ``imag``, or ``values`` where it is not complex; its name becomes
-        the attribute ``name``. A pulse in its attributes is also sampled, as ``replica_real`` and ``replica_imag``.
-    whole : bool
-        Leave the complex variables of a dataset in one piece, which HDF5 can hold and netCDF cannot.
-
-    Raises
-    ------
-    TypeError
-        If an attribute cannot be written as JSON.
-    ValueError
-        If a part of a complex variable has the name of another.
-    """
+    """Return a dataset that netCDF can hold."""
     attrs = {key: plain_value(value) for key, value in record.attrs.items()}
     if isinstance(record, xr.DataArray):
         parts = {"real": np.real, "imag": np.imag} if np.iscomplexobj(record) else {"values": np.asarray}
@@ -119,13 +92,7 @@ def encoded(record: xr.Dataset | xr.DataArray, *, whole: bool = False) -> xr.Dat
 
 
 def decoded(dataset: xr.Dataset) -> SonarImage | SonarSignals:
-    """Give back what `encoded` was given.
-
-    Raises
-    ------
-    ValueError
-        If parts of a complex variable do not fit together.
-    """
+    """Return back what `encoded` was given."""
     dataset = dataset.assign_coords({name: (coord.dims, coord.values.astype(str), coord.attrs)
                                      for name, coord in dataset.coords.items() if coord.dtype.kind not in "biufmMU"})
     attrs = {key: _value(value) for key, value in dataset.attrs.items()}
@@ -145,20 +112,7 @@ def decoded(dataset: xr.Dataset) -> SonarImage | SonarSignals:
 
 
 def check_numbers(record: SonarImage | SonarSignals, path: FilePath) -> None:
-    """Check that an image has a level, or signals or raw echoes a sample, that is a number.
-
-    Parameters
-    ----------
-    record : SonarImage or SonarSignals
-        In memory.
-    path : str or path
-        Where it was read, for the error.
-
-    Raises
-    ------
-    ValueError
-        If they are of another type, or all NaN.
-    """
+    """Check that an image has a level, or signals or raw echoes a sample, that is a number."""
     try:
         not_all_nan(record)
     except ValueError as error:
@@ -176,7 +130,7 @@ def _replica(record):
 
 
 def plain_value(value: Any) -> str | int | float | np.integer | np.floating:
-    """Give a value that files hold as it is, or JSON."""
+    """Return a value that files hold as it is, or JSON."""
     if isinstance(value, (str, int, float, np.integer, np.floating)) and not isinstance(value, bool):
         return value
     return JSON + json.dumps(value)

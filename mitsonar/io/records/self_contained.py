@@ -20,20 +20,7 @@ class DataElsewhere(ValueError):
 
 
 def check_hdf5(path: FilePath) -> None:
-    """Check that an HDF5 or netCDF-4 file refers to no other file and has no virtual dataset.
-
-    Parameters
-    ----------
-    path : str or path
-        Of an ordinary file, see `files.check_readable`.
-
-    Raises
-    ------
-    DataElsewhere
-        If a part of it lies in another file, or is put together from other datasets.
-    OSError, RuntimeError, ...
-        If its groups are nested too deep for the HDF5 library; as h5py, if the file is damaged or is no HDF5 file.
-    """
+    """Check that an HDF5 or netCDF-4 file refers to no other file and has no virtual dataset."""
     import h5py
     from h5py import h5d, h5g, h5l, h5o
 
@@ -64,19 +51,7 @@ def check_hdf5(path: FilePath) -> None:
 
 
 def check_store(folder: FilePath) -> None:
-    """Check that a Zarr store has nothing but folders and ordinary files in it.
-
-    Parameters
-    ----------
-    folder : str or path
-
-    Raises
-    ------
-    DataElsewhere
-        If an entry is a symbolic link, a pipe or a device.
-    OSError
-        If a folder cannot be listed.
-    """
+    """Check that a Zarr store has nothing but folders and ordinary files in it."""
     folders = [os.fspath(folder)]
     while folders:
         with os.scandir(folders.pop()) as entries:

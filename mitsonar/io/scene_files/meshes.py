@@ -30,7 +30,7 @@ OBJ_CORNERS = tuple((what, rb"(?m)^[ \t\r]*%b[ \t]" % kind,
 
 
 def listed(folder: FilePath) -> list[Path]:
-    """Give the meshes of a folder, sorted by name.
+    """Return the meshes of a folder, sorted by name.
 
     Parameters
     ----------

@@ -18,19 +18,7 @@ REMEDY = "give a PNG, JPEG or OpenEXR file"
 
 
 def check(path: FilePath) -> None:
-    """Refuse a picture that Mitsuba cannot read, or that is too large for a texture.
-
-    Parameters
-    ----------
-    path : str or path
-
-    Raises
-    ------
-    FileNotFoundError, PermissionError, ValueError
-        If there is no such file, it may not be read, or is no ordinary file.
-    ValueError
-        If it is of no known kind, its header is damaged, or it has more than 100 million pixels.
-    """
+    """Refuse a picture that Mitsuba cannot read, or that is too large for a texture."""
     files.check_readable(path, "the picture", "a picture")
     with open(path, "rb") as file:
         start = file.read(8)
@@ -50,17 +38,7 @@ def check(path: FilePath) -> None:
 
 
 def check_volume(path: FilePath) -> None:
-    """Refuse a grid volume (``.vol``) that is shorter than its header says.
-
-    Parameters
-    ----------
-    path : str or path
-
-    Raises
-    ------
-    FileNotFoundError, PermissionError, ValueError
-        As `check`.
-    """
+    """Refuse a grid volume (``.vol``) that is shorter than its header says."""
     files.check_readable(path, "the volume", "a grid volume")
     size = os.path.getsize(path)
     with open(path, "rb") as file:

@@ -28,19 +28,7 @@ class _Element(NamedTuple):
 
 
 def check(path: FilePath) -> None:
-    """Refuse a PLY file that Mitsuba's reader would misread.
-
-    Parameters
-    ----------
-    path : str or path
-        A regular file.
-
-    Raises
-    ------
-    ValueError
-        If the header is damaged or of another kind, the file is shorter or longer than the header says, a face is no
-        triangle, or names a vertex that is not there.
-    """
+    """Refuse a PLY file that Mitsuba's reader would misread."""
     size = os.path.getsize(path)
     with open(path, "rb") as file:
         order, elements = _header(file)

@@ -16,38 +16,16 @@ __all__ = ["Parameter", "described"]
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """A parameter of a scene.
-
-    Attributes
-    ----------
-    name : str
-    default : str
-    comment : str
-        Of the file's author; empty where there is none.
-    uses : tuple of (str, str, str)
-        Type and id of the object, and the attribute that the value becomes.
-    """
+    """A parameter of a scene."""
 
     name: str
     default: str
-    comment: str
-    uses: tuple[tuple[str, str, str], ...]
+    comment: str  # of the file's author
+    uses: tuple[tuple[str, str, str], ...]  # type and id of the object, and the attribute that the value becomes
 
 
 def described(path: FilePath) -> tuple[str, list[Parameter]]:
-    """Read the heading and the parameters of a scene file, in its order.
-
-    Parameters
-    ----------
-    path : str or path
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If it is no XML.
-    """
+    """Read the heading and the parameters of a scene file, in its order."""
     root(path)                                     # says what is wrong with it
     with open(path, encoding="utf-8", errors="replace") as stream:
         heading = re.search(r"^[^<]*(?:<\?[^>]*\?>)?\s*<!--(.*?)-->", stream.read(), re.DOTALL)

@@ -153,7 +153,8 @@ def check(path: str, values: Mapping[str, str]) -> list[str]:
 
 
 def filled(template: str, values: Mapping[str, str]) -> str:
-    """Give an attribute's text with its ``$names`` replaced, longest first: $rays must not eat the start of $rays_far.
+    """Return an attribute's text with its ``$names`` replaced, longest first: $rays must not eat the start of
+    $rays_far.
 
     Parameters
     ----------

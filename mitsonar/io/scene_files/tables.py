@@ -15,30 +15,7 @@ __all__ = ["floats", "records"]
 
 
 def records(path: FilePath, what: str) -> tuple[list[str], list[int], list[list[str]]]:
-    """Read the header and the records of a table.
-
-    Parameters
-    ----------
-    path : str or path
-    what : str
-        What the file holds, as errors say it: "track".
-
-    Returns
-    -------
-    names : list of str
-        Of the columns, lower case.
-    lines : list of int
-        Line number of each record.
-    rows : list of list of str
-        The records, at least one, each with a field for every name.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If it is no text file, has no header, holds no record, or a record has too few fields or open quotation marks.
-    """
+    """Read the header and the records of a table."""
     path = Path(path)
     check_readable(path, f"the {what}", "a CSV file")
     try:
@@ -67,26 +44,9 @@ def records(path: FilePath, what: str) -> tuple[list[str], list[int], list[list[
 
 
 def floats(path: FilePath, lines: Sequence[int], name: str, column: Sequence[str]) -> np.ndarray:
-    """Give a column as finite numbers: all at once if they are sound, else one by one to find the first that is not.
-
-    Parameters
-    ----------
-    path : str or path
-    lines : list of int (R,)
-        Line number of each record.
-    name : str
-        Of the column.
-    column : list of str (R,)
-
-    Returns
-    -------
-    array (R,)
-
-    Raises
-    ------
-    ValueError
-        If a field is no finite number; file and line are named.
+    """Return a column as finite numbers: all at once if they are sound, else one by one to find the first that is not.
     """
+    # lines (R,); column (R,) -> (R,)
     try:
         values = np.array(column, dtype=np.float64)
     except ValueError:

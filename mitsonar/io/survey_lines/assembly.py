@@ -23,13 +23,7 @@ SLOWEST, FASTEST = 300.0, 3000.0   # [m/s]
 
 
 def cast_of(nodes: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-    """Give depths, increasing, and sound speeds, of nodes (K, 2) [m], [m/s] in any order.
-
-    Raises
-    ------
-    ValueError
-        If there is none that is water's.
-    """
+    """Return depths, increasing, and sound speeds, of nodes (K, 2) [m], [m/s] in any order."""
     if nodes is None:
         raise ValueError("it has no cast of sound speed.")
     nodes = nodes[np.isfinite(nodes).all(1)]
@@ -51,120 +45,56 @@ SECTOR = ("frequency", "delay", "angle", "pulse_length", "bandwidth", "source_le
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Line:
-    """Hold what pings share.
-
-    Attributes
-    ----------
-    sonar, title : str
-    start : float [s]
-        Of time 0 since 1970, UTC.
-    crs : str or None
-    origin : (2,) [m] or None
-        Easting and northing of x = y = 0.
-    cast_depth, cast_sound_speed : (D,) [m], [m/s]
-    transmit_offset, transmit_mounting : (3,) [m], [rad]
-    receive_offset, receive_mounting : (R, 3) [m], [rad]
-        Of every receiving head.
-    motion : dict of str to (M,)
-        time, x, y, depth, roll, pitch, heading.
-    backscatter, profile : str
-        Corrections of backscatter, and where the cast is from.
-    left_out : str
-        Clause on what of the file the record has no room for; empty if nothing.
-    beams, sectors, column_beams, column_samples : int
-        Most of a ping.
-    """
+    """Hold what pings share."""
 
     sonar: str
     title: str
-    start: float
+    start: float  # [s]: of time 0 since 1970, UTC
     crs: str | None
-    origin: tuple[float, float] | None
-    cast_depth: np.ndarray
-    cast_sound_speed: np.ndarray
-    transmit_offset: np.ndarray
-    transmit_mounting: np.ndarray
-    receive_offset: np.ndarray
-    receive_mounting: np.ndarray
-    motion: dict[str, np.ndarray]
-    backscatter: str
-    profile: str
-    beams: int
-    sectors: int
-    column_beams: int = 0
-    column_samples: int = 0
-    left_out: str = ""
+    origin: tuple[float, float] | None  # (2,) [m]: easting and northing of x = y = 0
+    cast_depth: np.ndarray  # (D,) [m/s]
+    cast_sound_speed: np.ndarray  # (D,) [m/s]
+    transmit_offset: np.ndarray  # (3,) [rad]
+    transmit_mounting: np.ndarray  # (3,) [rad]
+    receive_offset: np.ndarray  # (R, 3) [rad]: of every receiving head
+    receive_mounting: np.ndarray  # (R, 3) [rad]: of every receiving head
+    motion: dict[str, np.ndarray]  # (M,): time, x, y, depth, roll, pitch, heading
+    backscatter: str  # corrections of backscatter, and where the cast is from
+    profile: str  # corrections of backscatter, and where the cast is from
+    beams: int  # most of a ping
+    sectors: int  # most of a ping
+    column_beams: int = 0  # most of a ping
+    column_samples: int = 0  # most of a ping
+    left_out: str = ""  # clause on what of the file the record has no room for
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Column:
-    """Hold the water column of a ping.
+    """Hold the water column of a ping."""
 
-    Attributes
-    ----------
-    angle, start, rate : (C,) [rad], [s], [Hz]
-    sector : (C,) int
-    count : (C,) int
-        Samples of each beam.
-    level_db : (sum of count,) [dB]
-        Beam after beam.
-    """
-
-    angle: np.ndarray
-    start: np.ndarray
-    rate: np.ndarray
-    sector: np.ndarray
-    count: np.ndarray
-    level_db: np.ndarray
+    angle: np.ndarray  # (C,) [Hz]
+    start: np.ndarray  # (C,) [Hz]
+    rate: np.ndarray  # (C,) [Hz]
+    sector: np.ndarray  # (C,)
+    count: np.ndarray  # (C,): samples of each beam
+    level_db: np.ndarray  # [dB]: beam after beam
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ping:
-    """Hold one ping of one head.
+    """Hold one ping of one head."""
 
-    Attributes
-    ----------
-    place : dict of str to float
-        time, x, y, depth, roll, pitch, heading of the reference point.
-    head_sound_speed : float [m/s]
-    head : int
-        Number of the receiving head, from 0.
-    sectors : dict of str to (S,)
-        frequency, delay, angle, pulse_length, bandwidth, source_level_db, absorption_db; offset (S, 3) where known.
-    soundings : dict of str to (B,)
-        By the names of the record's variables.
-    column : Column or None
-    """
-
-    place: dict[str, float]
-    head_sound_speed: float
-    head: int
-    sectors: dict[str, np.ndarray]
-    soundings: dict[str, np.ndarray]
+    place: dict[str, float]  # time, x, y, depth, roll, pitch, heading of the reference point
+    head_sound_speed: float  # [m/s]
+    head: int  # number of the receiving head, from 0
+    sectors: dict[str, np.ndarray]  # (S,)
+    soundings: dict[str, np.ndarray]  # (B,): by the names of the record's variables
     column: Column | None = field(default=None)
 
 
 @np.errstate(invalid="ignore", over="ignore")      # of numbers that are none, in what is not valid
 def dataset(line: Line, pings: Sequence[Ping]) -> xr.Dataset:
-    """Put pings together.
-
-    Parameters
-    ----------
-    line : Line
-    pings : sequence of Ping
-        None of them: a record without pings.
-
-    Returns
-    -------
-    xarray.Dataset
-        As `hydrography.record` describes it. Numbers of soundings that are not valid are NaN, and none is valid whose
-        place is no number, or farther off than any sounder reaches.
-
-    Raises
-    ------
-    ValueError
-        If the water column would not fit into memory.
-    """
+    """Put pings together."""
     values: dict[str, np.ndarray] = {
         "cast_depth": line.cast_depth, "cast_sound_speed": line.cast_sound_speed,
         "transmit_offset": line.transmit_offset, "transmit_mounting": line.transmit_mounting,

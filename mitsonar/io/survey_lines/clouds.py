@@ -19,19 +19,7 @@ Cloud = dict[str, np.ndarray]              # variables of soundings by name, eac
 
 
 def cloud(line: Line, block: xr.Dataset, at: int) -> Iterator[Cloud]:
-    """Give the soundings of a block's pings that have a place, valid or not.
-
-    Parameters
-    ----------
-    at : int
-        Number of the block's first ping.
-
-    Yields
-    ------
-    Cloud
-        The record's variables of soundings, and ``ping``, ``beam``, ``since`` [s since 1970], ``latitude`` and
-        ``longitude`` [degrees], ``easting`` and ``northing`` [m] of the line's coordinate system.
-    """
+    """Return the soundings of a block's pings that have a place, valid or not."""
     names = [str(name) for name, value in block.variables.items() if value.dims == ("ping", "beam")]
     for number, ping in enumerate(pings(line, block)):
         there = np.isfinite(ping["x"]) & np.isfinite(ping["y"]) & np.isfinite(ping["depth"])

@@ -16,13 +16,13 @@ __all__ = ["array_axes", "from_vertical", "level"]
 
 
 def array_axes(line: Line, head: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Give the directions (3,) of the transmit and the receive array in the body, of one of several heads."""
+    """Return the directions (3,) of the transmit and the receive array in the body, of one of several heads."""
     receive = line.receivers[1][head or 0]
     return rotation(*line.array("transmit_mounting"))[:, 0], rotation(*receive)[:, 1]
 
 
 def level(line: Line, ping: Ping) -> np.ndarray:
-    """Give the directions (B, 3) of a ping's beams: forward, starboard, down of the level ship."""
+    """Return the directions (B, 3) of a ping's beams: forward, starboard, down of the level ship."""
     along, across = array_axes(line, int(ping["head"]) if "head" in ping else None)
     skew = float(along @ across)
     sent, heard = np.sin(ping["transmit_angle"])[:, None], np.sin(ping["angle"])[:, None]
@@ -33,7 +33,7 @@ def level(line: Line, ping: Ping) -> np.ndarray:
 
 
 def from_vertical(line: Line, ping: Ping, angle: np.ndarray) -> np.ndarray:
-    """Give angles of receiving beams from the vertical, positive to port, of beams at `angle` to the array [rad]."""
+    """Return angles of receiving beams from the vertical, positive to port, of beams at `angle` to the array [rad]."""
     _, across = array_axes(line, int(ping["head"]) if "head" in ping else None)
     tilt = np.arcsin((rotation(float(ping["ping_roll"]), float(ping["ping_pitch"]), 0.0) @ across)[2])
     return tilt - angle

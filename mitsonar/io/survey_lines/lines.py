@@ -44,45 +44,24 @@ _NEVER_LOST = ("valid",)
 
 @dataclass(frozen=True, kw_only=True)
 class Written:
-    """Say what went into a file.
-
-    Attributes
-    ----------
-    pings : int
-    soundings : int
-        Valid ones.
-    words : tuple of str
-        What the format cannot hold, and what had to be settled for it; each is a clause for a user.
-    """
+    """Say what went into a file."""
 
     pings: int
-    soundings: int
-    words: tuple[str, ...] = ()
+    soundings: int  # valid ones
+    words: tuple[str, ...] = ()  # what the format cannot hold, and what had to be settled for it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Line:
-    """Hold what all pings of a line share.
+    """Hold what all pings of a line share."""
 
-    Attributes
-    ----------
-    first : xarray.Dataset
-        Its first block: cast, arrays, motion and attributes are taken from there.
-    start : float [s]
-        Since 1970, UTC, of time 0.
-    frame : Frame
-        Where x = y = 0 lies.
-    placed : str
-        In words, where that is not from the scene's own coordinate system; else empty.
-    """
-
-    first: xr.Dataset
-    start: float
-    frame: Frame
-    placed: str
+    first: xr.Dataset  # its first block
+    start: float  # [s]: since 1970, UTC, of time 0
+    frame: Frame  # where x = y = 0 lies
+    placed: str  # in words, where that is not from the scene's own coordinate system
 
     def array(self, name: str) -> np.ndarray:
-        """Give a variable that is not of pings."""
+        """Return a variable that is not of pings."""
         return np.asarray(self.first[name].values, float)
 
     @property
@@ -117,29 +96,8 @@ def check_asked(place: Place | None, start: str | None) -> None:
 
 def line_of(blocks: Blocks, *, place: Place | None = None,
             start: str | None = None) -> tuple[Line, Iterator[xr.Dataset]]:
-    """Open a line of soundings that comes block by block.
-
-    Parameters
-    ----------
-    blocks : xarray.Dataset or iterable of them
-        As `mitsonar.hydrography.record` says.
-    place : (latitude, longitude) [degrees], optional
-        Of x = y = 0, where the line names no coordinate system; default: 0, 0.
-    start : str, optional
-        ISO 8601, of time 0; default: the line's own, or 1970.
-
-    Returns
-    -------
-    line : Line
-    blocks : iterator of xarray.Dataset
-        All of them, the first again; each checked when it comes.
-
-    Raises
-    ------
-    ValueError
-        If there is no ping, a block is no line of soundings or not of the same beams as the first, ``start`` is no
-        date, or ``place`` is nowhere on Earth or beside a coordinate system.
-    """
+    """Open a line of soundings that comes block by block."""
+    # place [degrees]
     check_asked(place, start)          # before a ping is made
     some = iter([blocks] if isinstance(blocks, xr.Dataset) else blocks)
     for first in some:
@@ -167,7 +125,7 @@ def line_of(blocks: Blocks, *, place: Place | None = None,
 
 
 def pings(line: Line, block: xr.Dataset) -> Iterator[Ping]:
-    """Give a block's pings one by one, without padding and with their places on Earth.
+    """Return a block's pings one by one, without padding and with their places on Earth.
 
     Each has the record's variables, beams without an angle and sectors without a frequency left out. More are ``beam``
     (numbers in the record), ``since`` [s since 1970], ``ping_latitude``, ``ping_longitude``, ``latitude`` and
@@ -220,7 +178,7 @@ def rated(some: Iterable[Ping]) -> Iterator[tuple[Ping, float]]:
 
 
 def rotation(roll: float, pitch: float, heading: float) -> np.ndarray:
-    """Give the matrix (3, 3) from forward, starboard, down of a body to those of what it is turned in."""
+    """Return the matrix (3, 3) from forward, starboard, down of a body to those of what it is turned in."""
     sr, cr, sp, cp, sh, ch = (turn(one) for one in (roll, pitch, heading) for turn in (np.sin, np.cos))
     return np.array([[ch * cp, ch * sp * sr - sh * cr, ch * sp * cr + sh * sr],
                      [sh * cp, sh * sp * sr + ch * cr, sh * sp * cr - ch * sr],

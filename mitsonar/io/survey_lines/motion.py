@@ -26,26 +26,15 @@ STIFFNESS = 1e-6                   # of splines where there are no samples, rela
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion:
-    """Hold the streams and what they lie in.
-
-    Attributes
-    ----------
-    zone : Zone
-    streams : dict of str to (M,)
-        time, x, y, depth, roll, pitch, heading.
-    fixes : (P, 3) [s], [m]
-        Time, x and y of the positions' sensor.
-    antenna : (3,) [m]
-        Its lever arm.
-    """
+    """Hold the streams and what they lie in."""
 
     zone: Zone
-    streams: dict[str, np.ndarray]
-    fixes: np.ndarray
-    antenna: np.ndarray
+    streams: dict[str, np.ndarray]  # (M,): time, x, y, depth, roll, pitch, heading
+    fixes: np.ndarray  # (P, 3) [m]: time, x and y of the positions' sensor
+    antenna: np.ndarray  # (3,) [m]: its lever arm
 
     def at(self, time: float) -> dict[str, float]:
-        """Give time, x, y, depth, roll, pitch and heading at a time [s] of the line."""
+        """Return time, x, y, depth, roll, pitch and heading at a time [s] of the line."""
         streams = self.streams
         values = {name: float(np.interp(time, streams["time"], values)) for name, values in streams.items()}
         if not streams["time"][0] <= time <= streams["time"][-1]:          # positions may go on without attitudes
@@ -55,15 +44,8 @@ class Motion:
 
 
     def sunk(self, time: np.ndarray, depth: np.ndarray, offset: np.ndarray) -> Motion:
-        """Return the motion whose transmit array is as deep at pings as their soundings say.
-
-        Parameters
-        ----------
-        time, depth : (P,) [s], [m]
-            Of pings, in the order of time, and of the transmit array then.
-        offset : (3,) [m]
-            Lever arm of the array.
-        """
+        """Return the motion whose transmit array is as deep at pings as their soundings say."""
+        # time, depth (P,) [m]; offset (3,) [m]
         streams = self.streams
         known = np.flatnonzero(np.isfinite(depth) & (np.abs(depth) < DEEPEST))
         known = known[np.unique(time[known], return_index=True)[1]]
@@ -79,28 +61,8 @@ class Motion:
 
 def motion_of(attitude: np.ndarray, positions: np.ndarray, start: float, *, waterline: float,
               mounting: np.ndarray | None = None, antenna: np.ndarray | None = None) -> Motion:
-    """Make the streams.
-
-    Parameters
-    ----------
-    attitude : (M, 5) [s], [rad], [m]
-        Time since 1970, roll, pitch, heading, heave (positive down), in the order of time.
-    positions : (P, 3) [s], [degrees]
-        Time, longitude, latitude.
-    start : float [s]
-        Of the line.
-    waterline : float [m]
-        Below the reference point, at rest.
-    mounting : (3,) [rad] or None
-        Of the attitude sensor.
-    antenna : (3,) [m] or None
-        Lever arm of the positions; None: they are the reference point's.
-
-    Raises
-    ------
-    ValueError
-        If there is no position on Earth.
-    """
+    """Make the streams."""
+    # attitude (M, 5) [m]; positions (P, 3) [degrees]; start [s]; waterline [m]; mounting (3,) [rad]; antenna (3,) [m]
     positions = positions[(np.abs(positions[:, 2]) <= 90) & (np.abs(positions[:, 1]) <= 360)]
     positions = positions[np.unique(positions[:, 0], return_index=True)[1]] if len(positions) else positions
     if not len(positions):
@@ -129,7 +91,7 @@ def _carried(time, fixes, antenna, roll, pitch, heading):
 
 
 def _followed(time, times, places):
-    """Give places (T, 2) at times, going on straight for a little at either end."""
+    """Return places (T, 2) at times, going on straight for a little at either end."""
     values = np.column_stack([np.interp(time, times, places[:, axis]) for axis in (0, 1)])
     if times.size > 1:
         for near, end in ((1, 0), (-2, -1)):
@@ -145,16 +107,8 @@ def smoothed(time: np.ndarray, values: np.ndarray, step: float, until: float | N
 
     Records of motion have steps, of their last digit and of the sensor's own rate, and a spline through every sample
     follows them. This one leaves out what is faster than two knots. Where it has no samples it goes on nearly straight.
-
-    Parameters
-    ----------
-    time : (N,) [s]
-        Increasing, two or more.
-    values : (N, C)
-    step : float [s]
-    until : float [s] or None
-        End of the spline, where it is after the last sample.
     """
+    # time (N,) [s]; values (N, C); step [s]; until [s]
     from scipy.interpolate import BSpline
     from scipy.sparse import csr_array, diags_array
     from scipy.sparse.linalg import spsolve

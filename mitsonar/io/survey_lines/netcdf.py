@@ -45,7 +45,7 @@ RECEIVE_ONLY, TRANSMIT_ONLY = 0, 1
 
 
 def root_attributes(line: Line) -> dict[str, str]:
-    """Give the attributes that the convention wants of a file."""
+    """Return the attributes that the convention wants of a file."""
     return {"Conventions": f"CF-1.7, SONAR-netCDF4-{VERSION}, ACDD-1.3", "keywords": line.sonar,
             "sonar_convention_authority": "ICES", "sonar_convention_name": "SONAR-netCDF4",
             "sonar_convention_version": VERSION, "summary": line.provenance()}
@@ -248,7 +248,7 @@ def _encoding(record: xr.Dataset) -> dict[str, dict[str, bool | int | tuple[int,
 
 
 def _settle(file: h5py.File, pings: int) -> None:
-    """Give the dimension ``ping`` its final size: h5netcdf reads what may grow ten times more slowly."""
+    """Return the dimension ``ping`` its final size: h5netcdf reads what may grow ten times more slowly."""
     growing = file["ping"]
     users = [name for name, one in file.items() if isinstance(one, h5py.Dataset) and name != "ping" and one.ndim
              and len(one.dims[0]) and one.dims[0][0] == growing]

@@ -18,37 +18,21 @@ WINDOW = 2.0                               # [s] between the knots of the way th
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Passage:
-    """Hold the samples of the motion sensors, each an array (M,).
+    """Hold the samples of the motion sensors, each an array (M,)."""
 
-    Attributes
-    ----------
-    time : [s]
-        Since 1970.
-    latitude, longitude : [degrees]
-    depth : [m]
-        Of the reference point.
-    roll, pitch, heading : [rad]
-        Heading from true north.
-    heave : [m]
-        Upwards.
-    velocity : (M, 3) [m/s]
-        North, east, down; over ground it is that of the smoothed way.
-    draught : float [m]
-    """
-
-    time: np.ndarray
-    latitude: np.ndarray
-    longitude: np.ndarray
-    depth: np.ndarray
-    roll: np.ndarray
-    pitch: np.ndarray
-    heading: np.ndarray
-    heave: np.ndarray
-    velocity: np.ndarray
-    draught: float
+    time: np.ndarray  # [s]: since 1970
+    latitude: np.ndarray  # [degrees]
+    longitude: np.ndarray  # [degrees]
+    depth: np.ndarray  # [m]: of the reference point
+    roll: np.ndarray  # [rad]: heading from true north
+    pitch: np.ndarray  # [rad]: heading from true north
+    heading: np.ndarray  # [rad]: heading from true north
+    heave: np.ndarray  # [m]: upwards
+    velocity: np.ndarray  # (M, 3) [m/s]: north, east, down
+    draught: float  # [m]
 
     def rate(self, values: np.ndarray) -> np.ndarray:
-        """Give the derivative of samples (M, ...) by time."""
+        """Return the derivative of samples (M, ...) by time."""
         return np.gradient(values, self.time, axis=0) if self.time.size > 1 else np.zeros_like(values)
 
     def way(self, since: float) -> tuple[float, float]:

@@ -20,20 +20,11 @@ STEP = 1e-5                        # [degrees] over which north is looked for
 
 @dataclass(frozen=True, kw_only=True)
 class Zone:
-    """Hold a line's plane.
-
-    Attributes
-    ----------
-    crs : str
-    origin : (2,) [m]
-        Easting and northing of x = y = 0.
-    convergence : float [rad]
-        Bearing of true north there, clockwise from the grid's.
-    """
+    """Hold a line's plane."""
 
     crs: str
-    origin: tuple[float, float]
-    convergence: float
+    origin: tuple[float, float]  # (2,) [m]: easting and northing of x = y = 0
+    convergence: float  # [rad]: bearing of true north there, clockwise from the grid's
 
     @cached_property
     def _projection(self):
@@ -42,7 +33,7 @@ class Zone:
         return pyproj.Transformer.from_crs("EPSG:4326", self.crs, always_xy=True)
 
     def places(self, longitude: np.ndarray, latitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Give x and y [m] of longitudes and latitudes [degrees], NaN where they are none."""
+        """Return x and y [m] of longitudes and latitudes [degrees], NaN where they are none."""
         on_earth = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360)
         east, north = self._projection.transform(np.where(on_earth, longitude, np.nan),
                                                  np.where(on_earth, latitude, np.nan))
@@ -51,13 +42,7 @@ class Zone:
 
 
 def zone_of(longitude: float, latitude: float) -> Zone:
-    """Make the zone around a position [degrees].
-
-    Raises
-    ------
-    ValueError
-        If the position is none on Earth.
-    """
+    """Make the zone around a position [degrees]."""
     import pyproj
 
     if not (abs(latitude) <= 90 and abs(longitude) <= 360):
@@ -82,7 +67,7 @@ def levelled(offset: np.ndarray, roll: ArrayLike, pitch: ArrayLike) -> np.ndarra
 
 def from_sensor(roll: np.ndarray, pitch: np.ndarray, heading: np.ndarray,
                 mounting: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Give the vessel's roll, pitch and heading from a sensor's that is mounted askew by (roll, pitch, heading)."""
+    """Return the vessel's roll, pitch and heading from a sensor's that is mounted askew by (roll, pitch, heading)."""
     if heading.size == 0 or not np.any(mounting):
         return roll, pitch, heading
     sensor = Rotation.from_euler("ZYX", np.stack([heading, pitch, roll], -1))
@@ -92,7 +77,7 @@ def from_sensor(roll: np.ndarray, pitch: np.ndarray, heading: np.ndarray,
 
 
 def straight(mounting: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Give the mounting (roll, pitch, heading) of an array as if its cable left aft, and whether it leaves forward.
+    """Return the mounting (roll, pitch, heading) of an array as if its cable left aft, and whether it leaves forward.
 
     An array turned by half a circle about its normal is the same array with its own forward and starboard exchanged for
     aft and port: Rz(h) Ry(p) Rx(r) Rz(180) = Rz(h + 180) Ry(-p) Rx(-r).
@@ -106,11 +91,11 @@ def straight(mounting: np.ndarray) -> tuple[np.ndarray, bool]:
 
 def across_and_along(x: ArrayLike, y: ArrayLike, heading: ArrayLike, across: np.ndarray,
                      along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give x and y of points across and along track from a place."""
+    """Return x and y of points across and along track from a place."""
     sine, cosine = np.sin(heading), np.cos(heading)
     return x + along * sine + across * cosine, y + along * cosine - across * sine
 
 
 def turned(roll: float, pitch: float, heading: float = 0.0) -> np.ndarray:
-    """Give the matrix (3, 3) that turns the body's directions by heading, pitch and roll, of an array or a vessel."""
+    """Return the matrix (3, 3) that turns the body's directions by heading, pitch and roll, of an array or a vessel."""
     return Rotation.from_euler("ZYX", [heading, pitch, roll]).as_matrix()

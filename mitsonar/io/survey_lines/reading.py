@@ -39,50 +39,14 @@ def recognised(head: bytes) -> str | None:
 
 def read(path: FilePath, *, pings: slice | None = None, water_column: bool = True,
          head: int | None = None) -> xr.Dataset:
-    """Read a line of soundings.
-
-    Parameters
-    ----------
-    path : str or path
-        Ending in .all, .wcd, .kmall, .kmwcd or .gsf; of a water column's file the soundings are read from the file
-        beside it.
-    pings : slice or None
-        Which, in the order of time; None: all.
-    water_column : bool
-        Take it, where there is one.
-    head : int or None
-        The pings of one receiving head, from 0; None: all. A line of several heads says in ``head`` of which a ping is.
-
-    Returns
-    -------
-    xarray.Dataset
-        As `mitsonar.hydrography.record` describes it.
-
-    Raises
-    ------
-    FileNotFoundError, PermissionError
-        If there is no such file, or it may not be read.
-    ValueError
-        If the file is none of these, cut, damaged or without soundings, a ping or a head is asked for that it has not,
-        or the water column does not fit into memory.
-
-    Examples
-    --------
-    ``mitsonar.io.survey_lines.reading.read("line.kmall", pings=slice(0, 100))``
-    """
+    """Read a line of soundings."""
     whole = next(blocks(path, pings=pings, water_column=water_column, size=None))
     return whole if head is None else of_head(whole, head)
 
 
 def blocks(path: FilePath, *, pings: slice | None = None, water_column: bool = True,
            size: int | None = BLOCK) -> Iterator[xr.Dataset]:
-    """Read a line of soundings some pings at a time; memory holds one block. Arguments and errors as `read`.
-
-    Parameters
-    ----------
-    size : int or None
-        Pings of a block; None: all.
-    """
+    """Read a line of soundings some pings at a time; memory holds one block. Arguments and errors as `read`."""
     main, column = _pair(path)
     try:
         reader = READERS[_kind(main)](main, column, water_column=water_column)
@@ -102,13 +66,7 @@ def blocks(path: FilePath, *, pings: slice | None = None, water_column: bool = T
 
 
 def of_head(soundings: xr.Dataset, head: int) -> xr.Dataset:
-    """Pick the pings of one receiving head of a line of several, with its lever arm and mounting.
-
-    Raises
-    ------
-    ValueError
-        If there is no such head.
-    """
+    """Pick the pings of one receiving head of a line of several, with its lever arm and mounting."""
     if "head" not in soundings:
         if head != 0:
             raise ValueError(f"the line has one receiving head, 0; head {head} was asked for.")
@@ -123,18 +81,12 @@ def of_head(soundings: xr.Dataset, head: int) -> xr.Dataset:
 
 
 def sources(path: FilePath) -> tuple[str, ...]:
-    """Name the files that `read` would open: that of soundings, and that of the water column beside it.
-
-    Raises
-    ------
-    FileNotFoundError, PermissionError, ValueError
-        As `read`, of a file that cannot be opened.
-    """
+    """Name the files that `read` would open: that of soundings, and that of the water column beside it."""
     return tuple(one for one in _pair(path) if one)
 
 
 def _pair(path):
-    """Give the file of soundings and that of the water column beside it, or None."""
+    """Return the file of soundings and that of the water column beside it, or None."""
     files.check_readable(path, "the line", "an .all, .kmall or .gsf file")
     name, suffix = os.path.splitext(os.fspath(path))
     main = os.fspath(path)

@@ -14,26 +14,17 @@ LAST = 65_535                              # sample, in 16 bits
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Runs:
-    """Hold a ping's snippets.
+    """Hold a ping's snippets."""
 
-    Attributes
-    ----------
-    rate : float [Hz]
-    start, count, centre : int (B,)
-        First sample, samples, and the sounding's sample counted from the first; all 0 where there is no snippet.
-    values : (sum of count,) [dB]
-        Beam after beam; NaN where a sample is missing.
-    """
-
-    rate: float
-    start: np.ndarray
-    count: np.ndarray
-    centre: np.ndarray
-    values: np.ndarray
+    rate: float  # [Hz]
+    start: np.ndarray  # (B,): first sample, samples, and the sounding's sample counted from the first
+    count: np.ndarray  # (B,): first sample, samples, and the sounding's sample counted from the first
+    centre: np.ndarray  # (B,): first sample, samples, and the sounding's sample counted from the first
+    values: np.ndarray  # [dB]: beam after beam
 
 
 def runs_of(ping: Ping) -> Runs | None:
-    """Give a ping's snippets; None where there are none, or no rate is said.
+    """Return a ping's snippets; None where there are none, or no rate is said.
 
     A snippet that ends after the 65,535th sample is left out: files count in 16 bits.
     """

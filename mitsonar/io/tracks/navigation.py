@@ -88,7 +88,7 @@ class Frame:
         return np.stack([east, north], -1) - self.origin, np.deg2rad(factors.meridian_convergence)
 
     def on_globe(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Give latitudes and longitudes of points: the way back from `project`.
+        """Return latitudes and longitudes of points: the way back from `project`.
 
         Parameters
         ----------
@@ -147,7 +147,7 @@ class Waypoints:
     geographic: bool = False
 
     def placed(self, frame: Frame | None = None) -> np.ndarray:
-        """Give the points in the scene, array (N, 2) [m]; raises `ValueError` as `Frame.project`."""
+        """Return the points in the scene, array (N, 2) [m]; raises `ValueError` as `Frame.project`."""
         return _placed(self, frame)[0]
 
 
@@ -208,7 +208,7 @@ class Navigation:
 
 
 def middle(record: Waypoints | Navigation) -> Frame:
-    """Give the `Frame` about the middle of what a record in degrees covers."""
+    """Return the `Frame` about the middle of what a record in degrees covers."""
     return Frame.about(*(0.5 * (float(np.min(axis)) + float(np.max(axis))) for axis in (record.y, record.x)))
 
 
@@ -226,21 +226,8 @@ def unrepeated(path: FilePath, time: np.ndarray, place: np.ndarray, at: np.ndarr
     Pings are logged faster than positions: ten pings a second with one fix a second stand still nine times and then
     jump. Where that is so, each fix counts once, when it is new, and curves without overshoot lead from one to the
     next.
-
-    Parameters
-    ----------
-    path : str or path
-        Of the record, for the warning that fixes are repeated.
-    time : array (P,) [s]
-        Strictly increasing.
-    place : array (P, 2) [m] or [degrees]
-    at : array (N,) [s]
-
-    Returns
-    -------
-    array (N, 2) [m] or [degrees]
-        Joined by straight lines where no fix is repeated.
     """
+    # time (P,) [s]; place (P, 2) [degrees]; at (N,) [s] -> array (N, 2) [m] or [degrees]
     fixes = _fixes(time, place)
     if fixes is None:
         return np.stack([np.interp(at, time, axis) for axis in place.T], -1)
@@ -268,21 +255,8 @@ def _fixes(time, place):
 
 
 def course(time: npt.ArrayLike, position: npt.ArrayLike) -> np.ndarray:
-    """Give the course over ground.
-
-    Parameters
-    ----------
-    time : array (P,) [s]
-        Strictly increasing.
-    position : array (P, 2) [m]
-        x east, y north.
-
-    Returns
-    -------
-    array (P,) [rad]
-        Clockwise from north, of the way from a second before to a second after, or at least from the neighbour before
-        to the neighbour after; where that is slower than 0.1 m/s, as it was before. 0 where nothing moves.
-    """
+    """Return the course over ground."""
+    # time (P,) [s]; position (P, 2) [m] -> (P,) [rad]
     time, position = np.asarray(time, float), np.asarray(position, float)
     number = np.arange(time.size)
     before = np.maximum(np.minimum(np.searchsorted(time, time - _COURSE_TIME), number - 1), 0)

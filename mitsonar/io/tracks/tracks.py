@@ -190,7 +190,7 @@ def _refuse(path, numbers, columns, name, bad, remedy, verb="is"):
 
 
 def _columns(path):
-    """Give the line numbers of the records and the needed columns as lists of text."""
+    """Return the line numbers of the records and the needed columns as lists of text."""
     names, numbers, records = tables.records(path, "track")
     names = [name.removesuffix("_deg") if name.removesuffix("_deg") in (*ANGLES, *DEGREES, *DEGREES.values()) else name
              for name in names]
@@ -215,7 +215,7 @@ def _columns(path):
 
 
 def _times(path, numbers, column):
-    """Give seconds; what the first record holds, seconds or ISO 8601, all must hold."""
+    """Return seconds; what the first record holds, seconds or ISO 8601, all must hold."""
     if not INSTANT.fullmatch(column[0]):
         return tables.floats(path, numbers, "time", column)
     seconds = np.empty(len(column))

@@ -68,7 +68,7 @@ def read_amplitudes(path: FilePath) -> xr.Dataset:
 
 
 def _channel(path, pings, number, width):
-    """Give the samples (ping, sample) of a channel."""
+    """Return the samples (ping, sample) of a channel."""
     rows = [np.asarray(ping.data[number]) for ping in pings if len(ping.data) > number]
     if len(rows) != len(pings) or len({row.size for row in rows}) != 1 or rows[0].size < 2:
         raise ValueError(f"cannot read the sidescan record {path}: the number of samples changes from ping to ping, or "

@@ -44,23 +44,7 @@ def recognised(path: FilePath) -> bool:
 
 
 def read(path: FilePath) -> Navigation:
-    """Read the navigation of an XTF file.
-
-    Parameters
-    ----------
-    path : str or path
-
-    Returns
-    -------
-    Navigation
-        In degrees or in metres, as the file's header says.
-
-    Raises
-    ------
-    ValueError
-        If it is no XTF file, ends within a packet, has packets of no length, or holds less than two positions that can
-        be true.
-    """
+    """Read the navigation of an XTF file."""
     try:
         with np.errstate(invalid="ignore", over="ignore"):      # damaged packets hold any bits as numbers
             return _navigation(path, *_packets(path))
@@ -69,7 +53,7 @@ def read(path: FilePath) -> Navigation:
 
 
 def _packets(path):
-    """Give the units of navigation, a structured array of each kind of packet that tells of it, and of all pings."""
+    """Return the units of navigation, a structured array of each kind of packet that tells of it, and of all pings."""
     import pyxtf
     from pyxtf.xtf_ctypes import XTFPacketClasses  # pyright: ignore[reportAttributeAccessIssue]  pyxtf has it
 
@@ -135,7 +119,7 @@ def _navigation(path, units, packets, pings):
 
 
 def _positions(geographic, packets, pings, dropped):
-    """Give times (P,), places (P, 2) and the records they come from."""
+    """Return times (P,), places (P, 2) and the records they come from."""
     pairs = [(packets.get(107), "Raw"), (packets.get(42), "Raw")]
     pairs += [(pings, "Sensor"), (pings, "Ship")]
     for records, prefix in pairs:
@@ -168,7 +152,8 @@ def _positions(geographic, packets, pings, dropped):
 
 
 def _times(records, what, dropped):
-    """Give strictly increasing times [s since 1970] and the records' order; what has no time of its own is dropped."""
+    """Return strictly increasing times [s since 1970] and the records' order; what has no time of its own is dropped.
+    """
     fields = {name: records[name].astype(np.int64) for name in ("Year", "Month", "Day", "Hour", "Minute", "Second")}
     month = (fields["Year"] - 1970) * 12 + fields["Month"] - 1
     day = month.astype("datetime64[M]").astype("datetime64[D]") + (fields["Day"] - 1)
@@ -214,7 +199,8 @@ def _without_jumps(time, place, geographic):
 
 
 def _attitude(source, packets, time, dropped):
-    """Give times and roll, pitch [degrees] and heave [m], of the attitude packets or of the positions' own records."""
+    """Return times and roll, pitch [degrees] and heave [m], of the attitude packets or of the positions' own records.
+    """
     records = packets.get(3)
     if records is not None:
         clock, order = _times(records, "attitudes", dropped)
@@ -237,7 +223,7 @@ def _attitude(source, packets, time, dropped):
 
 
 def _heading(source, angles, packets, dropped):
-    """Give times and headings [degrees] of the first record that has any, or None."""
+    """Return times and headings [degrees] of the first record that has any, or None."""
     if np.any(angles["heading"]):
         return angles["clock"], angles["heading"]
     for kind, column in ((23, "Gyro"), (84, "Gyro"), (None, "Heading"), (None, "SensorHeading"), (None, "ShipGyro")):

@@ -31,16 +31,7 @@ MAGIC = 0xFACE                     # first two bytes of a packet
 
 
 def structure(layout: type[ctypes.Structure]) -> np.dtype:
-    """Give a packet's layout as a NumPy type, inherited fields and all but arrays.
-
-    Parameters
-    ----------
-    layout : a class of pyxtf
-
-    Returns
-    -------
-    numpy.dtype
-    """
+    """Return a packet's layout as a NumPy type, inherited fields and all but arrays."""
     fields = {name: (np.dtype(kind), getattr(layout, name).offset) for cls in reversed(layout.__mro__)
               for name, kind in getattr(cls, "_fields_", ()) if not issubclass(kind, ctypes.Array)}
     return np.dtype({"names": list(fields), "formats": [kind for kind, _ in fields.values()],
@@ -51,26 +42,8 @@ EARLIEST, LATEST = "1970-01-01", "10000-01-01"
 
 
 def clock(time: np.ndarray, ticks: int) -> dict[str, np.ndarray]:
-    """Split times into the calendar's fields.
-
-    Parameters
-    ----------
-    time : array (P,) [s]
-        Since 1970, UTC.
-    ticks : int
-        Into how many parts a second is divided; times are rounded to them.
-
-    Returns
-    -------
-    dict
-        Year, Month, Day, Hour, Minute, Second, ``Tick`` (of the second) and JulianDay (1 on the first of January), each
-        an int64 array (P,).
-
-    Raises
-    ------
-    ValueError
-        If a time lies before 1970 or after the year 9999.
-    """
+    """Split times into the calendar's fields."""
+    # time (P,) [s]
     first, last = (np.datetime64(day, "s").astype(np.int64) for day in (EARLIEST, LATEST))
     outside = np.flatnonzero(~((time >= first) & (time < last)))
     if outside.size:
@@ -92,61 +65,25 @@ HUNDREDTHS, TENTHS_OF_MILLISECONDS = 100, 10_000       # of a second
 
 @dataclass(frozen=True, kw_only=True)
 class Passage:
-    """Hold what all headers of a file's pings share, each an array (P,).
+    """Hold what all headers of a file's pings share, each an array (P,)."""
 
-    Attributes
-    ----------
-    time : [s]
-        Since 1970.
-    number : int
-        Of the ping.
-    x, y : [degrees] or [m]
-        Longitude and latitude, or easting and northing.
-    heading, pitch, roll : [degrees]
-    scene : (P, 3) [m]
-        x, y, z of the scene.
-    altitude : [m]
-        0 where there is no bed below.
-    speed_knots : [knots]
-    sound_speed : float [m/s]
-    geographic : bool
-    """
-
-    time: np.ndarray
-    number: np.ndarray
-    x: np.ndarray
-    y: np.ndarray
-    heading: np.ndarray
-    pitch: np.ndarray
-    roll: np.ndarray
-    scene: np.ndarray
-    altitude: np.ndarray
-    speed_knots: np.ndarray
-    sound_speed: float
+    time: np.ndarray  # [s]: since 1970
+    number: np.ndarray  # of the ping
+    x: np.ndarray  # [m]: longitude and latitude, or easting and northing
+    y: np.ndarray  # [m]: longitude and latitude, or easting and northing
+    heading: np.ndarray  # [degrees]
+    pitch: np.ndarray  # [degrees]
+    roll: np.ndarray  # [degrees]
+    scene: np.ndarray  # (P, 3) [m]: x, y, z of the scene
+    altitude: np.ndarray  # [m]: 0 where there is no bed below
+    speed_knots: np.ndarray  # [knots]
+    sound_speed: float  # [m/s]
     geographic: bool
 
 
 def passage_of(record: xr.Dataset, start: float, geographic: bool) -> Passage:
-    """Take a record's passage.
-
-    Parameters
-    ----------
-    record : xarray.Dataset
-        A sidescan's.
-    start : float [s]
-        Since 1970, of the record's time 0.
-    geographic : bool
-        Positions in degrees; else in the record's own coordinates.
-
-    Returns
-    -------
-    Passage
-
-    Raises
-    ------
-    ValueError
-        If degrees are asked for and the record's coordinate system does not give them.
-    """
+    """Take a record's passage."""
+    # start [s]
     from mitsonar.imaging.maps.georeference import origin, system  # which needs xarray, and tracks are read without
 
     time = np.asarray(record["ping_time"].values, float)
@@ -173,7 +110,7 @@ def passage_of(record: xr.Dataset, start: float, geographic: bool) -> Passage:
 
 
 def navigation(passage: Passage) -> Mapping[str, np.ndarray | float]:
-    """Give the fields of the navigation packets, one a ping."""
+    """Return the fields of the navigation packets, one a ping."""
     times = clock(passage.time, TENTHS_OF_MILLISECONDS)
     return {"MagicNumber": MAGIC, "HeaderType": NAVIGATION, "NumBytesThisRecord": 64, **_dated(times),
             "Microsecond": times["Tick"],                    # as pyxtf calls it
@@ -182,7 +119,7 @@ def navigation(passage: Passage) -> Mapping[str, np.ndarray | float]:
 
 
 def ping_headers(passage: Passage, channels: int, length: int) -> Mapping[str, np.ndarray | float]:
-    """Give the fields of the ping headers, of `channels` channels in packets of `length` bytes."""
+    """Return the fields of the ping headers, of `channels` channels in packets of `length` bytes."""
     times = clock(passage.time, HUNDREDTHS)
     since = np.rint(1e3 * (passage.time - passage.time[0]))
     return {"MagicNumber": MAGIC, "HeaderType": SONAR, "NumChansToFollow": channels, "NumBytesThisRecord": length,

@@ -24,35 +24,25 @@ NOTHING_DB = -200.0                # level of bins in which nothing arrives
 
 @dataclass(frozen=True, kw_only=True)
 class Scale:
-    """Say how levels became samples; all numbers are exact as they are written.
+    """Say how levels became samples; all numbers are exact as they are written."""
 
-    Attributes
-    ----------
-    offset_db : float [dB re 1 µPa]
-        Level, after the gain, of the sample 1.
-    spreading_db : int [dB]
-        k.
-    absorption_db : float [dB/m]
-        2 a.
-    """
-
-    offset_db: float
-    spreading_db: int
-    absorption_db: float
+    offset_db: float  # [dB re 1 µPa]: level, after the gain, of the sample 1
+    spreading_db: int  # [dB]: k
+    absorption_db: float  # [dB/m]: 2 a
 
     def gain(self, slant_range: np.ndarray) -> np.ndarray:
-        """Give the gain [dB] at slant ranges [m]."""
+        """Return the gain [dB] at slant ranges [m]."""
         return self.spreading_db * np.log10(np.maximum(slant_range, 1e-3)) + self.absorption_db * slant_range
 
     def samples(self, level: np.ndarray, slant_range: np.ndarray) -> tuple[np.ndarray, int]:
-        """Give samples (..., N) uint16 of levels (..., N) [dB re 1 µPa], and how many are saturated."""
+        """Return samples (..., N) uint16 of levels (..., N) [dB re 1 µPa], and how many are saturated."""
         sound = np.isfinite(level) & (level > NOTHING_DB)
         raised = np.where(sound, level, -np.inf) + self.gain(slant_range) - self.offset_db
         amplitude = np.rint(10 ** (np.minimum(raised, 200.0) / 20))
         return np.minimum(amplitude, FULL).astype(np.uint16), int(np.count_nonzero(amplitude > FULL))
 
     def levels(self, samples: np.ndarray, slant_range: np.ndarray) -> np.ndarray:
-        """Give levels (..., N) [dB re 1 µPa] of samples; -inf of 0."""
+        """Return levels (..., N) [dB re 1 µPa] of samples; -inf of 0."""
         with np.errstate(divide="ignore"):
             return 20 * np.log10(np.asarray(samples, float)) + self.offset_db - self.gain(slant_range)
 
@@ -63,23 +53,7 @@ class Scale:
 
 
 def scale_of(record: xr.Dataset, tvg: Tvg) -> Scale:
-    """Choose the scale of a record's levels.
-
-    Parameters
-    ----------
-    record : xarray.Dataset
-        ``level`` (ping, side, range).
-    tvg : {'seabed', 'target', 'recorder', None}
-
-    Returns
-    -------
-    Scale
-
-    Raises
-    ------
-    ValueError
-        If ``tvg`` is none of these, or the absorption is no number.
-    """
+    """Choose the scale of a record's levels."""
     if tvg is not None and tvg not in SPREADING:
         raise ValueError(f"the gain is {tvg!r}; use 'seabed', 'target', 'recorder' or None.")
     # the steps in which it is written

@@ -48,13 +48,7 @@ SAME_TIME, SAME_PLACE = 1e-6, 1e-3          # [s], [m]
 
 
 def check(record: xr.Dataset) -> None:
-    """Check one record.
-
-    Raises
-    ------
-    ValueError
-        If it is no sidescan's, lacks what a file must say, or has pings and ranges that no file can hold.
-    """
+    """Check one record."""
     level = record.get("level")
     if level is None or set(level.dims) != {"ping", "side", "range"} or list(record["side"].values) != list(SIDES):
         dims = "no levels" if level is None else f"levels over {', '.join(map(str, level.dims))}"
@@ -90,13 +84,7 @@ def _even(steps):
 
 
 def check_same_track(lines: Sequence[xr.Dataset]) -> None:
-    """Check that records, in the order of their frequencies, can share ping headers.
-
-    Raises
-    ------
-    ValueError
-        If there are none or too many, or their pings, times and places differ.
-    """
+    """Check that records, in the order of their frequencies, can share ping headers."""
     if not 1 <= len(lines) <= MOST_RECORDS:
         raise ValueError(f"{len(lines)} records were given; an XTF file takes 1 to {MOST_RECORDS} of one track.")
     first = lines[0]
@@ -117,25 +105,13 @@ NOTES = 1                          # type of packet
 
 @dataclass(frozen=True, kw_only=True)
 class Channels:
-    """Hold one record's two channels: where their samples lie in range, and their scale.
-
-    Attributes
-    ----------
-    record : xarray.Dataset
-    scale : Scale
-    silent : int
-        Samples before the window.
-    near : float [m]
-        Where the first sample begins.
-    step : float [m]
-        Length of a sample.
-    """
+    """Hold one record's two channels: where their samples lie in range, and their scale."""
 
     record: xr.Dataset
     scale: Scale
-    silent: int
-    near: float
-    step: float
+    silent: int  # samples before the window
+    near: float  # [m]: where the first sample begins
+    step: float  # [m]: length of a sample
 
     @property
     def count(self) -> int:
@@ -159,7 +135,7 @@ def channels_of(record: xr.Dataset, tvg: Tvg) -> Channels:
 
 
 def file_header(channels: Sequence[Channels], passage: Passage, name: str) -> bytes:
-    """Give the header of 1024 bytes of a file of that name."""
+    """Return the header of 1024 bytes of a file of that name."""
     header = pyxtf.XTFFileHeader()
     header.RecordingProgramName, header.RecordingProgramVersion = b"mitsonar", _ascii(__version__, 7)
     header.SonarName = b"mitsonar"
@@ -191,7 +167,7 @@ def notes(channels: Sequence[Channels]) -> Iterator[str]:
 
 
 def note(text: str, passage: Passage) -> bytes:
-    """Give a packet of notes, dated as the first ping."""
+    """Return a packet of notes, dated as the first ping."""
     first = navigation(passage)
     packet = pyxtf.XTFNotesHeader()
     packet.HeaderType, packet.NumBytesThisRecord = NOTES, ctypes.sizeof(pyxtf.XTFNotesHeader)
@@ -202,7 +178,7 @@ def note(text: str, passage: Passage) -> bytes:
 
 
 def channel_header(channels: Channels, number: int, passage: Passage) -> Mapping[str, np.ndarray | float]:
-    """Give the fields of the headers of one of a file's channels, one a ping."""
+    """Return the fields of the headers of one of a file's channels, one a ping."""
     far = channels.near + channels.count * channels.step
     duration = 2 * (far - channels.near) / passage.sound_speed
     return {"ChannelNumber": number, "SlantRange": far, "NumSamples": channels.count,

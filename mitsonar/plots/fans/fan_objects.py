@@ -24,22 +24,7 @@ __all__ = ["fan_labels", "fan_objects"]
 
 
 def fan_labels(dataset: xr.Dataset, path: FilePath | None, *, ping: int = 0) -> Figure:
-    """Draw which shape brings most of the echo of every bin of a ping.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        ``label`` (ping, beam, range), and its names in the attribute ``labels``.
-    path, ping
-        As of `fan`.
-
-    Raises
-    ------
-    ValueError
-        If there are no labels, only one beam, no such ping, or the file is of another kind.
-    FileNotFoundError, PermissionError, OSError
-        If the file cannot be written.
-    """
+    """Draw which shape brings most of the echo of every bin of a ping."""
     if "label" not in dataset:
         raise ValueError(f"the plot 'labels' needs the variable 'label'; this dataset has "
                          f"{', '.join(map(str, dataset.data_vars))}.")
@@ -58,22 +43,7 @@ def fan_labels(dataset: xr.Dataset, path: FilePath | None, *, ping: int = 0) -> 
 
 
 def fan_objects(dataset: xr.Dataset, path: FilePath | None, *, ping: int = 0, tvg: Tvg = "seabed") -> Figure:
-    """Draw one ping of what `mitsonar.render` gives of an array, with outlines of objects and of their shadows.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        ``level`` (ping, beam, range) and its labels.
-    path, ping, tvg
-        As of `fan_picture`.
-
-    Raises
-    ------
-    ValueError
-        If there are no labels, only one beam, no such ping, or the file is of another kind.
-    FileNotFoundError, PermissionError, OSError
-        If the file cannot be written.
-    """
+    """Draw one ping of what `mitsonar.render` gives of an array, with outlines of objects and of their shadows."""
     check_ping(ping, dataset.sizes["ping"])
     one = dataset.isel(ping=[ping]).transpose("ping", "beam", "range", ...)
     colours = class_colours(entry["class"] for entry in dataset.attrs.get("objects", {}).values())

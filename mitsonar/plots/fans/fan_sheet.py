@@ -34,23 +34,12 @@ TOWARDS = {"forward": "ahead", "aft": "astern", "starboard": "to starboard", "po
 
 @dataclass(frozen=True, kw_only=True)
 class FanView:
-    """Where the bins of a fan lie on the sheet, for all frames alike.
+    """Where the bins of a fan lie on the sheet, for all frames alike."""
 
-    Attributes
-    ----------
-    angle : (B,) [rad]
-        Of the beams, from the middle of the fan, positive to the right.
-    slant_range : (N,) [m]
-    facing, right : str
-        Names of the body's directions along the middle of the fan and to its right.
-    grid : FanGrid
-    map : FanMap
-    """
-
-    angle: np.ndarray
-    slant_range: np.ndarray
-    facing: str
-    right: str
+    angle: np.ndarray  # (B,) [rad]: of the beams, from the middle of the fan, positive to the right
+    slant_range: np.ndarray  # (N,) [m]
+    facing: str  # names of the body's directions along the middle of the fan and to its right
+    right: str  # names of the body's directions along the middle of the fan and to its right
     grid: FanGrid
     map: FanMap
 
@@ -64,26 +53,8 @@ class FanView:
 
 
 def view_of(angle: np.ndarray, slant_range: np.ndarray, facing: str, right: str) -> FanView:
-    """Lay a fan out over the sheet.
-
-    Parameters
-    ----------
-    angle : (B,) [rad]
-        Two or more that differ.
-    slant_range : (N,) [m]
-        In equal steps.
-    facing, right : str
-        As of `FanView`.
-
-    Returns
-    -------
-    FanView
-
-    Raises
-    ------
-    ValueError
-        If the beams have one angle, or ranges are uneven.
-    """
+    """Lay a fan out over the sheet."""
+    # angle (B,) [rad]; slant_range (N,) [m]
     left, farthest, near, far = reach(angle, slant_range)
     grid = fan_grid(angle, slant_range, max(farthest - left, far - near) / SIZE, downwards=facing == "down")
     return FanView(angle=angle, slant_range=slant_range, facing=facing, right=right, grid=grid,
@@ -91,20 +62,7 @@ def view_of(angle: np.ndarray, slant_range: np.ndarray, facing: str, right: str)
 
 
 class FanSheet:
-    """A sheet with the frame of a fan, on which pictures are shown one after the other.
-
-    Parameters
-    ----------
-    view : FanView
-    title, subtitle : str
-    colours : matplotlib colormap
-    limits : pair of float
-        Values of the first and the last colour.
-    bar : str
-        Label of the colour bar; none is drawn without.
-    keys : sequence of matplotlib artists
-        Of the legend beside the picture.
-    """
+    """A sheet with the frame of a fan, on which pictures are shown one after the other."""
 
     def __init__(self, view: FanView, *, title: str, subtitle: str = "", colours: Colormap = canvas.COPPER,
                  limits: tuple[float, float] = (0.0, 1.0), bar: str = "", keys: Sequence[Artist] = ()) -> None:
@@ -133,7 +91,8 @@ class FanSheet:
         self._image.set_data(image)
 
     def pixels(self, image: np.ndarray, subtitle: str) -> np.ndarray:
-        """Give the sheet with a picture and a subtitle as colours (rows, columns, 3) uint8; the rest is drawn once."""
+        """Return the sheet with a picture and a subtitle as colours (rows, columns, 3) uint8; the rest is drawn once.
+        """
         paper = cast(FigureCanvasAgg, self.figure.canvas)
         moving: list[Artist] = [self._image, *self._rings, self._words]
         if self._still is None:

@@ -41,25 +41,7 @@ def is_scan(dataset: xr.Dataset) -> bool:
 
 
 def turn_of(dataset: xr.Dataset, ping: int = 0) -> xr.Dataset:
-    """Give the turn that a ping belongs to, or the way across the sector, as one ping of a fan.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        Of a rotating head.
-    ping : int
-        By position.
-
-    Returns
-    -------
-    xarray.Dataset
-        Variables over (ping, beam, range), one ping; ``beam`` [rad] are the steps' bearings.
-
-    Raises
-    ------
-    ValueError
-        If there is no such ping, or its turn has only one.
-    """
+    """Return the turn that a ping belongs to, or the way across the sector, as one ping of a fan."""
     if not 0 <= ping < dataset.sizes["ping"]:
         raise ValueError(f"there is no ping {ping}; there are {dataset.sizes['ping']}, the first is 0.")
     _, turns = bearings(dataset)
@@ -140,28 +122,6 @@ def fan_picture(dataset: xr.Dataset, path: FilePath | None, *, ping: int = 0, tv
                 marks: Iterable[tuple[np.ndarray, ColorType]] = (), keys: Sequence[Artist] = (),
                 colours: str = "copper") -> Figure:
     """Draw one ping of what `mitsonar.render` gives of an array: its `fan`, or the levels of a single beam over range.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        ``level`` (ping, beam, range) [dB re 1 µPa].
-    path, ping, colours
-        As of `fan`.
-    tvg : {'seabed', 'target', 'recorder', None}
-        Gain for display (see `mitsonar.plots.images.gain`).
-    what : str
-        What is marked, for the title; empty: nothing is, and levels are in colour.
-    marks : iterable of (bool array (beam, range), colour)
-        Samples to be outlined on grey levels.
-    keys : sequence of matplotlib artists
-        Of the legend of what is marked.
-
-    Raises
-    ------
-    ValueError
-        If there is no such ping, something is to be marked in a single beam, or the file is of another kind.
-    FileNotFoundError, PermissionError, OSError
-        If the file cannot be written.
     """
     shades = canvas.colours_of(colours)
     check_ping(ping, dataset.sizes["ping"])
@@ -197,16 +157,7 @@ def fan_view(dataset: xr.Dataset) -> FanView:
 
 
 def fan_levels(dataset: xr.Dataset, ping: int, tvg: Tvg, heard: int | None = None) -> tuple[np.ndarray, str]:
-    """Give the levels (beam, range) [dB] of a ping with their gain for display, and the gain's formula.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-    ping : int
-    tvg : {'seabed', 'target', 'recorder', None}
-    heard : int, optional
-        The bin from which the gain is held, as `fan_heard` gives it; by default that of this ping.
-    """
+    """Return the levels (beam, range) [dB] of a ping with their gain for display, and the gain's formula."""
     level, gain, words = _gained(dataset, ping, tvg)
     heard = heard_to(level, gain) if heard is None else heard
     if heard < gain.size and words:
@@ -216,7 +167,7 @@ def fan_levels(dataset: xr.Dataset, ping: int, tvg: Tvg, heard: int | None = Non
 
 
 def fan_heard(dataset: xr.Dataset, pings: Iterable[int], tvg: Tvg) -> int:
-    """Give the bin from which the gain of all pings is held: where noise hides the bed in the last of these."""
+    """Return the bin from which the gain of all pings is held: where noise hides the bed in the last of these."""
     return max(heard_to(*_gained(dataset, ping, tvg)[:2]) for ping in pings)
 
 
@@ -228,7 +179,7 @@ def _gained(dataset, ping, tvg):
 
 
 def fan_window(image: np.ndarray) -> tuple[float, float]:
-    """Give the levels of the first and the last colour of pictures [dB]; NaN is left out."""
+    """Return the levels of the first and the last colour of pictures [dB]; NaN is left out."""
     shown = image[np.isfinite(image)]
     if not shown.size:
         return 0.0, 1.0
@@ -238,7 +189,7 @@ def fan_window(image: np.ndarray) -> tuple[float, float]:
 
 
 def name_of(dataset: xr.Dataset) -> str:
-    """Give what a picture is called: its scene's file, or its kind of sonar."""
+    """Return what a picture is called: its scene's file, or its kind of sonar."""
     return os.path.splitext(dataset.attrs.get("file") or "")[0] or dataset.attrs.get("sonar") or "sonar"
 
 

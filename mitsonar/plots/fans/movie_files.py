@@ -39,25 +39,8 @@ class MovieFile(ABC):
 
 @contextlib.contextmanager
 def movie_file(path: FilePath, fps: float, colours: Colormap) -> Iterator[MovieFile]:
-    """Open a file for frames; it is there once all are in it, or not at all.
-
-    Parameters
-    ----------
-    path : str or path
-        Ending in .gif or .mp4, or a folder that is empty or to be made.
-    fps : float [Hz]
-        Frames a second; of no meaning for a folder.
-    colours : matplotlib colormap
-        Of the picture, for the palette of a GIF.
-
-    Raises
-    ------
-    ValueError
-        If the name ends otherwise, the folder is not empty, there are too many frames a second for a GIF, or there is
-        no ffmpeg for an MP4.
-    FileNotFoundError, PermissionError, OSError
-        If the file cannot be written.
-    """
+    """Open a file for frames; it is there once all are in it, or not at all."""
+    # fps [Hz]
     kind = check_movie(path)
     if kind == "":
         with _folder(path) as folder:
@@ -78,18 +61,7 @@ def movie_file(path: FilePath, fps: float, colours: Colormap) -> Iterator[MovieF
 
 
 def check_movie(path: FilePath) -> str:
-    """Check that frames can be written to a path, before any work is spent on them.
-
-    Returns
-    -------
-    str
-        One of `KINDS`, or empty for a folder.
-
-    Raises
-    ------
-    ValueError, FileNotFoundError, PermissionError
-        As `movie_file`.
-    """
+    """Check that frames can be written to a path, before any work is spent on them."""
     target = Path(os.path.abspath(path))
     kind = target.suffix.lower()
     if kind not in ("", *KINDS):

@@ -65,28 +65,7 @@ def is_focused(dataset: xr.Dataset) -> bool:
 
 def draw_focused(image: xr.Dataset, what: str, path: FilePath | None, *, bank: int | None = None,
                  colours: str = "copper") -> Figure:
-    """Draw a view of a focused image.
-
-    Parameters
-    ----------
-    image : xarray.Dataset
-        As `synthetic_aperture.record` says, or what is made of it over the same grid.
-    what : str
-        One of `FOCUSED_VIEWS`, or the name of any other variable over (along_track, across_track).
-    path : str or path
-        A .png, .pdf or .svg to write; None: no file.
-    bank : int or None
-        Whose level is drawn; None: the first.
-    colours : {"copper", "grey"}
-        Of the level.
-
-    Raises
-    ------
-    ValueError
-        If there is no such view, variable or bank.
-    FileNotFoundError, PermissionError, OSError
-        If the file cannot be written.
-    """
+    """Draw a view of a focused image."""
     shades = canvas.colours_of(colours)
     draw, name = _view(image, what)
     if what != "image" and (colours != "copper" or bank is not None):

@@ -14,20 +14,8 @@ NEAR_NOISE_DB = 3.0
 
 
 def heard_to(level: np.ndarray, gain: np.ndarray) -> int:
-    """Find where noise hides the bed: where levels no longer fall although the gain of an even bed goes on rising.
-
-    Parameters
-    ----------
-    level : array (B, N) [dB]
-        Without gain.
-    gain : array (N,) [dB]
-
-    Returns
-    -------
-    int
-        The first of the bins, in which medians over the beams have come down to within 3 dB of those of the last bins
-        for good; N where the bed is heard to the end, or never.
-    """
+    """Find where noise hides the bed: where levels no longer fall although the gain of an even bed goes on rising."""
+    # level (B, N) [dB]; gain (N,) [dB]
     bins = level.shape[-1]
     stretch = max(round(STRETCH * bins), 1)
     middle = ndimage.uniform_filter1d(np.median(level, axis=0), stretch, mode="nearest")
@@ -37,17 +25,8 @@ def heard_to(level: np.ndarray, gain: np.ndarray) -> int:
 
 
 def display_window(values: np.ndarray) -> tuple[float, float]:
-    """Give the levels of black and white of a picture.
-
-    Parameters
-    ----------
-    values : float array [dB]
-        Levels with their gain where there is a seabed to be shown; NaN is left out.
-
-    Returns
-    -------
-    (float, float) [dB]
-    """
+    """Return the levels of black and white of a picture."""
+    # values [dB] -> [dB]
     values = values[np.isfinite(values)]
     if not values.size:
         return 0.0, 1.0

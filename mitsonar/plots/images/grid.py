@@ -35,25 +35,12 @@ class Grid:
         return (self.height / (self.along[-1] - self.along[0])) / (self.width / (self.across[-1] - self.across[0]))
 
     def edges(self) -> tuple[np.ndarray, np.ndarray]:
-        """Give the edges of the picture's rows and columns, in the units of ``along`` and ``across``."""
+        """Return the edges of the picture's rows and columns, in the units of ``along`` and ``across``."""
         return (np.linspace(self.along[0], self.along[-1], self.height + 1),
                 np.linspace(self.across[0], self.across[-1], self.width + 1))
 
     def mean(self, dataset: xr.Dataset, values: Callable[[xr.Dataset], np.ndarray]) -> np.ndarray:
-        """Average over the picture elements, leaving out NaN.
-
-        Parameters
-        ----------
-        dataset : xarray.Dataset
-            The one the grid was made for.
-        values : function
-            Gives the values (p, 2 or 1, N) of a stretch of the dataset of p pings.
-
-        Returns
-        -------
-        array (height, width)
-            The oldest ping in row 0; NaN where an element has no values.
-        """
+        """Average over the picture elements, leaving out NaN."""
         rows, columns = self.edges()
         rows, columns = _shares(self.along, rows).tocsc(), _shares(self.across, columns)
         total, weight = np.zeros((2, self.height, self.width))
@@ -67,7 +54,7 @@ class Grid:
             return np.where(weight > 1e-9 * weight.max(initial=0), total / weight, np.nan)
 
     def largest(self, dataset: xr.Dataset, values: Callable[[xr.Dataset], np.ndarray]) -> np.ndarray:
-        """Give the largest of the values that meet in each picture element, (height, width); arguments as `mean`."""
+        """Return the largest of the values that meet in each picture element, (height, width); arguments as `mean`."""
         first_row, first_column = (
             np.clip(np.searchsorted(source, target[:-1], side="right") - 1, 0, source.size - 2)
             for source, target in zip((self.along, self.across), self.edges(), strict=True))
@@ -84,19 +71,13 @@ def stretches(dataset: xr.Dataset) -> Iterator[tuple[int, xr.Dataset]]:
 
 
 def with_sides(dataset: xr.Dataset) -> xr.Dataset:
-    """Give variables over (ping, range), a row a ping, a dimension side of one, as plots take them."""
+    """Return variables over (ping, range), a row a ping, a dimension side of one, as plots take them."""
     no_sides = set(dataset["level"].dims) == {"ping", "range"} and "side" not in dataset.coords
     return dataset.expand_dims(side=[ONLY_SIDE]) if no_sides else dataset
 
 
 def make_grid(dataset: xr.Dataset) -> Grid:
-    """Lay out the picture of a dataset whose pings have both sides of a sidescan, or one row (`with_sides`).
-
-    Raises
-    ------
-    ValueError
-        If the dataset has other dimensions than (ping, side, range) with sides port and starboard, or one; or no bins.
-    """
+    """Lay out the picture of a dataset whose pings have both sides of a sidescan, or one row (`with_sides`)."""
     sides = dataset["side"].values.tolist() if "side" in dataset.coords else []
     if sides not in (["port", "starboard"], [ONLY_SIDE]) or not {"ping", "range"} <= set(dataset.dims):
         raise ValueError(f"plots show a sidescan with the dimensions ping, side (port, starboard) and range, or "
@@ -128,7 +109,7 @@ def _side_by_side(values, gap):
 
 
 def edges_around(centres: np.ndarray, alone: float) -> np.ndarray:
-    """Give the edges half-way between centres and as far beyond the ends; a single one is ``alone`` wide."""
+    """Return the edges half-way between centres and as far beyond the ends; a single one is ``alone`` wide."""
     centres = np.asarray(centres, float)
     if centres.size == 1:
         return centres[0] + np.array([-0.5, 0.5]) * alone
@@ -137,7 +118,7 @@ def edges_around(centres: np.ndarray, alone: float) -> np.ndarray:
 
 
 def _shares(source, target):
-    """Give the lengths that intervals between ``target`` edges share with those between ``source`` edges, (T, S)."""
+    """Return the lengths that intervals between ``target`` edges share with those between ``source`` edges, (T, S)."""
     cuts = np.unique(np.concatenate([source, target]))
     middle = (cuts[1:] + cuts[:-1]) / 2
     rows, columns = (np.searchsorted(edges, middle) - 1 for edges in (target, source))

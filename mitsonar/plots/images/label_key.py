@@ -19,24 +19,12 @@ OTHERS = (0, 3, 2, 4, 9, 6, 8, 1, 7, 5)                # of matplotlib's ten, th
 
 @dataclass(frozen=True, kw_only=True)
 class LabelKey:
-    """The colours of labels.
+    """The colours of labels."""
 
-    Attributes
-    ----------
-    labels : (L,) int
-        In rising order,
-    ranks : (L,) int
-        and their ranks: 0 for none or the commonest, the highest for the rarest. A picture is one of ranks.
-    colours : matplotlib colormap
-        Of the ranks.
-    keys : list of matplotlib artists
-        Of the legend.
-    """
-
-    labels: np.ndarray
-    ranks: np.ndarray
-    colours: ListedColormap
-    keys: list[Artist]
+    labels: np.ndarray  # (L,): in rising order,
+    ranks: np.ndarray  # (L,): and their ranks
+    colours: ListedColormap  # of the ranks
+    keys: list[Artist]  # of the legend
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -44,24 +32,12 @@ class LabelKey:
         return -0.5, len(self.labels) - 0.5
 
     def rank(self, values: np.ndarray) -> np.ndarray:
-        """Give the ranks of labels (...): where several meet, the largest shows, else small targets vanish."""
+        """Return the ranks of labels (...): where several meet, the largest shows, else small targets vanish."""
         return self.ranks[np.searchsorted(self.labels, values)]
 
 
 def label_key(counts: Mapping[int, int], names: Mapping[str, str]) -> LabelKey:
-    """Choose the colours of labels.
-
-    Parameters
-    ----------
-    counts : dict of int to int
-        How many bins have a label; 0 is none.
-    names : dict of str to str
-        By the label's number in words, as the attribute ``labels`` has them.
-
-    Returns
-    -------
-    LabelKey
-    """
+    """Choose the colours of labels."""
     order, total = sorted(counts, key=lambda label: (label != 0, -counts[label], label)), sum(counts.values())
     labels = np.array(sorted(counts))
     named = {0: "none", **{int(key): name for key, name in names.items()}}

@@ -30,25 +30,8 @@ DARK, BRIGHT = 0.5, 0.8  # shares of the way from black to white: raised from be
 
 def shown_levels(dataset: xr.Dataset, grid: Grid, tvg: Tvg
                  ) -> tuple[np.ndarray, tuple[float, float], str, dict[str, float]]:
-    """Give a sidescan's levels with their gain for display.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-    grid : Grid
-        Made for it.
-    tvg : {'seabed', 'target', 'recorder', None}
-
-    Returns
-    -------
-    image : array (grid.height, grid.width) [dB]
-    limits : (float, float) [dB]
-        Of black and white, from the elements that hold the seabed, if it is known where it is.
-    words : str
-        The gain's formula.
-    more_db : dict of str, float [dB]
-        Gains beyond that which the image has, by the name of what they raise: the water column, or the steep bed.
-    """
+    """Return a sidescan's levels with their gain for display."""
+    # -> image [dB], limits [dB], more_db [dB]
     words = display_gain(dataset, tvg)[1]
 
     def intensity(part: xr.Dataset) -> np.ndarray:

@@ -23,17 +23,7 @@ LEGEND = 24  # classes named at most
 
 
 def class_colours(classes: Iterable[str]) -> dict[str, tuple[float, float, float]]:
-    """Give every class a colour of its own.
-
-    Parameters
-    ----------
-    classes : iterable of str
-
-    Returns
-    -------
-    dict of str, (float, float, float)
-        In alphabetical order.
-    """
+    """Return every class a colour of its own."""
     names = sorted(set(classes))
     return {name: to_rgb(BRIGHT[k] if k < len(BRIGHT) else colormaps["hsv"](0.618034 * k % 1))
             for k, name in enumerate(names)}

@@ -105,7 +105,7 @@ def preview(dataset: xr.Dataset, path: FilePath | None = None, *, tvg: Tvg = "re
 
 
 def usual_plot(dataset: xr.Dataset) -> str:
-    """Give the plot that a dataset has where none is asked for."""
+    """Return the plot that a dataset has where none is asked for."""
     return "overview" if is_line(dataset) else "image" if is_focused(dataset) else "waterfall"
 
 
@@ -315,7 +315,7 @@ def _line_axes(axes, slant_range):
 
 
 def _with_gaps(level):
-    """Give levels with gaps where there is nothing."""
+    """Return levels with gaps where there is nothing."""
     return np.where(level > NOTHING_DB, level, np.nan)
 
 

@@ -30,26 +30,15 @@ ANGLE = "port   ←   angle from the vertical [deg]   →   starboard"
 
 @dataclass(frozen=True, kw_only=True)
 class Bins:
-    """Soundings in bins of angle.
+    """Soundings in bins of angle."""
 
-    Attributes
-    ----------
-    angle : (B,) [deg]
-        Means of the soundings' angles in each bin, rising; bins without a sounding are left out.
-    width : float [deg]
-    of : (N,) int
-        Bin of every sounding that counts.
-    where : (ping, beam) bool
-        Those soundings.
-    """
-
-    angle: np.ndarray
-    width: float
-    of: np.ndarray
-    where: np.ndarray
+    angle: np.ndarray  # (B,) [deg]: means of the soundings' angles in each bin, rising
+    width: float  # [deg]
+    of: np.ndarray  # (N,): bin of every sounding that counts
+    where: np.ndarray  # those soundings
 
     def values(self, array: np.ndarray) -> np.ndarray:
-        """Give the soundings' values (N,) of an array (ping, beam)."""
+        """Return the soundings' values (N,) of an array (ping, beam)."""
         return np.asarray(array, float)[self.where]
 
     def mean(self, values: np.ndarray) -> np.ndarray:
@@ -60,11 +49,11 @@ class Bins:
             return np.bincount(self.of[known], values[known], self.angle.size) / count
 
     def spread(self, values: np.ndarray) -> np.ndarray:
-        """Give the standard deviations of values (N,) in bins (B,)."""
+        """Return the standard deviations of values (N,) in bins (B,)."""
         return np.sqrt(self.mean((values - self.mean(values)[self.of])**2))
 
     def percentile(self, values: np.ndarray, share: float) -> np.ndarray:
-        """Give a percentile of values (N,) in bins (B,)."""
+        """Return a percentile of values (N,) in bins (B,)."""
         order = np.argsort(self.of, kind="stable")
         parts = np.split(values[order], np.cumsum(np.bincount(self.of, minlength=self.angle.size))[:-1])
         return np.array([np.percentile(part[np.isfinite(part)], share) if np.isfinite(part).any() else np.nan
@@ -72,19 +61,7 @@ class Bins:
 
 
 def angle_bins(line: xr.Dataset, where: np.ndarray | None = None) -> Bins:
-    """Sort soundings into bins of angle.
-
-    Parameters
-    ----------
-    line : xarray.Dataset
-    where : (ping, beam) bool, optional
-        Those that count; by default all that are valid.
-
-    Raises
-    ------
-    ValueError
-        If there is none.
-    """
+    """Sort soundings into bins of angle."""
     angle = np.rad2deg(vertical_angle(line))
     where = (sounded(line) if where is None else where) & np.isfinite(angle)
     angle = angle[where]
@@ -107,23 +84,13 @@ def _known(line: xr.Dataset, *names: str) -> list[str]:
 
 
 def total_vertical_uncertainty(order: str, depth: np.ndarray) -> np.ndarray:
-    """Give what an order of S-44 allows at 95 % confidence [m] in a depth [m]."""
+    """Return what an order of S-44 allows at 95 % confidence [m] in a depth [m]."""
     fixed, share = ORDERS[order]
     return np.hypot(fixed, share * depth)
 
 
 def draw_smile(axes: Axes, line: xr.Dataset, theory: tuple[np.ndarray, np.ndarray] | None = None) -> None:
-    """Draw the mean error of soundings by its causes, with its standard deviation, over the angle.
-
-    Parameters
-    ----------
-    axes : Axes
-    line : xarray.Dataset
-        With ``error``, and its causes where these are known.
-    theory : pair of arrays, optional
-        Angles [rad] and errors [m] of a curve to be drawn beside; by default, where the line tells the water's own
-        profile, that of ray theory on a level bed.
-    """
+    """Draw the mean error of soundings by its causes, with its standard deviation, over the angle."""
     bins = angle_bins(line)
     for name in _known(line, *CAUSES):
         words, colour, style = CAUSES[name]

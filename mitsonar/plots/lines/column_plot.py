@@ -49,15 +49,8 @@ def _draw_soundings(axes: Axes, line: xr.Dataset, ping: int, bend: bool) -> None
 
 
 def soundings_of(line: xr.Dataset, ping: int, bend: bool = True) -> tuple[np.ndarray, ...]:
-    """Give where the soundings of a ping are on its fan.
-
-    Returns
-    -------
-    across, depth : (beam,) [m]
-        About the reference point, and below the surface; of rays that are not bent where these lie.
-    there, amplitude : (beam,) bool
-        Whether there is a sounding, and whether it was detected by amplitude.
-    """
+    """Return where the soundings of a ping are on its fan."""
+    # -> across, depth [m]
     one = line.isel(ping=ping)
     across, depth = (one[name].values.astype(float) for name in ("across_track", "depth"))
     if not bend:
@@ -73,16 +66,7 @@ def soundings_of(line: xr.Dataset, ping: int, bend: bool = True) -> tuple[np.nda
 
 def draw_curtain(panels: Sequence[Axes], line: xr.Dataset, *, tvg: Tvg = "recorder",
                  colours: Colormap = canvas.COPPER) -> None:
-    """Draw the beam that looks straight down, and the largest level of all beams, over the time of the pings.
-
-    Parameters
-    ----------
-    panels : sequence of Axes
-        Two, or one for the largest level alone.
-    line : xarray.Dataset
-    tvg, colours
-        As of `draw_column`.
-    """
+    """Draw the beam that looks straight down, and the largest level of all beams, over the time of the pings."""
     pings = curtain(line, tvg)
     pictures = {"the beam nearest to the vertical": pings.nadir, "the largest of all beams": pings.largest}
     low, high = column_window(*pictures.values())

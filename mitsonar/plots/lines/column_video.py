@@ -94,7 +94,7 @@ class _Frame:
         canvas.colour_bar(self.image, self.axes, f"level{sample[0].gain}  [dB]", "both")
 
     def pixels(self, fan: ColumnFan, some: xr.Dataset, ping: int, number: int) -> np.ndarray:
-        """Give the sheet with a fan as colours (rows, columns, 3) uint8."""
+        """Return the sheet with a fan as colours (rows, columns, 3) uint8."""
         across, depth, there, _ = soundings_of(some, ping)
         self.image.set_data(fan.image)
         self.image.set_extent(fan.extent)

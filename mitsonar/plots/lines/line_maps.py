@@ -35,30 +35,14 @@ MOST_EXAGGERATED = 30.0
 
 @dataclass(frozen=True, kw_only=True)
 class Mapped:
-    """What a map shows.
+    """What a map shows."""
 
-    Attributes
-    ----------
-    name : str
-        The variable.
-    words : str
-        What it is called on the bar.
-    colours : str
-        Of matplotlib.
-    around_zero : bool
-        Colours are the same to both sides of 0.
-    falls : bool
-        The bar's large values are below.
-    decibel : bool
-        Means are those of intensities.
-    """
-
-    name: str
-    words: str
-    colours: str
-    around_zero: bool = False
-    falls: bool = False
-    decibel: bool = False
+    name: str  # the variable
+    words: str  # what it is called on the bar
+    colours: str  # of matplotlib
+    around_zero: bool = False  # colours are the same to both sides of 0
+    falls: bool = False  # the bar's large values are below
+    decibel: bool = False  # means are those of intensities
 
 
 MAPPED = {
@@ -70,19 +54,7 @@ MAPPED = {
 
 
 def draw_map(axes: Axes, line: xr.Dataset, what: str) -> None:
-    """Draw soundings at their places, coloured by one of `MAPPED`, and the ship's track.
-
-    Parameters
-    ----------
-    axes : Axes
-    line : xarray.Dataset
-    what : str
-
-    Raises
-    ------
-    ValueError
-        If no valid sounding has such a value.
-    """
+    """Draw soundings at their places, coloured by one of `MAPPED`, and the ship's track."""
     about = MAPPED[what]
     there = sounded(line) & np.isfinite(line[about.name].values)
     if not there.any():
@@ -125,14 +97,8 @@ def _cell(x: np.ndarray, y: np.ndarray) -> float | None:
 
 def mean_grid(x: np.ndarray, y: np.ndarray, values: np.ndarray, cell: float, *,
               decibel: bool = False) -> tuple[np.ndarray, tuple[float, float, float, float]]:
-    """Average values (N,) at places (N,) [m] in square cells [m].
-
-    Returns
-    -------
-    grid : (rows, columns)
-        The southern row first; NaN where nothing is, but narrow gaps between filled cells get their neighbours' mean.
-    extent : west, east, south, north [m]
-    """
+    """Average values (N,) at places (N,) [m] in square cells [m]."""
+    # -> extent [m]
     columns, rows = (np.floor((place - place.min()) / cell).astype(np.int64) for place in (x, y))
     shape = int(rows.max()) + 1, int(columns.max()) + 1
     place = rows * shape[1] + columns
@@ -147,7 +113,7 @@ def mean_grid(x: np.ndarray, y: np.ndarray, values: np.ndarray, cell: float, *,
 
 
 def shaded(depth: np.ndarray, cell: float, colours: Colormap, norm: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Give the colours (rows, columns, 4) of a grid of depths [m], southern row first, darker away from the light."""
+    """Return the colours (rows, columns, 4) of a grid of depths [m], southern row first, darker away from the light."""
     known = np.isfinite(depth)
     nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
     filled = ndimage.gaussian_filter(depth[tuple(nearest)], 0.7)
@@ -185,7 +151,7 @@ def _box(x: np.ndarray, y: np.ndarray, line: xr.Dataset) -> tuple[float, float, 
 
 
 def map_shape(line: xr.Dataset) -> float:
-    """Give how many times as wide as high the map of a line is."""
+    """Return how many times as wide as high the map of a line is."""
     there = sounded(line)
     west, east, south, north = _box(line["x"].values[there], line["y"].values[there], line)
     return (east - west) / (north - south)

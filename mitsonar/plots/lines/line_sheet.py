@@ -27,13 +27,7 @@ BAR_GAP, BAR_WIDTH = 0.12, 0.16    # [inch]
 
 
 def sounded(line: xr.Dataset) -> np.ndarray:
-    """Tell where there is a sounding with a depth and a place, (ping, beam) bool.
-
-    Raises
-    ------
-    ValueError
-        If there is none.
-    """
+    """Tell where there is a sounding with a depth and a place, (ping, beam) bool."""
     there = line["valid"].values.astype(bool) & np.isfinite(line["depth"].values)
     for name in ("across_track", "x", "y"):
         there &= np.isfinite(line[name].values)
@@ -44,7 +38,7 @@ def sounded(line: xr.Dataset) -> np.ndarray:
 
 
 def vertical_angle(line: xr.Dataset) -> np.ndarray:
-    """Give the angles from the vertical under which soundings lie from the arrays (ping, beam) [rad].
+    """Return the angles from the vertical under which soundings lie from the arrays (ping, beam) [rad].
 
     Positive to starboard, from the middle between both arrays of a level ship. Where a sounding has no place it is the
     angle at the array.

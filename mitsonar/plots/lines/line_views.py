@@ -37,16 +37,7 @@ MOST_TICKS = 400                   # pings that are marked
 
 
 def draw_motion(panels: Sequence[Axes], line: xr.Dataset, names: Sequence[str] = tuple(MOTIONS)) -> None:
-    """Draw motions, a panel each, and mark the pings below.
-
-    Parameters
-    ----------
-    panels : sequence of Axes
-        As many as names.
-    line : xarray.Dataset
-    names : sequence of str
-        Of `MOTIONS`. Heave is the way up from the mean depth of the reference point.
-    """
+    """Draw motions, a panel each, and mark the pings below."""
     time = line["motion_time"].values
     for axes, name in zip(panels, names, strict=True):
         values = line[name].values
@@ -112,22 +103,11 @@ class Options:
 
 @dataclass(frozen=True, kw_only=True)
 class LineView:
-    """A view.
+    """A view."""
 
-    Attributes
-    ----------
-    words : str
-        What it shows, for the title.
-    needs : tuple of str
-        Variables that not every line has.
-    size : (int, int) or None
-        Of the sheet [picture elements]; None: as the map asks for.
-    draw : callable(figure, line, options)
-    """
-
-    words: str
-    needs: tuple[str, ...] = ()
-    size: tuple[int, int] | None = (WIDE, 720)
+    words: str  # what it shows, for the title
+    needs: tuple[str, ...] = ()  # variables that not every line has
+    size: tuple[int, int] | None = (WIDE, 720)  # of the sheet [picture elements]
     draw: Callable[[Figure, xr.Dataset, Options], None]
 
 

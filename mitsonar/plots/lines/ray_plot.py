@@ -26,22 +26,7 @@ USED, WATER = "#0072b2", "#d55e00"
 
 
 def draw_rays(axes: Axes, line: xr.Dataset, ping: int, water: SoundSpeedProfile | None = None) -> None:
-    """Draw some rays of a ping by the profile in use and by the water's own, soundings and the bed.
-
-    Parameters
-    ----------
-    axes : Axes
-        Depth grows downwards.
-    line : xarray.Dataset
-    ping : int
-    water : SoundSpeedProfile, optional
-        By default the line's own, where it tells it.
-
-    Raises
-    ------
-    ValueError
-        If the ping has no sounding.
-    """
+    """Draw some rays of a ping by the profile in use and by the water's own, soundings and the bed."""
     one = line.isel(ping=[ping])
     there = np.flatnonzero(_of_ping(one, ping))
     across, depth = (one[name].values[0] for name in ("across_track", "depth"))
@@ -73,20 +58,8 @@ def _of_ping(one: xr.Dataset, ping: int) -> np.ndarray:
 
 
 def ray_lines(beams: xr.Dataset, head: Head, profile: SoundSpeedProfile) -> tuple[np.ndarray, np.ndarray]:
-    """Give the rays from the head to the soundings of some beams of one ping.
-
-    Parameters
-    ----------
-    beams : xarray.Dataset
-        A line with one ping.
-    head : Head
-    profile : SoundSpeedProfile
-
-    Returns
-    -------
-    across, depth : (N, POINTS) [m]
-        From the reference point to starboard, and below the surface.
-    """
+    """Return the rays from the head to the soundings of some beams of one ping."""
+    # -> across, depth (N, POINTS) [m]
     time = beams["travel_time"].values[0]
     towards = launches(head, beams["angle"].values[0], beams["transmit_angle"].values[0],
                        receiving_axes(beams, 0, head, time))

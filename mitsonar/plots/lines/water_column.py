@@ -47,51 +47,24 @@ BLOCK = 32                         # pings that are read together
 
 @dataclass(frozen=True, kw_only=True)
 class ColumnFan:
-    """The picture of a ping.
+    """The picture of a ping."""
 
-    Attributes
-    ----------
-    image : (rows, columns) [dB]
-        The head's depth first; NaN outside the fan.
-    extent : port, starboard, lower, upper edge [m]
-        About the reference point, and below the surface.
-    gain : str
-        Formula of the gain in it.
-    box : three floats [m]
-        How far it goes from the head to port (negative), to starboard and down.
-    """
-
-    image: np.ndarray
-    extent: tuple[float, float, float, float]
-    gain: str
-    box: Box
+    image: np.ndarray  # [dB]: the head's depth first
+    extent: tuple[float, float, float, float]  # [m]: about the reference point, and below the surface
+    gain: str  # formula of the gain in it
+    box: Box  # [m]: how far it goes from the head to port (negative), to starboard and down
 
 
 @dataclass(frozen=True, kw_only=True)
 class Curtain:
-    """All pings.
+    """All pings."""
 
-    Attributes
-    ----------
-    edges : (P + 1,)
-        Of the pings, in time [s], or in numbers where times do not rise.
-    timed : bool
-        They are times.
-    slant_range : (rows + 1,) [m]
-        Edges of the rows.
-    nadir, largest : (rows, P) [dB]
-        Mean power of the beam that is the nearest to the vertical; the largest level of any beam.
-    bottom : (P,) [m]
-        Slant range of the sounding that is the nearest to the vertical; NaN where there is none.
-    gain : str
-    """
-
-    edges: np.ndarray
-    timed: bool
-    slant_range: np.ndarray
-    nadir: np.ndarray
-    largest: np.ndarray
-    bottom: np.ndarray
+    edges: np.ndarray  # of the pings, in time [s], or in numbers where times do not rise
+    timed: bool  # they are times
+    slant_range: np.ndarray  # [m]: edges of the rows
+    nadir: np.ndarray  # [dB]: mean power of the beam that is the nearest to the vertical
+    largest: np.ndarray  # [dB]: mean power of the beam that is the nearest to the vertical
+    bottom: np.ndarray  # (P,) [m]: slant range of the sounding that is the nearest to the vertical
     gain: str
 
 
@@ -114,29 +87,8 @@ def has_column(line: xr.Dataset) -> bool:
 
 def fan_of_ping(line: xr.Dataset, ping: int, *, bend: bool = True, tvg: Tvg = "recorder",
                 box: Box | None = None) -> ColumnFan:
-    """Lay the water column of a ping out across its track.
-
-    Parameters
-    ----------
-    line : xarray.Dataset
-    ping : int
-    bend : bool
-        By the rays of the profile in use; else along straight lines, at the head's sound speed.
-    tvg : {'seabed', 'target', 'recorder', None}
-        Gain for display over slant range.
-    box : three floats [m], optional
-        How far the picture goes from the head to port (negative), to starboard and down; by default as the ping asks
-        for.
-
-    Returns
-    -------
-    ColumnFan
-
-    Raises
-    ------
-    ValueError
-        If fewer than two beams of the ping have samples.
-    """
+    """Lay the water column of a ping out across its track."""
+    # box [m]
     head = head_of(line, ping)
     beams = _beams(line, ping, head)
     if beams.start.size < 2:
@@ -259,7 +211,7 @@ def _row(x: np.ndarray, places: np.ndarray, times: np.ndarray, beams: _Beams, po
 
 
 def column_window(*images: np.ndarray) -> tuple[float, float]:
-    """Give the levels [dB] of the first and the last colour, wide enough for the ring of side lobes under the bed."""
+    """Return the levels [dB] of the first and the last colour, wide enough for the ring of side lobes under the bed."""
     shown = np.concatenate([image[np.isfinite(image)] for image in images])
     if not shown.size:
         return 0.0, 1.0
@@ -268,13 +220,7 @@ def column_window(*images: np.ndarray) -> tuple[float, float]:
 
 
 def curtain(line: xr.Dataset, tvg: Tvg = "recorder") -> Curtain:
-    """Gather the water column of all pings, of which some are in memory at a time.
-
-    Raises
-    ------
-    ValueError
-        If no ping has samples.
-    """
+    """Gather the water column of all pings, of which some are in memory at a time."""
     pings, still = line.sizes["ping"], line[[name for name in (*HELD, *SEVERAL) if name in line]].load()
     heads = [head_of(still, ping) for ping in range(pings)]
     reach, length = _reach(line, heads)

@@ -25,24 +25,7 @@ MOST_NODES = 1500                  # along a side of the relief that is drawn
 
 
 def survey_plan(plan: Plan, path: FilePath, frame: Frame, *, title: str = "", subtitle: str = "") -> None:
-    """Draw the map of a plan.
-
-    Parameters
-    ----------
-    plan : Plan
-    path : str or path
-        A .png, .pdf or .svg to write.
-    frame : Frame
-        Where the plan's x = y = 0 lies: axes are eastings and northings.
-    title, subtitle : str
-
-    Raises
-    ------
-    ValueError
-        If the file is of another kind.
-    FileNotFoundError, PermissionError, OSError
-        If the file cannot be written.
-    """
+    """Draw the map of a plan."""
     canvas.file_format(path)
     check_writable(path)
     west, south, east, north = _extent(plan)

@@ -27,26 +27,8 @@ CLOSE_BY = 1e-4                # [m] as it does here: the carrying errs by nanos
 
 def aim(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, source_index: UInt32,
         x: Float64, z: Float64, active: Bool) -> tuple[Float64, Float64, Bool]:
-    """Find the launch angle of the ray from a source to a point.
-
-    Parameters
-    ----------
-    table : LayerTable
-    lib : Dr.Jit namespace
-    source : SourceState
-    source_index : UInt32 (R,)
-        Source of each ray.
-    x, z : Float64 (R,) [m]
-        Horizontal distance and depth of the point.
-    active : Bool (R,)
-
-    Returns
-    -------
-    sine, cosine : Float64 (R,)
-        Of the launch angle, the sine positive down; right to `CLOSE_ENOUGH` at the point.
-    found : Bool (R,)
-        False where no such ray is found, in a shadow zone say.
-    """
+    """Find the launch angle of the ray from a source to a point."""
+    # source_index (R,); x, z (R,) [m]; active (R,) -> sine, cosine (R,), found (R,)
     F = lib.Float64
     z0, c0, moments0 = source.gather(lib, source_index)
     c, moments = table.at(z)

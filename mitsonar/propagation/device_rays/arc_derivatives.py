@@ -32,39 +32,21 @@ _PLACES, _WEIGHTS = ((1 + np.polynomial.legendre.leggauss(7)[0]) / 2, np.polynom
 
 
 class ArcDerivatives(NamedTuple):
-    """Of one arc; see the equations.
+    """Of one arc; see the equations."""
 
-    Attributes
-    ----------
-    time, time_slope : number [s²/m], [s²]
-        F0, F1.
-    range, range_slope : number [s], [m s]
-        G0, G1.
-    spread : number [m²/s]
-        dX/dp.
-    """
-
-    time: Numbers
-    time_slope: Numbers
-    range: Numbers
-    range_slope: Numbers
-    spread: Numbers
+    time: Numbers  # [s²]: F0, F1
+    time_slope: Numbers  # [s²]: F0, F1
+    range: Numbers  # [m s]: G0, G1
+    range_slope: Numbers  # [m s]: G0, G1
+    spread: Numbers  # [m²/s]: dX/dp
 
 
 class SpreadDerivatives(NamedTuple):
-    """Of dX/dp of one arc; see the equations.
+    """Of dX/dp of one arc; see the equations."""
 
-    Attributes
-    ----------
-    parameter : number [m³/s²]
-        dD/dp.
-    speed, slope : number [m], [m²]
-        H0, H1.
-    """
-
-    parameter: Numbers
-    speed: Numbers
-    slope: Numbers
+    parameter: Numbers  # [m³/s²]: dD/dp
+    speed: Numbers  # [m²]: H0, H1
+    slope: Numbers  # [m²]: H0, H1
 
 
 def spread_derivatives(parameter: Numbers, gradient: Numbers, descent: Numbers, c1: Numbers, s1: Numbers, c2: Numbers,
@@ -95,22 +77,8 @@ def spread_derivatives(parameter: Numbers, gradient: Numbers, descent: Numbers, 
 
 def arc_derivatives(parameter: Numbers, gradient: Numbers, descent: Numbers, c1: Numbers, s1: Numbers, c2: Numbers,
                     s2: Numbers) -> ArcDerivatives:
-    """Integrate over an arc within one layer, which may turn in it.
-
-    Parameters
-    ----------
-    parameter : number [s/m]
-    gradient : number [1/s]
-    descent : number [m]
-        z2 - z1, negative on the way up.
-    c1, c2 : number [m/s]
-    s1, s2 : number
-        Sines at its ends, positive down.
-
-    Returns
-    -------
-    ArcDerivatives
-    """
+    """Integrate over an arc within one layer, which may turn in it."""
+    # parameter [s/m]; gradient [1/s]; descent [m]; c1, c2 [m/s]
     xp: Any = dr if dr.is_jit_v(parameter * c1) else np
     select: Any = dr.select if xp is dr else np.where
     arctanh: Any = dr.atanh if xp is dr else np.arctanh

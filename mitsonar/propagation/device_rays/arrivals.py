@@ -23,49 +23,22 @@ __all__ = ["Arrival", "earliest"]
 
 @dataclass(frozen=True, kw_only=True)
 class Arrival:
-    """Rays from sources to points, (R,) each.
-
-    Attributes
-    ----------
-    found : Bool
-    travel_time, ray_parameter : Float64 [s], [s/m]
-    arc_length, spreading_area : Float [m], [m²/sr]
-    launch_sine : Float64
-        Positive down; of it the sign matters.
-    arrival_sine : Float
-    sound_speed : Float64 [m/s]
-        At the point.
-    """
+    """Rays from sources to points, (R,) each."""
 
     found: Bool
-    travel_time: Float64
-    arc_length: Float
-    spreading_area: Float
-    ray_parameter: Float64
-    launch_sine: Float64
+    travel_time: Float64  # [s/m]
+    arc_length: Float  # [m²/sr]
+    spreading_area: Float  # [m²/sr]
+    ray_parameter: Float64  # [s/m]
+    launch_sine: Float64  # positive down
     arrival_sine: Float
-    sound_speed: Float64
+    sound_speed: Float64  # [m/s]: at the point
 
 
 def earliest(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, source_index: UInt32,
              x: Float64, z: Float64, active: Bool) -> Arrival:
-    """Find the earliest direct or once-turned ray from sources to points; evaluates it.
-
-    Parameters
-    ----------
-    table : LayerTable
-    lib : Dr.Jit namespace
-    source : SourceState or PointState
-    source_index : UInt32 (R,)
-        Source of each ray.
-    x, z : Float64 (R,) [m]
-        Horizontal distance and depth of the points.
-    active : Bool (R,)
-
-    Returns
-    -------
-    Arrival
-    """
+    """Find the earliest direct or once-turned ray from sources to points; evaluates it."""
+    # source_index (R,); x, z (R,) [m]; active (R,)
     active &= dr.isfinite(x) & dr.isfinite(z)
     sine0, cosine0, found = aim(table, lib, source, source_index, x, z, active)
     time, arc, area, p, sine, c = to_hit(table, lib, source, source_index, sine0, cosine0, x, z, found,

@@ -47,7 +47,8 @@ class LayerTable(Record):
     count: int
 
     def find(self, depth: Float64) -> UInt32:
-        """Give the index of the layer that holds each depth [m]; a node is of the layer below it, NaN of the first."""
+        """Return the index of the layer that holds each depth [m]; a node is of the layer below it, NaN of the first.
+        """
         lib, depth = self.lib, dr.detach(depth)            # a place in a table has no gradient
         cell = held((depth - self.top) * self.bins_per_metre, 0, LOOKUP_SIZE - 1)
         k = dr.gather(lib.UInt32, self.lookup, lib.UInt32(cell))
@@ -55,12 +56,12 @@ class LayerTable(Record):
         return _step_down(lib, dr.detach(self.layers), k, depth, self.last)
 
     def shape(self, k: UInt32, active: Bool | bool = True) -> tuple[Float64, Float64, Float64, Float64]:
-        """Give depth, sound speed and gradient of layer k, and the depth of its lower side."""
+        """Return depth, sound speed and gradient of layer k, and the depth of its lower side."""
         row = dr.gather(self.lib.Array4f64, self.layers, 2 * k, active)
         return row[0], row[1], row[2], row[3]
 
     def sole_range(self, depth: Float64, other: Float64) -> Float:
-        """Give the range [m] within which no two rays lead from a depth to another: see `sole_range`."""
+        """Return the range [m] within which no two rays lead from a depth to another: see `sole_range`."""
         lib, ranges = self.lib, []
         # a depth at the edge of two cells is of both, and of one of them more may be known; but along an edge of
         # uniform water runs a level ray that the other side does not know
@@ -77,7 +78,7 @@ class LayerTable(Record):
         return dr.maximum(known, lib.Float(SAFE * dr.sqrt(height * (2 * self.radius - height))))
 
     def at(self, depth: Float64) -> tuple[Float64, list[Float64]]:
-        """Give the sound speed [m/s] and the four moments M_n at each depth."""
+        """Return the sound speed [m/s] and the four moments M_n at each depth."""
         k = self.find(dr.detach(depth))             # which layer it is has no gradient
         z_k, c_k, g, _ = self.shape(k)
         moments = dr.gather(self.lib.Array4f64, self.layers, 2 * k + 1)
@@ -104,18 +105,7 @@ def _step_down(lib: ArrayTypes, layers: Float64, k: UInt32, depth: Float64, last
 
 
 def layer_table(profile: SoundSpeedProfile, like: DrJitArray | type) -> LayerTable:
-    """Put a profile on the device.
-
-    Parameters
-    ----------
-    profile : SoundSpeedProfile
-    like : Dr.Jit array or type
-        Decides the backend.
-
-    Returns
-    -------
-    LayerTable
-    """
+    """Put a profile on the device."""
     lib = arrays_of(like)
     z, c = _split(np.asarray(profile.depth, float), np.asarray(profile.sound_speed, float))
     reference = float(np.mean(c ** -2))

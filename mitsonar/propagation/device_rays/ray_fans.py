@@ -59,7 +59,7 @@ class RayFans(Record):
     bins_per_radian: Float
 
     def row(self, source_index: UInt32, launch_angle: Float) -> tuple[UInt32, Float]:
-        """Give the flat row index and the angle's distance from the row's middle [rad]; NaN is in the first row."""
+        """Return the flat row index and the angle's distance from the row's middle [rad]; NaN is in the first row."""
         lib = self.lib
         launch_angle = held(launch_angle, float(-HALF_SPAN), float(HALF_SPAN))
         cell = held((launch_angle + float(HALF_SPAN)) * self.bins_per_radian, 0, lib.Float(self.bins) - 1)
@@ -81,29 +81,8 @@ def _step_rows(lib: ArrayTypes, edge: Float, first: UInt32, j: UInt32, angle: Fl
 def build_ray_fans(table: LayerTable, profile: SoundSpeedProfile, source_depth: ArrayLike, *, slab: tuple[float, float],
                max_range: float, tolerance: float = 0.008, rows: int = 3072,
                max_vertices: int = FEWEST_VERTICES) -> RayFans:
-    """Trace and simplify one ray fan per source depth.
-
-    Parameters
-    ----------
-    table : LayerTable
-    profile : SoundSpeedProfile
-        The profile `table` was made of.
-    source_depth : (D,) [m]
-    slab : (float, float) [m]
-        Depths of the scene's highest and lowest point; chords are kept only from where a ray enters it.
-    max_range : float [m]
-        Horizontal range at which rays end.
-    tolerance : float [m]
-        Largest distance between chord and arc.
-    rows : int
-        Rows per ray fan before the split at critical angles.
-    max_vertices : int
-        Room for the vertices of a row, doubled as often as a row needs it; what other ray fans needed saves trials.
-
-    Returns
-    -------
-    RayFans
-    """
+    """Trace and simplify one ray fan per source depth."""
+    # source_depth (D,) [m]; slab [m]; max_range [m]; tolerance [m]
     lib = table.lib
     source_depth = np.atleast_1d(np.asarray(source_depth, float))
     edges = _row_edges(profile, source_depth, rows)                                           # (D, R + 1)
@@ -203,7 +182,8 @@ def arc_step(table: LayerTable, k: Int32, z: Float64, s: Float64, p: Float64, lo
 
 def wavefront_step(v: Float64, s1: Float64, s2: Float64, dz: Float64, c1: Float64, c2: Float64, g: Float64, p: Float64,
                    launch: Float64) -> Float64:
-    """Give the displacement V after an arc; `launch` = s0/c0. The second form holds where s changes sign (turning)."""
+    """Return the displacement V after an arc; `launch` = s0/c0. The second form holds where s changes sign (turning).
+    """
     total = s1 + s2
     plain = abs(total) > 1e-3 * abs(s1 - s2)
     s1 = dr.select(abs(s1) > 1e-12, s1, 1e-12)

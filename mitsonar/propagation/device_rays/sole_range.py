@@ -41,40 +41,21 @@ STRAIGHT = 1e12                # [m] a radius that nothing tells from a straight
 
 
 class SoleRange(NamedTuple):
-    """Cells between edges; the last and the first reach as far as water does.
+    """Cells between edges; the last and the first reach as far as water does."""
 
-    Attributes
-    ----------
-    edge : array (N+1,) [m]
-        Increasing.
-    range : array (N, N) [m]
-        By the cells of both depths; symmetric.
-    radius : float [m]
-        Of the tightest bend of any ray; `STRAIGHT` in water of one speed.
-    """
-
-    edge: np.ndarray
-    range: np.ndarray
-    radius: float
+    edge: np.ndarray  # (N+1,) [m]: increasing
+    range: np.ndarray  # (N, N) [m]: by the cells of both depths
+    radius: float  # [m]: of the tightest bend of any ray
 
     def places(self, top: np.ndarray, bottom: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Give the cell's number as a line over depth, slope and offset (2, K), in layers from top to bottom (K,)."""
+        """Return the cell's number as a line over depth, slope and offset (2, K), in layers from top to bottom (K,)."""
         cell = np.clip(np.searchsorted(self.edge, (top + bottom) / 2) - 1, 0, len(self.edge) - 2)
         slope = 1 / np.diff(self.edge)[cell]
         return slope, cell - self.edge[cell] * slope
 
 
 def sole_range(profile: SoundSpeedProfile) -> SoleRange:
-    """Find for every two depths a range within which no two rays, direct or turned, lead from one to the other.
-
-    Parameters
-    ----------
-    profile : SoundSpeedProfile
-
-    Returns
-    -------
-    SoleRange
-    """
+    """Find for every two depths a range within which no two rays, direct or turned, lead from one to the other."""
     return _sole_range(np.asarray(profile.depth, float).tobytes(), np.asarray(profile.sound_speed, float).tobytes())
 
 
@@ -92,7 +73,7 @@ def _sole_range(depth: bytes, speed: bytes) -> SoleRange:
 
 
 def _edges(depth: np.ndarray, speed: np.ndarray) -> np.ndarray:
-    """Give the edges of cells: the nodes, even steps between them, and some beyond."""
+    """Return the edges of cells: the nodes, even steps between them, and some beyond."""
     thickness, change = np.diff(depth), np.abs(np.diff(speed))
     if not change.any():
         return np.array([depth[0] - 1.0, depth[-1] + 1.0])
@@ -191,7 +172,7 @@ def _bounds(grid: np.ndarray, fast: np.ndarray, at_edge: np.ndarray, near: np.nd
 
 
 def _ratio(sine: np.ndarray, of: np.ndarray) -> np.ndarray:
-    """Give the ratio of two sines; 1 where both are 0, as a ray just turns at both places."""
+    """Return the ratio of two sines; 1 where both are 0, as a ray just turns at both places."""
     return np.where((sine == 0) & (of == 0), 1.0, sine / np.maximum(of, TINY))
 
 

@@ -42,7 +42,7 @@ class SourceState(Record):
     rows: Float64
 
     def gather(self, lib: ArrayTypes, index: UInt32) -> tuple[Float64, Float64, list[Float64]]:
-        """Give depth, sound speed and moments at the source of each ray (index UInt32 of the source)."""
+        """Return depth, sound speed and moments at the source of each ray (index UInt32 of the source)."""
         head = dr.gather(lib.Array4f64, self.rows, 2 * index)
         moments = dr.gather(lib.Array4f64, self.rows, 2 * index + 1)
         return head[0], head[1], [moments[i] for i in range(4)]
@@ -56,7 +56,7 @@ class PointState(Record):
     moments: list[Float64]
 
     def gather(self, lib: ArrayTypes, index: UInt32) -> tuple[Float64, Float64, list[Float64]]:
-        """Give the same as `SourceState` does; the index plays no part."""
+        """Return the same as `SourceState` does; the index plays no part."""
         return self.depth, self.speed, self.moments
 
 
@@ -123,7 +123,7 @@ def _series(table: LayerTable, lib: ArrayTypes, p: Float64, x: Float64, z: Float
 
 
 def arc_time(c1: Float64, c2: Float64, g: Float64, d2: Float64) -> Float64:
-    """Give the two-point time in one layer, (d/√(c1c2)) asinh(u)/u with u² = g² d²/(4 c1 c2)."""
+    """Return the two-point time in one layer, (d/√(c1c2)) asinh(u)/u with u² = g² d²/(4 c1 c2)."""
     product = c1 * c2
     u2 = 0.25 * g * g * d2 / product
     ratio = dr.fma(u2, 6435 / 557056, -143 / 10240)
@@ -135,7 +135,7 @@ def arc_time(c1: Float64, c2: Float64, g: Float64, d2: Float64) -> Float64:
 
 
 def arc_length(curvature: Float64, d2: Float64) -> Float64:
-    """Give the length of an arc over its chord, d asin(w)/w with w² = κ² d²/4."""
+    """Return the length of an arc over its chord, d asin(w)/w with w² = κ² d²/4."""
     w2 = 0.25 * curvature * curvature * d2
     ratio = 35 / 1152 + w2 * 63 / 2816
     for coefficient in (5 / 112, 3 / 40, 1 / 6, 1.0):
@@ -180,7 +180,7 @@ def walk(table: LayerTable, lib: ArrayTypes, z0: Float64, c0: Float64, s0: Float
 
 def _carry(p: Float64, s: Float64, c: Float64, g: Float64, v: Float64, launch: Float64,
            dz: Float64) -> tuple[Float64, Float64]:
-    """Give the change of time and ray parameter over a short step down from a point of a ray; `launch` = s0/c0."""
+    """Return the change of time and ray parameter over a short step down from a point of a ray; `launch` = s0/c0."""
     cosine = p * c
     a, d = s * dz, cosine * dz
     level = abs(s) < 0.02                                    # the wavefront's radius is 0/0 where the ray runs level
@@ -195,28 +195,9 @@ def _carry(p: Float64, s: Float64, c: Float64, g: Float64, v: Float64, launch: F
 def to_hit(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, source_index: UInt32, s0: Float64,
            cosine0: Float64, x: Float64, z: Float64, valid: Bool,
            tolerance: Float64) -> tuple[Float64, Float, Float, Float64, Float, Float64]:
-    """Find travel time, arc length, spreading and directions of the eigenray from source to hit.
-
-    Parameters
-    ----------
-    table : LayerTable
-    lib : Dr.Jit namespace
-    source : SourceState
-    source_index : UInt32 (R,)
-        Source of each ray.
-    s0, cosine0 : Float64 (R,)
-        Sine, positive down, and cosine of the launch angle of the ray that was traced.
-    x, z : Float64 (R,) [m]
-        Horizontal distance and depth of the hit.
-    valid : Bool (R,)
-    tolerance : float [m]
-        How far the traced ray may have passed from its exact self.
-
-    Returns
-    -------
-    travel_time [s], arc_length [m], spreading_area [m²/sr], ray_parameter [s/m], arrival_sine, sound_speed [m/s]
-        (R,); time, ray parameter and speed are Float64; the sine is that of the arrival angle, positive down.
-    """
+    """Find travel time, arc length, spreading and directions of the eigenray from source to hit."""
+    # source_index (R,); s0, cosine0 (R,); x, z (R,) [m]; valid (R,); tolerance [m] -> travel_time [s], arc_length [m],
+    # spreading_area [m²/sr], ray_parameter [s/m], arrival_sine, sound_speed [m/s]
     F = lib.Float
     z0, c0, moments0 = source.gather(lib, source_index)
     p0 = cosine0 / c0

@@ -132,7 +132,7 @@ def _fill(shape: tuple[int, ...], where: tuple[np.ndarray, ...], rays: np.ndarra
 
 def _find(profile: SoundSpeedProfile, source_depth: ArrayLike, target_depth: ArrayLike, horizontal_range: ArrayLike,
           earliest_only: bool) -> tuple[tuple[int, ...], np.ndarray, np.ndarray]:
-    """Give the shape of the cases, and of all rays the case (R,) and the fields (field, R), by case and time."""
+    """Return the shape of the cases, and of all rays the case (R,) and the fields (field, R), by case and time."""
     source, target, horizontal_range = _checked(source_depth, target_depth, horizontal_range)
     shape = source.shape
     source, target, horizontal_range = source.ravel(), target.ravel(), horizontal_range.ravel()
@@ -208,7 +208,7 @@ def _direct(profile: SoundSpeedProfile, source: np.ndarray, target: np.ndarray,
 
 
 def _newton(layers: Layers, horizontal_range: np.ndarray) -> np.ndarray:
-    """Give the tangent q at the fastest depth of the direct rays that reach ``horizontal_range`` (N,)."""
+    """Return the tangent q at the fastest depth of the direct rays that reach ``horizontal_range`` (N,)."""
     thickness, upper, lower = layers.thickness, layers.speed[:, :-1], layers.speed[:, 1:]
     # The first tangent of straight rays never overshoots: X(q) is concave.
     safe = horizontal_range * layers.fastest / (thickness * (upper + lower) / 2).sum(axis=1)
@@ -233,7 +233,7 @@ def _newton(layers: Layers, horizontal_range: np.ndarray) -> np.ndarray:
 
 
 def _sine_cosine(tangent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give sine and cosine of the grazing angle whose cotangent is ``tangent``."""
+    """Return sine and cosine of the grazing angle whose cotangent is ``tangent``."""
     sine = 1 / np.hypot(1, tangent)
     return sine, tangent * sine
 

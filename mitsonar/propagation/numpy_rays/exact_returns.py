@@ -29,32 +29,9 @@ SETTLED = 1e-10                # [s] a step that needs no other: at 20 m/s, turn
 
 def exact_return(table: LayerTable, lib: ArrayTypes, origin_depth: Float64, displacement: Vector64, elapsed: Float64,
                  offset: Triple, travel: Travel, first: Float64) -> tuple[Float64, tuple[Float64, Float64, Float64]]:
-    """Find the time from hits to one element, where it is when the echo arrives, and the direction back from there.
-
-    Parameters
-    ----------
-    table : LayerTable
-    lib : Dr.Jit namespace
-    origin_depth : Float64 [m]
-        Of the array's origin at the ping, opaque.
-    displacement : Array3f64 (H,) [m]
-        Hit minus origin, scene coordinates.
-    elapsed : Float64 (H,) [s]
-        From the ping to the hit.
-    offset : triple of opaque Float64 [m]
-        Of the element at the ping, scene coordinates.
-    travel : Travel
-        Of the platform since the ping, of opaque Float64.
-    first : Float64 (H,) [s]
-        A guess of the time, to a few microseconds.
-
-    Returns
-    -------
-    time : Float64 (H,) [s]
-        NaN where no ray is found.
-    towards : triple of Float64 (H,) [-]
-        Unit vector at the element along the ray to the hit, scene coordinates.
-    """
+    """Find the time from hits to one element, where it is when the echo arrives, and the direction back from there."""
+    # origin_depth [m]; displacement (H,) [m]; elapsed (H,) [s]; offset [m]; first (H,) [s] -> time (H,) [s], towards
+    # (H,) [-]
     time, towards, unsure = _solve(table, lib, origin_depth, displacement, elapsed, offset, travel, first)
     dr.eval(time, towards, unsure)
     some = compressed(unsure)
@@ -93,13 +70,13 @@ def _looked_for(table: LayerTable, origin_depth: Float64, displacement: Vector64
 
 def _seen_from_element(origin_depth: Float64, displacement: Vector64, offset: Triple, travel: Travel,
                        passed: Float64) -> tuple[Float64, Float64, Float64, Float64, Float64, Float64]:
-    """Give an element's depth some time after the ping, its distances from the hits along x and y, its velocity."""
+    """Return an element's depth some time after the ping, its distances from the hits along x and y, its velocity."""
     x, y, z = (part + d for part, d in zip(rotated(offset, travel.turned(passed)), travel.moved(passed)))
     return origin_depth - z, displacement.x - x, displacement.y - y, *travel.velocity(passed)
 
 
 def _closing(velocity: Triple, across_x: Numbers, across_y: Numbers, ray_parameter: Numbers, steep: Numbers) -> Numbers:
-    """Give the element's speed against the echo over that of sound; `steep`: vertical slowness of the ray sent."""
+    """Return the element's speed against the echo over that of sound; `steep`: vertical slowness of the ray sent."""
     scale = ray_parameter / ((across_x * across_x + across_y * across_y) ** 0.5 + 1e-9)
     return -(velocity[0] * across_x + velocity[1] * across_y) * scale + velocity[2] * steep
 

@@ -36,30 +36,14 @@ class Pass(NamedTuple):
 
 @dataclass(frozen=True)
 class Layers:
-    """Hold the layers that N rays cross from depth to depth, every one downwards.
+    """Hold the layers that N rays cross from depth to depth, every one downwards."""
 
-    Parameters
-    ----------
-    thickness : array (N, L) [m]
-        Zero where a ray does not reach the layer.
-    speed : array (N, L+1) [m/s]
-        At the edges of the layers.
-    deficit : array (N, L+1) [-]
-        1 - (c / fastest)^2 at the edges, never negative.
-    fastest : array (N,) [m/s]
-        The largest speed of the pass.
-    passes : array (L,) [-]
-        How often a ray crosses each layer.
-    ends : list of int
-        The edges at which these depths lie.
-    """
-
-    thickness: np.ndarray
-    speed: np.ndarray
-    deficit: np.ndarray
-    fastest: np.ndarray
-    passes: np.ndarray
-    ends: list[int]
+    thickness: np.ndarray  # (N, L) [m]: zero where a ray does not reach the layer
+    speed: np.ndarray  # (N, L+1) [m/s]: at the edges of the layers
+    deficit: np.ndarray  # (N, L+1) [-]: 1 - (c / fastest)^2 at the edges, never negative
+    fastest: np.ndarray  # (N,) [m/s]: the largest speed of the pass
+    passes: np.ndarray  # (L,) [-]: how often a ray crosses each layer
+    ends: list[int]  # the edges at which these depths lie
 
     @classmethod
     def between(cls, profile: SoundSpeedProfile, *depths: np.ndarray, passes: Sequence[int] = (1,)) -> "Layers":
@@ -87,21 +71,21 @@ class Layers:
                       self.ends)
 
     def sines(self, sine: np.ndarray, cosine: np.ndarray) -> np.ndarray:
-        """Give the sines (N, L+1) at all edges."""
+        """Return the sines (N, L+1) at all edges."""
         return np.sqrt((sine**2)[:, None] + (cosine**2)[:, None] * self.deficit)
 
     def stretch(self, sines: np.ndarray) -> np.ndarray:
-        """Give a = h (c1 + c2) / (s1 + s2) of every layer (N, L) [m^2/s]."""
+        """Return a = h (c1 + c2) / (s1 + s2) of every layer (N, L) [m^2/s]."""
         return self.thickness * (self.speed[:, :-1] + self.speed[:, 1:]) / (sines[:, :-1] + sines[:, 1:])
 
     def reach(self, sine: np.ndarray, cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Give x / p and dx/dp (N,) alone: what a search needs."""
+        """Return x / p and dx/dp (N,) alone: what a search needs."""
         sines = self.sines(sine, cosine)
         stretch = self.stretch(sines)
         return stretch @ self.passes, (stretch / (sines[:, :-1] * sines[:, 1:])) @ self.passes
 
     def cross(self, sine: np.ndarray, cosine: np.ndarray) -> Pass:
-        """Give all sums of a `Pass`."""
+        """Return all sums of a `Pass`."""
         sines = self.sines(sine, cosine)
         upper, lower = sines[:, :-1], sines[:, 1:]
         stretch = self.stretch(sines)
@@ -118,12 +102,12 @@ SERIES_LIMIT = 0.003  # of y^2: the first term left out of the series is 1e-19 t
 
 
 def atanh_ratio(y: np.ndarray) -> np.ndarray:
-    """Give atanh(y) / y for |y| < 1, exact at zero."""
+    """Return atanh(y) / y for |y| < 1, exact at zero."""
     return _ratio(y, np.arctanh, 1.0)
 
 
 def atan_ratio(y: np.ndarray) -> np.ndarray:
-    """Give atan(y) / y, exact at zero."""
+    """Return atan(y) / y, exact at zero."""
     return _ratio(y, np.arctan, -1.0)
 
 

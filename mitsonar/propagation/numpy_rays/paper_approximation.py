@@ -31,24 +31,9 @@ PASSES = 3                 # each leaves 2e-4 of the error of the height at rece
 
 def published_time(travel_time: Numbers, effective_speed: Numbers, vector: Triple, velocity: Triple,
                    faster: Callable[[Numbers], Numbers]) -> tuple[Numbers, Numbers, Numbers]:
-    """Solve for the return time, the speed along the vector and the height won.
-
-    Parameters
-    ----------
-    travel_time : float64 (...) [s]
-        Of the traced ray.
-    effective_speed : float64 (...) [m/s]
-        ev_i.
-    vector : triple of float64 (...) [m]
-        From the hit to where the receiver is at that instant.
-    velocity : triple [m/s]
-    faster : callable
-        Climb of the platform since the ping [m] -> c at reception less c at transmission [m/s].
-
-    Returns
-    -------
-    return_time [s], speed [m/s], climb [m] : float64 (...)
-    """
+    """Solve for the return time, the speed along the vector and the height won."""
+    # travel_time (...) [s]; effective_speed (...) [m/s]; vector (...) [m]; velocity [m/s] -> return_time [s], speed
+    # [m/s], climb [m] (...)
     x, y, z = vector
     vx, vy, vz = velocity
     square, toward = x * x + y * y + z * z, x * vx + y * vy + z * vz
@@ -64,31 +49,9 @@ def published_time(travel_time: Numbers, effective_speed: Numbers, vector: Tripl
 def paper_centre_return(travel_time: Numbers, displacement: Triple, travel: Travel,
                         speed_at: Callable[[Numbers], Numbers],
                         elapsed: Numbers | None = None) -> tuple[Numbers, Leg, Triple, Numbers]:
-    """Find when and from where the echo meets the array's centre.
-
-    Parameters
-    ----------
-    travel_time : float64 (H,) [s]
-        Of the traced ray.
-    displacement : triple of float64 (H,) [m]
-        From the hit to the origin.
-    travel : Travel
-        Of the platform since the ping.
-    speed_at : callable
-        Height above the origin [m] -> sound speed [m/s].
-    elapsed : float64 (H,) [s] or None
-        From the ping to when the hit sends the echo back; None: the travel time.
-
-    Returns
-    -------
-    return_time : float64 (H,) [s]
-        From the hit to the centre, where that is at reception.
-    leg : Leg
-        From the hit to there, with the speed of equation 2.
-    direction : triple of float64 (H,)
-    rise : float64 (H,) [m]
-        Height of the centre at reception above the origin.
-    """
+    """Find when and from where the echo meets the array's centre."""
+    # travel_time (H,) [s]; displacement (H,) [m]; elapsed (H,) [s] -> return_time (H,) [s], direction (H,), rise (H,)
+    # [m]
     xp = library(travel_time)
     here = speed_at(0 * travel_time)
     effective = xp.sqrt(sum(component * component for component in displacement)) / travel_time
@@ -106,22 +69,8 @@ def paper_centre_return(travel_time: Numbers, displacement: Triple, travel: Trav
 
 
 def paper_element_fields(offsets: ArrayLike, depth: float, profile: SoundSpeedProfile) -> list[np.ndarray]:
-    """Make what `paper_difference` needs of the elements (NumPy).
-
-    Parameters
-    ----------
-    offsets : array (E, 3) [m]
-        From the array's centre, scene coordinates, as the array stands at the ping.
-    depth : float [m]
-        Of the centre at the ping.
-    profile : SoundSpeedProfile
-
-    Returns
-    -------
-    list of float64 (E,)
-        d (3), |d|²; 0.503 times: c(element) - c(centre) [m/s], dc/dz (upwards) at the element
-        less that at the centre, dc/dz at the element [1/s].
-    """
+    """Make what `paper_difference` needs of the elements (NumPy)."""
+    # offsets (E, 3) [m]; depth [m] -> (E,)
     shared = shared_element_fields(offsets)
     there = depth - shared[2]
     gradients = [-0.5 * (profile.gradient(z, "below") + profile.gradient(z, "above"))
@@ -131,20 +80,8 @@ def paper_element_fields(offsets: ArrayLike, depth: float, profile: SoundSpeedPr
 
 
 def paper_difference(hits: Sequence[Numbers], elements: Sequence[Numbers]) -> Numbers:
-    """Give how much later than at the array's centre an echo arrives at an element, both by the published formula.
-
-    Parameters
-    ----------
-    hits : sequence of arrays
-        As of `straight_vectors.hit_fields`.
-    elements : sequence of arrays
-        As of `paper_element_fields`; both broadcast.
-
-    Returns
-    -------
-    array [s]
-        Of the type of the fields.
-    """
+    """Return how much later than at the array's centre an echo arrives at an element, both by the published formula."""
+    # -> [s]
     nx, ny, nz, zx, zy, zz, inverse, speed, closing, speeds, _, vz, _, rise, _, gx, gy, gz = hits
     dx, dy, dz, square, faster, bend, slope = elements
     along = nx * dx + ny * dy + nz * dz

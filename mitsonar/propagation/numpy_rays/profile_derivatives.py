@@ -33,62 +33,26 @@ BLOCK = 1 << 18                    # numbers of a block of rays: memory stays bo
 class RayDerivatives:
     """Derivatives of rays; K nodes last, NaN where there is no ray.
 
-    Attributes
-    ----------
-    time_by_speed : array (..., K) [s²/m]
-        Of the travel time between fixed ends.
-    time_by_source, time_by_target : array (...) [s/m]
-        Likewise by the depths of the ends.
-    time_by_range : array (...) [s/m]
-        Likewise by the horizontal distance: the ray parameter.
-    range_by_speed : array (..., K) [s]
-        Of the horizontal range at the target's depth, at fixed launch angle.
-    range_by_source : array (...)
-        Likewise by the source's depth.
-    range_by_launch : array (...) [m/rad]
-        By the launch angle, positive down.
-
-    Notes
-    -----
     At fixed launch angle the time to the target's depth moves by ``time_by_speed + time_by_range * range_by_speed``.
     Those of the range are infinite or NaN for a ray that starts or arrives level.
     """
 
-    time_by_speed: np.ndarray
-    time_by_source: np.ndarray
-    time_by_target: np.ndarray
-    time_by_range: np.ndarray
-    range_by_speed: np.ndarray
-    range_by_source: np.ndarray
-    range_by_launch: np.ndarray
+    time_by_speed: np.ndarray  # (..., K) [s²/m]: of the travel time between fixed ends
+    time_by_source: np.ndarray  # (...) [s/m]: likewise by the depths of the ends
+    time_by_target: np.ndarray  # (...) [s/m]: likewise by the depths of the ends
+    time_by_range: np.ndarray  # (...) [s/m]: likewise by the horizontal distance
+    range_by_speed: np.ndarray  # (..., K) [s]: of the horizontal range at the target's depth, at fixed launch angle
+    range_by_source: np.ndarray  # (...): likewise by the source's depth
+    range_by_launch: np.ndarray  # (...) [m/rad]: by the launch angle, positive down
 
 
 def ray_derivatives(profile: SoundSpeedProfile, source_depth: ArrayLike, target_depth: ArrayLike,
                     ray: Eigenray) -> RayDerivatives:
     """Differentiate rays, direct or turned once.
 
-    Parameters
-    ----------
-    profile : SoundSpeedProfile
-        The water that the rays were found in.
-    source_depth, target_depth : array [m]
-        Of the shape of the rays' fields, or broadcast to it.
-    ray : Eigenray
-        From `eigenray` or `eigenrays`.
-
-    Returns
-    -------
-    RayDerivatives
-
-    Raises
-    ------
-    ValueError
-        If the depths do not broadcast to the shape of the rays.
-
-    Notes
-    -----
     Relative error about 1e-15 / s² with s the least sine on the way, 1e-12 of rays that are not level somewhere.
     """
+    # source_depth, target_depth [m]
     shape, nodes = np.shape(ray.travel_time), profile.depth.size
     try:
         ends = [np.broadcast_to(np.asarray(depth, float), shape).ravel() for depth in (source_depth, target_depth)]
@@ -130,20 +94,11 @@ def ray_derivatives(profile: SoundSpeedProfile, source_depth: ArrayLike, target_
 
 
 class PassageDerivatives(NamedTuple):
-    """Of N rays of given ray parameter between two depths, and K nodes.
+    """Of N rays of given ray parameter between two depths, and K nodes."""
 
-    Attributes
-    ----------
-    time_by_speed : array (N, K) [s²/m]
-        Of the time between fixed ends; that at fixed parameter is ``p * range_by_speed`` more.
-    range_by_speed : array (N, K) [s]
-        Of the range at fixed parameter.
-    range_by_parameter : array (N,) [m²/s]
-    """
-
-    time_by_speed: np.ndarray
-    range_by_speed: np.ndarray
-    range_by_parameter: np.ndarray
+    time_by_speed: np.ndarray  # (N, K) [s²/m]: of the time between fixed ends
+    range_by_speed: np.ndarray  # (N, K) [s]: of the range at fixed parameter
+    range_by_parameter: np.ndarray  # (N,) [m²/s]
 
 
 def passage_derivatives(profile: SoundSpeedProfile, parameter: np.ndarray, upper: np.ndarray,
@@ -162,7 +117,7 @@ def passage_derivatives(profile: SoundSpeedProfile, parameter: np.ndarray, upper
 
 
 def hats(profile: SoundSpeedProfile, depth: np.ndarray) -> np.ndarray:
-    """Give the share of each node in the speed at depths (N,): (N, K), each row of sum 1."""
+    """Return the share of each node in the speed at depths (N,): (N, K), each row of sum 1."""
     nodes, rays = profile.depth, np.arange(len(depth))
     shares = np.zeros((len(depth), nodes.size))
     lower = np.clip(np.searchsorted(nodes, depth), 1, max(nodes.size - 1, 1)).clip(max=nodes.size - 1)

@@ -46,7 +46,7 @@ TINY = 1e-12               # of the squared sine at the fastest depth: no divisi
 def return_time(profile: SoundSpeedProfile, origin: ArrayLike, hits: ArrayLike, elements: ArrayLike,
                 velocity: ArrayLike = (0, 0, 0),
                 method: Literal["vector", "paper", "eigenray"] = "vector") -> np.ndarray:
-    """Give the time from each hit back to each element of an array that moves on meanwhile.
+    """Return the time from each hit back to each element of an array that moves on meanwhile.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def return_time(profile: SoundSpeedProfile, origin: ArrayLike, hits: ArrayLike, 
 
 def return_time_error(profile: SoundSpeedProfile, origin: ArrayLike, hits: ArrayLike, elements: ArrayLike,
                       velocity: ArrayLike = (0, 0, 0)) -> np.ndarray:
-    """Give the error to expect of the method ``vector`` without its guard; arguments and errors as `return_time`.
+    """Return the error to expect of the method ``vector`` without its guard; arguments and errors as `return_time`.
 
     Returns
     -------
@@ -214,24 +214,9 @@ def _exact(profile: SoundSpeedProfile, origin: np.ndarray, way: np.ndarray, elem
 
 def approximate(profile: SoundSpeedProfile, origin: np.ndarray, way: np.ndarray, elements: np.ndarray,
                 velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Apply the vector approximation without its guard.
-
-    Parameters
-    ----------
-    profile : SoundSpeedProfile
-    origin : array (3,) [m]
-    way : array (H, 3) [m]
-        From the origin to the hits.
-    elements : array (E, 3) [m]
-    velocity : array (3,) [m/s]
-
-    Returns
-    -------
-    travel_time : array (H,) [s]
-        From the origin to the hits.
-    times, error : array (H, E) [s]
-        Return times and what they are expected to err by; where that is infinite the times mean nothing.
-    """
+    """Apply the vector approximation without its guard."""
+    # origin (3,) [m]; way (H, 3) [m]; elements (E, 3) [m]; velocity (3,) [m/s] -> travel_time (H,) [s], times, error
+    # (H, E) [s]
     depth, height = -origin[2], elements[None, :, 2]
     ray = _outgoing(profile, origin, way)
     direct = ray.exists & np.isnan(ray.turning_depth)
@@ -276,20 +261,8 @@ def leg_integrals(profile: SoundSpeedProfile, depth: float, target: np.ndarray,
     """Integrate Y, E and G of direct rays, exactly: with s the sines, P = s1 s2 and κ = (1 - P) / p², of every layer
 
         E = Y κ / P,    G = Y ((κ / P)² + ((c2² - c1²) / (s1 + s2))² / (3 P³))
-
-    Parameters
-    ----------
-    profile : SoundSpeedProfile
-    depth : float [m]
-    target : array (H,) [m]
-        Depth of the other end.
-    ray_parameter : array (H,) [s/m]
-
-    Returns
-    -------
-    array (4, H)
-        Y [m^2/s], E [m^4/s^3], G [m^6/s^5] and the largest sound speed on the way [m/s].
     """
+    # depth [m]; target (H,) [m]; ray_parameter (H,) [s/m] -> (4, H)
     upper, lower = np.minimum(depth, target), np.maximum(depth, target)
     sums = np.empty((4, target.size))
     size = max(1, BATCH // (profile.depth.size + 1))

@@ -18,12 +18,7 @@ THINNEST = 1e-9            # [m]: below, the mean is the value at the depth itse
 
 
 class Slices:
-    """Look up what a ray's time through a thin horizontal slice of water depends on.
-
-    Parameters
-    ----------
-    profile : SoundSpeedProfile
-    """
+    """Look up what a ray's time through a thin horizontal slice of water depends on."""
 
     def __init__(self, profile: SoundSpeedProfile):
         self.profile = profile
@@ -33,7 +28,7 @@ class Slices:
         self._sums = np.concatenate([np.zeros((2, 1)), np.cumsum(pieces, axis=1)], axis=1)
 
     def between(self, depth: Real, other: Real) -> tuple[np.ndarray, np.ndarray]:
-        """Give mean [s²/m²] and variance [s⁴/m⁴] of 1/c² between two depths [m], either above; they broadcast."""
+        """Return mean [s²/m²] and variance [s⁴/m⁴] of 1/c² between two depths [m], either above; they broadcast."""
         depth, other = np.broadcast_arrays(np.asarray(depth, float), np.asarray(other, float))
         thickness = other - depth
         thin = np.abs(thickness) < THINNEST

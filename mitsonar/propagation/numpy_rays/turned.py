@@ -54,27 +54,14 @@ class Intervals(NamedTuple):
     right: np.ndarray
 
     def some(self, keep: np.ndarray | slice) -> "Intervals":
-        """Give those of a mask or a slice."""
+        """Return those of a mask or a slice."""
         return Intervals(*(field[keep] for field in self))
 
 
 def rays_turned_below(profile: SoundSpeedProfile, upper: np.ndarray, lower: np.ndarray, horizontal_range: np.ndarray,
                       latest: np.ndarray) -> TurnedRays:
-    """Find every ray between two depths that turns once, below both.
-
-    Parameters
-    ----------
-    profile : SoundSpeedProfile
-    upper, lower : array (N,) [m]
-        Depths of the ends, ``upper <= lower``; which one is the source does not matter.
-    horizontal_range : array (N,) [m]
-    latest : array (N,) [s]
-        Rays that provably arrive later are left out; infinity for all.
-
-    Returns
-    -------
-    TurnedRays
-    """
+    """Find every ray between two depths that turns once, below both."""
+    # upper, lower (N,) [m]; horizontal_range (N,) [m]; latest (N,) [s]
     cases = upper, lower, horizontal_range
     open_intervals = _first_intervals(profile, *cases, latest)
     brackets = []
@@ -94,7 +81,7 @@ def rays_turned_below(profile: SoundSpeedProfile, upper: np.ndarray, lower: np.n
 
 def _first_intervals(profile: SoundSpeedProfile, upper: np.ndarray, lower: np.ndarray, horizontal_range: np.ndarray,
                      latest: np.ndarray) -> Intervals:
-    """Give one interval for each layer in which a ray of the case can turn: the speed exceeds all that lies above."""
+    """Return one interval for each layer in which a ray of the case can turn: the speed exceeds all that lies above."""
     node_depth, node_speed = profile.depth, profile.sound_speed
     near = np.maximum(node_depth[:-1], lower[:, None])  # (N, K-1)
     # The largest speed from `upper` to `near`, over the ends and the nodes between.
@@ -124,7 +111,7 @@ def _first_intervals(profile: SoundSpeedProfile, upper: np.ndarray, lower: np.nd
 
 
 def _sine(speed: np.ndarray, turning_speed: np.ndarray) -> np.ndarray:
-    """Give the sine, where the speed is ``speed``, of the ray that is horizontal where it is ``turning_speed``."""
+    """Return the sine, where the speed is ``speed``, of the ray that is horizontal where it is ``turning_speed``."""
     cosine = speed / turning_speed
     return np.sqrt((1 - cosine) * (1 + cosine))
 
@@ -138,7 +125,7 @@ def _in_batches(function: Callable[[SoundSpeedProfile, Cases, Intervals], tuple[
 
 
 def _passed(profile: SoundSpeedProfile, cases: Cases, intervals: Intervals) -> tuple[Layers, np.ndarray, np.ndarray]:
-    """Give the layers above the turning ones, the gradient of these, and the range asked for."""
+    """Return the layers above the turning ones, the gradient of these, and the range asked for."""
     upper, lower, horizontal_range = (field[intervals.case] for field in cases)
     near = np.maximum(profile.depth[intervals.node], lower)
     layers = Layers.between(profile, upper, lower, near, passes=(1, 2))
@@ -211,7 +198,7 @@ def _solve(profile: SoundSpeedProfile, cases: Cases, brackets: Intervals) -> tup
 
 def _excess(layers: Layers, gradient: np.ndarray, horizontal_range: np.ndarray,
             sine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give X - horizontal_range and dX/d(sine)."""
+    """Return X - horizontal_range and dX/d(sine)."""
     cosine = np.sqrt((1 - sine) * (1 + sine))
     parameter = cosine / layers.fastest
     per_parameter, range_slope = layers.reach(sine, cosine)
@@ -222,7 +209,7 @@ def _excess(layers: Layers, gradient: np.ndarray, horizontal_range: np.ndarray,
 
 
 def _speed_integral(profile: SoundSpeedProfile, depth: np.ndarray) -> np.ndarray:
-    """Give the integral of the sound speed [m^2/s] from the first node down to ``depth``."""
+    """Return the integral of the sound speed [m^2/s] from the first node down to ``depth``."""
     node_depth, node_speed = profile.depth, profile.sound_speed
     to_node = np.r_[0.0, np.cumsum(np.diff(node_depth) * (node_speed[1:] + node_speed[:-1]) / 2)]
     above = np.maximum(np.searchsorted(node_depth, depth, side="right") - 1, 0)

@@ -27,21 +27,8 @@ STRAIGHT_WITHIN = 1e-9             # [m]
 
 
 class Line:
-    """Elements on a straight line.
-
-    Parameters
-    ----------
-    offsets : (E, 3) [m]
-    count : int
-        N, one of `NODES`.
-
-    Attributes
-    ----------
-    place : (E,) [-]
-        u of the elements.
-    nodes : (N, 3) [m]
-        Offsets of the points that a polynomial is made of.
-    """
+    """Elements on a straight line."""
+    # offsets (E, 3) [m]; place (E,) [-]; nodes (N, 3) [m]
 
     def __init__(self, offsets: np.ndarray, count: int = NODES[0]):
         first, last = offsets[0], offsets[-1]
@@ -52,7 +39,7 @@ class Line:
 
     @classmethod
     def through(cls, offsets: ArrayLike, count: int = NODES[0]) -> Line | None:
-        """Give the line that elements (E, 3) [m] lie on, the outermost first and last; None if they do not."""
+        """Return the line that elements (E, 3) [m] lie on, the outermost first and last; None if they do not."""
         offsets = np.asarray(offsets, float)
         if not np.any(offsets[-1] - offsets[0]):
             return None
@@ -61,7 +48,7 @@ class Line:
         return line if off < STRAIGHT_WITHIN and np.abs(line.place).max() < 1 + 1e-9 else None
 
     def angle(self, nearest: float) -> float:
-        """Give by how much [rad] what lies beyond `nearest` [m] is seen elsewhere from the line than from its middle.
+        """Return by how much [rad] what lies beyond `nearest` [m] is seen elsewhere from the line than from its middle.
 
         Infinite for what may lie too near.
         """
@@ -70,14 +57,14 @@ class Line:
         return reach / length if length > reach else np.inf
 
     def error(self, nearest: float, speed: float) -> float:
-        """Give ε [s] for echoes from `nearest` [m] on, sound of a speed [m/s]; infinite for what may lie too near."""
+        """Return ε [s] for echoes from `nearest` [m] on, sound of a speed [m/s]; infinite for what may lie too near."""
         angle = self.angle(nearest)
         length = float(np.linalg.norm(self.half)) / angle
         return length / (2 * speed) * (0.5 * angle) ** self.count if angle < 1 else np.inf
 
     @staticmethod
     def coefficients(values: Sequence[Float]) -> list[Float]:
-        """Give c of echoes from their differences at the nodes, Float (H,) each."""
+        """Return c of echoes from their differences at the nodes, Float (H,) each."""
         rows = []
         for row in np.linalg.inv(np.vander(_places(len(values)), increasing=True)):
             total = float(row[0]) * values[0]
@@ -93,7 +80,7 @@ def _places(count: int) -> np.ndarray:
 
 
 def polynomial(coefficients: Sequence[Float], at: Float) -> Float:
-    """Give Σ c_k u^k."""
+    """Return Σ c_k u^k."""
     total = coefficients[-1]
     for coefficient in coefficients[-2::-1]:
         total = dr.fma(total, at, coefficient)

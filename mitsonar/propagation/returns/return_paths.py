@@ -36,38 +36,16 @@ THIRD_LIMIT = 0.1         # of a4: beyond, the series does not tell the third or
 
 
 class ReturnPaths(Record):
-    """Ways back to the array's centre.
+    """Ways back to the array's centre."""
 
-    Attributes
-    ----------
-    return_time : Float64 (H,) [s]
-        From the hit to the centre, where that is at reception.
-    hit_fields : list of Float (H,)
-        For the `DIFFERENCES` of the method.
-    direction : triple of Float (H,)
-        Of travel at the centre, unit vectors in scene coordinates: the ray's, or the straight vector's with "paper".
-    rough : Bool (H,)
-        The ray turned between the ends, or runs nearly level: of second order little is known, of third nothing.
-    """
-
-    return_time: Float64
-    hit_fields: list[Float]
-    direction: tuple[Float, Float, Float]
-    rough: Bool
+    return_time: Float64  # (H,) [s]: from the hit to the centre, where that is at reception
+    hit_fields: list[Float]  # (H,): for the `DIFFERENCES` of the method
+    direction: tuple[Float, Float, Float]  # (H,): of travel at the centre, unit vectors in scene coordinates
+    rough: Bool  # (H,): the ray turned between the ends, or runs nearly level
 
     def expected_error(self, element_fields: Sequence[np.ndarray]) -> Float:
-        """Give the largest error to expect of the method "vector" at some elements.
-
-        Parameters
-        ----------
-        element_fields : list of array (E,)
-            As of `vector_element_fields`; the array's outermost elements will do.
-
-        Returns
-        -------
-        Float (H,) [s]
-            Infinite where `rough` and where nothing is promised.
-        """
+        """Return the largest error to expect of the method "vector" at some elements."""
+        # element_fields (E,) -> (H,) [s]
         kind = type(self.hit_fields[0])
         error = dr.select(self.rough, dr.inf, kind(0))
         for k in range(len(element_fields[0])):
@@ -80,30 +58,9 @@ def return_paths(table: LayerTable, source: SourceState | PointState, source_ind
                  travel_time: Float64, ray_parameter: Float64, spreading_area: Float, launch_sine: Float, *,
                  travel: Travel, method: Literal["vector", "paper"] = "vector",
                  elapsed: Float64 | None = None) -> ReturnPaths:
-    """Carry the echoes of traced hits back to the centre of the moving, turning array.
-
-    Parameters
-    ----------
-    table : LayerTable
-    source : SourceState
-    source_index : UInt32 (H,)
-        Source of each hit.
-    displacement : Array3f64 (H,) [m]
-        From the origin to the hit, scene coordinates.
-    travel_time, ray_parameter : Float64 (H,) [s], [s/m]
-    spreading_area : Float (H,) [m²/sr]
-    launch_sine : Float (H,)
-        Sine of the launch angle, positive down; of it the sign matters.
-    travel : Travel
-        Of the platform since the ping, of opaque Float64.
-    method : {"vector", "paper"}
-    elapsed : Float64 (H,) [s] or None
-        From the ping to when the hit sends the echo back; None: the travel time.
-
-    Returns
-    -------
-    ReturnPaths
-    """
+    """Carry the echoes of traced hits back to the centre of the moving, turning array."""
+    # source_index (H,); displacement (H,) [m]; travel_time, ray_parameter (H,) [s/m]; spreading_area (H,) [m²/sr];
+    # launch_sine (H,); elapsed (H,) [s]
     lib = table.lib
     F, wide = lib.Float, lib.Float64
     elapsed = travel_time if elapsed is None else elapsed
@@ -168,7 +125,7 @@ def _integrals(table: LayerTable, z0: Float64, c0: Float64, moments0: list[Float
 
 
 def _slice_to(table: LayerTable, z0: Float64, moments0: list[Float64]) -> Callable[[Float64], tuple[Float64, Float64]]:
-    """Give the look-up that `centre_return` asks for."""
+    """Return the look-up that `centre_return` asks for."""
     def mean_and_variance(rise):
         c, moments = table.at(z0 - rise)
         thin = abs(rise) < 1e-9

@@ -43,23 +43,23 @@ class Leg(NamedTuple):
 
 
 def library(array: Numbers) -> ModuleType:
-    """Give the module, NumPy or Dr.Jit, that an array's functions are in."""
+    """Return the module, NumPy or Dr.Jit, that an array's functions are in."""
     return np if isinstance(array, (np.ndarray, float)) else dr
 
 
 def select(condition: Numbers, yes: Numbers, no: Numbers) -> Numbers:
-    """Give yes where the condition holds, else no."""
+    """Return yes where the condition holds, else no."""
     return np.where(condition, yes, no) if isinstance(condition, (np.ndarray, np.bool_)) else dr.select(
         condition, yes, no)
 
 
 def multiply_add(a: Numbers, b: Numbers, c: Numbers) -> Numbers:
-    """Give a b + c, on the device in one instruction."""
+    """Return a b + c, on the device in one instruction."""
     return a * b + c if library(a + b) is np else dr.fma(a, b, c)
 
 
 def dot(a: Triple, b: Triple) -> Numbers:
-    """Give the sum of products of two sequences."""
+    """Return the sum of products of two sequences."""
     total = a[0] * b[0]
     for left, right in zip(a[1:], b[1:]):
         total = multiply_add(left, right, total)
@@ -67,13 +67,13 @@ def dot(a: Triple, b: Triple) -> Numbers:
 
 
 def per_sqrt(array: Numbers) -> Numbers:
-    """Give 1 / sqrt(array); on the device, to 1e-7, in less than half the time of either."""
+    """Return 1 / sqrt(array); on the device, to 1e-7, in less than half the time of either."""
     return 1 / np.sqrt(array) if library(array) is np else dr.rsqrt(array)
 
 
 def straight_delay(along: Numbers, square: Numbers, inverse_length: Numbers, speed: Numbers, closing: Numbers,
                    speeds: Numbers) -> tuple[Numbers, Numbers]:
-    """Give δ [s] and R / (R + c δ) [-]; ``along`` n·d, ``square`` |d|², ``closing`` B, ``speeds`` c² - |v|²."""
+    """Return δ [s] and R / (R + c δ) [-]; ``along`` n·d, ``square`` |d|², ``closing`` B, ``speeds`` c² - |v|²."""
     q = multiply_add(inverse_length, square, 2 * along)
     divisor = closing + library(q).sqrt(multiply_add(speeds * inverse_length, q, closing * closing))
     return q / divisor, divisor / multiply_add(inverse_length * speed, q, divisor)
@@ -81,29 +81,8 @@ def straight_delay(along: Numbers, square: Numbers, inverse_length: Numbers, spe
 
 def hit_fields(leg: Leg, direction: Triple, rise: Numbers, elapsed: Numbers, travel: Travel,
                origin_speed: Numbers) -> list[Numbers]:
-    """Make what a difference needs of the hits, in float64; round to float32 afterwards.
-
-    Parameters
-    ----------
-    leg : Leg
-        From the hit to the array's centre at reception.
-    direction : triple of float64 (H,)
-        n, unit.
-    rise : float64 (H,) [m]
-        Height of the centre at reception above the origin.
-    elapsed : float64 (H,) [s]
-        From the ping to the echo's arrival at the centre.
-    travel : Travel
-        Of the platform since the ping.
-    origin_speed : float or float64 (H,) [m/s]
-        Sound speed at the depth the element fields are made for.
-
-    Returns
-    -------
-    list of float64 (H,)
-        n (3) and the vertical (3) as the turned array sees them; 1/R, c, c - n·v, c² - |v|², n_z, v_z,
-        (c / origin speed)² - 1, rise, γ, and g (3).
-    """
+    """Make what a difference needs of the hits, in float64; round to float32 afterwards."""
+    # direction (H,); rise (H,) [m]; elapsed (H,) [s]; origin_speed (H,) [m/s] -> (H,)
     velocity, (wx, wy, wz) = travel.velocity(elapsed), travel.turn_rate(elapsed)
     rotation = travel.turned(elapsed)
     nx, ny, nz = direction

@@ -21,23 +21,13 @@ __all__ = ["REST", "Travel", "rotated", "steady"]
 
 
 class Travel(Record):
-    """The way of a platform after one transmission.
+    """The way of a platform after one transmission."""
 
-    Attributes
-    ----------
-    displacement, turn : tuple of K triples [m/s^k], [rad/s^k]
-        Plain numbers, or opaque Float64; none where the platform is at rest.
-    duration : number [s]
-        Up to when the polynomials hold; later it goes straight on.
-    end_velocity, end_turn_rate : triple [m/s], [rad/s]
-        v and dr/dt at that time, with which it does.
-    """
-
-    displacement: Sequence[Triple]
-    turn: Sequence[Triple]
-    duration: Numbers
-    end_velocity: Triple
-    end_turn_rate: Triple
+    displacement: Sequence[Triple]  # [rad/s^k]: plain numbers, or opaque Float64
+    turn: Sequence[Triple]  # [rad/s^k]: plain numbers, or opaque Float64
+    duration: Numbers  # [s]: up to when the polynomials hold
+    end_velocity: Triple  # [rad/s]: v and dr/dt at that time, with which it does
+    end_turn_rate: Triple  # [rad/s]: v and dr/dt at that time, with which it does
 
     @classmethod
     def within(cls, displacement: np.ndarray, turn: np.ndarray, duration: float,
@@ -50,19 +40,19 @@ class Travel(Record):
                    end_turn_rate=turn_rate)
 
     def moved(self, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-        """Give D(t): triple [m]."""
+        """Return D(t): triple [m]."""
         return self._at(self.displacement, self.end_velocity, time)
 
     def velocity(self, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-        """Give v(t): triple [m/s]."""
+        """Return v(t): triple [m/s]."""
         return _slope(self.displacement, self._inside(time))
 
     def turned(self, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-        """Give r(t): triple [rad]."""
+        """Return r(t): triple [rad]."""
         return self._at(self.turn, self.end_turn_rate, time)
 
     def turn_rate(self, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-        """Give ω(t): triple [rad/s]."""
+        """Return ω(t): triple [rad/s]."""
         return _slope(self.turn, self._inside(time))
 
     def _at(self, coefficients: Sequence[Triple], end: Triple, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:

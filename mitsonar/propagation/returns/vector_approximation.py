@@ -55,31 +55,14 @@ LEVEL_WITHIN = 1e-9        # [m]: heights below are none, 2 ps of sound at one d
 def corrections(leg_vertical: Numbers, leg_horizontal: Numbers, third: Numbers, inverse_length: Numbers,
                 shrinking: Numbers, height: Numbers, excess: Numbers,
                 variance: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-    """Give slice, bending and third order together, and the error expected after them.
+    """Return slice, bending and third order together, and the error expected after them.
 
-    Parameters
-    ----------
-    leg_vertical, leg_horizontal, third, inverse_length : arrays
-        Of the leg: cosine and sine from the vertical, γ [m], 1/R [1/m].
-    shrinking : array [-]
-        1 / (1 + c_m δ / R): R over the length of the straight vector to the element.
-    height : array [m]
-        h, of the element above the end of the leg, away from the hit.
-    excess, variance : arrays [-]
-        ε and V of the water between.
-
-    Returns
-    -------
-    correction, expected_error, change : arrays [m], [m], [-]
-        The second is not negative, infinite where nothing is promised; the third is Δp c_m.
-
-    Notes
-    -----
     This is the inner loop of every simulation. Factors that the terms have in common are taken out of them, with k
     1 / length of the vector to the element: dX = h p c_m m, a p c_m / w² = p² c_m² k h m / N and
 
         m = (ε / (w (w + Q)) - 3 V / (8 Q⁴)) / Q,    N = 1 + k h / w ((1 + ε) (w/Q)³ - 1)
     """
+    # height [m]
     xp = library(leg_vertical)
     w = _at_least(LEVEL, multiply_add(inverse_length, height, leg_vertical) * shrinking)
     square = w * w
@@ -113,27 +96,13 @@ def corrections(leg_vertical: Numbers, leg_horizontal: Numbers, third: Numbers, 
 
 
 def _at_least(limit: float, array: Numbers) -> Numbers:
-    """Give the larger of the two; cheaper than `maximum`, which looks for NaN."""
+    """Return the larger of the two; cheaper than `maximum`, which looks for NaN."""
     return select(array > limit, array, limit)
 
 
 def vector_element_fields(offsets: ArrayLike, depth: float, profile: SoundSpeedProfile) -> list[np.ndarray]:
-    """Make what `vector_difference` needs of the elements (NumPy).
-
-    Parameters
-    ----------
-    offsets : array (E, 3) [m]
-        From the array's centre, scene coordinates, as the array stands at the ping.
-    depth : float [m]
-        Of the centre at the ping.
-    profile : SoundSpeedProfile
-
-    Returns
-    -------
-    list of float64 (E,)
-        d (3), |d|², c²<1/c²> - 1, its change with the rise [1/m] and the rise squared [1/m²],
-        variance of c²/c².
-    """
+    """Make what `vector_difference` needs of the elements (NumPy)."""
+    # offsets (E, 3) [m]; depth [m] -> (E,)
     shared = shared_element_fields(offsets)
     speed, height = profile.at(depth), shared[2]
     there = depth - height
@@ -149,36 +118,15 @@ def vector_element_fields(offsets: ArrayLike, depth: float, profile: SoundSpeedP
 
 
 def vector_difference(hits: Sequence[Numbers], elements: Sequence[Numbers]) -> Numbers:
-    """Give how much later than at the array's centre an echo arrives at an element.
-
-    Parameters
-    ----------
-    hits : sequence of arrays
-        As of `straight_vectors.hit_fields`.
-    elements : sequence of arrays
-        As of `vector_element_fields`; both broadcast.
-
-    Returns
-    -------
-    array [s]
-        Of the type of the fields.
-    """
+    """Return how much later than at the array's centre an echo arrives at an element."""
+    # -> [s]
     delay, (correction, *_), per_closing = _to_element(hits, elements)
     return multiply_add(correction, per_closing, delay)
 
 
 def level_difference(hits: Sequence[Numbers], elements: Sequence[Numbers]) -> Numbers:
-    """Give the `vector_difference` of elements for which slice and bending vanish, at half its cost.
-
-    Parameters
-    ----------
-    hits, elements : sequences of arrays
-        As of `vector_difference`.
-
-    Returns
-    -------
-    array [s]
-    """
+    """Return the `vector_difference` of elements for which slice and bending vanish, at half its cost."""
+    # -> [s]
     w, third = hits[10], hits[14]
     delay, shrinking, at_element = _along_the_vector(hits, elements)
     root = library(delay).sqrt
@@ -189,24 +137,8 @@ def level_difference(hits: Sequence[Numbers], elements: Sequence[Numbers]) -> Nu
 
 def difference_of(method: Literal["vector", "paper"], offsets: ArrayLike, profile: SoundSpeedProfile, tilt: float = 0.0,
                   climb: float = 0.0) -> Callable[[Sequence[Numbers], Sequence[Numbers]], Numbers]:
-    """Choose the difference to evaluate: the method's, or a cheaper one that gives the same for this array.
-
-    Parameters
-    ----------
-    method : {"vector", "paper"}
-    offsets, profile
-        As of `vector_element_fields`.
-    tilt : float [rad]
-        Largest angle by which the array leans over while echoes come in.
-    climb : float [m/s]
-        Largest vertical speed meanwhile.
-
-    Returns
-    -------
-    callable
-        One of `DIFFERENCES`, or `level_difference` where the array is level, stays so and does not heave, or where the
-        sound has one speed.
-    """
+    """Choose the difference to evaluate: the method's, or a cheaper one that gives the same for this array."""
+    # tilt [rad]; climb [m/s]
     if method != "vector":
         return DIFFERENCES[method]
     offsets = np.asarray(offsets, float)
@@ -217,7 +149,7 @@ def difference_of(method: Literal["vector", "paper"], offsets: ArrayLike, profil
 
 
 def expected_error(hits: Sequence[Numbers], elements: Sequence[Numbers]) -> Numbers:
-    """Give the error [s] to expect of `vector_difference`, not negative, infinite where nothing is promised."""
+    """Return the error [s] to expect of `vector_difference`, not negative, infinite where nothing is promised."""
     _, (_, error, _), per_closing = _to_element(hits, elements)
     return error * per_closing
 

@@ -15,21 +15,8 @@ __all__ = ["centre_return", "matched_leg"]
 
 def matched_leg(range_per_parameter: Numbers, second: Numbers, third: Numbers, ray_parameter: Numbers,
                 speed: Numbers) -> Leg:
-    """Match a straight vector to a leg.
-
-    Parameters
-    ----------
-    range_per_parameter, second, third : float64 (H,)
-        Y, E and G of the module's equations. Where E is not positive (a ray beyond its caustic) there is no such
-        vector: the one with the speed of the origin is taken, right to first order alone.
-    ray_parameter : float64 (H,) [s/m]
-    speed : float64 (H,) or float [m/s]
-        Sound speed at the origin.
-
-    Returns
-    -------
-    Leg
-    """
+    """Match a straight vector to a leg."""
+    # range_per_parameter, second, third (H,); ray_parameter (H,) [s/m]; speed (H,) [m/s]
     y, p, xp = range_per_parameter, ray_parameter, library(ray_parameter)
     matched = (second > 0) & (y > 0)
     local = xp.maximum(1 / (speed * speed) - p * p, (LEVEL / speed) ** 2)
@@ -43,36 +30,9 @@ def matched_leg(range_per_parameter: Numbers, second: Numbers, third: Numbers, r
 def centre_return(leg: Leg, travel_time: Numbers, bearing: tuple[Numbers, Numbers], upwards: Numbers, travel: Travel,
                   slice_to: Callable[[Numbers], tuple[Numbers, Numbers]],
                   elapsed: Numbers | None = None) -> tuple[Numbers, Leg, Triple, Numbers]:
-    """Follow the platform to where the echo meets the array's centre, and match the leg to there.
-
-    Parameters
-    ----------
-    leg : Leg
-        From the hit to the origin.
-    travel_time : float64 (H,) [s]
-        Of the traced ray, origin to hit.
-    bearing : pair of float64 (H,) [-]
-        Horizontal unit vector (x, y) from the origin to the hit.
-    upwards : float64 (H,) [-]
-        +1 where the returning ray comes up to the origin, -1 where it comes down.
-    travel : Travel
-        Of the platform since the ping.
-    slice_to : callable
-        Height above the origin [m] -> mean [s²/m²] and variance [s⁴/m⁴] of 1/c² from the origin to there.
-    elapsed : float64 (H,) [s] or None
-        From the ping to when the hit sends the echo back; None: the travel time.
-
-    Returns
-    -------
-    return_time : float64 (H,) [s]
-        From the hit to the centre, where that is at reception.
-    leg : Leg
-        From the hit to the centre at reception.
-    direction : triple of float64 (H,)
-        n, the way the echo travels there.
-    rise : float64 (H,) [m]
-        Height of the centre at reception above the origin.
-    """
+    """Follow the platform to where the echo meets the array's centre, and match the leg to there."""
+    # travel_time (H,) [s]; bearing (H,) [-]; upwards (H,) [-]; elapsed (H,) [s] -> return_time (H,) [s], direction
+    # (H,), rise (H,) [m]
     xp = library(travel_time)
     n = (-bearing[0] * leg.horizontal, -bearing[1] * leg.horizontal, upwards * leg.vertical)
     elapsed = travel_time if elapsed is None else elapsed

@@ -21,7 +21,7 @@ LARGEST_KA = 10_000.0
 
 def cylinder_form(radius: float, length: float, frequency: ArrayLike, sound_speed: float = 1500.0, *,
                   tilt: ArrayLike = 0.0, surface: Literal["rigid", "soft"] = "rigid") -> np.ndarray:
-    """Give f of a cylinder about its middle, backwards.
+    """Return f of a cylinder about its middle, backwards.
 
     Parameters
     ----------

@@ -32,22 +32,12 @@ COVERED = 1e-9                     # rounding of a table's ends
 
 @dataclass(frozen=True, kw_only=True)
 class HeardBand:
-    """What a sonar hears.
+    """What a sonar hears."""
 
-    Attributes
-    ----------
-    frequency : float [Hz]
-        Carrier.
-    low, high : float [Hz]
-        Of the pulse.
-    width : float [Hz]
-        About the carrier, with the skirts of its spectrum.
-    """
-
-    frequency: float
-    low: float
-    high: float
-    width: float
+    frequency: float  # [Hz]: carrier
+    low: float  # [Hz]: of the pulse
+    high: float  # [Hz]: of the pulse
+    width: float  # [Hz]: about the carrier, with the skirts of its spectrum
 
     @classmethod
     def about(cls, frequency: float) -> HeardBand:
@@ -62,50 +52,24 @@ class HeardBand:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EchoTaps:
-    """The taps of a target.
-
-    Attributes
-    ----------
-    function : ScatteringFunction
-    sound_speed : float [m/s]
-    frequency : (F,) [Hz]
-    delay : (K,) [s]
-    inverse : complex (K, F)
-        Makes weights of f.
-    share : (K,)
-        Of its energy, over the examples; their sum is 1.
-    strength : float [m²]
-        |f|² over the pulse's band, mean over the examples.
-    """
+    """The taps of a target."""
 
     function: ScatteringFunction
-    sound_speed: float
-    frequency: np.ndarray
-    delay: np.ndarray
-    inverse: np.ndarray
-    share: np.ndarray
-    strength: float
+    sound_speed: float  # [m/s]
+    frequency: np.ndarray  # (F,) [Hz]
+    delay: np.ndarray  # (K,) [s]
+    inverse: np.ndarray  # (K, F): makes weights of f
+    share: np.ndarray  # (K,): of its energy, over the examples
+    strength: float  # [m²]: |f|² over the pulse's band, mean over the examples
 
     @classmethod
     def of(cls, function: ScatteringFunction, band: HeardBand, sound_speed: float) -> EchoTaps:
-        """Make the taps of a scattering function.
-
-        Parameters
-        ----------
-        function : ScatteringFunction
-        band : HeardBand
-        sound_speed : float [m/s]
-            Of the water about the target.
-
-        Raises
-        ------
-        ValueError
-            If the function does not cover the pulse's band.
-        """
+        """Make the taps of a scattering function."""
+        # sound_speed [m/s]
         return _taps(function, band, float(sound_speed))
 
     def weights(self, incident: np.ndarray, scattered: np.ndarray) -> np.ndarray:
-        """Give w, complex (R, K) [m], for directions of travel (R, 3) in the target's axes."""
+        """Return w, complex (R, K) [m], for directions of travel (R, 3) in the target's axes."""
         parts = [self.function.form(self.frequency, incident[first:first + AT_ONCE], scattered[first:first + AT_ONCE],
                                     self.sound_speed) @ self.inverse.T for first in range(0, len(incident), AT_ONCE)]
         return np.concatenate(parts) if parts else np.zeros((0, len(self.delay)), complex)

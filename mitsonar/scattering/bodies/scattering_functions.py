@@ -41,7 +41,7 @@ class ScatteringFunction(Protocol):
 
     def form(self, frequency: np.ndarray, incident: np.ndarray, scattered: np.ndarray,
              sound_speed: float) -> np.ndarray:
-        """Give f, complex (R, F) [m].
+        """Return f, complex (R, F) [m].
 
         Parameters
         ----------
@@ -54,11 +54,11 @@ class ScatteringFunction(Protocol):
         ...
 
     def examples(self) -> tuple[np.ndarray, np.ndarray]:
-        """Give directions (E, 3), incident and scattered, among which the longest echo is."""
+        """Return directions (E, 3), incident and scattered, among which the longest echo is."""
         ...
 
     def latest(self, sound_speed: float) -> float:
-        """Give by how much its echo begins before or after that of its origin, at most [s]."""
+        """Return by how much its echo begins before or after that of its origin, at most [s]."""
         ...
 
 
@@ -85,7 +85,7 @@ class SphereScattering:
 
     def form(self, frequency: np.ndarray, incident: np.ndarray, scattered: np.ndarray,
              sound_speed: float) -> np.ndarray:
-        """Give f; see `ScatteringFunction.form`."""
+        """Return f; see `ScatteringFunction.form`."""
         angle = 2 * np.arctan2(np.linalg.norm(incident - scattered, axis=-1),
                                np.linalg.norm(incident + scattered, axis=-1))
         angle, which = np.unique(angle, return_inverse=True)      # backwards, most often
@@ -154,7 +154,7 @@ class ScatteringTable:
 
     def form(self, frequency: np.ndarray, incident: np.ndarray, scattered: np.ndarray,
              sound_speed: float) -> np.ndarray:
-        """Give f; see `ScatteringFunction.form`. Beyond an axis its last value holds."""
+        """Return f; see `ScatteringFunction.form`. Beyond an axis its last value holds."""
         late, still = getattr(self, "_late"), getattr(self, "_still")
         corners = [_between(nodes, self._angle(name, incident, scattered), turns="azimuth" in name)
                    for name, nodes in self.axes.items()]

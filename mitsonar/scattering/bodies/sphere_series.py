@@ -84,7 +84,7 @@ class SphereBody:
 
 def sphere_form(radius: float, frequency: ArrayLike, sound_speed: float = 1500.0, *, body: SphereBody,
                 density: float = WATER_DENSITY, angle: ArrayLike = np.pi) -> np.ndarray:
-    """Give f of a sphere, about its middle.
+    """Return f of a sphere, about its middle.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ __all__ = ["sphere_target_strength_db"]
 
 def sphere_target_strength_db(radius: float, frequency: ArrayLike, sound_speed: float = 1500.0, *,
                               surface: Literal["rigid", "soft"] = "rigid") -> np.ndarray:
-    """Give the target strength of a sphere whose surface is rigid or soft.
+    """Return the target strength of a sphere whose surface is rigid or soft.
 
     Parameters
     ----------

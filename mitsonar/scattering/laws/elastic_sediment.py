@@ -112,7 +112,7 @@ class ElasticSediment(RoughSeabed):
 
     @classmethod
     def of(cls, name: str, **changes: Any) -> "ElasticSediment":
-        """Give the "cobble", "rock" or "rough rock" of TM 2-00, with ``changes`` to its fields."""
+        """Return the "cobble", "rock" or "rough rock" of TM 2-00, with ``changes`` to its fields."""
         key = sediment_key(name)
         if key not in ELASTIC_SEDIMENTS:
             raise ValueError(f"{key} is not among the solid seabeds, which are {', '.join(ELASTIC_SEDIMENTS)}; take "
@@ -120,7 +120,7 @@ class ElasticSediment(RoughSeabed):
         return replace(ELASTIC_SEDIMENTS[key], **changes)
 
     def reflection(self, grazing: Real) -> np.ndarray:
-        """Give the complex reflection coefficient R [-] of the flat surface, at grazing angles [rad] of any shape."""
+        """Return the complex reflection coefficient R [-] of the flat surface, at grazing angles [rad] of any shape."""
         return self.below.reflection(np.sin(grazing))
 
     @property

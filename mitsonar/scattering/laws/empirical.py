@@ -67,7 +67,7 @@ class EmpiricalSeabed:
                                  f"{np.degrees(angle):.1f} degrees; check the strengths, in dB re 1 m²/m².")
 
     def backscatter_strength(self, grazing: ArrayLike, frequency: ArrayLike) -> np.ndarray:
-        """Give σ_b [-] at grazing angles [rad] and frequencies [Hz] that broadcast."""
+        """Return σ_b [-] at grazing angles [rad] and frequencies [Hz] that broadcast."""
         grazing, frequency = np.broadcast_arrays(np.asarray(grazing, float), frequency)
         first, last = self.angles[[0, -1]]
         row, rest = _place(self.angles, np.clip(grazing, first, last))
@@ -82,7 +82,7 @@ class EmpiricalSeabed:
 
     def scattering_strength(self, grazing_in: ArrayLike, grazing_out: ArrayLike, azimuth: ArrayLike,
                             frequency: ArrayLike, sound_speed: ArrayLike) -> np.ndarray:
-        """Give σ [-], for angles [rad] and frequency [Hz]; azimuth and sound speed only give it its shape."""
+        """Return σ [-], for angles [rad] and frequency [Hz]; azimuth and sound speed only give it its shape."""
         way_in, way_out, frequency, *_ = np.broadcast_arrays(grazing_in, grazing_out, frequency, azimuth, sound_speed)
         return np.sqrt(self.backscatter_strength(way_in, frequency) * self.backscatter_strength(way_out, frequency))
 

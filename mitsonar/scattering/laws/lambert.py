@@ -15,13 +15,5 @@ STRONGEST = 1 / np.pi              # all the incident power comes back
 
 
 def scattering_strength(strength: Numbers, sin_incident: Numbers, sin_scattered: Numbers) -> Numbers:
-    """Give the scattered power per area and solid angle over the incident intensity [-].
-
-    Parameters
-    ----------
-    strength : float or array
-        μ, linear.
-    sin_incident, sin_scattered : array
-        Sines of the grazing angles.
-    """
+    """Return the scattered power per area and solid angle over the incident intensity [-]."""
     return strength * sin_incident * sin_scattered

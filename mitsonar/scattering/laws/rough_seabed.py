@@ -23,27 +23,12 @@ __all__ = ["RoughSeabed"]
 
 
 class RoughSeabed(ABC):
-    """Give the scattering of a seabed; subclasses hold what it is.
+    """Return the scattering of a seabed; subclasses hold what it is."""
+    # mesh_resolution [m]
 
-    Attributes
-    ----------
-    w2, gamma : float [m^(4 - gamma)], [-]
-        The roughness spectrum w2 K^-gamma.
-    name : str
-        How errors call it.
-    below : Fluid or Elastic
-        The half-space under the surface.
-    mesh_resolution : float [m]
-        Distance of the nodes of a mesh that holds the larger features, which are then left out; 0 for none.
-    steepest : float [-]
-        Root-mean-square slope of the roughness that sound sees, up to which the law is taken.
-    steep : float [-]
-        The same, from which on its levels near nadir are too low by some dB; elsewhere they are good to 5 dB.
-    """
-
-    w2: float
-    gamma: float
-    name: str
+    w2: float  # the roughness spectrum w2 K^-gamma
+    gamma: float  # the roughness spectrum w2 K^-gamma
+    name: str  # how errors call it
     mesh_resolution = 0.0
     steepest, steep = 1.7, 1.0     # of sandy gravel, the coarsest that is fluid, at 950 and 230 kHz
 
@@ -53,11 +38,12 @@ class RoughSeabed(ABC):
         """The half-space under the surface."""
 
     def roughness_slope(self, wavenumber: Real) -> np.ndarray:
-        """Give the root-mean-square slope [-] of the roughness that sound of ``wavenumber`` [rad/m] sees, to 2 k."""
+        """Return the root-mean-square slope [-] of the roughness that sound of ``wavenumber`` [rad/m] sees, to 2 k."""
         return np.sqrt(2 * np.pi * self.w2 * (2 * wavenumber) ** (4 - self.gamma) / (4 - self.gamma))
 
     def rough_strength(self, grazing_in: Real, grazing_out: Real, azimuth: Real, wavenumber: Real) -> np.ndarray:
-        """Give σ [-] of the surface alone, at any frequency, for angles [rad] and wavenumber [rad/m] that broadcast."""
+        """Return σ [-] of the surface alone, at any frequency, for angles [rad] and wavenumber [rad/m] that broadcast.
+        """
         cos_i, cos_s, sin_i, sin_s = np.cos(grazing_in), np.cos(grazing_out), np.sin(grazing_in), np.sin(grazing_out)
         # (cos θ_i - cos θ_s)² + 4 cos cos sin²(φ/2): the shift of the transverse wavenumber, without cancellation
         shift = (cos_i - cos_s) ** 2 + 4 * cos_i * cos_s * np.sin(azimuth / 2) ** 2
@@ -69,18 +55,13 @@ class RoughSeabed(ABC):
         return power(self.below.amplitude(sin_i, sin_s, cos_i * cos_s * np.cos(azimuth))) * factor
 
     def volume_strength(self, grazing_in: Real, grazing_out: Real) -> np.ndarray:
-        """Give σ [-] of the volume alone, for angles [rad] that broadcast; the same in all azimuths and frequencies."""
+        """Return σ [-] of the volume alone, for angles [rad] that broadcast; the same in all azimuths and frequencies.
+        """
         return self.below.volume_strength(np.sin(grazing_in), np.sin(grazing_out))
 
     def scattering_strength(self, grazing_in: Real, grazing_out: Real, azimuth: Real, frequency: Real,
                             sound_speed: Real) -> np.ndarray:
-        """Give σ [-] of surface and volume, for angles [rad], frequency [Hz], sound speed [m/s] that broadcast.
-
-        Raises
-        ------
-        ValueError
-            If the law does not hold for this seabed at a frequency; the message says why.
-        """
+        """Return σ [-] of surface and volume, for angles [rad], frequency [Hz], sound speed [m/s] that broadcast."""
         wavenumber = 2 * np.pi * frequency / sound_speed
         self.check(np.max(frequency, initial=0.0), np.max(wavenumber, initial=0.0))
         return (self.rough_strength(grazing_in, grazing_out, azimuth, wavenumber)

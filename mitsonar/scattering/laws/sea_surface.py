@@ -56,37 +56,19 @@ _NUMPY = SimpleNamespace(exp=np.exp, sqrt=np.sqrt, minimum=np.minimum, maximum=n
 
 
 class Roughness(NamedTuple):
-    """What a wind makes of the surface: all of the law that depends on the wind, as numbers or device numbers.
+    """What a wind makes of the surface: all of the law that depends on the wind, as numbers or device numbers."""
 
-    Attributes
-    ----------
-    slope_variance : float [-]
-        s², of both components of the slope together.
-    crossover_deg : float [degrees]
-        arctan t_f, the slope angle at which facets give way to ripples.
-    ripples : float [-]
-        1.3e-5 U.
-    loss_db : float [dB]
-        SBL sin θ at 1 kHz.
-    bubbles : float [-]
-        β_v at 1 kHz.
-    layer_depth : float [m]
-        L.
-    """
-
-    slope_variance: Numbers
-    crossover_deg: Numbers
-    ripples: Numbers
-    loss_db: Numbers
-    bubbles: Numbers
-    layer_depth: Numbers
+    slope_variance: Numbers  # s², of both components of the slope together
+    crossover_deg: Numbers  # [degrees]: arctan t_f, the slope angle at which facets give way to ripples
+    ripples: Numbers  # 1.3e-5 U
+    loss_db: Numbers  # [dB]: SBL sin θ at 1 kHz
+    bubbles: Numbers  # β_v at 1 kHz
+    layer_depth: Numbers  # [m]: L
 
 
 def roughness(wind_speed: float) -> Roughness:
-    """Give the `Roughness` of a wind speed [m/s].
+    """Return the `Roughness` of a wind speed [m/s].
 
-    Notes
-    -----
     Depth of the bubble layer after Hall (1989), J. Acoust. Soc. Am. 86, 1103: 0.4 m to 7.5 m/s, then 0.115 m more for
     each m/s.
     """
@@ -102,7 +84,7 @@ def roughness(wind_speed: float) -> Roughness:
 
 
 def bubble_loss_db(grazing_angle: ArrayLike, frequency: ArrayLike, wind_speed: ArrayLike) -> np.ndarray:
-    """Give what one bounce at the sea surface loses to the bubbles under it.
+    """Return what one bounce at the sea surface loses to the bubbles under it.
 
     Parameters
     ----------
@@ -134,22 +116,8 @@ def _loss_db(wind_speed: Numbers) -> Numbers:
 
 def strength(lib: ModuleType | SimpleNamespace | None, surface: Roughness, wi: Triple, wo: Triple, frequency: Numbers,
              sound_speed: Numbers) -> Numbers:
-    """Give σ [-].
-
-    Parameters
-    ----------
-    lib : module
-        `drjit`, or `None` for NumPy.
-    surface : Roughness
-    wi, wo : three arrays each
-        Unit vectors towards where sound comes from and where it goes, z away from the surface.
-    frequency, sound_speed : array [Hz], [m/s]
-
-    Returns
-    -------
-    array [-]
-        0 where a direction lies behind the surface.
-    """
+    """Return σ [-]."""
+    # frequency, sound_speed [m/s]
     lib = lib or _NUMPY
     khz = frequency * 1e-3
     seen = (wi[2] > SMALLEST_SINE) & (wo[2] > SMALLEST_SINE)
@@ -198,22 +166,7 @@ def _fall(lib: ModuleType | SimpleNamespace, y: Numbers) -> Numbers:
 
 def facet_direction(lib: ModuleType, variance: Numbers, wi: Triple, u: Numbers,
                     v: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-    """Mirror `wi` by a facet of the Gaussian slopes, which (u, v) in [0, 1)² choose.
-
-    Parameters
-    ----------
-    lib : module
-        As for `strength`; it must have ``sincos``.
-    variance : float [-]
-        s².
-    wi : three arrays
-    u, v : array
-
-    Returns
-    -------
-    three arrays
-        A unit vector, below the surface for some steep facets: what they catch is shadowed.
-    """
+    """Mirror `wi` by a facet of the Gaussian slopes, which (u, v) in [0, 1)² choose."""
     t = lib.sqrt(-variance * lib.log(lib.maximum(1 - u, 1e-12)))
     sine, cosine = lib.sincos(float(2 * np.pi) * v)
     z = 1 / lib.sqrt(1 + t * t)
@@ -223,10 +176,8 @@ def facet_direction(lib: ModuleType, variance: Numbers, wi: Triple, u: Numbers,
 
 
 def facet_density(lib: ModuleType | SimpleNamespace | None, variance: Numbers, wi: Triple, wo: Triple) -> Numbers:
-    """Give the density [1/sr] of `facet_direction` at `wo`, 0 below the surface.
+    """Return the density [1/sr] of `facet_direction` at `wo`, 0 below the surface.
 
-    Notes
-    -----
     A slope's density is e^(-t²/s²)/(π s²). Slopes to normals: cos³; normals to directions: 4 cos χ, χ the angle between
     a direction and the normal.
     """
@@ -264,7 +215,7 @@ class SeaSurface:
 
     def scattering_strength(self, grazing_in: ArrayLike, grazing_out: ArrayLike, azimuth: ArrayLike,
                             frequency: ArrayLike, sound_speed: ArrayLike) -> np.ndarray:
-        """Give σ [-], for angles [rad], frequency [Hz] and sound speed [m/s] that broadcast."""
+        """Return σ [-], for angles [rad], frequency [Hz] and sound speed [m/s] that broadcast."""
         way_in, way_out, azimuth, frequency, sound_speed = np.broadcast_arrays(
             *(np.asarray(value, float) for value in (grazing_in, grazing_out, azimuth, frequency, sound_speed)))
         if self.wind_speed == 0:

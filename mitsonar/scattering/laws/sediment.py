@@ -106,11 +106,11 @@ class Sediment(RoughSeabed):
 
     @classmethod
     def of(cls, name: str, **changes: Any) -> "Sediment":
-        """Give the sediment of TR 9407 called ``name``, such as "medium sand", with ``changes`` to its fields."""
+        """Return the sediment of TR 9407 called ``name``, such as "medium sand", with ``changes`` to its fields."""
         return replace(SEDIMENTS[sediment_key(name)], **changes)
 
     def reflection(self, grazing: Real) -> np.ndarray:
-        """Give the complex reflection coefficient R [-] of the flat surface, at grazing angles [rad] of any shape."""
+        """Return the complex reflection coefficient R [-] of the flat surface, at grazing angles [rad] of any shape."""
         return self.below.reflection(np.sin(grazing))
 
     def check(self, frequency: float, wavenumber: float) -> None:

@@ -27,7 +27,7 @@ class ScatteringLaw(Protocol):
 
     def scattering_strength(self, grazing_in: np.ndarray, grazing_out: np.ndarray, azimuth: np.ndarray,
                             frequency: np.ndarray, sound_speed: np.ndarray, /) -> np.ndarray:
-        """Give σ [-], for angles [rad], frequency [Hz] and sound speed [m/s] that broadcast."""
+        """Return σ [-], for angles [rad], frequency [Hz] and sound speed [m/s] that broadcast."""
         ...
 
 
@@ -56,7 +56,7 @@ class LambertSeabed:
 
     def scattering_strength(self, grazing_in: ArrayLike, grazing_out: ArrayLike, azimuth: ArrayLike,
                             frequency: ArrayLike, sound_speed: ArrayLike) -> np.ndarray:
-        """Give σ [-]; of the arguments only the grazing angles [rad] change it, the others give it its shape."""
+        """Return σ [-]; of the arguments only the grazing angles [rad] change it, the others give it its shape."""
         sines = np.broadcast_arrays(np.sin(grazing_in), np.sin(grazing_out), azimuth, frequency, sound_speed)
         return lambert.scattering_strength(10 ** (self.mu_db / 10), *sines[:2])
 
@@ -69,7 +69,7 @@ NAMED = {"sediment": "medium sand", "elastic": "rock"}     # laws whose seabeds 
 
 def backscatter_strength_db(law: str | ScatteringLaw, grazing_angle: ArrayLike, frequency: ArrayLike, *,
                             sound_speed: ArrayLike = 1500.0, **parameters: Any) -> np.ndarray:
-    """Give the backscatter strength of a seabed or the sea surface.
+    """Return the backscatter strength of a seabed or the sea surface.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def backscatter_strength_db(law: str | ScatteringLaw, grazing_angle: ArrayLike, 
 
 def bistatic_strength_db(law: str | ScatteringLaw, grazing_in: ArrayLike, grazing_out: ArrayLike, azimuth: ArrayLike,
                          frequency: ArrayLike, *, sound_speed: ArrayLike = 1500.0, **parameters: Any) -> np.ndarray:
-    """Give the scattering strength of a seabed or the sea surface from one direction to another.
+    """Return the scattering strength of a seabed or the sea surface from one direction to another.
 
     Parameters
     ----------

@@ -16,18 +16,10 @@ __all__ = ["NUMPY", "Arithmetic", "power"]
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """Hold what a law computes with.
+    """Hold what a law computes with."""
 
-    Parameters
-    ----------
-    module : module
-        ``numpy`` or ``drjit``.
-    complex : callable(real, imaginary)
-        Makes complex arrays: of Dr.Jit the type ``Complex2f``.
-    """
-
-    module: ModuleType
-    complex: Callable[[Numbers, Numbers], Numbers]
+    module: ModuleType  # ``numpy`` or ``drjit``
+    complex: Callable[[Numbers, Numbers], Numbers]  # makes complex arrays
 
 
 NUMPY = Arithmetic(np, lambda real, imaginary: real + 1j * imaginary)

@@ -20,14 +20,14 @@ PATCH = 0.05                       # [m] side of the squares
 
 
 def drawn(lib: ArrayTypes, x: Float, y: Float) -> tuple[Float, Float]:
-    """Give two numbers in [0, 1), Float (R,), that belong to the squares which places x, y [m] (R,) lie in."""
+    """Return two numbers in [0, 1), Float (R,), that belong to the squares which places x, y [m] (R,) lie in."""
     i, j = (lib.UInt32(lib.Int32(dr.floor(v * dr.opaque(lib.Float, 1 / PATCH)))) for v in (x, y))
     first, second = hashed_pair(lib, i, j, lib.UInt32(Salt.BORDER))
     return uniform(lib, first), uniform(lib, second)
 
 
 def displacement(lib: ArrayTypes, x: Float, y: Float) -> tuple[Float, Float]:
-    """Give displacements d / w, Float (R,), in -1/2 to 1/2 each, of places x, y [m] (R,)."""
+    """Return displacements d / w, Float (R,), in -1/2 to 1/2 each, of places x, y [m] (R,)."""
     first, second = drawn(lib, x, y)
     return _triangular(first), _triangular(second)
 

@@ -39,20 +39,6 @@ SMALLEST = 1e-30                   # keeps 0/0 at grazing finite, where nothing 
 class Elastic:
     """Hold the parameters of a solid, numbers or arrays of the kind that `arithmetic` computes with.
 
-    Parameters
-    ----------
-    arithmetic : Arithmetic
-    density_ratio, sound_speed_ratio, shear_speed_ratio : array [-]
-        Density, compressional and shear speed of the solid over density and sound speed of the water.
-    loss, shear_loss : array [-]
-        Imaginary over real part of the wavenumbers.
-    w3 : array [m^0]
-        Strength of the volume's spectrum.
-    fluctuations : (array, array, array) [-]
-        What density, compressional and shear speed vary by, relative to themselves and in proportion.
-
-    Notes
-    -----
     Jackson and Ivakin (1998), J. Acoust. Soc. Am. 103, 336; Ivakin and Jackson (1998), J. Acoust. Soc. Am. 103, 346;
     Jackson (2000), APL-UW TM 2-00. The rough surface is theirs to rounding, and first-order scattering exactly. In the
     volume E_pt, sound that turns from compression to shear or back, has the sign that the levels computed by TM 2-00
@@ -65,19 +51,19 @@ class Elastic:
     arithmetic: Arithmetic
     density_ratio: Numbers
     sound_speed_ratio: Numbers
-    loss: Numbers
+    loss: Numbers  # imaginary over real part of the wavenumbers
     shear_speed_ratio: Numbers
-    shear_loss: Numbers
-    w3: Numbers
+    shear_loss: Numbers  # imaginary over real part of the wavenumbers
+    w3: Numbers  # [m^0]: strength of the volume's spectrum
     fluctuations: tuple[Numbers, Numbers, Numbers]
 
     def reflection(self, sine: Numbers) -> Numbers:
-        """Give the complex reflection coefficient R [-] of the flat surface, finite where P or s is 0."""
+        """Return the complex reflection coefficient R [-] of the flat surface, finite where P or s is 0."""
         wave = self._wave(sine)
         return 2 * wave.through * wave.normal - 1
 
     def amplitude(self, sine_in: Numbers, sine_out: Numbers, scalar: Numbers) -> Numbers:
-        """Give a [-], complex, of the rough surface."""
+        """Return a [-], complex, of the rough surface."""
         rho, kappa2, m = self.density_ratio, self._kappa_square(), self._shear_square()
         i, o = self._wave(sine_in), self._wave(sine_out)
         converted = m * kappa2
@@ -89,7 +75,7 @@ class Elastic:
         return (4 / rho) * (i.through * o.through * sources)
 
     def volume_strength(self, sine_in: Numbers, sine_out: Numbers) -> Numbers:
-        """Give σ [-] of the volume, the same in all azimuths and at all frequencies."""
+        """Return σ [-] of the volume, the same in all azimuths and at all frequencies."""
         back, out = self._sent_back(sine_in), self._sent_back(sine_out)
         both = back + out + SMALLEST
         back, out = back / both, out / both

@@ -28,17 +28,8 @@ SMALL = 0.5                        # |w|² of the phases [rad²] below which the
 
 
 def phase_mean(a: Numbers, b: Numbers, c: Numbers) -> tuple[Numbers, Numbers]:
-    """Give the mean of e^iφ over triangles in which φ is linear.
-
-    Parameters
-    ----------
-    a, b, c : array (...) or Dr.Jit array [rad]
-        φ at the corners.
-
-    Returns
-    -------
-    real, imaginary : arrays [-]
-    """
+    """Return the mean of e^iφ over triangles in which φ is linear."""
+    # a, b, c (...) [rad]
     middle = (a + b + c) * (1 / 3)
     a, b, c = a - middle, b - middle, c - middle
     p, q = b - a, c - a
@@ -59,18 +50,8 @@ def phase_mean(a: Numbers, b: Numbers, c: Numbers) -> tuple[Numbers, Numbers]:
 
 
 def triangle_integral(corners: ArrayLike, w: ArrayLike) -> np.ndarray:
-    """Integrate e^(iw·x) dS over triangles.
-
-    Parameters
-    ----------
-    corners : (..., 3, 3) [m]
-        Corner, component.
-    w : (..., 3) [rad/m]
-
-    Returns
-    -------
-    complex (...) [m²]
-    """
+    """Integrate e^(iw·x) dS over triangles."""
+    # corners (..., 3, 3) [m]; w (..., 3) [rad/m] -> (...) [m²]
     corners = np.asarray(corners, float)
     phase = np.einsum("...ij,...j->...i", corners, np.asarray(w, float))
     real, imaginary = phase_mean(*np.moveaxis(phase, -1, 0))
@@ -79,23 +60,8 @@ def triangle_integral(corners: ArrayLike, w: ArrayLike) -> np.ndarray:
 
 def scattering_length(corners: ArrayLike, wavenumber: float, towards_source: ArrayLike,
                       towards_receiver: ArrayLike | None = None, *, reflection: complex | np.ndarray = 1.0) -> complex:
-    """Sum the far-field scattering lengths of the facets that the source ensonifies.
-
-    Parameters
-    ----------
-    corners : (F, 3, 3) [m]
-        Corner, component, from the point that ranges are taken to.
-    wavenumber : float [rad/m]
-    towards_source, towards_receiver : (3,)
-        Unit; without a receiver it is where the source is. Facets count from whichever side the source ensonifies them.
-    reflection : complex or (F,) [-]
-        In the convention e^(+iωt).
-
-    Returns
-    -------
-    complex [m]
-        f; 20 log |f| is the target strength.
-    """
+    """Sum the far-field scattering lengths of the facets that the source ensonifies."""
+    # corners (F, 3, 3) [m]; wavenumber [rad/m]; towards_source, towards_receiver (3,); reflection (F,) [-] -> [m]
     corners, source = np.asarray(corners, float), np.asarray(towards_source, float)
     receiver = source if towards_receiver is None else np.asarray(towards_receiver, float)
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

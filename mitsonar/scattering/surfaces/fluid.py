@@ -21,41 +21,30 @@ __all__ = ["Fluid"]
 
 @dataclass(frozen=True, kw_only=True)
 class Fluid:
-    """Hold the parameters of a fluid sediment, numbers or arrays of the kind that `arithmetic` computes with.
-
-    Parameters
-    ----------
-    arithmetic : Arithmetic
-    density_ratio, sound_speed_ratio : array [-]
-        Those of the sediment over those of the water.
-    loss : array [-]
-        Imaginary over real part of the wavenumber.
-    volume_parameter : array [-]
-        Volume cross section [1/m] over absorption [dB/m].
-    """
+    """Hold the parameters of a fluid sediment, numbers or arrays of the kind that `arithmetic` computes with."""
 
     arithmetic: Arithmetic
-    density_ratio: Numbers
-    sound_speed_ratio: Numbers
-    loss: Numbers
-    volume_parameter: Numbers
+    density_ratio: Numbers  # those of the sediment over those of the water
+    sound_speed_ratio: Numbers  # those of the sediment over those of the water
+    loss: Numbers  # imaginary over real part of the wavenumber
+    volume_parameter: Numbers  # volume cross section [1/m] over absorption [dB/m]
 
     def vertical(self, sine: Numbers) -> Numbers:
-        """Give P; the principal root has Im >= 0, as κ² lies in the upper half plane."""
+        """Return P; the principal root has Im >= 0, as κ² lies in the upper half plane."""
         real, imaginary = self._kappa_square()
         return self.arithmetic.module.sqrt(self.arithmetic.complex(real - 1 + sine * sine, imaginary))
 
     def transmission(self, sine: Numbers, vertical: Numbers) -> Numbers:
-        """Give 1 + R, in a form that is finite where P or sin θ is 0."""
+        """Return 1 + R, in a form that is finite where P or sin θ is 0."""
         through = self.density_ratio * sine
         return 2 * through / (through + vertical)
 
     def reflection(self, sine: Numbers) -> Numbers:
-        """Give the complex reflection coefficient R [-] of the flat surface."""
+        """Return the complex reflection coefficient R [-] of the flat surface."""
         return self.transmission(sine, self.vertical(sine)) - 1
 
     def amplitude(self, sine_in: Numbers, sine_out: Numbers, scalar: Numbers) -> Numbers:
-        """Give a [-], complex, of the rough surface."""
+        """Return a [-], complex, of the rough surface."""
         rho = self.density_ratio
         vertical_in, vertical_out = self.vertical(sine_in), self.vertical(sine_out)
         real, imaginary = self._kappa_square()
@@ -64,7 +53,7 @@ class Fluid:
         return self.transmission(sine_in, vertical_in) * self.transmission(sine_out, vertical_out) * contrast
 
     def volume_strength(self, sine_in: Numbers, sine_out: Numbers) -> Numbers:
-        """Give σ [-] of the volume, the same in all azimuths and at all frequencies."""
+        """Return σ [-] of the volume, the same in all azimuths and at all frequencies."""
         vertical_in, vertical_out = self.vertical(sine_in), self.vertical(sine_out)
         through = power(self.transmission(sine_in, vertical_in)) * power(self.transmission(sine_out, vertical_out))
         return (float(10 / np.log(10)) * self.loss * self.volume_parameter * through

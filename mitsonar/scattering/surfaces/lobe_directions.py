@@ -26,7 +26,7 @@ NARROWEST, WIDEST = 1e-10, 10.0     # w²: what float32 can tell from a mirror, 
 
 def lobe_width(log_lobe: Callable[[Float, Float], Float], sine: Float, wavenumber: Float, w2: Float,
                gamma: Float) -> Float:
-    """Give w² [-] of the lobe that directions are drawn from, where sound comes in at ``sine`` of grazing angle."""
+    """Return w² [-] of the lobe that directions are drawn from, where sound comes in at ``sine`` of grazing angle."""
     alpha = 0.5 * gamma - 1
     log_core = log_roughness(dr, wavenumber, w2, alpha) + 2 * dr.log(dr.maximum(2 * sine, SMALLEST))
     width = 2 * alpha * dr.exp(dr.minimum(log_core / alpha, MOST) - log_lobe(0 * log_core + CORE, alpha))
@@ -35,21 +35,7 @@ def lobe_width(log_lobe: Callable[[Float, Float], Float], sine: Float, wavenumbe
 
 def lobe_shift(x: Float, y: Float, sine: Float, width: Float, alpha: Float, first: Float,
                second: Float) -> tuple[Float, Float, Float]:
-    """Draw a direction from the lobe by two numbers in [0, 1).
-
-    Parameters
-    ----------
-    x, y, sine : array [-]
-        Direction towards where sound comes from: along the surface, and the sine of the grazing angle.
-    width, alpha : array [-]
-        w² and α.
-    first, second : array
-
-    Returns
-    -------
-    x, y, z : array [-]
-        Unit vector of the direction that sound goes on in.
-    """
+    """Draw a direction from the lobe by two numbers in [0, 1)."""
     cosine, sine_turn = dr.cos(2 * np.pi * second), dr.sin(2 * np.pi * second)
     near, far = _horizon(x, y, sine, cosine, sine_turn)
     within = first * _within(far * far, width, alpha)
@@ -58,7 +44,7 @@ def lobe_shift(x: Float, y: Float, sine: Float, width: Float, alpha: Float, firs
 
 
 def lobe_density(x: Float, y: Float, sine: Float, x_out: Float, y_out: Float, width: Float, alpha: Float) -> Float:
-    """Give the density of `lobe_shift` over the transverse direction [-]: per sr once it is multiplied by sin θ_s."""
+    """Return the density of `lobe_shift` over the transverse direction [-]: per sr once it is multiplied by sin θ_s."""
     dx, dy = x + x_out, y + y_out
     square = dr.maximum(dx * dx + dy * dy, TINY)
     scale = 1 / dr.sqrt(square)

@@ -39,17 +39,8 @@ def _row(index: int) -> np.ndarray:
 
 
 class LobeTable:
-    """Look ln F up, as a function of ln q and α.
-
-    Parameters
-    ----------
-    lib : module
-        Dr.Jit's namespace of the backend, such as ``drjit.llvm.ad``.
-    upload : callable(type, array)
-        Copies to the device.
-    alpha : Float (1,) or None
-        For one α for all, whose derivatives are kept; None: any α with every question.
-    """
+    """Look ln F up, as a function of ln q and α."""
+    # alpha (1,)
 
     def __init__(self, lib: ArrayTypes, upload: Upload, alpha: Float | None = None):
         self.lib, self.single = lib, alpha is not None
@@ -62,7 +53,7 @@ class LobeTable:
         dr.eval(self.table)
 
     def look_up(self, log_q: Float, alpha: Float) -> Float:
-        """Give ln F for Float arrays; ``alpha`` is that of the table where this has one for all."""
+        """Return ln F for Float arrays; ``alpha`` is that of the table where this has one for all."""
         place = (held(log_q, LOW, HIGH) - LOW) / STEP
         column = dr.minimum(self.lib.UInt32(place), COLUMNS - 1)
         u = place - self.lib.Float(column)
@@ -78,14 +69,7 @@ class LobeTable:
 
 
 class RatioTable:
-    """Look up what `resolved.resolved_factor` asks for, of one γ.
-
-    Parameters
-    ----------
-    lib, upload
-        As of `LobeTable`.
-    gamma : float
-    """
+    """Look up what `resolved.resolved_factor` asks for, of one γ."""
 
     def __init__(self, lib: ArrayTypes, upload: Upload, gamma: float):
         self.lib, values = lib, ratio_table(gamma)
@@ -96,7 +80,7 @@ class RatioTable:
         dr.eval(self.table)
 
     def look_up(self, log_m: Float, log_width: Float) -> Float:
-        """Give the logarithm of the ratio, Float; linear between the nodes."""
+        """Return the logarithm of the ratio, Float; linear between the nodes."""
         y, x = ((held(value, low, high - 1e-4) - low) / RATIO_STEP
                 for value, low, high in ((log_m, LOW_M, HIGH_M), (log_width, LOW_T, HIGH_T)))
         row, column = self.lib.UInt32(y), self.lib.UInt32(x)

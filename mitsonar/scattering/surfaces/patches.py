@@ -28,44 +28,15 @@ CELL_BITS = 13                     # of the table, which has 2^13 cells
 
 
 def gamma_cells(shape: float, count: int) -> np.ndarray:
-    """Give the means of ``count`` cells of equal probability of Gamma(ν, 1/ν).
-
-    Parameters
-    ----------
-    shape : float [-]
-        ν.
-    count : int
-
-    Returns
-    -------
-    array (count,) [-]
-        Increasing; their mean is 1.
-    """
+    """Return the means of ``count`` cells of equal probability of Gamma(ν, 1/ν)."""
     # the mean over x < q is the distribution function of Gamma(ν + 1) at q
     edge = gammaincinv(shape, np.arange(count + 1) / count)
     return count * np.diff(np.concatenate([gammainc(shape + 1, edge[:-1]), [1.0]]))
 
 
 class Patches:
-    """Give the relative strength of the patch that a place lies in.
-
-    Parameters
-    ----------
-    shape : float [-]
-        ν, 0.1..1000; the smaller the patchier.
-    size : float [m]
-        Side of the squares, in x and y.
-    lib : Dr.Jit namespace
-    upload : callable(type, array)
-        `propagation.device.upload`.
-    border : float [m]
-        w, at most ``size``; 0: none.
-
-    Raises
-    ------
-    ValueError
-        If a number is out of range.
-    """
+    """Return the relative strength of the patch that a place lies in."""
+    # size [m]; border [m]
 
     def __init__(self, shape: float, size: float, lib: ArrayTypes, upload: Upload,
                  border: float = 0.0):
@@ -82,7 +53,7 @@ class Patches:
         dr.eval(self._cells)
 
     def at(self, x: Float, y: Float, active: Bool | bool = True) -> Float:
-        """Give g [-], Float (R,), at places x and y [m] Float (R,)."""
+        """Return g [-], Float (R,), at places x and y [m] Float (R,)."""
         lib = self.lib
         if self.border:
             aside = displacement(lib, x, y)

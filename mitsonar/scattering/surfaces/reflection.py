@@ -19,17 +19,7 @@ WATER_DENSITY = 1025.0             # [kg/m³]
 
 def fluid_reflection(sin_grazing: Numbers, density_ratio: Numbers, sound_speed_ratio: Numbers,
                      loss: Numbers = 0.0) -> tuple[Numbers, Numbers]:
-    """Give the reflection coefficient of a fluid half-space.
-
-    Parameters
-    ----------
-    sin_grazing, density_ratio, sound_speed_ratio, loss : array or Dr.Jit array [-]
-
-    Returns
-    -------
-    real, imaginary : arrays [-]
-        Of R for e^(+iωt).
-    """
+    """Return the reflection coefficient of a fluid half-space."""
     sqrt = dr.sqrt if any(map(dr.is_array_v, (sin_grazing, density_ratio, sound_speed_ratio, loss))) else np.sqrt
     # P² = x + iy with y >= 0: both parts of its root are positive
     x = (1 - loss * loss) / (sound_speed_ratio * sound_speed_ratio) - (1 - sin_grazing * sin_grazing)

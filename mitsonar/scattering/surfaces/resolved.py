@@ -42,24 +42,15 @@ SIZE_M, SIZE_T = (round((high - low) / STEP) + 1 for low, high in ((LOW_M, HIGH_
 
 
 def cut(mesh_resolution: Numbers) -> Numbers:
-    """Give K_c [rad/m] of a mesh by the distance of its nodes [m]."""
+    """Return K_c [rad/m] of a mesh by the distance of its nodes [m]."""
     return FACETS * np.pi / mesh_resolution
 
 
 def resolved_factor(module: ModuleType, log_lobe: Callable[[Numbers, Numbers], Numbers],
                     log_ratio: Callable[[Numbers, Numbers], Numbers], shift: Numbers, shift_z: Numbers,
                     wavenumber: Numbers, w2: Numbers, gamma: Numbers, cut: Numbers) -> Numbers:
-    """Give σ_rough over |a|² [-] as `small_slope.lobe_factor` does, without what has wavenumbers below ``cut``.
-
-    Parameters
-    ----------
-    module, log_lobe, shift, shift_z, wavenumber, w2, gamma
-        As there.
-    log_ratio : callable(log_m, log_width)
-        Looks `ratio_table` up; ln m, and ln of κ over the lobe's width where this is above 1.
-    cut : array [rad/m]
-        K_c.
-    """
+    """Return σ_rough over |a|² [-] as `small_slope.lobe_factor` does, without what has wavenumbers below ``cut``."""
+    # cut [rad/m]
     alpha = 0.5 * gamma - 1
     s = module.maximum(shift_z, SMALLEST)
     per_cut = module.log(wavenumber / cut)
@@ -80,7 +71,7 @@ def resolved_factor(module: ModuleType, log_lobe: Callable[[Numbers, Numbers], N
 
 
 def log_ratio(gamma: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """Give the look-up that `resolved_factor` asks for, in NumPy."""
+    """Return the look-up that `resolved_factor` asks for, in NumPy."""
     table = ratio_table(gamma).astype(float)
 
     def look_up(log_m: np.ndarray, log_width: np.ndarray) -> np.ndarray:

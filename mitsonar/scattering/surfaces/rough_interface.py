@@ -28,21 +28,8 @@ STEP = 0.1                         # of the table, in ln q
 
 
 def lobe_integral(q: Real, alpha: float) -> np.ndarray:
-    """Give I(q, α) to 1e-6 of itself.
+    """Return I(q, α) to 1e-6 of itself.
 
-    Parameters
-    ----------
-    q : array [-]
-        Above 0.
-    alpha : float [-]
-        In ``ALPHA_RANGE``.
-
-    Returns
-    -------
-    array [-]
-
-    Notes
-    -----
     Jackson and Richardson (2007), High-Frequency Seafloor Acoustics, chapter 13. The first call for an α builds its
     table.
     """
@@ -51,7 +38,7 @@ def lobe_integral(q: Real, alpha: float) -> np.ndarray:
 
 
 def log_lobe(log_q: Real, alpha: float) -> np.ndarray:
-    """Give ln F = ln q / α + ln I(q, α), which is bounded above, to 1e-6; see `lobe_integral`."""
+    """Return ln F = ln q / α + ln I(q, α), which is bounded above, to 1e-6; see `lobe_integral`."""
     spline, low, high = _table(float(alpha))
     inside = np.clip(log_q, low, high)
     return spline(inside) + inside / alpha + np.where(log_q < low, 1 + 1 / alpha, 0.0) * (log_q - inside)

@@ -27,7 +27,7 @@ _ODD = [-2 * float(polygamma(2 * n, 1.5)) / float(np.prod(np.arange(1.0, 2 * n +
 
 
 def log_roughness(module: ModuleType, wavenumber: Numbers, w2: Numbers, alpha: Numbers) -> Numbers:
-    """Give ln b [-]: half the structure function over a length of 1/k, times k²."""
+    """Return ln b [-]: half the structure function over a length of 1/k, times k²."""
     x = alpha - 0.5
     square, series = x * x, 0.0
     for coefficient in reversed(_ODD):
@@ -38,19 +38,8 @@ def log_roughness(module: ModuleType, wavenumber: Numbers, w2: Numbers, alpha: N
 
 def lobe_factor(module: ModuleType, log_lobe: Callable[[Numbers, Numbers], Numbers], shift: Numbers, shift_z: Numbers,
                 wavenumber: Numbers, w2: Numbers, gamma: Numbers) -> Numbers:
-    """Give σ_rough over |a|² [-].
-
-    Parameters
-    ----------
-    module : module
-        ``numpy`` or ``drjit``.
-    log_lobe : callable(log_q, alpha)
-        Gives ln F.
-    shift, shift_z : array [-]
-        d, of at least 0, and s.
-    wavenumber : array [rad/m]
-    w2, gamma : array [m^(4 - gamma)], [-]
-    """
+    """Return σ_rough over |a|² [-]."""
+    # wavenumber [rad/m]
     alpha = 0.5 * gamma - 1
     s = module.maximum(shift_z, SMALLEST)
     log_core = log_roughness(module, wavenumber, w2, alpha) + 2 * module.log(s)

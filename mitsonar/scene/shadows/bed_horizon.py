@@ -45,34 +45,15 @@ WINDOW = 0.5                       # of the reach, by which the sampled window m
 
 @dataclass(frozen=True, kw_only=True)
 class Horizon:
-    """The horizon around one place, on the device.
+    """The horizon around one place, on the device."""
 
-    Attributes
-    ----------
-    sine : Float (AZIMUTHS * places,)
-        H.
-    places : int
-    step : float [m]
-        Between places.
-    """
-
-    sine: mi.Float
+    sine: mi.Float  # H
     places: int
-    step: float
+    step: float  # [m]: between places
 
     def hidden(self, heading: mi.Vector2f, horizontal_range: mi.Float, rise: mi.Float, on_bed: mi.Bool) -> mi.Bool:
-        """Tell which points the bed hides.
-
-        Parameters
-        ----------
-        heading : Vector2f (R,)
-            Horizontal unit vector of the points' azimuths.
-        horizontal_range : Float (R,) [m]
-        rise : Float (R,)
-            Sine of the elevation at which their rays leave.
-        on_bed : Bool (R,)
-            Whether they belong to the bed itself.
-        """
+        """Tell which points the bed hides."""
+        # heading (R,); horizontal_range (R,) [m]; rise (R,); on_bed (R,)
         turn = dr.atan2(heading.y, heading.x) * float(AZIMUTHS / (2 * np.pi))
         turn = held(dr.select(turn < 0, turn + AZIMUTHS, turn), 0.0, AZIMUTHS - 1e-3)
         a, places = mi.UInt32(turn), dr.opaque(mi.UInt32, self.places)
@@ -85,14 +66,8 @@ class Horizon:
 
 
 class BedHorizon:
-    """Find the horizon of a scene's seabed.
-
-    Parameters
-    ----------
-    geometry : Geometry
-    farthest : float [m]
-        Horizontal range up to which it is wanted.
-    """
+    """Find the horizon of a scene's seabed."""
+    # farthest [m]
 
     def __init__(self, geometry: Geometry, farthest: float):
         self.lib, self.farthest = arrays_of(mi.Float), float(farthest)
@@ -118,14 +93,8 @@ class BedHorizon:
         return float(self._high[2]) if self.exists else -np.inf
 
     def around(self, origin: np.ndarray, launch_rise: Callable[[mi.Float, mi.Float], mi.Float]) -> Horizon | None:
-        """Give the horizon around a place; None where there is no seabed.
-
-        Parameters
-        ----------
-        origin : (3,) [m]
-        launch_rise : callable(horizontal range, height) -> Float
-            Sine at which rays leave for points so many metres away and above.
-        """
+        """Return the horizon around a place; None where there is no seabed."""
+        # origin (3,) [m]
         if not self.exists:
             return None
         first, size = self._span(origin)

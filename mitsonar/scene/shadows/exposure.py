@@ -24,21 +24,8 @@ STREAM = 0x5ee                     # of the points, the same for every render of
 
 
 def exposed_shares(geometry: Geometry, objects: Sequence[int], places: np.ndarray) -> dict[int, float]:
-    """Compute the share of every object's facing surface that is seen from the sonar's nearest place.
-
-    Parameters
-    ----------
-    geometry : Geometry
-    objects : sequence of int
-        Labels.
-    places : array (P, 3) [m]
-        Of the sonar at its pings.
-
-    Returns
-    -------
-    dict of int to float
-        By label, from 0 (buried or hidden) to 1.
-    """
+    """Compute the share of every object's facing surface that is seen from the sonar's nearest place."""
+    # places (P, 3) [m]
     samples = {label: surface for label, surface in _surfaces(geometry, set(objects)) if len(surface[0])}
     if not samples:
         return {}

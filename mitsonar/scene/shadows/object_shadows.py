@@ -27,12 +27,8 @@ NOWHERE = 1e9                      # [m]: the nearest object of a sector without
 
 
 class Sectors:
-    """How near objects come in every sector of azimuth around a place.
-
-    Parameters
-    ----------
-    nearest : (SECTORS,) [m]
-    """
+    """How near objects come in every sector of azimuth around a place."""
+    # nearest (SECTORS,) [m]
 
     def __init__(self, nearest: np.ndarray):
         self._nearest = upload(mi.Float, nearest.astype(np.float32))
@@ -46,19 +42,8 @@ class Sectors:
 
 
 class ObjectShadows:
-    """Tell which points objects hide.
-
-    Parameters
-    ----------
-    geometry : Geometry
-    water : DeviceWater
-    farthest : float [m]
-
-    Attributes
-    ----------
-    exist : bool
-        Whether there is any object that may hide something.
-    """
+    """Tell which points objects hide."""
+    # farthest [m]
 
     def __init__(self, geometry: Geometry, water: DeviceWater, farthest: float):
         self.lib, self.geometry = arrays_of(mi.Float), geometry
@@ -78,7 +63,7 @@ class ObjectShadows:
         return self._tracer.sources([depth])
 
     def sectors(self, origin: np.ndarray) -> Sectors:
-        """Give how near objects come around a place (3,) [m]."""
+        """Return how near objects come around a place (3,) [m]."""
         nearest, here = np.full(SECTORS, NOWHERE), origin[:2]
         away = np.maximum(np.maximum(self._low - here, here - self._high), 0)
         distance = np.hypot(*away.T)
@@ -96,21 +81,8 @@ class ObjectShadows:
 
     def hidden(self, sources: Sources, origin: mi.Point3f, launch: mi.Vector3f, arrival: mi.Vector3f,
                point: mi.Point3f, normal: mi.Vector3f, horizontal_range: mi.Float, active: mi.Bool) -> mi.Bool:
-        """Tell which points objects hide.
-
-        Parameters
-        ----------
-        sources : Sources
-            Of the depth that the rays leave.
-        origin : Point3f
-        launch, arrival : Vector3f (R,)
-            Unit, of the points' rays.
-        point : Point3f (R,)
-        normal : Vector3f (R,)
-            Of the surfaces they lie on.
-        horizontal_range : Float (R,) [m]
-        active : Bool (R,)
-        """
+        """Tell which points objects hide."""
+        # launch, arrival (R,); point (R,); normal (R,); horizontal_range (R,) [m]; active (R,)
         angle, heading = angles(launch)
         lift = LIFT + LIFT_PER_RANGE * horizontal_range
         aside = cast(mi.Float, dr.copysign(lift, -dr.dot(normal, arrival)))
@@ -119,7 +91,7 @@ class ObjectShadows:
                          active)
 
     def first(self, sources: Sources, origin: mi.Point3f, launch: mi.Vector3f, horizontal_range: mi.Float) -> mi.UInt32:
-        """Give the number of the first object along rays up to a horizontal range, 0 where there is none."""
+        """Return the number of the first object along rays up to a horizontal range, 0 where there is none."""
         angle, heading = angles(launch)
         registry, facet = _first(self._scene, sources.ray_fans, origin, angle, heading, horizontal_range)
         found, primitive = cast(mi.UInt32, registry), cast(mi.UInt32, facet)

@@ -20,7 +20,7 @@ LIFT, LIFT_PER_RANGE = 5e-4, 2e-5     # [m], [-] a ray ends this far in front of
 
 
 def segment(start: mi.Point3f, stop: mi.Point3f, beyond: float = 0.0) -> tuple[mi.Ray3f, mi.Bool]:
-    """Give the ray along a chord, of unit direction, and on `beyond` its end [m]; and whether it has any length."""
+    """Return the ray along a chord, of unit direction, and on `beyond` its end [m]; and whether it has any length."""
     way = mi.Vector3f(stop - start)
     length = dr.norm(way)
     return mi.Ray3f(mi.Ray3f(start, way / dr.maximum(length, 1e-9)), length + beyond), length > 1e-6

@@ -26,20 +26,8 @@ FAINTEST = 1e-3                    # beam intensity that directions count with a
 
 
 class DrawnRays:
-    """Draw directions.
-
-    Parameters
-    ----------
-    profile : SoundSpeedProfile
-    window : (float, float) [s]
-        Two-way times that matter.
-    rays : int
-        About how many.
-    pattern : callable or None
-        As of `Ensonification`.
-    surface : bool
-        Whether the scene has a sea surface that scatters.
-    """
+    """Draw directions."""
+    # window [s]
 
     def __init__(self, profile: SoundSpeedProfile, *, window: tuple[float, float], rays: int,
                  pattern: Callable | None, surface: bool):
@@ -48,26 +36,8 @@ class DrawnRays:
 
     def draw(self, origin: dr.ArrayBase, rotation: np.ndarray, depth_below: float | None,
              key: int) -> tuple[mi.Vector3f, mi.Float, Strata]:
-        """Draw the rays of a source.
-
-        Parameters
-        ----------
-        origin : Array3f64 [m]
-        rotation : (3, 3)
-            Body to scene.
-        depth_below : float [m] or None
-            Seabed below the source; None draws by beams alone.
-        key : int
-            Of the random numbers.
-
-        Returns
-        -------
-        direction : Vector3f (R,)
-            Scene coordinates.
-        solid_angle : Float (R,) [sr]
-        strata : Strata
-            How they are numbered.
-        """
+        """Draw the rays of a source."""
+        # origin [m]; rotation (3, 3); depth_below [m] -> direction (R,), solid_angle (R,) [sr]
         azimuth, across = np.linspace(-np.pi, np.pi, AZIMUTHS + 1), np.linspace(-np.pi / 2, np.pi / 2, ELEVATIONS + 1)
         a, e = (0.5 * (edges[1:] + edges[:-1]) for edges in (azimuth, across))
         a, e = np.meshgrid(a, e, indexing="ij")

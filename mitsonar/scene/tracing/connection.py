@@ -29,45 +29,22 @@ UPRIGHT = 1e-6         # [m] horizontal range below which a way leads straight u
 
 @dataclass(frozen=True, kw_only=True)
 class Connection:
-    """Ways to points, one each.
+    """Ways to points, one each."""
 
-    Attributes
-    ----------
-    exists : Bool (R,)
-        A direct ray, or one that turns between, was found.
-    free : Bool (R,)
-        Nothing is in its way.
-    horizontal_range : Float64 (R,) [m]
-    travel_time : Float64 (R,) [s]
-    arc_length : Float (R,) [m]
-    spreading_area : Float (R,) [m²/sr]
-    launch_direction, arrival_direction : Vector3f (R,)
-        Unit, along the travel, at the start and at the point.
-    ray_parameter : Float64 (R,) [s/m]
-    sound_speed : Float64 (R,) [m/s]
-        At the point.
-    """
-
-    exists: mi.Bool
-    free: mi.Bool
-    horizontal_range: mi.Float64
-    travel_time: mi.Float64
-    arc_length: mi.Float
-    spreading_area: mi.Float
-    launch_direction: mi.Vector3f
-    arrival_direction: mi.Vector3f
-    ray_parameter: mi.Float64
-    sound_speed: mi.Float64
+    exists: mi.Bool  # (R,): A direct ray, or one that turns between, was found
+    free: mi.Bool  # (R,): nothing is in its way
+    horizontal_range: mi.Float64  # (R,) [m]
+    travel_time: mi.Float64  # (R,) [s]
+    arc_length: mi.Float  # (R,) [m]
+    spreading_area: mi.Float  # (R,) [m²/sr]
+    launch_direction: mi.Vector3f  # (R,): unit, along the travel, at the start and at the point
+    arrival_direction: mi.Vector3f  # (R,): unit, along the travel, at the start and at the point
+    ray_parameter: mi.Float64  # (R,) [s/m]
+    sound_speed: mi.Float64  # (R,) [m/s]: at the point
 
 
 class Connector:
-    """Connect points in the water and the scene.
-
-    Parameters
-    ----------
-    geometry : Geometry
-    water : DeviceWater
-    """
+    """Connect points in the water and the scene."""
 
     def __init__(self, geometry: Geometry, water: DeviceWater):
         self.geometry, self.water = geometry, water
@@ -76,30 +53,8 @@ class Connector:
     def connect(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, point: dr.ArrayBase,
                 normal: mi.Vector3f, active: mi.Bool | bool = True, *, occlusion: bool = True,
                 short: float = 0.0, coarse: bool = False) -> Connection:
-        """Connect points to sources, one pair an entry.
-
-        Parameters
-        ----------
-        sources : Sources
-        origin : Array3f64 (R,) [m]
-            Scene coordinates; the depth must be that of the source.
-        source : UInt32 (R,)
-            Index into `sources`.
-        point : Array3f64 (R,) [m]
-        normal : Vector3f (R,)
-            Of the surface the point lies on, either side; zero for a point in free water.
-        active : Bool (R,)
-        occlusion : bool
-            Look for what lies in the way; else every way is free.
-        short : float [m]
-            The last of the way that is not looked at, for a target that stands in front of itself.
-        coarse : bool
-            Look along few chords, `Sources.shadow_fans`: worth their making for many points.
-
-        Returns
-        -------
-        Connection
-        """
+        """Connect points to sources, one pair an entry."""
+        # origin (R,) [m]; source (R,); point (R,) [m]; normal (R,); active (R,); short [m]
         x, heading = _seen_from(origin, point)
         way, (cosine, _) = self._eigenray(self.water.layers(), sources.state, source, x, heading, -point.z, active)
         if not occlusion:
@@ -113,24 +68,8 @@ class Connector:
     def join(self, start: dr.ArrayBase, start_normal: mi.Vector3f, end: dr.ArrayBase, end_normal: mi.Vector3f,
              active: mi.Bool | bool = True, *, folded: bool = False, occlusion: bool = True,
              short: float = 0.0) -> Connection:
-        """Connect points to points, wherever they lie, one pair an entry.
-
-        Parameters
-        ----------
-        start, end : Array3f64 (R,) [m]
-            Where ways are folded, below the surface both.
-        start_normal, end_normal : Vector3f (R,)
-            Of the surfaces they lie on, either side; zero for points in free water.
-        active : Bool (R,)
-        folded : bool
-            By way of the mirror that the surface is; the launch direction is then the one that leads up to it.
-        occlusion, short
-            As of `connect`.
-
-        Returns
-        -------
-        Connection
-        """
+        """Connect points to points, wherever they lie, one pair an entry."""
+        # start, end (R,) [m]; start_normal, end_normal (R,); active (R,)
         table = self.water.medium(folded).layers
         z0 = start.z if folded else -start.z
         x, heading = _seen_from(start, end)

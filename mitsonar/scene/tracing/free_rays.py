@@ -24,34 +24,15 @@ LEVELLEST = 1e-6                   # sine: exactly level rays spread 0/0
 
 
 class FreeRays:
-    """Follow rays in the water and the scene of a tracer.
-
-    Parameters
-    ----------
-    tracer : Tracer
-    """
+    """Follow rays in the water and the scene of a tracer."""
 
     def __init__(self, tracer: Tracer):
         self.tracer, self.lib = tracer, tracer.lib
 
     def hit(self, start: dr.ArrayBase, normal: mi.Vector3f, direction: mi.Vector3f,
             active: mi.Bool | bool = True) -> Hits:
-        """Follow rays to their first hit.
-
-        Parameters
-        ----------
-        start : Array3f64 (R,) [m]
-        normal : Vector3f (R,)
-            Of the surface they leave, on their side.
-        direction : Vector3f (R,)
-            Unit.
-        active : Bool (R,)
-
-        Returns
-        -------
-        Hits
-            Without spreading.
-        """
+        """Follow rays to their first hit."""
+        # start (R,) [m]; normal (R,); direction (R,); active (R,)
         lib, table, geometry = self.lib, self.tracer.water.layers(), self.tracer.geometry
         across = dr.sqrt(dr.fma(direction.x, direction.x, direction.y * direction.y))
         scale = dr.rcp(dr.maximum(across, 1e-9))

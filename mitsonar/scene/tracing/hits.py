@@ -30,55 +30,29 @@ class Hits:
 
     The first nine say what was met and how: all that materials ask for. The others tell of the way there. Where the
     maker does not know the way, as of a cell seen along a leg that is kept elsewhere, they are NaN (`on_surface`).
-
-    Attributes
-    ----------
-    valid : Bool (R,)
-    point : Array3f64 (R,) [m]
-        Scene coordinates.
-    normal : Vector3f (R,)
-        Unit, of the facet, on the side the ray came from.
-    arrival_direction : Vector3f (R,)
-        Unit, along the travel.
-    sound_speed : Float64 (R,) [m/s]
-        At the hit.
-    shape : ShapePtr (R,)
-    primitive, uv : UInt32 (R,), Point2f (R,)
-        Facet, and texture coordinates (barycentric where the shape has none, or no material of the scene asks).
-    label : UInt32 (R,)
-        Number of the shape, see `Geometry.labels`; 0 where nothing was hit, or nobody asks.
-    travel_time : Float64 (R,) [s]
-    arc_length : Float (R,) [m]
-    spreading_area : Float (R,) [m²/sr]
-        NaN of free rays, too.
-    launch_direction : Vector3f (R,)
-        Unit, at the start.
-    ray_parameter : Float64 (R,) [s/m]
-    smooth : Vector3f (R,) or None
-        Normal that the surface scatters by, on the same side; None if by the facet's in all of the scene.
     """
 
-    valid: mi.Bool
-    point: dr.ArrayBase
-    normal: mi.Vector3f
-    arrival_direction: mi.Vector3f
-    sound_speed: mi.Float64
-    shape: mi.ShapePtr
-    primitive: mi.UInt32
-    uv: mi.Point2f
-    label: mi.UInt32
-    travel_time: mi.Float64
-    arc_length: mi.Float
-    spreading_area: mi.Float
-    launch_direction: mi.Vector3f
-    ray_parameter: mi.Float64
-    smooth: mi.Vector3f | None = None
+    valid: mi.Bool  # (R,)
+    point: dr.ArrayBase  # (R,) [m]: scene coordinates
+    normal: mi.Vector3f  # (R,): unit, of the facet, on the side the ray came from
+    arrival_direction: mi.Vector3f  # (R,): unit, along the travel
+    sound_speed: mi.Float64  # (R,) [m/s]: at the hit
+    shape: mi.ShapePtr  # (R,)
+    primitive: mi.UInt32  # (R,)
+    uv: mi.Point2f  # (R,)
+    label: mi.UInt32  # (R,): number of the shape, see `Geometry.labels`
+    travel_time: mi.Float64  # (R,) [s]
+    arc_length: mi.Float  # (R,) [m]
+    spreading_area: mi.Float  # (R,) [m²/sr]: naN of free rays, too
+    launch_direction: mi.Vector3f  # (R,): unit, at the start
+    ray_parameter: mi.Float64  # (R,) [s/m]
+    smooth: mi.Vector3f | None = None  # (R,): normal that the surface scatters by, on the same side
 
     @classmethod
     def on_surface(cls, *, valid: mi.Bool, point: dr.ArrayBase, normal: mi.Vector3f, arrival_direction: mi.Vector3f,
                    sound_speed: mi.Float64, shape: mi.ShapePtr, primitive: mi.UInt32, uv: mi.Point2f,
                    label: mi.UInt32 | None = None, smooth: mi.Vector3f | None = None) -> Hits:
-        """Give meetings without their way; the normals, and `smooth` as interpolated, may lie on either side."""
+        """Return meetings without their way; the normals, and `smooth` as interpolated, may lie on either side."""
         unknown, long = mi.Float(dr.nan), mi.Float64(dr.nan)
         flat = dr.select(dr.dot(normal, arrival_direction) > 0, -normal, normal)
         return cls(valid=valid, point=point, normal=flat, arrival_direction=arrival_direction,
@@ -100,17 +74,8 @@ class Hits:
 
 def towards_sound(smooth: mi.Vector3f | None, normal: mi.Vector3f,
                   arrival_direction: mi.Vector3f) -> mi.Vector3f | None:
-    """Give normals that surfaces scatter by, on the side of the sound.
-
-    Parameters
-    ----------
-    smooth : Vector3f (R,) or None
-        As interpolated between corners, of any length, on either side; of length 0 where facets are meant as they are.
-    normal : Vector3f (R,)
-        Unit, of facets, on the side of the sound.
-    arrival_direction : Vector3f (R,)
-        Unit, along the travel.
-    """
+    """Return normals that surfaces scatter by, on the side of the sound."""
+    # smooth (R,); normal (R,); arrival_direction (R,)
     if smooth is None:
         return None
     told = dr.squared_norm(smooth) > TOLD

@@ -40,24 +40,8 @@ SPREAD = 6                                   # cells either way over which the n
 class Strata:
     """Rays of some rows, numbered so that neighbours in a tile of 16 strata follow each other: one packet of rays is
     then one small patch of seabed.
-
-    Parameters
-    ----------
-    lib : Dr.Jit namespace
-    rows, first, second : int
-        Rows, and strata of the two coordinates of direction in each, multiples of the tile.
-    tall : bool
-        Whether a tile is 16 strata of the first coordinate at one of the second, instead of 4 x 4: for directions that
-        lie close in the first.
-
-    Attributes
-    ----------
-    shape : (int, int)
-        Strata of a row.
-    high_bits : UInt32 (1,)
-        Logarithm to base 2 of a tile's strata of the first coordinate.
-    rays : int
     """
+    # high_bits (1,)
 
     def __init__(self, lib: ModuleType, rows: int, first: int, second: int, *, tall: bool = False):
         self.lib, self.rows, self.shape = lib, rows, (first, second)
@@ -93,18 +77,8 @@ class Strata:
 
 
 def quantiles(edges: np.ndarray, density: np.ndarray, cells: int = CELLS) -> np.ndarray:
-    """Edges of cells of equal probability of piecewise constant densities.
-
-    Parameters
-    ----------
-    edges : (M + 1,) or (D, M + 1)
-    density : (D, M)
-        Any scale, not negative, not zero everywhere.
-
-    Returns
-    -------
-    (D, cells + 1)
-    """
+    """Edges of cells of equal probability of piecewise constant densities."""
+    # density (D, M)
     edges = np.broadcast_to(edges, (len(density), density.shape[1] + 1))
     cumulative = np.concatenate([np.zeros((len(density), 1)), np.cumsum(density * np.diff(edges, axis=1), 1)], 1)
     cumulative /= cumulative[:, -1:]
@@ -184,27 +158,8 @@ def across_quantiles(sonar: Sidescan) -> np.ndarray:
 
 def first_quantiles(sonar: Sidescan, depression: np.ndarray, depth_below: np.ndarray, sound_speed: float,
                     window: tuple[float, float], depth_above: np.ndarray | None = None) -> np.ndarray:
-    """Quantile tables of φ for the first pass.
-
-    Parameters
-    ----------
-    sonar : Sidescan
-    depression : (D, M + 1) [rad]
-        World depression angle of the direction (u = 0, φ) at the M + 1 equal steps of φ in [-π/2, π/2], one row per
-        ping and side: attitude enters here.
-    depth_below : (D,) [m]
-        Mean seabed below the sonar.
-    sound_speed : float [m/s]
-        Mean over the column: the first pass need not know refraction.
-    window : (float, float) [s]
-        Two-way time that the image covers.
-    depth_above : (D,) [m] or None
-        Water above the sonar, where the sea surface is to be seen as well.
-
-    Returns
-    -------
-    (D, CELLS + 1) [rad]
-    """
+    """Quantile tables of φ for the first pass."""
+    # depression [rad]; depth_below (D,) [m]; sound_speed [m/s]; window [s]; depth_above (D,) [m] -> [rad]
     steps = depression.shape[1] - 1
     phi = np.linspace(-np.pi / 2, np.pi / 2, steps + 1)
     width = np.pi / steps
@@ -224,41 +179,15 @@ def first_quantiles(sonar: Sidescan, depression: np.ndarray, depth_below: np.nda
 
 
 def refine_quantiles(first: np.ndarray, need: np.ndarray) -> np.ndarray:
-    """Quantile tables of φ for the second pass.
-
-    Parameters
-    ----------
-    first : (D, CELLS + 1) [rad]
-        Tables the first pass was drawn from.
-    need : (D, CELLS)
-        Sum over the first pass's rays in each cell of 1 / (rays in the time bin that the ray fell in).
-
-    Returns
-    -------
-    (D, CELLS + 1) [rad]
-    """
+    """Quantile tables of φ for the second pass."""
+    # first [rad]; need (D, CELLS) -> [rad]
     return refined(first, need, np.zeros_like(need), 0.0)[0]
 
 
 def refined(first: np.ndarray, need: np.ndarray, aside_need: np.ndarray,
             aside: float) -> tuple[np.ndarray, np.ndarray]:
-    """Quantile tables of φ for the second pass where rays within the core and aside of it have needs of their own.
-
-    Parameters
-    ----------
-    first, need
-        As of `refine_quantiles`, `need` that of the rays within the core.
-    aside_need : (D, CELLS)
-        Need of the rays aside.
-    aside : float
-        Share of rays aside in what is kept of the first pass's density.
-
-    Returns
-    -------
-    tables : (D, CELLS + 1) [rad]
-    aside : (D, CELLS)
-        Share of rays aside in each cell.
-    """
+    """Quantile tables of φ for the second pass where rays within the core and aside of it have needs of their own."""
+    # aside_need (D, CELLS) -> tables [rad], aside (D, CELLS)
     # a silhouette may lie in the next cell: lend it the need of its neighbours
     padded = np.pad(need.astype(float), ((0, 0), (1, 1)), mode="edge")
     spread = (padded[:, :-2] + 2 * padded[:, 1:-1] + padded[:, 2:]) / 4
@@ -280,23 +209,8 @@ def refined(first: np.ndarray, need: np.ndarray, aside_need: np.ndarray,
 
 def draw(table: dr.ArrayBase, row: dr.ArrayBase, xi: dr.ArrayBase,
          cells: int = CELLS) -> tuple[dr.ArrayBase, dr.ArrayBase, dr.ArrayBase]:
-    """Look a stratified sample up in a quantile table.
-
-    Parameters
-    ----------
-    table : Float (D (cells + 1),)
-    row : UInt32 (R,)
-    xi : Float (R,)
-        In [0, 1).
-
-    Returns
-    -------
-    value : Float (R,)
-    width : Float (R,)
-        1 / density.
-    cell : UInt32 (R,)
-        Index into a (D, cells) table.
-    """
+    """Look a stratified sample up in a quantile table."""
+    # row (R,); xi (R,) -> value (R,), width (R,), cell (R,)
     place = xi * cells
     index = dr.minimum(type(row)(place), cells - 1)
     base = row * (cells + 1) + index

@@ -35,20 +35,11 @@ BEYOND = 0.001         # [m] behind a hit on an object at which its ray goes on,
 
 
 class Sources(Record):
-    """Ray fans and medium of the depths that a block's pings are sent from.
+    """Ray fans and medium of the depths that a block's pings are sent from."""
 
-    Attributes
-    ----------
-    ray_fans : RayFans
-        For hits.
-    state : SourceState
-    coarser : callable
-        Makes `shadow_fans`.
-    """
-
-    ray_fans: RayFans
+    ray_fans: RayFans  # for hits
     state: SourceState
-    coarser: Callable[[], RayFans]
+    coarser: Callable[[], RayFans]  # makes `shadow_fans`
 
     @cached_property
     def shadow_fans(self) -> RayFans:
@@ -57,17 +48,8 @@ class Sources(Record):
 
 
 class Tracer:
-    """Find what refracted rays hit.
-
-    Parameters
-    ----------
-    scene : mitsuba.Scene or Geometry
-    water : DeviceWater
-    max_range : float [m]
-        Horizontal range at which rays end.
-    tolerance : float [m]
-        Largest distance between a ray and its chords.
-    """
+    """Find what refracted rays hit."""
+    # max_range [m]; tolerance [m]
 
     def __init__(self, scene: mi.Scene | Geometry, water: DeviceWater, *, max_range: float,
                  tolerance: float = FAN_TOLERANCE):
@@ -97,23 +79,8 @@ class Tracer:
 
     def trace(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, direction: mi.Vector3f,
               active: mi.Bool | bool = True) -> Hits:
-        """Trace one ray per entry of `direction`.
-
-        Parameters
-        ----------
-        sources : Sources
-        origin : Array3f64 (R,) [m]
-            Start points, scene coordinates; their depth must be that of their source.
-        source : UInt32 (R,)
-            Index into `sources` of each ray.
-        direction : Vector3f (R,)
-            Unit launch directions.
-        active : Bool (R,)
-
-        Returns
-        -------
-        Hits
-        """
+        """Trace one ray per entry of `direction`."""
+        # origin (R,) [m]; source (R,); direction (R,); active (R,)
         return self.trace_met(sources, origin, source, direction, active)[0]
 
     def trace_met(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, direction: mi.Vector3f,
@@ -126,18 +93,7 @@ class Tracer:
 
     def trace_with_hidden(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, direction: mi.Vector3f,
                           add_hidden: Callable[[Hits, Hits], None]) -> Hits:
-        """Trace as `trace` does, and on through objects to the seabed that they hide.
-
-        Parameters
-        ----------
-        add_hidden : callable(hits, hidden)
-            Called once, for its scatters alone: `hidden` is valid where a ray met an object first and would have met
-            the seabed without it. What it does is left out in every packet of rays that met no object.
-
-        Returns
-        -------
-        Hits
-        """
+        """Trace as `trace` does, and on through objects to the seabed that they hide."""
         scene, kinds, o = self.geometry.scene, self.geometry.kinds, mi.Point3f(origin)
         launch_angle, heading = _angles(direction)
         valid, pi, chord, vertex = _first_hit(scene, sources.ray_fans, o, source, launch_angle, heading, mi.Bool(True))
@@ -175,7 +131,7 @@ class Tracer:
 
     def facet(self, pi: mi.PreliminaryIntersection3f,
               valid: mi.Bool) -> tuple[mi.Bool, dr.ArrayBase, mi.Float64, mi.Float64]:
-        """Give which hits are on meshes, their corners and label (Array4u, see `Geometry`), and barycentrics."""
+        """Return which hits are on meshes, their corners and label (Array4u, see `Geometry`), and barycentrics."""
         geometry, row = self.geometry, registry_index(pi)
         first_face = dr.gather(mi.UInt32, geometry.rows, 4 * row + 1, valid)
         mesh = valid
@@ -220,7 +176,7 @@ class Tracer:
 
 
 def registry_index(pi: mi.PreliminaryIntersection3f | mi.SurfaceInteraction3f) -> mi.UInt32:
-    """Give the row of `Geometry.rows` and `Geometry.kinds` of what was hit: of an instance, the instance's."""
+    """Return the row of `Geometry.rows` and `Geometry.kinds` of what was hit: of an instance, the instance's."""
     solid = dr.select(pi.instance != None, pi.instance, pi.shape)    # noqa: E711  (element-wise)
     return cast(mi.UInt32, dr.reinterpret_array(mi.UInt32, solid))
 

@@ -47,18 +47,8 @@ class Way(Protocol):
 
 
 class Medium:
-    """Layers and absorption of water, as it is or unfolded.
-
-    Parameters
-    ----------
-    profile : SoundSpeedProfile
-    absorption : AbsorptionColumn or None
-        None: nothing is lost.
-    deepest : float [m]
-        Of source and scene: absorption is tabulated so far.
-    top : float [m]
-        Shallowest depth, negative above the surface.
-    """
+    """Layers and absorption of water, as it is or unfolded."""
+    # deepest [m]; top [m]
 
     def __init__(self, profile: SoundSpeedProfile, absorption: AbsorptionColumn | None, *, deepest: float,
                  top: float = 0.0):
@@ -88,18 +78,8 @@ class Medium:
 
 
 class DeviceWater:
-    """All that the water does.
-
-    Parameters
-    ----------
-    profile : SoundSpeedProfile
-    absorption : AbsorptionColumn or None
-        None: nothing is lost.
-    volume : VolumeScattering or None
-        None: the water itself sends nothing back.
-    deepest : float [m]
-        Of sources and scene.
-    """
+    """All that the water does."""
+    # deepest [m]
 
     def __init__(self, profile: SoundSpeedProfile, absorption: AbsorptionColumn | None = None,
                  volume: VolumeScattering | None = None, *, deepest: float = 0.0):
@@ -126,16 +106,8 @@ class DeviceWater:
         return self.medium(folded).layers
 
     def loss_db(self, start: dr.ArrayBase, end: dr.ArrayBase, way: Way, folded: bool = False) -> mi.Float:
-        """Two-way absorption [dB], Float (R,), along ways between points, Array3f64 (R,) [m].
-
-        Parameters
-        ----------
-        start, end : Array3f64 (R,) [m]
-            In the water, both: of folded ways the image of `start` is taken.
-        way : Way
-        folded : bool
-            By way of the mirror.
-        """
+        """Two-way absorption [dB], Float (R,), along ways between points, Array3f64 (R,) [m]."""
+        # start, end (R,) [m]
         z0 = start.z if folded else -start.z
         return self.medium(folded).loss_db(mi.Float(z0), mi.Float(-end.z), way.arc_length, mi.Float(way.ray_parameter))
 
@@ -155,7 +127,7 @@ class DeviceWater:
 
     @property
     def scatters(self) -> bool:
-        """Whether the water itself sends something back."""
+        """Return whether the water itself sends something back."""
         return self._volume is not None
 
     @cached_property

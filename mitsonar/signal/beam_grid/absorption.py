@@ -28,21 +28,13 @@ DEGREE = 9                         # of the polynomials of taps, whose third der
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AbsorptionTerms:
-    """κ of the module, a polynomial of frequency.
+    """κ of the module, a polynomial of frequency."""
 
-    Attributes
-    ----------
-    rate : (3,) [Np a sample]
-        a0, a1, a2.
-    middle : float [samples]
-        Column of the record's middle.
-    """
-
-    rate: np.ndarray
-    middle: float
+    rate: np.ndarray  # (3,) [Np a sample]: a0, a1, a2
+    middle: float  # [samples]: column of the record's middle
 
     def tap_weights(self, lib: ArrayTypes, bell: Bell, column: Float, x: Float) -> list[tuple[Float, Float]]:
-        """Give real and imaginary part of the taps of an echo x in [0, 1) after the second one, at a column."""
+        """Return real and imaginary part of the taps of an echo x in [0, 1) after the second one, at a column."""
         a0, a1, a2, middle = (dr.opaque(lib.Float, value) for value in (*self.rate, self.middle))
         n = column - middle
         a1, a2 = a1 * n, a2 * n
@@ -58,18 +50,8 @@ class AbsorptionTerms:
 
 
 def absorption_terms(rate: np.ndarray, frequency: np.ndarray, weight: np.ndarray, middle: float) -> AbsorptionTerms:
-    """Fit (1) where a pulse has its energy.
-
-    Parameters
-    ----------
-    rate : (F,) [Np a sample]
-        κ.
-    frequency : (F,) [cycles a sample]
-    weight : (F,) [-]
-        Of the compressed pulse's spectrum.
-    middle : float [samples]
-        Column of the record's middle.
-    """
+    """Fit (1) where a pulse has its energy."""
+    # rate (F,) [Np a sample]; frequency (F,) [cycles a sample]; weight (F,) [-]; middle [samples]
     fit = Polynomial.fit(frequency, rate, 2, domain=[-1, 1], w=np.sqrt(weight))
     return AbsorptionTerms(rate=np.append(fit.coef, [0, 0])[:3], middle=middle)
 

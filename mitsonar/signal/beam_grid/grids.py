@@ -18,28 +18,15 @@ MARGIN = 16                        # [samples] kept before and after a record, s
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridShape:
-    """What a grid is like.
+    """What a grid is like."""
 
-    Attributes
-    ----------
-    rows, samples, length : int
-        Rows, samples of the record, and columns that are kept of a row.
-    along : Bell
-        Over samples.
-    across : Bell or None
-        Over rows; None where they are whole numbers.
-    first, step : float [-]
-        Sine of row 0, and from each to the next; 0 and 1 where rows are whole numbers.
-    absorption : AbsorptionTerms or None
-    """
-
-    rows: int
-    samples: int
-    length: int
-    along: Bell
-    across: Bell | None = None
-    first: float = 0.0
-    step: float = 1.0
+    rows: int  # rows, samples of the record, and columns that are kept of a row
+    samples: int  # rows, samples of the record, and columns that are kept of a row
+    length: int  # rows, samples of the record, and columns that are kept of a row
+    along: Bell  # over samples
+    across: Bell | None = None  # over rows
+    first: float = 0.0  # sine of row 0, and from each to the next
+    step: float = 1.0  # sine of row 0, and from each to the next
     absorption: AbsorptionTerms | None = None
 
     def sums(self, like: DrJitArray | type) -> GridSums:
@@ -67,19 +54,9 @@ class BeamGrid(_Grid):
     def add(self, *, column: Float, sine: Float, real: Float, imaginary: Float) -> None:
         """Add echoes. Several calls add up.
 
-        Parameters
-        ----------
-        column : Float (H,) [samples]
-            After the record's start.
-        sine : Float (H,) [-]
-            Of the direction of arrival towards the line.
-        real, imaginary : Float (H,)
-            Amplitude, the carrier's phase included.
-
-        Notes
-        -----
         What lies outside the record, has a sine beyond ±1, or is not finite brings nothing.
         """
+        # column (H,) [samples]; sine (H,) [-]; real, imaginary (H,)
         if not dr.width(sine):
             return
         scale = dr.opaque(type(sine), 1 / self.shape.step)

@@ -27,22 +27,12 @@ __all__ = ["Noise", "Reading", "Sizes", "Waves", "along_rows", "by_beam", "by_fr
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sizes:
-    """Of a grid and its spectra.
+    """Of a grid and its spectra."""
 
-    Attributes
-    ----------
-    rows, length : int
-        Rows and columns of the grid.
-    period : int
-        Rows of a period.
-    used : UInt32 (F,)
-        Columns of the frequencies that are used, a multiple of `transforms.TILE`.
-    """
-
-    rows: int
-    length: int
-    period: int
-    used: UInt32
+    rows: int  # rows and columns of the grid
+    length: int  # rows and columns of the grid
+    period: int  # rows of a period
+    used: UInt32  # (F,): columns of the frequencies that are used, a multiple of `transforms.TILE`
 
     @property
     def frequencies(self) -> int:
@@ -52,57 +42,30 @@ class Sizes:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Noise:
-    """What is drawn.
-
-    Attributes
-    ----------
-    key : int
-    row : Float (R,)
-        Root of the power of rows.
-    frequency : Float (F,)
-        The replica's size.
-    taps : (float, float)
-        Bell at its middle, and a row off.
-    """
+    """What is drawn."""
 
     key: int
-    row: Float
-    frequency: Float
-    taps: tuple[float, float] = (1.0, 0.0)
+    row: Float  # (R,): root of the power of rows
+    frequency: Float  # (F,): the replica's size
+    taps: tuple[float, float] = (1.0, 0.0)  # bell at its middle, and a row off
 
 
 @dataclass(frozen=True, eq=False)
 class Waves:
-    """What an aperture lets through.
+    """What an aperture lets through."""
 
-    Attributes
-    ----------
-    taken, used : UInt32 (U,)
-        Numbers of the waves, over the rows of echoes and over those of beams.
-    line : Float (F, U)
-        Its pattern, complex.
-    """
-
-    taken: UInt32
-    used: UInt32
-    line: Float
+    taken: UInt32  # (U,): numbers of the waves, over the rows of echoes and over those of beams
+    used: UInt32  # (U,): numbers of the waves, over the rows of echoes and over those of beams
+    line: Float  # (F, U): its pattern, complex
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reading:
-    """How beams are read from rows.
+    """How beams are read from rows."""
 
-    Attributes
-    ----------
-    rows : UInt32 (B, 4)
-    taps : Float (B, 4)
-    turns : list of Float (B,), complex, or None
-        What beams of each aperture are turned by.
-    """
-
-    rows: UInt32
-    taps: Float
-    turns: list[Float | None]
+    rows: UInt32  # (B, 4)
+    taps: Float  # (B, 4)
+    turns: list[Float | None]  # (B,): what beams of each aperture are turned by
 
 
 def by_frequency(spectra: Float, sizes: Sizes, transfers: RowTransfers, noise: Noise | None) -> Float:

@@ -43,35 +43,8 @@ MOST_PLACES = 1 << 32              # of the line's pattern, times elements: half
 
 
 class LineBeams:
-    """Beams of a line; made once for a survey.
-
-    Parameters
-    ----------
-    like : Dr.Jit array or type
-        Of the backend to use.
-    position : (E,) [m]
-        Of the elements along the axis, from the phase centre.
-    weight : real or complex (E,) or (K, E) [-]
-        0 for one that is dead. Several rows are several apertures of one line, such as its halves.
-    pulse : Pulse
-    sampling_rate : float [Hz]
-    samples, lead : int
-        Of the record, and how many of them are dropped from the result.
-    sound_speed : float [m/s]
-    sines : (B,) [-]
-        Of the beams, within ±1, in any order.
-    start : float [s]
-        Time of sample 0; it matters for absorption alone.
-    absorption_db : callable or None
-        Frequency (N,) [Hz] to absorption (N,) [dB/m], as in `reception.absorbed`.
-    window : Window or None
-        Of the matched filter's replica.
-
-    Raises
-    ------
-    ValueError
-        If positions, weights or sines are not as above, or the pulse does not fit the record.
-    """
+    """Beams of a line; made once for a survey."""
+    # position (E,) [m]; weight (E,) [-]; sampling_rate [Hz]; sound_speed [m/s]; sines (B,) [-]; start [s]
 
     def __init__(self, like: DrJitArray | type, *, position: np.ndarray, weight: np.ndarray, pulse: Pulse,
                  sampling_rate: float, samples: int, lead: int, sound_speed: float, sines: np.ndarray,
@@ -110,42 +83,15 @@ class LineBeams:
 
     def form(self, grid: BeamGrid, *, doppler: np.ndarray | None = None, noise: NoiseDensity | None = None,
              key: int = 0) -> np.ndarray:
-        """Form the beams of a line of one aperture; see `form_each`.
-
-        Returns
-        -------
-        complex64 (B, samples - lead)
-        """
+        """Form the beams of a line of one aperture; see `form_each`."""
         if len(self.lines) > 1:
             raise ValueError(f"the line has {len(self.lines)} apertures; form the beams of each.")
         return self.form_each(grid, doppler=doppler, noise=noise, key=key)[0]
 
     def form_each(self, grid: BeamGrid, *, doppler: np.ndarray | None = None, noise: NoiseDensity | None = None,
                   key: int = 0, sines: np.ndarray | None = None) -> np.ndarray:
-        """Form the beams of the echoes on a grid, which is empty afterwards.
-
-        Parameters
-        ----------
-        grid : BeamGrid
-        doppler : (K,) or None [-]
-            Two-way factors of echoes at the sines linspace(-1, 1, K); None for 1. `residual_doppler` tells what is left
-            of an echo's own.
-        noise : NoiseDensity or None
-        key : int
-            Of a ping, as of `device.chance.ping_key`: equal ones give equal noise.
-        sines : (N,) or None [-]
-            Of this ping's beams, where they are others: between those that the line was made for.
-
-        Returns
-        -------
-        complex64 (K, B, samples - lead)
-            Of each aperture. An echo at a beam's sine peaks at its time with its amplitude.
-
-        Raises
-        ------
-        ValueError
-            If the grid is not of this line, or sines lie too far out.
-        """
+        """Form the beams of the echoes on a grid, which is empty afterwards."""
+        # doppler (K,) [-]; sines (N,) [-]
         read = self._reading if sines is None else self._read_at(sines)
         if grid.shape is not self.shape:
             raise ValueError("beams were asked of a grid of another line; make it by grid() of this one.")
@@ -250,10 +196,10 @@ def _rows(position: np.ndarray, wavenumber: np.ndarray, farthest: float, multipl
 
 
 def _farthest(low: float, high: float) -> float:
-    """Give how far sines of echoes and of beams between two lie apart, half of it to either side."""
+    """Return how far sines of echoes and of beams between two lie apart, half of it to either side."""
     return min(1 + max(-low, high), max(1 + 0.5 * (high - low), high - low + NOISE_ROOM))
 
 
 def _fast(length: int, multiple: int) -> int:
-    """Give the next length that transforms are fast of, a multiple."""
+    """Return the next length that transforms are fast of, a multiple."""
     return multiple * fft.next_fast_len(-(-length // multiple))

@@ -33,25 +33,14 @@ WIDE = 0.2, 0.7                    # the same for lines so short that a fading p
 
 @dataclass(frozen=True, kw_only=True)
 class Rows:
-    """Rows of beams, over which transforms run.
+    """Rows of beams, over which transforms run."""
 
-    Attributes
-    ----------
-    step : float [-]
-        ds.
-    period : int
-        Of them.
-    before : int
-        Beams lie at most so many rows before an echo, and less than ``period - before`` rows after it; W goes to 0
-        over the last of either, FADE together.
-    """
-
-    step: float
-    period: int
-    before: int
+    step: float  # ds
+    period: int  # of them
+    before: int  # beams lie at most so many rows before an echo, and less than ``period - before`` rows after it
 
     def every(self, stride: int) -> Rows:
-        """Give every `stride`-th of them."""
+        """Return every `stride`-th of them."""
         return Rows(step=self.step * stride, period=self.period // stride, before=self.before // stride)
 
     @property
@@ -61,34 +50,9 @@ class Rows:
 
 
 class LineResponse:
-    """Ŵ of the module, for rows a step apart.
-
-    Parameters
-    ----------
-    position : (E,) [m]
-    weight : complex (E,) [-]
-    wavenumber : (F,) [1/m]
-        (1 + f/f0) / λ.
-    rows : Rows
-        That echoes are spread over.
-    stride : int
-        Beams are read from every so many of them; their period is a multiple of it.
-
-    Attributes
-    ----------
-    middle : int
-        Number of ν_c.
-    taken, used : (U,) int
-        Numbers of the ν that are not left out, in order of an FFT: of the rows, and of those that beams are read from.
-    rows : Rows
-        That beams are read from.
-    values : complex64 (F, U)
-        Ŵ over the bell's spectra.
-    bell : Bell
-        Over rows.
-    spectrum : (U,) [-]
-        Of the bell, at the ν that are used: for spreading times for reading.
-    """
+    """Ŵ of the module, for rows a step apart."""
+    # position (E,) [m]; weight (E,) [-]; wavenumber (F,) [1/m]; taken (U,); used (U,); values (F, U); spectrum (U,)
+    # [-]
 
     def __init__(self, position: np.ndarray, weight: np.ndarray, wavenumber: np.ndarray, rows: Rows, stride: int = 1):
         farthest = float(np.abs(position).max())
@@ -111,7 +75,7 @@ class LineResponse:
         self.values = np.ascontiguousarray(values[:, self.used] * (roll / self.spectrum).astype(np.float32))
 
     def own_noise(self, farthest: float) -> np.ndarray:
-        """Give the power of white noise of variance 1 at every element, read from rows at the ν used: (F, U) [-].
+        """Return the power of white noise of variance 1 at every element, read from rows at the ν used: (F, U) [-].
 
         Its transform is to be Σ|w_n|² e^{-2πi x_n (1 + f/f0) y/λ} / (Σ|w_n|)² for |y| <= `farthest`, and it is to be
         positive: found by meeting the one and the other by turns. Right to 0.01 of the level for 32 elements and more,
@@ -130,7 +94,7 @@ class LineResponse:
         return power[:, self.used] / self.spectrum.astype(np.float32)
 
     def _pattern(self, weight: np.ndarray, rows: Rows) -> np.ndarray:
-        """Give W_f(m ds) of weights (E,) as they are, turned back, m in order of an FFT: complex64 (F, period)."""
+        """Return W_f(m ds) of weights (E,) as they are, turned back, m in order of an FFT: complex64 (F, period)."""
         (position, wavenumber), number = self._line, rows.numbers
         farthest = np.abs(wavenumber).max() * rows.step * np.abs(number).max()
         spacing = 1 / (2 * FINER * max(float(np.abs(position).max()), 1e-9))
@@ -145,14 +109,14 @@ class LineResponse:
 
 
 def stride_of(position: np.ndarray, weights: np.ndarray) -> int:
-    """Give how many rows apart the beams of apertures (K, E) can be: 2 where none is longer than half the line."""
+    """Return how many rows apart the beams of apertures (K, E) can be: 2 where none is longer than half the line."""
     whole = 2 * np.abs(position).max(initial=0)
     longest = max(high - low for low, high in (_extent(position, one) for one in weights))
     return 2 if len(weights) > 1 and 2 * longest <= whole * (1 + 1e-9) else 1
 
 
 def _extent(position: np.ndarray, weight: np.ndarray) -> tuple[float, float]:
-    """Give from where to where an aperture reaches [m]."""
+    """Return from where to where an aperture reaches [m]."""
     there = position[weight != 0]
     return float(there.min()), float(there.max())
 

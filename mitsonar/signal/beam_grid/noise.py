@@ -28,23 +28,10 @@ __all__ = ["NoiseDensity", "gaussians"]
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseDensity:
-    """Spectral densities of noise at one element, in the square of the unit of echoes.
+    """Spectral densities of noise at one element, in the square of the unit of echoes."""
 
-    Attributes
-    ----------
-    ambient : float [1/Hz]
-        From all directions alike.
-    own : float [1/Hz]
-        Of each receiver, independent of the others'.
-
-    Raises
-    ------
-    ValueError
-        If one is not finite and 0 or more.
-    """
-
-    ambient: float = 0.0
-    own: float = 0.0
+    ambient: float = 0.0  # [1/Hz]: from all directions alike
+    own: float = 0.0  # [1/Hz]: of each receiver, independent of the others'
 
     def __post_init__(self):
         for name in ("ambient", "own"):
@@ -55,7 +42,7 @@ class NoiseDensity:
 
     @classmethod
     def of(cls, noise: ElementNoise | None, source_level_db: float) -> NoiseDensity | None:
-        """Give the density of elements' noise for echoes of a source level of 0 dB; None where there is no noise."""
+        """Return the density of elements' noise for echoes of a source level of 0 dB; None where there is no noise."""
         if noise is None:
             return None
         ambient, own = (0.0 if level is None else float(power_from_db(level) / power_from_db(source_level_db))
@@ -64,5 +51,5 @@ class NoiseDensity:
 
 
 def gaussians(lib: ModuleType, index: UInt32, key: UInt32) -> tuple[Float, Float]:
-    """Give circular Gaussians of variance 1 for numbers under a key: real and imaginary part."""
+    """Return circular Gaussians of variance 1 for numbers under a key: real and imaginary part."""
     return gaussian(lib, *hashed_pair(lib, index, key))

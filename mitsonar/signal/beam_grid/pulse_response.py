@@ -39,48 +39,16 @@ STRETCH = 1.05                     # of a pulse by Doppler
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RowTransfers:
-    """Transfer functions of rows.
+    """Transfer functions of rows."""
 
-    Attributes
-    ----------
-    pairs : complex64 (K, F, 2)
-        P at the Doppler factors of a node and of the next, the turn of the middle taken out.
-    node : uint32 (R,)
-        The one below a row's factor.
-    mix : complex64 (R, 2)
-        What a row takes of either, times the turn of its own middle.
-    """
-
-    pairs: np.ndarray
-    node: np.ndarray
-    mix: np.ndarray
+    pairs: np.ndarray  # (K, F, 2): P at the Doppler factors of a node and of the next, the turn of the middle taken out
+    node: np.ndarray  # (R,): the one below a row's factor
+    mix: np.ndarray  # (R, 2): what a row takes of either, times the turn of its own middle
 
 
 class PulseResponse:
-    """Pulse and matched filter on the frequencies of a record's FFT.
-
-    Parameters
-    ----------
-    pulse : Pulse
-    window : Window or None
-        Of the replica.
-    sampling_rate : float [Hz]
-    samples : int
-        Of the record.
-    padding : int
-        Samples that are kept before and after it, together.
-
-    Attributes
-    ----------
-    length : int
-        Of the FFT, a multiple of PACKET.
-    used : (F,) int
-        Numbers of its frequencies that are not left out, a multiple of TILE.
-    offset : (F,) [Hz]
-        These frequencies, from the carrier.
-    replica : complex (F,)
-        S_r*/g.
-    """
+    """Pulse and matched filter on the frequencies of a record's FFT."""
+    # sampling_rate [Hz]; used (F,); offset (F,) [Hz]; replica (F,)
 
     def __init__(self, pulse: Pulse, window: Window | None, sampling_rate: float, samples: int, padding: int):
         check_record(pulse, sampling_rate, samples)
@@ -105,18 +73,8 @@ class PulseResponse:
 
     def weaken(self, absorption_db: Callable[[np.ndarray], np.ndarray], sound_speed: float, start: float,
                margin: int) -> AbsorptionTerms:
-        """Let echoes lose what absorption takes in the middle of the record, and give what is left of it.
-
-        Parameters
-        ----------
-        absorption_db : callable
-            Frequency (N,) [Hz] to absorption (N,) [dB/m].
-        sound_speed : float [m/s]
-        start : float [s]
-            Time of sample 0.
-        margin : int
-            Column of sample 0.
-        """
+        """Let echoes lose what absorption takes in the middle of the record, and give what is left of it."""
+        # sound_speed [m/s]; start [s]
         loss = excess_loss_rate(self.offset, self.sampling_rate, self.pulse.frequency, absorption_db, sound_speed)
         self._loss = np.exp(-loss * (start + 0.5 * self.samples / self.sampling_rate))
         self._nodes.clear()
@@ -134,14 +92,7 @@ class PulseResponse:
         return 2 * TURN / (np.pi * self.pulse.frequency * self.pulse.duration)
 
     def transfers(self, doppler: np.ndarray) -> RowTransfers:
-        """Give the transfer functions of rows with factors (R,) [-].
-
-        Raises
-        ------
-        ValueError
-            If a factor is not above 0 and finite, the sampling rate is below the band of the pulse with it, or the
-            pulse is so long that the factors take too many spectra.
-        """
+        """Return the transfer functions of rows with factors (R,) [-]."""
         if not (np.isfinite(doppler).all() and np.min(doppler) > 0):
             raise ValueError(f"Doppler factors reach from {np.min(doppler):.6g} to {np.max(doppler):.6g}; give finite "
                              "ones above 0.")

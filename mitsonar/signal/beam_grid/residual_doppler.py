@@ -35,27 +35,18 @@ FINER = 4                          # frequencies a 1/T
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ResidualDoppler:
-    """Polynomials of the module.
+    """Polynomials of the module."""
 
-    Attributes
-    ----------
-    delay_powers : (3,) [s]
-        Of d, d², d³.
-    phase_powers : (3,) [cycles]
-    widest : float [-]
-        Largest |d| that they were fitted for.
-    """
-
-    delay_powers: np.ndarray
-    phase_powers: np.ndarray
-    widest: float
+    delay_powers: np.ndarray  # (3,) [s]: of d, d², d³
+    phase_powers: np.ndarray  # (3,) [cycles]
+    widest: float  # largest |d| that they were fitted for
 
     def delay(self, residual: Numbers) -> Numbers:
-        """Give τ [s], to be added to the echo's delay; NumPy and Dr.Jit arrays alike."""
+        """Return τ [s], to be added to the echo's delay; NumPy and Dr.Jit arrays alike."""
         return _polynomial(self.delay_powers, residual)
 
     def phase(self, residual: Numbers) -> Numbers:
-        """Give φ [cycles], by which the echo's amplitude is turned; NumPy and Dr.Jit arrays alike."""
+        """Return φ [cycles], by which the echo's amplitude is turned; NumPy and Dr.Jit arrays alike."""
         return _polynomial(self.phase_powers, residual)
 
 

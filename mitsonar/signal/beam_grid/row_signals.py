@@ -27,29 +27,8 @@ __all__ = ["RowSignals"]
 
 
 class RowSignals:
-    """Signals of rows; made once for a survey.
-
-    Parameters
-    ----------
-    like : Dr.Jit array or type
-        Of the backend to use.
-    pulse : Pulse
-    sampling_rate : float [Hz]
-    samples, lead : int
-        Of the record, and how many of them are dropped from the result.
-    start : float [s]
-        Time of sample 0; it matters for absorption alone, as does the next.
-    sound_speed : float [m/s]
-    absorption_db : callable or None
-        Frequency (N,) [Hz] to absorption (N,) [dB/m], as in `reception.absorbed`.
-    window : Window or None
-        Of the matched filter's replica.
-
-    Raises
-    ------
-    ValueError
-        If the pulse does not fit the record.
-    """
+    """Signals of rows; made once for a survey."""
+    # sampling_rate [Hz]; start [s]; sound_speed [m/s]
 
     def __init__(self, like: DrJitArray | type, *, pulse: Pulse, sampling_rate: float, samples: int, lead: int,
                  start: float = 0.0, sound_speed: float = 1500.0,
@@ -69,28 +48,7 @@ class RowSignals:
 
     def form(self, grid: RowGrid, *, doppler: np.ndarray | None = None, noise: NoiseDensity | None = None,
              keys: np.ndarray | None = None) -> np.ndarray:
-        """Form the signals of the echoes on a grid, which is empty afterwards.
-
-        Parameters
-        ----------
-        grid : RowGrid
-        doppler : (rows,) or None [-]
-            Two-way factors; None for 1.
-        noise : NoiseDensity or None
-            At the receiver, its own beam counted.
-        keys : (rows,) uint32
-            Of the rows' noise, as of `device.chance.ping_key`; needed where there is noise.
-
-        Returns
-        -------
-        complex64 (rows, samples - lead)
-            An echo peaks at its time with its amplitude.
-
-        Raises
-        ------
-        ValueError
-            If factors or keys are not one a row.
-        """
+        """Form the signals of the echoes on a grid, which is empty afterwards."""
         rows, lib = grid.shape.rows, self.lib
         factors = np.ones(rows) if doppler is None else np.asarray(doppler, float)
         power = 0.0 if noise is None else (noise.ambient + noise.own) * self.pulse.sampling_rate * self.pulse.length

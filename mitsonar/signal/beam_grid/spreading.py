@@ -33,27 +33,7 @@ MOST_NUMBERS = 1 << 32             # in an array of Dr.Jit
 
 
 class GridSums:
-    """Sums of echoes on a grid.
-
-    Parameters
-    ----------
-    like : Dr.Jit array or type
-        Of the backend to use.
-    rows, columns : int
-        Echoes lie on these, taps included.
-    pitch : int
-        From the first column of a row to that of the next, a multiple of PACKET; what lies between is 0.
-    along : Bell
-        k_t.
-    across : Bell or None
-        k_u; None where rows are whole numbers.
-    absorption : AbsorptionTerms or None
-
-    Raises
-    ------
-    ValueError
-        If the grid exceeds what 32-bit indices reach.
-    """
+    """Sums of echoes on a grid."""
 
     def __init__(self, like: DrJitArray | type, *, rows: int, columns: int, pitch: int, along: Bell,
                  across: Bell | None, absorption: AbsorptionTerms | None = None):
@@ -70,14 +50,8 @@ class GridSums:
         self.sums: Float = dr.zeros(lib.Float, 2 * rows * pitch)
 
     def add(self, row: Float | UInt32, column: Float, real: Float, imaginary: Float) -> None:
-        """Add echoes; those that do not lie on the grid with all their taps, or are not finite, bring nothing.
-
-        Parameters
-        ----------
-        row : Float (H,), or UInt32 (H,) without bells across
-        column : Float (H,)
-        real, imaginary : Float (H,)
-        """
+        """Add echoes; those that do not lie on the grid with all their taps, or are not finite, bring nothing."""
+        # row (H,); column (H,); real, imaginary (H,)
         lib = self.lib
         fields = [dr.detach(lib.Float(field)) for field in (row, column, real, imaginary)]
         count = max(dr.width(field) for field in fields)
@@ -98,7 +72,7 @@ class GridSums:
                 self._add_stripes(packed, starts, np.arange(first, self.stripes, 2 if self.across else 1))
 
     def _inside(self, row: Float, column: Float, real: Float, imaginary: Float) -> Bool:
-        """Whether echoes lie on the grid; comparisons with NaN are false."""
+        """Return whether echoes lie on the grid; comparisons with NaN are false."""
         margin = (1, 2) if self.across else (0, 0)
         inside = (row >= margin[0]) & (row < self.ends["rows"] - margin[1])
         inside &= (column >= 1) & (column < self.ends["columns"] - 2)
@@ -148,7 +122,7 @@ class GridSums:
             packet = packet + self.whole["packets"]
 
     def _along(self, column: Float, before: Float, real: Float, imaginary: Float, offset: UInt32) -> list[Float]:
-        """Give the echo along its row: real and imaginary part by turns at the eight places of two packets."""
+        """Return the echo along its row: real and imaginary part by turns at the eight places of two packets."""
         lib = self.lib
         if self.absorption is None:
             places = _moved(lib, tap_weights(lib, self.along, column - before), offset)

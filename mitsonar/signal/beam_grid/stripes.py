@@ -31,21 +31,8 @@ NEIGHBOURS = 64                    # lanes that read neighbouring echoes, a mult
 
 
 def ordered(stripe: UInt32, stripes: int) -> tuple[UInt32, np.ndarray]:
-    """Sort echoes by their stripes.
-
-    Parameters
-    ----------
-    stripe : UInt32 (H,)
-        Number of each echo's stripe; `stripes` of one that counts for nothing.
-    stripes : int
-
-    Returns
-    -------
-    order : UInt32 (H,)
-        Numbers of the echoes, those of a stripe in their own order.
-    starts : (S,) uint32
-        Where each stripe begins, one after the last included.
-    """
+    """Sort echoes by their stripes."""
+    # stripe (H,) -> order (H,), starts (S,)
     lib, count = arrays_of(stripe), dr.width(stripe)
     buckets = max(FEWEST_BUCKETS, 1 << stripes.bit_length())        # few sizes: each is a kernel of its own
     counts = dr.zeros(lib.UInt32, buckets)
@@ -56,18 +43,8 @@ def ordered(stripe: UInt32, stripes: int) -> tuple[UInt32, np.ndarray]:
 
 
 def add_by_stripes(lib: ArrayTypes, starts: np.ndarray, mine: np.ndarray, add: Callable[[UInt32], None]) -> None:
-    """Add the echoes of some stripes in one launch.
-
-    Parameters
-    ----------
-    lib : Dr.Jit namespace
-    starts : (S,) uint32
-        As `ordered` gives them.
-    mine : (M,) int
-        Numbers of the stripes; no two of them may reach the same row.
-    add : callable(place)
-        Adds the echoes at these places of the order, UInt32 (R,). What it adds to must be evaluated afterwards.
-    """
+    """Add the echoes of some stripes in one launch."""
+    # starts (S,); mine (M,)
     used = len(mine)
     if not used:
         return
@@ -94,22 +71,8 @@ def add_by_stripes(lib: ArrayTypes, starts: np.ndarray, mine: np.ndarray, add: C
 
 
 def cell_sums(cell: UInt32, inside: Bool, values: Sequence[Float], *, rows: int, columns: int) -> Float:
-    """Sum values in cells.
-
-    Parameters
-    ----------
-    cell : UInt32 (H,)
-        row * columns + column.
-    inside : Bool (H,)
-        Whether an echo counts; the cells of others do not matter.
-    values : four Float (H,)
-    rows, columns : int
-
-    Returns
-    -------
-    Float (4 rows columns,)
-        The four sums of each cell, one after the other.
-    """
+    """Sum values in cells."""
+    # cell (H,); inside (H,); values (H,)
     lib = arrays_of(cell)
     sums = dr.zeros(lib.Float, 4 * rows * columns)
     if dr.backend_v(lib.Float) != dr.JitBackend.LLVM:

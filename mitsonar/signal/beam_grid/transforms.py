@@ -38,8 +38,6 @@ def transformed(values: Float, length: int, *, inverse: bool = False) -> Float:
 def divided(lib: ArrayTypes, number: UInt32, by: int) -> tuple[UInt32, UInt32]:
     """Divide numbers below 2^32: whole part and rest.
 
-    Notes
-    -----
     ⌊n ⌊2^32/d⌋ / 2^32⌋ is ⌊n/d⌋ or one less: vectors multiply, but do not divide. A new size makes no new kernel.
     """
     divisor, inverse = dr.opaque(lib.UInt32, by), dr.opaque(lib.UInt32, min((1 << 32) // by, (1 << 32) - 1))
@@ -50,7 +48,7 @@ def divided(lib: ArrayTypes, number: UInt32, by: int) -> tuple[UInt32, UInt32]:
 
 
 def tiles(lib: ArrayTypes, frequencies: int, rows: int) -> tuple[UInt32, UInt32]:
-    """Give every lane a frequency, of a multiple of TILE, and a row, tile by tile."""
+    """Return every lane a frequency, of a multiple of TILE, and a row, tile by tile."""
     lane = dr.arange(lib.UInt32, frequencies * rows)
     block, row = divided(lib, lane // TILE, rows)
     return block * TILE + (lane & (TILE - 1)), row

@@ -27,7 +27,8 @@ TINY = 1e-12                       # [m], so that an element at its own focus di
 
 
 def device_arrays(like: DrJitArray | type | None = None) -> ArrayTypes:
-    """Give the Dr.Jit namespace of `like` (array or type), or of the best backend that works here: CUDA, then LLVM."""
+    """Return the Dr.Jit namespace of `like` (array or type), or of the best backend that works here: CUDA, then LLVM.
+    """
     return arrays_of(importlib.import_module("drjit.auto.ad").Float if like is None else like)
 
 
@@ -42,17 +43,7 @@ class Focus(NamedTuple):
 
 
 class ElementSignals:
-    """Element signals of one ping, positions relative to `centre`.
-
-    Parameters
-    ----------
-    lib : Dr.Jit namespace
-    recording : Recording
-    interpolation : str
-        One of `INTERPOLATIONS`.
-    weights : float64 (rx,)
-        Adding to 1.
-    """
+    """Element signals of one ping, positions relative to `centre`."""
 
     def __init__(self, lib: ArrayTypes, recording: Recording, interpolation: str, weights: np.ndarray):
         self.lib, self.recording = lib, recording
@@ -83,15 +74,8 @@ class ElementSignals:
         return q / dr.maximum(dr.sqrt(dr.maximum(dr.fma(distance, distance, q), 0)) + distance, TINY)
 
     def read(self, row: UInt32, place: Array4f, focus: Focus) -> tuple[Float, Float]:
-        """Read the weighted signal (re, im) of an element at the instants that the echoes of foci reach it.
-
-        Parameters
-        ----------
-        row : UInt32
-            tx number x elements + element.
-        place : Float x, y, z, |R|² of the element [m, m²]
-        focus : Focus
-        """
+        """Read the weighted signal (re, im) of an element at the instants that the echoes of foci reach it."""
+        # place [m, m²]
         lib = self.lib
         first, taps, (sin, cos) = self._reading(row, place, focus)
         re, im = lib.Float(0), lib.Float(0)
@@ -101,7 +85,7 @@ class ElementSignals:
         return dr.fma(re, cos, -im * sin), dr.fma(re, sin, im * cos)
 
     def _reading(self, row: UInt32, place: Array4f, focus: Focus) -> tuple[UInt32, list[Float], tuple[Float, Float]]:
-        """Give the first stored sample that is read, the taps, and sine and cosine of the turn; see `read`."""
+        """Return the first stored sample that is read, the taps, and sine and cosine of the turn; see `read`."""
         lib = self.lib
         further = self.detour(focus.point, focus.distance, place)
         turn = dr.fma(self.cycles_per_metre, further, focus.phase)
@@ -112,22 +96,11 @@ class ElementSignals:
         return row * self.row + lib.UInt32(index), self.kernel.taps(later - whole), turned
 
     def element(self, number: UInt32) -> Array4f:
-        """Give the place (x, y, z, |R|²) of elements."""
+        """Return the place (x, y, z, |R|²) of elements."""
         return dr.gather(self.lib.Array4f, self.place, number)
 
     def summed(self, foci: Iterable[Sequence[Focus]]) -> np.ndarray:
-        """Sum the signals of all elements.
-
-        Parameters
-        ----------
-        foci : iterable over the transmitters of lists of Focus
-            All of the same size; those of one transmitter share the loads of an element, which would otherwise
-            take a third of the time.
-
-        Returns
-        -------
-        complex64 (total size of a transmitter's foci,)
-        """
+        """Sum the signals of all elements."""
         lib = self.lib
         total: list[Float] = []
         for tx, group in enumerate(foci):
@@ -150,14 +123,6 @@ class ElementSignals:
 
         An element is a thread's alone and takes focus after focus: sums come out the same however many threads there
         are.
-
-        Parameters
-        ----------
-        foci : Focus
-        weights : complex64 (size of the foci,)
-        transmitter : int
-        into : Float (2 x tx x rx x stored samples,)
-            Real and imaginary parts.
         """
         lib, elements = self.lib, self.recording.values.shape[2]
         place = self.element(dr.arange(lib.UInt32, elements))

@@ -33,33 +33,8 @@ FAR = 2.0 ** 30                    # samples; what lies further off is outside o
 
 def delay_and_sum(signals: xr.DataArray, directions: ArrayLike, *, window: Shading = None,
                   interpolation: str = "band_limited", like: DrJitArray | type | None = None) -> xr.DataArray:
-    """Form beams along directions, focused at every range.
-
-    Parameters
-    ----------
-    signals : xarray.DataArray, complex (ping, tx, rx, sample)
-        With coordinates and attributes as `read_recording` says. Several transmitters, recorded one by one, are added
-        coherently, each with its own way to the focus; without coordinates a single one stands at the origin.
-    directions : (B, 3)
-        In the frame of the element positions, see `directions`.
-    window : None, str, tuple or (rx,) array_like
-        Shading: a window, as `sonar.shading.window_weights` takes it (uniform lines only), or weights, 0 for an
-        element that failed; by default the array's own, the coordinate ``rx_weight``, or none.
-    interpolation : str
-        ``band_limited`` (error -67 dB) or ``linear`` (-34 dB, a quarter faster).
-    like : Dr.Jit array or type, optional
-        Where to compute; by default on a GPU if there is one, else on the CPU.
-
-    Returns
-    -------
-    xarray.DataArray complex64 (ping, beam, sample)
-        With coordinates time, beam_x, beam_y, beam_z, azimuth and elevation.
-
-    Raises
-    ------
-    ValueError
-        If the signals lack something, or an argument is not as above.
-    """
+    """Form beams along directions, focused at every range."""
+    # directions (B, 3)
     recording = read_recording(signals)
     vectors = look_directions(directions)
     lib = device_arrays(like)
@@ -78,20 +53,8 @@ def delay_and_sum(signals: xr.DataArray, directions: ArrayLike, *, window: Shadi
 
 
 def aligned(array: ElementSignals, vector: np.ndarray, transmitter: np.ndarray) -> np.ndarray:
-    """Align the element signals of a ping for one look direction; their sum is `delay_and_sum`.
-
-    Parameters
-    ----------
-    array : ElementSignals
-        With the ping loaded, positions from the origin.
-    vector : (3,)
-    transmitter : (3,) [m]
-
-    Returns
-    -------
-    complex64 (rx, sample)
-        Times the weights of the elements.
-    """
+    """Align the element signals of a ping for one look direction; their sum is `delay_and_sum`."""
+    # vector (3,); transmitter (3,) [m]
     _, _, elements, samples = array.recording.values.shape
     foci = beam_foci(array, np.tile(vector, (elements, 1)), transmitter)
     number = dr.arange(array.lib.UInt32, elements * samples) // dr.opaque(array.lib.UInt32, samples)
@@ -100,28 +63,8 @@ def aligned(array: ElementSignals, vector: np.ndarray, transmitter: np.ndarray) 
 
 def focus(signals: xr.DataArray, points: ArrayLike, *, window: Shading = None, interpolation: str = "band_limited",
           like: DrJitArray | type | None = None) -> xr.DataArray:
-    """Focus every ping at points.
-
-    Parameters
-    ----------
-    signals : xarray.DataArray, complex (ping, tx, rx, sample)
-        As for `delay_and_sum`; positions may differ from ping to ping.
-    points : (P, 3) [m]
-        In the frame of the element positions.
-    window, interpolation, like
-        As for `delay_and_sum`.
-
-    Returns
-    -------
-    xarray.DataArray complex64 (ping, point)
-        The echo's amplitude with the phase of its way undone: a point scatterer at a focus gives its own amplitude a.
-        Coordinates point_x, point_y, point_z. Sampled beyond the record it is 0.
-
-    Raises
-    ------
-    ValueError
-        If the signals lack something, or an argument is not as above.
-    """
+    """Focus every ping at points."""
+    # points (P, 3) [m]
     recording, points = read_recording(signals), _points(points)
     values = np.stack(list(_images(recording, points, window, interpolation, like)))
     return point_signals(recording, values.astype(np.complex64), points, "focus")
@@ -129,23 +72,7 @@ def focus(signals: xr.DataArray, points: ArrayLike, *, window: Shading = None, i
 
 def backproject(signals: xr.DataArray, points: ArrayLike, *, window: Shading = None,
                 interpolation: str = "band_limited", like: DrJitArray | type | None = None) -> xr.DataArray:
-    """Focus all pings together at points: a synthetic aperture.
-
-    Parameters
-    ----------
-    signals, points, window, interpolation, like
-        As for `focus`; positions over (ping, rx) and (ping, tx), in a frame that stands still.
-
-    Returns
-    -------
-    xarray.DataArray complex64 (point,)
-        Mean over the pings of what `focus` gives, in memory that does not grow with them.
-
-    Raises
-    ------
-    ValueError
-        If the signals lack something, or an argument is not as above.
-    """
+    """Focus all pings together at points: a synthetic aperture."""
     recording, points = read_recording(signals), _points(points)
     total = np.zeros(len(points), np.complex128)
     for image in _images(recording, points, window, interpolation, like):

@@ -29,33 +29,8 @@ SLACK = 1e-6                       # relative, for pitches of exactly the limit
 
 def fft_beams(signals: xr.DataArray, facing: str | ArrayLike, *, widest: float = np.pi / 3, size: int | None = None,
               window: Shading = None) -> xr.DataArray:
-    """Form a narrow-band fan by an FFT over the elements.
-
-    Parameters
-    ----------
-    signals : xarray.DataArray, complex (ping, tx, rx, sample)
-        As for `delay_and_sum`, the rx elements a uniform line that stands still, one transmitter.
-    facing : str or (3,)
-        The side the beams are on: the direction of the beam at broadside, perpendicular to the line, such as
-        ``"forward"`` or ``"down"``.
-    widest : float [rad]
-        Largest angle from broadside.
-    size : int, optional
-        Length of the FFT; by default at least twice the number of elements.
-    window : None, str, tuple or (rx,) array_like
-        Shading, as for `delay_and_sum`.
-
-    Returns
-    -------
-    xarray.DataArray complex64 (ping, beam, sample)
-        With coordinates time, sine and angle [rad] from broadside, towards the last element positive, and those of
-        `delay_and_sum`.
-
-    Raises
-    ------
-    ValueError
-        If the elements are no uniform line, a grating lobe enters the fan, or an argument is not as above.
-    """
+    """Form a narrow-band fan by an FFT over the elements."""
+    # facing (3,); widest [rad]
     fan = _Fan(signals, facing, widest, window)
     recording, elements = fan.recording, len(fan.weights)
     size = fft.next_fast_len(2 * elements) if size is None else size
@@ -73,33 +48,8 @@ def fft_beams(signals: xr.DataArray, facing: str | ArrayLike, *, widest: float =
 
 def fan_beams(signals: xr.DataArray, facing: str | ArrayLike, *, beams: int | None = None, widest: float = np.pi / 3,
               window: Shading = None) -> xr.DataArray:
-    """Form a wide-band fan by a chirp-z transform over the elements, frequency by frequency.
-
-    Parameters
-    ----------
-    signals : xarray.DataArray, complex (ping, tx, rx, sample)
-        As for `delay_and_sum`, the rx elements a uniform line that stands still, one transmitter.
-    facing : str or (3,)
-        The side the beams are on: the direction of the beam at broadside, perpendicular to the line, such as
-        ``"forward"`` or ``"down"``.
-    beams : int, optional
-        Their number, at equal steps of the sine from -widest to widest; by default twice as many as elements, plus one.
-    widest : float [rad]
-        Largest angle from broadside.
-    window : None, str, tuple or (rx,) array_like
-        Shading, as for `delay_and_sum`.
-
-    Returns
-    -------
-    xarray.DataArray complex64 (ping, beam, sample)
-        With coordinates time, sine and angle [rad] from broadside, towards the last element positive, and those of
-        `delay_and_sum`.
-
-    Raises
-    ------
-    ValueError
-        If the elements are no uniform line, a grating lobe enters the fan, or an argument is not as above.
-    """
+    """Form a wide-band fan by a chirp-z transform over the elements, frequency by frequency."""
+    # facing (3,); widest [rad]
     fan = _Fan(signals, facing, widest, window)
     recording, elements = fan.recording, len(fan.weights)
     beams = 2 * elements + 1 if beams is None else beams
@@ -165,11 +115,12 @@ class _Fan:
                          f"at {khz_from_hertz(self.recording.frequency):g} kHz; {what}")
 
     def vectors(self, sines: np.ndarray) -> np.ndarray:
-        """Give the unit vectors (B, 3) of beams."""
+        """Return the unit vectors (B, 3) of beams."""
         return np.outer(sines, self.axis) + np.outer(np.sqrt(1 - sines ** 2), self.facing)
 
     def offset(self, sines: np.ndarray) -> np.ndarray:
-        """Give how much nearer [m] a far target is by way of transmitter and first element than of the origin, (B,)."""
+        """Return how much nearer [m] a far target is by way of transmitter and first element than of the origin, (B,).
+        """
         return self.vectors(sines) @ self.first
 
     def labelled(self, values: np.ndarray, sines: np.ndarray, method: str) -> xr.DataArray:
@@ -177,16 +128,8 @@ class _Fan:
 
 
 class _ChirpZ:
-    """Σ_n g_n exp(-2πi a n s_b) for rows of a, by 2 n b = n² + b² - (b - n)² (Bluestein).
-
-    Parameters
-    ----------
-    cycles : float64 (F,)
-        a, cycles per element and unit of sine.
-    sines : (B,)
-        In equal steps.
-    elements : int
-    """
+    """Σ_n g_n exp(-2πi a n s_b) for rows of a, by 2 n b = n² + b² - (b - n)² (Bluestein)."""
+    # cycles (F,); sines (B,)
 
     def __init__(self, cycles: np.ndarray, sines: np.ndarray, elements: int):
         step = sines[1] - sines[0] if len(sines) > 1 else 0.0

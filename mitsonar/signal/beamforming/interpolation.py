@@ -37,11 +37,11 @@ class Linear:
     first = 0                      # the first tap's sample, relative to the whole part of the place
 
     def taps(self, fraction: Numbers) -> list[Numbers]:
-        """Give the weights of the samples at 0 and 1, of the fractional part of the place in [0, 1)."""
+        """Return the weights of the samples at 0 and 1, of the fractional part of the place in [0, 1)."""
         return [1 - fraction, fraction]
 
     def spectrum(self, frequency: np.ndarray) -> np.ndarray:
-        """Give φ̂ at a frequency in cycles per sample."""
+        """Return φ̂ at a frequency in cycles per sample."""
         return np.sinc(frequency) ** 2
 
 
@@ -63,7 +63,7 @@ class KaiserBessel:
         return i0(self.beta * np.sqrt(np.maximum(1 - (x / 2) ** 2, 0))) / i0(self.beta)
 
     def taps(self, fraction: Numbers) -> list[Numbers]:
-        """Give the weights of the samples at -1, 0, 1, 2, of the fractional part of the place in [0, 1)."""
+        """Return the weights of the samples at -1, 0, 1, 2, of the fractional part of the place in [0, 1)."""
         v = fraction - 0.5
         square = v * v
         (outer, outer_odd), (inner, inner_odd) = ((_horner(even, square), v * _horner(odd, square))
@@ -71,7 +71,7 @@ class KaiserBessel:
         return [outer + outer_odd, inner + inner_odd, inner - inner_odd, outer - outer_odd]
 
     def spectrum(self, frequency: np.ndarray) -> np.ndarray:
-        """Give φ̂ at a frequency in cycles per sample."""
+        """Return φ̂ at a frequency in cycles per sample."""
         root = np.sqrt((self.beta ** 2 - (4 * np.pi * np.asarray(frequency)) ** 2).astype(complex))
         return 4 / i0(self.beta) * np.real(np.sinc(1j * root / np.pi))
 
@@ -88,25 +88,15 @@ INTERPOLATIONS: dict[str, Interpolation] = {"linear": Linear(), "band_limited": 
 
 
 def interpolation_named(name: str) -> Interpolation:
-    """Give the kernel of a name in `INTERPOLATIONS`."""
+    """Return the kernel of a name in `INTERPOLATIONS`."""
     if name not in INTERPOLATIONS:
         raise ValueError(f"there is no interpolation {name!r}; choose one of {', '.join(INTERPOLATIONS)}")
     return INTERPOLATIONS[name]
 
 
 def corrected(kernel: Interpolation, values: np.ndarray) -> np.ndarray:
-    """Filter signals for a kernel.
-
-    Parameters
-    ----------
-    kernel : one of `INTERPOLATIONS`
-    values : complex64 (..., N)
-
-    Returns
-    -------
-    complex64 (..., RATE N + 2 MARGIN)
-        Sample i stands at MARGIN + RATE i; the ends are zero, so that what lies outside the record reads as silence.
-    """
+    """Filter signals for a kernel."""
+    # values (..., N)
     count = values.shape[-1]
     size = fft.next_fast_len(count + 2 * TAIL)
     place = np.zeros((*values.shape[:-1], size), np.complex64)
@@ -122,7 +112,7 @@ def corrected(kernel: Interpolation, values: np.ndarray) -> np.ndarray:
 
 
 def corrected_transposed(kernel: Interpolation, weights: np.ndarray) -> np.ndarray:
-    """Give the transpose of `corrected`, conjugate: of weights complex64 (..., RATE N + 2 MARGIN), (..., N)."""
+    """Return the transpose of `corrected`, conjugate: of weights complex64 (..., RATE N + 2 MARGIN), (..., N)."""
     count = (weights.shape[-1] - 2 * MARGIN) // RATE
     size = fft.next_fast_len(count + 2 * TAIL)
     finer = fft.fft(weights[..., 4:-4], RATE * size, axis=-1)

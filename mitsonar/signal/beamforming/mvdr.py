@@ -34,33 +34,8 @@ COVARIANCE_BYTES = 1 << 26         # of the samples worked on at once
 def mvdr(signals: xr.DataArray, directions: ArrayLike, *, subarray: int | None = None, half_width: int = 2,
          loading: float = 0.01, interpolation: str = "band_limited",
          like: DrJitArray | type | None = None) -> xr.DataArray:
-    """Form adaptive beams along directions, focused at every range.
-
-    Parameters
-    ----------
-    signals : xarray.DataArray, complex (ping, tx, rx, sample)
-        As for `delay_and_sum`, the rx elements a uniform line, one transmitter.
-    directions : (B, 3)
-    subarray : int, optional
-        L, elements of a subarray, 1 to the number of elements; by default half of them. With all of them there is no
-        spatial smoothing.
-    half_width : int
-        K, samples on either side that a covariance is averaged over.
-    loading : float
-        δ, load on the diagonal relative to its mean; > 0.
-    interpolation, like
-        As for `delay_and_sum`.
-
-    Returns
-    -------
-    xarray.DataArray complex64 (ping, beam, sample)
-        Coordinates as of `delay_and_sum`; gain 1 in the look direction.
-
-    Raises
-    ------
-    ValueError
-        If the elements are no uniform line, or an argument is not as above.
-    """
+    """Form adaptive beams along directions, focused at every range."""
+    # directions (B, 3)
     recording, vectors = read_recording(signals), look_directions(directions)
     pings, transmitters, elements, samples = recording.values.shape
     if transmitters != 1:

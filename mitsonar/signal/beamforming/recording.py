@@ -25,29 +25,16 @@ STRAIGHTNESS = 0.02                # wavelengths an element of a uniform line ma
 
 @dataclass(frozen=True, kw_only=True)
 class Recording:
-    """Element signals with everything a beamformer must know of them.
-
-    Attributes
-    ----------
-    values : complex64 (ping, tx, rx, sample)
-    receivers : float64 (ping, rx, 3) [m]
-    transmitters : float64 (ping, tx, 3) [m]
-    start : float [s]
-        Time of the first sample.
-    sampling_rate, frequency : float [Hz]
-    sound_speed : float [m/s]
-    signals : xarray.DataArray
-        What it was read from, dimensions in order.
-    """
+    """Element signals with everything a beamformer must know of them."""
 
     values: np.ndarray
-    receivers: np.ndarray
-    transmitters: np.ndarray
-    start: float
-    sampling_rate: float
-    frequency: float
-    sound_speed: float
-    signals: xr.DataArray
+    receivers: np.ndarray  # [m]
+    transmitters: np.ndarray  # [m]
+    start: float  # [s]: time of the first sample
+    sampling_rate: float  # [Hz]
+    frequency: float  # [Hz]
+    sound_speed: float  # [m/s]
+    signals: xr.DataArray  # what it was read from, dimensions in order
 
     @property
     def wavelength(self) -> float:
@@ -63,22 +50,12 @@ class Recording:
 def directions(azimuth: ArrayLike, elevation: ArrayLike = 0.0) -> np.ndarray:
     """Make unit vectors in the body frame.
 
-    Parameters
-    ----------
-    azimuth : array_like [rad]
-        Clockwise from ahead seen from above: π/2 is starboard.
-    elevation : array_like [rad]
-        Upward from the horizontal; straight down is -π/2. Broadcast against ``azimuth``.
-
-    Returns
-    -------
-    float64 (..., 3)
-
     Examples
     --------
     >>> directions(np.pi / 2, -np.pi / 6).round(6)
     array([0.      , 0.866025, 0.5     ])
     """
+    # azimuth [rad]; elevation [rad] -> (..., 3)
     return body_direction(azimuth, -np.asarray(elevation, float))
 
 
@@ -95,25 +72,7 @@ def look_directions(vectors: ArrayLike) -> np.ndarray:
 
 
 def read_recording(signals: xr.DataArray) -> Recording:
-    """Read and check element signals.
-
-    Parameters
-    ----------
-    signals : xarray.DataArray, complex (ping, tx, rx, sample)
-        In any order; ping and tx may be missing. Coordinates ``time`` (sample) [s]; ``rx_x``, ``rx_y``, ``rx_z``
-        over (rx) or (ping, rx) [m]; ``tx_x``, ``tx_y``, ``tx_z`` likewise, needed where tx has more than one entry;
-        ``rx_weight`` (rx), the array's own shading, where there is any.
-        Attributes ``frequency`` [Hz] and ``sound_speed`` [m/s].
-
-    Returns
-    -------
-    Recording
-
-    Raises
-    ------
-    ValueError
-        If something of the above is missing or not finite.
-    """
+    """Read and check element signals."""
     unknown = set(signals.dims) - set(DIMENSIONS)
     missing = {"rx", "sample"} - set(signals.dims)
     if unknown or missing:
@@ -208,27 +167,8 @@ def _labelled(recording: Recording, values: np.ndarray, dims: tuple[str, ...], m
 
 
 def uniform_line(position: np.ndarray, wavelength: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Find the line that elements stand on in equal steps.
-
-    Parameters
-    ----------
-    position : (E, 3) [m]
-    wavelength : float [m]
-
-    Returns
-    -------
-    first : float64 (3,) [m]
-        Where the line's first element stands.
-    axis : float64 (3,)
-        Unit vector from the first to the last.
-    pitch : float [m]
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two elements, some coincide, or they stand off the line's steps by more than 0.02
-        wavelengths.
-    """
+    """Find the line that elements stand on in equal steps."""
+    # position (E, 3) [m]; wavelength [m] -> first (3,) [m], axis (3,), pitch [m]
     count = len(position)
     if count < 2:
         raise ValueError(f"a fan of beams needs elements in a line with a pitch; the array has {count} element")
@@ -252,19 +192,7 @@ def uniform_line(position: np.ndarray, wavelength: float) -> tuple[np.ndarray, n
 
 
 def weights_of(window: Shading, recording: Recording) -> np.ndarray:
-    """Give the weights of the receive elements, their sum 1.
-
-    Parameters
-    ----------
-    window : None, str, tuple or (rx,) array_like
-        None: those of the coordinate ``rx_weight``, or equal ones without it; a window as
-        `sonar.shading.window_weights` takes it, for uniform lines; or the weights themselves.
-    recording : Recording
-
-    Returns
-    -------
-    float64 (rx,)
-    """
+    """Return the weights of the receive elements, their sum 1."""
     count = recording.receivers.shape[1]
     if window is None and "rx_weight" in recording.signals.coords:
         weights = recording.signals["rx_weight"].values.astype(float)

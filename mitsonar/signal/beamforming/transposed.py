@@ -24,23 +24,7 @@ __all__ = ["delay_and_sum_transposed"]
 def delay_and_sum_transposed(signals: xr.DataArray, directions: ArrayLike, weights: np.ndarray, *,
                              window: Shading = None, interpolation: str = "band_limited",
                              like: DrJitArray | type | None = None) -> np.ndarray:
-    """Give the transpose of `delay_and_sum`, conjugate, of weights of its beams.
-
-    Parameters
-    ----------
-    signals, directions, window, interpolation, like
-        As of `delay_and_sum`; the signals' values do not count.
-    weights : complex (ping, beam, sample)
-
-    Returns
-    -------
-    complex64 (ping, tx, rx, sample)
-
-    Raises
-    ------
-    ValueError
-        As `delay_and_sum`, or if the weights do not fit.
-    """
+    """Return the transpose of `delay_and_sum`, conjugate, of weights of its beams."""
     recording, vectors = read_recording(signals), look_directions(directions)
     array = ElementSignals(device_arrays(like), recording, interpolation, weights_of(window, recording))
     lib, (pings, transmitters, elements, samples) = array.lib, recording.values.shape

@@ -134,7 +134,7 @@ class Array:
         return float(np.max(np.linalg.norm(self.position, axis=1)))
 
     def pitch(self) -> float:
-        """Give the spacing of a uniform line [m].
+        """Return the spacing of a uniform line [m].
 
         Raises
         ------
@@ -174,7 +174,7 @@ class Array:
         return [Face(np.flatnonzero(face.ravel() == k), self.normal[e], self.along[e]) for k, e in enumerate(first)]
 
     def element_pressure(self, direction: Triple, wavelength: Numbers, normal: Triple, along: Triple) -> Numbers:
-        """Give the pressure pattern of an element by its face's normal and along, see `element_patterns`.
+        """Return the pressure pattern of an element by its face's normal and along, see `element_patterns`.
 
         Parameters
         ----------

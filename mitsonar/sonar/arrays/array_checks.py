@@ -12,7 +12,7 @@ FARTHEST = 10_000                  # [m] from an array's centre; more than any t
 
 
 def positions_of(values: ArrayLike) -> np.ndarray:
-    """Give the positions (E, 3) [m] of at least one element, or raise a ValueError."""
+    """Return the positions (E, 3) [m] of at least one element, or raise a ValueError."""
     position = as_numbers("position", values)
     if position.ndim != 2 or position.shape[1] != 3:
         raise ValueError(f"array: position has shape {position.shape}; give three coordinates [m] for each "
@@ -41,7 +41,7 @@ def check_face(length: float, height: float, pattern: str, baffle: str) -> None:
 
 
 def as_numbers(name: str, value: ArrayLike) -> np.ndarray:
-    """Give a new float64 array of what is given, or raise a ValueError that names it."""
+    """Return a new float64 array of what is given, or raise a ValueError that names it."""
     try:
         return np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
@@ -49,7 +49,7 @@ def as_numbers(name: str, value: ArrayLike) -> np.ndarray:
 
 
 def vector_of(name: str, value: ArrayLike) -> np.ndarray:
-    """Give three finite numbers (forward, starboard, down) [m], or raise a ValueError that names them."""
+    """Return three finite numbers (forward, starboard, down) [m], or raise a ValueError that names them."""
     vector = as_numbers(name, value)
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ValueError(f"array: {name} is {value}; give three finite numbers (forward, starboard, down) [m].")
@@ -57,7 +57,7 @@ def vector_of(name: str, value: ArrayLike) -> np.ndarray:
 
 
 def checked_speed(sound_speed: float) -> float:
-    """Give the sound speed [m/s], or raise a ValueError if it is not finite and above 0."""
+    """Return the sound speed [m/s], or raise a ValueError if it is not finite and above 0."""
     if not (np.isfinite(sound_speed) and sound_speed > 0):
         raise ValueError(f"array: sound_speed is {sound_speed} m/s; give a finite number above 0.")
     return sound_speed

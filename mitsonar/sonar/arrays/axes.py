@@ -44,23 +44,8 @@ def body_direction(azimuth: ArrayLike, depression: ArrayLike) -> np.ndarray:
 
 
 def axis_vector(name: str, axis: str | ArrayLike) -> np.ndarray:
-    """Make a unit vector of one of `AXES` or of any vector.
-
-    Parameters
-    ----------
-    name : str
-        What it is for, as errors say it.
-    axis : str or array (3,)
-
-    Returns
-    -------
-    array (3,) [-]
-
-    Raises
-    ------
-    ValueError
-        If the axis is unknown, or the vector is not three finite numbers, or zero.
-    """
+    """Make a unit vector of one of `AXES` or of any vector."""
+    # axis (3,) -> (3,) [-]
     if isinstance(axis, str):
         if axis not in AXES:
             raise ValueError(f'{name} is "{axis}"{meant(axis, AXES)}; give one of {", ".join(AXES)} or a vector '
@@ -77,20 +62,8 @@ def axis_vector(name: str, axis: str | ArrayLike) -> np.ndarray:
 
 
 def across(normal: np.ndarray, towards: ArrayLike) -> np.ndarray:
-    """Give the unit part of one direction that is perpendicular to others.
-
-    Parameters
-    ----------
-    normal : array (..., 3) [-]
-        Unit vectors.
-    towards : array (3,) or (..., 3) [-]
-        Unit vectors; where one is parallel to the normal, forward is taken in its place, and starboard where that is
-        parallel as well.
-
-    Returns
-    -------
-    array (..., 3) [-]
-    """
+    """Return the unit part of one direction that is perpendicular to others."""
+    # normal (..., 3) [-]; towards (3,) [-] -> (..., 3) [-]
     part = normal                  # nothing found yet: shares no direction with what is wanted
     found = np.zeros(normal.shape[:-1] + (1,), dtype=bool)
     for candidate in (towards, AXES["forward"], AXES["starboard"]):

@@ -36,10 +36,8 @@ DEGREES = 12, 5                    # of the polynomials below and above, errors 
 
 
 def piston(x: Numbers) -> Numbers:
-    """Give 2 J1(x)/x of a NumPy or Dr.Jit array x >= 0; the latter to 1e-6.
+    """Return 2 J1(x)/x of a NumPy or Dr.Jit array x >= 0; the latter to 1e-6.
 
-    Notes
-    -----
     SciPy knows J1 for NumPy only. On the device two Chebyshev series in x² and in 1/x² fitted to SciPy's J1 take its
     place: one of J1(x)/x itself, one of the slowly varying P and Q of
     J1(x) = sqrt(2/(πx)) (P cos(x - 3π/4) - Q sin(x - 3π/4)) (Abramowitz and Stegun 1964, eq. 9.2.5).
@@ -102,27 +100,8 @@ BAFFLES = {
 
 def element_pressure(direction: Triple, wavelength: Numbers, normal: Triple, along: Triple, *, length: Numbers = 0.0,
                      height: Numbers = 0.0, pattern: str = "omni", baffle: str = "none") -> Numbers:
-    """Give the pressure pattern of an element, 1 on the axis of its face.
+    """Return the pressure pattern of an element, 1 on the axis of its face.
 
-    Parameters
-    ----------
-    direction : array (..., 3) or three Dr.Jit arrays [-]
-        Unit vectors away from the element.
-    wavelength : float [m]
-    normal, along : array (..., 3) or three numbers or Dr.Jit arrays [-]
-        Of the element's face, in the frame of the directions; perpendicular unit vectors.
-    length, height : float [m]
-        Of the face along ``along`` and across it.
-    pattern, baffle : str
-        Of `PATTERNS` and `BAFFLES`.
-
-    Returns
-    -------
-    array (...) or Dr.Jit array [-]
-        Real; negative in every other side lobe.
-
-    Notes
-    -----
     Plain numbers become part of a Dr.Jit kernel. Where they change from run to run, give sizes, wavelength, normal and
     along as opaque Dr.Jit numbers, and one kernel serves all.
 
@@ -132,6 +111,7 @@ def element_pressure(direction: Triple, wavelength: Numbers, normal: Triple, alo
     >>> element_pressure(np.array([[0, 0, 1], [0, 0.28, 0.96]]), 0.015, **face).round(3)
     array([ 1.   , -0.069])
     """
+    # direction (..., 3) [-]; wavelength [m]; normal, along (..., 3) [-]; length, height [m] -> (...) [-]
     direction, normal, along = _parts(direction), _parts(normal), _parts(along)
     u, v, w = _dot(direction, along), _dot(direction, _cross(normal, along)), _dot(direction, normal)
     pressure = PATTERNS[pattern](u, v, length / wavelength, height / wavelength)

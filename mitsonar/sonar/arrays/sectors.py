@@ -20,30 +20,15 @@ TRIED = 256                        # elements of the line on which a window's be
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sector:
-    """One transmission of a ping, and the beams that listen to it.
-
-    Attributes
-    ----------
-    pulse : Pulse
-    source_level_db : float [dB re 1 µPa @ 1 m]
-        On its axis.
-    delay : float [s]
-        After the ping's first transmission.
-    tilt : float [rad]
-        Of the transmission, forward of the vertical plane across the track.
-    beams : (B,) [rad]
-        Angles from the vertical, positive to starboard, rising.
-    first, last : float [rad]
-        Edges of the sector.
-    """
+    """One transmission of a ping, and the beams that listen to it."""
 
     pulse: Pulse
-    source_level_db: float
-    delay: float
-    tilt: float
-    beams: np.ndarray
-    first: float
-    last: float
+    source_level_db: float  # [dB re 1 µPa @ 1 m]: on its axis
+    delay: float  # [s]: after the ping's first transmission
+    tilt: float  # [rad]: of the transmission, forward of the vertical plane across the track
+    beams: np.ndarray  # (B,) [rad]: angles from the vertical, positive to starboard, rising
+    first: float  # [rad]: edges of the sector
+    last: float  # [rad]: edges of the sector
 
     @property
     def middle(self) -> float:
@@ -52,13 +37,7 @@ class Sector:
 
 
 def beam_angles(beams: int, swath: float, spacing: str, middle: float = 0.0) -> np.ndarray:
-    """Give the angles (B,) [rad] of beams over a swath [rad] about its middle, even in angle or on a level bed.
-
-    Raises
-    ------
-    ValueError
-        If the spacing is unknown, or even distances are asked for of a swath of 180 degrees.
-    """
+    """Return the angles (B,) [rad] of beams over a swath [rad] about its middle, even in angle or on a level bed."""
     if spacing not in SPACINGS:
         raise ValueError(f'beam spacing is "{spacing}"; give one of {", ".join(SPACINGS)}.')
     first, last = middle - 0.5 * swath, middle + 0.5 * swath
@@ -81,7 +60,7 @@ def elements_for_beam_width(beam_width: float, spacing: float, window: str | Non
 
 
 def half_power_width(place: np.ndarray, weight: np.ndarray) -> float:
-    """Give the width in sines between which a line's |W|² is over a half, times the unit of its places (E,)."""
+    """Return the width in sines between which a line's |W|² is over a half, times the unit of its places (E,)."""
     middle = place @ weight / weight.sum()
 
     def above_half(sine: float) -> float:

@@ -32,22 +32,6 @@ LARGEST = {"tukey": 1, "taylor": 1000}     # numbers of others are bounded by 0 
 def window_weights(window: str | tuple, elements: int) -> np.ndarray:
     """Compute the weights of a window.
 
-    Parameters
-    ----------
-    window : str or tuple
-        A name of `WINDOWS`, with the numbers it takes: ``"hann"``, ``("chebwin", 30)``, ``"taylor 4 35"``.
-    elements : int
-
-    Returns
-    -------
-    array (elements,) [-]
-        Largest weight 1.
-
-    Raises
-    ------
-    ValueError
-        If the name is unknown, its numbers are too many, too few or senseless, or no element keeps any weight.
-
     Examples
     --------
     >>> window_weights(("chebwin", 30), 16)[:3].round(4)
@@ -86,6 +70,6 @@ def window_weights(window: str | tuple, elements: int) -> np.ndarray:
 
 
 def taper_loss_db(weights: ArrayLike) -> float:
-    """Give the level [dB] that weights (E,) lose against independent noise: 0 for equal ones, negative for others."""
+    """Return the level [dB] that weights (E,) lose against independent noise: 0 for equal ones, negative for others."""
     weights = np.asarray(weights, dtype=np.float64)
     return float(db_from_power(weights.sum() ** 2 / (weights.size * (weights ** 2).sum())))

@@ -32,21 +32,11 @@ FAR, FINE = 8.0, 4001              # x within which half the power lies, and ste
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BeamShape:
-    """One face's beam in one plane, of pressure 1 on its axis.
+    """One face's beam in one plane, of pressure 1 on its axis."""
 
-    Attributes
-    ----------
-    table : (K,) array [-] or None
-        Pressures at equal steps of s from -1 to 1; None: those of an even line, sinc(L s / λ).
-    floor : float [-]
-        Mean power of diffuse side lobes, relative to the axis.
-    shielded : bool
-        Whether they fade to nothing towards s = -1.
-    """
-
-    table: np.ndarray | None = None
-    floor: float = 0.0
-    shielded: bool = False
+    table: np.ndarray | None = None  # (K,) [-]: pressures at equal steps of s from -1 to 1
+    floor: float = 0.0  # mean power of diffuse side lobes, relative to the axis
+    shielded: bool = False  # whether they fade to nothing towards s = -1
 
     def __post_init__(self):
         if not 0 <= self.floor < 1:
@@ -55,7 +45,7 @@ class BeamShape:
             raise ValueError("a table of pressures has no two values, or some that are not finite; give finite ones")
 
     def lobes(self, s: Numbers, size: Numbers) -> Numbers:
-        """Give p at sines s, of a side `size` [wavelengths]."""
+        """Return p at sines s, of a side `size` [wavelengths]."""
         if self.table is None:
             return np.sinc(s * size)
         return np.interp(s, np.linspace(-1, 1, len(self.table)), self.table)
@@ -69,7 +59,7 @@ class BeamShape:
         return np.copysign(np.sqrt((1 - floor) * lobes * lobes + floor), lobes)
 
     def envelope(self, s: np.ndarray, size: float) -> np.ndarray:
-        """Give what b does not exceed from |s| on outwards."""
+        """Return what b does not exceed from |s| on outwards."""
         s = np.abs(s)
         if self.table is None:
             lobes = np.minimum(1 / np.maximum(np.pi * size * s, 1e-9), 1)
@@ -85,29 +75,14 @@ EVEN = BeamShape()
 
 
 def half_power(window: str = "boxcar", sag: float = 0.0) -> float:
-    """Give x = L s / λ where p² of a line falls to a half for good, on one side of the axis."""
+    """Return x = L s / λ where p² of a line falls to a half for good, on one side of the axis."""
     return _half_power(window, float(sag))
 
 
 def line_shape(size: float, *, window: str = "boxcar", sag: float = 0.0, floor: float = 0.0,
                shielded: bool = False) -> BeamShape:
-    """Give the beam of a line.
-
-    Parameters
-    ----------
-    size : float [wavelengths]
-    window : str
-        Of `shading.WINDOWS`; "boxcar": even.
-    sag : float [wavelengths]
-    floor : float [-]
-    shielded : bool
-        See `BeamShape`.
-
-    Raises
-    ------
-    ValueError
-        If there is no such window, or the floor is no power below 1.
-    """
+    """Return the beam of a line."""
+    # size [wavelengths]; sag [wavelengths]
     if size == 0 or (window.split() == ["boxcar"] and sag == 0):
         return BeamShape(floor=floor, shielded=shielded)
     steps = max(FEWEST_STEPS, int(np.ceil(STEPS_PER_LOBE * size)))
@@ -116,20 +91,8 @@ def line_shape(size: float, *, window: str = "boxcar", sag: float = 0.0, floor: 
 
 
 def measured_shape(angle: np.ndarray, level_db: np.ndarray) -> tuple[BeamShape, float]:
-    """Give a measured beam, and its full width at -3 dB [rad].
-
-    Parameters
-    ----------
-    angle : (K,) [rad]
-        To the normal, increasing, within -π/2 to π/2.
-    level_db : (K,) [dB]
-        One way, side lobes and all; the loudest is taken as 0 dB. Constant beyond the ends.
-
-    Raises
-    ------
-    ValueError
-        If angles do not increase within these bounds, are fewer than two, or the beam is too narrow.
-    """
+    """Return a measured beam, and its full width at -3 dB [rad]."""
+    # angle (K,) [rad]; level_db (K,) [dB]
     if not (len(angle) > 1 and (np.diff(angle) > 0).all() and np.abs(angle).max() <= np.pi / 2 + 1e-9):
         raise ValueError("a measured beam needs two angles or more that increase from -90 degrees to 90 at most; sort "
                          "them")

@@ -23,7 +23,7 @@ FINER = 16                         # steps within those of a table, to find wher
 
 
 def sinc(x: Numbers) -> Numbers:
-    """Give sin(πx)/(πx) of a NumPy or Dr.Jit array."""
+    """Return sin(πx)/(πx) of a NumPy or Dr.Jit array."""
     if isinstance(x, (np.ndarray, float)):
         return np.sinc(x)
     x = np.pi * x
@@ -31,7 +31,7 @@ def sinc(x: Numbers) -> Numbers:
 
 
 def length_for_beam_width(beam_width: float, wavelength: float, half_power: float = HALF_POWER) -> float:
-    """Give the side [m] whose full one-way -3 dB beam is `beam_width` [rad]; 0 for π or more (no beam).
+    """Return the side [m] whose full one-way -3 dB beam is `beam_width` [rad]; 0 for π or more (no beam).
 
     `half_power` is the x = L s / λ where the power of its beam is a half, see `beam_shapes.half_power`.
     """
@@ -66,15 +66,15 @@ class Aperture:
                 raise ValueError(f"aperture {name} is {value} m; give a finite size >= 0 (0: omnidirectional)")
 
     def along(self, u: Numbers, wavelength: Numbers) -> Numbers:
-        """Give the pressure pattern along the platform, of the direction cosine u [-]."""
+        """Return the pressure pattern along the platform, of the direction cosine u [-]."""
         return self.along_shape.pressure(u, self.length / wavelength)
 
     def across(self, v: Numbers, wavelength: Numbers) -> Numbers:
-        """Give the pressure pattern across, of the direction cosine v [-]."""
+        """Return the pressure pattern across, of the direction cosine v [-]."""
         return self.across_shape.pressure(v, self.height / wavelength)
 
     def beam_widths(self, wavelength: float) -> tuple[float, float]:
-        """Give the full one-way -3 dB widths along and across [rad]; π where a side makes no beam."""
+        """Return the full one-way -3 dB widths along and across [rad]; π where a side makes no beam."""
         along, across = (_width(side / wavelength, shape) for side, shape in
                          ((self.length, self.along_shape), (self.height, self.across_shape)))
         return along, across

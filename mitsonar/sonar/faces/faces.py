@@ -19,54 +19,27 @@ __all__ = ["BuiltFace", "MeasuredBeam"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasuredBeam:
-    """One-way levels of a beam in one plane.
+    """One-way levels of a beam in one plane."""
 
-    Attributes
-    ----------
-    angle : (K,) [rad]
-        To the normal, increasing; forward along the platform, downwards across it.
-    level_db : (K,) [dB]
-    """
-
-    angle: np.ndarray
-    level_db: np.ndarray
+    angle: np.ndarray  # (K,) [rad]: to the normal, increasing
+    level_db: np.ndarray  # (K,) [dB]
 
 
 @dataclass(frozen=True, kw_only=True)
 class BuiltFace:
-    """A face.
+    """A face."""
 
-    Attributes
-    ----------
-    width, vertical_width : float [rad]
-        Full one-way -3 dB beam widths along and across the platform; π: a point. Unused where a beam is measured.
-    window : str
-        Shading along the platform, one of `shading.WINDOWS`.
-    sag : float [wavelengths]
-        How far the edges stand back across the platform.
-    floor, vertical_floor : float [-]
-        Mean power of diffuse side lobes along and across, relative to the axis; unused where a beam is measured.
-    pattern, vertical_pattern : MeasuredBeam or None
-        Beams as measured, in place of those that widths make.
-    """
-
-    width: float
-    vertical_width: float
-    window: str = "boxcar"
-    sag: float = 0.0
-    floor: float = 0.0
-    vertical_floor: float = 0.0
-    pattern: MeasuredBeam | None = None
-    vertical_pattern: MeasuredBeam | None = None
+    width: float  # [rad]: full one-way -3 dB beam widths along and across the platform
+    vertical_width: float  # [rad]: full one-way -3 dB beam widths along and across the platform
+    window: str = "boxcar"  # shading along the platform, one of `shading.WINDOWS`
+    sag: float = 0.0  # [wavelengths]: how far the edges stand back across the platform
+    floor: float = 0.0  # mean power of diffuse side lobes along and across, relative to the axis
+    vertical_floor: float = 0.0  # mean power of diffuse side lobes along and across, relative to the axis
+    pattern: MeasuredBeam | None = None  # beams as measured, in place of those that widths make
+    vertical_pattern: MeasuredBeam | None = None  # beams as measured, in place of those that widths make
 
     def aperture(self, wavelength: float) -> Aperture:
-        """Give the face at a wavelength [m].
-
-        Raises
-        ------
-        ValueError
-            If there is no such window, or a measured beam is none.
-        """
+        """Return the face at a wavelength [m]."""
         length, along = _side(self.width, wavelength, self.window, 0.0, self.floor, False, self.pattern)
         height, across = _side(self.vertical_width, wavelength, "boxcar", self.sag, self.vertical_floor,
                                True, self.vertical_pattern)

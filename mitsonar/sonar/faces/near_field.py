@@ -19,21 +19,8 @@ BLOCK = 1 << 22                    # phases summed at a time
 
 
 def near_pressure(face: Aperture, u: np.ndarray, ranges: np.ndarray, wavelength: float) -> np.ndarray:
-    """Compute the pressure b of a face, symmetric in u, by the midpoint rule.
-
-    Parameters
-    ----------
-    face : Aperture
-    u : (U,) [-]
-        Cosines along the face.
-    ranges : (K,) [m]
-    wavelength : float [m]
-
-    Returns
-    -------
-    (K, U) complex [-]
-        Its mean over an even face of one length is 1 at most; far away b(0) is 1.
-    """
+    """Compute the pressure b of a face, symmetric in u, by the midpoint rule."""
+    # u (U,) [-]; ranges (K,) [m]; wavelength [m] -> (K, U) [-]
     length = face.length
     if not length:
         return np.ones((len(ranges), len(u)), complex)

@@ -77,18 +77,19 @@ class Sidescan:
 
     @property
     def one_face(self) -> bool:
-        """Whether one and the same face of a side sends and receives."""
+        """Return whether one and the same face of a side sends and receives."""
         return self.transmit == self.receive
 
     def along_intensity(self, u: Numbers, u_back: Numbers | None = None) -> Numbers:
-        """Give the two-way intensity pattern along the platform, of the cosine u, at reception of `u_back` if given."""
+        """Return the two-way intensity pattern along the platform, of the cosine u, at reception of `u_back` if given.
+        """
         sent = self.transmit.along(u, self.wavelength)
         if u_back is None and self.one_face:
             return (sent * sent) ** 2
         return (sent * self.receive.along(u if u_back is None else u_back, self.wavelength)) ** 2
 
     def across_intensity(self, v: Numbers) -> Numbers:
-        """Give the two-way intensity pattern across, of the cosine v = sqrt(1 - u²) sin(φ - depression)."""
+        """Return the two-way intensity pattern across, of the cosine v = sqrt(1 - u²) sin(φ - depression)."""
         sent = self.transmit.across(v, self.wavelength)
         return (sent * (sent if self.one_face else self.receive.across(v, self.wavelength))) ** 2
 
@@ -97,7 +98,7 @@ class Sidescan:
         return self._over_directions(self.along_intensity, self.across_intensity)
 
     def directivity_index_db(self) -> float:
-        """Give the receive directivity index 10 log 4π/∫ b_r² dΩ [dB], against isotropic noise."""
+        """Return the receive directivity index 10 log 4π/∫ b_r² dΩ [dB], against isotropic noise."""
         beam = self._over_directions(lambda u: self.receive.along(u, self.wavelength) ** 2,
                                      lambda v: self.receive.across(v, self.wavelength) ** 2)
         return float(10 * np.log10(4 * np.pi / beam))

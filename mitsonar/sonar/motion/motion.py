@@ -38,53 +38,30 @@ _STRUM = {"heave": 4, "pitch": 5}  # likewise
 
 
 def strum_frequency(speed: float, diameter: float) -> float:
-    """Give the frequency f [Hz] at which a cable of a diameter [m] sheds vortices at a speed [m/s]."""
+    """Return the frequency f [Hz] at which a cable of a diameter [m] sheds vortices at a speed [m/s]."""
     return STROUHAL * speed / diameter
 
 
 @dataclass(frozen=True, kw_only=True)
 class RandomMotion:
-    """Hold how strongly a platform rocks, how slowly, and which realisation.
+    """Hold how strongly a platform rocks, how slowly, and which realisation."""
 
-    Parameters
-    ----------
-    roll, pitch, yaw : float [rad]
-        Root mean squares.
-    heave, surge, sway : float [m]
-        Root mean squares, up, forward and to starboard; surge follows the course of heave.
-    period : float [s]
-        About which the motion's spectrum lies.
-    roll_period, pitch_period, yaw_period, heave_period, sway_period : float or None [s]
-        The same of each; None: ``period``.
-    strum_heave, strum_pitch : float [m], [rad]
-        Root mean squares of a cable's strum.
-    strum_frequency : float [Hz]
-        About which that lies.
-    seed : int
-        The same seed gives the same motion.
-
-    Raises
-    ------
-    ValueError
-        If a root mean square is negative, a period or the frequency not positive, or a number is not finite.
-    """
-
-    roll: float = 0.0
-    pitch: float = 0.0
-    yaw: float = 0.0
-    heave: float = 0.0
-    surge: float = 0.0
-    sway: float = 0.0
-    period: float = 8.0
-    roll_period: float | None = None
-    pitch_period: float | None = None
-    yaw_period: float | None = None
-    heave_period: float | None = None
-    sway_period: float | None = None
-    strum_heave: float = 0.0
-    strum_pitch: float = 0.0
-    strum_frequency: float = 10.0
-    seed: int = 0
+    roll: float = 0.0  # [rad]: root mean squares
+    pitch: float = 0.0  # [rad]: root mean squares
+    yaw: float = 0.0  # [rad]: root mean squares
+    heave: float = 0.0  # [m]: root mean squares, up, forward and to starboard
+    surge: float = 0.0  # [m]: root mean squares, up, forward and to starboard
+    sway: float = 0.0  # [m]: root mean squares, up, forward and to starboard
+    period: float = 8.0  # [s]: about which the motion's spectrum lies
+    roll_period: float | None = None  # [s]: the same of each
+    pitch_period: float | None = None  # [s]: the same of each
+    yaw_period: float | None = None  # [s]: the same of each
+    heave_period: float | None = None  # [s]: the same of each
+    sway_period: float | None = None  # [s]: the same of each
+    strum_heave: float = 0.0  # [rad]: root mean squares of a cable's strum
+    strum_pitch: float = 0.0  # [rad]: root mean squares of a cable's strum
+    strum_frequency: float = 10.0  # [Hz]: about which that lies
+    seed: int = 0  # the same seed gives the same motion
 
     def __post_init__(self):
         periods = [f"{name}_period" for name in _NAMES if getattr(self, f"{name}_period") is not None]
@@ -97,12 +74,12 @@ class RandomMotion:
 
     @property
     def moves(self) -> bool:
-        """Whether the platform rocks at all."""
+        """Return whether the platform rocks at all."""
         return self.strums or any(getattr(self, name) for name in (*_NAMES, "surge"))
 
     @property
     def strums(self) -> bool:
-        """Whether a cable shakes it."""
+        """Return whether a cable shakes it."""
         return self.strum_heave + self.strum_pitch > 0
 
     @property
@@ -111,17 +88,8 @@ class RandomMotion:
         return self.strum_frequency * (1 + _FASTEST * _STRUM_WIDTH) if self.strums else 0.0
 
     def at(self, times: ArrayLike) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """Realise the motion.
-
-        Parameters
-        ----------
-        times : array (...) [s]
-
-        Returns
-        -------
-        values, rates : dict of array (...)
-            Of "roll", "pitch", "yaw" [rad, rad/s], "heave", "surge" and "sway" [m, m/s].
-        """
+        """Realise the motion."""
+        # times (...) [s] -> values, rates (...)
         times = np.asarray(times, dtype=np.float64)
         values = {name: np.zeros_like(times) for name in (*_NAMES, *_ALONG_WITH)}
         rates = {name: np.zeros_like(times) for name in values}

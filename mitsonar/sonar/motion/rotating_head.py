@@ -31,29 +31,16 @@ WHOLE = 1e-6                       # of a step: a sector that lacks less of it h
 
 @dataclass(frozen=True, kw_only=True)
 class Sweep:
-    """The bearings of a head's pings.
+    """The bearings of a head's pings."""
 
-    Attributes
-    ----------
-    first : float [rad]
-        Bearing of the first ping.
-    step : float [rad]
-        From ping to ping, above 0.
-    sector : float [rad]
-        From the first bearing to the last one.
-    back_and_forth : bool
-        Whether the head goes back as it came. At either end it then stands for a ping. Otherwise a full circle goes on
-        and on, and a narrower sector begins anew at its first bearing; the way back takes no ping.
-    """
-
-    first: float
-    step: float
-    sector: float
-    back_and_forth: bool
+    first: float  # [rad]: bearing of the first ping
+    step: float  # [rad]: from ping to ping, above 0
+    sector: float  # [rad]: from the first bearing to the last one
+    back_and_forth: bool  # whether the head goes back as it came
 
     @property
     def endless(self) -> bool:
-        """Whether the head turns on and on."""
+        """Return whether the head turns on and on."""
         return self.sector >= 2 * np.pi * (1 - 1e-12) and not self.back_and_forth
 
     @property
@@ -63,17 +50,17 @@ class Sweep:
         return int(np.ceil(steps - WHOLE)) if self.endless else int(np.floor(steps + WHOLE)) + 1
 
     def turn(self, ping: np.ndarray) -> np.ndarray:
-        """Give the number of the turn, or of the way across the sector, that pings (P,) belong to."""
+        """Return the number of the turn, or of the way across the sector, that pings (P,) belong to."""
         if self.endless:
             return np.floor((np.asarray(ping) + WHOLE) * self.step / (2 * np.pi)).astype(int)
         return np.asarray(ping) // self.pings_per_turn
 
     def bearing(self, ping: np.ndarray) -> np.ndarray:
-        """Give the bearings of pings (P,) [rad], which run on past a full circle."""
+        """Return the bearings of pings (P,) [rad], which run on past a full circle."""
         return self.first + self.step * self._place(ping)
 
     def onward(self, ping: np.ndarray) -> np.ndarray:
-        """Give how far the head turns from pings (P,) to the ones after them [rad]; not the way back to its start."""
+        """Return how far the head turns from pings (P,) to the ones after them [rad]; not the way back to its start."""
         change = self._place(np.asarray(ping) + 1) - self._place(ping)
         return self.step * (change if self.back_and_forth else np.ones_like(change))
 
@@ -88,23 +75,12 @@ class Sweep:
 
 @dataclass(frozen=True, kw_only=True)
 class Head:
-    """A head and how it turns.
+    """A head and how it turns."""
 
-    Attributes
-    ----------
-    mount : str
-        Where it points: one of `MOUNTS`.
-    tilt : float [rad]
-        Of the beam, out of the plane it turns in, towards where the head points.
-    sweep : Sweep
-    turns_on : bool
-        Whether it turns on while echoes come in. Otherwise it stands, and turns between pings.
-    """
-
-    mount: str
-    tilt: float
+    mount: str  # where it points
+    tilt: float  # [rad]: of the beam, out of the plane it turns in, towards where the head points
     sweep: Sweep
-    turns_on: bool
+    turns_on: bool  # whether it turns on while echoes come in
 
     @property
     def mounted(self) -> np.ndarray:
@@ -112,7 +88,7 @@ class Head:
         return MOUNTS[self.mount][0]
 
     def rotation(self, bearing: np.ndarray) -> np.ndarray:
-        """Give the rotation from the head's frame to the platform's at bearings (...) [rad]: (..., 3, 3)."""
+        """Return the rotation from the head's frame to the platform's at bearings (...) [rad]: (..., 3, 3)."""
         frame, sign = MOUNTS[self.mount]
         beta = sign * np.asarray(bearing, float)
         sine, cosine, zero = np.sin(beta), np.cos(beta), np.zeros(np.shape(beta))
@@ -124,23 +100,12 @@ class Head:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HeadTrajectory(Trajectory):
-    """Follow a head on its platform; its attitude is that of the beam.
-
-    Attributes
-    ----------
-    head : Head
-    times : (P,) [s]
-        Of the pings' transmissions.
-    interval : float [s]
-        From the last ping to the one that would follow.
-    reach : (3,) [m]
-        Of a point of the head, from where its axes meet, in the head's own frame; `offset` is in the platform's.
-    """
+    """Follow a head on its platform; its attitude is that of the beam."""
 
     head: Head
-    times: np.ndarray
-    interval: float
-    reach: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    times: np.ndarray  # (P,) [s]: of the pings' transmissions
+    interval: float  # [s]: from the last ping to the one that would follow
+    reach: np.ndarray = field(default_factory=lambda: np.zeros(3))  # (3,) [m]
 
     @property
     def platform(self) -> Trajectory:
@@ -153,7 +118,7 @@ class HeadTrajectory(Trajectory):
                               times=self.times, interval=self.interval, reach=self.reach + np.asarray(offset, float))
 
     def bearing(self, times: np.ndarray, since: np.ndarray) -> np.ndarray:
-        """Give the bearings [rad] at times (...) [s] after the transmissions `since` (...) [s]."""
+        """Return the bearings [rad] at times (...) [s] after the transmissions `since` (...) [s]."""
         ping, sweep = np.arange(len(self.times)), self.head.sweep
         middle = 0.5 * (self.times[1:] + self.times[:-1])
         number = np.searchsorted(middle, since)
@@ -163,7 +128,7 @@ class HeadTrajectory(Trajectory):
         return sweep.bearing(ping)[number] + rate[number] * (times - self.times[number])
 
     def pose(self, times: np.ndarray, since: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Give position (..., 3) [m] and attitude (..., 3) [rad] of the beam; as `Trajectory.pose`."""
+        """Return position (..., 3) [m] and attitude (..., 3) [rad] of the beam; as `Trajectory.pose`."""
         times = np.asarray(times, float)
         since = times if since is None else np.broadcast_to(since, times.shape)
         position, attitude = super().pose(times, since)
@@ -172,7 +137,7 @@ class HeadTrajectory(Trajectory):
 
 
 def attitude_of(rotation: np.ndarray) -> np.ndarray:
-    """Give roll, pitch and heading (..., 3) [rad] of rotations (..., 3, 3) from body to scene.
+    """Return roll, pitch and heading (..., 3) [rad] of rotations (..., 3, 3) from body to scene.
 
     Those of `track.rotation_matrix`, exact at any pitch: the roll is taken about the heading that was found.
     """
@@ -185,7 +150,7 @@ def attitude_of(rotation: np.ndarray) -> np.ndarray:
 
 
 def turned_voyage(voyage: Voyage, head: Head, interval: float) -> Voyage:
-    """Give the voyage of a head on a platform, whose pings are the platform's, by rule an interval [s] apart.
+    """Return the voyage of a head on a platform, whose pings are the platform's, by rule an interval [s] apart.
 
     Its track has the attitude of the beam at each transmission.
     """

@@ -71,7 +71,7 @@ class Track:
         self._check()
 
     def moved(self, position: np.ndarray, attitude: np.ndarray) -> Track:
-        """Give the track that is off by so much.
+        """Return the track that is off by so much.
 
         Parameters
         ----------
@@ -142,7 +142,7 @@ class Track:
         return cls(time=time, position=start + speed * time[:, None] * course, roll=roll, pitch=pitch, heading=heading)
 
     def rotation(self) -> np.ndarray:
-        """Give the rotation from body to scene at every ping.
+        """Return the rotation from body to scene at every ping.
 
         Returns
         -------
@@ -235,7 +235,7 @@ class Track:
 
 
 def rotation_matrix(roll: Real, pitch: Real, heading: Real) -> np.ndarray:
-    """Give the rotations from body to scene (..., 3, 3) at attitudes (...) [rad]; see the module's equation."""
+    """Return the rotations from body to scene (..., 3, 3) at attitudes (...) [rad]; see the module's equation."""
     (sr, cr), (sp, cp), (sh, ch) = ((np.sin(a), np.cos(a)) for a in np.broadcast_arrays(roll, pitch, heading))
     north = [ch * cp, ch * sp * sr - sh * cr, ch * sp * cr + sh * sr]
     east = [sh * cp, sh * sp * sr + ch * cr, sh * sp * cr - ch * sr]
@@ -244,7 +244,7 @@ def rotation_matrix(roll: Real, pitch: Real, heading: Real) -> np.ndarray:
 
 
 def mounting_matrix(roll: Real, pitch: Real, heading: Real) -> np.ndarray:
-    """Give the rotations from a head to the body it is mounted in, Rz(heading) Ry(pitch) Rx(roll), (..., 3, 3)."""
+    """Return the rotations from a head to the body it is mounted in, Rz(heading) Ry(pitch) Rx(roll), (..., 3, 3)."""
     east, north, up = np.moveaxis(rotation_matrix(roll, pitch, heading), -2, 0)
     return np.stack([north, east, -up], -2)
 

@@ -39,14 +39,8 @@ MOST_SWINGS = 2.0                  # of a strum while the echoes of a ping come 
 
 
 class Smooth:
-    """A spline through numbers at given times, with straight ends.
-
-    Parameters
-    ----------
-    time : array (N,) [s]
-        Strictly increasing.
-    values : array (N, ...)
-    """
+    """A spline through numbers at given times, with straight ends."""
+    # time (N,) [s]; values (N, ...)
 
     def __init__(self, time: np.ndarray, values: np.ndarray):
         from scipy.interpolate import CubicSpline
@@ -59,7 +53,7 @@ class Smooth:
         self._slope = self._spline.derivative()
 
     def at(self, times: np.ndarray) -> np.ndarray:
-        """Give the values at times (...) [s]: (..., *values.shape[1:])."""
+        """Return the values at times (...) [s]: (..., *values.shape[1:])."""
         inside = np.clip(times, self.first, self.last)
         beyond = np.reshape(times - inside, np.shape(inside) + (1,) * (self._spline.c.ndim - 2))
         return self._spline(inside) + beyond * self._slope(inside)
@@ -70,33 +64,18 @@ class Lead(ABC):
 
     @abstractmethod
     def at(self, times: np.ndarray, since: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Give position (..., 3) [m] and attitude (..., 3) [rad]: roll, pitch, heading, which may run on.
-
-        Parameters
-        ----------
-        times : array (...) [s]
-        since : array (...) [s]
-            Transmission of the ping that is asked about: while its echoes come in, the sonar stays on its leg.
-        """
+        """Return position (..., 3) [m] and attitude (..., 3) [rad]: roll, pitch, heading, which may run on."""
+        # times (...) [s]; since (...) [s]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recorded(Lead):
-    """A track as it was recorded, or laid.
+    """A track as it was recorded, or laid."""
 
-    Parameters
-    ----------
-    position, attitude : Smooth (3) [m], [rad]
-    height : Smooth () [m] or None
-        Takes the place of z.
-    heave : Smooth () [m] or None
-        Added to z.
-    """
-
-    position: Smooth
-    attitude: Smooth
-    height: Smooth | None = None
-    heave: Smooth | None = None
+    position: Smooth  # (3) [rad]
+    attitude: Smooth  # (3) [rad]
+    height: Smooth | None = None  # [m]: takes the place of z
+    heave: Smooth | None = None  # [m]: added to z
 
     @classmethod
     def through(cls, track: Track, **heights: Smooth) -> Recorded:
@@ -117,18 +96,11 @@ class Recorded(Lead):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sailed(Lead):
-    """A course through way points, level, at one speed, heading along it; turns begin and end within a second.
-
-    Parameters
-    ----------
-    course : Course
-    speed : float [m/s]
-    height : Smooth () [m]
-    """
+    """A course through way points, level, at one speed, heading along it; turns begin and end within a second."""
 
     course: Course
-    speed: float
-    height: Smooth
+    speed: float  # [m/s]
+    height: Smooth  # [m]
 
     def at(self, times: np.ndarray, since: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if self.course.has_arcs:
@@ -141,18 +113,11 @@ class Sailed(Lead):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Circled(Lead):
-    """A level circle, sailed clockwise at one speed from its northernmost point on, heading along it.
+    """A level circle, sailed clockwise at one speed from its northernmost point on, heading along it."""
 
-    Parameters
-    ----------
-    middle : array (3,) [m]
-    radius : float [m]
-    speed : float [m/s]
-    """
-
-    middle: np.ndarray
-    radius: float
-    speed: float
+    middle: np.ndarray  # (3,) [m]
+    radius: float  # [m]
+    speed: float  # [m/s]
 
     def at(self, times: np.ndarray, since: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         bearing = self.speed * np.asarray(times, float) / self.radius
@@ -163,19 +128,11 @@ class Circled(Lead):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PingTravel:
-    """How a sonar goes on while the echoes of its pings come in.
+    """How a sonar goes on while the echoes of its pings come in."""
 
-    Attributes
-    ----------
-    displacement, turn : array (P, K, 3) [m/s^k], [rad/s^k]
-        d_k and r_k of the module's equations, k = 1 ... K; scene frame.
-    duration : float [s]
-        Since the transmission, up to which they hold.
-    """
-
-    displacement: np.ndarray
-    turn: np.ndarray
-    duration: float
+    displacement: np.ndarray  # (P, K, 3) [rad/s^k]: d_k and r_k of the module's equations, k = 1
+    turn: np.ndarray  # (P, K, 3) [rad/s^k]: d_k and r_k of the module's equations, k = 1
+    duration: float  # [s]: since the transmission, up to which they hold
 
     def trimmed(self) -> PingTravel:
         """Leave out the highest powers that stay below 1e-9 m and rad; a platform at rest has none.
@@ -192,7 +149,7 @@ class PingTravel:
         return replace(self, displacement=displacement, turn=turn)
 
     def peak(self, coefficients: np.ndarray, order: int) -> np.ndarray:
-        """Give the largest length of a derivative of polynomials (P, K, 3) until the end: (P,), by 17 times."""
+        """Return the largest length of a derivative of polynomials (P, K, 3) until the end: (P,), by 17 times."""
         time, powers = np.linspace(0, self.duration, 17)[:, None], np.arange(1, coefficients.shape[1] + 1)
         scale = np.prod([np.maximum(powers - k, 0) for k in range(order)], axis=0)
         values = np.einsum("tk,pkx->ptx", scale * time ** np.maximum(powers - order, 0), coefficients)
@@ -206,33 +163,19 @@ class PingTravel:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trajectory:
-    """Hold where a sonar goes, how it rocks, and where on the platform it sits.
-
-    Parameters
-    ----------
-    lead : Lead
-    motion : RandomMotion
-    offset : array (3,) [m]
-        Forward, starboard, down of the sonar from where the track leads.
-    """
+    """Hold where a sonar goes, how it rocks, and where on the platform it sits."""
 
     lead: Lead
     motion: RandomMotion = RandomMotion()
-    offset: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    offset: np.ndarray = field(default_factory=lambda: np.zeros(3))  # (3,) [m]
 
     def carried(self, offset: np.ndarray) -> Trajectory:
         """Follow another point of the body, `offset` (3,) [m] further forward, starboard, down."""
         return replace(self, offset=self.offset + np.asarray(offset, float))
 
     def pose(self, times: np.ndarray, since: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Give position (..., 3) [m] and attitude (..., 3) [rad]: roll, pitch, heading, which may run on.
-
-        Parameters
-        ----------
-        times : array (...) [s]
-        since : array (...) [s] or None
-            As of `Lead.at`; None: the times.
-        """
+        """Return position (..., 3) [m] and attitude (..., 3) [rad]: roll, pitch, heading, which may run on."""
+        # times (...) [s]; since (...) [s]
         times = np.asarray(times, float)
         position, attitude = self.lead.at(times, times if since is None else np.broadcast_to(since, times.shape))
         if self.motion.moves:
@@ -249,11 +192,11 @@ class Trajectory:
         return position, attitude
 
     def position(self, times: np.ndarray) -> np.ndarray:
-        """Give the position (..., 3) [m] at times (...) [s], scene frame."""
+        """Return the position (..., 3) [m] at times (...) [s], scene frame."""
         return self.pose(times)[0]
 
     def rotation(self, times: np.ndarray) -> np.ndarray:
-        """Give the rotation from body to scene (..., 3, 3) at times (...) [s]."""
+        """Return the rotation from body to scene (..., 3, 3) at times (...) [s]."""
         return rotation_matrix(*np.moveaxis(self.pose(times)[1], -1, 0))
 
     def track(self, times: np.ndarray) -> Track:
@@ -263,7 +206,7 @@ class Trajectory:
         return Track(time=times, position=position, roll=roll, pitch=pitch, heading=heading)
 
     def rates(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Give velocity and angular velocity (P, 3) [m/s], [rad/s] at times (P,) [s], scene frame.
+        """Return velocity and angular velocity (P, 3) [m/s], [rad/s] at times (P,) [s], scene frame.
 
         Second-order differences forwards: what they are while the echoes come in.
         """
@@ -275,12 +218,7 @@ class Trajectory:
         return velocity, (4 * near - far) / (2 * STEP)
 
     def during(self, times: np.ndarray, duration: float) -> PingTravel:
-        """Give the way on after transmissions at times (P,) [s] for a duration [s]: K = 6 powers, of a strum to 12.
-
-        Raises
-        ------
-        ValueError
-            If the platform turns by more than 2 rad meanwhile, or a strum swings more than twice.
+        """Return the way on after transmissions at times (P,) [s] for a duration [s]: K = 6 powers, of a strum to 12.
         """
         times, duration = np.asarray(times, float), max(float(duration), 1e-6)
         swings = self.motion.fastest * duration
@@ -307,13 +245,7 @@ class Trajectory:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Voyage:
-    """Hold the track of the pings, and the trajectory that it lies on.
-
-    Parameters
-    ----------
-    track : Track
-    trajectory : Trajectory
-    """
+    """Hold the track of the pings, and the trajectory that it lies on."""
 
     track: Track
     trajectory: Trajectory

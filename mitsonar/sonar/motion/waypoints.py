@@ -23,29 +23,8 @@ _WEIGHTS /= _WEIGHTS.sum()
 
 
 class Course:
-    """Lay legs and turns through way points.
-
-    Parameters
-    ----------
-    points : array (N, 2) [m]
-        x east, y north; at least two, no two alike in a row.
-    turn_radius : float [m]
-        Of the arcs; 0: corners.
-
-    Attributes
-    ----------
-    length : float [m]
-        Of the whole course.
-    marks : array (N,) [m]
-        Distance sailed where each way point is passed: at the middle of its arc.
-    has_arcs : bool
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than two points, two in a row are the same, a number is not finite, the course turns back on
-        itself along an arc, or two neighbouring turns do not fit on the leg between them.
-    """
+    """Lay legs and turns through way points."""
+    # points (N, 2) [m]; turn_radius [m]; length [m]; marks (N,) [m]
 
     def __init__(self, points: ArrayLike, turn_radius: float = 0.0):
         points = np.array(points, dtype=np.float64)
@@ -80,7 +59,7 @@ class Course:
 
     @staticmethod
     def _cuts(turns: np.ndarray, lengths: np.ndarray, radius: float) -> np.ndarray:
-        """Give how much of the legs on both sides of each inner way point its arc takes [m]."""
+        """Return how much of the legs on both sides of each inner way point its arc takes [m]."""
         if radius == 0:
             return np.zeros(len(turns))
         back = np.flatnonzero(np.abs(turns) > np.deg2rad(_BACK_DEG))
@@ -101,22 +80,10 @@ class Course:
     def rounded(self, distance: ArrayLike, width: float) -> tuple[np.ndarray, np.ndarray]:
         """Follow the course with its curvature growing and fading over a width [m], as a vessel's rate of turn does.
 
-        Parameters
-        ----------
-        distance : array (...) [m]
-        width : float [m]
-
-        Returns
-        -------
-        position : array (..., 2) [m]
-        heading : array (...) [rad]
-            Of the course, clockwise from north, not wrapped.
-
-        Notes
-        -----
         The mean of the course over a cubic B-spline of that width: legs stay what they are, an arc of curvature κ keeps
         its centre and its rate of turn and loses the share 1 - sinc(κ width / 8)^4 of its radius (sinc x = sin(x) / x).
         """
+        # distance (...) [m]; width [m] -> position (..., 2) [m], heading (...) [rad]
         distance = np.asarray(distance, dtype=np.float64)
         position, heading, curvature = self.at(distance)
         ends = self._part(distance - 0.5 * width), self._part(distance + 0.5 * width)
@@ -139,27 +106,12 @@ class Course:
         return position, heading
 
     def _part(self, distance: np.ndarray) -> np.ndarray:
-        """Give the number of the leg or arc that distances lie on."""
+        """Return the number of the leg or arc that distances lie on."""
         return np.clip(np.searchsorted(self._begins, distance, side="right") - 1, 0, len(self._lengths) - 1)
 
     def at(self, distance: ArrayLike, on: ArrayLike | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Follow the course, and beyond its ends straight on.
-
-        Parameters
-        ----------
-        distance : array (...) [m]
-            Sailed from the first way point, from 0 to `length`.
-        on : array (...) [m] or None
-            Where the course has corners: which leg is followed, beyond its ends too, by a distance on it.
-
-        Returns
-        -------
-        position : array (..., 2) [m]
-        heading : array (...) [rad]
-            Of the course, clockwise from north, not wrapped.
-        curvature : array (...) [rad/m]
-            Turn per metre, positive to starboard; 0 in corners.
-        """
+        """Follow the course, and beyond its ends straight on."""
+        # distance (...) [m]; on (...) [m] -> position (..., 2) [m], heading (...) [rad], curvature (...) [rad/m]
         distance = np.asarray(distance, dtype=np.float64)
         leg = distance if on is None or self._curvature.any() else np.broadcast_to(on, distance.shape)
         part = self._part(leg)

@@ -77,7 +77,7 @@ class Pulse:
 
     # ------------------------------------------------------------------------------------------------ in time
     def envelope(self, time: ArrayLike, doppler: float = 1.0) -> np.ndarray:
-        """Give the complex envelope s_b of an echo whose first instant arrives at time 0.
+        """Return the complex envelope s_b of an echo whose first instant arrives at time 0.
 
         Parameters
         ----------
@@ -98,12 +98,12 @@ class Pulse:
         return np.where(inside, self._shape(own) * carrier, 0.0)
 
     def sampled_at(self, sampling_rate: float, doppler: float = 1.0) -> np.ndarray:
-        """Give the envelope at times n / `sampling_rate`, from 0 to the pulse's end; complex (N,)."""
+        """Return the envelope at times n / `sampling_rate`, from 0 to the pulse's end; complex (N,)."""
         count = int(np.floor(self.duration / doppler * sampling_rate * (1 + 1e-12))) + 1
         return self.envelope(np.arange(count) / sampling_rate, doppler)
 
     def replica(self, window: Window | None = None) -> "Pulse":
-        """Give the pulse a matched filter correlates with: this one, shaded once more by `window`."""
+        """Return the pulse a matched filter correlates with: this one, shaded once more by `window`."""
         return self if window is None else replace(self, modulation=self._shape, window=window)
 
     def _shape(self, own: np.ndarray) -> np.ndarray:
@@ -138,7 +138,7 @@ class Pulse:
 
     # ------------------------------------------------------------------------------------------------ in frequency
     def spectrum(self, sampling_rate: float, samples: int, doppler: float = 1.0) -> np.ndarray:
-        """Give the Fourier transform of the envelope on the grid of an FFT.
+        """Return the Fourier transform of the envelope on the grid of an FFT.
 
         Parameters
         ----------
@@ -186,7 +186,7 @@ class Pulse:
         return self._overlap(self)
 
     def compressed_length(self, window: Window | None = None) -> float:
-        """Give the effective length of the pulse after a matched filter of unit gain.
+        """Return the effective length of the pulse after a matched filter of unit gain.
 
         Parameters
         ----------

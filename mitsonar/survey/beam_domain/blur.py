@@ -24,24 +24,8 @@ REACH = 3                          # bins to either side that the compressed pul
 
 
 class Blur:
-    """Blur planes of energies.
-
-    Parameters
-    ----------
-    sines : (B,) [-]
-        Of the beams, rising.
-    place, weight : (N,) [wavelengths], [-]
-        Of the line.
-    bandwidth_share : float [-]
-        The pulse's bandwidth over the sampling rate.
-
-    Attributes
-    ----------
-    edges : (B + 1,)
-        Sines that part the beams.
-    reach : int
-        Beams to either side that M reaches.
-    """
+    """Blur planes of energies."""
+    # sines (B,) [-]; place (N,) [-]; weight (N,) [-]
 
     def __init__(self, sines: np.ndarray, place: np.ndarray, weight: np.ndarray, bandwidth_share: float):
         self.beams = len(sines)
@@ -55,12 +39,12 @@ class Blur:
         dr.eval(self._band)
 
     def grown(self, box: tuple[int, int, int, int], bins: int) -> tuple[int, int, int, int]:
-        """Give the box (first and last beam, first and last bin, the ends left out) that a box's energies reach."""
+        """Return the box (first and last beam, first and last bin, the ends left out) that a box's energies reach."""
         b0, b1, t0, t1 = box
         return max(b0 - self.reach, 0), min(b1 + self.reach, self.beams), max(t0 - REACH, 0), min(t1 + REACH, bins)
 
     def shown(self, energy: np.ndarray, first_beam: int) -> np.ndarray:
-        """Give what the picture makes of energies (b, t) of the beams from `first_beam` on: float32 (b, t)."""
+        """Return what the picture makes of energies (b, t) of the beams from `first_beam` on: float32 (b, t)."""
         beams, bins = energy.shape
         plane = upload(mi.Float, np.ascontiguousarray(energy, np.float32))
         half, rows, columns, first = (dr.opaque(mi.UInt32, n) for n in (self.reach, beams, bins, first_beam))
@@ -77,15 +61,7 @@ class Blur:
 
 
 class OneBeam:
-    """Blur energies of a single beam that tells no sines apart: by the compressed pulse alone. See `Blur`.
-
-    Parameters
-    ----------
-    widest : float [-]
-        Sine that it hears up to.
-    bandwidth_share : float [-]
-        The pulse's bandwidth times a bin's length.
-    """
+    """Blur energies of a single beam that tells no sines apart: by the compressed pulse alone. See `Blur`."""
 
     beams = 1
 
@@ -96,12 +72,12 @@ class OneBeam:
         self._spread = np.array([1.0]) if bandwidth_share >= 1 else spread / spread.sum()
 
     def grown(self, box: tuple[int, int, int, int], bins: int) -> tuple[int, int, int, int]:
-        """Give the box that a box's energies reach."""
+        """Return the box that a box's energies reach."""
         aside = len(self._spread) // 2
         return 0, 1, max(box[2] - aside, 0), min(box[3] + aside, bins)
 
     def shown(self, energy: np.ndarray, first_beam: int) -> np.ndarray:
-        """Give what the picture makes of energies (1, t): float32 (1, t)."""
+        """Return what the picture makes of energies (1, t): float32 (1, t)."""
         return np.convolve(energy[0], self._spread, "same")[None, :energy.shape[1]].astype(np.float32)
 
 

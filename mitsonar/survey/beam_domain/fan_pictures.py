@@ -32,27 +32,8 @@ Say = Callable[[str], None]
 
 
 class FanPictures:
-    """Make the pictures of a survey's pings.
-
-    Parameters
-    ----------
-    survey : ArraySurvey
-        Its record must lead by a pulse.
-    directions : (B,) [rad], (B, 3)
-        Of the beams, as `fan.fan_directions` gives them.
-    seed : int
-    way : {"beams", "elements"} or None
-        In the beam domain, or by the signals of elements; None: the first where that can be done.
-
-    Attributes
-    ----------
-    way : {"beams", "elements"}
-
-    Raises
-    ------
-    ValueError
-        If "beams" is asked for and the array or the run do not allow it, or a frame is too large.
-    """
+    """Make the pictures of a survey's pings."""
+    # directions (B,) [rad]
 
     def __init__(self, survey: ArraySurvey, directions: tuple[np.ndarray, np.ndarray], *, seed: int,
                  way: str | None = None):
@@ -68,13 +49,7 @@ class FanPictures:
         return Frames(self._survey, self._directions[1], per_cell=self._survey.per_cell)
 
     def whole(self, progress: Progress | None = None, say: Say | None = None) -> xr.Dataset:
-        """Make the pictures of all pings; arguments as of `mitsonar.render`.
-
-        Raises
-        ------
-        ValueError
-            If they do not fit into memory together.
-        """
+        """Make the pictures of all pings; arguments as of `mitsonar.render`."""
         survey, pings = self._survey, range(self._survey.track.pings)
         limits.check_beams(survey, len(self._directions[0]), pings=len(pings))
         if self._beams is None:

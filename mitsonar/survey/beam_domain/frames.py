@@ -33,16 +33,9 @@ __all__ = ["Frames", "LaidPing", "lay", "why_not"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LaidPing:
-    """What of a ping its truth is made from.
+    """What of a ping its truth is made from."""
 
-    Attributes
-    ----------
-    scatterers : GridEchoes or None
-        None where there are none.
-    targets : list of TargetEchoes
-    """
-
-    scatterers: GridEchoes | None
+    scatterers: GridEchoes | None  # none where there are none
     targets: list[TargetEchoes]
 
 
@@ -82,22 +75,8 @@ def why_not(survey: ArraySurvey, direction: np.ndarray) -> str:
 
 
 class Frames:
-    """Make the frames of a survey.
-
-    Parameters
-    ----------
-    survey : ArraySurvey
-        Its record must lead by a pulse.
-    direction : (B, 3)
-        Of the beams, body frame.
-    per_cell : float [-]
-        Scatterers a resolution cell.
-
-    Raises
-    ------
-    ValueError
-        If `why_not` says why.
-    """
+    """Make the frames of a survey."""
+    # direction (B, 3)
 
     def __init__(self, survey: ArraySurvey, direction: np.ndarray, *, per_cell: float):
         why = why_not(survey, direction)
@@ -127,14 +106,8 @@ class Frames:
 
     def frame(self, ping: int, seed: int,
               progress: Callable[[float], None] | None = None) -> tuple[np.ndarray, EnergyRecord]:
-        """Make one frame.
-
-        Returns
-        -------
-        beams : complex64 (B, samples) [µPa]
-        truth : EnergyRecord
-            Arrays (B, ..., bins).
-        """
+        """Make one frame."""
+        # -> beams (B, samples) [µPa]
         survey, grid = self.survey, self._beams.grid()
         laid = lay(self.echoes, grid, ping, seed)
         beams = self._beams.form(grid, doppler=self.echoes.doppler(ping), noise=self._noise, key=ping_key(seed, ping))

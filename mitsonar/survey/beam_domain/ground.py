@@ -42,42 +42,17 @@ TOGETHER = 1 << 19                 # scatterers that are looked at by way of the
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LitScatterers:
-    """Scatterers around a sonar, on the device.
-
-    Attributes
-    ----------
-    scatterers : ThinnedSet
-    legs : TableLegs
-        To them.
-    energy : Float (R,)
-        Mean square of what comes back to the sonar for a source level of 0 dB, without beams, as if the way were free;
-        0 of those that do not exist or send nothing back.
-    state : UInt32 (R,)
-        FREE, HIDDEN_BY_BED or HIDDEN_BY_OBJECT.
-    """
+    """Scatterers around a sonar, on the device."""
 
     scatterers: ThinnedSet
-    legs: TableLegs
-    energy: mi.Float
-    state: mi.UInt32
+    legs: TableLegs  # to them
+    energy: mi.Float  # (R,)
+    state: mi.UInt32  # (R,): FREE, HIDDEN_BY_BED or HIDDEN_BY_OBJECT
 
 
 class Ground:
-    """Find the scatterers of a survey's scene.
-
-    Parameters
-    ----------
-    survey : ArraySurvey
-    beside : Ground or None
-        Of another survey over the same scene, from the same track and as far: its patches are shared.
-
-    Attributes
-    ----------
-    ensonification : Ensonification
-        Makes what else there is: targets, ghosts, the water.
-    nearest, farthest : float [m]
-        Distances that matter.
-    """
+    """Find the scatterers of a survey's scene."""
+    # nearest [m]; farthest [m]
 
     def __init__(self, survey: ArraySurvey, beside: Ground | None = None):
         geometry, reach = survey.geometry, 0.5 * survey.time[-1] * survey.water.fastest
@@ -96,20 +71,7 @@ class Ground:
         dr.eval(self._kinds)
 
     def lit(self, density: Density, useful: Callable[[mi.Vector3f, mi.Float], mi.Bool]) -> LitScatterers | None:
-        """Find the scatterers around a place.
-
-        Parameters
-        ----------
-        density : Density
-            Of the scatterers; its origin is the place.
-        useful : callable(direction, distance) -> Bool
-            Whether a direction (Vector3f, scene) is looked into at a distance (Float) [m].
-
-        Returns
-        -------
-        LitScatterers or None
-            None where there are none.
-        """
+        """Find the scatterers around a place."""
         patch, number = self._scatterers.candidates(density, useful)
         if not dr.width(patch):
             return None
@@ -122,18 +84,8 @@ class Ground:
 
     def hiding(self, origin: np.ndarray, hidden: mi.UInt32, offset: tuple[mi.Float, mi.Float],
                launch_sine: mi.Float) -> mi.UInt32:
-        """Give the numbers of the objects that hide scatterers, 0 where none is found.
-
-        Parameters
-        ----------
-        origin : (3,) [m]
-        hidden : UInt32 (H,)
-            Numbers of the scatterers.
-        offset : (Float, Float) (R,) [m]
-            x and y of all scatterers from the origin.
-        launch_sine : Float (R,)
-            Below the horizon, of their rays.
-        """
+        """Return the numbers of the objects that hide scatterers, 0 where none is found."""
+        # origin (3,) [m]; hidden (H,); offset (Float, Float) [m]; launch_sine (R,)
         x, y, launch = (dr.gather(mi.Float, column, hidden) for column in (*offset, launch_sine))
         across = dr.sqrt(x * x + y * y)
         cosine = dr.sqrt(dr.maximum(1 - launch * launch, 0)) / dr.maximum(across, 1e-6)
@@ -157,7 +109,7 @@ class Ground:
                             shape=some.shape, primitive=some.primitive, uv=some.uv, smooth=some.smooth)
 
     def table(self, ping: int) -> EigenrayTable:
-        """Give the eigenrays of a ping."""
+        """Return the eigenrays of a ping."""
         return self._table_of(-float(self._survey.track.position[ping, 2]))
 
     def _table_of(self, depth: float) -> EigenrayTable:

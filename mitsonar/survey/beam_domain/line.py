@@ -21,27 +21,15 @@ SEPARABLE = 1e-6                   # of the largest weight, that a product of ro
 
 @dataclass(frozen=True, kw_only=True)
 class LineArray:
-    """An array seen as a line of columns.
+    """An array seen as a line of columns."""
 
-    Attributes
-    ----------
-    axis, normal : (3,)
-        Unit vectors of the fan's plane, body frame.
-    centre : (3,) [m]
-        Of the array, body frame; the places are about it.
-    place, weight : (N,) [m], [-]
-        Of the columns along the axis.
-    row_place, row_weight : (M,) [m], [-]
-        Of the rows; one for a line.
-    """
-
-    axis: np.ndarray
-    normal: np.ndarray
-    centre: np.ndarray
-    place: np.ndarray
-    weight: np.ndarray
-    row_place: np.ndarray
-    row_weight: np.ndarray
+    axis: np.ndarray  # (3,): unit vectors of the fan's plane, body frame
+    normal: np.ndarray  # (3,): unit vectors of the fan's plane, body frame
+    centre: np.ndarray  # (3,) [m]: of the array, body frame
+    place: np.ndarray  # (N,) [-]: of the columns along the axis
+    weight: np.ndarray  # (N,) [-]: of the columns along the axis
+    row_place: np.ndarray  # (M,) [-]: of the rows
+    row_weight: np.ndarray  # (M,) [-]: of the rows
 
     @property
     def length(self) -> float:
@@ -51,21 +39,8 @@ class LineArray:
 
     @classmethod
     def of(cls, array: Array, direction: np.ndarray, wavelength: float) -> LineArray:
-        """See an array as a line.
-
-        Parameters
-        ----------
-        array : Array
-            That receives.
-        direction : (B, 3)
-            Of the beams, body frame: their plane holds the line.
-        wavelength : float [m]
-
-        Raises
-        ------
-        ValueError
-            If it is none, saying why; see `refusal`.
-        """
+        """See an array as a line."""
+        # direction (B, 3); wavelength [m]
         why = refusal(array, direction, wavelength)
         if why:
             raise ValueError(f"the receive array is no line, nor rows of lines: {why}")

@@ -34,24 +34,8 @@ MOST = 1 << 21                     # directions of a ping
 
 
 class LobeRays:
-    """Draw directions in the lobe of a line.
-
-    Parameters
-    ----------
-    axis, normal : (3,)
-        Unit vectors, body frame: b, and what the elements look at.
-    place : (E,) [wavelengths]
-        Of the elements along the axis.
-    weight : (E,) [-]
-    pattern : callable
-        As of `Ensonification.pattern`.
-    around : float [1/rad]
-        How many directions are wanted for every radian of φ that is looked at.
-
-    Attributes
-    ----------
-    axis : (3,)
-    """
+    """Draw directions in the lobe of a line."""
+    # axis (3,); normal (3,); place (E,) [wavelengths]; weight (E,) [-]; around [1/rad]
 
     def __init__(self, axis: np.ndarray, normal: np.ndarray, *, place: np.ndarray, weight: np.ndarray,
                  pattern: Callable, around: float):
@@ -66,24 +50,8 @@ class LobeRays:
         self._edges = np.linspace(-1, 1, int(np.ceil(2 / cell)) + 1)
 
     def draw(self, rotation: np.ndarray, sine: float, key: int) -> tuple[mi.Vector3f, mi.Float, Strata]:
-        """Draw the directions of a ping.
-
-        Parameters
-        ----------
-        rotation : (3, 3)
-            Body to scene.
-        sine : float [-]
-            u_0.
-        key : int
-            Of the random numbers.
-
-        Returns
-        -------
-        direction : Vector3f (R,)
-            Scene coordinates.
-        solid_angle : Float (R,) [sr]
-        strata : Strata
-        """
+        """Draw the directions of a ping."""
+        # rotation (3, 3) -> direction (R,), solid_angle (R,) [sr]
         axis, ahead = rotation @ self.axis, rotation @ self._ahead
         aside = np.cross(axis, ahead)
         turns = np.linspace(-np.pi, np.pi, AROUND + 1)
@@ -114,7 +82,7 @@ class LobeRays:
 
 
 def _rows(wanted: float) -> int:
-    """Give strata of φ for so many directions, whose distances `echoes.volume` spreads by the golden share exactly.
+    """Return strata of φ for so many directions, whose distances `echoes.volume` spreads by the golden share exactly.
 
     A share made coprime by a step leaves the golden one, and distances come in clumps.
     """

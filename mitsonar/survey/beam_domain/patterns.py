@@ -25,26 +25,11 @@ __all__ = ["Patterns"]
 
 
 class Patterns:
-    """The factors of one survey.
+    """The factors of one survey."""
+    # transmit_centre (3,) [m]
 
-    Parameters
-    ----------
-    survey : ArraySurvey
-    line : LineArray
-        Of the receive array.
-
-    Attributes
-    ----------
-    transmit_centre : (3,) [m]
-        Body frame.
-    transmit_axis : (3,) or None [-]
-        Unit vector, body frame, of a transmitting line that is steered ping by ping,
-    transmit_length : float [m]
-        and its length, as of `LineArray`.
-    """
-
-    transmit_axis: np.ndarray | None = None
-    transmit_length: float = 0.0
+    transmit_axis: np.ndarray | None = None  # (3,) [-]
+    transmit_length: float = 0.0  # [m]: and its length, as of `LineArray`
 
     def __init__(self, survey: ArraySurvey, line: LineArray):
         self._transmit, self._receive, self._wavelength = survey.transmit, survey.receive, survey.wavelength
@@ -73,17 +58,8 @@ class Patterns:
 
     def factor(self, sent: mi.Vector3f, towards: mi.Vector3f, rotation: np.ndarray,
                steering: np.ndarray | None = None) -> tuple[mi.Float, mi.Float | None]:
-        """Give real and imaginary part of f, the latter None where it is 0.
-
-        Parameters
-        ----------
-        sent, towards : Vector3f (R,)
-            Scene, and the scene at the transmission turned with the body.
-        rotation : (3, 3)
-            Body to scene, at the transmission.
-        steering : (3,) or None
-            u, body frame.
-        """
+        """Return real and imaginary part of f, the latter None where it is 0."""
+        # sent, towards (R,); rotation (3, 3); steering (3,)
         real, imaginary = dr.opaque(mi.Float, self._sign), None
         for array, direction in ((self._transmit, sent), (self._receive, towards)):
             if not omni(array):

@@ -38,53 +38,27 @@ __all__ = ["GridEchoes", "PingEchoes", "TargetEchoes"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridEchoes:
-    """Some echoes, on the device.
+    """Some echoes, on the device."""
 
-    Attributes
-    ----------
-    column : Float (R,)
-        Samples after the record's start, the delay that Doppler makes of a sweep included.
-    sine : Float (R,)
-    real, imaginary : Float (R,)
-        Complex amplitude for a source level of 0 dB, the carrier's phase included; 0 where the way is not free.
-    energy : Float (R,)
-        Mean square of the amplitude over chance, as if the way were free; 0 where there is no echo.
-    state : UInt32 (R,)
-        What hides it: `ground.FREE`, `HIDDEN_BY_BED` or `HIDDEN_BY_OBJECT`.
-    label : UInt32 (R,)
-        Number of the instance.
-    launch_sine : Float (R,)
-        Of the way out, below the horizon.
-    x, y, depth : Float (R,) [m]
-        Place, scene coordinates; x and y from the ping's origin.
-    """
-
-    column: mi.Float
-    sine: mi.Float
-    real: mi.Float
-    imaginary: mi.Float
-    energy: mi.Float
-    state: mi.UInt32
-    label: mi.UInt32
-    launch_sine: mi.Float
-    x: mi.Float
-    y: mi.Float
-    depth: mi.Float
+    column: mi.Float  # (R,): samples after the record's start, the delay that Doppler makes of a sweep included
+    sine: mi.Float  # (R,)
+    real: mi.Float  # (R,): complex amplitude for a source level of 0 dB, the carrier's phase included
+    imaginary: mi.Float  # (R,): complex amplitude for a source level of 0 dB, the carrier's phase included
+    energy: mi.Float  # (R,): mean square of the amplitude over chance, as if the way were free
+    state: mi.UInt32  # (R,): what hides it
+    label: mi.UInt32  # (R,): number of the instance
+    launch_sine: mi.Float  # (R,): of the way out, below the horizon
+    x: mi.Float  # (R,) [m]: place, scene coordinates
+    y: mi.Float  # (R,) [m]: place, scene coordinates
+    depth: mi.Float  # (R,) [m]: place, scene coordinates
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TargetEchoes:
-    """Echoes with a phase of their own, of one instance or several.
-
-    Attributes
-    ----------
-    echoes : GridEchoes
-    label : (R,) uint32
-        Numbers of the instances; 0 of what belongs to none.
-    """
+    """Echoes with a phase of their own, of one instance or several."""
 
     echoes: GridEchoes
-    label: np.ndarray
+    label: np.ndarray  # (R,): numbers of the instances
 
 
 WATER = 0.4                        # points of the water for every scatterer that a cell of the ground has
@@ -94,23 +68,8 @@ SINK = 0.15                        # sine below the horizon that the rows' facto
 
 
 class PingEchoes:
-    """Make the echoes of a survey's pings.
-
-    Parameters
-    ----------
-    survey : ArraySurvey
-    line : LineArray
-        Of the receive array.
-    per_cell : float [-]
-        Scatterers a resolution cell.
-    beams_from_origin : bool
-        Beams look from the body's origin; else from the middle of the receive array.
-    beside : PingEchoes or None
-        As of `Ground`.
-    lobe : ((3,), float) or None
-        Of elements that are long across the line: the axis they are long along, body frame, and the sines along it that
-        they tell apart, wavelength / length.
-    """
+    """Make the echoes of a survey's pings."""
+    # lobe (3,)
 
     def __init__(self, survey: ArraySurvey, line: LineArray, *, per_cell: float, beams_from_origin: bool = True,
                  beside: PingEchoes | None = None, lobe: tuple[np.ndarray, float] | None = None):
@@ -125,7 +84,7 @@ class PingEchoes:
         self._reception: tuple[int, Reception] | None = None
 
     def reception(self, ping: int) -> Reception:
-        """Give how the echoes of a ping are received; the last answer is kept."""
+        """Return how the echoes of a ping are received; the last answer is kept."""
         if self._reception is None or self._reception[0] != ping:
             self._reception = ping, Reception(self.survey, ping, axis=self.line.axis, normal=self.line.normal,
                                               receive_centre=self.line.centre,
@@ -134,14 +93,14 @@ class PingEchoes:
         return self._reception[1]
 
     def doppler(self, ping: int) -> np.ndarray | None:
-        """Give the Doppler factors of the grid's rows, at sines evenly from -1 to 1; None where nothing moves."""
+        """Return the Doppler factors of the grid's rows, at sines evenly from -1 to 1; None where nothing moves."""
         reception = self.reception(ping)
         if reception.still:
             return None
         return reception.doppler_of_sines(np.linspace(-1, 1, DOPPLER_NODES), SINK)
 
     def of_scatterers(self, ping: int) -> GridEchoes | None:
-        """Give the echoes of a ping's scatterers; None where there is none."""
+        """Return the echoes of a ping's scatterers; None where there is none."""
         reception, density = self.reception(ping), self._density(ping)
         lit = self.ground.lit(density, self._useful(ping))
         if lit is None:
@@ -157,7 +116,7 @@ class PingEchoes:
                              offset=lit.scatterers.offset, origin=density.origin)
 
     def hiding(self, ping: int, echoes: GridEchoes | None) -> tuple[mi.UInt32, mi.UInt32]:
-        """Give which scatterers objects hide, by their numbers, and the numbers of the objects: UInt32 (H,)."""
+        """Return which scatterers objects hide, by their numbers, and the numbers of the objects: UInt32 (H,)."""
         if echoes is None:
             return mi.UInt32(), mi.UInt32()
         index = compressed(echoes.state == HIDDEN_BY_OBJECT)
@@ -198,7 +157,7 @@ class PingEchoes:
                             place=reception.rotation @ self.patterns.transmit_centre)
 
     def _useful(self, ping: int) -> Callable[[mi.Vector3f, mi.Float], mi.Bool]:
-        """Whether directions are looked into: not those that the beams make negligible."""
+        """Return whether directions are looked into: not those that the beams make negligible."""
         beams, rotation = self._beams, self.reception(ping).rotation
 
         def useful(direction: mi.Vector3f, distance: mi.Float) -> mi.Bool:
@@ -311,7 +270,7 @@ class _RowDoppler:
         self._factors = None if factors is None else upload(mi.Float, (factors - 1).astype(np.float32))
 
     def rest(self, arrival: Arrival) -> mi.Float | None:
-        """Give the factor of echoes over that of their row, minus 1; None where nothing moves."""
+        """Return the factor of echoes over that of their row, minus 1; None where nothing moves."""
         if self._factors is None:
             return None
         last = DOPPLER_NODES - 1

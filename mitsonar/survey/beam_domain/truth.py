@@ -43,17 +43,7 @@ HARDLY = 1e-6                      # of the strongest bin's energy: a bed that b
 
 
 class FrameBins:
-    """Beams and bins.
-
-    Parameters
-    ----------
-    edges : (B + 1,) [-]
-        Sines that part the beams, rising.
-    lead, bins : int
-        Samples of the record before the picture's; T.
-    per_bin : int
-        Samples of a bin.
-    """
+    """Beams and bins."""
 
     def __init__(self, edges: np.ndarray, *, lead: int, bins: int, per_bin: int = 1):
         self.beams, self.bins, self._lead, self._per_bin = len(edges) - 1, bins, lead, per_bin
@@ -74,7 +64,7 @@ class FrameBins:
         return self.beams * self.bins
 
     def cell_of(self, echoes: GridEchoes) -> tuple[mi.UInt32, mi.Bool]:
-        """Give the cells of echoes, computed, and which echoes lie in the picture and bring something."""
+        """Return the cells of echoes, computed, and which echoes lie in the picture and bring something."""
         first, last, per_sine = self._ends
         sine = held(echoes.sine, first, last)
         beam = _beam(self._table, self._edges, mi.UInt32(held((sine - first) * per_sine, 0.0, self._places)), sine)
@@ -89,21 +79,8 @@ class FrameBins:
 
     def ground(self, echoes: GridEchoes, cell: mi.UInt32, active: mi.Bool,
                origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Give energies and mean places of echoes of the ground.
-
-        Parameters
-        ----------
-        echoes : GridEchoes
-        cell, active : UInt32, Bool (R,)
-        origin : (3,) [m]
-            Of the echoes' places.
-
-        Returns
-        -------
-        energy : (B, T)
-        place : (B, T, 3) float32 [m]
-            x, y and depth, weighted by energy; NaN where there is hardly any.
-        """
+        """Return energies and mean places of echoes of the ground."""
+        # cell, active (R,); origin (3,) [m] -> energy (B, T), place (B, T, 3) [m]
         energy = echoes.energy
         sums = cell_sums(cell, active, [energy, energy * echoes.x, energy * echoes.y, energy * echoes.depth],
                          rows=self.beams, columns=self.bins)
@@ -128,13 +105,8 @@ class FrameBins:
 
     def counted(self, echoes: GridEchoes, cell: mi.UInt32, active: mi.Bool, depth_below: float,
                 farthest: float) -> tuple[np.ndarray, np.ndarray]:
-        """Count separate runs of sectors in every bin, and echoes of the bins and beams around it.
-
-        Returns
-        -------
-        layover : (B, T) uint8
-        rays : (B, T) uint32
-        """
+        """Count separate runs of sectors in every bin, and echoes of the bins and beams around it."""
+        # -> layover (B, T), rays (B, T)
         number = sector(echoes.launch_sine, dr.opaque(mi.Float, depth_below), dr.opaque(mi.Float, farthest))
         mask, count = dr.zeros(mi.UInt64, sum_size(self.cells)), dr.zeros(mi.UInt32, sum_size(self.cells))
         dr.scatter_reduce(dr.ReduceOp.Or, mask, mi.UInt64(1) << mi.UInt64(number // FEWER_SECTORS), cell, active)
@@ -200,20 +172,7 @@ class _Ground:
 
 
 class FrameTruth:
-    """Make the truth of frames.
-
-    Parameters
-    ----------
-    blur : Blur or OneBeam
-        Of the beams.
-    lead, bins : int
-        Samples of the record before the picture's, and bins of the picture.
-    named : ShapeLabels
-    per_bin : int
-        Samples of a bin.
-    of_objects : bool
-        The record's depth is that of all echoes of scatterers, not of the seabed's alone.
-    """
+    """Make the truth of frames."""
 
     def __init__(self, blur: Blur | OneBeam, *, lead: int, bins: int, named: ShapeLabels, per_bin: int = 1,
                  of_objects: bool = False):
@@ -226,21 +185,8 @@ class FrameTruth:
     def of(self, scatterers: GridEchoes | None, hidden: tuple[mi.UInt32, mi.UInt32],
            targets: Sequence[TargetEchoes], *, origin: np.ndarray, depth_below: float, farthest: float,
            source_power: float) -> EnergyRecord:
-        """Give the truth of a frame; arrays (B, ..., bins).
-
-        Parameters
-        ----------
-        scatterers : GridEchoes or None
-        hidden : UInt32 (H,), UInt32 (H,)
-            Numbers of the scatterers that objects hide, and of the objects.
-        targets : sequence of TargetEchoes
-        origin : (3,) [m]
-            Of the places.
-        depth_below, farthest : float [m]
-            Bed below the sonar; range at which the record ends.
-        source_power : float [µPa²]
-            10^(SL/10).
-        """
+        """Return the truth of a frame; arrays (B, ..., bins)."""
+        # hidden (H,); origin (3,) [m]; depth_below, farthest [m]; source_power [µPa²]
         shape = self._bins.beams, self._bins.bins
         ground = self._nothing(shape) if scatterers is None else self._ground(
             scatterers, hidden, origin, depth_below, farthest)

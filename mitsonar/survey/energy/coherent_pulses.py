@@ -28,28 +28,16 @@ WORK = 1 << 21                     # samples of z at a time
 
 @dataclass(frozen=True, kw_only=True)
 class Arrivals:
-    """Echoes as the faces receive them, one an entry, on the host.
+    """Echoes as the faces receive them, one an entry, on the host."""
 
-    Attributes
-    ----------
-    row, label, path : (R,) int
-        Row of the group; number of the instance, from 1; number of the path, from 0.
-    delay : (R,) [s]
-        Of the middle of the pulse.
-    real, imaginary : (R,) [µPa]
-        Of a_i.
-    depth : (R,) [m]
-    in_beam : (R,) bool
-    """
-
-    row: np.ndarray
-    label: np.ndarray
-    path: np.ndarray
-    delay: np.ndarray
-    real: np.ndarray
-    imaginary: np.ndarray
-    depth: np.ndarray
-    in_beam: np.ndarray
+    row: np.ndarray  # (R,): row of the group
+    label: np.ndarray  # (R,): row of the group
+    path: np.ndarray  # (R,): row of the group
+    delay: np.ndarray  # (R,) [s]: of the middle of the pulse
+    real: np.ndarray  # (R,) [µPa]: of a_i
+    imaginary: np.ndarray  # (R,) [µPa]: of a_i
+    depth: np.ndarray  # (R,) [m]
+    in_beam: np.ndarray  # (R,)
 
     @property
     def pressure(self) -> np.ndarray:
@@ -58,17 +46,7 @@ class Arrivals:
 
 
 class CoherentPulses:
-    """Sums of pulses, on the host.
-
-    Parameters
-    ----------
-    survey : SidescanSurvey
-
-    Attributes
-    ----------
-    pings_at_once : int
-        So many fit into the work space.
-    """
+    """Sums of pulses, on the host."""
 
     def __init__(self, survey: SidescanSurvey):
         sonar, window = survey.sonar, survey.window
@@ -97,7 +75,7 @@ class CoherentPulses:
         return CoherentSums(record=record, label_power=label_power)
 
     def silence(self, rows: int) -> CoherentSums:
-        """Give the sums where nothing arrives in so many rows."""
+        """Return the sums where nothing arrives in so many rows."""
         survey, paths = self._survey, len(self._survey.paths)
         cells = pulse_cells(survey.bin_length, survey.sonar.pulse_length)
         record = CoherentRecord(
@@ -107,17 +85,8 @@ class CoherentPulses:
         return CoherentSums(record=record, label_power=np.zeros((rows, len(survey.labels), survey.bins), np.float32))
 
     def _pulses(self, arrivals: Arrivals, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Sum the pulses of echoes.
-
-        Returns
-        -------
-        slot : (R,) int
-            Sample in which each pulse begins.
-        pressure : (rows, samples) complex [µPa]
-            z.
-        path_intensity : (rows, paths, bins) [µPa²] or None
-            None where paths are not told apart.
-        """
+        """Sum the pulses of echoes."""
+        # -> slot (R,), pressure [µPa], path_intensity [µPa²]
         survey, samples, paths = self._survey, self._samples, len(self._survey.paths)
         size = rows * samples
         begin = (arrivals.delay - 0.5 * survey.sonar.pulse_length - self._start) / self._step
@@ -165,13 +134,8 @@ class CoherentPulses:
 
     def _by_instance(self, arrivals: Arrivals, bin: np.ndarray, slot: np.ndarray,
                      rows: int) -> tuple[np.ndarray, np.ndarray]:
-        """Powers of the instances in every bin, and depth of the strongest, of those with their middles there.
-
-        Returns
-        -------
-        label_power : (rows, labels, bins) float32 [µPa²]
-        depth : (rows, bins) float32 [m]
-        """
+        """Powers of the instances in every bin, and depth of the strongest, of those with their middles there."""
+        # -> label_power [µPa²], depth [m]
         bins, labels = self._survey.bins, len(self._survey.labels)
         label_power = np.zeros((rows, labels, bins), np.float32)
         strongest_depth = np.zeros((rows, bins), np.float32)

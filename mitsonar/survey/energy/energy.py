@@ -48,18 +48,7 @@ __all__ = ["TruthSums", "record"]
 
 
 class TruthSums:
-    """Collect where the echoes of a block come from, and say it bin by bin.
-
-    Parameters
-    ----------
-    geometry : Geometry
-    rows : Rows
-
-    Attributes
-    ----------
-    hides : bool
-        Whether there are objects that may hide a seabed.
-    """
+    """Collect where the echoes of a block come from, and say it bin by bin."""
 
     def __init__(self, geometry: Geometry, rows: Rows):
         self.hides, self._rows, self._lib = geometry.named.hides, rows, arrays_of(mi.Float)
@@ -74,7 +63,7 @@ class TruthSums:
         dr.eval(self._kinds)
 
     def sums(self, rows: int) -> OriginSums:
-        """Give empty sums of so many rows."""
+        """Return empty sums of so many rows."""
         return OriginSums(self._lib, rows, self._rows.labels, self._rows.bins.count, self.hides)
 
     def add(self, sums: OriginSums, place: Place, rays: Rays, hits: Hits, *, response: RowResponse, bin: mi.UInt32,
@@ -89,22 +78,8 @@ class TruthSums:
 
     def read(self, sums: OriginSums, unit: np.ndarray, energy: SummedEnergy,
              coherent: CoherentSums | None) -> BinTruth:
-        """Give the block's truth.
-
-        Parameters
-        ----------
-        sums : OriginSums
-        unit : (bins,) [µPa²]
-            Worth of one unit in each bin.
-        energy : SummedEnergy
-        coherent : CoherentSums or None
-            None where nothing has a phase of its own.
-
-        Returns
-        -------
-        BinTruth
-            Arrays (rows, ..., bins).
-        """
+        """Return the block's truth."""
+        # unit [µPa²]
         known, shown = sums.read(unit, self._lower, self._upper), self._rows.shown
         with_phase = () if coherent is None else (coherent.label_power, coherent.record.intensity)
         arriving = truth.shares(energy.label_intensity, np.asarray, *with_phase)
@@ -126,22 +101,7 @@ class TruthSums:
 
 def record(survey: Survey, rows: Rows, seed: int = 0,
            progress: Callable[[int, int], None] | None = None) -> EnergyRecord:
-    """Make the energy record of a survey.
-
-    Parameters
-    ----------
-    survey : Survey
-    rows : Rows
-        `sides.Sides` or `beams.Beams` of the survey.
-    seed : int
-    progress : callable(done, total) or None
-        Called after every block with the number of pings done.
-
-    Returns
-    -------
-    EnergyRecord
-        Arrays (ping, row, ..., bin).
-    """
+    """Make the energy record of a survey."""
     pings, size = survey.track.pings, rows.pings_per_block
     block = EnergyBlock(survey, rows, int(seed))
 
@@ -156,14 +116,7 @@ def record(survey: Survey, rows: Rows, seed: int = 0,
 
 
 class EnergyBlock(Generic[RaysOf]):
-    """Blocks of pings, and what they share.
-
-    Parameters
-    ----------
-    survey : Survey
-    rows : Rows
-    seed : int
-    """
+    """Blocks of pings, and what they share."""
 
     def __init__(self, survey: Survey, rows: Rows[RaysOf], seed: int):
         geometry, self._lib = survey.geometry, arrays_of(mi.Float)
@@ -180,7 +133,7 @@ class EnergyBlock(Generic[RaysOf]):
         self._mirrors, self._surface = geometry.surface_mirrors, dr.opaque(mi.UInt32, geometry.surface_label)
 
     def echoes(self, ping: np.ndarray) -> EnergyRecord:
-        """Give the record of pings with these numbers (B,); arrays (B x rows, ..., bins)."""
+        """Return the record of pings with these numbers (B,); arrays (B x rows, ..., bins)."""
         rows, place = self._rows, self._places.of(ping)
         sums = EchoSums(self._lib, place.rows, rows.labels, rows.bins.count, self._depth_range, len(rows.paths))
         origins = self._truth.sums(place.rows)

@@ -21,31 +21,8 @@ __all__ = ["EnergyBins", "aside_need", "ray_need"]
 
 
 class EnergyBins:
-    """Time bins on the device.
-
-    Parameters
-    ----------
-    start, length : float [s]
-        Two-way time at which the first bin begins; duration of a bin.
-    count : int
-    sound_speed : float [m/s]
-        That turns time into slant range.
-    beam : float [sr]
-        Φ, a sonar's equivalent beam.
-    absorption_db : float [dB/m]
-        α, the least of the water.
-
-    Attributes
-    ----------
-    count : int
-    end : float [s]
-        When the last bin ends.
-    sound_speed : float [m/s]
-    slant_range : (bins,) [m]
-        Of the bins' centres.
-    unit : (bins,) [1/m²]
-        Worth of one unit, relative to 10^(SL/10).
-    """
+    """Time bins on the device."""
+    # start [s]; length [s]; sound_speed [m/s]; beam [sr]; absorption_db [dB/m]; end [s]; slant_range [m]; unit [1/m²]
 
     def __init__(self, *, start: float, length: float, count: int, sound_speed: float, beam: float,
                  absorption_db: float):
@@ -67,22 +44,23 @@ class EnergyBins:
         return 0.5 * self.sound_speed * self.end
 
     def place(self, delay: mi.Float64) -> mi.Float64:
-        """Give two-way times [s] in bins from the beginning of the first."""
+        """Return two-way times [s] in bins from the beginning of the first."""
         return (delay - self._start) * self._per_second
 
     def of(self, delay: mi.Float64, valid: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:
-        """Give the bins of two-way times [s], and whether they lie in the record."""
+        """Return the bins of two-way times [s], and whether they lie in the record."""
         place = self.place(delay)
         inside = valid & (place >= 0) & (place < mi.Float64(self.opaque_count))
         return mi.UInt32(dr.select(inside, place, 0)), inside
 
     def worth(self, bin: mi.UInt32, inside: mi.Bool, loss_db: mi.Float) -> tuple[DrJitArray, DrJitArray]:
-        """Give how many units make 1/m² in bins, and what a two-way absorption leaves relative to that of the unit."""
+        """Return how many units make 1/m² in bins, and what a two-way absorption leaves relative to that of the unit.
+        """
         units, unit_loss_db = dr.gather(self._row, self._per_bin, bin, inside)
         return units, absorbed(loss_db - unit_loss_db)
 
     def units(self, energy: mi.Float, loss_db: mi.Float, bin: mi.UInt32, inside: mi.Bool) -> mi.Float64:
-        """Give echo energies [1/m²] that lose `loss_db` to absorption in units of their bins, 0 where not finite."""
+        """Return echo energies [1/m²] that lose `loss_db` to absorption in units of their bins, 0 where not finite."""
         units, loss = self.worth(bin, inside, loss_db)
         energy = energy * loss
         return dr.select(dr.isfinite(energy), mi.Float64(energy) * mi.Float64(units), 0)
@@ -101,21 +79,8 @@ def aside_need(row: mi.UInt32, cell: mi.UInt32, bin: mi.UInt32, inside: mi.Bool,
         v = K n_a w/d,   c = n_c (1 - w) / (1 - d),   need_c = Σ c/n_c 1/(c + v),   need_a = Σ v/(K n_a) K [1/(c + v)]
 
     n -> rays of the first pass in a bin, d -> ``drawn``, w -> ``wanted``, K -> mean over a window of bins.
-
-    Parameters
-    ----------
-    row, cell, bin, inside, rows, bins
-        As of `ray_need`.
-    aside : Bool (R,)
-        Whether rays lie aside of the core.
-    drawn, wanted : float
-        Share of rays aside, as they were drawn and as they are to be where a bin lacks nothing.
-
-    Returns
-    -------
-    (2, rows, CELLS)
-        Of the rays within the core, and of those aside.
     """
+    # aside (R,) -> (2, rows, CELLS)
     kind = dr.select(aside, dr.opaque(mi.UInt32, rows), mi.UInt32(0)) + row
     index = kind * bins.opaque_count + bin
     count = dr.zeros(mi.UInt32, sum_size(2 * rows * bins.count))
@@ -147,23 +112,8 @@ def _averaged(values: np.ndarray, reach: int) -> np.ndarray:
 
 def ray_need(row: mi.UInt32, cell: mi.UInt32, bin: mi.UInt32, inside: mi.Bool, *, rows: int,
              bins: EnergyBins) -> np.ndarray:
-    """Give how far each cell of the table that rays were drawn through leads into bins that few rays reach.
-
-    Parameters
-    ----------
-    row, cell, bin : UInt32 (R,)
-        Of the rays: row of the block, cell of the table (rows, CELLS), time bin.
-    inside : Bool (R,)
-        Whether they arrive within the record.
-    rows : int
-        Of the block.
-    bins : EnergyBins
-
-    Returns
-    -------
-    (rows, CELLS)
-        Sum over the rays of 1 / (rays in the bin).
-    """
+    """Return how far each cell of the table that rays were drawn through leads into bins that few rays reach."""
+    # row, cell, bin (R,); inside (R,)
     index = row * bins.opaque_count + bin
     count = dr.zeros(mi.UInt32, sum_size(rows * bins.count))
     dr.scatter_add(count, mi.UInt32(1), index, inside)

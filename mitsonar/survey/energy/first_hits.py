@@ -32,26 +32,13 @@ class Binning(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Echoes:
-    """Echoes of rays.
+    """Echoes of rays."""
 
-    Attributes
-    ----------
-    units : Float64 (R,)
-        Energy, in units of the bins.
-    delay : Float64 (R,) [s]
-        From transmission to reception.
-    response : RowResponse
-        How the rows receive them.
-    bin : UInt32 (R,)
-    active : Bool (R,)
-        Which of them count.
-    """
-
-    units: mi.Float64
-    delay: mi.Float64
-    response: RowResponse
-    bin: mi.UInt32
-    active: mi.Bool
+    units: mi.Float64  # (R,): energy, in units of the bins
+    delay: mi.Float64  # (R,) [s]: from transmission to reception
+    response: RowResponse  # how the rows receive them
+    bin: mi.UInt32  # (R,)
+    active: mi.Bool  # (R,): which of them count
 
 
 class Losses(Protocol):
@@ -63,24 +50,14 @@ class Losses(Protocol):
 
 
 class FirstHits:
-    """Echoes of first hits.
-
-    Parameters
-    ----------
-    rows : Rows
-    water : Losses
-    binning : Binning or None
-        None: that of the rows.
-    smooth_patches : bool
-        See `scattering_strength`.
-    """
+    """Echoes of first hits."""
 
     def __init__(self, rows: Rows, water: Losses, binning: Binning | None = None, *, smooth_patches: bool = False):
         self._rows, self._water, self._smooth_patches = rows, water, smooth_patches
         self._binning: Binning = rows.bins.of if binning is None else binning
 
     def echoes(self, place: Place, rays: Rays, hits: Hits) -> Echoes:
-        """Give the echoes of hits, as the rows receive them."""
+        """Return the echoes of hits, as the rows receive them."""
         bins, reception = self._rows.bins, received(place, rays, hits)
         response = self._rows.response(place, rays, reception.towards)
         bin, inside = self._binning(reception.delay, hits.valid & response.active)
@@ -96,5 +73,5 @@ class FirstHits:
 
 
 def received(place: Place, rays: Rays, hits: Hits) -> Reception:
-    """Give when and from where the echoes of hits come back."""
+    """Return when and from where the echoes of hits come back."""
     return place.receive(rays.ping, rays.direction, hits.point - place.origin(rays.ping), 2 * hits.travel_time)

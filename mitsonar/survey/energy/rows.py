@@ -28,43 +28,21 @@ __all__ = ["CoherentSource", "EchoSource", "Rays", "RaysOf", "RowResponse", "Row
 
 @dataclass(frozen=True, kw_only=True)
 class Rays:
-    """Rays of a pass, on the device.
+    """Rays of a pass, on the device."""
 
-    Attributes
-    ----------
-    ping : UInt32 (R,)
-        Number within the block.
-    direction : Vector3f (R,)
-        Unit, scene coordinates.
-    solid_angle : Float (R,) [sr]
-        That each ray stands for.
-    """
-
-    ping: mi.UInt32
-    direction: mi.Vector3f
-    solid_angle: mi.Float
+    ping: mi.UInt32  # (R,): number within the block
+    direction: mi.Vector3f  # (R,): unit, scene coordinates
+    solid_angle: mi.Float  # (R,) [sr]: that each ray stands for
 
 
 @dataclass(frozen=True, kw_only=True)
 class RowResponse:
-    """How the rows of a record receive echoes.
+    """How the rows of a record receive echoes."""
 
-    Attributes
-    ----------
-    row : UInt32 (R,)
-        Row of the block that an echo belongs to.
-    pattern : Float (R,) [-]
-        Two-way intensity pattern.
-    in_beam : Bool (R,)
-        Whether the echo comes through the main lobe.
-    active : Bool (R,)
-        Whether any row receives the echo.
-    """
-
-    row: mi.UInt32
-    pattern: mi.Float
-    in_beam: mi.Bool
-    active: mi.Bool
+    row: mi.UInt32  # (R,): row of the block that an echo belongs to
+    pattern: mi.Float  # (R,) [-]: two-way intensity pattern
+    in_beam: mi.Bool  # (R,): whether the echo comes through the main lobe
+    active: mi.Bool  # (R,): whether any row receives the echo
 
 
 RaysOf = TypeVar("RaysOf", bound=Rays)
@@ -127,21 +105,22 @@ class Rows(Protocol[RaysOf]):
         ...
 
     def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float) -> RaysOf:
-        """Give rays of directions that somebody else chose, Vector3f (R,), of pings with these numbers in the block."""
+        """Return rays of directions that somebody else chose, Vector3f (R,), of pings with these numbers in the block.
+        """
         ...
 
     def response(self, place: Place, rays: RaysOf, towards: Vector) -> RowResponse:
-        """Give how echoes are received that come back from `towards`, the way their rays went."""
+        """Return how echoes are received that come back from `towards`, the way their rays went."""
         ...
 
     def shown(self, intensity: np.ndarray) -> np.ndarray:
-        """Give what the picture makes of intensities (rows, ..., bins)."""
+        """Return what the picture makes of intensities (rows, ..., bins)."""
         ...
 
     def other_sources(self, sound: SoundPaths, seed: int) -> Sequence[EchoSource[RaysOf]]:
-        """Give the sources of the echoes that no first hit brings."""
+        """Return the sources of the echoes that no first hit brings."""
         ...
 
     def coherent(self, sound: SoundPaths) -> CoherentSource | None:
-        """Give the source of the echoes that have a phase of their own; None where the scene has none."""
+        """Return the source of the echoes that have a phase of their own; None where the scene has none."""
         ...

@@ -16,26 +16,13 @@ __all__ = ["SoundPaths"]
 
 @dataclass(frozen=True, kw_only=True)
 class SoundPaths:
-    """Ways of sound from a sonar and back.
-
-    Attributes
-    ----------
-    water : DeviceWater
-    tracer : Tracer
-        To what rays meet first.
-    connector : Connector
-        To given points, from the sonar and from any other.
-    free_rays : FreeRays
-        From any point to what rays meet there.
-    sights : Sights
-        To given points, straight and by way of a flat surface.
-    """
+    """Ways of sound from a sonar and back."""
 
     water: DeviceWater
-    tracer: Tracer
-    connector: Connector
-    free_rays: FreeRays
-    sights: Sights
+    tracer: Tracer  # to what rays meet first
+    connector: Connector  # to given points, from the sonar and from any other
+    free_rays: FreeRays  # from any point to what rays meet there
+    sights: Sights  # to given points, straight and by way of a flat surface
 
     @classmethod
     def of(cls, survey: Survey, farthest: float, frequency: float | None = None) -> SoundPaths:

@@ -21,7 +21,7 @@ SKIRTS = 4.3                       # as `Pulse.suggested_sampling_rate` has it f
 
 
 def band_of(pulse: Pulse) -> HeardBand:
-    """Give what targets are asked for: the pulse's band, and the skirts of its spectrum that samples keep."""
+    """Return what targets are asked for: the pulse's band, and the skirts of its spectrum that samples keep."""
     return HeardBand(frequency=pulse.frequency, low=pulse.frequency + pulse.band[0],
                      high=pulse.frequency + pulse.band[1], width=pulse.suggested_sampling_rate)
 

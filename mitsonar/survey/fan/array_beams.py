@@ -39,14 +39,8 @@ STRAIGHT = 1e-3                    # wavelengths that elements may stand off a l
 
 
 class ArraySum:
-    """Sum the elements of an array that have a weight.
-
-    Parameters
-    ----------
-    place : (E, 3) [wavelengths]
-    weight : (E,) [-]
-    late : (E,) [cycles]
-    """
+    """Sum the elements of an array that have a weight."""
+    # place (E, 3) [wavelengths]; weight (E,) [-]; late (E,) [cycles]
 
     def __init__(self, place: np.ndarray, weight: np.ndarray, late: np.ndarray):
         working = np.flatnonzero(weight)
@@ -56,14 +50,8 @@ class ArraySum:
         dr.eval(self._weight)
 
     def of(self, direction: mi.Vector3f, rotation: np.ndarray | None = None) -> tuple[mi.Float, mi.Float]:
-        """Give real and imaginary part of F.
-
-        Parameters
-        ----------
-        direction : Vector3f (R,)
-        rotation : (3, 3) or None
-            From the places' frame to the directions'; None: it is one.
-        """
+        """Return real and imaginary part of F."""
+        # direction (R,); rotation (3, 3)
         table = self._table
         if rotation is not None:
             table = np.concatenate([table[:, :3] @ rotation.T, table[:, 3:]], 1)
@@ -73,17 +61,8 @@ class ArraySum:
 
 
 class LineSum:
-    """The same of elements on a line, from a table: F is one function of the sine along it.
-
-    Parameters
-    ----------
-    axis : (3,) [-]
-        Unit vector.
-    place : (E, 3) [wavelengths]
-        On the line through 0.
-    weight : (E,) [-]
-    late : (E,) [cycles]
-    """
+    """The same of elements on a line, from a table: F is one function of the sine along it."""
+    # axis (3,) [-]; place (E, 3) [wavelengths]; weight (E,) [-]; late (E,) [cycles]
 
     def __init__(self, axis: np.ndarray, place: np.ndarray, weight: np.ndarray, late: np.ndarray):
         along = place @ axis
@@ -97,7 +76,7 @@ class LineSum:
         dr.eval(self._table)
 
     def of(self, direction: mi.Vector3f, rotation: np.ndarray | None = None) -> tuple[mi.Float, mi.Float]:
-        """Give real and imaginary part of F; see `ArraySum.of`."""
+        """Return real and imaginary part of F; see `ArraySum.of`."""
         axis = self._axis if rotation is None else rotation @ self._axis
         sine = dr.dot(direction, opaque_vector(mi.Vector3f, axis))
         place = held((sine + 2) * dr.opaque(mi.Float, (self._nodes - 1) / 4), 0.0,
@@ -110,7 +89,8 @@ class LineSum:
 
 
 def along_a_line(place: np.ndarray) -> np.ndarray | None:
-    """Give the unit vector of the line through 0 that places (E, 3) [wavelengths] lie on, None where there is none."""
+    """Return the unit vector of the line through 0 that places (E, 3) [wavelengths] lie on, None where there is none.
+    """
     _, _, axes = np.linalg.svd(place, full_matrices=False)
     axis = axes[0]
     off = place - np.outer(place @ axis, axis)
@@ -139,20 +119,8 @@ REACH = 3                          # samples to either side that the compressed 
 
 
 class ArrayBeams:
-    """A fan of beams.
-
-    Parameters
-    ----------
-    survey : ArraySurvey
-    angle, direction : (B,) [rad], (B, 3)
-        Of the beams, body frame, as `imaging.fan.fan_directions` gives them: equal steps of angle or of its sine.
-
-    Attributes
-    ----------
-    count : int
-    pattern : callable or None
-        Two-way intensity of the elements, of scene directions and a rotation; None where all directions are alike.
-    """
+    """A fan of beams."""
+    # angle (B,) [rad]; direction (B,) [rad]
 
     def __init__(self, survey: ArraySurvey, angle: np.ndarray, direction: np.ndarray):
         self._receive, self._angle, self.count = survey.receive, np.asarray(angle, float), len(angle)
@@ -175,22 +143,8 @@ class ArrayBeams:
 
     def receive(self, place: Place, ping: mi.UInt32, sent: Vector,
                 towards: Vector) -> tuple[mi.UInt32, mi.Float]:
-        """Give the beam that receives echoes, and its two-way intensity.
-
-        Parameters
-        ----------
-        place : Place
-            Of one ping.
-        ping : UInt32 (R,)
-        sent, towards : Vector3f (R,)
-            Scene directions that sound leaves in and comes back from.
-
-        Returns
-        -------
-        beam : UInt32 (R,)
-        pattern : Float (R,)
-            0 outside the fan.
-        """
+        """Return the beam that receives echoes, and its two-way intensity."""
+        # ping (R,); sent, towards (R,) -> beam (R,), pattern (R,)
         body, weight = place.body(ping, towards), mi.Float(1)
         beam = dr.zeros(mi.UInt32, dr.width(body))
         axis, normal = opaque_vector(mi.Vector3f, self._axis), opaque_vector(mi.Vector3f, self._normal)
@@ -213,11 +167,11 @@ class ArrayBeams:
         return beam, weight
 
     def shown(self, intensity: np.ndarray) -> np.ndarray:
-        """Give what the picture makes of intensities (B, ..., bins)."""
+        """Return what the picture makes of intensities (B, ..., bins)."""
         return self._smeared(np.tensordot(self._mixing, intensity, 1))
 
     def shown_transposed(self, cotangent: np.ndarray) -> np.ndarray:
-        """Give the transpose of `shown`, of weights (B, ..., bins)."""
+        """Return the transpose of `shown`, of weights (B, ..., bins)."""
         return np.tensordot(self._mixing.T, self._smeared(cotangent), 1)
 
     def _smeared(self, mixed: np.ndarray) -> np.ndarray:
@@ -257,7 +211,7 @@ def _intensity(elements: ArraySum, direction: mi.Vector3f) -> mi.Float:
 
 
 def _even(values: np.ndarray) -> bool:
-    """Whether values (N,) have equal steps."""
+    """Return whether values (N,) have equal steps."""
     return bool(np.allclose(values, np.linspace(values[0], values[-1], len(values)), rtol=0, atol=1e-7))
 
 

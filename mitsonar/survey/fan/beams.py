@@ -38,19 +38,8 @@ SLACK = 0.8, 1.25                  # of the record's ends: bent rays do not come
 
 @final
 class Beams:
-    """A fan of beams of an array; see `rows.Rows`.
-
-    Parameters
-    ----------
-    survey : ArraySurvey
-    angle, direction : (B,) [rad], (B, 3)
-        Of the beams, body frame, as `imaging.fan.fan_directions` gives them.
-
-    Raises
-    ------
-    ValueError
-        If beams, samples and shapes make too many sums.
-    """
+    """A fan of beams of an array; see `rows.Rows`."""
+    # angle (B,) [rad]; direction (B,) [rad]
 
     pings_per_block = 1
 
@@ -87,28 +76,28 @@ class Beams:
             yield Rays(ping=ping, direction=direction, solid_angle=solid_angle * self._share)
 
     def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float) -> Rays:
-        """Give rays of given directions."""
+        """Return rays of given directions."""
         return Rays(ping=ping, direction=direction, solid_angle=solid_angle)
 
     def response(self, place: Place, rays: Rays, towards: Vector) -> RowResponse:
-        """Give which beam receives echoes of rays: that whose direction is the nearest."""
+        """Return which beam receives echoes of rays: that whose direction is the nearest."""
         row, pattern = self._beams.receive(place, rays.ping, rays.direction, towards)
         return RowResponse(row=row, pattern=pattern, in_beam=mi.Bool(True), active=pattern > 0)
 
     def shown(self, intensity: np.ndarray) -> np.ndarray:
-        """Give what beams and compressed pulse make of intensities (beams, ..., bins)."""
+        """Return what beams and compressed pulse make of intensities (beams, ..., bins)."""
         return self._beams.shown(intensity)
 
     def shown_transposed(self, cotangent: np.ndarray) -> np.ndarray:
-        """Give the transpose of `shown`."""
+        """Return the transpose of `shown`."""
         return self._beams.shown_transposed(cotangent)
 
     def other_sources(self, sound: SoundPaths, seed: int) -> Sequence[EchoSource[Rays]]:
-        """Give none: the truth of beams tells first hits and coherent echoes alone."""
+        """Return none: the truth of beams tells first hits and coherent echoes alone."""
         return ()
 
     def coherent(self, sound: SoundPaths) -> CoherentBeams | None:
-        """Give the source of the echoes that have a phase of their own; None where the scene has none."""
+        """Return the source of the echoes that have a phase of their own; None where the scene has none."""
         source = CoherentBeams(self._survey, sound, self._beams, self.bins,
                                drift=self.underway.drift(self.bins.sound_speed))
         return None if source.silent else source

@@ -42,26 +42,16 @@ class BeamsOfPings(Protocol):
 
     def receive(self, place: Place, ping: mi.UInt32, sent: Vector,
                 towards: Vector) -> tuple[mi.UInt32, mi.Float]:
-        """Give the beam that receives echoes, and its two-way intensity; see `array_beams.ArrayBeams`."""
+        """Return the beam that receives echoes, and its two-way intensity; see `array_beams.ArrayBeams`."""
         ...
 
     def shown(self, intensity: np.ndarray) -> np.ndarray:
-        """Give what the picture makes of intensities (rows, ..., bins)."""
+        """Return what the picture makes of intensities (rows, ..., bins)."""
         ...
 
 
 class CoherentBeams:
-    """The coherent echoes that beams of an array receive.
-
-    Parameters
-    ----------
-    survey : ArraySurvey
-    sound : SoundPaths
-    beams : BeamsOfPings
-    bins : EnergyBins
-    drift : float [-]
-        How far the array moves while sound goes a metre out and back, at most.
-    """
+    """The coherent echoes that beams of an array receive."""
 
     def __init__(self, survey: ArraySurvey, sound: SoundPaths, beams: BeamsOfPings, bins: EnergyBins, *, drift: float):
         self._sights, self._beams, self._bins = sound.sights, beams, bins
@@ -75,7 +65,7 @@ class CoherentBeams:
 
     @property
     def silent(self) -> bool:
-        """Whether nothing in the scene has a phase of its own."""
+        """Return whether nothing in the scene has a phase of its own."""
         return not (self._smooth or self._targets)
 
     def sum(self, place: Place) -> CoherentSums:

@@ -73,18 +73,7 @@ def plan(scene: "mi.Scene", sensor: ArraySensor, settings: RunSettings) -> Array
 
 
 def plan_elements(scene: "mi.Scene", sensor: ArraySensor, settings: RunSettings, lead: float = 0.0) -> ArraySurvey:
-    """Plan a run over a scene.
-
-    Parameters
-    ----------
-    lead : float [-]
-        How many pulses earlier than the film's window the record starts: echoes that begin before it last into it.
-
-    Raises
-    ------
-    ValueError
-        If sensor and scene do not fit together, or the samples are too few for the pulse.
-    """
+    """Plan a run over a scene."""
     geometry = Geometry(scene)
     passage = sensor.route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1])
     speed = head_speed(sensor, passage.depth)
@@ -103,23 +92,8 @@ def survey_of(geometry: Geometry, sensor: Sensor, settings: RunSettings, passage
               sound_speed: float, transmit: Array, receive: Array, pulse: Pulse, source_level_db: float,
               bins_are_samples: bool, self_noise_db: float | None, whole_bins: bool = False,
               usual_rate: float | None = None) -> ArraySurvey:
-    """Make the survey of arrays whose route is laid.
-
-    Parameters
-    ----------
-    sound_speed : float [m/s]
-        At the arrays.
-    source_level_db : float [dB re 1 µPa @ 1 m]
-        Of all transmit elements together, if their echoes add up.
-    bins_are_samples : bool
-        The film's bins, or its rate, are those of the signals; else they are a picture's and the pulse sets the rate.
-    self_noise_db : float or None [dB re 1 µPa²/Hz]
-        Of each receiver.
-    whole_bins : bool
-        As many samples, all about its middle, fall into each of the film's bins.
-    usual_rate : float or None [Hz]
-        Sampling rate at rest where the film says none; None: `Pulse.suggested_sampling_rate`.
-    """
+    """Make the survey of arrays whose route is laid."""
+    # sound_speed [m/s]; source_level_db [dB re 1 µPa @ 1 m]; self_noise_db [dB re 1 µPa²/Hz]; usual_rate [Hz]
     water = sensor.water
     materials.check(geometry, water.profile, pulse.frequency)
     # echoes from ahead and astern lie 2 v f / c up and down; two thirds of the sampled band are flat

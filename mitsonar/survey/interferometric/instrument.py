@@ -43,39 +43,20 @@ __all__ = ["Interferometer", "Measurement", "SideRows", "both_sides", "measured_
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Measurement:
-    """Of a ping; arrays (B,), port's bins from the last to the first, then starboard's.
+    """Of a ping; arrays (B,), port's bins from the last to the first, then starboard's."""
 
-    Attributes
-    ----------
-    valid : bool
-        Coherent enough, and within the sector.
-    sector : int32
-        0 of port, 1 of starboard.
-    time : [s]
-        Of the bins' middles, after the transmission.
-    sine : [-]
-        Along the rows' axis, by the true sound speed at the head.
-    sine_deviation : [-]
-    coherence : [-]
-    phase : [rad]
-    power : [µPa²]
-        Mean of the rows over the window.
-    level : [µPa²]
-        Mean over the bin of the sum of the rows' powers.
-    """
-
-    valid: np.ndarray
-    sector: np.ndarray
-    time: np.ndarray
-    sine: np.ndarray
+    valid: np.ndarray  # coherent enough, and within the sector
+    sector: np.ndarray  # 0 of port, 1 of starboard
+    time: np.ndarray  # [s]: of the bins' middles, after the transmission
+    sine: np.ndarray  # along the rows' axis, by the true sound speed at the head
     sine_deviation: np.ndarray
     coherence: np.ndarray
-    phase: np.ndarray
-    power: np.ndarray
-    level: np.ndarray
+    phase: np.ndarray  # [rad]
+    power: np.ndarray  # [µPa²]: mean of the rows over the window
+    level: np.ndarray  # [µPa²]: mean over the bin of the sum of the rows' powers
 
     def by_side(self, values: np.ndarray) -> np.ndarray:
-        """Give values (B,) as (side, bin), both from the first bin on."""
+        """Return values (B,) as (side, bin), both from the first bin on."""
         half = len(values) // 2
         return np.stack([values[:half][::-1], values[half:]])
 
@@ -118,16 +99,7 @@ def both_sides(survey: InterferometricSurvey) -> tuple[SideRows, SideRows]:
 
 
 class SideRows:
-    """Make the signals of one side.
-
-    Parameters
-    ----------
-    survey : InterferometricSurvey
-    number : int
-        0 is port.
-    beside : SideRows or None
-        The other side.
-    """
+    """Make the signals of one side."""
 
     def __init__(self, survey: InterferometricSurvey, number: int, beside: SideRows | None = None):
         self._whole, self._number = survey, number
@@ -148,11 +120,11 @@ class SideRows:
                                  of_objects=True)
 
     def signals(self, ping: int, seed: int) -> np.ndarray:
-        """Give the compressed signals (rows, samples) [µPa] of a ping, complex64."""
+        """Return the compressed signals (rows, samples) [µPa] of a ping, complex64."""
         return self._heard(ping, seed)[0]
 
     def frame(self, ping: int, seed: int) -> tuple[np.ndarray, EnergyRecord]:
-        """Give the same, and the truth of the bins, arrays (1, ..., bins)."""
+        """Return the same, and the truth of the bins, arrays (1, ..., bins)."""
         signals, laid = self._heard(ping, seed)
         side = self.survey
         truth = self._truth.of(
@@ -187,13 +159,7 @@ HIGHEST = np.deg2rad(1.0)          # depression of a sounding at least, by the b
 
 
 class Interferometer:
-    """See `swath.soundings.Instrument`.
-
-    Parameters
-    ----------
-    survey : InterferometricSurvey
-    seed : int
-    """
+    """See `swath.soundings.Instrument`."""
 
     sonar, backscatter = "interferometric", WORDS
 
@@ -217,7 +183,7 @@ class Interferometer:
 
     def measured(self, ping: int, made: Measurement, head_speed: float,
                  closing: np.ndarray | None = None) -> Measured:
-        """Give times and angles as a sound speed at the head [m/s] makes them of the phases."""
+        """Return times and angles as a sound speed at the head [m/s] makes them of the phases."""
         survey, beams = self._survey, len(made.time)
         there = survey.sides[0].sound_speed(ping)
         sine = made.sine * (head_speed / there)
@@ -239,7 +205,7 @@ class Interferometer:
                         transmit_angle=column("transmit_angle"), head_sound_speed=np.full(beams, head_speed))
 
     def finding(self, ping: int, made: Measurement, final: Located) -> Finding:
-        """Give quality, footprints and strengths."""
+        """Return quality, footprints and strengths."""
         survey = self._survey
         speed = survey.sides[0].sound_speed(ping)
         sigma_angle, sigma_time = self._deviations(made)

@@ -70,13 +70,7 @@ def rows(level: np.ndarray) -> np.ndarray:
 
 def sounding_line(survey: InterferometricSurvey, seed: int, *, profile: SoundSpeedProfile | None, column: bool,
                   snippets: int) -> SoundingLine:
-    """Make what makes the soundings of a line.
-
-    Raises
-    ------
-    ValueError
-        If a water column or snippets are asked for.
-    """
+    """Make what makes the soundings of a line."""
     if column or snippets:
         raise ValueError("an interferometric sidescan has no beams, whose water column or snippets could be kept; "
                          "leave that out, or render its picture")

@@ -36,27 +36,13 @@ SIDES = ("port", "starboard")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InterferometricSurvey(SoundedSurvey):
-    """A run of an interferometric sidescan.
+    """A run of an interferometric sidescan."""
 
-    Attributes
-    ----------
-    sides : (ArraySurvey, ArraySurvey)
-        Port and starboard. The receive elements are the rows, from the lowest up.
-    bins : int
-        Of each side's record, which are as many soundings.
-    rows : Rows
-        Those of either side.
-    looks : float
-        Range cells that phases are averaged over, at least.
-    least_coherence : float
-        Of a valid sounding.
-    """
-
-    sides: tuple[ArraySurvey, ArraySurvey]
-    bins: int
-    rows: Rows
-    looks: float
-    least_coherence: float
+    sides: tuple[ArraySurvey, ArraySurvey]  # (ArraySurvey, ArraySurvey): port and starboard
+    bins: int  # of each side's record, which are as many soundings
+    rows: Rows  # those of either side
+    looks: float  # range cells that phases are averaged over, at least
+    least_coherence: float  # of a valid sounding
 
     @property
     def per_bin(self) -> int:
@@ -133,13 +119,7 @@ class InterferometricSensor(Sensor, Protocol):
 
 def plan(scene: mi.Scene, sensor: InterferometricSensor, settings: RunSettings,
          lead: float = LEAD) -> InterferometricSurvey:
-    """Plan a run over a scene; `lead` as of `survey.array.plan_elements`.
-
-    Raises
-    ------
-    ValueError
-        If sensor and scene do not fit together.
-    """
+    """Plan a run over a scene; `lead` as of `survey.array.plan_elements`."""
     sides = [_run(scene, sensor, settings, lead, transmit, receive, sensor.source_level_db)
              for transmit, receive in zip(sensor.transmit, sensor.receive)]
     port, starboard = sides

@@ -21,24 +21,14 @@ __all__ = ["Place", "Places"]
 
 
 class Places:
-    """Where the pings of a survey are.
-
-    Parameters
-    ----------
-    survey : Survey
-    tracer : Tracer
-    underway : Underway
-        The motion within pings.
-    per_ping : int
-        Rows of a ping.
-    """
+    """Where the pings of a survey are."""
 
     def __init__(self, survey: Survey, tracer: Tracer, underway: Underway, per_ping: int):
         self._survey, self._tracer, self._underway, self._per_ping = survey, tracer, underway, per_ping
         self._rotation = survey.track.rotation()
 
     def of(self, ping: np.ndarray) -> Place:
-        """Give the place of a block of pings with these numbers (B,)."""
+        """Return the place of a block of pings with these numbers (B,)."""
         position = self._survey.track.position[ping]
         depths, source = np.unique(-position[:, 2], return_inverse=True)
         return Place(ping=ping, per_ping=self._per_ping, position=position, rotation=self._rotation[ping],
@@ -47,33 +37,8 @@ class Places:
 
 
 class Place:
-    """Look-ups by a ping's number within the block.
-
-    Parameters
-    ----------
-    ping : (B,) int
-        Numbers of the pings in the survey.
-    per_ping : int
-        Rows of a ping.
-    position, rotation : (B, 3) [m], (B, 3, 3)
-        At transmission.
-    source : (B,) uint32
-        Index of each into `sources`.
-    sources : Sources
-    depth_below : (B,) [m]
-        Seabed below the sonar.
-    underway : Underway
-        How they go on.
-    others : callable
-        Gives the place of any pings.
-
-    Attributes
-    ----------
-    rows : int
-        Of the block.
-    still : bool
-        Whether the sonar stands still until echoes are back.
-    """
+    """Look-ups by a ping's number within the block."""
+    # ping (B,); position (B, 3) [m]; rotation (B, 3) [m]; source (B,); depth_below (B,) [m]
 
     def __init__(self, *, ping: np.ndarray, per_ping: int, position: np.ndarray, rotation: np.ndarray,
                  source: np.ndarray, sources: Sources, depth_below: np.ndarray, underway: Underway,
@@ -94,7 +59,7 @@ class Place:
         dr.eval(self._key, self._position, self._rotation, self._source, self._below)
 
     def of(self, ping: np.ndarray) -> Place:
-        """Give the place of pings of the survey; that of some of the block's shares its ray fans."""
+        """Return the place of pings of the survey; that of some of the block's shares its ray fans."""
         here = np.searchsorted(self.ping, ping)
         if not np.isin(ping, self.ping).all():
             return self._others(ping)
@@ -113,24 +78,24 @@ class Place:
         return moved
 
     def key(self, row: DrJitArray) -> mi.UInt32:
-        """Give the word of chance of rows."""
+        """Return the word of chance of rows."""
         return dr.gather(mi.UInt32, self._key, row)
 
     def origin(self, ping: mi.UInt32) -> dr.ArrayBase:
-        """Give the position of the sonar, Array3f64 [m]."""
+        """Return the position of the sonar, Array3f64 [m]."""
         row = dr.gather(self._lib.Array4f64, self._position, ping)
         return self._lib.Array3f64(row[0], row[1], row[2])
 
     def source(self, ping: mi.UInt32) -> mi.UInt32:
-        """Give the index into `sources`."""
+        """Return the index into `sources`."""
         return dr.gather(mi.UInt32, self._source, ping)
 
     def depth_below(self, ping: mi.UInt32) -> mi.Float:
-        """Give the seabed below the sonar [m]."""
+        """Return the seabed below the sonar [m]."""
         return dr.gather(mi.Float, self._below, ping)
 
     def medium(self, ping: mi.UInt32) -> tuple[mi.Float, mi.Float]:
-        """Give depth [m] and sound speed [m/s] at the sonar."""
+        """Return depth [m] and sound speed [m/s] at the sonar."""
         depth, speed, _ = self.sources.state.gather(self._lib, cast(UInt32, self.source(ping)))
         return mi.Float(depth), mi.Float(speed)
 
@@ -145,7 +110,7 @@ class Place:
         return mi.Vector3f(*(r[0] * body.x + r[1] * body.y + r[2] * body.z for r in (x, y, z)))
 
     def receive(self, ping: mi.UInt32, towards: Vector, offset: dr.ArrayBase, delay: mi.Float64) -> Reception:
-        """Give how echoes are received from points `offset` [m] away.
+        """Return how echoes are received from points `offset` [m] away.
 
         `delay` [s] is the two-way time, and `towards` where the return leg comes from, of a sonar that stands still.
         """

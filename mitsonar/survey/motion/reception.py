@@ -47,46 +47,19 @@ Curvatures = tuple["mi.Float", "mi.Float"]
 
 @dataclass(frozen=True, kw_only=True)
 class Arrival:
-    """Echoes as the array receives them, one each.
+    """Echoes as the array receives them, one each."""
 
-    Attributes
-    ----------
-    delay : Float64 (R,) [s]
-        From the transmission on.
-    sent : Vector3f (R,)
-        Unit, scene, where they left for as seen from the transmit array.
-    towards : Vector3f (R,)
-        Unit, in a frame that turns with the body and is the scene's at the transmission: where they come from.
-    sine : Float (R,)
-        s of (2).
-    doppler : Float (R,)
-        Factor minus 1.
-    spread : Float (R,) or None
-        Area of both legs' waves where the arrays are, over that at O; None for 1.
-    """
-
-    delay: mi.Float64
-    sent: mi.Vector3f
-    towards: mi.Vector3f
-    sine: mi.Float
-    doppler: mi.Float
-    spread: mi.Float | None = None
+    delay: mi.Float64  # (R,) [s]: from the transmission on
+    sent: mi.Vector3f  # (R,): unit, scene, where they left for as seen from the transmit array
+    towards: mi.Vector3f  # (R,): unit, in a frame that turns with the body and is the scene's at the transmission
+    sine: mi.Float  # (R,): s of (2)
+    doppler: mi.Float  # (R,): factor minus 1
+    spread: mi.Float | None = None  # (R,): area of both legs' waves where the arrays are, over that at O
 
 
 class Reception:
-    """Receive the echoes of one ping.
-
-    Parameters
-    ----------
-    survey : ArraySurvey
-    ping : int
-    axis, normal : (3,)
-        a and b, body frame.
-    transmit_centre, receive_centre : (3,) [m]
-        Body frame.
-    beams_from_origin : bool
-        Beams look from O; else from the receive array's centre.
-    """
+    """Receive the echoes of one ping."""
+    # axis (3,); normal (3,); transmit_centre (3,) [m]; receive_centre (3,) [m]
 
     def __init__(self, survey: ArraySurvey, ping: int, *, axis: np.ndarray, normal: np.ndarray,
                  transmit_centre: np.ndarray, receive_centre: np.ndarray, beams_from_origin: bool = True):
@@ -109,35 +82,20 @@ class Reception:
 
     @property
     def off_the_origin(self) -> bool:
-        """Whether an array lies off O."""
+        """Return whether an array lies off O."""
         return bool(max(np.linalg.norm(self._sender), np.linalg.norm(self._receiver)) > SMALL)
 
     @property
     def still(self) -> bool:
-        """Whether the platform neither moves nor turns."""
+        """Return whether the platform neither moves nor turns."""
         return not (self._moves or self._turns)
 
     def receive(self, *, sent: mi.Vector3f, out_distance: mi.Float, out_time: mi.Float64, towards: mi.Vector3f,
                 back_distance: mi.Float, back_time: mi.Float64, out_bent: Curvatures | None = None,
                 back_bent: Curvatures | None = None) -> Arrival:
-        """Give when and from where echoes arrive.
-
-        Parameters
-        ----------
-        sent, towards : Vector3f (R,)
-            Unit, scene: where rays to what is met first, and to where the echo comes from last, leave O.
-        out_distance, back_distance : Float (R,) [m]
-        out_time : Float64 (R,) [s]
-            Until the last scatterer is reached.
-        back_time : Float64 (R,) [s]
-            From there to O.
-        out_bent, back_bent : (Float, Float) or None [1/m]
-            κ_a and κ_e of (4); None: (1) is taken, and spreading as at O.
-
-        Returns
-        -------
-        Arrival
-        """
+        """Return when and from where echoes arrive."""
+        # sent, towards (R,); out_distance, back_distance (R,) [m]; out_time (R,) [s]; back_time (R,) [s]; out_bent,
+        # back_bent (Float, Float) [1/m]
         per_speed = dr.opaque(mi.Float, 1 / self.speed)
         spread = None
         if np.linalg.norm(self._sender) > SMALL:
@@ -174,7 +132,7 @@ class Reception:
                        doppler=(closing + sent_closing) / (c - sent_closing), spread=spread)
 
     def doppler_of_sines(self, sines: np.ndarray, sink: float) -> np.ndarray:
-        """Give the Doppler factors of echoes from sines (K,) along the axis, a sine `sink` below the level."""
+        """Return the Doppler factors of echoes from sines (K,) along the axis, a sine `sink` below the level."""
         axis, ahead = self._axis, self._normal
         down = np.array([0.0, 0.0, -1.0])
         across = down - (down @ axis) * axis - (down @ ahead) * ahead

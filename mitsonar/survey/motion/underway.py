@@ -37,28 +37,14 @@ APART = 0.05                       # of the beam that these lie apart at least
 
 @dataclass(frozen=True, kw_only=True)
 class Reception:
-    """When and from where echoes come back.
+    """When and from where echoes come back."""
 
-    Attributes
-    ----------
-    delay : Float64 (R,) [s]
-        From transmission to reception.
-    towards : Vector3f (R,)
-        Unit, towards where echoes come from, in a frame that turns with the body and is the scene's at transmission.
-    """
-
-    delay: mi.Float64
-    towards: Vector
+    delay: mi.Float64  # (R,) [s]: from transmission to reception
+    towards: Vector  # (R,)
 
 
 class Underway:
-    """The motion within the pings of a survey.
-
-    Parameters
-    ----------
-    travel : PingTravel
-        Of all pings; the platform stops at its end.
-    """
+    """The motion within the pings of a survey."""
 
     def __init__(self, travel: PingTravel):
         travel = travel.trimmed()
@@ -69,11 +55,11 @@ class Underway:
 
     @property
     def moves(self) -> bool:
-        """Whether the sonar moves or turns within any ping."""
+        """Return whether the sonar moves or turns within any ping."""
         return self._displacement.shape[1] + self._turn.shape[1] > 0
 
     def motion(self, ping: np.ndarray) -> Motion | None:
-        """Give the motion of a block of pings (B,) on the device; None where there is none."""
+        """Return the motion of a block of pings (B,) on the device; None where there is none."""
         return Motion(self._displacement[ping], self._turn[ping], self._duration) if self.moves else None
 
     def drift(self, sound_speed: float) -> float:
@@ -88,22 +74,8 @@ class Underway:
 
         Rays are drawn to suit both. Pings and sides whose shifts are about the same make a group, which shares a table
         that rays are drawn through.
-
-        Parameters
-        ----------
-        rotation : (P, 3, 3)
-            From body to scene, at transmission.
-        sound_speed : float [m/s]
-        width : float [-]
-            Of the beam, in u.
-
-        Returns
-        -------
-        group : (P, 2) uint32
-            Number of the group of every ping and side.
-        shifts : list of (S,)
-            What occurs in each group, at some times and depression angles; 0 alone where the platform stands still.
         """
+        # rotation (P, 3, 3); sound_speed [m/s] -> group (P, 2), shifts (S,)
         if not self.moves:
             return np.zeros((len(rotation), 2), np.uint32), [np.zeros(1)]
         time = self._duration * np.array(TIMES)
@@ -126,21 +98,8 @@ class Underway:
 
 
     def aside_shifts(self, rotation: np.ndarray, sound_speed: float, depressions: Sequence[float]) -> np.ndarray:
-        """By how much the cosine u of directions ahead to the side changes between transmission and reception.
-
-        Parameters
-        ----------
-        rotation : (P, 3, 3)
-            From body to scene, at transmission.
-        sound_speed : float [m/s]
-        depressions : sequence of float [rad]
-            Of directions in the plane of forward and down.
-
-        Returns
-        -------
-        (...)
-            What occurs at some times; 0 alone where the sonar stands still.
-        """
+        """By how much the cosine u of directions ahead to the side changes between transmission and reception."""
+        # rotation (P, 3, 3); sound_speed [m/s]; depressions [rad] -> (...)
         if not self.moves:
             return np.zeros(1)
         time = self._duration * np.array(TIMES)
@@ -151,15 +110,8 @@ class Underway:
 
 
 class Motion:
-    """The motion of a block's pings: look-ups by a ping's number within the block.
-
-    Parameters
-    ----------
-    displacement, turn : (B, K, 3) [m/s^k], [rad/s^k]
-        d_k and r_k; K may be 0.
-    duration : float [s]
-        The platform stops at its end.
-    """
+    """The motion of a block's pings: look-ups by a ping's number within the block."""
+    # displacement (B, K, 3) [rad/s^k]; turn (B, K, 3) [rad/s^k]; duration [s]
 
     def __init__(self, displacement: np.ndarray, turn: np.ndarray, duration: float):
         self._lib, self._duration = arrays_of(mi.Float), dr.opaque(mi.Float, duration)
@@ -171,24 +123,8 @@ class Motion:
 
     def receive(self, ping: mi.UInt32, towards: Vector, distance: mi.Float, delay: mi.Float64,
                 sound_speed: mi.Float) -> Reception:
-        """Give when and from where echoes come back.
-
-        Parameters
-        ----------
-        ping : UInt32 (R,)
-        towards : Vector3f (R,)
-            Unit, where the return leg would leave the place of transmission for.
-        distance : Float (R,) [m]
-            From there to the point the echo comes from.
-        delay : Float64 (R,) [s]
-            Had the sonar stood still.
-        sound_speed : Float (R,) [m/s]
-            At the sonar.
-
-        Returns
-        -------
-        Reception
-        """
+        """Return when and from where echoes come back."""
+        # ping (R,); towards (R,); distance (R,) [m]; delay (R,) [s]; sound_speed (R,) [m/s]
         moves, turns = self._powers
         rows = [dr.gather(self._lib.Array4f, self._table, ping * (moves + turns) + k) for k in range(moves + turns)]
         rows = [mi.Vector3f(row[0], row[1], row[2]) for row in rows]

@@ -28,16 +28,10 @@ FINER = 8                          # steps of a side lobe
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Halves:
-    """Beams of a ping, compressed.
+    """Beams of a ping, compressed."""
 
-    Attributes
-    ----------
-    port, starboard : complex64 (B, T) [µPa]
-        Of either half of the receiving line.
-    """
-
-    port: np.ndarray
-    starboard: np.ndarray
+    port: np.ndarray  # (B, T) [µPa]: of either half of the receiving line
+    starboard: np.ndarray  # (B, T) [µPa]: of either half of the receiving line
 
     @property
     def whole(self) -> np.ndarray:
@@ -54,18 +48,7 @@ def sector_beams(survey: SwathSurvey) -> list[SectorBeams]:
 
 
 class SectorBeams:
-    """Form the beams of one sector, ping by ping.
-
-    Parameters
-    ----------
-    run : SectorRun
-    number : int
-        Of the sector: its noise is its own.
-    flaws : float
-        As of `SwathSurvey.receive_flaws`.
-    beside : SectorBeams or None
-        Of another sector: what it knows of the scene is shared.
-    """
+    """Form the beams of one sector, ping by ping."""
 
     def __init__(self, run: SectorRun, number: int, flaws: float = 0.0, beside: SectorBeams | None = None):
         self.run, self._number = run, number

@@ -40,18 +40,8 @@ FAINTEST = 1e-3                    # pressure of a face's pattern that is correc
 
 
 class Strengths:
-    """Make strengths out of intensities.
-
-    Parameters
-    ----------
-    survey : SwathSurvey
-    sectors : list of SectorBeams
-
-    Attributes
-    ----------
-    absorption_db : (S,) [dB/m]
-        Of the sectors, mean from the sonar down to the lowest bed.
-    """
+    """Make strengths out of intensities."""
+    # absorption_db (S,) [dB/m]
 
     def __init__(self, survey: SwathSurvey, sectors: list[SectorBeams]):
         self._survey, self._sectors = survey, sectors
@@ -61,7 +51,7 @@ class Strengths:
                                        for run in survey.sectors])
 
     def of(self, ping: int, made: Measurement, final: Located, samples: int) -> dict[str, np.ndarray]:
-        """Give strengths, and snippets of so many samples, 0 for none, by the record's names."""
+        """Return strengths, and snippets of so many samples, 0 for none, by the record's names."""
         rows = [self._of_a_sector(number, ping, made, final, samples) for number in range(len(self._sectors))]
         return {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
 
@@ -126,17 +116,7 @@ def _width(array: Array, wavelength: float, sine: np.ndarray | float) -> np.ndar
 
 
 class Multibeam:
-    """See `soundings.Instrument`.
-
-    Parameters
-    ----------
-    survey : SwathSurvey
-    seed : int
-    column : bool
-        Whether the water column is kept.
-    snippets : int
-        Samples about each sounding that are kept.
-    """
+    """See `soundings.Instrument`."""
 
     sonar, backscatter = "multibeam", WORDS
 
@@ -152,7 +132,7 @@ class Multibeam:
 
     def measured(self, ping: int, made: Measurement, head_speed: float,
                  closing: np.ndarray | None = None) -> Measured:
-        """Give times and angles; beams have been steered with the head's own sound speed, whatever that is."""
+        """Return times and angles; beams have been steered with the head's own sound speed, whatever that is."""
         said = self._survey.sectors[0].survey.sound_speed(ping) + self._survey.head_speed_error
         angle = made.angle
         if closing is not None:
@@ -163,7 +143,7 @@ class Multibeam:
                         head_sound_speed=np.full(beams, said))
 
     def finding(self, ping: int, made: Measurement, final: Located) -> Finding:
-        """Give detection, strengths and, where they are kept, snippets and water column."""
+        """Return detection, strengths and, where they are kept, snippets and water column."""
         values: dict[str, np.ndarray | float] = {"detection": made.method, "quality": made.quality,
                                                  **self._strengths.of(ping, made, final, self._snippets)}
         if self._snippets:

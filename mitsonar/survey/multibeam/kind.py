@@ -34,13 +34,7 @@ __all__ = ["frames", "picture", "plan", "plan_elements", "rows", "sounding_line"
 
 
 def plan_elements(scene: mi.Scene, sensor: MultibeamSensor, settings: RunSettings, lead: float = 0.0) -> ArraySurvey:
-    """Plan a run whose record is the signals of elements.
-
-    Raises
-    ------
-    ValueError
-        If the swath has several sectors: each has signals of its own.
-    """
+    """Plan a run whose record is the signals of elements."""
     survey = plan(scene, sensor, settings, lead)
     if len(survey.sectors) > 1:
         raise ValueError(f"a ping of this multibeam has {len(survey.sectors)} transmissions, and signals of elements "

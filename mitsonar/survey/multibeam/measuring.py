@@ -22,59 +22,28 @@ FEWEST_SAMPLES = 16                # of a ping, that the bed can be found in
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Measurement:
-    """Of a ping; arrays (B,) unless said otherwise, NaN where there is no sounding.
-
-    Attributes
-    ----------
-    valid : bool
-    sent, travel_time : [s]
-        Transmission of the beam's sector by the line's clock, and from then to the reception.
-    angle, transmit_angle : [rad]
-        As the instrument takes them to be.
-    sector : int
-    method : uint8
-    quality : [-]
-    deviation : [s]
-        Of the time.
-    angle_deviation : [rad]
-    intensity : [µPa²]
-        Mean of the echo, as received.
-    begin, end : int
-        Of its samples.
-    incidence : [rad]
-        On the bed across the track, as detection finds it.
-    halves : list of (Halves, (T,) [s])
-        Beams and the times of their samples, sector by sector.
-    pulse_length : list of float [s]
-        ∫|χ|² dt of the compressed pulses χ with peak 1, sector by sector.
-    """
+    """Of a ping; arrays (B,) unless said otherwise, NaN where there is no sounding."""
 
     valid: np.ndarray
-    sent: np.ndarray
-    travel_time: np.ndarray
-    angle: np.ndarray
-    transmit_angle: np.ndarray
+    sent: np.ndarray  # [s]: transmission of the beam's sector by the line's clock, and from then to the reception
+    travel_time: np.ndarray  # [s]
+    angle: np.ndarray  # [rad]: as the instrument takes them to be
+    transmit_angle: np.ndarray  # [rad]: as the instrument takes them to be
     sector: np.ndarray
     method: np.ndarray
     quality: np.ndarray
-    deviation: np.ndarray
-    angle_deviation: np.ndarray
-    intensity: np.ndarray
-    begin: np.ndarray
-    end: np.ndarray
-    incidence: np.ndarray
-    halves: list[tuple[Halves, np.ndarray]]
-    pulse_length: list[float]
+    deviation: np.ndarray  # [s]: of the time
+    angle_deviation: np.ndarray  # [rad]
+    intensity: np.ndarray  # [µPa²]: mean of the echo, as received
+    begin: np.ndarray  # of its samples
+    end: np.ndarray  # of its samples
+    incidence: np.ndarray  # [rad]: on the bed across the track, as detection finds it
+    halves: list[tuple[Halves, np.ndarray]]  # (T,) [s]: beams and the times of their samples, sector by sector
+    pulse_length: list[float]  # [s]: ∫|χ|² dt of the compressed pulses χ with peak 1, sector by sector
 
 
 class SwathBeams:
-    """Form and detect the beams of a swath's pings.
-
-    Parameters
-    ----------
-    survey : SwathSurvey
-    seed : int
-    """
+    """Form and detect the beams of a swath's pings."""
 
     def __init__(self, survey: SwathSurvey, seed: int):
         self._survey, self._seed = survey, seed

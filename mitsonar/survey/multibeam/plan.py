@@ -55,37 +55,15 @@ class Stabilised:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Swath:
-    """What is steered, and how.
+    """What is steered, and how."""
 
-    Attributes
-    ----------
-    trajectory : Trajectory
-        Of the sonar.
-    mounting : (3,) [rad]
-        Roll, pitch, heading of the head.
-    stabilised : Stabilised
-    """
-
-    trajectory: Trajectory
-    mounting: np.ndarray
+    trajectory: Trajectory  # of the sonar
+    mounting: np.ndarray  # (3,) [rad]: roll, pitch, heading of the head
     stabilised: Stabilised
 
     def receive_sines(self, sector: Sector, times: np.ndarray, depth: np.ndarray, sound_speed: float) -> np.ndarray:
-        """Give s_r of (1) of a sector's beams at its transmissions.
-
-        Parameters
-        ----------
-        sector : Sector
-        times : (P,) [s]
-            Of its transmissions.
-        depth : (P,) [m]
-            Bed below the sonar, as the instrument knows it.
-        sound_speed : float [m/s]
-
-        Returns
-        -------
-        (P, B)
-        """
+        """Return s_r of (1) of a sector's beams at its transmissions."""
+        # times (P,) [s]; depth (P,) [m]; sound_speed [m/s] -> (P, B)
         angle = np.broadcast_to(sector.beams, (len(times), len(sector.beams)))
         if not self.stabilised.roll:
             in_body = np.stack([np.zeros_like(angle), np.sin(angle), np.cos(angle)], -1)
@@ -97,7 +75,7 @@ class Swath:
         return np.clip(np.sum(axis * towards, -1), -WIDEST, WIDEST)
 
     def transmit_sines(self, sector: Sector, times: np.ndarray) -> np.ndarray:
-        """Give s_t of (1) at a sector's transmissions (P,) [s]: (P,)."""
+        """Return s_t of (1) at a sector's transmissions (P,) [s]: (P,)."""
         if not self.stabilised.pitch:
             return np.full(len(times), np.sin(sector.tilt))
         forward, starboard, down = self._frame(times)
@@ -162,13 +140,7 @@ class MultibeamSensor(Sensor, Protocol):
 
 
 def plan(scene: mi.Scene, sensor: MultibeamSensor, settings: RunSettings, lead: float = LEAD) -> SwathSurvey:
-    """Plan a run over a scene; `lead` as of `survey.array.plan_elements`.
-
-    Raises
-    ------
-    ValueError
-        If sensor and scene do not fit together.
-    """
+    """Plan a run over a scene; `lead` as of `survey.array.plan_elements`."""
     geometry = Geometry(scene)
     last = max(sector.delay for sector in sensor.sectors)
     middle = 0.5 * (sensor.transmit[0].position.mean(0) + sensor.receive.position.mean(0))

@@ -51,30 +51,15 @@ ASIDE = 1e-3                       # [m] beside an edge of facets, where a ray t
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BedPoints:
-    """What lies below places, (N,) each.
+    """What lies below places, (N,) each."""
 
-    Attributes
-    ----------
-    label : uint32
-        Of the instance; 0 where nothing lies.
-    strength : [-]
-        By the material's law, for sound that comes from where it was sent; NaN where nothing lies.
-    """
-
-    label: np.ndarray
-    strength: np.ndarray
+    label: np.ndarray  # of the instance
+    strength: np.ndarray  # by the material's law, for sound that comes from where it was sent
 
 
 def bed_depth(geometry: Geometry, x: np.ndarray, y: np.ndarray, *, above: float) -> np.ndarray:
-    """Give the depth of what lies below places, (N,) [m]; NaN where nothing does.
-
-    Parameters
-    ----------
-    geometry : Geometry
-    x, y : (N,) [m]
-    above : float [m]
-        Depth that is looked from: what floats above it does not count.
-    """
+    """Return the depth of what lies below places, (N,) [m]; NaN where nothing does."""
+    # x, y (N,) [m]; above [m]
     depth = np.full(len(x), np.nan)
     for aside in (0.0, ASIDE):
         lost = np.flatnonzero(np.isnan(depth) & np.isfinite(x))
@@ -86,18 +71,8 @@ def bed_depth(geometry: Geometry, x: np.ndarray, y: np.ndarray, *, above: float)
 
 def bed_at(geometry: Geometry, x: np.ndarray, y: np.ndarray, *, above: float, arrival: np.ndarray,
            sound_speed: float, frequency: float) -> BedPoints:
-    """Give what lies below places.
-
-    Parameters
-    ----------
-    geometry, x, y, above
-        As of `bed_depth`.
-    arrival : (N, 3)
-        Unit vectors along the travel of sound there, scene.
-    sound_speed : float [m/s]
-        At the bed.
-    frequency : float [Hz]
-    """
+    """Return what lies below places."""
+    # arrival (N, 3); sound_speed [m/s]; frequency [Hz]
     ray = _down(x, y, above)
     si, pi = geometry.scene.ray_intersect(ray), geometry.scene.ray_intersect_preliminary(ray)
     valid = si.is_valid()
@@ -135,7 +110,7 @@ def true_motion(survey: SoundedSurvey, *, earlier: float = 0.0) -> Motion:
 
 
 def said_motion(survey: SoundedSurvey, seed: int) -> Motion:
-    """Give the same as the motion sensors say it."""
+    """Return the same as the motion sensors say it."""
     errors = survey.motion_errors
     true = true_motion(survey, earlier=errors.latency)
     added = errors.added(true.time, sonar_seed(seed, "motion sensors"))
@@ -154,18 +129,10 @@ DATED = 1e8                        # [s] from which a track's times are since 19
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Finding:
-    """What an instrument says of soundings beside their places.
+    """What an instrument says of soundings beside their places."""
 
-    Attributes
-    ----------
-    variables : dict
-        Of the record, by its names; ``detection`` and ``quality`` among them.
-    deviations : Deviations or None
-        Of the measurement; None: by ``quality``.
-    """
-
-    variables: dict[str, np.ndarray | float]
-    deviations: Deviations | None = None
+    variables: dict[str, np.ndarray | float]  # of the record, by its names
+    deviations: Deviations | None = None  # of the measurement
 
 
 class Instrument(Protocol):
@@ -193,7 +160,7 @@ class Instrument(Protocol):
         ...
 
     def measured(self, ping: int, made: Any, head_speed: float, closing: np.ndarray | None = None) -> Measured:
-        """Give times and angles as a sound speed at the head [m/s] makes them.
+        """Return times and angles as a sound speed at the head [m/s] makes them.
 
         With `closing` (B,) [m/s], the receivers' speed towards the echoes, angles are those of receivers at rest.
         """
@@ -205,17 +172,7 @@ class Instrument(Protocol):
 
 
 class SoundingLine:
-    """Make the soundings of a line.
-
-    Parameters
-    ----------
-    survey : SoundedSurvey
-    instrument : Instrument
-    seed : int
-        Of the motion sensors.
-    profile : SoundSpeedProfile or None
-        That soundings are made with; None: the scene's own.
-    """
+    """Make the soundings of a line."""
 
     def __init__(self, survey: SoundedSurvey, instrument: Instrument, seed: int, *,
                  profile: SoundSpeedProfile | None = None):
@@ -234,7 +191,7 @@ class SoundingLine:
             yield self.ping(int(ping), self._instrument.measure(int(ping)))
 
     def ping(self, ping: int, made: Any) -> xr.Dataset:
-        """Give the soundings of a ping from what its instrument measured."""
+        """Return the soundings of a ping from what its instrument measured."""
         survey, instrument = self._survey, self._instrument
         there = self._transmissions[0].survey.sound_speed(ping)
         head_speed = there + survey.head_speed_error

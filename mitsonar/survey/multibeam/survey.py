@@ -18,42 +18,21 @@ __all__ = ["SectorRun", "SoundedSurvey", "SwathSurvey", "Transmission"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Transmission:
-    """One of a ping's transmissions, as its soundings need it.
+    """One of a ping's transmissions, as its soundings need it."""
 
-    Attributes
-    ----------
-    survey : ArraySurvey
-        Its track is at the times of the transmission.
-    delay : float [s]
-        After the ping's first.
-    sines : (P,) [-]
-        Along the transmitting line, as the instrument takes them to be.
-    beams : slice
-        Of all beams, those that listen to it.
-    """
-
-    survey: ArraySurvey
-    delay: float
-    sines: np.ndarray
-    beams: slice
+    survey: ArraySurvey  # its track is at the times of the transmission
+    delay: float  # [s]: after the ping's first
+    sines: np.ndarray  # (P,) [-]: along the transmitting line, as the instrument takes them to be
+    beams: slice  # of all beams, those that listen to it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SoundedSurvey(Survey, ABC):
-    """A run that makes soundings; abstract.
+    """A run that makes soundings; abstract."""
 
-    Attributes
-    ----------
-    head_speed_error : float [m/s]
-    motion_errors : MotionErrors
-    depth_gate : (float, float) or None [m]
-        Below the sonar.
-    preset : str
-    """
-
-    head_speed_error: float
+    head_speed_error: float  # [m/s]
     motion_errors: MotionErrors
-    depth_gate: tuple[float, float] | None
+    depth_gate: tuple[float, float] | None  # [m]: below the sonar
     preset: str
 
     @property
@@ -64,29 +43,14 @@ class SoundedSurvey(Survey, ABC):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SectorRun:
-    """A sector's transmissions of all pings.
-
-    Attributes
-    ----------
-    sector : Sector
-    survey : ArraySurvey
-        Of its transmissions: its track is at their times, its `steering` what they are steered by.
-    sines : (P, B) [-]
-        Of the beams on the receiving line, as they are; rising with the beam.
-    said : (P,) [-]
-        Times these, what the instrument takes the sines to be: c_head / c, by the head's own sound speed.
-    transmit_sines : (P,) [-]
-        Of the transmissions along the transmitting line, as they are.
-    first : int
-        Number of its first beam among all.
-    """
+    """A sector's transmissions of all pings."""
 
     sector: Sector
-    survey: ArraySurvey
-    sines: np.ndarray
-    said: np.ndarray
-    transmit_sines: np.ndarray
-    first: int
+    survey: ArraySurvey  # of its transmissions
+    sines: np.ndarray  # (P, B) [-]: of the beams on the receiving line, as they are
+    said: np.ndarray  # (P,) [-]: times these, what the instrument takes the sines to be
+    transmit_sines: np.ndarray  # (P,) [-]: of the transmissions along the transmitting line, as they are
+    first: int  # number of its first beam among all
 
     @property
     def beams(self) -> slice:
@@ -96,21 +60,11 @@ class SectorRun:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SwathSurvey(SoundedSurvey):
-    """A run of a multibeam echo sounder.
+    """A run of a multibeam echo sounder."""
 
-    Attributes
-    ----------
-    sectors : sequence of SectorRun
-        In the order of their beams.
-    mounting : (3,) [rad]
-        Roll, pitch, heading of the head.
-    receive_flaws : float
-        Root mean square of what each receiver is off, in amplitude and in phase [rad].
-    """
-
-    sectors: Sequence[SectorRun]
-    mounting: np.ndarray
-    receive_flaws: float
+    sectors: Sequence[SectorRun]  # in the order of their beams
+    mounting: np.ndarray  # (3,) [rad]: roll, pitch, heading of the head
+    receive_flaws: float  # root mean square of what each receiver is off, in amplitude and in phase [rad]
 
     @property
     def beams(self) -> int:

@@ -25,22 +25,15 @@ __all__ = ["ArraySurvey", "Sampling"]
 
 @dataclass(frozen=True, kw_only=True)
 class Sampling:
-    """The samples of a record in complex baseband.
+    """The samples of a record in complex baseband."""
 
-    Attributes
-    ----------
-    start : float [s]
-        Time of sample 0, from the transmission on.
-    sampling_rate, frequency : float [Hz]
-        Of the samples; of the carrier.
-    """
-
-    start: float
-    sampling_rate: float
-    frequency: float
+    start: float  # [s]: time of sample 0, from the transmission on
+    sampling_rate: float  # [Hz]: of the samples
+    frequency: float  # [Hz]: of the samples
 
     def place(self, delay: Float64) -> tuple[Float, Int32, Float]:
-        """Give the carrier phase [cycles], the sample and the fraction of a sample of delays (R,) [s]; see `centre`."""
+        """Return the carrier phase [cycles], the sample and the fraction of a sample of delays (R,) [s]; see `centre`.
+        """
         return centre(delay, start=self.start, frequency=self.frequency, sampling_rate=self.sampling_rate)
 
 
@@ -48,61 +41,26 @@ class Sampling:
 class ArraySurvey(Survey):
     """A run of a sonar with arrays.
 
-    Attributes
-    ----------
-    pulse : Pulse
-    source_level_db : float [dB re 1 µPa @ 1 m]
-        Of all transmit elements together, where their waves add up.
-    transmit, receive : Array
-    start : float [s]
-        Time of sample 0, from the transmission on.
-    sampling_rate : float [Hz]
-    samples : int
-    lead : int
-        How many of the samples come before the record that was asked for.
-    cell_size : float [m]
-        Longest side of a cell, which holds one scatterer.
-    per_cell : float [-]
-        Scatterers of a resolution cell, of a picture in the beam domain.
-    ensonification : str
-        How scatterers are found: one of `ensonification.METHODS`.
-    sources : RaySources
-        Where rays start.
-    pass_number : int
-        Which pass over the ground it is: scatterers may differ.
-    noise : ElementNoise or None
-    steering : (P, 3) or None [-]
-        What the transmit array is steered by at each ping, besides its own delays: body frame, the part of a unit
-        vector that its elements tell apart. None: by nothing.
-    sending : (P,) int or None
-        Number of the transmit element that sends alone at each ping; None: all send together.
-    thin_below : float [-]
-        Two-way intensity of the elements' beams below which cells are thinned, their mean energy kept; 0: none are.
-    absorption_db : callable or None
-        Absorption [dB/m] at frequencies [Hz], mean over the water; None where it is the same for all.
-
-    Notes
-    -----
     `rays` counts the rays of one source and ping. It matters only where rays find the scatterers, and for echoes that
     are drawn by chance.
     """
 
     pulse: Pulse
-    source_level_db: float
+    source_level_db: float  # [dB re 1 µPa @ 1 m]: of all transmit elements together, where their waves add up
     transmit: Array
     receive: Array
-    start: float
-    sampling_rate: float
+    start: float  # [s]: time of sample 0, from the transmission on
+    sampling_rate: float  # [Hz]
     samples: int
-    lead: int
-    cell_size: float
-    per_cell: float
-    ensonification: str
-    sources: RaySources
-    pass_number: int = 0
+    lead: int  # how many of the samples come before the record that was asked for
+    cell_size: float  # [m]: longest side of a cell, which holds one scatterer
+    per_cell: float  # scatterers of a resolution cell, of a picture in the beam domain
+    ensonification: str  # how scatterers are found
+    sources: RaySources  # where rays start
+    pass_number: int = 0  # which pass over the ground it is
     noise: ElementNoise | None = None
-    steering: np.ndarray | None = None
-    sending: np.ndarray | None = None
+    steering: np.ndarray | None = None  # (P, 3) [-]
+    sending: np.ndarray | None = None  # (P,): number of the transmit element that sends alone at each ping
     thin_below: float = 0.0
     absorption_db: Callable[[np.ndarray], np.ndarray] | None = None
 
@@ -149,7 +107,7 @@ class ArraySurvey(Survey):
         return array.delay + place @ self.steering[ping] / self.sound_speed(ping)
 
     def sender(self, ping: int) -> int:
-        """Give the number of the transmit element that sends at a ping; the first where all send together."""
+        """Return the number of the transmit element that sends at a ping; the first where all send together."""
         return 0 if self.sending is None else int(self.sending[ping])
 
     def transmit_weight(self, ping: int) -> np.ndarray:

@@ -29,28 +29,15 @@ WORTH_SAYING = 2.0                 # [s] of CPU; less is a moment
 
 @dataclass(frozen=True, kw_only=True)
 class Cost:
-    """What pings of an array take.
+    """What pings of an array take."""
 
-    Attributes
-    ----------
-    pings, elements : int
-        How many pings, and receivers.
-    cells : float
-        That each source of a ping ensonifies: cells within reach, or rays where rays find the cells.
-    ensonifications, pairs : int
-        How often that is done for a ping, and how often echoes are carried to all elements.
-    threads : int
-    carried : float [s]
-        CPU time from an echo to an element.
-    """
-
-    pings: int
-    elements: int
-    cells: float
-    ensonifications: int
-    pairs: int
+    pings: int  # how many pings, and receivers
+    elements: int  # how many pings, and receivers
+    cells: float  # that each source of a ping ensonifies
+    ensonifications: int  # how often that is done for a ping, and how often echoes are carried to all elements
+    pairs: int  # how often that is done for a ping, and how often echoes are carried to all elements
     threads: int
-    carried: float = CARRIED
+    carried: float = CARRIED  # [s]: CPU time from an echo to an element
 
     @property
     def seconds(self) -> float:
@@ -67,20 +54,7 @@ def cells_within_reach(record: PressureRecord, ping: int) -> int:
 
 
 def cost(record: PressureRecord, pings: Sequence[int], *, threads: int, all_transmit: bool = False) -> Cost:
-    """Count what some pings take.
-
-    Parameters
-    ----------
-    record : PressureRecord
-    pings : sequence of int
-    threads : int
-    all_transmit : bool
-        Every transmit element, not only those that send.
-
-    Returns
-    -------
-    Cost
-    """
+    """Count what some pings take."""
     survey = record.survey
     share = survey.sources.share[:, (survey.transmit.weight != 0) | all_transmit]
     some = [pings[k] for k in sorted({round(k) for k in np.linspace(0, len(pings) - 1, PINGS_LOOKED_AT)})]

@@ -29,22 +29,8 @@ FEWEST_JUDGED = 1000               # echoes: fewer say little
 
 
 class ArrivalCounts:
-    """Count arrivals while pings are made.
-
-    Parameters
-    ----------
-    radius : float [m]
-        Of the arrays.
-    guard : float [s]
-        Expected error of a delay above which an echo is in doubt.
-
-    Attributes
-    ----------
-    arrivals, lost : int
-        Arrivals of echoes at elements, and those among them that no ray brings although one reaches the centre.
-    judged, doubtful : int
-        Echoes whose expected error was looked at, and those in doubt.
-    """
+    """Count arrivals while pings are made."""
+    # radius [m]; guard [s]
 
     def __init__(self, *, radius: float, guard: float):
         self.radius, self.guard = radius, guard
@@ -55,13 +41,7 @@ class ArrivalCounts:
         self.arrivals, self.lost = self.arrivals + arrivals, self.lost + lost
 
     def judge(self, echoes: int, doubtful: int) -> None:
-        """Count echoes in doubt.
-
-        Raises
-        ------
-        ValueError
-            If they are so many that a large array had better be computed with eigenrays altogether.
-        """
+        """Count echoes in doubt."""
         self.judged, self.doubtful = self.judged + echoes, self.doubtful + doubtful
         if self.radius > SMALL_ARRAY and self.doubtful > MOST_DOUBTFUL * max(self.judged, FEWEST_JUDGED):
             raise ValueError(f"the array reaches {self.radius:.3g} m from its centre, too far for the vector "
@@ -77,51 +57,26 @@ Kind = TypeVar("Kind", bound="ElementDelays")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ElementDelays(ABC):
-    """A way to find delays, and to sum echoes with them. Subclasses say which: `vectors`, `eigenrays`, `guarded`.
-
-    Attributes
-    ----------
-    source : PingSource
-    transmit, receive : Array
-    wavelength : float [m]
-        Of the carrier, for which elements' patterns are taken.
-    sampling : Sampling
-        Of the record.
-    counts : ArrivalCounts
-        Where arrivals are counted.
-    """
+    """A way to find delays, and to sum echoes with them. Subclasses say which: `vectors`, `eigenrays`, `guarded`."""
 
     source: PingSource
     transmit: Array
     receive: Array
-    wavelength: float
-    sampling: Sampling
-    counts: ArrivalCounts
+    wavelength: float  # [m]: of the carrier, for which elements' patterns are taken
+    sampling: Sampling  # of the record
+    counts: ArrivalCounts  # where arrivals are counted
 
     @abstractmethod
     def add(self, responses: ImpulseResponses, some: SortedEchoes, element: int, *, weight: float,
             rows: slice = ALL_ROWS) -> None:
-        """Sum the echoes of one transmit element at receive elements.
-
-        Parameters
-        ----------
-        responses : ImpulseResponses
-            They are added here.
-        some : SortedEchoes
-        element : int
-            The transmit element.
-        weight : float [-]
-            Of what it transmits.
-        rows : slice
-            Receive elements.
-        """
+        """Sum the echoes of one transmit element at receive elements."""
 
     def stands_off(self, element: int) -> bool:
-        """Whether a transmit element is not where the source is."""
+        """Return whether a transmit element is not where the source is."""
         return bool(np.any(self.transmit.position[element] != self.source.position))
 
     def moment(self, some: SortedEchoes, rows: slice) -> float:
-        """Give the moment of the pulse [s] whose echoes tell how far receive elements are apart from the source.
+        """Return the moment of the pulse [s] whose echoes tell how far receive elements are apart from the source.
 
         Where an array passes, its elements close in on an echo at other speeds than the source, so that what is right
         for the beginning of a long pulse is not for its middle. 0 where that matters less than `DRIFT`.
@@ -133,12 +88,12 @@ class ElementDelays(ABC):
         return some.moment if cycles > DRIFT else 0.0
 
     def placed(self, some: SortedEchoes, arrival: Float64) -> tuple[Float, Int32, Float]:
-        """Give phase, sample and fraction of echoes that arrive then (R,) [s], as `Sampling.place` does."""
+        """Return phase, sample and fraction of echoes that arrive then (R,) [s], as `Sampling.place` does."""
         phase, sample, fraction = self.sampling.place(arrival + some.late)
         if some.turn is not None:
             phase -= type(phase)(some.turn - dr.floor(some.turn))
         return phase, sample, fraction
 
     def changed_to(self, kind: type[Kind]) -> Kind:
-        """Give the same with another way to find delays."""
+        """Return the same with another way to find delays."""
         return kind(**{field.name: getattr(self, field.name) for field in fields(ElementDelays)})

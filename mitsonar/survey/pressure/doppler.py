@@ -28,23 +28,8 @@ SHORTEST_WAY = 1e-3                # [m], [s]: no division by zero
 
 def time_scale(source: PingSource, echoes: Echoes, *, sender: np.ndarray, receiver: np.ndarray,
                moment: float = 0.0) -> tuple[Float64, Float64]:
-    """Give the two-way factor of what is sent at a moment, and when its echoes arrive.
-
-    Parameters
-    ----------
-    source : PingSource
-    echoes : Echoes
-    sender, receiver : (3,) [m]
-        Where sound is sent and received, body frame.
-    moment : float [s]
-        After the beginning of the pulse.
-
-    Returns
-    -------
-    doppler : Float64 (R,) [-]
-    when : Float64 (R,) [s]
-        After the beginning of the echo; second order in the moment.
-    """
+    """Return the two-way factor of what is sent at a moment, and when its echoes arrive."""
+    # sender, receiver (3,) [m]; moment [s] -> doppler (R,) [-], when (R,) [s]
     back, speed = source.way_back(echoes), dr.opaque(mi.Float64, source.speed)
     slower, bend, wide = [], 0, cast(Any, arrays_of(mi.Float).Array3f64)
     sent = dr.opaque(mi.Float64, moment)
@@ -70,21 +55,8 @@ def time_scale(source: PingSource, echoes: Echoes, *, sender: np.ndarray, receiv
 
 def receiver_groups(source: PingSource, echoes: Echoes, position: np.ndarray,
                     tolerance: float) -> list[tuple[slice, np.ndarray]]:
-    """Group receive elements that hear all these echoes with factors within a tolerance.
-
-    Parameters
-    ----------
-    source : PingSource
-    echoes : Echoes
-    position : (E, 3) [m]
-        Of the receive elements, body frame.
-    tolerance : float [-]
-
-    Returns
-    -------
-    list of (slice, (3,) [m])
-        Rows of the receive array, and their middle in the body frame.
-    """
+    """Group receive elements that hear all these echoes with factors within a tolerance."""
+    # position (E, 3) [m] -> (3,) [m]
     widest, groups, first = tolerance / max(factor_per_metre(source, echoes), 1e-30), [], 0
     for last in range(1, len(position) + 1):
         some = position[first:last + 1]
@@ -95,7 +67,7 @@ def receiver_groups(source: PingSource, echoes: Echoes, position: np.ndarray,
 
 
 def factor_per_metre(source: PingSource, echoes: Echoes) -> float:
-    """Give what the factors of elements a metre apart differ by at most [1/m]."""
+    """Return what the factors of elements a metre apart differ by at most [1/m]."""
     nearest = source.speed * min(float(dr.min(leg.travel_time)[0]) for leg in (echoes.out, echoes.back))
     travel = source.travel
     return float((travel.peak(travel.displacement, 1)[0] / max(nearest, SHORTEST_WAY)

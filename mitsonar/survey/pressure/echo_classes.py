@@ -29,26 +29,13 @@ SAME_PLACE = 1e-9                  # [m]
 
 @dataclass(frozen=True, kw_only=True)
 class SortedEchoes:
-    """Echoes, and what their classes do to them.
-
-    Attributes
-    ----------
-    echoes : Echoes
-    late : Float64 (R,) or (1,) [s]
-        By how much they arrive later, in their phase as in their place.
-    turn : Float64 (R,) or None [cycles]
-        By which their phases are ahead; None: not.
-    sheet : UInt32 (R,) or None
-        Numbers of their classes, counted from the first one wanted; None: there is but one.
-    moment : float [s]
-        Of the pulse that `late` is told for, of an element at the source: others differ from it by what they do then.
-    """
+    """Echoes, and what their classes do to them."""
 
     echoes: Echoes
-    late: Float64
-    turn: Float64 | None = None
-    sheet: UInt32 | None = None
-    moment: float = 0.0
+    late: Float64  # (R,) [s]: by how much they arrive later, in their phase as in their place
+    turn: Float64 | None = None  # (R,) [cycles]: by which their phases are ahead
+    sheet: UInt32 | None = None  # (R,): numbers of their classes, counted from the first one wanted
+    moment: float = 0.0  # [s]: of the pulse that `late` is told for, of an element at the source
 
     def chosen(self, index: UInt32) -> SortedEchoes:
         """The echoes with these numbers."""
@@ -58,15 +45,9 @@ class SortedEchoes:
 
 
 class EchoClasses(ABC):
-    """Classes of echoes.
+    """Classes of echoes."""
 
-    Attributes
-    ----------
-    factors : (K,) [-]
-        Two-way Doppler factors that stand for them.
-    """
-
-    factors: np.ndarray
+    factors: np.ndarray  # (K,) [-]: two-way Doppler factors that stand for them
 
     @abstractmethod
     def receiver_groups(self, source: PingSource, echoes: Echoes,
@@ -76,24 +57,8 @@ class EchoClasses(ABC):
     @abstractmethod
     def sort(self, source: PingSource, echoes: Echoes, wanted: range, *, sender: np.ndarray, receiver: np.ndarray,
              delay: float) -> SortedEchoes | None:
-        """Put echoes into classes.
-
-        Parameters
-        ----------
-        source : PingSource
-        echoes : Echoes
-        wanted : range
-            Numbers of the classes asked for: echoes of others are left out.
-        sender, receiver : (3,) [m]
-            Where sound is sent and received, body frame.
-        delay : float [s]
-            By which it is sent later.
-
-        Returns
-        -------
-        SortedEchoes or None
-            None if there are none.
-        """
+        """Put echoes into classes."""
+        # sender, receiver (3,) [m]; delay [s]
 
 
 class OneClass(EchoClasses):
@@ -117,18 +82,8 @@ class OneClass(EchoClasses):
 
 
 class DopplerClasses(EchoClasses):
-    """Echoes sorted by their Doppler factors: each is in one class, rounding or not.
-
-    Parameters
-    ----------
-    factors : (K,) [-]
-        Equally spaced and rising, as of `signal.doppler.doppler_classes`.
-    begin : float [s]
-        When the pulse begins, or its piece.
-    pulse : Pulse
-    glide : Glide or None
-        Of a whole pulse that sweeps: its echoes are shifted by what is left of their factors.
-    """
+    """Echoes sorted by their Doppler factors: each is in one class, rounding or not."""
+    # factors (K,) [-]; begin [s]
 
     def __init__(self, factors: np.ndarray, begin: float, pulse: Pulse, glide: Glide | None = None):
         self.factors, self.begin, self.pulse, self.glide = np.asarray(factors, float), begin, pulse, glide
@@ -164,7 +119,7 @@ class DopplerClasses(EchoClasses):
                             sheet=number - wanted.start if len(wanted) > 1 else None, moment=moment)
 
     def _nearest(self, doppler: Float64) -> tuple[UInt32, Float64]:
-        """Give number and factor of the class nearest to each factor."""
+        """Return number and factor of the class nearest to each factor."""
         width = float(self.factors[1] - self.factors[0]) if len(self.factors) > 1 else 1.0
         lib = arrays_of(mi.Float)
         first, width, last = (dr.opaque(lib.Float64, value)

@@ -45,16 +45,7 @@ def ensonification_of(survey: ArraySurvey, scatterers: Scatterers | None = None)
 
 
 class EnsonifiedPing:
-    """Make the echoes of a ping. Unless they are too many, they are kept for the next transmit element.
-
-    Parameters
-    ----------
-    survey : ArraySurvey
-    ensonification : Ensonification
-    ping, seed : int
-    before : EnsonifiedPing or None
-        One made before, whose echoes are taken over if the platform still stands where it stood.
-    """
+    """Make the echoes of a ping. Unless they are too many, they are kept for the next transmit element."""
 
     def __init__(self, survey: ArraySurvey, ensonification: Ensonification, ping: int, seed: int,
                  before: "EnsonifiedPing | None" = None):
@@ -66,18 +57,18 @@ class EnsonifiedPing:
             self._kept = {number: blocks for number, blocks in before._kept.items() if number != BY_CHANCE}
 
     def _stands_as(self, other: "EnsonifiedPing") -> bool:
-        """Whether the platform is where it was at another ping, and scatterers are found without chance."""
+        """Return whether the platform is where it was at another ping, and scatterers are found without chance."""
         track = self.survey.track
         return (self.survey.ensonification == "scatterers" and np.array_equal(self._rotation, other._rotation)
                 and np.array_equal(track.position[self.ping], track.position[other.ping]))
 
     def shares(self, element: int) -> list[tuple[int, float]]:
-        """Give the numbers of the sources that stand for a transmit element, each with its share."""
+        """Return the numbers of the sources that stand for a transmit element, each with its share."""
         share = self.survey.sources.share[:, element]
         return [*((int(number), float(share[number])) for number in np.flatnonzero(share)), (BY_CHANCE, 1.0)]
 
     def source(self, number: int) -> PingSource:
-        """Give a source by its number."""
+        """Return a source by its number."""
         if number not in self._sources:
             position = np.zeros(3) if number == BY_CHANCE else self.survey.sources.position[number]
             self._sources[number] = PingSource(
@@ -86,15 +77,7 @@ class EnsonifiedPing:
         return self._sources[number]
 
     def echoes(self, number: int, progress: Callable[[float], None] | None = None) -> Iterator[Echoes]:
-        """Yield the echoes from a source in blocks.
-
-        Parameters
-        ----------
-        number : int
-            Of the source.
-        progress : callable(share) or None
-            Called with the share of the cells that are done, block by block.
-        """
+        """Yield the echoes from a source in blocks."""
         if number in self._kept:
             yield from self._kept[number]
             return

@@ -51,36 +51,17 @@ OfPair: TypeAlias = Callable[[Sequence[Float], Sequence[Float]], Float]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pairs:
-    """What `ImpulseResponses.add` asks of pairs of echoes and elements.
+    """What `ImpulseResponses.add` asks of pairs of echoes and elements."""
 
-    Attributes
-    ----------
-    hits : list of Float (H,) or (1,)
-    elements : list of arrays (E,)
-    delay, gain : callable
-        Of the fields of both: [s], [-].
-    """
-
-    hits: list[Float]
-    elements: list[np.ndarray]
-    delay: OfPair
-    gain: OfPair
+    hits: list[Float]  # (H,)
+    elements: list[np.ndarray]  # (E,)
+    delay: OfPair  # of the fields of both
+    gain: OfPair  # of the fields of both
 
 
 class ReceivedEchoes:
-    """Echoes on their way to the elements of one array.
-
-    Parameters
-    ----------
-    back : ReturnPaths
-    view : View
-        What the way back sees.
-    receive : Array
-    wavelength : float [m]
-    method : {"vector", "paper"}
-    towards : triple of Float (H,) or None
-        Unit vectors from the source towards the echoes as the array sees them; None where it hears all alike.
-    """
+    """Echoes on their way to the elements of one array."""
+    # wavelength [m]; towards (H,)
 
     def __init__(self, back: ReturnPaths, view: View, receive: Array, *, wavelength: float, method: Method,
                  towards: Triple | None):
@@ -116,11 +97,11 @@ class ReceivedEchoes:
 
     @property
     def _alike(self) -> bool:
-        """Whether what is left of the elements' patterns is the same towards all directions."""
+        """Return whether what is left of the elements' patterns is the same towards all directions."""
         return self.towards is None or (self.receive.pattern == "omni" and self.baffle == "none")
 
     def _smooth(self, line: Line, nearest: float, speed: float) -> bool:
-        """Whether polynomials along a line are good enough."""
+        """Return whether polynomials along a line are good enough."""
         if line.error(nearest, speed) > LINE_ERROR:
             return False
         side = max(self.receive.length, self.receive.height) / self.wavelength
@@ -166,7 +147,7 @@ class ReceivedEchoes:
 
 
 def _one_face(array: Array) -> bool:
-    """Whether all elements lie in one plane, look one way and are turned alike."""
+    """Return whether all elements lie in one plane, look one way and are turned alike."""
     plane = np.sum(array.position * array.normal, axis=-1)
     return bool(np.all(array.normal == array.normal[0]) and np.all(array.along == array.along[0])
                 and np.ptp(plane) < SAME_PLANE)

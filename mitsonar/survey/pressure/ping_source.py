@@ -35,36 +35,16 @@ UPSIDE_DOWN = np.diag([1.0, 1.0, -1.0])
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class View:
-    """The platform and the water as legs see them: as they are, or mirrored at the surface.
+    """The platform and the water as legs see them: as they are, or mirrored at the surface."""
 
-    Attributes
-    ----------
-    medium : Medium
-        The water, or the water unfolded about the surface.
-    state : SourceState
-        Of the source's depth.
-    depth : float [m]
-        Of the source; negative for an image.
-    position : (3,) [m]
-        Of the source, body frame.
-    rotation : (3, 3)
-        Body to scene.
-    travel : Travel
-        Of the source since the ping, of opaque Float64.
-    tilt : float [rad]
-        The most that the platform leans over while echoes come in.
-    climb : float [m/s]
-        Its largest vertical speed meanwhile.
-    """
-
-    medium: Medium
-    state: SourceState
-    depth: float
-    position: np.ndarray
-    rotation: np.ndarray
-    travel: Travel
-    tilt: float
-    climb: float
+    medium: Medium  # the water, or the water unfolded about the surface
+    state: SourceState  # of the source's depth
+    depth: float  # [m]: of the source
+    position: np.ndarray  # (3,) [m]: of the source, body frame
+    rotation: np.ndarray  # (3, 3): body to scene
+    travel: Travel  # of the source since the ping, of opaque Float64
+    tilt: float  # [rad]: the most that the platform leans over while echoes come in
+    climb: float  # [m/s]: its largest vertical speed meanwhile
 
     @property
     def layers(self) -> LayerTable:
@@ -90,11 +70,11 @@ class View:
                    climb=float((powers * travel.duration ** (powers - 1)) @ np.abs(d[:, 2])))
 
     def offsets(self, array: Array) -> np.ndarray:
-        """Give the elements relative to the source at the transmission: (E, 3) [m], scene coordinates."""
+        """Return the elements relative to the source at the transmission: (E, 3) [m], scene coordinates."""
         return (array.position - self.position) @ self.rotation.T
 
     def pattern(self, array: Array, element: int, direction: Triple, wavelength: float) -> Float:
-        """Give the pressure pattern of an element towards unit vectors, at the attitude of the transmission."""
+        """Return the pressure pattern of an element towards unit vectors, at the attitude of the transmission."""
         return pressure(array, [mi.Float(part) for part in direction], wavelength,
                         self.rotation @ array.normal[element], self.rotation @ array.along[element])
 
@@ -107,27 +87,8 @@ class View:
 
 
 class PingSource:
-    """A source of rays at one ping.
-
-    Parameters
-    ----------
-    position : (3,) [m]
-        Body frame.
-    centre : (3,) [m]
-        The body's origin at the transmission, scene coordinates.
-    rotation : (3, 3)
-        Body to scene.
-    travel : PingTravel
-        Of the source, which is carried round the body's origin as the platform turns.
-    water : DeviceWater
-
-    Attributes
-    ----------
-    origin : (3,) [m]
-        The source at the transmission, scene coordinates.
-    speed : float [m/s]
-        Of sound at the source.
-    """
+    """A source of rays at one ping."""
+    # position (3,) [m]; centre (3,) [m]; rotation (3, 3); origin (3,) [m]; speed [m/s]
 
     def __init__(self, *, position: np.ndarray, centre: np.ndarray, rotation: np.ndarray, travel: PingTravel,
                  water: DeviceWater):
@@ -149,7 +110,7 @@ class PingSource:
                        mirror=np.diag(UPSIDE_DOWN))
 
     def view(self, leg: Leg) -> View:
-        """Give what a leg sees."""
+        """Return what a leg sees."""
         return self.mirrored if leg.folded else self.direct
 
     def way_back(self, echoes: Echoes, method: Method = "vector", met: Float64 | None = None) -> ReturnPaths:
@@ -170,10 +131,10 @@ class PingSource:
 
 
 def opaque(kind: type, vector: Iterable[float]) -> list:
-    """Give the components of a vector as opaque numbers: they change without a new kernel."""
+    """Return the components of a vector as opaque numbers: they change without a new kernel."""
     return [dr.opaque(kind, float(component)) for component in vector]
 
 
 def opaque64(vector: Iterable[float]) -> tuple[Float64, ...]:
-    """Give the components of a vector as opaque Float64."""
+    """Return the components of a vector as opaque Float64."""
     return tuple(opaque(mi.Float64, vector))

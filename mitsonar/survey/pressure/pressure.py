@@ -41,25 +41,7 @@ Progress = Callable[[float], None]
 
 
 class PressureRecord:
-    """Make the impulse responses of a survey's pings.
-
-    Parameters
-    ----------
-    survey : ArraySurvey
-    seed : int
-        Of what is drawn by chance: rays that find scatterers, paths of more bounces, points of the water.
-    kernel : {"band_limited", "peterson", "nearest"}
-        How an echo is put on samples.
-    return_path : {"vector", "paper", "eigenray"}
-        How delays to elements are found.
-    paths : collection of str or None
-        Which paths count, by their names; None: all.
-
-    Attributes
-    ----------
-    counts : ArrivalCounts
-        Of all pings so far.
-    """
+    """Make the impulse responses of a survey's pings."""
 
     def __init__(self, survey: ArraySurvey, *, seed: int = 0, kernel: str = "band_limited",
                  return_path: str = "vector", paths: Collection[str] | None = None):
@@ -74,18 +56,7 @@ class PressureRecord:
         return ensonification_of(self.survey)
 
     def responses(self, ping: int, *, progress: Callable[[float, int], None] | None = None) -> np.ndarray:
-        """Make the responses of all pairs of elements to one ping.
-
-        Parameters
-        ----------
-        ping : int
-        progress : callable(done, total) or None
-            Called with how many transmit elements are done, parts of one included.
-
-        Returns
-        -------
-        complex64 (tx, rx, sample)
-        """
+        """Make the responses of all pairs of elements to one ping."""
         survey, elements = self.survey, self.survey.transmit.elements
         out = np.empty((elements, survey.receive.elements, survey.samples), np.complex64)
         sums = self.sums()
@@ -105,23 +76,8 @@ class PressureRecord:
         """Make the responses to all transmit elements together, with their delays and weights.
 
         The weights are scaled so that their magnitudes add to 1.
-
-        Parameters
-        ----------
-        ping : int
-        doppler : (K,) [-]
-            Factors that stand for all echoes, as `signal.doppler.doppler_classes` gives them.
-        piece : (float, Pulse) or None
-            Of the pulse, as `Pulse.pieces` gives them; None: the whole.
-        progress : callable(share) or None
-            Called with the share of the work that is done, below 1, block by block of cells.
-
-        Yields
-        ------
-        factor : float
-        response : complex64 (rx, sample)
-            Of the echoes with about this factor. Factors without echoes are left out.
         """
+        # doppler (K,) [-]
         classes = self.classes(doppler, piece)
         count = len(classes.factors)
         # As many classes at once as fit into memory: the fewer times scatterers have to be ensonified.
@@ -177,11 +133,11 @@ class PressureRecord:
                         delays.add(sums, some, element, weight=float(weight * share), rows=rows)
 
     def _counts(self, echoes: Echoes) -> bool:
-        """Whether echoes came by one of the paths asked for."""
+        """Return whether echoes came by one of the paths asked for."""
         return self.paths is None or echoes.path in self.paths
 
     def ensonified(self, ping: int) -> EnsonifiedPing:
-        """Give a ping's sources and echoes; those of the last one are kept."""
+        """Return a ping's sources and echoes; those of the last one are kept."""
         if self._ensonified is None or self._ensonified.ping != ping:
             self._ensonified = EnsonifiedPing(self.survey, self.ensonification, ping, self.seed, self._ensonified)
         return self._ensonified

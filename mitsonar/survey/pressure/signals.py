@@ -50,17 +50,8 @@ GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 
 def closing_speeds(survey: ArraySurvey, ping: int, *, fastest: float, acceleration: float,
                    nearest: float) -> tuple[float, float]:
-    """Give the least and the largest closing speed of a ping's echoes, one way [m/s].
-
-    Parameters
-    ----------
-    survey : ArraySurvey
-    ping : int
-    fastest, acceleration : float [m/s], [m/s²]
-        Of the fastest element while echoes come in.
-    nearest : float [m]
-        From which on echoes matter.
-    """
+    """Return the least and the largest closing speed of a ping's echoes, one way [m/s]."""
+    # fastest, acceleration [m/s²]; nearest [m]
     beams = ElementBeams(survey.transmit, survey.receive, survey.wavelength)
     if not (survey.thin_below and beams):
         return -fastest, fastest
@@ -96,20 +87,7 @@ Say = Callable[[str], None]
 
 def pair_responses(record: PressureRecord, pings: Sequence[int], *, progress: Progress | None = None,
                    say: Say | None = None) -> xr.DataArray:
-    """Make the responses of every pair of elements.
-
-    Parameters
-    ----------
-    record : PressureRecord
-    pings : sequence of int
-    progress, say
-        As of `mitsonar.impulse_response`.
-
-    Returns
-    -------
-    DataArray (ping, tx, rx, sample)
-        complex64 [-].
-    """
+    """Make the responses of every pair of elements."""
     survey = record.survey
     _say_cost(say, record, pings, all_transmit=True)
     blocks, total = [], len(pings) * survey.transmit.elements
@@ -129,25 +107,7 @@ def pair_responses(record: PressureRecord, pings: Sequence[int], *, progress: Pr
 
 def received_signals(record: PressureRecord, pings: Sequence[int], *, progress: Progress | None = None,
                      say: Say | None = None) -> xr.DataArray:
-    """Make the signals of every receive element. The survey's record must lead by a pulse.
-
-    Parameters
-    ----------
-    record : PressureRecord
-    pings : sequence of int
-    progress, say
-        As of `mitsonar.element_signals`.
-
-    Returns
-    -------
-    DataArray (ping, tx, rx, sample)
-        complex64 [µPa], tx of size 1.
-
-    Raises
-    ------
-    ValueError
-        If the sampling rate is below the pulse's bandwidth, or the pulse longer than the record.
-    """
+    """Make the signals of every receive element. The survey's record must lead by a pulse."""
     survey, kept = record.survey, record.survey.samples - record.survey.lead
     try:
         check_record(survey.pulse, survey.sampling_rate, kept)
@@ -246,7 +206,7 @@ def _labelled(values: np.ndarray, survey: ArraySurvey, pings: Sequence[int], *, 
 
 
 def ping_coordinates(survey: ArraySurvey, pings: Sequence[int]) -> dict[str, tuple | Sequence[int]]:
-    """Give the coordinates of pings: where the platform is, how it is held, and when."""
+    """Return the coordinates of pings: where the platform is, how it is held, and when."""
     track = survey.track
     coords: dict[str, tuple | Sequence[int]] = {"ping": pings}
     for axis, column in zip("xyz", track.position[pings].T):
@@ -258,7 +218,7 @@ def ping_coordinates(survey: ArraySurvey, pings: Sequence[int]) -> dict[str, tup
 
 
 def ping_attributes(survey: ArraySurvey, pings: Sequence[int]) -> dict:
-    """Give the attributes of a record of pings."""
+    """Return the attributes of a record of pings."""
     return {"frequency": survey.frequency, "sampling_rate": survey.sampling_rate,
             "sound_speed": survey.sound_speed(pings[0]), "pulse": survey.pulse.numbers}
 

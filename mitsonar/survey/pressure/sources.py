@@ -12,18 +12,10 @@ __all__ = ["RaySources"]
 
 @dataclass(frozen=True, kw_only=True)
 class RaySources:
-    """Sources that rays are traced from, and how they stand for the transmit elements.
+    """Sources that rays are traced from, and how they stand for the transmit elements."""
 
-    Attributes
-    ----------
-    position : (S, 3) [m]
-        Body frame.
-    share : (S, T) [-]
-        Share of a transmit element's echoes that the rays of each source bring. Every column adds to one.
-    """
-
-    position: np.ndarray
-    share: np.ndarray
+    position: np.ndarray  # (S, 3) [m]: body frame
+    share: np.ndarray  # (S, T) [-]: share of a transmit element's echoes that the rays of each source bring
 
     @classmethod
     def from_centre(cls, transmit: Array) -> RaySources:
@@ -38,17 +30,6 @@ class RaySources:
     @classmethod
     def interpolated(cls, transmit: Array, count: int) -> RaySources:
         """Put a few sources along the array; an element between two takes the rays of both, more of the nearer one's.
-
-        Parameters
-        ----------
-        transmit : Array
-        count : int
-            At least 2.
-
-        Raises
-        ------
-        ValueError
-            If elements stand so unevenly that a source would stand for none.
         """
         centred = transmit.position - transmit.position.mean(0)
         along = centred @ np.linalg.svd(centred, full_matrices=False)[2][0]

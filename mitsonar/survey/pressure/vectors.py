@@ -41,12 +41,7 @@ GUARD = 5e-10                      # [s] expected error of the vector approximat
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VectorDelays(ElementDelays):
-    """Delays by the vector approximation, or by the published one.
-
-    Attributes
-    ----------
-    method : {"vector", "paper"}
-    """
+    """Delays by the vector approximation, or by the published one."""
 
     method: Literal["vector", "paper"] = "vector"
 
@@ -137,13 +132,7 @@ class GuardedDelays(ElementDelays):
 
     def add(self, responses: ImpulseResponses, some: SortedEchoes, element: int, *, weight: float,
             rows: slice = ALL_ROWS) -> None:
-        """Sum the echoes of one transmit element at receive elements; see `ElementDelays.add`.
-
-        Raises
-        ------
-        ValueError
-            If most echoes are in doubt and the array is large; see `ArrivalCounts.judge`.
-        """
+        """Sum the echoes of one transmit element at receive elements; see `ElementDelays.add`."""
         vector = self.changed_to(VectorDelays)
         doubtful = vector.doubtful(some.echoes) if self._extended else None
         vector.add(responses, some, element, weight=weight, rows=rows, without=doubtful)
@@ -155,5 +144,5 @@ class GuardedDelays(ElementDelays):
 
     @property
     def _extended(self) -> bool:
-        """Whether any element is not where the source is."""
+        """Return whether any element is not where the source is."""
         return any(np.any(array.position != self.source.position) for array in (self.transmit, self.receive))

@@ -27,7 +27,7 @@ FAINTEST = 1e-6
 
 
 def face_of(survey: ArraySurvey) -> Sidescan:
-    """Give the face and the pulse of a head: those of a sidescan's side that looks along the beam."""
+    """Return the face and the pulse of a head: those of a sidescan's side that looks along the beam."""
     transmit, receive = (Aperture(length=array.length, height=array.height)
                          for array in (survey.transmit, survey.receive))
     return Sidescan(frequency=survey.frequency, source_level_db=survey.source_level_db,
@@ -36,21 +36,8 @@ def face_of(survey: ArraySurvey) -> Sidescan:
 
 
 class StepBeam:
-    """The beam of a head.
-
-    Parameters
-    ----------
-    face : Sidescan
-        As `face_of` gives it.
-    bin_length : float [s]
-
-    Attributes
-    ----------
-    count : int
-        One beam a ping.
-    reach : float [-]
-        Cosine u beyond which the envelope of the two-way intensity is fainter than 1e-6.
-    """
+    """The beam of a head."""
+    # bin_length [s]
 
     count = 1
 
@@ -61,31 +48,24 @@ class StepBeam:
         self.reach = float(FAINTEST ** -0.25 / (np.pi * np.sqrt(max(lengths.prod(), 1e-12))))
 
     def two_way(self, sent: mi.Vector3f, back: mi.Vector3f) -> tuple[mi.Float, mi.Bool]:
-        """Give the two-way intensity, and whether it is the main lobe's, of directions of the head's frame."""
+        """Return the two-way intensity, and whether it is the main lobe's, of directions of the head's frame."""
         along, across = self._faces.two_way(sent.y, sent.z, back.y, back.z)
         pattern = dr.select((sent.x >= 0) & (back.x >= 0), along * across, 0)
         return mi.Float(pattern), mi.Bool(self._faces.lobe(sent.y, back.y) > BEAM_EDGE)
 
     def pressure(self, sent: mi.Vector3f, back: mi.Vector3f) -> mi.Float:
-        """Give the two-way pressure pattern of directions of the head's frame."""
+        """Return the two-way pressure pattern of directions of the head's frame."""
         pressure = mi.Float(1)
         for face, direction in ((self._faces.transmit, sent), (self._faces.receive, back)):
             pressure *= dr.select(direction.x >= 0, face.pressure(direction.y, direction.z), 0)
         return pressure
 
     def receive(self, place: Place, ping: mi.UInt32, sent: Vector, towards: Vector) -> tuple[mi.UInt32, mi.Float]:
-        """Give the beam that receives echoes, which is the only one, and its two-way intensity.
-
-        Parameters
-        ----------
-        place : Place
-        ping : UInt32 (R,)
-        sent, towards : Vector3f (R,)
-            Scene directions that sound leaves in and comes back from.
-        """
+        """Return the beam that receives echoes, which is the only one, and its two-way intensity."""
+        # ping (R,); sent, towards (R,)
         pattern, _ = self.two_way(place.body(ping, sent), place.body(ping, towards))
         return dr.zeros(mi.UInt32, dr.width(pattern)), pattern
 
     def shown(self, intensity: np.ndarray) -> np.ndarray:
-        """Give the mean level that the pulse makes of intensities (rows, ..., bins)."""
+        """Return the mean level that the pulse makes of intensities (rows, ..., bins)."""
         return mean_intensity(intensity, self._shares)

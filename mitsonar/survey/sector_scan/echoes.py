@@ -34,25 +34,14 @@ __all__ = ["HeadEchoes", "Pairs", "SortedEchoes", "StepEchoes"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HeadEchoes:
-    """Echoes of one place, as a head there hears them that stands still and looks everywhere alike.
+    """Echoes of one place, as a head there hears them that stands still and looks everywhere alike."""
 
-    Attributes
-    ----------
-    sent, towards : Vector3f (R,)
-        Unit, scene: where sound leaves for, and where its echo comes from.
-    distance : Float (R,) [m]
-        To where the echo comes from.
-    delay : Float64 (R,) [s]
-    real, imaginary : Float (R,)
-        Complex amplitude for a source level of 0 dB, without the carrier's phase.
-    """
-
-    sent: mi.Vector3f
-    towards: mi.Vector3f
-    distance: mi.Float
-    delay: mi.Float64
-    real: mi.Float
-    imaginary: mi.Float
+    sent: mi.Vector3f  # (R,): unit, scene
+    towards: mi.Vector3f  # (R,): unit, scene
+    distance: mi.Float  # (R,) [m]: to where the echo comes from
+    delay: mi.Float64  # (R,) [s]
+    real: mi.Float  # (R,): complex amplitude for a source level of 0 dB, without the carrier's phase
+    imaginary: mi.Float  # (R,): complex amplitude for a source level of 0 dB, without the carrier's phase
 
     @property
     def count(self) -> int:
@@ -61,17 +50,7 @@ class HeadEchoes:
 
 
 class StepEchoes:
-    """Make the echoes around the places of a survey.
-
-    Parameters
-    ----------
-    survey : ArraySurvey
-        Of one transmit and one receive element at the head.
-    face : Sidescan
-        Of the head.
-    per_cell : float [-]
-        Scatterers a resolution cell.
-    """
+    """Make the echoes around the places of a survey."""
 
     def __init__(self, survey: ArraySurvey, face: Sidescan, *, per_cell: float):
         self._ground, self._per_cell = Ground(survey), float(per_cell)
@@ -84,16 +63,8 @@ class StepEchoes:
 
     def of_scatterers(self, origin: np.ndarray, axis: np.ndarray,
                       useful: Callable[[mi.Vector3f, mi.Float], mi.Bool]) -> HeadEchoes | None:
-        """Give the echoes of the scatterers around a place; None where there is none.
-
-        Parameters
-        ----------
-        origin : (3,) [m]
-        axis : (3,)
-            That the head turns about, scene coordinates.
-        useful : callable(direction, distance) -> Bool
-            Whether a scene direction is looked into at a distance [m].
-        """
+        """Return the echoes of the scatterers around a place; None where there is none."""
+        # origin (3,) [m]; axis (3,)
         lit = self._ground.lit(self._density(origin, axis), useful)
         if lit is None:
             return None
@@ -156,22 +127,12 @@ AT_ONCE = 1 << 22                  # pairs of ping and echo
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pairs:
-    """Echoes and the pings of a block that hear them.
-
-    Attributes
-    ----------
-    echoes : HeadEchoes
-    row : UInt32 (N,)
-        Number of the ping in the block.
-    index : UInt32 (N,)
-        Of the echo.
-    active : Bool (N,)
-    """
+    """Echoes and the pings of a block that hear them."""
 
     echoes: HeadEchoes
-    row: mi.UInt32
-    index: mi.UInt32
-    active: mi.Bool
+    row: mi.UInt32  # (N,): number of the ping in the block
+    index: mi.UInt32  # (N,): of the echo
+    active: mi.Bool  # (N,)
 
     @classmethod
     def all_of(cls, echoes: HeadEchoes, row: int) -> Pairs:
@@ -182,16 +143,8 @@ class Pairs:
 
 
 class SortedEchoes:
-    """Echoes around a head that stands still, sorted by bearing.
-
-    Parameters
-    ----------
-    frame : (3, 3)
-        Columns: bearing 0, aside, and the axis that the head turns about; scene coordinates.
-    echoes : sequence of HeadEchoes
-    reach : float [-]
-        Cosine to the beam's side beyond which echoes are left out.
-    """
+    """Echoes around a head that stands still, sorted by bearing."""
+    # frame (3, 3)
 
     def __init__(self, frame: np.ndarray, echoes: Sequence[HeadEchoes], reach: float):
         self._frame, self._parts = frame, []

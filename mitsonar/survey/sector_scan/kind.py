@@ -75,18 +75,7 @@ def plan(scene: mi.Scene, sensor: SectorScanSensor, settings: RunSettings) -> Ar
 
 
 def plan_elements(scene: mi.Scene, sensor: SectorScanSensor, settings: RunSettings, lead: float = 0.0) -> ArraySurvey:
-    """Plan a run over a scene.
-
-    Parameters
-    ----------
-    lead : float [-]
-        How many pulses earlier than the film's window the record starts: echoes that begin before it last into it.
-
-    Raises
-    ------
-    ValueError
-        If sensor and scene do not fit together.
-    """
+    """Plan a run over a scene."""
     geometry = Geometry(scene)
     shortest = sensor.film().window(slowest_speed(sensor))[0][1]
     passage = sensor.route.lay(geometry, shortest)

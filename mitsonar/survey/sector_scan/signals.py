@@ -45,21 +45,8 @@ SLOWEST = 1e-9                     # [m/s]: a head that is slower has no Doppler
 
 
 class StepReceiver:
-    """Receive the echoes of a block of pings.
-
-    Parameters
-    ----------
-    survey : ArraySurvey
-    beam : StepBeam
-    underway : Underway
-    ping : (B,) int
-        Numbers of the pings.
-
-    Attributes
-    ----------
-    doppler : (B,) or None [-]
-        Factors of the rows; None where nothing moves.
-    """
+    """Receive the echoes of a block of pings."""
+    # ping (B,); doppler (B,) [-]
 
     def __init__(self, survey: ArraySurvey, beam: StepBeam, underway: Underway, ping: np.ndarray):
         self._beam, self._motion, self._lib = beam, underway.motion(ping), arrays_of(mi.Float)
@@ -116,19 +103,7 @@ STILL = 1e-9                       # [m], [-]: nothing moves
 
 
 class StepSignals:
-    """Make the compressed signals of a survey's pings.
-
-    Parameters
-    ----------
-    survey : ArraySurvey
-        Of one transmit and one receive element at the head; its record must lead by a pulse.
-    beam : StepBeam
-    underway : Underway
-    echoes : StepEchoes
-    seed : int
-    by_chance : bool
-        With scatterers, what else is drawn by chance, and noise; else of echoes that have a phase of their own alone.
-    """
+    """Make the compressed signals of a survey's pings."""
 
     def __init__(self, survey: ArraySurvey, beam: StepBeam, underway: Underway, echoes: StepEchoes, seed: int, *,
                  by_chance: bool = True):

@@ -45,31 +45,15 @@ WAYS = (-0.5, 0.0, 0.5)            # [rad] φ at which shifts are looked at
 
 @dataclass(frozen=True, kw_only=True)
 class StepRays(Rays):
-    """Rays of a head's pings.
+    """Rays of a head's pings."""
 
-    Attributes
-    ----------
-    cell : UInt32 (R,)
-        Of the table of φ that the ray was drawn through, (pings, CELLS).
-    head : Vector3f (R,)
-        Their directions in the head's frame.
-    """
-
-    cell: mi.UInt32
-    head: mi.Vector3f
+    cell: mi.UInt32  # (R,): of the table of φ that the ray was drawn through, (pings, CELLS)
+    head: mi.Vector3f  # (R,): their directions in the head's frame
 
 
 class StepLaunch:
-    """Draw rays of pings.
-
-    Parameters
-    ----------
-    survey : ArraySurvey
-    face : Sidescan
-    underway : Underway
-    window : (float, float) [s]
-        Two-way time that is recorded.
-    """
+    """Draw rays of pings."""
+    # window [s]
 
     def __init__(self, survey: ArraySurvey, face: Sidescan, underway: Underway, window: tuple[float, float]):
         self._survey, self._face, self._window, self._lib = survey, face, window, arrays_of(mi.Float)
@@ -79,7 +63,7 @@ class StepLaunch:
         dr.eval(self._along)
 
     def first_quantiles(self, place: Place) -> np.ndarray:
-        """Give the tables of φ, (pings, CELLS + 1) [rad], that suit a level bed."""
+        """Return the tables of φ, (pings, CELLS + 1) [rad], that suit a level bed."""
         survey = self._survey
         phi = np.linspace(-np.pi / 2, np.pi / 2, CELLS + 1)
         along = np.stack([np.cos(phi), 0 * phi, np.sin(phi)], -1)
@@ -110,22 +94,8 @@ COHERENT_PER_BLOCK = 32            # pings whose coherent echoes are summed toge
 
 @final
 class Steps:
-    """The pings of a head; see `rows.Rows`.
-
-    Parameters
-    ----------
-    survey : ArraySurvey
-        Of one transmit and one receive element at the head.
-    window : (float, float) [s]
-    count : int
-        Of the bins that the window has.
-
-    Attributes
-    ----------
-    face : Sidescan
-        Of the head, as `beam.face_of` gives it.
-    beam : StepBeam
-    """
+    """The pings of a head; see `rows.Rows`."""
+    # window [s]
 
     per_ping, hidden_in_beam = 1, True
 
@@ -160,26 +130,26 @@ class Steps:
         yield self._launch.drawn(place, refine_quantiles(quantiles, need), self._grids[1], seed, Salt.SECOND_PASS)
 
     def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float) -> StepRays:
-        """Give rays of given directions; they come from no table."""
+        """Return rays of given directions; they come from no table."""
         return StepRays(ping=ping, direction=direction, solid_angle=solid_angle, cell=mi.UInt32(0),
                         head=place.body(ping, direction))
 
     def response(self, place: Place, rays: StepRays, towards: Vector) -> RowResponse:
-        """Give how the beam receives echoes, as the head looks when they are back."""
+        """Return how the beam receives echoes, as the head looks when they are back."""
         back = rays.head if place.still else place.body(rays.ping, towards)
         pattern, in_beam = self.beam.two_way(rays.head, back)
         return RowResponse(row=rays.ping, pattern=pattern, in_beam=in_beam, active=pattern > 0)
 
     def shown(self, intensity: np.ndarray) -> np.ndarray:
-        """Give the mean level that the pulse makes of intensities (rows, ..., bins)."""
+        """Return the mean level that the pulse makes of intensities (rows, ..., bins)."""
         return self.beam.shown(intensity)
 
     def other_sources(self, sound: SoundPaths, seed: int) -> Sequence[EchoSource[StepRays]]:
-        """Give none: mean levels and truth tell first hits and coherent echoes alone."""
+        """Return none: mean levels and truth tell first hits and coherent echoes alone."""
         return ()
 
     def coherent(self, sound: SoundPaths) -> CoherentBeams | None:
-        """Give the source of the echoes that have a phase of their own; None where the scene has none."""
+        """Return the source of the echoes that have a phase of their own; None where the scene has none."""
         source = CoherentBeams(self._survey, sound, self.beam, self.bins,
                                drift=self.underway.drift(self.bins.sound_speed))
         return None if source.silent else source

@@ -38,18 +38,7 @@ FAINT = 1e-7                       # two-way intensity of the beams' envelope be
 
 
 class CoherentSidescan:
-    """The coherent echoes of a sidescan.
-
-    Parameters
-    ----------
-    survey : SidescanSurvey
-    sound : SoundPaths
-    beams : FaceBeams
-    drift : float [-]
-        How far the sonar moves while sound goes a metre out and back, at most.
-    shift : float [-]
-        By how much cosines along the body change between transmission and reception, at most.
-    """
+    """The coherent echoes of a sidescan."""
 
     def __init__(self, survey: SidescanSurvey, sound: SoundPaths, beams: FaceBeams, *, drift: float, shift: float):
         self._survey, self._sights, self._beams, self._shift = survey, sound.sights, beams, shift
@@ -66,7 +55,7 @@ class CoherentSidescan:
 
     @property
     def silent(self) -> bool:
-        """Whether nothing in the scene has a phase of its own."""
+        """Return whether nothing in the scene has a phase of its own."""
         return not (self._smooth or self._targets or self._sights.mirror)
 
     def sum(self, place: Place) -> CoherentSums:

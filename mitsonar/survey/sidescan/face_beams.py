@@ -26,14 +26,8 @@ BEAM_EDGE = 0.25                   # two-way intensity at the edge of the main l
 
 
 class Lobes:
-    """A `BeamShape` of a side on the device.
-
-    Parameters
-    ----------
-    shape : BeamShape
-    size : float [wavelengths]
-        Of the side.
-    """
+    """A `BeamShape` of a side on the device."""
+    # size [wavelengths]
 
     def __init__(self, shape: BeamShape, size: float):
         self._floor = dr.opaque(mi.Float, shape.floor) if shape.floor else None
@@ -47,11 +41,11 @@ class Lobes:
             dr.eval(self._table)
 
     def intensity(self, s: DrJitArray) -> DrJitArray:
-        """Give b² of sines s."""
+        """Return b² of sines s."""
         return self._filled(s, dr.square(self._lobes(s)))
 
     def pressure(self, s: DrJitArray) -> DrJitArray:
-        """Give b of sines s, with the sign of p."""
+        """Return b of sines s, with the sign of p."""
         lobes = self._lobes(s)
         if self._floor is None:
             return lobes
@@ -75,43 +69,25 @@ class Lobes:
 
 
 class Face:
-    """The beam of a face on the device.
-
-    Parameters
-    ----------
-    face : Aperture
-    wavelength : float [m]
-
-    Attributes
-    ----------
-    along, across : Lobes
-    """
+    """The beam of a face on the device."""
+    # wavelength [m]
 
     def __init__(self, face: Aperture, wavelength: float):
         self.along = Lobes(face.along_shape, face.length / wavelength)
         self.across = Lobes(face.across_shape, face.height / wavelength)
 
     def intensity(self, u: DrJitArray, v: DrJitArray) -> DrJitArray:
-        """Give the one-way intensity of directions."""
+        """Return the one-way intensity of directions."""
         return self.along.intensity(u) * self.across.intensity(v)
 
     def pressure(self, u: DrJitArray, v: DrJitArray) -> DrJitArray:
-        """Give the one-way pressure of directions."""
+        """Return the one-way pressure of directions."""
         return self.along.pressure(u) * self.across.pressure(v)
 
 
 class FaceBeams:
-    """The beams of the transmitting and of the receiving face, the same on either side.
-
-    Parameters
-    ----------
-    sonar : Sidescan
-
-    Attributes
-    ----------
-    transmit, receive : Face
-    depression : Float [rad]
-    """
+    """The beams of the transmitting and of the receiving face, the same on either side."""
+    # depression [rad]
 
     def __init__(self, sonar: Sidescan):
         self.transmit = Face(sonar.transmit, sonar.wavelength)
@@ -119,21 +95,22 @@ class FaceBeams:
         self.depression = dr.opaque(mi.Float, sonar.depression_angle)
 
     def across(self, body: mi.Vector3f) -> mi.Float:
-        """Give v of body directions."""
+        """Return v of body directions."""
         return body.z * dr.cos(self.depression) - abs(body.y) * dr.sin(self.depression)
 
     def two_way(self, u: DrJitArray, v: DrJitArray, back_u: DrJitArray,
                 back_v: DrJitArray) -> tuple[DrJitArray, DrJitArray]:
-        """Give the two-way intensity along and across the platform, of what is sent to (u, v) and comes from others."""
+        """Return the two-way intensity along and across the platform, of what is sent to (u, v) and comes from others.
+        """
         return (_both(self.transmit.along, self.receive.along, u, back_u),
                 _both(self.transmit.across, self.receive.across, v, back_v))
 
     def one_way(self, body: mi.Vector3f, face: Face) -> mi.Float:
-        """Give the intensity of one face, `transmit` or `receive`, towards body directions."""
+        """Return the intensity of one face, `transmit` or `receive`, towards body directions."""
         return mi.Float(face.intensity(body.x, self.across(body)))
 
     def lobe(self, u: DrJitArray, back_u: DrJitArray) -> DrJitArray:
-        """Give the two-way intensity along the platform by which the main lobe is told from side lobes.
+        """Return the two-way intensity along the platform by which the main lobe is told from side lobes.
 
         What is sent and what is received are lobes side by side where the platform turns. The middle of their product
         lies half-way.

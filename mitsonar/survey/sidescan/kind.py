@@ -63,7 +63,7 @@ def side_speckle(survey: SidescanSurvey, seed: int) -> GroundSpeckle:
 
 
 def main_lobe(sonar: Sidescan, farthest: float) -> SpeckleBeam:
-    """Give the two-way main lobe along the platform, down to -30 dB, up to a range [m]."""
+    """Return the two-way main lobe along the platform, down to -30 dB, up to a range [m]."""
     wavelength, length = sonar.wavelength, max(sonar.transmit.length, sonar.receive.length)
     nearest = max(NEAREST, NEAREST_LENGTHS * length)
     # beyond, all ranges are alike
@@ -161,13 +161,7 @@ class SidescanSensor(Sensor, Protocol):
 
 
 def plan(scene: "mi.Scene", sensor: SidescanSensor, settings: RunSettings) -> SidescanSurvey:
-    """Plan a run over a scene.
-
-    Raises
-    ------
-    ValueError
-        If sensor and scene do not fit together: no seabed, a track outside it, a sonar below it, ...
-    """
+    """Plan a run over a scene."""
     geometry = Geometry(scene)
     passage = _passage(geometry, sensor)
     sonar = sonar_at(sensor, float(np.mean(passage.depth)))
@@ -186,16 +180,6 @@ def plan_elements(scene: "mi.Scene", sensor: SidescanSensor, settings: RunSettin
 
     The pulse is a cw of the sidescan's effective length. Faces are even and flat, whatever the sensor's are, and hear
     nothing from behind their own planes; `survey.signals` knows no recorder.
-
-    Parameters
-    ----------
-    lead : float [-]
-        How many pulses earlier than the film's window the record starts: echoes that begin before it last into it.
-
-    Raises
-    ------
-    ValueError
-        As `plan`, or if the samples are too few for the pulse.
     """
     geometry = Geometry(scene)
     passage = _passage(geometry, sensor)

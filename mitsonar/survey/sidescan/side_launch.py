@@ -61,16 +61,8 @@ GROUP = 4                          # pings that may have a scout in common
 
 
 def scouts(track: Track, farthest: float, width: float) -> np.ndarray:
-    """Give the number of the ping that each ping asks, (P,) int.
-
-    Parameters
-    ----------
-    track : Track
-    farthest : float [m]
-        Slant range where the record ends.
-    width : float [rad]
-        Of the beam along the track.
-    """
+    """Return the number of the ping that each ping asks, (P,) int."""
+    # farthest [m]; width [rad]
     ping = np.arange(track.pings)
     scout = np.minimum(ping // GROUP * GROUP + GROUP // 2, track.pings - 1)
     position, forward = track.position, track.rotation()[..., 0]
@@ -90,64 +82,29 @@ FIRST_ASIDE = 0.25                 # of the rays of a first pass: what lies in s
 
 @dataclass(frozen=True)
 class Tables:
-    """Tables that the rays of rows are drawn through.
+    """Tables that the rays of rows are drawn through."""
 
-    Attributes
-    ----------
-    phi : (rows, CELLS + 1) [rad]
-        Quantiles.
-    aside : (rows, CELLS)
-        Share of rays aside of the core in each cell.
-    """
-
-    phi: np.ndarray
-    aside: np.ndarray
+    phi: np.ndarray  # [rad]: quantiles
+    aside: np.ndarray  # share of rays aside of the core in each cell
 
 
 @dataclass(frozen=True, kw_only=True)
 class SideRays(Rays):
-    """Rays of sides.
+    """Rays of sides."""
 
-    Attributes
-    ----------
-    row : UInt32 (R,)
-        Side of a ping of the block.
-    side : Float (R,)
-        -1 port, 1 starboard.
-    cell : UInt32 (R,)
-        Of the table of φ that the ray was drawn through, (rows, CELLS).
-    aside : Bool (R,)
-        Whether the ray was drawn aside of the core.
-    u, v : Float (R,)
-        Of the direction, see `face_beams`.
-    strata : Strata
-        How the rays are numbered.
-    quantiles : (rows, CELLS + 1) [rad] or None
-        Tables of φ that the rays were drawn through; None: one for all.
-    """
-
-    row: mi.UInt32
-    side: mi.Float
-    cell: mi.UInt32
-    aside: mi.Bool
-    u: DrJitArray
-    v: DrJitArray
-    strata: Strata
-    quantiles: np.ndarray | None
+    row: mi.UInt32  # (R,): side of a ping of the block
+    side: mi.Float  # (R,): -1 port, 1 starboard
+    cell: mi.UInt32  # (R,): of the table of φ that the ray was drawn through, (rows, CELLS)
+    aside: mi.Bool  # (R,): whether the ray was drawn aside of the core
+    u: DrJitArray  # (R,): of the direction, see `face_beams`
+    v: DrJitArray  # (R,): of the direction, see `face_beams`
+    strata: Strata  # how the rays are numbered
+    quantiles: np.ndarray | None  # [rad]: tables of φ that the rays were drawn through
 
 
 class SideLaunch:
-    """Draw rays of sides.
-
-    Parameters
-    ----------
-    survey : SidescanSurvey
-    underway : Underway
-    depression : Float [rad]
-        Of the faces.
-    shadows : bool
-        Send more rays aside of the beam where bins lack them, as in shadows.
-    """
+    """Draw rays of sides."""
+    # depression [rad]
 
     def __init__(self, survey: SidescanSurvey, underway: Underway, depression: mi.Float, *, shadows: bool = True):
         sonar = survey.sonar
@@ -173,7 +130,7 @@ class SideLaunch:
         return ray_grid(first) if first else None, ray_grid(max(1, survey.rays // 2 - first))
 
     def first_quantiles(self, place: Place) -> np.ndarray:
-        """Give the tables of φ, (rows, CELLS + 1) [rad], that suit a level bed."""
+        """Return the tables of φ, (rows, CELLS + 1) [rad], that suit a level bed."""
         survey = self._survey
         phi = np.linspace(-np.pi / 2, np.pi / 2, CELLS + 1)
         side = np.array([-1.0, 1.0])
@@ -256,7 +213,7 @@ class SideLaunch:
 
     def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float,
               grid: tuple[int, int]) -> SideRays:
-        """Give rays of given directions, which come from no table, each of the side that it leaves by."""
+        """Return rays of given directions, which come from no table, each of the side that it leaves by."""
         body = place.body(ping, direction)
         side = dr.select(body.y < 0, mi.Float(-1), mi.Float(1))
         v = body.z * dr.cos(self._depression) - abs(body.y) * dr.sin(self._depression)
@@ -321,18 +278,8 @@ def drawn_across(lib: ModuleType, place: Place, strata: Strata, quantiles: np.nd
     """Draw φ of the rays of a pass through tables of it, (rows, CELLS + 1).
 
     `aside` (rows CELLS,) are the shares of rays that leave aside of the beam, `WIDE_SHARE` where it is None.
-
-    Returns
-    -------
-    row : UInt32 (R,)
-        Of the block.
-    phi, width : Float (R,) [rad]
-        The angle, and the reciprocal of its density.
-    cell : UInt32 (R,)
-        Of the tables, (rows, CELLS).
-    along : Float (R,)
-        A stratified number of [0, 1) to draw u with.
     """
+    # -> row (R,), phi, width (R,) [rad], cell (R,), along (R,)
     row, within, i_phi, i_u = strata.split(dr.arange(mi.UInt32, strata.rays))
     key = seeded(place.key(row), seed, salt)
     a, b = pair(within, key)
@@ -369,12 +316,12 @@ def _within_u(lib, strata, key, i_phi, i_u, chance, share):
 
 
 def ray_grid(rays: int) -> tuple[int, int]:
-    """Give the strata (φ, u) for about this many rays, multiples of a tile: u needs few, the beam is narrow."""
+    """Return the strata (φ, u) for about this many rays, multiples of a tile: u needs few, the beam is narrow."""
     steps_u = 4 if rays < 4096 else 8 if rays < 32768 else 16
     step = 4 if rays < 4096 else TALL
     return max(step, step * round(rays / (step * steps_u))), steps_u
 
 
 def strata_of(lib: ModuleType, rows: int, grid: tuple[int, int]) -> Strata:
-    """Give strata (φ, u) of rows. Strata of φ are much narrower than those of u: tiles are tall where they fit."""
+    """Return strata (φ, u) of rows. Strata of φ are much narrower than those of u: tiles are tall where they fit."""
     return Strata(lib, rows, *grid, tall=grid[0] % TALL == 0)

@@ -52,15 +52,6 @@ class SideMultipath:
 
     Sound leaves for one end of such a path and comes back from the other. Either end is seen by one face, whose beam is
     wider than the two-way beam that the rays of a pass are drawn for. Of those rays the few between would bring most.
-
-    Parameters
-    ----------
-    survey : SidescanSurvey
-    sound : SoundPaths
-    beams : FaceBeams
-    bins : EnergyBins
-    launch : SideLaunch
-    seed : int
     """
 
     def __init__(self, survey: SidescanSurvey, sound: SoundPaths, beams: FaceBeams, bins: EnergyBins,
@@ -109,17 +100,7 @@ class SideMultipath:
 
 
 class SideWater:
-    """Echoes of the water, from points along rays of their own.
-
-    Parameters
-    ----------
-    survey : SidescanSurvey
-    sound : SoundPaths
-    beams : FaceBeams
-    bins : EnergyBins
-    launch : SideLaunch
-    seed : int
-    """
+    """Echoes of the water, from points along rays of their own."""
 
     def __init__(self, survey: SidescanSurvey, sound: SoundPaths, beams: FaceBeams, bins: EnergyBins,
                  launch: SideLaunch, seed: int):
@@ -156,19 +137,7 @@ THREADS_OWN = 1 << 20              # words of an array of sums of which every th
 
 @final
 class Sides:
-    """Both sides of a sidescan; see `rows.Rows`.
-
-    Parameters
-    ----------
-    survey : SidescanSurvey
-    shadows : bool
-        Send more rays aside of the beam where bins lack them, as in shadows.
-
-    Raises
-    ------
-    ValueError
-        If a ping has more bins and shapes than an index reaches.
-    """
+    """Both sides of a sidescan; see `rows.Rows`."""
 
     per_ping, hidden_in_beam = 2, True
 
@@ -244,11 +213,11 @@ class Sides:
         return Tables(phi.reshape(place.rows, -1), aside.reshape(place.rows, -1))
 
     def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float) -> SideRays:
-        """Give rays of given directions, each of the side that it leaves by."""
+        """Return rays of given directions, each of the side that it leaves by."""
         return self._launch.aimed(place, ping, direction, solid_angle, self._second_grid)
 
     def response(self, place: Place, rays: SideRays, towards: Vector) -> RowResponse:
-        """Give how the side that sent a ray receives its echo: nothing comes from the other side of the body."""
+        """Return how the side that sent a ray receives its echo: nothing comes from the other side of the body."""
         u, v, same_side = rays.u, rays.v, mi.Bool(True)
         if not place.still:
             body = place.body(rays.ping, towards)
@@ -258,11 +227,11 @@ class Sides:
         return RowResponse(row=rays.row, pattern=along * across, in_beam=lobe > BEAM_EDGE, active=same_side)
 
     def shown(self, intensity: np.ndarray) -> np.ndarray:
-        """Give the mean level that the pulse makes of intensities (rows, ..., bins)."""
+        """Return the mean level that the pulse makes of intensities (rows, ..., bins)."""
         return mean_intensity(intensity, self._shares)
 
     def other_sources(self, sound: SoundPaths, seed: int) -> Sequence[EchoSource[SideRays]]:
-        """Give the sources of echoes of several bounces, and of the water."""
+        """Return the sources of echoes of several bounces, and of the water."""
         sources: list[EchoSource[SideRays]] = []
         if self._survey.max_depth > 1:
             sources.append(SideMultipath(self._survey, sound, self._beams, self.bins, self._launch, seed))
@@ -271,7 +240,7 @@ class Sides:
         return sources
 
     def coherent(self, sound: SoundPaths) -> CoherentSidescan | None:
-        """Give the source of the echoes that have a phase of their own; None where the scene has none."""
+        """Return the source of the echoes that have a phase of their own; None where the scene has none."""
         source = CoherentSidescan(self._survey, sound, self._beams, drift=self.underway.drift(self.bins.sound_speed),
                                   shift=self._launch.largest_shift)
         return None if source.silent else source

@@ -12,24 +12,12 @@ __all__ = ["SidescanSurvey"]
 
 @dataclass(frozen=True, kw_only=True)
 class SidescanSurvey(Survey):
-    """A run of a sidescan.
-
-    Attributes
-    ----------
-    sonar : Sidescan
-    window : (float, float) [s]
-        Two-way time recorded.
-    bins : int
-    first_pass : float
-        Share of the rays that only finds out where rays are needed; 0 for none.
-
-    `rays` are both sides and both passes together; each side's share of a pass is rounded to strata, at least 16.
-    """
+    """A run of a sidescan."""
 
     sonar: Sidescan
-    window: tuple[float, float]
+    window: tuple[float, float]  # [s]: two-way time recorded
     bins: int
-    first_pass: float
+    first_pass: float  # share of the rays that only finds out where rays are needed
 
     @property
     def bin_length(self) -> float:

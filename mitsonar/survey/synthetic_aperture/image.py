@@ -33,19 +33,7 @@ MARGIN = 0.05                      # [s] before the first transmission and after
 
 def raw_pings(survey: StripSurvey, seed: int, start: int = 0, *, kernel: str = "band_limited",
               return_path: str = "vector") -> Iterator[xr.Dataset]:
-    """Yield raw echoes of one ping after the other; a ping's are the same wherever one starts.
-
-    Parameters
-    ----------
-    survey : StripSurvey
-        It must lead by a pulse.
-    seed : int
-        Of the noise.
-    start : int
-        The first ping.
-    kernel, return_path
-        As of `mitsonar.element_signals`.
-    """
+    """Yield raw echoes of one ping after the other; a ping's are the same wherever one starts."""
     record = PressureRecord(survey, seed=seed, kernel=kernel, return_path=return_path)
     known = common(survey)
     for ping in range(start, survey.track.pings):
@@ -56,7 +44,7 @@ def raw_pings(survey: StripSurvey, seed: int, start: int = 0, *, kernel: str = "
 
 
 def common(survey: StripSurvey) -> xr.Dataset:
-    """Give what all pings of a strip have in common: arrays, trajectory, water, targets and attributes."""
+    """Return what all pings of a strip have in common: arrays, trajectory, water, targets and attributes."""
     trajectory, track = survey.voyage.trajectory, survey.track
     first = track.time[0] - MARGIN
     count = int(np.ceil((track.time[-1] + survey.time[-1] + MARGIN - first) * RATE)) + 1
@@ -99,21 +87,7 @@ Progress = Callable[[float, float], None]
 
 def strip_image(survey: StripSurvey, seed: int, progress: Progress | None = None,
                 say: Callable[[str], None] | None = None) -> xr.Dataset:
-    """Make the image that a strip's sensor asks for, with its truth; memory does not grow with the pings.
-
-    Parameters
-    ----------
-    survey : StripSurvey
-        It must lead by a pulse.
-    seed : int
-    progress, say
-        As of `mitsonar.render`.
-
-    Returns
-    -------
-    xarray.Dataset
-        As `synthetic_aperture.record` says of focused images.
-    """
+    """Make the image that a strip's sensor asks for, with its truth; memory does not grow with the pings."""
     if say is not None:
         words = sentence(PressureRecord(survey, seed=seed), range(survey.track.pings), threads=dr.thread_count())
         if words:
@@ -124,7 +98,7 @@ def strip_image(survey: StripSurvey, seed: int, progress: Progress | None = None
 
 
 def survey_grid(survey: StripSurvey) -> Grid:
-    """Give the grid that a strip's sensor asks for; `ValueError` where there is but one ping."""
+    """Return the grid that a strip's sensor asks for; `ValueError` where there is but one ping."""
     if survey.track.pings < 2:
         raise ValueError("an aperture is made of two or more pings, and the strip has one; give pings more, or take "
                          "its raw echoes")

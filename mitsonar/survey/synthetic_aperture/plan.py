@@ -25,32 +25,15 @@ __all__ = ["StripSensor", "StripSurvey", "plan"]
 
 @dataclass(frozen=True, kw_only=True)
 class StripSurvey(ArraySurvey):
-    """A run of a synthetic aperture.
+    """A run of a synthetic aperture."""
 
-    Attributes
-    ----------
-    bank : (rx,) int
-        Number of the row that each receiver is in.
-    look : (3,) [-]
-        Unit vector that the elements look along, body frame.
-    bed_depth : float [m]
-        Mean depth of the bed that the record sees.
-    grid : {"ground", "slant"}
-        Of the picture.
-    grid_spacing : float or None [m]
-        Between its points; None: half the resolution.
-    aperture_window, range_window : str
-        Over the aperture's angles and over the pulse's band, of the picture.
-    preset : str
-    """
-
-    bank: np.ndarray
-    look: np.ndarray
-    bed_depth: float
-    grid: str
-    grid_spacing: float | None
-    aperture_window: str
-    range_window: str
+    bank: np.ndarray  # number of the row that each receiver is in
+    look: np.ndarray  # (3,) [-]: unit vector that the elements look along, body frame
+    bed_depth: float  # [m]: mean depth of the bed that the record sees
+    grid: str  # of the picture
+    grid_spacing: float | None  # [m]: between its points
+    aperture_window: str  # over the aperture's angles and over the pulse's band, of the picture
+    range_window: str  # over the aperture's angles and over the pulse's band, of the picture
     preset: str
 
 
@@ -91,13 +74,7 @@ class StripSensor(Sensor, Protocol):
 
 
 def plan(scene: mi.Scene, sensor: StripSensor, settings: RunSettings, lead: float) -> StripSurvey:
-    """Plan a run over a scene; `lead` as of `survey.array.plan_elements`.
-
-    Raises
-    ------
-    ValueError
-        If sensor and scene do not fit together, or the record sees no bed.
-    """
+    """Plan a run over a scene; `lead` as of `survey.array.plan_elements`."""
     geometry = Geometry(scene)
     passage = sensor.route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1] + sensor.pulse.duration)
     track = passage.voyage.track

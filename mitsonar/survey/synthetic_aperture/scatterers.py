@@ -24,23 +24,7 @@ BLOCK = 1 << 20
 
 
 def scatterers_of(survey: StripSurvey) -> xr.Dataset:
-    """Give the scatterers within the range of a strip.
-
-    Parameters
-    ----------
-    survey : StripSurvey
-
-    Returns
-    -------
-    xarray.Dataset
-        Over ``scatterer``: ``x``, ``y``, ``depth`` [m], ``amplitude`` g, complex [-], ``area`` [m²], ``label``. Of a
-        straight strip those abreast of the track, or as far beyond its ends as beams reach; of a circle all in range.
-
-    Raises
-    ------
-    ValueError
-        If they are more than MOST.
-    """
+    """Return the scatterers within the range of a strip."""
     cells = Scatterers(survey.geometry, survey.cell_size, survey.pass_number)
     middle = survey.track.position.mean(0)
     longest = float(np.linalg.norm(survey.track.position - middle, axis=1).max())
@@ -79,7 +63,7 @@ def _blocks(survey: StripSurvey, cells: Scatterers, runs: tuple[np.ndarray, np.n
 
 def _within(survey: StripSurvey, line: MeanLine | None, point: np.ndarray, nearest: float,
             farthest: float) -> np.ndarray:
-    """Whether points (N, 3) lie within range of the track and, of a straight one, in its beams."""
+    """Return whether points (N, 3) lie within range of the track and, of a straight one, in its beams."""
     place = survey.track.position
     if line is None:
         distance = np.min([np.linalg.norm(point - one, axis=1) for one in place], axis=0)

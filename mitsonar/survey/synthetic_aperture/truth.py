@@ -51,17 +51,10 @@ LOOKS = 24                         # pings of a circle that are asked what they 
 
 @dataclass(frozen=True, kw_only=True)
 class MeanLine:
-    """The straight line that a strip's pings lie about.
+    """The straight line that a strip's pings lie about."""
 
-    Attributes
-    ----------
-    middle : (3,) [m]
-        Scene frame.
-    heading : float [rad]
-    """
-
-    middle: np.ndarray
-    heading: float
+    middle: np.ndarray  # (3,) [m]: scene frame
+    heading: float  # [rad]
 
     @classmethod
     def of(cls, track: Track) -> MeanLine | None:
@@ -78,30 +71,15 @@ class MeanLine:
         return cls(middle=middle, heading=heading)
 
     def feet(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Give the points of the line abreast of points (...) [m]: (..., 3)."""
+        """Return the points of the line abreast of points (...) [m]: (..., 3)."""
         ahead = np.array([np.sin(self.heading), np.cos(self.heading)])
         along = (x - self.middle[0]) * ahead[0] + (y - self.middle[1]) * ahead[1]
         return self.middle + along[..., None] * np.append(ahead, 0.0)
 
 
 def strip_truth(survey: StripSurvey, x: np.ndarray, y: np.ndarray, depth: np.ndarray, seed: int = 0) -> xr.Dataset:
-    """Give the truth of an image's points.
-
-    Parameters
-    ----------
-    survey : StripSurvey
-    x, y, depth : (A, C) [m]
-        Of the points: rows along the track, columns across it.
-    seed : int
-        Of the rays.
-
-    Returns
-    -------
-    xarray.Dataset
-        Over (along_track, across_track), variables as of a sidescan's image: ``label``, ``class``, ``share`` (shape,
-        ...), ``hidden``, ``object_shadow``, ``layover``, ``seabed_x``, ``seabed_y``, ``seabed_depth``, ``shadow``.
-        Round a circle ``label``, ``class``, ``seabed_depth`` and ``shadow``.
-    """
+    """Return the truth of an image's points."""
+    # x, y, depth (A, C) [m]
     line = MeanLine.of(survey.track)
     if line is None:
         return _from_all_sides(survey, x, y)

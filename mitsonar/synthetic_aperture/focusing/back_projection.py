@@ -40,79 +40,37 @@ TINY = 1e-3                        # [m]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Aperture:
-    """The angles that are used, and how.
+    """The angles that are used, and how."""
 
-    Attributes
-    ----------
-    widest : float [-]
-        Largest |u| from abreast of the way.
-    taper : float32 (`WEIGHTS`,)
-        W at even steps of |u| from 0 to `widest`.
-    beam_reach : float [-]
-        Largest |u| from abreast of the body.
-    beams : float32 (`WEIGHTS`, 2)
-        w/W and g w/W at even steps of it from 0 to `beam_reach`.
-    fall : float [-]
-        g falls by fall δ² where the angles out and back are u -+ δ instead of u.
-    """
-
-    widest: float
-    taper: np.ndarray
-    beam_reach: float
-    beams: np.ndarray
-    fall: float = 0.0
+    widest: float  # largest |u| from abreast of the way
+    taper: np.ndarray  # W at even steps of |u| from 0 to `widest`
+    beam_reach: float  # largest |u| from abreast of the body
+    beams: np.ndarray  # w/W and g w/W at even steps of it from 0 to `beam_reach`
+    fall: float = 0.0  # g falls by fall δ² where the angles out and back are u -+ δ instead of u
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sender:
-    """A transmitter at its instant.
+    """A transmitter at its instant."""
 
-    Attributes
-    ----------
-    place, velocity : (3,) [m], [m/s]
-    rotation : (3, 3)
-    """
-
-    place: np.ndarray
-    velocity: np.ndarray
-    rotation: np.ndarray
+    place: np.ndarray  # (3,) [m/s]
+    velocity: np.ndarray  # (3,) [m/s]
+    rotation: np.ndarray  # (3, 3)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Water:
-    """What a ping's delays are made with.
+    """What a ping's delays are made with."""
 
-    Attributes
-    ----------
-    sound_speed : float [m/s]
-    sender, receivers : Plane or None
-        Residuals at the depths of the transmitter and of the receivers' centre; None: straight lines.
-    absorption_db : float [dB/m]
-    """
-
-    sound_speed: float
-    sender: Plane | None = None
-    receivers: Plane | None = None
-    absorption_db: float = 0.0
+    sound_speed: float  # [m/s]
+    sender: Plane | None = None  # residuals at the depths of the transmitter and of the receivers' centre
+    receivers: Plane | None = None  # residuals at the depths of the transmitter and of the receivers' centre
+    absorption_db: float = 0.0  # [dB/m]
 
 
 class BackProjection:
-    """An image in the making, of the receivers of one bank.
-
-    Parameters
-    ----------
-    lib : Dr.Jit namespace
-    grid : Grid
-    aperture : Aperture
-    frequency, rate, first : float [Hz], [Hz], [s]
-        Carrier; of the compressed signals, and the time of their first sample.
-    samples : int
-        Of the compressed signals.
-    coupling : float [s]
-        f₀/k.
-    look : (3,)
-        Unit vector, body frame.
-    """
+    """An image in the making, of the receivers of one bank."""
+    # frequency [s]; rate [s]; first [s]; coupling [s]; look (3,)
 
     def __init__(self, lib: ArrayTypes, grid: Grid, aperture: Aperture, *, frequency: float, rate: float, first: float,
                  samples: int, coupling: float, look: np.ndarray):
@@ -147,7 +105,7 @@ class BackProjection:
 
     def in_sight(self, sender: Sender, receivers: Moving, places: np.ndarray, ahead: np.ndarray,
                  sound_speed: float) -> np.ndarray:
-        """Give the numbers of the tiles that the ping may touch: in the beam, abreast, and within the record."""
+        """Return the numbers of the tiles that the ping may touch: in the beam, abreast, and within the record."""
         away = self._centres - receivers.place
         distance = np.maximum(np.linalg.norm(away, axis=1), TINY)
         out = np.maximum(np.linalg.norm(self._centres - sender.place, axis=1), TINY)
@@ -163,22 +121,8 @@ class BackProjection:
 
     def add(self, signals: np.ndarray, sender: Sender, receivers: Moving, places: np.ndarray, shares: np.ndarray,
             ahead: np.ndarray, water: Water) -> None:
-        """Add a ping.
-
-        Parameters
-        ----------
-        signals : complex64 (rx, samples)
-        sender : Sender
-        receivers : Moving
-            The receivers' centre.
-        places : (rx, 3) [m]
-            Of the receivers from their centre, body frame.
-        shares : (rx,) [-]
-            Of the receivers, further weights.
-        ahead : (3,)
-            Unit vector of the way, which the aperture's angles are counted from.
-        water : Water
-        """
+        """Add a ping."""
+        # places [m]; ahead (3,)
         tiles = self.in_sight(sender, receivers, places, ahead, water.sound_speed)
         if not len(tiles):
             return

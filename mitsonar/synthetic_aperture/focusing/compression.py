@@ -22,13 +22,7 @@ __all__ = ["Compressor", "window_of", "window_samples"]
 
 
 def window_samples(image: xr.Dataset, window: tuple[float, float]) -> tuple[int, int]:
-    """Give the odd numbers of points along and across that a window [m] holds, the image's at most.
-
-    Raises
-    ------
-    ValueError
-        If a length is not finite and above 0.
-    """
+    """Return the odd numbers of points along and across that a window [m] holds, the image's at most."""
     size = []
     for name, length in zip(("along_track", "across_track"), window):
         step = float(np.abs(np.diff(image[name].values)).mean()) if image.sizes[name] > 1 else np.inf
@@ -43,7 +37,7 @@ TRIED = 64                         # samples that a window is tried on
 
 
 def window_of(text: str | tuple | None) -> Window | None:
-    """Give a window with its numbers as scipy takes them: "taylor 4 30" as a tuple; "none" and None are none."""
+    """Return a window with its numbers as scipy takes them: "taylor 4 30" as a tuple; "none" and None are none."""
     if text is None or text == "none":
         return None
     if not isinstance(text, str):
@@ -57,29 +51,8 @@ def window_of(text: str | tuple | None) -> Window | None:
 
 
 class Compressor:
-    """Compress pings of one length.
-
-    Parameters
-    ----------
-    pulse : Pulse
-    sampling_rate : float [Hz]
-    samples : int
-        Of a ping.
-    window : None, str or tuple
-        Over the replica; "taylor 4 30" is nbar 4, -30 dB.
-
-    Attributes
-    ----------
-    rate : float [Hz]
-        Of the fine axis, which begins with the ping's.
-    samples : int
-        Of the fine axis, up to the last echo that is whole.
-
-    Raises
-    ------
-    ValueError
-        If the pulse does not fit in the record, or the window is unknown.
-    """
+    """Compress pings of one length."""
+    # sampling_rate [Hz]; rate [Hz]
 
     def __init__(self, pulse: Pulse, sampling_rate: float, samples: int, window: str | tuple | None = None):
         check_record(pulse, sampling_rate, samples)

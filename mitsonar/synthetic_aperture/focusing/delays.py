@@ -38,34 +38,16 @@ def bends(profile: SoundSpeedProfile) -> bool:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plane:
-    """Residuals for one depth of an element.
+    """Residuals for one depth of an element."""
 
-    Attributes
-    ----------
-    values : float32 (Z, N, 4)
-        r, its derivative with the element's depth [1/m], half of the second one [1/m²], and 0.
-    depth, range : (float, float) [m]
-        First node and step of z, and of ρ.
-    """
-
-    values: np.ndarray
-    depth: tuple[float, float]
-    range: tuple[float, float]
+    values: np.ndarray  # (Z, N, 4)
+    depth: tuple[float, float]  # [m]: first node and step of z, and of ρ
+    range: tuple[float, float]  # [m]: first node and step of z, and of ρ
 
 
 class TravelTables:
-    """Residuals of the straight line, made where they are asked for.
-
-    Parameters
-    ----------
-    profile : SoundSpeedProfile
-    sound_speed : float [m/s]
-        c₀.
-    depths : (float, float) [m]
-        Least and largest of the points'.
-    ranges : (float, float) [m]
-        Least and largest horizontal distance.
-    """
+    """Residuals of the straight line, made where they are asked for."""
+    # sound_speed [m/s]; depths [m]; ranges [m]
 
     def __init__(self, profile: SoundSpeedProfile, sound_speed: float, depths: tuple[float, float],
                  ranges: tuple[float, float]):
@@ -80,13 +62,7 @@ class TravelTables:
         self._known: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
     def at(self, source_depth: float) -> Plane:
-        """Give the residuals for an element's depth [m].
-
-        Raises
-        ------
-        ValueError
-            If no ray reaches any of the points.
-        """
+        """Return the residuals for an element's depth [m]."""
         number = int(np.floor(source_depth / SOURCE_STEP))
         share = source_depth / SOURCE_STEP - number
         (a, da), (b, db) = self._node(number), self._node(number + 1)
@@ -103,7 +79,7 @@ class TravelTables:
                      range=(float(self.range[0]), RANGE_STEP))
 
     def _node(self, number: int) -> tuple[np.ndarray, np.ndarray]:
-        """Give r and dr/dz_s (Z, N) for the depth number · `SOURCE_STEP`."""
+        """Return r and dr/dz_s (Z, N) for the depth number · `SOURCE_STEP`."""
         if number not in self._known:
             self._known[number] = self._traced(number * SOURCE_STEP)
         return self._known[number]

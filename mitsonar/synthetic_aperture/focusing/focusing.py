@@ -89,22 +89,7 @@ def focus(raw: xr.Dataset, grid: Grid | None = None, profile: SoundSpeedProfile 
 
 
 class Focuser:
-    """Focus pings one after the other: memory does not grow with their number.
-
-    Parameters
-    ----------
-    raw : xarray.Dataset
-        One ping or more, with what all have in common; its pings are not added.
-    grid : Grid
-        `grids.default_grid` lays one by a single ping and the times of all.
-    profile, window, range_window, trajectory, aperture, like
-        As of `focus`.
-
-    Raises
-    ------
-    ValueError
-        As `focus`.
-    """
+    """Focus pings one after the other: memory does not grow with their number."""
 
     def __init__(self, raw: xr.Dataset, grid: Grid, profile: SoundSpeedProfile | float | None = None, *,
                  window: str | tuple | None = "taylor 4 30", range_window: str | tuple | None = "taylor 4 30",
@@ -168,13 +153,7 @@ class Focuser:
                             (nearest, min(farthest * REACH + 1.0, heard + 5.0)))
 
     def add(self, raw: xr.Dataset) -> None:
-        """Add pings of the same strip, in their order.
-
-        Raises
-        ------
-        ValueError
-            If their arrays or samples are others, a number is not finite, or the trajectory does not cover them.
-        """
+        """Add pings of the same strip, in their order."""
         signals = raw["signal"]
         if signals.shape[1:] != (len(self.places[0]), len(self.time)):
             raise ValueError(f"pings have {signals.shape[1]} receivers and {signals.shape[2]} samples, and the strip "
@@ -234,13 +213,7 @@ class Focuser:
         return np.append(forward / np.linalg.norm(forward), 0.0)
 
     def image(self) -> xr.Dataset:
-        """Give the image of the pings so far; see `focus`.
-
-        Raises
-        ------
-        ValueError
-            If no ping saw any of the grid's points.
-        """
+        """Return the image of the pings so far; see `focus`."""
         for number, (start, heard) in self._waiting.items():        # alone with its transmitter
             self._add(start, self.places[1][number], heard, np.inf)
         self._waiting.clear()
@@ -277,21 +250,8 @@ class Focuser:
 
 
 def overlap_shares(along: np.ndarray, step: float) -> np.ndarray:
-    """Give the receivers' weights v that make an even aperture of pings that overlap.
-
-    Parameters
-    ----------
-    along : (rx,) [m]
-        Places along the body.
-    step : float [m]
-        From ping to ping of a transmitter.
-
-    Returns
-    -------
-    (rx,) [-]
-        A trapezoid over the phase centres, (box of `step`) * (box of the rest of what a ping fills): those of pings
-        `step` apart add to a constant. 1 where pings do not overlap.
-    """
+    """Return the receivers' weights v that make an even aperture of pings that overlap."""
+    # along [m]; step [m]
     apart = np.diff(np.unique(np.round(along, 6)))
     if not len(apart):
         return np.ones(len(along))

@@ -27,42 +27,14 @@ PATHS = ("sender_across", "sender_depth", "bank_across", "bank_depth")
 
 @dataclass(frozen=True, kw_only=True)
 class ArrayPaths:
-    """Places of the arrays abeam of an image's rows.
+    """Places of the arrays abeam of an image's rows."""
 
-    Attributes
-    ----------
-    sender : (A, 2) [m]
-        Across the track and z.
-    bank : (B, A, 2) [m]
-    """
-
-    sender: np.ndarray
-    bank: np.ndarray
+    sender: np.ndarray  # (A, 2) [m]: across the track and z
+    bank: np.ndarray  # (B, A, 2) [m]
 
 
 def with_array_paths(image: xr.Dataset, raw: xr.Dataset, trajectory: xr.Dataset | None = None) -> xr.Dataset:
-    """Add to an image where the arrays were when they passed each of its rows.
-
-    Parameters
-    ----------
-    image : Dataset
-        Focused.
-    raw : Dataset
-        That it was focused of; one ping of it is enough.
-    trajectory : Dataset or None
-        That it was focused with; None: the raw echoes' own.
-
-    Returns
-    -------
-    Dataset
-        With sender_across, sender_depth (along_track), bank_across, bank_depth (bank, along_track) and the attribute
-        sound_speed: one, between the arrays and the bed.
-
-    Raises
-    ------
-    ValueError
-        If the sonar does not pass the rows one after the other, as on a circle.
-    """
+    """Add to an image where the arrays were when they passed each of its rows."""
     poses = poses_of(raw if trajectory is None else trajectory)
     along, across, start = _axes(image)
     time = np.linspace(poses.first, poses.last, FINE)
@@ -87,13 +59,7 @@ def with_array_paths(image: xr.Dataset, raw: xr.Dataset, trajectory: xr.Dataset 
 
 
 def array_paths(image: xr.Dataset) -> ArrayPaths:
-    """Take them out of an image that has them.
-
-    Raises
-    ------
-    ValueError
-        If it has none.
-    """
+    """Take them out of an image that has them."""
     missing = [name for name in PATHS if name not in image.variables]
     if missing:
         raise ValueError(f"the image lacks {', '.join(missing)}: where its arrays were; take with_array_paths(image, "
@@ -104,13 +70,13 @@ def array_paths(image: xr.Dataset) -> ArrayPaths:
 
 
 def ground_across(image: xr.Dataset) -> np.ndarray:
-    """Give how far (A, C) [m] an image's points are to starboard of its first one's line along the track."""
+    """Return how far (A, C) [m] an image's points are to starboard of its first one's line along the track."""
     _, across, start = _axes(image)
     return (np.stack([image["x"].values, image["y"].values], -1) - start) @ across
 
 
 def bank_paths(paths: ArrayPaths, bank: int, across: np.ndarray, height: np.ndarray) -> np.ndarray:
-    """Give two-way paths ρ (A, C) [m] of a bank to points at `across` and `height` (A, C) [m], z up."""
+    """Return two-way paths ρ (A, C) [m] of a bank to points at `across` and `height` (A, C) [m], z up."""
     out, home = (np.hypot(across - place[:, :1], height - place[:, 1:]) for place in (paths.sender, paths.bank[bank]))
     return out + home
 

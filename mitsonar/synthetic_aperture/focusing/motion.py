@@ -29,43 +29,18 @@ DOWN = np.array([1.0, 1.0, -1.0])
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Moving:
-    """A point of the body over a window of time.
+    """A point of the body over a window of time."""
 
-    Attributes
-    ----------
-    middle, half : float [s]
-        Of the window, after the transmission.
-    place : (3,) [m]
-        In the middle.
-    rotation : (3, 3)
-        In the middle.
-    velocity : (3,) [m/s]
-        In the middle.
-    coefficients : (K + 1, 12)
-        Of the changes of place (3) and rotation (9) in powers of (t - middle) / half.
-    """
-
-    middle: float
-    half: float
-    place: np.ndarray
-    rotation: np.ndarray
-    velocity: np.ndarray
-    coefficients: np.ndarray
+    middle: float  # [s]: of the window, after the transmission
+    half: float  # [s]: of the window, after the transmission
+    place: np.ndarray  # (3,) [m]: in the middle
+    rotation: np.ndarray  # (3, 3): in the middle
+    velocity: np.ndarray  # (3,) [m/s]: in the middle
+    coefficients: np.ndarray  # of the changes of place (3) and rotation (9) in powers of (t - middle) / half
 
 
 class Motion:
-    """The trajectory of a record.
-
-    Parameters
-    ----------
-    record : xarray.Dataset
-        With ``motion_time``, ``motion_x`` and the like.
-
-    Raises
-    ------
-    ValueError
-        If a variable is missing, holds what is not finite, or times do not increase.
-    """
+    """The trajectory of a record."""
 
     def __init__(self, record: xr.Dataset):
         for name in ("time", *NAMES):
@@ -94,23 +69,23 @@ class Motion:
                              f"{self.first:g} to {self.last:g} s; give one that covers them")
 
     def place(self, times: np.ndarray) -> np.ndarray:
-        """Give places (..., 3) [m] at times (...) [s]: x, y, depth."""
+        """Return places (..., 3) [m] at times (...) [s]: x, y, depth."""
         return self._spline(times)[..., :3]
 
     def velocity(self, times: np.ndarray) -> np.ndarray:
-        """Give velocities (..., 3) [m/s] at times (...) [s]."""
+        """Return velocities (..., 3) [m/s] at times (...) [s]."""
         return self._slope(times)[..., :3]
 
     def rotation(self, times: np.ndarray) -> np.ndarray:
-        """Give rotations (..., 3, 3) at times (...) [s]."""
+        """Return rotations (..., 3, 3) at times (...) [s]."""
         return rotation_matrix(*np.moveaxis(self._spline(times)[..., 3:], -1, 0)) * DOWN[:, None]
 
     def of_point(self, times: np.ndarray, point: np.ndarray) -> np.ndarray:
-        """Give places (..., 3) [m] of a point (3,) of the body at times (...) [s]."""
+        """Return places (..., 3) [m] of a point (3,) of the body at times (...) [s]."""
         return self.place(times) + self.rotation(times) @ point
 
     def moving(self, start: float, window: tuple[float, float], point: np.ndarray, degree: int) -> Moving:
-        """Give how a point (3,) of the body moves over a window [s] after `start` [s]."""
+        """Return how a point (3,) of the body moves over a window [s] after `start` [s]."""
         middle, half = 0.5 * (window[0] + window[1]), max(0.5 * (window[1] - window[0]), 1e-6)
         nodes = np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
         times = start + middle + half * np.append(nodes, 0.0)
@@ -126,7 +101,7 @@ class Motion:
                       velocity=(slope[1] - slope[0]) / 2e-4, coefficients=powers)
 
     def degree(self, window: tuple[float, float], point: np.ndarray) -> int:
-        """Give the least degree that errs by less than `ENOUGH` over windows anywhere on the way."""
+        """Return the least degree that errs by less than `ENOUGH` over windows anywhere on the way."""
         last = max(self.last - window[1], self.first)
         probes = np.linspace(-1, 1, 21)
         needed = 1

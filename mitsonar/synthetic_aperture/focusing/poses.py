@@ -22,48 +22,34 @@ TURNS = 4                          # of the fixed point: the receiver moves by 1
 
 @dataclass(frozen=True, kw_only=True)
 class Poses:
-    """A trajectory as a function of time.
+    """A trajectory as a function of time."""
 
-    Attributes
-    ----------
-    spline : CubicSpline
-        Of ``MOTION``, (..., 6).
-    first, last : float [s]
-        Of what was recorded.
-    """
-
-    spline: CubicSpline
-    first: float
-    last: float
+    spline: CubicSpline  # of ``MOTION``, (..., 6)
+    first: float  # [s]: of what was recorded
+    last: float  # [s]: of what was recorded
 
     def position(self, time: np.ndarray) -> np.ndarray:
-        """Give where the body's origin is, (..., 3) [m], z up."""
+        """Return where the body's origin is, (..., 3) [m], z up."""
         return self.spline(time)[..., :3] * np.array([1.0, 1.0, -1.0])
 
     def rotation(self, time: np.ndarray) -> np.ndarray:
-        """Give the rotations from body to scene, (..., 3, 3)."""
+        """Return the rotations from body to scene, (..., 3, 3)."""
         roll, pitch, heading = np.moveaxis(self.spline(time)[..., 3:], -1, 0)
         return rotation_matrix(roll, pitch, heading)
 
     def heading(self, time: np.ndarray) -> np.ndarray:
-        """Give the heading (...) [rad]."""
+        """Return the heading (...) [rad]."""
         return self.spline(time)[..., 5]
 
     def place(self, time: np.ndarray, lever: np.ndarray) -> np.ndarray:
-        """Give where an element is, (..., 3) [m], z up; `lever` (..., 3) in the body frame."""
+        """Return where an element is, (..., 3) [m], z up; `lever` (..., 3) in the body frame."""
         pose = self.spline(time)
         turned = rotation_matrix(*np.moveaxis(pose[..., 3:], -1, 0)) @ lever[..., None]
         return pose[..., :3] * np.array([1.0, 1.0, -1.0]) + turned[..., 0]
 
 
 def poses_of(trajectory: xr.Dataset) -> Poses:
-    """Take the trajectory out of raw echoes, or out of a dataset of ``motion_time`` and the other motion_* alone.
-
-    Raises
-    ------
-    ValueError
-        If a variable is missing, times do not increase, or a value is no number.
-    """
+    """Take the trajectory out of raw echoes, or out of a dataset of ``motion_time`` and the other motion_* alone."""
     missing = [name for name in ("motion_time", *MOTION) if name not in trajectory.variables]
     if missing:
         raise ValueError(f"a trajectory was wanted, and {', '.join(missing)} are missing; give raw echoes or a dataset "
@@ -78,18 +64,8 @@ def poses_of(trajectory: xr.Dataset) -> Poses:
 
 def two_way_delay(poses: Poses, sent: np.ndarray, tx_lever: np.ndarray, rx_lever: np.ndarray, target: np.ndarray,
                   sound_speed: float) -> np.ndarray:
-    """Give two-way delays (...) [s] along straight lines; the receiver is where it is when the echo comes in.
-
-    Parameters
-    ----------
-    poses : Poses
-    sent : array (...) [s]
-    tx_lever, rx_lever : array (..., 3) [m]
-        Body frame.
-    target : array (..., 3) [m]
-        z up.
-    sound_speed : float [m/s]
-    """
+    """Return two-way delays (...) [s] along straight lines; the receiver is where it is when the echo comes in."""
+    # sent (...) [s]; tx_lever, rx_lever (..., 3) [m]; target (..., 3) [m]; sound_speed [m/s]
     out = np.linalg.norm(target - poses.place(sent, tx_lever), axis=-1)
     delay = 2 * out / sound_speed
     for _ in range(TURNS):

@@ -106,7 +106,7 @@ def micronavigate(raw: xr.Dataset, trajectory: xr.Dataset | None = None, *, wind
 
 
 def straightened(raw: xr.Dataset) -> xr.Dataset:
-    """Give the straight line of even speed, depth and attitude that is nearest to the true trajectory."""
+    """Return the straight line of even speed, depth and attitude that is nearest to the true trajectory."""
     time = raw["motion_time"].values
     even = np.polynomial.polynomial.polyvander((time - time.mean()) / max(np.ptp(time), 1e-9), 1)
 

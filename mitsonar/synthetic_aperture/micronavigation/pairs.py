@@ -25,25 +25,14 @@ NODES = 49                         # of delays along a line of the bed; cubic be
 
 @dataclass(frozen=True, kw_only=True)
 class Arrays:
-    """What stands still in the body.
+    """What stands still in the body."""
 
-    Attributes
-    ----------
-    tx : (tx, 3) [m]
-    rx : (rx, 3) [m]
-    bank : (rx,) int
-    side : float
-        1: they look to starboard, -1: to port.
-    sound_speed : float [m/s]
-    bed_depth : float [m]
-    """
-
-    tx: np.ndarray
-    rx: np.ndarray
+    tx: np.ndarray  # [m]
+    rx: np.ndarray  # [m]
     bank: np.ndarray
-    side: float
-    sound_speed: float
-    bed_depth: float
+    side: float  # 1
+    sound_speed: float  # [m/s]
+    bed_depth: float  # [m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,30 +46,20 @@ class Correction:
 
 
 def together(one: Correction, other: Correction) -> Correction:
-    """Give the sum of two small corrections."""
+    """Return the sum of two small corrections."""
     return Correction(surge=one.surge + other.surge, sway=one.sway + other.sway, heave=one.heave + other.heave,
                       yaw=one.yaw + other.yaw)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pairs:
-    """Pairs of phase centres of two successive pings.
+    """Pairs of phase centres of two successive pings."""
 
-    Attributes
-    ----------
-    first, second : (Q,) int
-        Receivers.
-    apart : (Q,) [m]
-        Of their phase centres along the array, as far as is believed.
-    centre_first, centre_second : (Q,) [m]
-        Of the phase centres along the array, from the first ping's body.
-    """
-
-    first: np.ndarray
-    second: np.ndarray
-    apart: np.ndarray
-    centre_first: np.ndarray
-    centre_second: np.ndarray
+    first: np.ndarray  # (Q,): receivers
+    second: np.ndarray  # (Q,): receivers
+    apart: np.ndarray  # (Q,) [m]: of their phase centres along the array, as far as is believed
+    centre_first: np.ndarray  # (Q,) [m]: of the phase centres along the array, from the first ping's body
+    centre_second: np.ndarray  # (Q,) [m]: of the phase centres along the array, from the first ping's body
 
 
 def arrays_of(raw: xr.Dataset) -> Arrays:
@@ -95,24 +74,8 @@ def arrays_of(raw: xr.Dataset) -> Arrays:
 
 def overlapping(poses: Poses, arrays: Arrays, time: np.ndarray, sender: np.ndarray, slant_range: float,
                 reach: float | None, correction: Correction) -> Pairs:
-    """Find the pairs of two pings whose phase centres are at most `reach` [m] apart along the array.
-
-    Parameters
-    ----------
-    time : (2,) [s]
-        Of the transmissions.
-    sender : (2,) int
-        Transmitters.
-    slant_range : float [m]
-        At which echoes come back.
-    reach : float or None [m]
-        None: three quarters of the way between neighbouring phase centres.
-
-    Raises
-    ------
-    ValueError
-        If there is none: the pings do not overlap.
-    """
+    """Find the pairs of two pings whose phase centres are at most `reach` [m] apart along the array."""
+    # time (2,) [s]; sender (2,); slant_range [m]; reach [m]
     delay = 2 * slant_range / arrays.sound_speed
     centres = [0.5 * (_placed(poses, arrays, time[n], time[n], arrays.tx[sender[n]], n, correction)
                       + _placed(poses, arrays, time[n], time[n] + delay, arrays.rx, n, correction)) for n in (0, 1)]
@@ -131,7 +94,7 @@ def overlapping(poses: Poses, arrays: Arrays, time: np.ndarray, sender: np.ndarr
 
 def ground_points(poses: Poses, arrays: Arrays, time: np.ndarray, sender: np.ndarray, pairs: Pairs,
                   slant_range: np.ndarray, correction: Correction, ahead: float) -> np.ndarray:
-    """Give points of the bed at slant ranges from every pair's middle, (Q, N, 3) [m].
+    """Return points of the bed at slant ranges from every pair's middle, (Q, N, 3) [m].
 
     They lie abeam, or `ahead` of that: by the sine of the angle.
     """
@@ -151,7 +114,8 @@ def ground_points(poses: Poses, arrays: Arrays, time: np.ndarray, sender: np.nda
 
 def pair_delays(poses: Poses, arrays: Arrays, time: np.ndarray, sender: np.ndarray, pairs: Pairs, target: np.ndarray,
                 correction: Correction) -> tuple[np.ndarray, np.ndarray]:
-    """Give two-way delays (2, Q, N) [s] of both pings' receivers, and what they change by (Q, N, 3) [s/m, s/m, s/rad].
+    """Return two-way delays (2, Q, N) [s] of both pings' receivers, and what they change by (Q, N, 3) [s/m, s/m,
+    s/rad].
 
     The change is that of the second ping's delay with its sway, heave and yaw.
     """

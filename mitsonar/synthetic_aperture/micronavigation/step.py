@@ -36,7 +36,7 @@ LAGS_FINER = 4
 
 
 def finer(signal: np.ndarray) -> np.ndarray:
-    """Give signals (..., S) at 8 times their rate, by Fourier's series."""
+    """Return signals (..., S) at 8 times their rate, by Fourier's series."""
     count = signal.shape[-1]
     spectrum = fft.fftshift(fft.fft(signal, axis=-1), axes=-1)
     wide = np.zeros((*signal.shape[:-1], FINER * count), complex)
@@ -47,23 +47,8 @@ def finer(signal: np.ndarray) -> np.ndarray:
 
 def laid_on_ground(signal: np.ndarray, channel: np.ndarray, first: float, rate: float, node_range: np.ndarray,
                    delays: np.ndarray, slant_range: np.ndarray, frequency: float) -> np.ndarray:
-    """Take signals at the delays of points, the carrier's phase of the way there taken out.
-
-    Parameters
-    ----------
-    signal : complex (rx, S)
-        From `finer`.
-    channel : (Q,) int
-    first, rate : float [s], [Hz]
-        Of the signal's samples as they were before `finer`.
-    node_range : (K,) [m]
-    delays : (Q, K) [s]
-    slant_range : (N,) [m]
-
-    Returns
-    -------
-    complex (Q, N)
-    """
+    """Take signals at the delays of points, the carrier's phase of the way there taken out."""
+    # channel (Q,); first, rate [Hz]; node_range (K,) [m]; delays (Q, K) [s]; slant_range (N,) [m] -> (Q, N)
     delay = CubicSpline(node_range, delays, axis=-1)(slant_range)
     place = np.clip((delay - first) * rate * FINER, 1.0, signal.shape[-1] - 3.0)
     whole = np.floor(place).astype(np.int64)
@@ -75,7 +60,7 @@ def laid_on_ground(signal: np.ndarray, channel: np.ndarray, first: float, rate: 
 
 
 def correlated(first: np.ndarray, second: np.ndarray, windows: int) -> np.ndarray:
-    """Give the complex coherence (Q, W) of signals (Q, N) in W windows, without a lag."""
+    """Return the complex coherence (Q, W) of signals (Q, N) in W windows, without a lag."""
     one, two = (part[:, :part.shape[1] // windows * windows].reshape(len(part), windows, -1)
                 for part in (first, second))
     power = np.sum(np.abs(one) ** 2, -1) * np.sum(np.abs(two) ** 2, -1)
@@ -108,18 +93,12 @@ PHASE_FLOOR = 1e-4                 # [rad] of every phase, whatever its coherenc
 
 @dataclass(frozen=True, kw_only=True)
 class Trust:
-    """Standard deviations of what navigation says of the way from one ping to the next.
+    """Standard deviations of what navigation says of the way from one ping to the next."""
 
-    Attributes
-    ----------
-    surge, sway, heave : float [m]
-    yaw : float [rad]
-    """
-
-    surge: float = 0.01
-    sway: float = 0.05
-    heave: float = 0.002
-    yaw: float = 0.005
+    surge: float = 0.01  # [m]
+    sway: float = 0.05  # [m]
+    heave: float = 0.002  # [m]
+    yaw: float = 0.005  # [rad]
 
     def __post_init__(self):
         for name in ("surge", "sway", "heave", "yaw"):
@@ -131,53 +110,22 @@ class Trust:
 
 @dataclass(frozen=True, kw_only=True)
 class Found:
-    """What a step is found to be.
-
-    Attributes
-    ----------
-    correction : Correction
-    deviation : Correction
-        Standard deviations, by theory.
-    slant, slant_deviation : (W,) [m]
-        Towards the bed at every window, of the correction and what it leaves over.
-    coherence, expected : (Q, W), (Q,)
-        As measured, and by theory without noise.
-    apart : (Q,) [m]
-        Of the pairs' phase centres along the array, with the correction.
-    pairs : Pairs
-    """
+    """What a step is found to be."""
 
     correction: Correction
-    deviation: Correction
-    slant: np.ndarray
-    slant_deviation: np.ndarray
-    coherence: np.ndarray
-    expected: np.ndarray
-    apart: np.ndarray
+    deviation: Correction  # standard deviations, by theory
+    slant: np.ndarray  # (W,) [m]: towards the bed at every window, of the correction and what it leaves over
+    slant_deviation: np.ndarray  # (W,) [m]: towards the bed at every window, of the correction and what it leaves over
+    coherence: np.ndarray  # (Q, W): as measured, and by theory without noise
+    expected: np.ndarray  # (Q, W): as measured, and by theory without noise
+    apart: np.ndarray  # (Q,) [m]: of the pairs' phase centres along the array, with the correction
     pairs: Pairs
 
 
 def fitted_surge(coherence: np.ndarray, apart: np.ndarray, theory: Callable[[np.ndarray], np.ndarray], looks: float,
                  known: float, trust: float) -> tuple[float, float, float]:
-    """Fit γ₀ T(d + surge) to coherences.
-
-    Parameters
-    ----------
-    coherence : (Q,)
-    apart : (Q,) [m]
-        With the surge `known` so far.
-    theory : callable(d) -> T
-    looks : float
-        Of each coherence.
-    known, trust : float [m]
-
-    Returns
-    -------
-    surge, deviation : float [m]
-        Less what is known; errors of pairs are taken as independent.
-    strength : float
-        γ₀.
-    """
+    """Fit γ₀ T(d + surge) to coherences."""
+    # coherence (Q,); apart (Q,) [m]; known, trust [m] -> surge, deviation [m]
     spread = np.maximum((1 - np.clip(coherence, LEAST, HIGHEST) ** 2) / np.sqrt(2 * looks), 1e-4)
 
     def misfit(x: np.ndarray) -> np.ndarray:
@@ -192,7 +140,7 @@ def fitted_surge(coherence: np.ndarray, apart: np.ndarray, theory: Callable[[np.
 
 def phase_covariance(pairs: Pairs, chosen: np.ndarray, surge: float, theory: Callable[[np.ndarray], np.ndarray],
                      strength: float, looks: float) -> np.ndarray:
-    """Give the covariance of the phases of chosen pairs in one window, (Q, Q) [rad²]."""
+    """Return the covariance of the phases of chosen pairs in one window, (Q, Q) [rad²]."""
     here, there = pairs.centre_first[chosen], pairs.centre_second[chosen] + surge
     first, second = pairs.first[chosen], pairs.second[chosen]
     strength = min(strength, HIGHEST)
@@ -209,20 +157,8 @@ def phase_covariance(pairs: Pairs, chosen: np.ndarray, surge: float, theory: Cal
 
 def least_squares(late: np.ndarray, change: np.ndarray, weight: np.ndarray, known: Correction, trust: Trust
                   ) -> tuple[np.ndarray, np.ndarray]:
-    """Estimate sway, heave and yaw beside what is known of them, and their covariance.
-
-    Parameters
-    ----------
-    late : (Q, W) [s]
-    change : (Q, W, 3) [s/m, s/m, s/rad]
-    weight : (W, Q, Q) [1/s²]
-    known : Correction
-    trust : Trust
-
-    Returns
-    -------
-    (3,), (3, 3)
-    """
+    """Estimate sway, heave and yaw beside what is known of them, and their covariance."""
+    # late (Q, W) [s]; change (Q, W, 3) [s/m, s/m, s/rad]; weight (W, Q, Q) [1/s²] -> (3,)
     design, delay = np.moveaxis(change, 1, 0), np.moveaxis(late, 1, 0)[..., None]
     prior = np.diag([trust.sway ** -2.0, trust.heave ** -2.0, trust.yaw ** -2.0])
     normal = np.sum(np.swapaxes(design, 1, 2) @ weight @ design, 0) + prior
@@ -234,12 +170,8 @@ def least_squares(late: np.ndarray, change: np.ndarray, weight: np.ndarray, know
 
 def slants(late: np.ndarray, change: np.ndarray, weight: np.ndarray, sound_speed: float, trust: Trust
            ) -> tuple[np.ndarray, np.ndarray]:
-    """Give how far (W,) [m] the way to the bed is shorter than believed, window by window with a yaw of its own.
-
-    Returns
-    -------
-    shorter, deviation : (W,) [m]
-    """
+    """Return how far (W,) [m] the way to the bed is shorter than believed, window by window with a yaw of its own."""
+    # -> shorter, deviation (W,) [m]
     shorter, deviation = np.empty(late.shape[1]), np.empty(late.shape[1])
     for number in range(late.shape[1]):
         design = np.stack([np.full(len(late), -2 / sound_speed), change[:, number, 2]], -1)

@@ -49,7 +49,7 @@ def step_record(found: list[Found], window_range: np.ndarray, arrays: Arrays, ti
 
 
 def increments(poses: Poses, sent: np.ndarray, delay: float) -> np.ndarray:
-    """Give the ways (P - 1, 4) from ping to ping in the frames of their first pings: ahead, to starboard, down, yaw.
+    """Return the ways (P - 1, 4) from ping to ping in the frames of their first pings: ahead, to starboard, down, yaw.
 
     Positions are means of those at transmission and at reception, headings those at reception.
     """
@@ -62,7 +62,7 @@ def increments(poses: Poses, sent: np.ndarray, delay: float) -> np.ndarray:
 
 
 def since(steps: xr.Dataset, poses: Poses, first: Poses) -> xr.Dataset:
-    """Give steps beside the trajectory `first` that were estimated beside `poses`."""
+    """Return steps beside the trajectory `first` that were estimated beside `poses`."""
     sent, speed = steps["sent"].values, steps.attrs["sound_speed"]
     more = increments(poses, sent, steps.attrs["delay"]) - increments(first, sent, steps.attrs["delay"])
     values = {name: steps[name] + more[:, k] for k, name in enumerate(PARTS)}
@@ -74,7 +74,7 @@ def since(steps: xr.Dataset, poses: Poses, first: Poses) -> xr.Dataset:
 
 
 def nearness(way: np.ndarray, grazing: np.ndarray, side: float) -> np.ndarray:
-    """Give how much nearer (P - 1,) [m] the bed comes by ways (P - 1, 4) as of `increments`."""
+    """Return how much nearer (P - 1,) [m] the bed comes by ways (P - 1, 4) as of `increments`."""
     return side * way[:, 1] * np.cos(grazing) + way[:, 2] * np.sin(grazing)
 
 
@@ -103,24 +103,7 @@ def integrated(steps: xr.Dataset, believed: xr.Dataset, poses: Poses) -> xr.Data
 
 
 def compare(navigated: xr.Dataset, raw: xr.Dataset, trajectory: xr.Dataset) -> xr.Dataset:
-    """Give the errors of micronavigation beside the truth.
-
-    Parameters
-    ----------
-    navigated : Dataset
-        From `micronavigate`.
-    raw : Dataset
-        Raw echoes with the true trajectory.
-    trajectory : Dataset
-        That was believed.
-
-    Returns
-    -------
-    Dataset
-        surge_error, sway_error, heave_error, yaw_error (step), slant_error (step, window), and track_error (ping):
-        how far the corrected track lies aside of the true one, less a straight line; a line moves and turns the image
-        as a whole.
-    """
+    """Return the errors of micronavigation beside the truth."""
     truth, believed = poses_of(raw), poses_of(trajectory)
     sent, speed = navigated["sent"].values, navigated.attrs["sound_speed"]
     found = np.stack([navigated[name].values for name in PARTS], -1)

@@ -62,7 +62,7 @@ class Shift:
     deviation: float
 
     def at(self, rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Give the shifts at points."""
+        """Return the shifts at points."""
         along, across = (part[0] + part[1] * rows + part[2] * columns for part in (self.along, self.across))
         return along, across
 
@@ -110,7 +110,7 @@ def shift_between(first: np.ndarray, second: np.ndarray, search: int = 8) -> Shi
 
 
 def registered(image: np.ndarray, shift: Shift) -> np.ndarray:
-    """Give an image as the first one's points see it; NaN where it does not reach."""
+    """Return an image as the first one's points see it; NaN where it does not reach."""
     carrier = _carrier(image)
     flat = _without_carrier(np.nan_to_num(image), carrier)
     rows, columns = np.meshgrid(*(np.arange(count, dtype=float) for count in image.shape), indexing="ij")
@@ -254,7 +254,7 @@ def change_map(before: xr.Dataset, after: xr.Dataset, window: tuple[float, float
 
 
 def laid_on(before: xr.Dataset, after: xr.Dataset, *, bank: int = 0, search: int = 8) -> xr.Dataset:
-    """Give the second pass's image, all banks, as the first one's points see it; raises as `change_map`."""
+    """Return the second pass's image, all banks, as the first one's points see it; raises as `change_map`."""
     one, two = _images(before, after, bank)
     shift = shift_between(one, two, search)
     moved = np.stack([registered(np.where(image == 0, np.nan, image), shift) for image in after["image"].values])

@@ -33,7 +33,7 @@ LEAST = 1e-6                       # coherence: below, a phase is anything
 
 
 def noise_coherence(snr: ArrayLike, other: ArrayLike | None = None) -> np.ndarray:
-    """Give what noise leaves of the coherence of two signals.
+    """Return what noise leaves of the coherence of two signals.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def noise_coherence(snr: ArrayLike, other: ArrayLike | None = None) -> np.ndarra
 
 
 def aperture_coherence(displacement: ArrayLike, tx_length: float, rx_length: float, wavelength: float) -> np.ndarray:
-    """Give the coherence of an even rough bed's echoes at two phase centres: the theorem of van Cittert and Zernike.
+    """Return the coherence of an even rough bed's echoes at two phase centres: the theorem of van Cittert and Zernike.
 
     Parameters
     ----------
@@ -72,14 +72,15 @@ def aperture_coherence(displacement: ArrayLike, tx_length: float, rx_length: flo
 
 
 def beam_spread(tx_length: float, rx_length: float, wavelength: float) -> float:
-    """Give the rms sine of the directions along the track that echoes come from; arguments as `aperture_coherence`."""
+    """Return the rms sine of the directions along the track that echoes come from; arguments as `aperture_coherence`.
+    """
     sine, power = _beam(tx_length, rx_length, wavelength)
     return float(np.sqrt(np.sum(sine ** 2 * power) / power.sum()))
 
 
 def baseline_coherence(frequency: float, bandwidth: float, grazing_angle: ArrayLike, view_change: ArrayLike
                        ) -> np.ndarray:
-    """Give what a change of the grazing angle leaves of the coherence of a level bed.
+    """Return what a change of the grazing angle leaves of the coherence of a level bed.
 
     Parameters
     ----------
@@ -94,12 +95,12 @@ def baseline_coherence(frequency: float, bandwidth: float, grazing_angle: ArrayL
 
 
 def shift_coherence(shift: ArrayLike, bandwidth: float, sound_speed: float) -> np.ndarray:
-    """Give the coherence of one flat spectrum's echoes with themselves, moved by `shift` [m] of slant range."""
+    """Return the coherence of one flat spectrum's echoes with themselves, moved by `shift` [m] of slant range."""
     return np.abs(np.sinc(2 * np.asarray(shift, float) * _positive("bandwidth", bandwidth) / sound_speed))
 
 
 def phase_deviation(coherence: ArrayLike, looks: ArrayLike) -> np.ndarray:
-    """Give the least standard deviation [rad] of an interferometric phase from independent looks (Cramér and Rao).
+    """Return the least standard deviation [rad] of an interferometric phase from independent looks (Cramér and Rao).
 
     Notes
     -----
@@ -110,7 +111,7 @@ def phase_deviation(coherence: ArrayLike, looks: ArrayLike) -> np.ndarray:
 
 
 def delay_deviation(coherence: ArrayLike, looks: ArrayLike, frequency: float) -> np.ndarray:
-    """Give the least standard deviation [s] of a delay between two signals.
+    """Return the least standard deviation [s] of a delay between two signals.
 
     Parameters
     ----------

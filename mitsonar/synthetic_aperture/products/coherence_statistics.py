@@ -67,7 +67,7 @@ def windowed_coherence(first: np.ndarray, second: np.ndarray, window: tuple[int,
 
 
 def independent_looks(picture: np.ndarray, window: tuple[int, int]) -> float:
-    """Give how many independent looks a window of a picture of speckle holds.
+    """Return how many independent looks a window of a picture of speckle holds.
 
     Parameters
     ----------
@@ -88,14 +88,14 @@ def independent_looks(picture: np.ndarray, window: tuple[int, int]) -> float:
 
 
 def coherence_chance(value: ArrayLike, coherence: float, looks: float) -> np.ndarray:
-    """Give the chance that an estimate of `looks` looks lies below `value` where the coherence is `coherence`."""
+    """Return the chance that an estimate of `looks` looks lies below `value` where the coherence is `coherence`."""
     weights, count = _mixture(coherence, looks)
     squared = np.clip(np.asarray(value, float), 0, 1)[..., None] ** 2
     return special.betainc(1 + count, looks - 1, squared) @ weights
 
 
 def coherence_at(chance: float, coherence: float, looks: float) -> float:
-    """Give the estimate that is fallen short of with the given chance; the threshold of a test by coherence."""
+    """Return the estimate that is fallen short of with the given chance; the threshold of a test by coherence."""
     if not 0 < chance < 1:
         raise ValueError(f"a chance of {chance} is asked for; give one above 0 and below 1")
     return float(optimize.brentq(lambda value: float(coherence_chance(value, coherence, looks)) - chance, 0, 1,
@@ -103,7 +103,7 @@ def coherence_at(chance: float, coherence: float, looks: float) -> float:
 
 
 def mean_coherence(coherence: float, looks: float) -> float:
-    """Give the mean of estimates from `looks` looks: never below the coherence itself."""
+    """Return the mean of estimates from `looks` looks: never below the coherence itself."""
     if coherence > HIGHEST:
         return float(coherence)
     weights, count = _mixture(coherence, looks)
@@ -112,7 +112,7 @@ def mean_coherence(coherence: float, looks: float) -> float:
 
 
 def unbiased_coherence(estimate: ArrayLike, looks: float) -> np.ndarray:
-    """Give the coherence whose estimates have the mean `estimate`; 0 below the mean of none at all."""
+    """Return the coherence whose estimates have the mean `estimate`; 0 below the mean of none at all."""
     nodes = np.append(HIGHEST * np.sin(np.linspace(0, 0.5 * np.pi, NODES)), 1.0)
     means = PchipInterpolator(nodes, [mean_coherence(node, looks) for node in nodes])
     fine = np.linspace(0, 1, TABLE)
@@ -120,7 +120,7 @@ def unbiased_coherence(estimate: ArrayLike, looks: float) -> np.ndarray:
 
 
 def phase_spread(coherence: float, looks: float) -> float:
-    """Give the standard deviation [rad] of the phase of a mean over looks, by its density."""
+    """Return the standard deviation [rad] of the phase of a mean over looks, by its density."""
     if not 0 <= coherence <= 1 or looks < 1:
         raise ValueError(f"coherence is {coherence} and looks {looks}; give one from 0 to 1, and 1 or more")
     least = float(phase_deviation(coherence, looks))

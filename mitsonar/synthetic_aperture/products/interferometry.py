@@ -195,7 +195,7 @@ def interferogram(image: xr.Dataset, raw: xr.Dataset | None = None, window: tupl
 
 def phase_of_height(height: np.ndarray | float, image: xr.Dataset, paths: ArrayPaths, wavenumber: float,
                     banks: tuple[int, int] = (0, 1)) -> np.ndarray:
-    """Give the phase (A, C) [rad] of a bed `height` [m] above the grid's points, heard where they are focused."""
+    """Return the phase (A, C) [rad] of a bed `height` [m] above the grid's points, heard where they are focused."""
     heard = _Heard.at(image, paths, banks)
     turn, wanted = heard.turn, heard.height + np.asarray(height, float)
     for _ in range(NEWTON):
@@ -206,7 +206,7 @@ def phase_of_height(height: np.ndarray | float, image: xr.Dataset, paths: ArrayP
 
 def height_of_phase(phase: np.ndarray, image: xr.Dataset, paths: ArrayPaths, wavenumber: float,
                     banks: tuple[int, int] = (0, 1)) -> tuple[np.ndarray, np.ndarray]:
-    """Give heights (A, C) [m] above the grid's points that have the phases, and dh/dφ [m/rad].
+    """Return heights (A, C) [m] above the grid's points that have the phases, and dh/dφ [m/rad].
 
     Parameters
     ----------
@@ -229,30 +229,16 @@ def height_of_phase(phase: np.ndarray, image: xr.Dataset, paths: ArrayPaths, wav
 
 @dataclass(frozen=True, kw_only=True)
 class _Heard:
-    """Where what is heard at an image's points may lie: on ellipses about the arrays' middle.
-
-    Attributes
-    ----------
-    paths : ArrayPaths
-    banks : (int, int)
-    middle : (A, 2) [m]
-        Of the arrays, across the track and z.
-    turn, away : (A, C) [rad], [m]
-        Of the grid's points about it.
-    height : (A, C) [m]
-        Of those points, z up.
-    way, apart : (A, C) [m]
-        Sum of both banks' paths to them, and the second's less the first's.
-    """
+    """Where what is heard at an image's points may lie: on ellipses about the arrays' middle."""
 
     paths: ArrayPaths
     banks: tuple[int, int]
-    middle: np.ndarray
-    turn: np.ndarray
-    away: np.ndarray
-    height: np.ndarray
-    way: np.ndarray
-    apart: np.ndarray
+    middle: np.ndarray  # (A, 2) [m]: of the arrays, across the track and z
+    turn: np.ndarray  # (A, C) [m]: of the grid's points about it
+    away: np.ndarray  # (A, C) [m]: of the grid's points about it
+    height: np.ndarray  # (A, C) [m]: of those points, z up
+    way: np.ndarray  # (A, C) [m]: sum of both banks' paths to them, and the second's less the first's
+    apart: np.ndarray  # (A, C) [m]: sum of both banks' paths to them, and the second's less the first's
 
     @classmethod
     def at(cls, image: xr.Dataset, paths: ArrayPaths, banks: tuple[int, int]) -> _Heard:
@@ -264,7 +250,7 @@ class _Heard:
                    height=height, way=first + second, apart=second - first)
 
     def place(self, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Give the points (across, z) in directions from the middle whose paths have the grid's points' sum."""
+        """Return the points (across, z) in directions from the middle whose paths have the grid's points' sum."""
         sine, cosine, reach = np.sin(turn), np.cos(turn), self.away
         for _ in range(ELLIPSE):                          # the sum grows as fourfold the distance, nearly
             across, height = self.middle[:, :1] + reach * cosine, self.middle[:, 1:] + reach * sine
@@ -272,7 +258,7 @@ class _Heard:
         return self.middle[:, :1] + reach * cosine, self.middle[:, 1:] + reach * sine
 
     def difference(self, turn: np.ndarray) -> np.ndarray:
-        """Give by how much more the banks' paths differ there than at the grid's points [m]."""
+        """Return by how much more the banks' paths differ there than at the grid's points [m]."""
         first, second = (bank_paths(self.paths, bank, *self.place(turn)) for bank in self.banks)
         return second - first - self.apart
 

@@ -26,22 +26,12 @@ FINER = 32                         # points of the cuts to one of the grid
 
 @dataclass(frozen=True, kw_only=True)
 class Cut:
-    """A line through the peak.
+    """A line through the peak."""
 
-    Attributes
-    ----------
-    place : float [m]
-        Of the peak on this axis.
-    width : float [m]
-        At -3 dB.
-    side_lobe_db, integrated_db : float [dB]
-        Highest side lobe to the peak, and energy outside the main lobe to that within; NaN where none is in sight.
-    """
-
-    place: float
-    width: float
-    side_lobe_db: float
-    integrated_db: float
+    place: float  # [m]: of the peak on this axis
+    width: float  # [m]: at -3 dB
+    side_lobe_db: float  # [dB]: highest side lobe to the peak, and energy outside the main lobe to that within
+    integrated_db: float  # [dB]: highest side lobe to the peak, and energy outside the main lobe to that within
 
 
 @dataclass(frozen=True, kw_only=True)

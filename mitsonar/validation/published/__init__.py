@@ -17,42 +17,13 @@ RESULTS = {"table_1": table_1, "effective_speed": effective_speed, "figure_2": f
 
 
 def text(name: str) -> str:
-    """Compute a result and say it in text.
-
-    Parameters
-    ----------
-    name : str
-        One of RESULTS.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    ValueError
-        If there is no such result.
-    """
+    """Compute a result and say it in text."""
     result = _known(name)
     return result.table(result.compute())
 
 
 def write(name: str, path: FilePath) -> None:
-    """Compute a result and write it: its numbers to a .csv, its figure to a .png, .pdf or .svg.
-
-    Parameters
-    ----------
-    name : str
-        One of RESULTS.
-    path : str or path
-
-    Raises
-    ------
-    ValueError
-        If there is no such result, or the file is of another kind.
-    FileNotFoundError, PermissionError, OSError
-        If the file cannot be written.
-    """
+    """Compute a result and write it: its numbers to a .csv, its figure to a .png, .pdf or .svg."""
     from mitsonar.plots import canvas
 
     result, as_table = _known(name), Path(path).suffix.lower() == ".csv"

@@ -25,21 +25,11 @@ __all__ = ["Bundle", "scene_file", "send", "shipped_survey"]
 
 @dataclass(frozen=True, kw_only=True)
 class Bundle:
-    """Rays that have met the scene; NaN where a ray met nothing.
+    """Rays that have met the scene; NaN where a ray met nothing."""
 
-    Attributes
-    ----------
-    point : (R, 3) [m]
-        Of the hit, scene frame.
-    travel_time : (R,) [s]
-        One way.
-    intensity : (R,) [1/(m⁴ sr)]
-        Echo per solid angle of the ray at the place it was sent from, over the intensity 1 m from the source.
-    """
-
-    point: np.ndarray
-    travel_time: np.ndarray
-    intensity: np.ndarray
+    point: np.ndarray  # (R, 3) [m]: of the hit, scene frame
+    travel_time: np.ndarray  # (R,) [s]: one way
+    intensity: np.ndarray  # (R,) [1/(m⁴ sr)]
 
 
 def scene_file(name: str) -> str:
@@ -48,18 +38,7 @@ def scene_file(name: str) -> str:
 
 
 def shipped_survey(name: str, **parameters: object) -> "ArraySurvey":
-    """Plan the run of a scene that comes with mitsonar.
-
-    Parameters
-    ----------
-    name : str
-    **parameters
-        Values for the scene's ``$parameters``.
-
-    Returns
-    -------
-    ArraySurvey
-    """
+    """Plan the run of a scene that comes with mitsonar."""
     from mitsonar.verbs.images import opened
 
     scene, sensor, integrator = opened(load(name, **parameters))
@@ -74,20 +53,8 @@ def load(name: str, **parameters: object) -> "mi.Scene":
 
 
 def send(survey: "ArraySurvey", offset: npt.ArrayLike, launch_angle: np.ndarray) -> Bundle:
-    """Send rays to starboard, in vertical planes athwart the track, at the first ping.
-
-    Parameters
-    ----------
-    survey : ArraySurvey
-    offset : (R, 3) [m]
-        Where each ray starts, body frame.
-    launch_angle : (R,) [rad]
-        Below the horizontal.
-
-    Returns
-    -------
-    Bundle
-    """
+    """Send rays to starboard, in vertical planes athwart the track, at the first ping."""
+    # offset (R, 3) [m]; launch_angle (R,) [rad]
     import drjit as dr
     import mitsuba as mi
 

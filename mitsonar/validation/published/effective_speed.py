@@ -47,7 +47,7 @@ class Setting(NamedTuple):
 
 
 def settings() -> dict[str, Setting]:
-    """Give the waters by name: exaggerated ones of one gradient, their reverse, and shapes as casts have them."""
+    """Return the waters by name: exaggerated ones of one gradient, their reverse, and shapes as casts have them."""
     found = {}
     for kind, sign in zip(KINDS, (-1, 1)):
         for size in (1, 2, 3, 4, 5):
@@ -70,17 +70,7 @@ def settings() -> dict[str, Setting]:
 
 
 def compute() -> xr.Dataset:
-    """Compute effective speeds against height, and the coefficients.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``effective_speed`` [m/s] (water, height_change); (water): ``gradient`` dc/dh [1/s], mean over the heights,
-        ``coefficient`` by regression, ``expected`` by the closed forms above, ``curvature`` the largest deviation from
-        the fitted line [m/s], ``law_error`` and ``no_correction_error`` the largest error of the time [s] by equation
-        2 with 0.503 and with the effective speed unchanged, ``kind``. Attribute ``mean_coefficient``: of the
-        exaggerated ones.
-    """
+    """Compute effective speeds against height, and the coefficients."""
     waters = settings()
     found = [_one(setting) for setting in waters.values()]
     kinds = np.array([setting.kind for setting in waters.values()])
@@ -116,17 +106,7 @@ def _one(setting):
 
 
 def table(dataset: xr.Dataset) -> str:
-    """Say the coefficients in text.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        From `compute`.
-
-    Returns
-    -------
-    str
-    """
+    """Say the coefficients in text."""
     lines = [f"{'':36}gradient  coefficient           off the line   largest error of the time [ns]",
              f"{'water':36}{'[1/s]':>8}{'fitted':>9}{'expected':>10}{'[m/s]':>13}{'law':>14}{'no correction':>17}"]
     for name in dataset.water.values:
@@ -139,16 +119,7 @@ def table(dataset: xr.Dataset) -> str:
 
 
 def rows(dataset: xr.Dataset) -> tuple[list[str], list[tuple]]:
-    """Header and records of the figure as a table: one height a line.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-
-    Returns
-    -------
-    list of str, list of tuple
-    """
+    """Header and records of the figure as a table: one height a line."""
     records = [(str(name), f"{change:.3f}", f"{float(speed):.9f}", f"{float(one.coefficient):.6f}")
                for name, one in ((name, dataset.sel(water=name)) for name in dataset.water.values)
                for change, speed in zip(dataset.height_change.values, one.effective_speed.values)]
@@ -156,16 +127,7 @@ def rows(dataset: xr.Dataset) -> tuple[list[str], list[tuple]]:
 
 
 def plot(dataset: xr.Dataset) -> "Figure":
-    """Draw the change of effective speed against the change the gradient makes at the array.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw the change of effective speed against the change the gradient makes at the array."""
     from mitsonar.plots import canvas
 
     figure = canvas.sheet(1300, 560)

@@ -35,29 +35,7 @@ PROMINENCE = 0.1                   # [samples] that a time must stand out by to 
 
 
 def compute(**parameters: object) -> xr.Dataset:
-    """Compute the impulse responses and where their caustics lie.
-
-    Parameters
-    ----------
-    **parameters
-        Values for the ``$parameters`` of the scene published_figure_2.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``height`` [m] (place): the bed in the plane of the beam, at ``x`` [m] to starboard. Of the rays sent as the
-        scene says: ``hit_x``, ``hit_height`` [m], ``travel_time`` [s, two-way] (ray). ``response`` (bundle, kernel,
-        sample) for that bundle and one `DENSER` times as dense, at samples ``time`` [s] that lie where shifted impulses
-        peak highest; ``peak`` (bundle, kernel, shift): highest of each response over places of the samples, ``mean``
-        (bundle, kernel); ``difference`` (kernel): rms of the two bundles' responses' difference over rms of the dense.
-        ``caustic_x`` [m], ``caustic_time`` [s], ``caustic_kind``: places that face the sonar; a "near" one is nearer to
-        it than its neighbours, a "far" one farther.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If a parameter is none of the scene's or has a value it cannot take.
-    """
+    """Compute the impulse responses and where their caustics lie."""
     wavy, flat = (shipped_survey(SCENE, **{**parameters, **changed}) for changed in ({}, {"height": 0}))
     x, height = _section(wavy.geometry)
     bundles = [_Rays(wavy, flat, wavy.rays * factor) for factor in (1, DENSER)]
@@ -145,17 +123,7 @@ def _kinds(time, caustics):
 
 
 def table(dataset: xr.Dataset) -> str:
-    """Say in words and numbers what the figure shows.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        From `compute`.
-
-    Returns
-    -------
-    str
-    """
+    """Say in words and numbers what the figure shows."""
     few, many = dataset.rays.values
     lines = [f"{few} rays, {dataset.rays_per_sample:.3g} a sample at {dataset.sampling_rate / 1000:g} kHz; response 1 "
              "is that of the flat bed",
@@ -178,32 +146,14 @@ def table(dataset: xr.Dataset) -> str:
 
 
 def rows(dataset: xr.Dataset) -> tuple[list[str], np.ndarray]:
-    """Header and records of the figure as a table: the responses over time.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-
-    Returns
-    -------
-    list of str, array (sample, column)
-    """
+    """Header and records of the figure as a table: the responses over time."""
     pairs = [(bundle, kernel) for bundle in dataset.bundle.values for kernel in dataset.kernel.values]
     columns = [dataset.response.sel(bundle=bundle, kernel=kernel).values for bundle, kernel in pairs]
     return ["time_s", *(f"{bundle}_{kernel}" for bundle, kernel in pairs)], np.stack([dataset.time.values, *columns], 1)
 
 
 def plot(dataset: xr.Dataset) -> "Figure":
-    """Draw the bed, the two responses, and the caustics from near by.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw the bed, the two responses, and the caustics from near by."""
     from mitsonar.plots import canvas
 
     figure = canvas.sheet(1500, 900)

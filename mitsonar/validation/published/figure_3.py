@@ -44,27 +44,7 @@ SHOWN = 2                                               # the ray whose impulses
 
 
 def compute(**parameters: object) -> xr.Dataset:
-    """Compute every impulse of every arrangement.
-
-    Parameters
-    ----------
-    **parameters
-        Values for the ``$parameters`` of the scene published_figure_3 other than elements and axis.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``delay`` [s] and ``intensity`` (re the strongest of one element) over (arrangement, ray, tx, rx), NaN where an
-        arrangement has no such element; ``exact_delay``, with eigenrays in the place of the vector approximation, and
-        ``uniform_delay``, in water that has everywhere the sound speed at the sonar. ``transmit_shift``,
-        ``receive_shift`` [s] (arrangement, ray): mean size of the change of delay from one transmit (receive) element
-        to its neighbour, the other one kept; ``uniform_...`` of these. ``launch_angle`` [rad] (ray).
-
-    Raises
-    ------
-    ValueError, TypeError
-        If a parameter is none of the scene's or has a value it cannot take.
-    """
+    """Compute every impulse of every arrangement."""
     for name in ("elements", "axis"):
         if name in parameters:
             raise ValueError(f"figure_3 sets {name} itself, one value for each arrangement; leave it out")
@@ -147,17 +127,7 @@ def _apart(samples):
 
 
 def table(dataset: xr.Dataset) -> str:
-    """Say in words and numbers what the figure shows.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        From `compute`.
-
-    Returns
-    -------
-    str
-    """
+    """Say in words and numbers what the figure shows."""
     rate = dataset.sampling_rate
     lines = [f"sampling rate {rate / 1e6:g} MHz, elements 100 mm apart, platform at {dataset.speed:.2f} m/s",
              f"{'':36}impulses   ray    shift to the next element [us = samples at 1 MHz]      not in the",
@@ -188,16 +158,7 @@ def table(dataset: xr.Dataset) -> str:
 
 
 def rows(dataset: xr.Dataset) -> tuple[list[str], list[tuple]]:
-    """Header and records of the figure as a table: one impulse a line.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-
-    Returns
-    -------
-    list of str, list of tuple
-    """
+    """Header and records of the figure as a table: one impulse a line."""
     samples = _samples(dataset)
     records = []
     for row, ray, tx, rx in np.argwhere(np.isfinite(samples)):
@@ -208,16 +169,7 @@ def rows(dataset: xr.Dataset) -> tuple[list[str], list[tuple]]:
 
 
 def plot(dataset: xr.Dataset) -> "Figure":
-    """Draw the impulses of every arrangement: all of them, the last group, and a part of that.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw the impulses of every arrangement: all of them, the last group, and a part of that."""
     from mitsonar.plots import canvas
 
     figure = canvas.sheet(1500, 1150)

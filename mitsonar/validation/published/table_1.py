@@ -40,14 +40,7 @@ PRINTED_TIME = 0.010053555, 0.010053578, np.nan
 
 
 def compute() -> xr.Dataset:
-    """Compute the table.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``effective_speed`` [m/s] and ``return_time`` [s] (found_by), likewise ``printed_speed`` and ``printed_time``,
-        NaN where nothing was; ``sound_speed`` [m/s] (height) of the reconstructed water.
-    """
+    """Compute the table."""
     water = SoundSpeedProfile([0, WATER_DEPTH], [BED_SPEED + GRADIENT * WATER_DEPTH, BED_SPEED])
     origin = np.array([0, 0, HEIGHTS[0] - WATER_DEPTH])
     hit, element = [INCIDENT_RANGE, 0, -WATER_DEPTH], [INCIDENT_RANGE - RANGE, 0, HEIGHTS[1] - HEIGHTS[0]]
@@ -68,17 +61,7 @@ def compute() -> xr.Dataset:
 
 
 def table(dataset: xr.Dataset) -> str:
-    """Say the table in text.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        From `compute`.
-
-    Returns
-    -------
-    str
-    """
+    """Say the table in text."""
     lines = [f"transmission at {HEIGHTS[0]} m, reception at {HEIGHTS[1]} m, {RANGE} m away: displacement "
              f"{dataset.displacement:.10f} m",
              f"water of {GRADIENT:g} 1/s from {BED_SPEED:.6f} m/s at the bed; incident effective speed "
@@ -98,16 +81,7 @@ def table(dataset: xr.Dataset) -> str:
 
 
 def rows(dataset: xr.Dataset) -> tuple[list[str], list[tuple]]:
-    """Header and records of the table.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-
-    Returns
-    -------
-    list of str, list of tuple
-    """
+    """Header and records of the table."""
     columns = "effective_speed", "printed_speed", "return_time", "printed_time"
     return (["method", "effective_speed_m_s", "printed_speed_m_s", "return_time_s", "printed_time_s"],
             [(str(name), *(f"{value:.12g}" if np.isfinite(value) else "" for value in values)) for name, *values in
@@ -115,16 +89,7 @@ def rows(dataset: xr.Dataset) -> tuple[list[str], list[tuple]]:
 
 
 def plot(dataset: xr.Dataset) -> "Figure":
-    """Draw the reconstructed water and what each method errs by.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw the reconstructed water and what each method errs by."""
     from mitsonar.plots import canvas
 
     figure = canvas.sheet(1150, 520)

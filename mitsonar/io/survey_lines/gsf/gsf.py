@@ -50,13 +50,7 @@ class File(gsf):
         self.write_header({"Version": VERSION})
 
     def write_record(self, record_id: Any, payload: bytes, checksum: bool = False) -> None:
-        """Append a record, padded to four bytes.
-
-        Raises
-        ------
-        ValueError
-            If it is larger than records may be.
-        """
+        """Append a record, padded to four bytes."""
         padded = payload + bytes(-len(payload) % 4)
         if len(padded) + 8 > GSF_MAX_RECORD_SIZE:
             raise ValueError(f"a ping takes {len(padded)} bytes, more than the {GSF_MAX_RECORD_SIZE} of a GSF record; "
@@ -70,7 +64,7 @@ def order_of(line: Line) -> np.ndarray:
 
 
 def parameters(line: Line, passage: Passage) -> dict[str, Any]:
-    """Give the processing parameters: what has been applied, and that nothing is left to apply."""
+    """Return the processing parameters: what has been applied, and that nothing is left to apply."""
     zero, none = "+0.000", "+0.000,+0.000,+0.000"
     values = {"REFERENCE TIME": "1970/001 00:00:00", "PLATFORM_TYPE": "SURFACE_SHIP", "FULL_RAW_DATA": "TRUE",
               "ROLL_COMPENSATED": "YES", "PITCH_COMPENSATED": "YES", "HEAVE_COMPENSATED": "YES",
@@ -97,14 +91,14 @@ def _record_words(numbers: np.ndarray) -> str:
 
 
 def cast(line: Line, passage: Passage) -> dict[str, Any]:
-    """Give the sound-velocity profile."""
+    """Return the sound-velocity profile."""
     return {"ObservationTime": passage.time[0], "ApplicationTime": passage.time[0],
             "Latitude_deg": float(passage.latitude[0]), "Longitude_deg": float(passage.longitude[0]),
             "Depth_m": np.maximum(line.array("cast_depth"), 0.0), "SoundSpeed_mPerSec": line.array("cast_sound_speed")}
 
 
 def attitudes(passage: Passage) -> Iterator[dict[str, Any]]:
-    """Give the attitude records, each of ten seconds."""
+    """Return the attitude records, each of ten seconds."""
     number = np.floor((passage.time - passage.time[0]) / ATTITUDE_SECONDS)
     nanoseconds = np.rint(passage.time * 1e9).astype("int64").view("datetime64[ns]")
     for one in np.unique(number):
@@ -115,7 +109,7 @@ def attitudes(passage: Passage) -> Iterator[dict[str, Any]]:
 
 
 def comments(line: Line, passage: Passage) -> Iterator[dict[str, Any]]:
-    """Give the comments: where the line comes from, and what its numbers mean where the format leaves it open."""
+    """Return the comments: where the line comes from, and what its numbers mean where the format leaves it open."""
     for text in (line.provenance(), line.placed,
                  "depths are below the still surface, across and along track about the reference point; heave is "
                  "positive upwards; beam angles are from the vertical, beam angles forward counterclockwise from "
@@ -141,7 +135,7 @@ SILENCE, STEPS = 20_000, 100                       # of samples: value of 0 dB, 
 
 
 def swath(line: Line, passage: Passage, ping: Ping, number: int) -> dict[str, Any]:
-    """Give the record of a ping, as GSFU takes it."""
+    """Return the record of a ping, as GSFU takes it."""
     course, speed = passage.way(ping["since"])
     roll, pitch = float(ping["ping_roll"]), float(ping["ping_pitch"])
     array = ping["ping_depth"] + (rotation(roll, pitch, 0.0) @ line.array("transmit_offset"))[2]

@@ -39,28 +39,14 @@ LONGEST, TYPES, SWATH = 1 << 19, 12, 2     # bytes of a record; the last type; t
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Walked:
-    """Hold what the frames say.
+    """Hold what the frames say."""
 
-    Attributes
-    ----------
-    positions : (P, 3) [s], [degrees]
-        Time since 1970, longitude and latitude of pings.
-    beams : int
-        Most of a ping.
-    """
-
-    positions: np.ndarray
-    beams: int
+    positions: np.ndarray  # (P, 3) [degrees]: time since 1970, longitude and latitude of pings
+    beams: int  # most of a ping
 
 
 def walk(path: str) -> Walked:
-    """Go through all records.
-
-    Raises
-    ------
-    ValueError
-        If the file is no GSF file, or cut or damaged.
-    """
+    """Go through all records."""
     positions, beams, offset = [], 0, 0
     size = os.path.getsize(path)
     with open(path, "rb") as stream:
@@ -101,20 +87,7 @@ _SECTORS = {"frequency": "CentreFreq_Hz", "delay": "SectorTransmitDelay_sec", "p
 
 
 class GsfFile:
-    """Read a GSF file.
-
-    Parameters
-    ----------
-    path : str
-    column_path : None
-    water_column : bool
-        GSF has none; accepted so that readers are alike.
-
-    Raises
-    ------
-    ValueError
-        If the file is damaged, or without what a line needs.
-    """
+    """Read a GSF file."""
 
     def __init__(self, path: str, column_path: str | None = None, *, water_column: bool = False) -> None:
         self._path = path
@@ -195,7 +168,8 @@ class GsfFile:
                          waterline=-self._draught)
 
     def _array(self, prefix, what, head=0):
-        """Give a lever arm or a mounting of the processing parameters; a receiver's is the transmitter's by default."""
+        """Return a lever arm or a mounting of the processing parameters; a receiver's is the transmitter's by default.
+        """
         def value(of: str, name: str, size: int) -> np.ndarray:
             return _numbers(self._parameters.get(f"APPLIED_{of}TRANSDUCER_{name}"), head * size, size)
 
@@ -250,7 +224,7 @@ class GsfFile:
                     soundings=soundings | self._kept(beams))
 
     def _kept(self, beams):
-        """Give what a sounding may have besides; every ping has the same."""
+        """Return what a sounding may have besides; every ping has the same."""
         nothing = np.full(len(beams["Depth_m"]), np.nan)
         kept = {"backscatter_db": beams.get("MeanCalAmplitude_dB", nothing),
                 "uncertainty": beams.get("VerticalError_m", nothing) / ONE_SIGMA,
@@ -277,7 +251,7 @@ class GsfFile:
         return tuple(np.arcsin(np.clip(body @ axis, -1, 1)) for axis in (along, starboard))
 
     def _head_speed(self, own, place):
-        """Give the sound speed at the head: the sounder's own word, else the cast's at its depth."""
+        """Return the sound speed at the head: the sounder's own word, else the cast's at its depth."""
         for name in ("SoundSpeedAtTxDepth_mPerSec", "SurfaceVelocity_mps"):
             value = float(np.ravel(own.get(name, 0.0))[0])
             if 300 < value < 3000:
@@ -288,7 +262,7 @@ class GsfFile:
 
 
 def _shots(one) -> dict[str, np.ndarray]:
-    """Give the table of sectors, where the sounder's own record has one."""
+    """Return the table of sectors, where the sounder's own record has one."""
     table = (one.get("SensorSpecific") or {}).get("TxSectors")
     if not isinstance(table, dict) or not {*_SECTORS.values(), "TiltAngleReTx_deg"} <= set(table):
         return {}

@@ -54,19 +54,10 @@ COLUMN_BEAM = np.dtype([("angle", "<i2"), ("start", "<u2"), ("samples", "<u2"), 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Datagram:
-    """Hold one datagram.
+    """Hold one datagram."""
 
-    Attributes
-    ----------
-    offset : int [bytes]
-        In the file.
-    raw : bytes
-        All of it, in the order of bytes that the tables have.
-    order : '<' or '>'
-    """
-
-    offset: int
-    raw: bytes
+    offset: int  # [bytes]: in the file
+    raw: bytes  # all of it, in the order of bytes that the tables have
     order: Order
 
     @cached_property
@@ -96,13 +87,7 @@ class Datagram:
         return self.table(HEADS[self.kind], 1, HEAD)[0]
 
     def table(self, layout: np.dtype, count: int, offset: int | None = None) -> np.ndarray:
-        """Give a table of ``count`` rows, by default the one after the head.
-
-        Raises
-        ------
-        ValueError
-            If the datagram is too short for it.
-        """
+        """Return a table of ``count`` rows, by default the one after the head."""
         start = HEAD + HEADS[self.kind].itemsize if offset is None else offset
         if start + count * layout.itemsize > len(self.raw) - END:
             raise ValueError(f"its datagram {self.kind!r} at byte {self.offset} says that it holds {count} entries, "
@@ -110,18 +95,12 @@ class Datagram:
         return np.frombuffer(self.raw, layout.newbyteorder(self.order), count, start)
 
     def after(self, *tables: np.ndarray) -> int:
-        """Give the offset behind the head and tables that follow it."""
+        """Return the offset behind the head and tables that follow it."""
         return HEAD + HEADS[self.kind].itemsize + sum(table.nbytes for table in tables)
 
 
 def seconds(date: int, milliseconds: int) -> float:
-    """Give seconds since 1970 of a date (20261231) and milliseconds of the day.
-
-    Raises
-    ------
-    ValueError
-        If there is no such date.
-    """
+    """Return seconds since 1970 of a date (20261231) and milliseconds of the day."""
     try:
         day = datetime(date // 10000, date // 100 % 100, date % 100, tzinfo=timezone.utc)
     except ValueError:
@@ -130,13 +109,7 @@ def seconds(date: int, milliseconds: int) -> float:
 
 
 def datagrams(stream: BinaryIO, kinds: str, passed: set[str] | None = None) -> Iterator[Datagram]:
-    """Walk through a file's datagrams of some kinds; others are passed over, and their letters go into ``passed``.
-
-    Raises
-    ------
-    ValueError
-        If the file is no .all file, or cut or damaged, once that is met.
-    """
+    """Walk through a file's datagrams of some kinds; others are passed over, and their letters go into ``passed``."""
     size, offset = os.fstat(stream.fileno()).st_size, 0
     stream.seek(0)
     head = stream.read(HEAD)
@@ -161,13 +134,7 @@ def datagrams(stream: BinaryIO, kinds: str, passed: set[str] | None = None) -> I
 
 
 def at(stream: BinaryIO, offset: int, length: int, order: Order) -> Datagram:
-    """Read one datagram of a length [bytes] that was checked.
-
-    Raises
-    ------
-    ValueError
-        If it does not end as datagrams do.
-    """
+    """Read one datagram of a length [bytes] that was checked."""
     stream.seek(offset)
     raw = stream.read(4 + length)
     if len(raw) != 4 + length or raw[-END] != 3:
@@ -176,6 +143,6 @@ def at(stream: BinaryIO, offset: int, length: int, order: Order) -> Datagram:
 
 
 def _plausible(head, order):
-    """Whether a datagram begins so."""
+    """Return whether a datagram begins so."""
     length = int.from_bytes(head[:4], "little" if order == "<" else "big")
     return len(head) == HEAD and HEAD - 4 + END <= length <= LONGEST and head[4] == 2

@@ -26,37 +26,24 @@ LAST = 65_535
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Column:
-    """Hold a ping's water column as files have it.
+    """Hold a ping's water column as files have it."""
 
-    Attributes
-    ----------
-    rate : float [Hz]
-    angle : (W,) [rad]
-    vertical_deg : (W,) [degrees]
-        From the vertical, positive to port.
-    sector, start, count : int (W,)
-        Sector, number of the first sample, samples.
-    values : list of int8 (count,)
-    outside : (int, int)
-        Samples that are louder and quieter than the steps reach.
-    """
-
-    rate: float
-    angle: np.ndarray
-    vertical_deg: np.ndarray
-    sector: np.ndarray
-    start: np.ndarray
-    count: np.ndarray
+    rate: float  # [Hz]
+    angle: np.ndarray  # (W,) [rad]
+    vertical_deg: np.ndarray  # (W,) [degrees]: from the vertical, positive to port
+    sector: np.ndarray  # (W,): sector, number of the first sample, samples
+    start: np.ndarray  # (W,): sector, number of the first sample, samples
+    count: np.ndarray  # (W,): sector, number of the first sample, samples
     values: list[np.ndarray]
-    outside: tuple[int, int]
+    outside: tuple[int, int]  # samples that are louder and quieter than the steps reach
 
     def nearest(self, angle: np.ndarray) -> np.ndarray:
-        """Give the number (B,) of the beam next to angles (B,)."""
+        """Return the number (B,) of the beam next to angles (B,)."""
         return np.argmin(np.abs(self.angle[None] - angle[:, None]), axis=1)
 
 
 def offset_of(ping: Ping) -> int | None:
-    """Give the offset [dB] that suits a ping's water column; None where it has no sample."""
+    """Return the offset [dB] that suits a ping's water column; None where it has no sample."""
     level = ping.get("column_level_db")
     if level is None or not np.isfinite(level).any():
         return None
@@ -64,13 +51,7 @@ def offset_of(ping: Ping) -> int | None:
 
 
 def column_of(line: Line, ping: Ping, offset: int | None) -> Column | None:
-    """Take a ping's water column; None where there is none.
-
-    Raises
-    ------
-    ValueError
-        If its beams have different rates, or it is longer than files can count.
-    """
+    """Take a ping's water column; None where there is none."""
     if offset is None or not np.isfinite(ping["column_level_db"]).any():
         return None
     there = np.isfinite(ping["column_angle"])
@@ -95,7 +76,7 @@ def column_of(line: Line, ping: Ping, offset: int | None) -> Column | None:
 
 def water_column(line: Line, passage: Passage, ping: Ping, number: int, sounder: int, column: Column, *,
                  offset: int) -> bytes:
-    """Give a ping's #MWC."""
+    """Return a ping's #MWC."""
     sectors = ping["sector_frequency"].size
     parts = [struct.pack("<2H", 1, 1), struct.pack("<2H8B", *body(ping, number).values()),
              struct.pack("<3Hhf", 12, sectors, 16, 0, float(ping["ping_depth"] - passage.draught))]

@@ -27,37 +27,17 @@ COLUMN_RECEIVER, COLUMN_BEAM = struct.Struct("<2H3B1b2f"), struct.Struct("<f4Hf"
 
 @dataclass(frozen=True, kw_only=True)
 class Datagram:
-    """Hold one datagram.
+    """Hold one datagram."""
 
-    Attributes
-    ----------
-    offset : int [bytes]
-        In the file.
-    raw : bytes
-    kind : str
-        Three letters.
-    model : int
-    time : float [s]
-        Since 1970.
-    stamp : tuple of int
-        The same, exact.
-    """
-
-    offset: int
+    offset: int  # [bytes]: in the file
     raw: bytes
-    kind: str
+    kind: str  # three letters
     model: int
-    time: float
-    stamp: tuple[int, int]
+    time: float  # [s]: since 1970
+    stamp: tuple[int, int]  # the same, exact
 
     def part(self, layout: struct.Struct, offset: int) -> tuple[Any, ...]:
-        """Unpack fields.
-
-        Raises
-        ------
-        ValueError
-            If the datagram ends before them.
-        """
+        """Unpack fields."""
         if offset < 0 or offset + layout.size > len(self.raw) - 4:
             raise ValueError(f"its datagram #{self.kind} at byte {self.offset} is too short for what it says that it "
                              "holds; it is damaged.")
@@ -76,13 +56,7 @@ class Datagram:
 
 
 def datagrams(stream: BinaryIO, kinds: tuple[str, ...], passed: set[str] | None = None) -> Iterator[Datagram]:
-    """Walk through a file's datagrams of some kinds; others are passed over, and their kinds go into ``passed``.
-
-    Raises
-    ------
-    ValueError
-        If the file is no KMALL file, or cut or damaged, once that is met.
-    """
+    """Walk through a file's datagrams of some kinds; others are passed over, and their kinds go into ``passed``."""
     size, offset = os.fstat(stream.fileno()).st_size, 0
     while offset < size:
         stream.seek(offset)
@@ -104,13 +78,7 @@ def datagrams(stream: BinaryIO, kinds: tuple[str, ...], passed: set[str] | None 
 
 
 def at(stream: BinaryIO, offset: int, length: int) -> Datagram:
-    """Read one datagram of a length [bytes] that was checked.
-
-    Raises
-    ------
-    ValueError
-        If it does not end as datagrams do.
-    """
+    """Read one datagram of a length [bytes] that was checked."""
     stream.seek(offset)
     raw = stream.read(length)
     if len(raw) != length or raw[-4:] != raw[:4]:
@@ -121,13 +89,7 @@ def at(stream: BinaryIO, offset: int, length: int) -> Datagram:
 
 
 def beams_of(ping: Datagram) -> tuple[int, int, int]:
-    """Return the numbers of soundings, sectors and extra detections of #MRZ, once they are known to fit into it.
-
-    Raises
-    ------
-    ValueError
-        If they do not.
-    """
+    """Return the numbers of soundings, sectors and extra detections of #MRZ, once they are known to fit into it."""
     info = ping.body
     length, _ = ping.part(struct.Struct("<2H"), info)
     sectors, of_sector = ping.part(struct.Struct("<2H"), info + SECTORS)
@@ -141,19 +103,13 @@ def beams_of(ping: Datagram) -> tuple[int, int, int]:
 
 
 def position_of(ping: Datagram) -> tuple[float, float]:
-    """Give longitude and latitude [degrees] of #MRZ."""
+    """Return longitude and latitude [degrees] of #MRZ."""
     latitude, longitude = ping.part(struct.Struct("<2d"), ping.body + PLACE)
     return longitude, latitude
 
 
 def column_of(column: Datagram) -> tuple[int, int]:
-    """Give the number of beams of #MWC and of samples of its longest, once they are known to fit into it.
-
-    Raises
-    ------
-    ValueError
-        If they do not.
-    """
+    """Return the number of beams of #MWC and of samples of its longest, once they are known to fit into it."""
     info = column.body
     length, sectors, of_sector = column.part(struct.Struct("<3H"), info)
     receiver = info + length + sectors * of_sector
@@ -171,13 +127,7 @@ def column_of(column: Datagram) -> tuple[int, int]:
 
 
 def decoded(one: Datagram) -> dict[str, Any]:
-    """Decode a datagram by the library.
-
-    Raises
-    ------
-    ValueError
-        If it cannot.
-    """
+    """Decode a datagram by the library."""
     from KMALL import kmall
 
     library = kmall(None)

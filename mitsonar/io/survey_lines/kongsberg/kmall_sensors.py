@@ -36,13 +36,13 @@ BODY = 12                                  # bytes
 
 
 def model(line: Line) -> int:
-    """Give the number of the sounder: the one in its name, 2040 where there is none."""
+    """Return the number of the sounder: the one in its name, 2040 where there is none."""
     found = re.search(r"\bEM\s*(\d{3,4})\b", line.sonar)
     return int(found[1]) if found else MODEL
 
 
 def datagram(kind: str, version: int, sounder: int, since: float, content: bytes) -> bytes:
-    """Give a whole datagram."""
+    """Return a whole datagram."""
     length = 24 + len(content)
     head = struct.pack("<I4s2BH2I", length, f"#{kind}".encode(), version, 0, sounder, *_clock(since))
     return head + content + struct.pack("<I", length)

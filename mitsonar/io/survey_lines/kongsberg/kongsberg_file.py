@@ -12,16 +12,7 @@ __all__ = ["KongsbergFile"]
 
 
 class KongsbergFile(ABC):
-    """Read pings by their keys, which a subclass finds when it is made.
-
-    Parameters
-    ----------
-    path : str
-    column_path : str or None
-        Of the water column.
-    water_column : bool
-        Take it.
-    """
+    """Read pings by their keys, which a subclass finds when it is made."""
 
     _keys: Sequence[Any]
 

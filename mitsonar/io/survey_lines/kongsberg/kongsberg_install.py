@@ -26,45 +26,22 @@ _RECEIVING = {0: "2", 1: "1", 2: "12", 3: "23", 4: "23", 5: "1", 6: "2"}      # 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Installation:
-    """Hold lever arms and mounting angles.
+    """Hold lever arms and mounting angles."""
 
-    Attributes
-    ----------
-    waterline : float [m]
-        Below the reference point.
-    transmit_offset, transmit_mounting : (3,) [m], [rad]
-    receive_offset, receive_mounting : (R, 3) [m], [rad]
-    transmit_parts : (3, 3) [m]
-        Port, middle and starboard part of the transmit array from its offset, body frame.
-    antenna : (3,) [m]
-        Of the active position sensor.
-    motion_mounting : (3,) [rad]
-        Of the active attitude sensor.
-    backwards : bool
-        The transmit array's cable leaves forward.
-    receive_backwards : tuple of bool
-    """
-
-    waterline: float
-    transmit_offset: np.ndarray
-    transmit_mounting: np.ndarray
-    receive_offset: np.ndarray
-    receive_mounting: np.ndarray
-    transmit_parts: np.ndarray
-    antenna: np.ndarray
-    motion_mounting: np.ndarray
-    backwards: bool
+    waterline: float  # [m]: below the reference point
+    transmit_offset: np.ndarray  # (3,) [rad]
+    transmit_mounting: np.ndarray  # (3,) [rad]
+    receive_offset: np.ndarray  # (R, 3) [rad]
+    receive_mounting: np.ndarray  # (R, 3) [rad]
+    transmit_parts: np.ndarray  # (3, 3) [m]
+    antenna: np.ndarray  # (3,) [m]: of the active position sensor
+    motion_mounting: np.ndarray  # (3,) [rad]: of the active attitude sensor
+    backwards: bool  # the transmit array's cable leaves forward
     receive_backwards: tuple[bool, ...]
 
 
 def of_all(text: str, model: int) -> Installation:
-    """Read the parameters of an .all file of a sounder's model.
-
-    Raises
-    ------
-    ValueError
-        If a number is none.
-    """
+    """Read the parameters of an .all file of a sounder's model."""
     values = dict(re.findall(r"(\w+)=([^,\x00]*)", text))
     configuration = int(_number(values, "STC"))
     arrays = [f"S{_SENDING.get(configuration, '1')}"] + [f"S{one}" for one in _RECEIVING.get(configuration, "2")]
@@ -84,13 +61,7 @@ def of_all(text: str, model: int) -> Installation:
 
 
 def of_kmall(text: str) -> Installation:
-    """Read the parameters of a KMALL file.
-
-    Raises
-    ------
-    ValueError
-        If a number is none.
-    """
+    """Read the parameters of a KMALL file."""
     groups = {name: dict(re.findall(r"(\w+)=([^;,]*)", rest))
               for name, rest in re.findall(r"(\w+):(\w+=[^,]*)", text)}
     names = sorted(name for name in groups if re.fullmatch(r"TRAI_RX\d", name))
@@ -116,7 +87,7 @@ def of_kmall(text: str) -> Installation:
 
 
 def part_of(installed: Installation, sector: np.ndarray) -> np.ndarray:
-    """Give where the parts lie that send sectors (S,): 0 port, 1 middle, 2 starboard of the vessel."""
+    """Return where the parts lie that send sectors (S,): 0 port, 1 middle, 2 starboard of the vessel."""
     return installed.transmit_parts[2 - sector if installed.backwards else sector]
 
 
@@ -131,7 +102,7 @@ def _installation(*, waterline, parts, offsets, mountings, antenna, motion):
 
 
 def _turned(mounting, inside):
-    """Give a place in an array's frame in the body's."""
+    """Return a place in an array's frame in the body's."""
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_euler("ZYX", mounting[::-1]).apply(inside)
@@ -142,7 +113,7 @@ def _three(values: Mapping[str, str], prefix: str, letters: str) -> np.ndarray:
 
 
 def _number(values: Mapping[str, str], name: str) -> float:
-    """Give a parameter, 0 where it is not there."""
+    """Return a parameter, 0 where it is not there."""
     text = values.get(name, "0") or "0"
     try:
         number = float(text)

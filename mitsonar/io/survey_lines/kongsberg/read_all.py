@@ -71,20 +71,7 @@ class _Found:
 
 
 class AllFile(KongsbergFile):
-    """Read an .all file, with the .wcd file beside it for the water column.
-
-    Parameters
-    ----------
-    path : str
-    column_path : str or None
-        The .wcd file.
-    water_column : bool
-
-    Raises
-    ------
-    ValueError
-        If a file is damaged, or without what a line needs.
-    """
+    """Read an .all file, with the .wcd file beside it for the water column."""
 
     def __init__(self, path: str, column_path: str | None, *, water_column: bool) -> None:
         super().__init__(path, column_path, water_column=water_column)
@@ -124,7 +111,7 @@ class AllFile(KongsbergFile):
         return found
 
     def _heads(self):
-        """Give serial numbers of the receiving heads, in the order of their lever arms."""
+        """Return serial numbers of the receiving heads, in the order of their lever arms."""
         there = {key[0] for key in self._found.soundings}
         if len(there) > len(self._installation.receive_offset):
             raise ValueError(f"it has pings of {len(there)} heads, and lever arms of "
@@ -255,7 +242,7 @@ def _note(found: _Found, one: Datagram, number: int) -> None:
 
 
 def _attitude(time, table):
-    """Give time, roll, pitch, heading and heave of a datagram's samples."""
+    """Return time, roll, pitch, heading and heave of a datagram's samples."""
     angles = [np.deg2rad(table[name] / 100.0) for name in ("roll", "pitch", "heading")]
     return np.column_stack([time + 1e-3 * table["time"], *angles, 0.01 * table["heave"]])
 
@@ -272,7 +259,7 @@ def _velocity_table(one):
 
 
 def _column_beams(one: Datagram) -> tuple[np.ndarray, np.ndarray]:
-    """Give the beams of a water column's datagram (a structured array) and their samples, one after the other."""
+    """Return the beams of a water column's datagram (a structured array) and their samples, one after the other."""
     offset = one.after(one.table(COLUMN_SECTOR, int(one.head["sectors"])))
     layout, end = COLUMN_BEAM.newbyteorder(one.order), len(one.raw) - 3
     rows, samples = [], []
@@ -296,17 +283,17 @@ def _read(streams, where):
 
 
 def _words(text, name):
-    """Give the value of a parameter, none or one."""
+    """Return the value of a parameter, none or one."""
     return [part.partition("=")[2] for part in text.split(",") if part.strip().startswith(f"{name}=")][:1]
 
 
 def _to_starboard(installed: Installation, head: int) -> float:
-    """Give the sign that makes an angle positive to starboard."""
+    """Return the sign that makes an angle positive to starboard."""
     return 1.0 if installed.receive_backwards[head] else -1.0
 
 
 def _quality(ifremer, deviation):
-    """Give the quality factor: the sounder's own, else from its deviation (range's spread over range, of 250)."""
+    """Return the quality factor: the sounder's own, else from its deviation (range's spread over range, of 250)."""
     if ifremer is not None and int(ifremer.head["beams"]) == deviation.size and int(ifremer.head["parameters"]) == 1:
         return ifremer.table(np.dtype("<f4"), deviation.size).astype(float)
     return -np.log10(np.maximum(deviation, 0.5) / 250.0)

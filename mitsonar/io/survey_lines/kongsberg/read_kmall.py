@@ -53,20 +53,7 @@ class _Found:
 
 
 class KmallFile(KongsbergFile):
-    """Read a .kmall file, with the .kmwcd file beside it for the water column.
-
-    Parameters
-    ----------
-    path : str
-    column_path : str or None
-        The .kmwcd file.
-    water_column : bool
-
-    Raises
-    ------
-    ValueError
-        If a file is damaged, or without what a line needs.
-    """
+    """Read a .kmall file, with the .kmwcd file beside it for the water column."""
 
     def __init__(self, path: str, column_path: str | None, *, water_column: bool) -> None:
         super().__init__(path, column_path, water_column=water_column)
@@ -202,7 +189,7 @@ def _note(found: _Found, one: Datagram, number: int) -> None:
 
 
 def _sectors(shots, sounding):
-    """Give what sectors are like, by the record's names."""
+    """Return what sectors are like, by the record's names."""
     absorption = [_mean(1e-3 * sounding["meanAbsCoeff_dbPerkm"][sounding["txSectorNumb"] == number])
                   for number in shots["txSectorNumb"]]
     return {"frequency": shots["centreFreq_Hz"], "delay": shots["sectorTransmitDelay_sec"],
