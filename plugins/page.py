@@ -11,8 +11,6 @@ from . import reference
 from .attributes import Attribute, Choice, FromTable, Group, flat
 from .attributes.declaration import shown
 
-__all__ = ["markdown"]
-
 HEAD = """\
 # The reference: plugins and their attributes
 

@@ -9,8 +9,6 @@ from mitsonar.scene.loading import prepare
 from . import PLUGINS
 from .attributes import Attribute, File, Group, Number, flat
 
-__all__ = ["attributes", "declared", "expected", "input_files", "kind_of", "manual", "plain", "plugins", "title"]
-
 OF_MITSUBA = (File("filename", text="what a plugin of Mitsuba's own reads: a mesh, a picture, a volume"),)
 
 

@@ -9,8 +9,6 @@ from mitsonar.device.spelling import meant
 
 from .completion import SCENES, complete_with
 
-__all__ = ["Commands", "Parser", "add_scene", "number", "parameters", "set_up", "whole"]
-
 MOST_THREADS = 1024
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"      # what commands are added to
 

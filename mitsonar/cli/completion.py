@@ -4,8 +4,6 @@ from typing import Any, cast
 
 from mitsonar.io.scene_files import scenes
 
-__all__ = ["FILES", "SCENES", "SHELLS", "Completion", "complete_with"]
-
 SHELLS = ("bash", "zsh")
 FILES = {"bash": "_shtab_compgen_files", "zsh": "_files"}              # as shtab names them
 SCENES = {"bash": "_mitsonar_scenes", "zsh": "_mitsonar_scenes"}       # files, and scenes that come with mitsonar

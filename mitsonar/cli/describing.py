@@ -8,8 +8,6 @@ from .arguments import Commands
 from .completion import SCENES, complete_with
 from .words import announce
 
-__all__ = ["add"]
-
 NARROWEST, WIDEST = 40, 110        # columns; within these as wide as the terminal
 
 

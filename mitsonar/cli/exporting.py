@@ -6,8 +6,6 @@ from .arguments import Commands, number, whole
 from .completion import FILES, complete_with
 from .words import announce, warn
 
-__all__ = ["add"]
-
 RECORDS = (".exr", ".nc")
 GAINS = ("seabed", "target", "none")
 

@@ -8,8 +8,6 @@ from .completion import FILES, SCENES, complete_with
 from .progress import Progress
 from .words import Signals, announce
 
-__all__ = ["add"]
-
 OPTIONS = ("looks", "length", "model_error", "sensor", "seed", "iterations", "noise", "method", "directions", "state",
            "truth", "deviation", "strength", "farthest", "class")
 

@@ -29,9 +29,6 @@ if TYPE_CHECKING:
 
     from mitsonar.water.profile import SoundSpeedProfile
 
-__all__ = ["Usual", "WINDOW", "add", "chosen_grid"]
-
-
 WINDOW = "taylor 4 30"
 
 

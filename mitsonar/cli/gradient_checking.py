@@ -12,8 +12,6 @@ from .words import announce, warn
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["add"]
-
 TABLES = (".csv", ".nc")
 
 

@@ -5,8 +5,6 @@ from .arguments import Commands, number, whole
 from .completion import FILES, complete_with
 from .words import announce, warn
 
-__all__ = ["add"]
-
 NEEDED = ("x", "y", "depth", "valid", "uncertainty")
 LAYERS = ("depth", "count", "deviation", "uncertainty")
 

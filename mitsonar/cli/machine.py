@@ -3,8 +3,6 @@ from mitsonar.io.scene_files import scenes
 
 from .arguments import Commands
 
-__all__ = ["add"]
-
 
 def add(commands: Commands) -> None:
     """Add the commands to the parser's; ``test`` and ``llvm`` run before this package is imported."""

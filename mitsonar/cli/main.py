@@ -35,8 +35,6 @@ from .arguments import Parser
 from .completion import SHELLS, Completion
 from .words import Signals, mute, warn
 
-__all__ = ["main"]
-
 # in the order of the help
 GROUPS = (rendering, focusing, sounding, recorded, describing, sweep, results, raster, exporting, gridding, planning,
           gradient_checking, fitting, profile_fitting, labels, machine)

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from mitsonar.planning.bed import Bed
     from mitsonar.water.profile import SoundSpeedProfile
 
-__all__ = ["add"]
-
 LAYER = 10.0                       # [m] that --cast-error is in unless told
 
 

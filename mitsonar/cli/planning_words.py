@@ -1,8 +1,6 @@
 """What `plan` says of a survey: the text for those who sail it."""
 from typing import Any
 
-__all__ = ["report", "subtitle"]
-
 MOST_LINES = 60                    # listed
 
 

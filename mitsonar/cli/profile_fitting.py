@@ -8,8 +8,6 @@ from .completion import FILES, complete_with
 from .progress import Progress
 from .words import announce
 
-__all__ = ["add"]
-
 
 def add(commands: Commands) -> None:
     """Add the command to the parser's."""

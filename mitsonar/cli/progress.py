@@ -5,8 +5,6 @@ import time
 
 from .words import end_if_interrupted
 
-__all__ = ["Progress", "duration"]
-
 QUIET_SECONDS = 2.0                # progress is shown on anything longer
 LINE_SECONDS = 10.0                # where there is no terminal, a line this often
 SLOW = 0.1                         # a second; below, it is told by the hour

@@ -5,8 +5,6 @@ from .arguments import Commands, whole
 from .completion import FILES, complete_with
 from .words import announce
 
-__all__ = ["add"]
-
 RECORDS, PICTURE = (".exr", ".nc"), ".png"
 
 

@@ -3,8 +3,6 @@ from .arguments import Commands, number, whole
 from .completion import FILES, complete_with
 from .words import announce, warn
 
-__all__ = ["add"]
-
 
 def add(commands: Commands) -> None:
     """Add the command to the parser's."""

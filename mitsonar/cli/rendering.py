@@ -8,8 +8,6 @@ from .completion import FILES, complete_with
 from .progress import Progress
 from .words import announce, warn
 
-__all__ = ["DEMO", "add"]
-
 EVERY = "all"                      # of the sensors
 DEMO = {"rays": 60_000}            # a ping: 32 a bin, whose noise is a fourteenth of the speckle's
 

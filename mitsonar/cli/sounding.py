@@ -8,8 +8,6 @@ from .completion import FILES, complete_with
 from .progress import Progress
 from .words import Signals, announce, warn
 
-__all__ = ["add"]
-
 LINES = (".all", ".gsf", ".kmall", ".kmwcd", ".nc", ".wcd")        # that are read in place of a scene
 
 

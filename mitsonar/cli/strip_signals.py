@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     import mitsuba as mi
     import xarray as xr
 
-__all__ = ["is_strip", "write_strip"]
-
 WORTH_SAYING = 10.0                # [s]; less is a moment
 OF_ARRAYS = (("--ping", "ping", None), ("--response", "response", False), ("--kernel", "kernel", "band_limited"),
              ("--return-path", "return_path", "vector"), ("--path", "path", None))

@@ -7,8 +7,6 @@ from .completion import FILES, complete_with
 from .progress import Progress
 from .words import announce, warn
 
-__all__ = ["add"]
-
 SHOWN = 5                          # failures told at the end
 
 

@@ -4,8 +4,6 @@ import signal
 import sys
 from pathlib import Path
 
-__all__ = ["Signals", "announce", "end_if_interrupted", "mute", "warn"]
-
 
 class Signals:
     """Let Ctrl-C and a request to terminate end the command by the same way, and remember which of them came."""

@@ -19,9 +19,6 @@ if TYPE_CHECKING:
 
     from .torch_images import TorchImages
 
-
-__all__ = ["Images", "open"]
-
 COMPLEX = "complex_image"          # a focused image's variable ``image``, whose name the dimension has
 # a coordinate that differs from image to image cannot be its dimension's
 RENAMED = {"range": "slant_range", "along_track": "along_track_distance", "across_track": "across_track_distance"}

@@ -19,8 +19,6 @@ from mitsonar.io.records.records import SonarImage
 from mitsonar.sweep import manifest
 from mitsonar.sweep.manifest import MANIFEST
 
-__all__ = ["Source", "class_order", "find_sources", "frames_of"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Source:

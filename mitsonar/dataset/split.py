@@ -8,8 +8,6 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
-__all__ = ["SUBSETS", "deal", "read_shares"]
-
 SUBSETS = ("train", "val", "test")
 
 

@@ -18,9 +18,6 @@ if TYPE_CHECKING:
 
     from .sources import Source
 
-
-__all__ = ["LabelledImages", "TorchImages"]
-
 NOTHING_DB = -200.0                # of levels: outside a fan
 
 

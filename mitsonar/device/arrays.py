@@ -17,10 +17,6 @@ import numpy as np
 
 from .types import ArrayTypes, Bool, DrJitArray, Float, Float64, UInt32
 
-__all__ = ["arrays_of", "compressed", "held", "looped", "opaque_vector", "picked", "reinterpreted", "upload",
-           "where_any"]
-
-
 Place = TypeVar("Place", Float, Float64)
 
 

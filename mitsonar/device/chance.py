@@ -28,10 +28,6 @@ import numpy as np
 
 from .types import DrJitArray, Float, Float64, UInt32
 
-__all__ = ["Salt", "even_bits", "gaussian", "hashed", "hashed_pair", "other_pair", "pair", "pass_seed",
-           "ping_key", "row_keys", "salted", "seeded", "shape_key", "sonar_seed", "stratified", "uniform",
-           "uniform_inside"]
-
 WORD = 0xFFFFFFFF
 SEED_FACTOR, PING_FACTOR, NUMBER_FACTOR = 0x9E3779B1, 0x85EBCA6B, 0xC2B2AE35     # odd: each number has its own key
 SMALLEST_UNIFORM = 2.0 ** -24

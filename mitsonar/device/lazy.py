@@ -12,8 +12,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-__all__ = ["attach", "homes_of"]
-
 # NumPy and others may fail where threads import several parts of them at once, so first uses take turns. It is not the
 # lock of the plugins, which is asked for while Mitsuba is imported. None of our modules asks for this one while it is
 # imported: a module has a lock too.

@@ -1,8 +1,6 @@
 """Errors in one sentence, as people read them and manifests keep them."""
 import re
 
-__all__ = ["sentence", "shortened"]
-
 LONGEST_WORD = 300                 # characters; paths are seldom longer
 LONGEST = 3000                     # characters of a sentence; lists of known names are shorter
 

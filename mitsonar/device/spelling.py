@@ -2,8 +2,6 @@
 import difflib
 from collections.abc import Iterable
 
-__all__ = ["meant"]
-
 LONGEST = 100                      # letters that are compared
 
 

@@ -70,10 +70,6 @@ else:
     Bool = Float = Float64 = Int32 = UInt32 = UInt64 = Any
     ArrayTypes = DrJitArray = Real = Triple = Upload = Vector = Vector64 = Any
 
-__all__ = ["Array2f", "Array2f64", "Array2u", "Array3f", "Array3f64", "Array4f", "Array4f64", "Array4u", "ArrayTypes",
-           "Bool", "DrJitArray", "Float", "Float64", "Int32", "Numbers", "Real", "Record", "Triple", "UInt32",
-           "UInt64", "Upload", "Vector", "Vector64"]
-
 
 class Record:
     """Keep keyword values, exactly the annotated ones, and refuse changes."""

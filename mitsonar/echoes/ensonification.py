@@ -37,8 +37,6 @@ from .sights.sights import Sights
 from .smooth.targets import SmoothTargets
 from .sonar_equation import GRAZING, absorbed, along_legs, echo_energy, lit_patch, speed_ratio
 
-__all__ = ["Ensonification"]
-
 CELLS_PER_BLOCK = 1 << 19
 WORTH_ASKING = 0.2                 # share of cells that beams may make negligible from which on each is asked
 MOST_CELLS = 10 ** 9               # of a ping: minutes of connecting

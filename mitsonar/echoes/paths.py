@@ -17,8 +17,6 @@ import numpy as np
 from mitsonar.device.arrays import upload
 from mitsonar.device.types import Bool, UInt32
 
-__all__ = ["Paths"]
-
 
 class Paths:
     """The paths of a run, numbered from 1."""

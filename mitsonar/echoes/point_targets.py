@@ -27,8 +27,6 @@ from .sights.sight import path_of, product
 from .sights.sights import Sights
 from .sonar_equation import pressure_along_legs
 
-__all__ = ["TARGET_RADIUS", "PointTargets"]
-
 TARGET_RADIUS = 0.02               # [m] about a point target within which nothing hides it
 
 

@@ -18,8 +18,6 @@ from mitsonar.device.types import Bool, Float, Float64, UInt32, Vector, Vector64
 from mitsonar.scene.tracing.connection import Connection
 from mitsonar.scene.tracing.hits import Hits
 
-__all__ = ["Echoes", "Leg"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Leg:

@@ -31,10 +31,6 @@ import numpy as np
 
 from mitsonar.device.types import DrJitArray, Float, Float64
 
-__all__ = ["GRAZING", "absorbed", "along_legs", "echo_energy", "leg_gain", "lit_patch", "mirrored_overhead",
-           "passed_on", "pressure_along_legs", "returned", "returned_by_patch", "scattered",
-           "solid_angle_of", "speed_ratio"]
-
 GRAZING = 1e-6                     # sine of the grazing angle below which nothing is lit
 
 

@@ -15,8 +15,6 @@ from typing import Protocol
 
 import numpy as np
 
-__all__ = ["ForwardModel", "Linearised", "Values"]
-
 Values = Mapping[str, np.ndarray]  # parameters by name, float64, each of its own shape
 
 

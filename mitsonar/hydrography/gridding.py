@@ -28,9 +28,6 @@ from typing import Literal
 import numpy as np
 import xarray as xr
 
-__all__ = ["BLENDS", "Cells", "Grid", "gridded", "residual"]
-
-
 BLENDS = ("nearest", "feather", "mean")
 DIAGONAL = 1.5                     # cells, over which ranges of one track differ
 NOWHERE = np.iinfo(np.int64).max

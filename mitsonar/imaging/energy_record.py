@@ -13,8 +13,6 @@ from .truth import BinTruth
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-__all__ = ["CoherentRecord", "CoherentSums", "EnergyRecord", "gathered", "joined", "only_row"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class CoherentRecord:

@@ -24,8 +24,6 @@ from mitsonar.sonar.pulses.pulses import Pulse
 from . import truth
 from .energy_record import EnergyRecord
 
-__all__ = ["NOTHING_DB", "SHORTEST_SHADOW", "STEPS", "fan_directions", "formed", "image", "levels", "runs_of"]
-
 NOTHING_DB = -200.0                # level of a sample without any echo or noise
 SHORTEST_SHADOW = 3                # bins: fewer without a ray are chance
 

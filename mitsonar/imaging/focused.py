@@ -11,8 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-__all__ = ["GROUND", "EvenGrid", "bin_dims", "even_grid", "is_focused", "to_starboard"]
-
 BANK, GROUND = "bank", ("along_track", "across_track")
 EVEN = 0.01                        # of a cell: what a point may lie off its place in an even grid
 

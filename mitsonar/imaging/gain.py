@@ -16,8 +16,6 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 
-__all__ = ["SPREADING", "AngleGain", "Tvg", "absorption_of", "display_gain"]
-
 Tvg = Literal["seabed", "target", "recorder"] | None      # which gain a picture has
 SPREADING = {"seabed": 30, "target": 40, "recorder": 30}      # times log R [dB]
 LOWEST_SINE = np.sin(np.deg2rad(1.0))  # below 1 degree there is no echo to restore, only noise to raise

@@ -21,8 +21,6 @@ from . import truth
 from .energy_record import EnergyRecord
 from .fan import NOTHING_DB, SHORTEST_SHADOW, runs_of
 
-__all__ = ["Measured", "image"]
-
 DIMS = ("ping", "side", "range")
 
 

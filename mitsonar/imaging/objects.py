@@ -30,9 +30,6 @@ from scipy import ndimage
 from .focused import GROUND, bin_dims, is_focused
 from .maps.raster import bearings
 
-__all__ = ["Highlights", "ObjectBins", "Patch", "check_labelled", "largest_beside", "object_bins", "pieces_of"]
-
-
 FAINT_DB = 10.0                    # below the bed's median: no highlight in a shadow
 LOBE_DB = 15.0                     # below an object's strongest bin at the same range: a side lobe's
 AROUND = {"beam": 3, "range": 5, **dict.fromkeys(GROUND, 5)}      # bins that a mean is taken over

@@ -16,8 +16,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["FAULTLESS", "Recorder", "leaked", "leaked_pressure", "recorded"]
-
 DECAY = np.log(1e6)                # of a power over the ringing
 
 

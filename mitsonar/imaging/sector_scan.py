@@ -16,8 +16,6 @@ from mitsonar.units import db_from_power
 from . import truth
 from .energy_record import EnergyRecord
 
-__all__ = ["NOTHING_DB", "Turns", "image", "mean_power"]
-
 NOTHING_DB = -200.0                # level of a bin without any echo or noise
 DIMS = ("ping", "range")
 

@@ -23,8 +23,6 @@ from . import truth
 from .energy_record import CoherentRecord, EnergyRecord
 from .recorder import FAULTLESS, Recorder, leaked, leaked_pressure, recorded
 
-__all__ = ["image", "mean_intensity", "pulse_cells", "pulse_shares", "realisation", "speckle_gates"]
-
 NOTHING_DB = -200.0                # level where no sound arrives at all
 WORK = 1 << 18                     # bins drawn at a time,
 FEW_CELLS = 64                     # fewer of them where they have more cells than these

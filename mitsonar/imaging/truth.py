@@ -13,8 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["BinTruth", "shadows", "shares", "variables"]
-
 HALF = 0.5
 
 

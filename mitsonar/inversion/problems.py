@@ -22,10 +22,6 @@ if TYPE_CHECKING:
     from .fit.iteration import Method
     from .images.scene_fit import KeyPrior
 
-__all__ = ["METHODS", "Options", "PROBLEMS", "Problem", "Progress", "SCENE", "Solved", "array", "beliefs", "image_of",
-           "solve", "sway"]
-
-
 Options = Mapping[str, Any]        # what was given, by the options' names, in the units of the command line
 Progress = Callable[[float, float], object]
 

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Area", "LineFrame", "crossed_edges", "inside_rows", "polygon"]
-
 MOST_CORNERS = 20_000
 _ROWS = 64                         # tested at once
 _PAIRS = 1 << 20                   # of edges compared at once

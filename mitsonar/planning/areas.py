@@ -21,8 +21,6 @@ from mitsonar.io.grids import rasters
 from mitsonar.io.tracks import tracks
 from mitsonar.io.tracks.navigation import WGS84, Frame
 
-__all__ = ["Corners", "read"]
-
 LARGEST_FILE = 10_000_000          # bytes; corners take some twenty times as much while they are read
 MOST_CORNERS = 200_000
 _WITHIN = {"FeatureCollection": "features", "GeometryCollection": "geometries", "Feature": "geometry"}

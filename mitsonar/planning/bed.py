@@ -13,8 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Bed", "bed_of", "flat_bed", "heading_along_area", "heading_along_contours"]
-
 LEAST_DIFFERENCE = 0.2             # of the eigenvalues, in parts of the larger
 LEAST_SLOPE = 1e-3                 # rms; a bed more level than that has no contours to follow
 MOST_NODES = 4_000_000

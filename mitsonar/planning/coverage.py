@@ -21,8 +21,6 @@ from .bed import Bed
 from .lines import MOST_SAMPLES, Edges, Segment, swath_edges
 from .rays import SwathRays
 
-__all__ = ["Coverage", "Gap", "SwathSonar", "Track", "coverage", "gaps", "track"]
-
 _REPEATED = 1e-9                   # [rad] that an angle may fall behind the largest so far
 
 

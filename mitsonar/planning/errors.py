@@ -18,8 +18,6 @@ from mitsonar.hydrography.reduction.legs import Starts
 from mitsonar.hydrography.survey_orders import SurveyOrder
 from mitsonar.water.profile import SoundSpeedProfile
 
-__all__ = ["CastError", "cast_error", "depth_error", "surface_layer_error"]
-
 MOST_NODES = 1000
 _EDGE = 0.01                       # [m] in which the error of a surface layer ends
 

@@ -23,8 +23,6 @@ from mitsonar.hydrography.reduction.attitude import Motion
 from mitsonar.hydrography.reduction.legs import Starts
 from mitsonar.hydrography.reduction.resounding import heads_of, installation_of, measured_of, parts_of, profile_of
 
-__all__ = ["Rules", "rules_of", "time_residuals"]
-
 MOST_PINGS = 8                     # that are looked at
 FEWEST, FEWEST_RAYS = 20, 4        # soundings of a ping that is; rays that three lever arms are fitted to
 STEP, TURNS = 0.01, 3              # [m] of the lever arms' derivatives; rounds of fitting

@@ -33,8 +33,6 @@ from mitsonar.units import deg_from_radians
 from .instrument_rules import rules_of
 from .like_settings import Settings, settings_of
 
-__all__ = ["like"]
-
 MOST_CELLS = 4_000_000
 ANGLES = np.arange(10.0, 90.1, 2.5)                    # [degrees] of grazing, that strengths are given at
 FEWEST = 10                                            # soundings behind a strength

@@ -12,8 +12,6 @@ from scipy.spatial.transform import Rotation
 
 from mitsonar.units import deg_from_radians, khz_from_hertz
 
-__all__ = ["Settings", "settings_of"]
-
 WIDEST = 170.0                     # [degrees] of a swath
 
 

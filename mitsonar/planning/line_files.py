@@ -22,8 +22,6 @@ from mitsonar.io.tracks.navigation import Frame
 
 from .plan import Plan, SurveyLine
 
-__all__ = ["FORMATS", "check", "on_earth", "write"]
-
 FORMATS = (".csv", ".geojson", ".gpx")
 _GPX = "http://www.topografix.com/GPX/1/1"
 Points = list[tuple[str, np.ndarray]]

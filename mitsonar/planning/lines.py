@@ -24,9 +24,6 @@ from .area import LineFrame
 from .bed import Bed
 from .rays import SwathRays
 
-__all__ = ["Edges", "Lattice", "Segment", "even_segments", "fitted_segments",
-           "in_sailing_order", "refuse_many", "swath_edges"]
-
 MOST_LINES = 2000
 TRIED = 50                         # lines before it is guessed how many there will be
 MOST_SAMPLES = 256                 # across a side of a swath

@@ -25,8 +25,6 @@ from .lines import Lattice, even_segments, fitted_segments, in_sailing_order, re
 from .rays import SwathRays, swath_rays
 from .turns import Turn, turn
 
-__all__ = ["Layout", "Plan", "SurveyLine", "plan"]
-
 SPACINGS = ("line", "shoalest", "mean")
 MOST_STATIONS = 1000               # of a lattice along lines,
 FINEST = 0.02                      # of the swath's width: distance of stations

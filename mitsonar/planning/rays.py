@@ -23,8 +23,6 @@ from mitsonar.propagation.numpy_rays.layers import Layers
 from mitsonar.units import Values
 from mitsonar.water.profile import SoundSpeedProfile
 
-__all__ = ["SwathRays", "swath_rays"]
-
 DEPTHS, ANGLES = 256, 128          # of the tables
 FLATTEST = 1e-3                    # [rad] above the horizontal, of rays that count at their fastest depth
 

@@ -19,8 +19,6 @@ from mitsonar.units import KNOT
 
 from .plan import Plan, SurveyLine
 
-__all__ = ["BedFile", "check", "write"]
-
 ROOM = 1.25                        # of the window, in slant ranges of the farthest beam
 FIRST_PINGS = 200
 WHOLE = 0.999                      # of the nodes about a place

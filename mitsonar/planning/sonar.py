@@ -9,8 +9,6 @@ from mitsonar.device.spelling import meant
 from mitsonar.io.scene_files import scenes
 from mitsonar.sonar.presets import presets
 
-__all__ = ["planned_sonar"]
-
 KIND, DEFAULT_PRESET = "multibeam", "shallow_400khz"
 _TAGS = ("string", "float", "integer")
 

@@ -14,8 +14,6 @@ from .errors import CastError
 from .line_files import on_earth
 from .plan import Plan
 
-__all__ = ["summary", "write"]
-
 MOST_GAPS = 20                     # listed
 RARE_PERCENT = 5.0                 # of the area, that is sounded less densely than the number given
 

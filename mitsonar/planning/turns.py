@@ -17,8 +17,6 @@ from math import acos, atan2, cos, hypot, inf, pi, sin, sqrt
 
 import numpy as np
 
-__all__ = ["Turn", "turn"]
-
 FULL = 2 * pi
 _SAME = 1e-6                       # in radii: how near a way must end
 _LEFT, _STRAIGHT, _RIGHT = 1.0, 0.0, -1.0

@@ -15,8 +15,6 @@ from mitsonar.device.files import FilePath
 
 from . import canvas
 
-__all__ = ["moved", "sheets_for"]
-
 
 @contextlib.contextmanager
 def sheets_for(path: FilePath | None, axes: Axes | None) -> Iterator[None]:

@@ -10,8 +10,6 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-__all__ = ["altered", "held"]
-
 
 def held(scene: "mi.Scene") -> dict[str, Any]:
     """Keep every value that ``mi.traverse`` shows, by its name."""

@@ -18,8 +18,6 @@ from mitsonar.io.scene_files import meshes, pictures, scenes
 
 from . import labels, libraries
 
-__all__ = ["check"]
-
 MESHES = ("ply", "obj", "serialized", "linearcurve", "bsplinecurve")
 PICTURES, VOLUMES = ("bitmap", "envmap"), ("gridvolume", "sdfgrid")
 # their readers take memory or write outside of it as the file says, and none of them is of use to sound

@@ -20,8 +20,6 @@ from mitsonar.scattering.bodies.scattering_functions import ScatteringFunction
 
 from .labels import ShapeLabels
 
-__all__ = ["Geometry", "Target", "interpolated", "vertex_normals"]
-
 
 def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Compute the normals at vertices."""

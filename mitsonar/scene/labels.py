@@ -16,9 +16,6 @@ import numpy as np
 if TYPE_CHECKING:
     import mitsuba as mi
 
-
-__all__ = ["ShapeLabels", "check_name"]
-
 SEABED, OBJECT = 1, 2              # kinds, as `ShapeLabels.label_kinds` gives them
 LONGEST = 200                      # bytes of a name; channels of an EXR file, which hold it, have names of up to 255
 SEABED_CLASSES = ("seabed", "bed", "bottom", "seafloor")

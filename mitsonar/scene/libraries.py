@@ -18,8 +18,6 @@ from mitsonar.device.spelling import meant
 
 from .errors import PLUGINS
 
-__all__ = ["check_folders", "check_type"]
-
 SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 
 

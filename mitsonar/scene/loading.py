@@ -19,8 +19,6 @@ from mitsonar.io.scene_files.scenes import filled, find, root, text
 from . import files as scene_files, libraries
 from .alterations import held
 
-__all__ = ["VARIANTS", "load_file", "prepare", "resolved"]
-
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")    # the GPU comes second until it has been tried on one
 TAKEN = ("path", "parallel", "optimize")       # arguments of Mitsuba's own loader
 _LOADING = threading.RLock()       # the folder in which files are looked for is Mitsuba's, one for all threads

@@ -16,9 +16,6 @@ from mitsonar.water.profile import SoundSpeedProfile
 
 from .geometry import Geometry
 
-__all__ = ["Meeting", "bistatic_strength", "check", "coherence", "coherent_reflection", "loses_coherence",
-           "next_direction", "reflection", "reflects", "scattering_strength"]
-
 SCATTERING = (mi.BSDFFlags.DiffuseReflection, mi.BSDFFlags.GlossyReflection)
 
 

@@ -16,8 +16,6 @@ from .geometry import Geometry
 from .labels import class_name, fingerprint
 from .shadows.exposure import exposed_shares
 
-__all__ = ["annotated", "described", "scene_of", "unseen"]
-
 
 def scene_of(shapes: Sequence[mi.Shape]) -> mi.Scene:
     """Make a scene of shapes that belong to another one, which keep their names."""

@@ -21,8 +21,6 @@ from mitsonar.device.arrays import arrays_of, upload
 if TYPE_CHECKING:
     from mitsonar.device.types import Vector64
 
-__all__ = ["FINEST_SAGITTA", "Grid", "Grids", "grid_of"]
-
 FINEST_SAGITTA = 2e-4              # [m] below its own surface something is not shaded by it (`connection.LIFT`)
 FEWEST = 12                        # facets round a circle, however small
 MOST = 1 << 24                     # facets of a shape

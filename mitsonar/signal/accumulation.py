@@ -27,8 +27,6 @@ from mitsonar.device.types import DrJitArray, Float, Float64, Int32, UInt32
 
 from .impulses import Kernel, Nearest, Peterson, make_kernel, tap_weights, turned
 
-__all__ = ["ImpulseResponses", "centre"]
-
 OfPair: TypeAlias = Callable[[Sequence[Float], Sequence[Float]], Float]    # of a hit's fields and an element's
 LANES = 1 << 14                    # of a group: Dr.Jit's largest work block
 GROUPS = 32                        # aimed at, for machines of many cores

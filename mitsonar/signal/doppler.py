@@ -31,8 +31,6 @@ from numpy.typing import ArrayLike
 from mitsonar.device.types import Numbers
 from mitsonar.sonar.pulses.pulse import Pulse
 
-__all__ = ["Glide", "doppler_class", "doppler_classes", "factor_tolerance", "glide_of", "pieces_of", "two_way_doppler"]
-
 PHASE_ERROR = 0.02                 # [cycles] at the ends of an echo
 ENDS_OFF = 0.004                   # of its duration by which a sweep may be off at its ends: -48 dB of its peak,
 RATE_ERROR = 0.1                   # of `PHASE_ERROR`, that a wrong rate may make there: -50 dB

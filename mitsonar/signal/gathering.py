@@ -24,8 +24,6 @@ from mitsonar.device.types import Bool, DrJitArray, Float, Int32, UInt32
 from .accumulation import LANES, OfPair
 from .impulses import BandLimited, tap_weights, turned
 
-__all__ = ["EchoPairs", "GatheredWeights"]
-
 NEIGHBOURS = 16                    # lanes that read neighbouring hits
 ROUNDS = 16                        # hits of a lane
 ROWS = 4                           # of a lane, where elements suffice

@@ -49,9 +49,6 @@ from scipy.special import i0
 
 from mitsonar.device.types import ArrayTypes, Float
 
-__all__ = ["BandLimited", "Bell", "KERNELS", "Kernel", "Later", "Nearest", "Peterson", "element_responses",
-           "in_band_error_db", "make_kernel", "response_spectrum", "tap_weights", "turned"]
-
 
 @dataclass(frozen=True)
 class Bell:

@@ -16,8 +16,6 @@ from mitsonar.sonar.pulses.pulse import Pulse, Window
 
 from .reception import band_filter, check_record, padded_length
 
-__all__ = ["compression", "matched_filter", "matched_filter_transposed", "rms_bandwidth"]
-
 
 def matched_filter(signals: ArrayLike, pulse: Pulse, sampling_rate: float, window: Window | None = None,
                    doppler: float = 1.0) -> np.ndarray:

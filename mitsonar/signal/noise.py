@@ -20,8 +20,6 @@ from numpy.typing import ArrayLike
 from mitsonar.device.chance import Salt
 from mitsonar.units import db_from_power, power_from_db
 
-__all__ = ["ElementNoise", "isotropic_coherence"]
-
 BLOCK = 4096                       # samples drawn and mixed at a time
 LEAST_OWN_NOISE = 1e-9             # of the ambient power: keeps C of crowded arrays positive definite
 

@@ -21,9 +21,6 @@ from scipy import fft
 from mitsonar.sonar.pulses.pulse import Pulse
 from mitsonar.units import amplitude_from_db
 
-__all__ = ["absorbed", "band_filter", "check_record", "delayed", "excess_loss_rate", "least_rate", "occupied_band",
-           "padded_length", "received", "received_classes", "transmitted"]
-
 GUARD = 64                         # samples an echo may ring beyond its ends
 FLAT = 0.4                         # of the sampling rate
 LEAST_SHARE = 0.9                  # of the band that the sampling rate is at least

@@ -9,8 +9,6 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib  # pyright: ignore[reportMissingImports]  # installed on Python 3.10 alone
 
-__all__ = ["TABLES", "motions", "presets"]
-
 TABLES = {"sidescan": "presets.toml", "forward_looking": "forward_looking.toml",
           "sector_scan": "sector_scan.toml", "multibeam": "multibeam.toml", "interferometric": "interferometric.toml",
           "synthetic_aperture": "synthetic_aperture.toml"}            # by kind of sonar

@@ -20,8 +20,6 @@ from . import placement
 from .sensor import Sensor, slowest_speed
 from .survey import Survey
 
-__all__ = ["warn_of_window"]
-
 PINGS = 8                          # that are looked at, from the first to the last
 PROBES = 512                       # directions all around in which anything within the range is looked for
 STEPS = 64                         # along a look, in which the bed's edge is found

@@ -25,10 +25,6 @@ if TYPE_CHECKING:
     from .sensor import RunSettings
     from .survey import Survey
 
-__all__ = ["FRAMES", "KINDS", "SOUNDERS", "FrameKind", "Kind", "SounderKind", "frame_kind_of", "kind_of",
-           "sounder_kind_of"]
-
-
 FILES = {"sidescan": "sidescan.kind", "array": "fan.kind", "forward_looking": "fan.forward_looking",
          "sector_scan": "sector_scan.kind", "multibeam": "multibeam.kind", "interferometric": "interferometric.kind",
          "synthetic_aperture": "synthetic_aperture.kind"}

@@ -8,8 +8,6 @@ from mitsonar.imaging.sidescan import speckle_gates
 from .pressure.array_survey import ArraySurvey
 from .sidescan.sidescan_survey import SidescanSurvey
 
-__all__ = ["check_beams", "check_rows", "check_sidescan", "check_soundings"]
-
 BYTES_PER_BIN = 90                 # of the record while it is made and written, all variables together,
 BYTES_PER_LABEL = 13               # and of each shape's share,
 BYTES_PER_SUM = 72                 # of a ping of a fan, each bin and shape, while its truth is made

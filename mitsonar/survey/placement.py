@@ -11,8 +11,6 @@ from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.tracing.tracer import registry_index
 from mitsonar.sonar.motion.track import Track
 
-__all__ = ["check", "check_local", "check_near", "lifted", "lines_up", "soundings"]
-
 SOUNDINGS = 96                     # per side of the grid that finds the surveyed area
 SMOOTHING = 10.0                   # [m] along which a towed sonar follows the seabed
 ASIDE, ROUNDING = 1e-3, 1e-6       # [m], of the coordinate: how far beside an edge of facets a ray is sent again

@@ -11,8 +11,6 @@ from mitsonar.water.volume import VolumeScattering
 
 from .voyage import Route
 
-__all__ = ["Film", "RunSettings", "Sensor", "Water", "head_speed", "slowest_speed"]
-
 
 class Water(Protocol):
     """The water as its medium has it.

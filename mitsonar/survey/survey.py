@@ -15,8 +15,6 @@ from mitsonar.water.volume import VolumeScattering
 
 from .voyage import Passage
 
-__all__ = ["Survey"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Survey:

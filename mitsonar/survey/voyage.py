@@ -14,8 +14,6 @@ from mitsonar.sonar.motion.waypoints import Course
 
 from . import placement
 
-__all__ = ["MOST_PINGS", "Passage", "Route"]
-
 ALTITUDE = 20.0                    # [m] of a straight line laid over the seabed, where none is written
 MOST_PINGS = 1_000_000             # more than a day at ten a second; a track of them is laid in ten seconds
 

@@ -21,9 +21,6 @@ from .local import THREADS, shares
 if TYPE_CHECKING:
     import distributed
 
-
-__all__ = ["Cluster"]
-
 PATIENCE = 60                      # seconds to wait for a scheduler, and for its first worker
 COUNT_SECONDS = 5.0                # how often to ask how many workers there are
 SEMAPHORES = " (if the disk is not full, /dev/shm may be, where their semaphores stand)"

@@ -15,8 +15,6 @@ from .manifest import MANIFEST, read
 from .plan import Plan, load_plan
 from .versions import versions
 
-__all__ = ["Estimate", "estimate"]
-
 TRIALS = 3
 ENOUGH_SECONDS = 30.0              # of trials, of which the first compiles,
 LONG_SECONDS = 300.0               # unless it alone lasts so long that compiling is a small part of it

@@ -21,8 +21,6 @@ from .manifest import LOCK, MANIFEST, Entry, Manifest, key, remove_leftovers
 from .plan import Plan, Render, load_plan
 from .versions import versions
 
-__all__ = ["Outcome", "Standing", "check_loading", "default_folder", "job", "run", "standing", "unplanned_said"]
-
 ATTEMPTS = 2                       # of a render before it counts as failed
 LOOK_SECONDS = 5.0                 # how often to ask whether the workers are still there
 MOST_LISTED = 100                  # failures kept to be shown

@@ -15,8 +15,6 @@ from ..plugins import attributes, reference
 from .manifest import MANIFEST
 from .values import shortened
 
-__all__ = ["Inputs"]
-
 KINDS = {"float": "a number", "integer": "a whole number", "boolean": "true or false"}
 NAME = re.compile(r"(?<!\\)\$([A-Za-z_]\w*)")
 LARGEST_SCENE = 100_000_000        # bytes

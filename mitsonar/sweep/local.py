@@ -6,8 +6,6 @@ from typing import Any
 
 from .renderer import Renderer
 
-__all__ = ["THREADS", "Local", "cores", "shares"]
-
 THREADS = 2                        # of a process where nothing is said: small renders gain most by more processes
 MOST_PROCESSES, MOST_THREADS = 1024, 1024
 

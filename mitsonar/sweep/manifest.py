@@ -21,8 +21,6 @@ from typing import Any, NamedTuple
 
 from mitsonar.device.files import FULL, FilePath
 
-__all__ = ["Entry", "Manifest", "key"]
-
 MANIFEST, LOCK = "manifest.jsonl", ".sweep.lock"
 LONGEST_LINE = 1 << 20             # bytes; no line of ours comes near
 FLUSH_SECONDS = 5.0

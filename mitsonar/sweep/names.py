@@ -7,8 +7,6 @@ from typing import Any
 
 from .values import shortened
 
-__all__ = ["Pattern"]
-
 SPEC = re.compile(r"0?\d{0,2}(\.\d{1,2})?[defg]?")           # no width that fills the memory
 NUMBER = re.compile(r"0?\d*d?")
 UNFIT = re.compile(r"[^\w.+=,-]+")                           # in a value; the pattern itself may make folders

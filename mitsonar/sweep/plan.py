@@ -20,8 +20,6 @@ from .inputs import Inputs
 from .names import Pattern
 from .values import Draw, axis, draw, random_bits, shortened, value, whole
 
-__all__ = ["Plan", "Render", "load_plan"]
-
 MOST_RENDERS = 1_000_000
 LARGEST_PLAN, LARGEST_TABLE = 10_000_000, 200_000_000           # bytes
 MOST_SEEDS = 1 << 32                                            # what `mitsonar.render` takes

@@ -8,8 +8,6 @@ import sys
 import tempfile
 from typing import IO, Any, cast
 
-__all__ = ["Renderer"]
-
 START = ("import json, sys; sys.path[:] = json.loads(sys.argv[1]); from mitsonar.sweep import worker; "
          "worker.main(int(sys.argv[2]))")
 

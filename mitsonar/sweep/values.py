@@ -13,8 +13,6 @@ from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Any, TypeGuard
 
-__all__ = ["Draw", "axis", "draw", "fraction", "number", "random_bits", "shortened", "value", "whole"]
-
 MOST_VALUES = 1_000_000
 LONGEST_TEXT = 1000
 LARGEST_WHOLE = 1 << 53            # what every reader of JSON keeps exactly

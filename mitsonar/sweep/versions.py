@@ -3,8 +3,6 @@ import importlib.metadata
 
 from mitsonar import __version__
 
-__all__ = ["versions"]
-
 
 def versions() -> dict[str, str]:
     """Return the versions of mitsonar and of what computes for it, by name."""

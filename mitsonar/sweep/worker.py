@@ -14,8 +14,6 @@ import time
 import warnings
 from typing import NoReturn
 
-__all__ = ["main"]
-
 IDLE_SECONDS = 600.0
 MOST_WARNINGS = 10
 

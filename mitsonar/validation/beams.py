@@ -15,8 +15,6 @@ from mitsonar.sonar.faces.directivity import Aperture
 
 from .case import Case, Line, Panel, Row, Table, root_of, worst
 
-__all__ = ["CASE"]
-
 SPEED, WAVELENGTH = 1500.0, 0.015
 WINDOWS = {  # over 16 elements: highest side lobe [dB], full -3 dB width in (d/λ) sin ψ, taper loss [dB]
     "chebwin 30": (-30.0, 0.069582, -0.6468), "taylor 4 30": (-30.06, 0.070350, -0.6885),

@@ -11,8 +11,6 @@ from typing import cast
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Case", "Line", "Panel", "Row", "Table", "root_of", "worst"]
-
 
 @dataclass(frozen=True)
 class Row:

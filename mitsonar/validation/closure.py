@@ -11,8 +11,6 @@ from .rays import SUMMER
 from .sediments import KHZ, SIX, holding
 from .sonar_equation import FlatBed
 
-__all__ = ["CASE"]
-
 SONAR_DEPTH, BED_DEPTH = 12.0, 22.0                # [m]
 RANGE, BINS = 122.0, 1220
 FLATTEST = np.radians(5.0)

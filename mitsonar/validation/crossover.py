@@ -10,8 +10,6 @@ from . import scenes
 from .case import Case, Line, Panel, Row, Table, root_of
 from .sonar_equation import FlatBed
 
-__all__ = ["CASE"]
-
 SONAR_DEPTH, BED_DEPTH, SPEED = 20.0, 40.0, 1500.0         # [m], [m/s]
 CASES = {  # kHz, wind [m/s], sediment, source level [dB], pulse [ms], farthest range [m]
     "100 kHz, silt": (100, 10.0, "silt", 205.0, 0.1, 400.0),

@@ -11,8 +11,6 @@ from .case import Case, Line, Panel, Row, Table, worst
 from .rays import SUMMER
 from .sonar_equation import FlatBed
 
-__all__ = ["CASE"]
-
 SONAR_DEPTH, BED_DEPTH, RANGE, FREQUENCY = 12.0, 22.0, 116.0, 100e3                   # [m], [Hz]
 GATES = 2 / 1500.0 * np.r_[10.5, 13.0, 16.0, 20.0, 25.0, 32.0, 40.0, 50.0, 64.0, 80.0, 98.0, 114.0]   # [s], two-way
 ABSORPTION = 0.0334                                # [dB/m]

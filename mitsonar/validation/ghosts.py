@@ -8,8 +8,6 @@ from . import scenes
 from .case import Case, Line, Panel, Row, Table
 from .rays import SUMMER
 
-__all__ = ["CASE"]
-
 SONAR_DEPTH, TARGET = 10.0, (4.0, 30.0, -15.0)     # [m]
 ABSORPTION, RATE = 0.030, 1e7                      # [dB/m], [1/s]
 WATERS = {"uniform": SoundSpeedProfile.constant(1500.0), "summer": SUMMER}

@@ -7,8 +7,6 @@ from mitsonar.water.profile import SoundSpeedProfile
 
 from .case import Case, Line, Panel, Row, Table, worst
 
-__all__ = ["CASE"]
-
 GRADIENTS = (-5.0, -0.5, -0.05, -1e-6, 1e-6, 0.05, 0.5, 4.0)         # [1/s]
 SIX_NODES = SoundSpeedProfile([0, 5, 12, 25, 40, 60], [1508, 1507.5, 1499, 1491, 1489.5, 1490.5])
 SIX_NODE_RAYS = (  # source, target depth [m], range [m], time [s], length [m], launch, arrival [deg], spreading [dB]

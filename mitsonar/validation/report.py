@@ -19,9 +19,6 @@ from mitsonar.plots import canvas
 
 from .case import Case, Table
 
-__all__ = ["check_folder", "draw", "lines", "write"]
-
-
 COLOURS = ("#1f4e79", "#b86f22", "#1b7a3d", "#b3261e", "#6a4c93", "#3a3a3a", "#0f8b8d", "#c05299")
 IN_A_ROW, WIDTH, HEIGHT = 3, 520, 400      # panels, and picture elements of one
 

@@ -16,9 +16,6 @@ if TYPE_CHECKING:
 
     from mitsonar.water.profile import SoundSpeedProfile
 
-__all__ = ["FLAWLESS", "array_sonar", "bed", "buried_bed", "forward_looking", "interferometric", "lambert", "multibeam",
-           "point_target", "sector_scan", "sediment", "sidescan", "water_of"]
-
 Attributes = Mapping[str, Any]      # of a plugin, by their names in XML
 
 FLAWLESS: Attributes = {"sidelobe_db": -200.0, "vertical_sidelobe_db": -200.0, "back_db": -200.0,

@@ -10,8 +10,6 @@ from mitsonar.scattering.laws.strength import LambertSeabed, backscatter_strengt
 
 from .case import Case, Line, Panel, Row, Table, worst
 
-__all__ = ["CASE", "KHZ", "SIX", "holding"]
-
 SIX = ("sandy gravel", "coarse sand", "medium sand", "fine sand", "silt", "clay")
 KHZ = (30, 100, 300)
 DEGREES = (10, 20, 30, 45, 60, 75, 85, 90)

@@ -16,8 +16,6 @@ from mitsonar.propagation.numpy_rays import eigenrays
 from mitsonar.propagation.numpy_rays.eigenrays import eigenray
 from mitsonar.water.profile import SoundSpeedProfile
 
-__all__ = ["FlatBed"]
-
 NODES = 40_001
 
 

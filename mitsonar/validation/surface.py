@@ -9,8 +9,6 @@ from .case import Case, Line, Panel, Row, Table, worst
 from .closure import WATERS
 from .sonar_equation import FlatBed
 
-__all__ = ["CASE"]
-
 LOSSES = {  # wind [m/s], kHz, grazing [deg] -> dB, TR 9407 part II
     (5, 20, 10): 0.464644, (10, 20, 10): 3.440138, (15, 20, 10): 6.501882, (3, 100, 30): 0.057496,
     (10, 100, 30): 4.692460, (12, 50, 20): 5.067082}

@@ -9,8 +9,6 @@ from mitsonar.scattering.bodies.spheres import sphere_target_strength_db
 from . import scenes
 from .case import Case, Line, Panel, Row, Table
 
-__all__ = ["CASE"]
-
 WAVELENGTH, SPEED, FREQUENCY = 0.015, 1500.0, 100e3
 K = 2 * np.pi / WAVELENGTH
 DISTANCE = 150.0

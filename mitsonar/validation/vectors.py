@@ -11,8 +11,6 @@ from .case import Case, Line, Panel, Row, Table, worst
 from .published import effective_speed, table_1
 from .rays import SIX_NODES, SUMMER
 
-__all__ = ["CASE"]
-
 DEPTH, OFFSETS = 8.0, (0.1, 0.5, 1.0)              # [m]
 KINK = SoundSpeedProfile([0, 1, 10], [1450, 1455, 1455])
 STEEP = SoundSpeedProfile([0, 10], [1449.346571, 1499.346571])

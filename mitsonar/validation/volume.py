@@ -6,8 +6,6 @@ from mitsonar.water.volume import volume_reverberation_db
 from . import scenes
 from .case import Case, Line, Panel, Row, Table, worst
 
-__all__ = ["CASE"]
-
 SONAR_DEPTH, BED_DEPTH, SPEED, ABSORPTION = 150.0, 600.0, 1500.0, 0.0334        # [m], [m], [m/s], [dB/m]
 STRENGTH_DB, LAYER, LAYER_DB = -80.0, (165.0, 172.0), -65.0                     # [dB re 1/m], depths [m]
 RANGE, BINS = 100.0, 400

@@ -8,8 +8,6 @@ from mitsonar.water.seawater import sound_speed
 
 from .case import Case, Line, Panel, Row, Table, worst
 
-__all__ = ["CASE"]
-
 LATITUDE = 45.0
 SPEEDS = {                         # temperature [deg C], salinity, depth [m] -> m/s by formula
     "teos-10": {(10, 35, 0): 1489.78863, (10, 35, 50): 1490.60958, (15, 35, 20): 1507.00371,

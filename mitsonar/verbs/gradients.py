@@ -29,9 +29,6 @@ from mitsonar.scene.errors import as_exception
 
 from .images import checked_seed, opened
 
-__all__ = ["QUANTITIES", "coherent_model", "differentiable_signals", "directional_derivative", "gradient",
-           "gradient_check", "scene_model"]
-
 QUANTITIES = "level", "intensity"
 DECIBELS = 10 / np.log(10)
 

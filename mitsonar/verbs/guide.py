@@ -11,8 +11,6 @@ from mitsonar.device.files import FilePath
 from mitsonar.device.spelling import meant
 from mitsonar.io.scene_files import scene_words, scenes as scene_files
 
-__all__ = ["Description", "Entry", "SceneList", "describe", "scenes"]
-
 WIDTH = 110                        # columns of what is printed
 
 

@@ -28,9 +28,6 @@ from mitsonar.survey.pressure.signals import LEAD, pair_responses, received_sign
 from mitsonar.survey.survey import Survey
 from mitsonar.water.profile import SoundSpeedProfile
 
-__all__ = ["RETURN_PATHS", "checked_seed", "element_signals", "frames", "impulse_response", "opened", "pings",
-           "provenance", "render", "sounded_pings", "soundings"]
-
 RETURN_PATHS = (*DIFFERENCES, "eigenray")
 MOST_SNIPPETS = 10_000
 SEEDS = 1 << 32                    # seeds that Mitsuba takes, and that tell rays apart

@@ -25,8 +25,6 @@ from mitsonar.water.profile import SoundSpeedProfile
 
 from .images import checked_seed, opened, provenance
 
-__all__ = ["focus", "raw_echoes", "raw_pings", "scatterers", "strip_survey"]
-
 RAW_FILES = (".nc", ".h5", ".hdf5")
 
 

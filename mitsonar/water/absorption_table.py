@@ -8,8 +8,6 @@ from mitsonar.device.types import DrJitArray, Float
 from .column import AbsorptionColumn, column_integrals
 from .profile import SoundSpeedProfile
 
-__all__ = ["Absorption"]
-
 ABSORPTION_STEPS = 1024
 
 

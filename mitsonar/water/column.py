@@ -22,8 +22,6 @@ from mitsonar.units import Values
 
 from .profile import SoundSpeedProfile
 
-__all__ = ["AbsorptionColumn", "column_integrals"]
-
 
 @dataclass(frozen=True, eq=False, init=False)
 class AbsorptionColumn:

@@ -19,8 +19,6 @@ from numpy.typing import ArrayLike
 from mitsonar.device.types import Real
 from mitsonar.units import db_from_power, power_from_db
 
-__all__ = ["LAYERS", "Layer", "VolumeScattering", "volume_reverberation_db"]
-
 WEAKEST_DB, STRONGEST_DB = -200.0, 0.0
 
 # name -> (top [m], bottom [m], strength [dB re 1/m]): round figures out of the ranges that Urick (1983), Principles of

@@ -12,8 +12,6 @@ from mitsonar.device.types import ArrayTypes, Bool, DrJitArray, Float, Record, U
 
 from .volume import VolumeScattering
 
-__all__ = ["VolumeTable", "volume_table"]
-
 NOTHING = -200.0                   # the exponent of a piece without a first term: e^-200 is 0 in float32
 
 

@@ -6,8 +6,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-__all__ = ["NESTED", "REQUIRED", "Attribute", "FromTable", "Nested", "SameAs", "Unfit", "in_unit", "shown"]
-
 NESTED = ("Object", "Reference", "ResolvedReference")          # Mitsuba's types of properties that are objects
 
 

@@ -4,8 +4,6 @@ from dataclasses import dataclass, replace
 
 from .declaration import Attribute
 
-__all__ = ["Group", "flat"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Group:

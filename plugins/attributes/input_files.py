@@ -4,8 +4,6 @@ from typing import Any
 
 import mitsuba as mi
 
-__all__ = ["found_file", "resolved"]
-
 
 def resolved(name: str) -> str:
     """Return the path of what a scene names, beside the scene or in the current folder; a name of nothing as it is."""

@@ -8,8 +8,6 @@ from mitsonar.units import radians_from_deg
 
 from .declaration import REQUIRED, Attribute, FromTable, Unfit, in_unit, shown
 
-__all__ = ["Angle", "Integer", "Number", "Numbers", "Point", "Range", "Transform"]
-
 
 @dataclass(frozen=True)
 class Number(Attribute):

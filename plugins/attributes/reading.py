@@ -22,8 +22,6 @@ from .declaration import NESTED, REQUIRED, Attribute, FromTable, Nested, SameAs,
 from .groups import Group, flat
 from .numbers import Transform
 
-__all__ = ["Attributes"]
-
 # what Mitsuba's own shapes take beside what a plugin declares
 OF_MITSUBA = ("to_world", "flip_normals", "face_normals", "silhouette_sampling_weight")
 TAGS = {"Bool": "boolean", "Integer": "integer", "Float": "float", "Vector": "point", "Transform": "transform",

@@ -8,8 +8,6 @@ import numpy as np
 from .declaration import NESTED, Attribute, Unfit, in_unit
 from .numbers import Number
 
-__all__ = ["NumberOrTable", "NumberOrTexture", "Table"]
-
 
 @dataclass(frozen=True)
 class Table(Attribute):

@@ -8,8 +8,6 @@ from mitsonar.sonar.presets import TABLES, presets
 from .declaration import REQUIRED, Attribute, Unfit
 from .input_files import found_file
 
-__all__ = ["Boolean", "Choice", "File", "Files", "Preset", "Text", "TextOrFile"]
-
 
 @dataclass(frozen=True)
 class Boolean(Attribute):

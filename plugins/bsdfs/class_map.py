@@ -10,8 +10,6 @@ from mitsonar.scattering.surfaces.borders import displacement, drawn
 
 from ..attributes import Attributes, Number, NumberOrTexture, Text
 
-__all__ = ["CLASSES", "ClassMap", "class_map_of"]
-
 CLASSES = (
     NumberOrTexture("sediment_class", default=None, text="texture of class numbers, from 0, in place of `sediment`"),
     Text("classes", default=None, text='names of these classes: "clay, medium sand, coarse sand"'),

@@ -7,8 +7,6 @@ import numpy as np
 
 from mitsonar.device.arrays import upload
 
-__all__ = ["Parameter"]
-
 
 class Parameter:
     """Return a parameter at surface interactions."""

@@ -24,8 +24,6 @@ from mitsonar.sonar.arrays.element_patterns import BAFFLES, PATTERNS
 
 from ..attributes import Angle, Choice, File, Group, Integer, Number, Numbers, Point, Text
 
-__all__ = ["ARRAYS", "PICTURE"]
-
 MOST_ELEMENTS = 100_000
 ALL_KINDS = ("point", "line", "planar", "cylindrical", "spherical", "file")
 WITH_ELEMENTS = ("line", "planar", "cylindrical", "spherical")

@@ -23,8 +23,6 @@ from mitsonar.units import radians_from_deg
 
 from ..attributes import Attributes
 
-__all__ = ["KINDS", "nominal_sound_speed", "read_array", "with_elements_changed"]
-
 SOUND_SPEED = 1500.0               # [m/s] where the sensor knows no better
 
 

@@ -20,8 +20,6 @@ import numpy as np
 from mitsonar.device.arrays import upload
 from mitsonar.sonar.arrays.array import Array
 
-__all__ = ["ElementKeys"]
-
 ARRAYS = {"tx": "transmit", "rx": "receive"}
 GEOMETRY, ALL = ("position", "delay"), ("position", "delay", "weight")
 

@@ -6,8 +6,6 @@ from mitsonar.units import hertz_from_khz
 
 from ..attributes import Attributes, Choice, Number, Text
 
-__all__ = ["PULSE", "read_pulse"]
-
 WINDOW_SAMPLES = 64                # on which a pulse's window is tried
 
 PULSE = (

@@ -10,8 +10,6 @@ from mitsonar.units import power_from_db
 from ..attributes import Attributes, File, FromTable, Integer, Number, SameAs, Text
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB
 
-__all__ = ["FACES", "PRESET", "RECORDER", "read_faces", "read_recorder", "read_self_noise_db"]
-
 PRESET = FromTable(table=presets(), by="preset")
 MOST_BITS, LARGEST_SAG = 32, 2.0
 LOUDEST_FLOOR_DB = -3.0

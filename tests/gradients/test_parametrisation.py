@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from mitsonar.gradients.parameters.parametrisation import Heights, InDecibels, Log, Offset, OnNodes, Pose, parametrised
+from mitsonar.gradients import Heights, InDecibels, Log, Offset, OnNodes, Pose, parametrised
 
 VERTICES = np.random.default_rng(0).uniform(-2, 2, (15, 3)) + [10, 5, -20]
 

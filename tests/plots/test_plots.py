@@ -14,9 +14,9 @@ from matplotlib.patches import Patch
 from synthetic_sidescan import sidescan
 
 from mitsonar import plots
+from mitsonar.imaging.gain import display_gain
 from mitsonar.plots import canvas
 from mitsonar.plots.images import grid
-from mitsonar.plots.images.gain import display_gain
 from mitsonar.plots.images.levels import shown_levels
 
 pytestmark = pytest.mark.filterwarnings("error")

@@ -16,8 +16,6 @@ from mitsonar.imaging.objects import object_bins
 
 from .frames import Frame, Tile
 
-__all__ = ["HIGHLIGHT", "SHADOW", "WHOLE", "Annotation", "annotations", "category", "clipped", "is_invisible"]
-
 HIGHLIGHT, SHADOW, WHOLE = "highlight", "shadow", "whole"
 ENDINGS = {HIGHLIGHT: "", SHADOW: " shadow", WHOLE: " with shadow"}      # of a category's name, after the class
 AROUND = 2                         # bins

@@ -12,8 +12,6 @@ from typing import Any
 from .annotations import ENDINGS, HIGHLIGHT, SHADOW, WHOLE, Annotation, category
 from .polygons import polygons
 
-__all__ = ["categories", "document", "entry", "kind_of"]
-
 
 def categories(classes: Sequence[str], *, whole: bool = False) -> dict[str, int]:
     """Number the classes of objects, of their shadows, and on demand of both together."""

@@ -20,9 +20,6 @@ from mitsonar.imaging.focused import GROUND, EvenGrid, even_grid, to_starboard
 from mitsonar.imaging.maps.raster import Sweep, bearings, looks_down, sweeps
 from mitsonar.imaging.maps.raster_map import in_order
 
-__all__ = ["FORMS", "CartesianFrame", "FocusedFrame", "Form", "Frame", "Part", "PolarFrame", "Tile", "Waterfall",
-           "frames", "tiles"]
-
 Form = Literal["polar", "cartesian"]
 FORMS = ("polar", "cartesian")
 BORDERS = {"left": np.s_[:, :1], "right": np.s_[:, -1:], "top": np.s_[:1], "bottom": np.s_[-1:]}

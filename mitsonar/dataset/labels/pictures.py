@@ -13,11 +13,10 @@ import xarray as xr
 
 from mitsonar.device.files import FilePath
 from mitsonar.imaging.focused import bin_dims, is_focused
-from mitsonar.plots.images.gain import Tvg, display_gain, display_window
+from mitsonar.imaging.gain import Tvg, display_gain
+from mitsonar.plots.images.gain import display_window
 
 from .frames import CartesianFrame, Frame
-
-__all__ = ["Greys", "grey", "greys", "write_png"]
 
 NOTHING_DB = -199.0                # at or below: the level of a bin with no echo and no noise
 UNIT = "dB re 1 µPa"               # of a level that does not say

@@ -8,8 +8,6 @@ from typing import cast
 
 import numpy as np
 
-__all__ = ["joined", "polygons"]
-
 
 def polygons(mask: np.ndarray) -> list[np.ndarray]:
     """Cut a mask into polygons without holes that do not overlap."""

@@ -5,12 +5,10 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from mitsonar import __version__
-from mitsonar.plots.images.gain import Tvg
+from mitsonar.imaging.gain import Tvg
 
 from .frames import FORMS as PICTURES, Form
 from .yolo import FORMS
-
-__all__ = ["Labels"]
 
 
 @dataclass(frozen=True, kw_only=True)

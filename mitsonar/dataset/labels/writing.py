@@ -26,8 +26,6 @@ from .frames import frames, tiles
 from .pictures import greys, write_png
 from .rules import Labels
 
-__all__ = ["groups_of", "write"]
-
 MOST_INSTANCES = 65535             # that masks of 16 bits tell apart
 MOSTLY = 0.5                       # of a focused image's pings, that do not see what is in shadow
 PLACE = ("crs", "local_origin")    # where x = y = 0 is on a map

@@ -14,8 +14,6 @@ import numpy as np
 from .annotations import Annotation
 from .polygons import joined, polygons
 
-__all__ = ["FORMS", "data_yaml", "line"]
-
 FORMS = ("boxes", "polygons")
 
 

@@ -38,9 +38,6 @@ from mitsonar.water.profile import SoundSpeedProfile
 from ..sonar_equation import GRAZING, passed_on, scattered
 from .path_ends import Ends, image_of
 
-__all__ = ["CANDIDATES", "ChosenPartners", "partners"]
-
-
 EVEN_SHARE = 0.5                   # of the partners that are drawn evenly
 
 

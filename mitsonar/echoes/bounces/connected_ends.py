@@ -39,8 +39,6 @@ from .chosen_partners import CANDIDATES
 from .ghosts import Ghosts, joined
 from .path_ends import Ends, Origins, TargetEnds, computed, image_of
 
-__all__ = ["ConnectedEnds"]
-
 NOTHING_ROUGH = 1e12               # [rad/m]
 
 

@@ -9,8 +9,6 @@ import mitsuba as mi
 from ..record import Leg
 from .path_ends import Ends, TargetEnds
 
-__all__ = ["Ghosts", "joined"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Ghosts:

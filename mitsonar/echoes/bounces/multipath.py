@@ -52,8 +52,6 @@ from .connected_ends import ConnectedEnds
 from .ghosts import Ghosts
 from .path_ends import Ends, Origins, computed, image_of
 
-__all__ = ["Bounces", "TracedEnds"]
-
 
 class TracedEnds:
     """Make ends of rays."""

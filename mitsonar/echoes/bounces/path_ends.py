@@ -17,8 +17,6 @@ from mitsonar.scene.tracing.tracer import Sources
 
 from ..record import Leg
 
-__all__ = ["Ends", "Origins", "TargetEnds", "computed", "image_of"]
-
 Kept = TypeVar("Kept")             # the type of record that goes in comes out
 
 

@@ -28,8 +28,6 @@ from ..sonar_equation import absorbed, along_legs
 from .multipath import Bounces
 from .volume import WaterEchoes
 
-__all__ = ["ArrayGhosts"]
-
 FAINTEST = 1e-12                   # of the strongest of its kind: weaker echoes are dropped
 
 

@@ -21,8 +21,6 @@ from mitsonar.scene.tracing.tracer import Sources
 
 from ..sonar_equation import along_legs, leg_gain, speed_ratio
 
-__all__ = ["DrawnPoints", "WaterEchoes"]
-
 GOLDEN = 0.6180339887498949
 NEAREST = 0.25                     # [m]: what is nearer is no far field, and rings as long as the pulse is sent
 NEARER, FARTHER = 0.97, 1.03       # of the window's straight ranges: rays bend

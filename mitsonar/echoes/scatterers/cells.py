@@ -20,8 +20,6 @@ import numpy as np
 
 from mitsonar.device.types import DrJitArray, Float64, UInt32
 
-__all__ = ["cell_of", "divisions", "place"]
-
 
 def divisions(longest_side: np.ndarray, cell_size: float | np.ndarray) -> np.ndarray:
     """Return n for facets whose longest side [m] (F,) is cut to at most `cell_size` [m], as uint32 (F,)."""

@@ -17,8 +17,6 @@ from mitsonar.device.types import Numbers, Triple
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.element_patterns import element_pressure
 
-__all__ = ["ElementBeams", "omni", "pressure"]
-
 FACES_AIMED_BY = 4                 # beams of arrays with more faces are not looked at when scatterers are chosen
 
 

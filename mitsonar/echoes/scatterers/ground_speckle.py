@@ -33,8 +33,6 @@ from mitsonar.device.arrays import arrays_of, held, looped, upload
 from mitsonar.device.chance import Salt, gaussian, hashed, hashed_pair
 from mitsonar.device.types import Float, UInt32
 
-__all__ = ["LATTICES", "GroundSpeckle", "SpeckleBeam", "SpeckleWay"]
-
 LATTICES = 16                      # orientations over half a turn
 PER_BEAM = 5.0                     # scatterers that lie along the equivalent width of a footprint, at least
 COLUMNS = 256                      # cells that a gate's footprint is long at most

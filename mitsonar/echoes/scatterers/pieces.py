@@ -33,9 +33,6 @@ from mitsonar.scene.tracing.tracer import Sources
 from .element_beams import ElementBeams
 from .scatterers import Scatterers
 
-__all__ = ["NEGLIGIBLE", "Pieces", "pieces_in_beams", "pieces_in_reach"]
-
-
 SHARE = 0.01                       # of the reach, that a block is long,
 FEWEST = 8                         # but no fewer rows of cells
 LARGE = 0.04                       # of the reach: a facet of a larger radius is cut

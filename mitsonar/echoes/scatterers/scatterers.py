@@ -33,8 +33,6 @@ from mitsonar.scene.tracing.hits import Hits
 
 from .cells import cell_of, divisions, place
 
-__all__ = ["Amplitudes", "Cells", "Scatterers"]
-
 
 class Amplitudes:
     """Return scatterers their amplitudes."""

@@ -26,8 +26,6 @@ from mitsonar.device.chance import Salt, hashed, uniform
 from .pieces import Pieces
 from .scatterers import Scatterers
 
-__all__ = ["SideLobes"]
-
 BITS = 12                          # log2 M
 MOST_LEVEL = 6                     # L: a run has hardly more than 2^L cells
 ROUNDED = 1.001                    # what bounds may be wrong by

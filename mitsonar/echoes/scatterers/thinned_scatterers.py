@@ -38,8 +38,6 @@ from mitsonar.device.chance import Salt, hashed, hashed_pair, uniform, uniform_i
 from .cells import divisions, place
 from .scatterers import Scatterers
 
-__all__ = ["Density", "ThinnedScatterers", "ThinnedSet", "TransmitLobe"]
-
 EDGE_ON = 0.25                     # of the density that a surface seen edge-on keeps
 NEAREST = 0.3                      # [m] nearer, the density no longer grows
 MOST_PATCHES = 2_000_000           # that large facets are cut into, about

@@ -18,8 +18,6 @@ from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.materials import reflects
 from mitsonar.scene.shadows.bed_cover import ROUNDING, bed_height
 
-__all__ = ["BedPlanes", "Planes", "first_zone"]
-
 SPOTS = 61                         # of the bed that a plane is laid through
 FEWEST = 12
 CLOSE = 0.1                        # [m] least radius

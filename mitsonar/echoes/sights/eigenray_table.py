@@ -22,8 +22,6 @@ from mitsonar.scene.tracing.connection import Connector
 
 from ..sonar_equation import leg_gain, speed_ratio
 
-__all__ = ["EigenrayTable", "TableLegs"]
-
 RANGES, DEPTHS = 192, 64           # nodes
 BEYOND = 0.01                      # [m] that the table reaches past the scene
 NOTHING, FAINTEST = -60.0, -50.0   # γ of a node that no ray leads to; γ below which such a node is beside a point

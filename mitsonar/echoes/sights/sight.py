@@ -10,8 +10,6 @@ from mitsonar.scene.tracing.connection import Connection
 
 from ..record import Leg
 
-__all__ = ["Sight", "path_of", "product"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Sight:

@@ -49,9 +49,6 @@ from ..sonar_equation import leg_gain, mirrored_overhead, speed_ratio
 from .bed_planes import BedPlanes, Planes, first_zone
 from .sight import Sight
 
-__all__ = ["BedMirror", "Sights"]
-
-
 FLATTEST = 0.01                    # sine of the grazing angle below which nothing bounces
 LIFT = 0.05                        # [m] above the plane, and σ times LIFTED, from where the bed is looked for
 LIFTED = 4.0

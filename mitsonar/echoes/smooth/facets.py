@@ -26,8 +26,6 @@ from mitsonar.scene.tessellation import FINEST_SAGITTA, Grids, grid_of
 
 from ..scatterers.cells import place
 
-__all__ = ["SmoothCells", "SmoothFacets", "too_coarse", "warn_where_too_coarse"]
-
 ROUNDED = 2e-7                     # of their distance from the origin: what float32 makes of corners
 SHARP = np.radians(30.0)           # angle between neighbours from which on an edge is one
 FLAT_ENOUGH = 1e-5                 # of the wavelength that cells may lie below a bent surface: more acts as a grating

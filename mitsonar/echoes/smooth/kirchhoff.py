@@ -21,8 +21,6 @@ from mitsonar.scattering.surfaces.facets import phase_mean
 from ..scatterers.cells import place
 from .facets import SmoothCells, SmoothFacets
 
-__all__ = ["further", "mean_sent_back"]
-
 CORNERS = (0.0, 0.0), (1.0, 0.0), (0.0, 1.0)
 
 

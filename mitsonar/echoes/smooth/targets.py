@@ -44,8 +44,6 @@ from ..sonar_equation import absorbed, pressure_along_legs
 from .facets import SmoothFacets, warn_where_too_coarse
 from .kirchhoff import further, mean_sent_back
 
-__all__ = ["SmoothTargets"]
-
 CELLS_PER_BLOCK = 1 << 18
 RUNS_PER_BLOCK = 1 << 20           # facets that a ping sees, all pings together: memory of the host
 CURVED = 0.35                      # √(λ r) a cell spans at most: its phase is linear within π/16

@@ -17,8 +17,6 @@ import numpy as np
 from mitsonar.device.arrays import arrays_of
 from mitsonar.device.types import DrJitArray
 
-__all__ = ["EchoSums", "SummedEnergy", "add_words", "sum_size"]
-
 UNIT_BITS = 50
 LARGEST = 2.0 ** 58                # units a single echo may bring
 

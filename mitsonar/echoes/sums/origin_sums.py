@@ -19,8 +19,6 @@ from mitsonar.device.types import DrJitArray
 
 from .energy_sums import LARGEST, add_words, sum_size
 
-__all__ = ["PLACE", "SECTORS", "WORDS", "OriginSums", "SummedOrigins", "sector"]
-
 SECTORS = 256
 PLACE, MASK = 8, SECTORS // 64     # words of a bin: seabed's energy, that of the main lobe, by x, y, depth, 3 idle;
 WORDS = PLACE + MASK               # those of the sectors; all

@@ -37,8 +37,6 @@ from .ray_shift import RayShift, tangent
 from .shapes import OnShapes
 from .walked_rays import walked
 
-__all__ = ["Facets", "finished", "side_of"]
-
 GRAZING = 1e-4                     # sine below which nothing slides: its derivative has no bound
 
 

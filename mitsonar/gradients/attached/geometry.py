@@ -17,8 +17,6 @@ from mitsonar.scene.geometry import Geometry
 
 from .shapes import AttachedShapes
 
-__all__ = ["AttachedGeometry"]
-
 
 class AttachedGeometry:
     """A scene's facets with gradients."""

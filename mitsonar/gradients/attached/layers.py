@@ -19,8 +19,6 @@ from mitsonar.device.arrays import upload
 from mitsonar.device.types import Float64, UInt32
 from mitsonar.propagation.device_rays.layer_table import FAR, GAUSS, LayerTable
 
-__all__ = ["LayerPlaces", "attached_layers", "layer_places"]
-
 
 class LayerPlaces(NamedTuple):
     """Where the K layers of a table lie in the profile that it was made of, NumPy arrays (K,)."""

@@ -32,9 +32,6 @@ from mitsonar.scene.tracing.hits import Hits
 
 from .walked_rays import walked
 
-__all__ = ["RayShift", "ray_shift", "tangent"]
-
-
 Attached = TypeVar("Attached")
 
 

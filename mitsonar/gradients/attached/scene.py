@@ -41,8 +41,6 @@ from .layers import attached_layers
 from .ray_shift import tangent
 from .track import AttachedTrack, Offsets
 
-__all__ = ["AttachedScene", "AttachedWater"]
-
 
 class AttachedWater:
     """See the module's text."""

@@ -26,8 +26,6 @@ from mitsonar.scene.geometry import Geometry
 
 from .ray_shift import tangent
 
-__all__ = ["CYLINDER", "DISK", "KINDS", "RECTANGLE", "SPHERE", "AttachedShapes", "OnShapes", "as_taken", "kind_of"]
-
 SPHERE, CYLINDER, DISK, RECTANGLE = 1, 2, 3, 4
 KINDS = {"Sphere": SPHERE, "Cylinder": CYLINDER, "Disk": DISK, "Rectangle": RECTANGLE}
 LEAST_VOLUME = 1e-12               # [m³] of a unit cube by to_world: less has no inverse

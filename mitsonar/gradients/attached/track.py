@@ -24,8 +24,6 @@ from mitsonar.survey.motion.places import Place
 
 from .ray_shift import tangent
 
-__all__ = ["AttachedTrack", "Offsets"]
-
 STEP = 1e-5                        # [rad] of the differences that rotations are derived by: their error is 1e-10
 
 

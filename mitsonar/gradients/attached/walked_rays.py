@@ -33,8 +33,6 @@ from mitsonar.propagation.device_rays.two_point import arc_time, walk
 
 from .layers import layer_places
 
-__all__ = ["walked"]
-
 LEVEL_LAUNCH = 1e-7        # sine of a launch that is told from a level one: 0.1 mm in a kilometre
 ELSEWHERE, NEAR = 0.05, 1.0    # of the range, and [m]: a ray that comes to the depth so far from the range misses it
 Walked = tuple[Float64, Float64, Float64]

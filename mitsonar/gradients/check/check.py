@@ -29,8 +29,6 @@ from .differences import Difference, Line, difference_at, first_step, settled_st
 from .directions import Part, generator, parts, slow_weights
 from .table import DISCONNECTED, OFF, RIGHT, UNDECIDED, UNSEEN, GradientCheck, PartCheck
 
-__all__ = ["check_gradients"]
-
 ZERO = 1e-6                        # a derivative is zero that is this share of the difference
 STILL = 1e-7                       # change of a weighted record, as a share, that is rounding
 NOISE = 1e-5                       # the same, where differences do not agree either, or forward and backward do not

@@ -13,8 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Difference", "Line", "difference_at", "first_step", "settled_step"]
-
 HALVINGS = 14
 AGREED = 1e-5                      # that no smaller step is tried for
 BENT = 0.3                         # change of a record, as a share of its size, of which the step is too large

@@ -19,8 +19,6 @@ import numpy as np
 
 from mitsonar.device.chance import shape_key
 
-__all__ = ["Part", "generator", "parts", "slow_weights"]
-
 FEW = 4                            # numbers that are moved one by one, components that are moved one after the other
 ORDERS = 4                         # cosines along an axis, the constant included
 BUMPS = 5

@@ -10,9 +10,6 @@ import numpy as np
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["DISCONNECTED", "NOT_DIFFERENTIATED", "OFF", "RIGHT", "UNDECIDED", "UNSEEN", "GradientCheck", "PartCheck",
-           "joined"]
-
 RIGHT = "right"
 OFF = "off"
 DISCONNECTED = "disconnected"      # the gradient is zero, the difference is not

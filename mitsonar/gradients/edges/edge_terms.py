@@ -47,8 +47,6 @@ from .line_samples import LineSamples
 from .mesh_edges import NO_FACE
 from .shape_outlines import OutlinePoints
 
-__all__ = ["EdgeTerms", "LinePoints", "edge_terms", "outline_terms"]
-
 NEAR = 0.05                            # [m] of an outline, that a ray which passes in front of what is behind hits
 ASIDE, ASIDE_PER_RANGE = 1e-4, 2e-6    # [m], [-] of the rays on either side, over what chords and float32 are off
 

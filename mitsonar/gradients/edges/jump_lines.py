@@ -23,9 +23,6 @@ from mitsonar.scene.geometry import Geometry
 
 from .mesh_edges import MeshEdges, edges_of
 
-__all__ = ["JumpLines", "LineMaker", "meetings", "triangles_meet"]
-
-
 MOST_PAIRS = 1 << 20               # of facets, looked at together
 
 

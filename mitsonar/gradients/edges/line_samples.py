@@ -25,8 +25,6 @@ from .jump_lines import JumpLines
 from .mesh_edges import NO_FACE
 from .sight import Sight, drawn_pieces
 
-__all__ = ["LineSampler", "LineSamples"]
-
 FINE = 1 / 300                     # [rad] of a piece: narrow beams see parts of lines
 MOST_PIECES = 64                   # of a line
 TOGETHER = 1 << 22                 # pieces and pings of one kernel

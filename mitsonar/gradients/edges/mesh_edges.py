@@ -10,8 +10,6 @@ import numpy as np
 
 from mitsonar.scene.geometry import Geometry
 
-__all__ = ["NO_FACE", "MeshEdges", "edges_of", "mesh_edges"]
-
 NO_FACE = 0xFFFFFFFF               # in place of a facet
 
 

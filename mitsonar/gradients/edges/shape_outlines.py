@@ -24,8 +24,6 @@ from mitsonar.survey.motion.places import Place
 from ..attached.shapes import CYLINDER, DISK, RECTANGLE, SPHERE, AttachedShapes
 from .sight import Sight, drawn_pieces
 
-__all__ = ["OutlinePoints", "OutlineSampler"]
-
 PIECES = 64                        # of every line
 TURNS = 4                          # by which points on outlines of sight are found
 TOGETHER = 1 << 18                 # pieces of one kernel

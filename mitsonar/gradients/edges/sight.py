@@ -18,8 +18,6 @@ from mitsonar.scene.tracing.tracer import Tracer
 from mitsonar.survey.energy.rows import Rows
 from mitsonar.survey.motion.places import Place
 
-__all__ = ["Sight", "drawn_pieces"]
-
 FAINT = 1e-3                       # of the strongest beam: what directions outside are drawn by
 
 

@@ -25,8 +25,6 @@ from mitsonar.scene.geometry import Geometry
 
 from ..records.energy_field import Block, EnergyField, Kept, Scenery
 
-__all__ = ["Seen", "may_meet", "seen_in", "shares"]
-
 
 def may_meet(geometry: Geometry, numbers: Sequence[int], meshes: Sequence[int]) -> list[tuple[str, str]]:
     """Return names of pairs that may pass through each other, at least one of them moving and one without facets."""

@@ -19,8 +19,6 @@ from mitsonar.survey.kinds import kind_of
 
 from .coherent_picture import CoherentJacobian, CoherentPicture
 
-__all__ = ["CoherentLevels", "is_coherent"]
-
 OF_ELEMENTS = "tx_position", "tx_weight", "tx_delay"
 OF_BEAMS = "rx_position", "rx_weight", "rx_delay"
 OF_TARGETS = "position", "target_strength_db"

@@ -33,8 +33,6 @@ from ..model import Linearised, Values
 from .elements import ElementModel
 from .reception import delayed_transposed
 
-__all__ = ["CoherentFan", "CoherentJacobian", "CoherentPicture", "KINDS", "PARTS"]
-
 
 class CoherentFan:
     """The beams of a ping as a function of the signals of its elements."""

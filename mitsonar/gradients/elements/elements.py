@@ -38,8 +38,6 @@ from .parameters import Altered, ElementParameters
 from .reception import delayed_transposed, later, response_weights
 from .sums import DelayGradients, DelayTangents, StrengthGradients, StrengthTangents
 
-__all__ = ["ElementJacobian", "ElementModel"]
-
 LEFT_OUT = ("spreading, absorption, patterns and scattering strengths as they change with place", "edges of shadows",
             "points of the water and bounces drawn by chance")
 

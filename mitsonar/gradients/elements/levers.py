@@ -44,8 +44,6 @@ from mitsonar.survey.pressure.pairs import CURVATURE, seen_from
 from mitsonar.survey.pressure.ping_source import View, opaque
 from mitsonar.survey.pressure.vectors import GuardedDelays, VectorDelays
 
-__all__ = ["Ends", "LeveredDelays", "Levers", "Motion", "TargetEnds"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion:

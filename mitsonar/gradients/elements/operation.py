@@ -16,8 +16,6 @@ import numpy as np
 
 from .elements import ElementJacobian, ElementModel
 
-__all__ = ["attached_signals"]
-
 OF_PINGS = "position_offset", "attitude_offset"       # a scene names them for all pings, a model for its own
 
 

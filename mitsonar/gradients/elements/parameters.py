@@ -33,8 +33,6 @@ from mitsonar.survey.pressure.array_survey import ArraySurvey
 from ..model import Values
 from .levers import Motion
 
-__all__ = ["ElementParameters"]
-
 UNITS = {"tx_position": "m", "rx_position": "m", "tx_weight": "1", "tx_delay": "s", "rx_delay": "s", "rx_gain": "1",
          "position_offset": "m", "attitude_offset": "rad", "position": "m", "target_strength_db": "dB re 1 m²"}
 RECEIVING, STRENGTHENING = ("rx_delay", "rx_gain"), ("tx_weight", "target_strength_db")

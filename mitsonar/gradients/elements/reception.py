@@ -17,8 +17,6 @@ from mitsonar.sonar.pulses.pulse import Pulse
 from mitsonar.survey.pressure.array_survey import ArraySurvey
 from mitsonar.survey.pressure.signals import SentPiece
 
-__all__ = ["delayed_transposed", "later", "response_weights"]
-
 
 def response_weights(weights: np.ndarray, survey: ArraySurvey, sent: SentPiece, factor: float,
                      speed: float) -> np.ndarray:

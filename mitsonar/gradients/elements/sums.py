@@ -25,8 +25,6 @@ from mitsonar.survey.pressure.ping_source import opaque
 
 from .levers import Levers, Motion, mirrored
 
-__all__ = ["DelayGradients", "DelayTangents", "StrengthGradients", "StrengthTangents"]
-
 
 class DelayTangents(ImpulseResponses):
     """Sum how responses change as echoes come later. Its kernel is `signal.impulses.Later`."""

@@ -26,9 +26,6 @@ import numpy as np
 
 from .node_weights import node_weights
 
-__all__ = ["BoundChange", "Change", "Heights", "InDecibels", "Log", "Offset", "OnNodes", "Pose", "Rigid",
-           "left_jacobian", "rotation"]
-
 
 class Rigid:
     """What moves as one."""

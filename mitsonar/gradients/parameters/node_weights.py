@@ -13,8 +13,6 @@ import numpy as np
 if TYPE_CHECKING:
     from scipy import sparse
 
-__all__ = ["node_weights"]
-
 MOST = 10_000_000                  # nodes
 
 

@@ -13,9 +13,7 @@ import numpy as np
 from mitsonar.device.spelling import meant
 
 from ..model import ForwardModel, Linearised, Values
-from .changes import BoundChange, Change, Heights, InDecibels, Log, Offset, OnNodes, Pose
-
-__all__ = ["Heights", "InDecibels", "Log", "Offset", "OnNodes", "Parametrised", "Pose", "parametrised"]
+from .changes import BoundChange, Change
 
 
 def parametrised(model: ForwardModel, *changes: Change) -> ForwardModel:

@@ -7,8 +7,6 @@ from ..check.check import check_gradients
 from ..check.table import NOT_DIFFERENTIATED, GradientCheck, PartCheck, joined
 from ..model import ForwardModel
 
-__all__ = ["check_parameters"]
-
 
 def check_parameters(model_of: Callable[[str], ForwardModel], keys: Sequence[str], *, refuse: bool = False,
                      directions: int = 3, tolerance: float = 0.01, seed: int = 0,

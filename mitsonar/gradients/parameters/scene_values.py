@@ -18,8 +18,6 @@ from mitsonar.device.spelling import meant
 from ..attached.shapes import as_taken, kind_of
 from ..model import Values
 
-__all__ = ["AttachedValues", "SceneValues", "check_followed", "differentiable"]
-
 _attached: list["SceneValues"] = []    # whose leaves are in a scene now: calls look into all materials, of any scene
 
 VECTORS = ("vertex_positions", "vertex_normals", "position_offset", "attitude_offset", "tx_position", "rx_position")

@@ -39,8 +39,6 @@ from ..edges.line_samples import LineSampler
 from ..edges.shape_outlines import OutlineSampler
 from .tent_bins import TentBins
 
-__all__ = ["Block", "EnergyField", "Kept", "Samplers", "Scenery"]
-
 BELOW = 1.0                        # [m]
 FINE = 2e-5                        # [m] of rays to either side of a line, chord against arc: see `edge_terms.ASIDE`
 FEWEST_POINTS, POINTS_PER_RAY = 256, 1 / 8         # of lines at which energies jump, a ping

@@ -19,8 +19,6 @@ from ..parameters.scene_values import check_followed
 from .pictures import picture_of
 from .record_field import About, RecordField
 
-__all__ = ["LevelProducts", "wants_gradients"]
-
 PER_INTENSITY = 10 / np.log(10)    # dB
 
 

@@ -29,8 +29,6 @@ from mitsonar.survey.sidescan.sidescan_survey import SidescanSurvey
 from mitsonar.survey.survey import Survey
 from mitsonar.units import power_from_db
 
-__all__ = ["FanPicture", "Picture", "SidescanPicture", "StepPicture", "has_phases", "picture_of"]
-
 
 class Picture(Protocol):
     """A sonar's picture.

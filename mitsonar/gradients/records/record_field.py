@@ -27,8 +27,6 @@ from ..edges.unseen import may_meet, seen_in, shares
 from .energy_field import Block, EnergyField, Kept, Samplers, Scenery
 from .pictures import Picture
 
-__all__ = ["About", "RecordField"]
-
 MOST_KEPT = 8_000_000              # rays of which hits are kept between products: 150 bytes each
 
 

@@ -15,8 +15,6 @@ from ..parameters.scene_values import SceneValues
 from .pictures import Picture
 from .record_field import RecordField
 
-__all__ = ["SceneLinearised", "SceneModel"]
-
 
 class SceneModel:
     """The mean intensities of a sonar's record, as a function of parameters.

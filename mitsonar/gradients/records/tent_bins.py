@@ -14,8 +14,6 @@ from mitsonar.device.arrays import held, upload
 from mitsonar.survey.energy.energy_bins import EnergyBins
 from mitsonar.survey.energy.first_hits import Echoes
 
-__all__ = ["TentBins"]
-
 
 class TentBins:
     """Bins of a record whose sums move smoothly with its echoes."""

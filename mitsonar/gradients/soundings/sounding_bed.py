@@ -6,8 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-__all__ = ["BedGrid", "BedShares"]
-
 
 class BedShares(NamedTuple):
     """Nodes about N places and their shares in the depth there."""

@@ -25,8 +25,6 @@ from mitsonar.water.profile import SoundSpeedProfile
 from ..model import Values
 from .sounding_bed import BedGrid, BedShares
 
-__all__ = ["BED", "ROLL", "SPEED", "LinearisedTimes", "SoundingTimes"]
-
 SPEED, BED, ROLL = "sound_speed", "bed_depth", "roll_offset"
 UNITS = {SPEED: "m/s", BED: "m", ROLL: "rad"}
 STEPS, CLOSE, LOST = 60, 1e-7, 1e-6    # [m] from the bed: the next step is much shorter; it was not found

@@ -23,9 +23,6 @@ from scipy import ndimage
 from .quality import GAUSSIAN_WIDTH, echoes_side_by_side, gravity_deviation, pulse_deviation
 from .windows import Windows, among_neighbours, windows_about
 
-__all__ = ["AmplitudeDetections", "about", "along_delay", "by_amplitude", "footprint_duration", "incidences",
-           "refined_centre", "slopes"]
-
 NEIGHBOURS = (4, 8)               # beams to either side that slopes are taken over, at least
 SPANS = (0.03, 0.1)               # and rad
 STEEPEST = 1.48                   # rad

@@ -19,8 +19,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage, special
 
-__all__ = ["Echoes", "Track", "noise_level", "reduced", "track"]
-
 CELL = 0.01                # step of log(t cos θ)
 ROWS = 180                 # beams that the track is sought in; more are taken together
 FULL_COHERENCE = 0.4       # of C, at which the score ends: a bed through a beam's main lobe has 0.7

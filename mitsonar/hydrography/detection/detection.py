@@ -29,8 +29,6 @@ from .phase_detection import by_phase, no_phase
 from .quality import GAUSSIAN_WIDTH, angle_deviation, quality_factor
 from .windows import Windows, windows_about
 
-__all__ = ["Detections", "Head", "detect"]
-
 LEAST_QUALITY = 1.5         # 3 % of the depth
 QUIETEST = 1e-15            # noise over the strongest echo: rounding leaves no less
 LEAST_PEAK = 20.0           # over the noise's mean, of an echo found by amplitude: 13 dB

@@ -13,8 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["AsideFace", "Seen"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Seen:

@@ -30,8 +30,6 @@ import numpy as np
 
 from .windows import Windows, among_neighbours, windows_about
 
-__all__ = ["PhaseDetections", "by_phase", "no_phase"]
-
 PASSES = 3
 REACHES = (0.8, 0.4, 0.2)    # half the windows, in the -3 dB width of the beam: that of a half is twice as wide
 AGREED = 1.2                 # deviations, rms, that wider windows' crossings may differ by from narrower ones'

@@ -23,9 +23,6 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["GAUSSIAN_WIDTH", "angle_deviation", "coherent_phase_deviation", "correlation_time", "echoes_side_by_side",
-           "gravity_deviation", "pulse_deviation", "quality_factor"]
-
 GAUSSIAN_WIDTH = 2 * np.sqrt(2 * np.log(2))       # -3 dB width over standard deviation
 
 

@@ -20,8 +20,6 @@ from scipy import ndimage
 
 from .bottom_track import Echoes
 
-__all__ = ["mean_between", "of_main_lobes", "through_side_lobes"]
-
 MARGIN = 4.0
 AROUND = 5                         # widths of a beam over which beams decide together
 HIGHEST = 0.01                     # of the pattern: nearer side lobes hear much the same bed near normal incidence

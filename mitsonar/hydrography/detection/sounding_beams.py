@@ -22,8 +22,6 @@ from ..reduction.attitude import Motion
 from ..reduction.legs import Starts
 from ..reduction.resounding import heads_of, installation_of, measured_of, parts_of, profile_of
 
-__all__ = ["SoundingBeams", "beams_of", "beams_of_lines", "slowness_to"]
-
 STEPS = 60
 CLOSE = 1e-9                       # [m]
 

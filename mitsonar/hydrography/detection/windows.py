@@ -10,8 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-__all__ = ["Windows", "among_neighbours", "windows_about"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Windows:

@@ -21,8 +21,6 @@ import xarray as xr
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-__all__ = ["Motion", "Pose", "mounted", "turned"]
-
 Angles = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 

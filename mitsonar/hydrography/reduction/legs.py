@@ -35,9 +35,6 @@ import numpy as np
 from mitsonar.propagation.numpy_rays.layers import atan_ratio, atanh_ratio
 from mitsonar.water.profile import SAME_DEPTH, SoundSpeedProfile
 
-__all__ = ["Column", "Leg", "Starts", "crossed"]
-
-
 FLATTEST = 0.15                    # v c_m of the flattest ray the table knows: the sine at the fastest depth
 COEFFICIENTS = 40
 

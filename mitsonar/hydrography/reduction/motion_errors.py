@@ -11,8 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["MotionErrors"]
-
 LINES = 64                         # K
 FASTEST = 5.0                      # [Hz]: no sensor's error wanders faster
 

@@ -23,9 +23,6 @@ from mitsonar.water.profile import SoundSpeedProfile
 
 from .attitude import mounted
 
-__all__ = ["ATTITUDE", "HELD", "Head", "SEVERAL", "head_of", "launches", "layer_sums", "ray_places", "receiving_axes",
-           "refraction_error", "used_profile", "water_profile"]
-
 ATTITUDE = ("ping_time", "ping_heading", "receive_mounting", "motion_time", "motion_roll", "motion_pitch",
             "motion_heading")      # variables that `receiving_axes` looks at, and those of `head_of`
 HELD = ("ping_roll", "ping_pitch", "ping_depth", "transmit_offset", "receive_offset", "transmit_mounting",

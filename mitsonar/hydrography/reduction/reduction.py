@@ -29,8 +29,6 @@ from mitsonar.water.profile import SoundSpeedProfile
 from .attitude import Motion, Pose, mounted
 from .legs import Leg, Starts
 
-__all__ = ["Installation", "Located", "Measured", "located"]
-
 STEPS = 24
 CLOSE = 1e-5                       # [m]: the next step is shorter than the square of this over the range
 LOWEST = 0.1                       # sine at which a search begins where cones about one point do not meet

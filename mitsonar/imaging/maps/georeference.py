@@ -12,8 +12,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-__all__ = ["MapPlaces", "map_places", "named_system", "origin", "system"]
-
 AROUND = 100.0                     # [m], over which the derivative is taken
 FARTHEST = 1e8                     # [m]
 

@@ -16,8 +16,6 @@ import xarray as xr
 
 from .georeference import map_places
 
-__all__ = ["Ground", "Swath"]
-
 PLACES = ("flat", "truth")
 
 

@@ -25,9 +25,6 @@ from ..gain import AngleGain, display_gain
 from .georeference import FARTHEST, named_system, system
 from .mosaic_swath import PLACES, Ground, Swath
 
-__all__ = ["FINEST", "GAINS", "Gain", "LEVELS", "Line", "NAMES", "check", "common_system", "mosaic", "samples"]
-
-
 Gain = Literal["seabed", "target", "angle"] | None
 LEVELS = ("level", "mean_level")   # whose values are powers
 LOUDEST_DB = 300.0                 # [dB re 1 µPa]

@@ -17,8 +17,6 @@ import xarray as xr
 from ..focused import is_focused
 from .raster_map import FanGrid, FanMap, fan_grid, fan_map, reach
 
-__all__ = ["Sweep", "bearings", "cartesian", "looks_down", "sweeps"]
-
 LEVELS = ("level", "mean_level")   # drawn as means of powers
 SIDE = 1024                        # elements of the larger side, where the size of an element is not given
 MOST_ELEMENTS = 1 << 24            # of a picture: its map takes 60 bytes and more an element

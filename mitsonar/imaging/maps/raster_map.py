@@ -16,8 +16,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-__all__ = ["FanGrid", "FanMap", "fan_grid", "fan_map", "in_order", "reach"]
-
 NOTHING_DB = -200.0                # level of a bin without any echo or noise
 TURN = 2 * np.pi
 CLOSED = 1.5                       # times the usual step: a gap that a full circle may have

@@ -24,8 +24,6 @@ from mitsonar.sonar.motion.track import Track, rotation_matrix
 from mitsonar.sonar.motion.trajectory import Recorded, Trajectory
 from mitsonar.water.profile import SoundSpeedProfile
 
-__all__ = ["ArrivalModel", "Arrivals"]
-
 UNITS = {"rx_position": "m", "rx_delay": "s", "tx_position": "m", "lever_arm": "m", "position_offset": "m",
          "attitude_offset": "rad", "velocity_offset": "m/s", "target_position": "m"}
 ITERATIONS = 4                     # of the arrival at a moving element: each is better by v / c

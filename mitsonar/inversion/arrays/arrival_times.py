@@ -17,8 +17,6 @@ from scipy import fft
 from mitsonar.signal.matched_filter import matched_filter, rms_bandwidth
 from mitsonar.sonar.pulses.pulse import Pulse
 
-__all__ = ["MeasuredArrivals", "measured_arrivals"]
-
 FINER = 8                          # samples are made finer before peaks are looked for
 WEAKEST = 4.0                      # power of a peak over its surroundings, below which there is none
 FEWEST = 8                         # samples of a window

@@ -29,8 +29,6 @@ from ..fit.answer import named
 from .arrival_model import UNITS, ArrivalModel
 from .arrival_times import MeasuredArrivals, measured_arrivals
 
-__all__ = ["BELIEVED", "Calibration", "calibrated", "found"]
-
 # σ_x where none is given; 0 holds still
 BELIEVED = {"rx_position": 3e-3, "rx_delay": 1e-6, "tx_position": 0.0, "lever_arm": 0.0, "position_offset": 0.05,
             "attitude_offset": np.deg2rad(0.3), "velocity_offset": 0.2, "target_position": 0.1}

@@ -20,8 +20,6 @@ from mitsonar.synthetic_aperture.focusing.grids import Grid, default_grid
 from mitsonar.synthetic_aperture.focusing.poses import MOTION, poses_of
 from mitsonar.synthetic_aperture.record import check_raw
 
-__all__ = ["PingImages", "moved"]
-
 MOST_BYTES = 1 << 30               # of all pings' images
 
 

@@ -25,8 +25,6 @@ from mitsonar.synthetic_aperture.focusing.grids import Grid
 
 from .ping_images import PingImages, moved
 
-__all__ = ["Sway", "sharpened", "sharpness", "sway_of_targets", "without_trend"]
-
 ITERATIONS = 80                    # of each stage
 SCALE = 2e-3                       # [m] of the unknowns
 STEP = 2e-5                        # [m] of differences of the gradient

@@ -12,8 +12,6 @@ from .observability import Observability
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Fit", "FittedParameter", "named", "told_of"]
-
 QUIET = 0.7                        # of the expected deviance, below which noise was said to be more than it is
 TOLD = 0.5                         # share of a number's prior variance that must be gone to call it told
 HIDDEN = 0.1                       # the same of a pattern that is called unseen

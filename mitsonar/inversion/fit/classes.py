@@ -13,8 +13,6 @@ import numpy as np
 
 from .likelihood import Terms
 
-__all__ = ["Classes"]
-
 NARROWING = 0.6                    # of the spread, an iteration
 
 

@@ -14,8 +14,6 @@ from .gauss_newton import tried
 from .iteration import State
 from .misfit import Misfit
 
-__all__ = ["Adam", "LBFGS"]
-
 FIRST, SECOND, EPSILON = 0.9, 0.99, 1e-12
 HALVINGS = 8                       # of Adam's rate, in one step, before no step is left
 

@@ -24,8 +24,6 @@ from .priors import Prior
 from .saved_state import fingerprint, load_state, save_state
 from .unknowns import Unknowns
 
-__all__ = ["fit"]
-
 
 def fit(model: ForwardModel, likelihood: Likelihood, priors: Mapping[str, Prior], *, method: Method | None = None,
         stopping: Stopping | None = None, earlier: Sequence[FitStage] = (), moves: np.ndarray | None = None,

@@ -15,8 +15,6 @@ import numpy as np
 from .iteration import State
 from .misfit import About, Cost, Misfit
 
-__all__ = ["GaussNewton", "tried"]
-
 DESCENT = 1e-4
 SHARES = 1.0, 0.5, 0.25, 0.1, 0.03, 0.01, 1e-3             # of a step, tried one after the other
 GOOD, MORE, LESS = 0.5, 4.0, 0.25

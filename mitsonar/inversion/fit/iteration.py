@@ -11,8 +11,6 @@ from mitsonar.gradients.model import ForwardModel
 from .likelihood import Likelihood
 from .misfit import Cost, Misfit
 
-__all__ = ["FitStage", "Method", "State", "Stopping"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class State:

@@ -18,8 +18,6 @@ from typing import Protocol
 
 import numpy as np
 
-__all__ = ["Gamma", "Gaussian", "Likelihood", "Terms"]
-
 QUANTILES, NODES = 1000, 65         # numbers that averages of robust deviances are taken over; looks between them
 LEAST_SHARE = 1e-6                 # of the record's mean: a mean below is no echo, and gamma's log has no value there
 

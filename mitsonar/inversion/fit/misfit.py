@@ -17,8 +17,6 @@ from mitsonar.gradients.model import ForwardModel, Linearised
 from .likelihood import Likelihood, Terms
 from .unknowns import Unknowns
 
-__all__ = ["About", "Cost", "Misfit"]
-
 ASYMMETRY = 1e-3                   # between forward and backward, that rounding of float32 does not reach
 
 

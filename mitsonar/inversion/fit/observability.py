@@ -20,8 +20,6 @@ import numpy as np
 
 from .misfit import About
 
-__all__ = ["Observability", "observe"]
-
 PRODUCTS = 3                       # a direction, of the randomised way
 BLOCK = 2048                       # bins of a record that are looked at together
 SPARE = 8                          # probes beyond the directions

@@ -22,8 +22,6 @@ import numpy as np
 from .classes import Classes
 from .smoothness import Root, grid_root, independent_root, mesh_root
 
-__all__ = ["BoundPrior", "Bounds", "Prior"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bounds:

@@ -16,8 +16,6 @@ from .iteration import State
 from .likelihood import Likelihood
 from .unknowns import Unknowns
 
-__all__ = ["fingerprint", "load_state", "save_state"]
-
 ARRAYS = "z", "deviance", "cost", "step", "damping", "memory", "stuck", "begins"
 MOST_STEPS = 100_000
 ROOM = 4096                        # bytes of an array's header

@@ -12,8 +12,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.fft import dctn, idctn
 
-__all__ = ["SmoothField", "grid_of"]
-
 
 class SmoothField:
     """A prior over fields."""

@@ -15,8 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Root", "grid_root", "independent_root", "mesh_root"]
-
 EXACT = 1200                       # vertices up to which deviations are scaled one by one
 SAMPLES, NEAREST = 600, 4          # vertices of larger meshes at which they are, and those that one between is like
 TOGETHER = 256                     # right-hand sides solved at once

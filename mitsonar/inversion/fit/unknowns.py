@@ -10,8 +10,6 @@ from mitsonar.gradients.model import ForwardModel, Values
 
 from .priors import Prior
 
-__all__ = ["Unknowns"]
-
 
 class Unknowns:
     """Parameters of a model, with their priors."""

@@ -24,8 +24,6 @@ from ..fit.smooth_field import SmoothField, grid_of
 from .image_fit import COARSE_TO_FINE, Stage, fit_image, spread_of, unknowns_of
 from .image_record import ImageRecord
 
-__all__ = ["HeightPrior", "HeightUnknowns", "fit_heights"]
-
 POOR = 1.5                         # of speckle's deviance, above which a bed does not explain its image
 
 

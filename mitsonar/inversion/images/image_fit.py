@@ -23,9 +23,6 @@ from ..fit.iteration import FitStage, Stopping
 from ..fit.priors import Prior
 from .image_record import Comparison, ImageRecord
 
-__all__ = ["COARSE_TO_FINE", "ImageUnknowns", "Stage", "SummedModel", "fit_image", "spread_of",
-           "unknowns_of"]
-
 UNKNOWNS = "unknowns"              # their name in the generic fit
 LEAST_FALL = 0.01                  # of the misfit, below which a stage ends
 TOLERANCE = 1e-5                   # of a step's least squares

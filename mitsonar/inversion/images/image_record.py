@@ -17,8 +17,6 @@ from mitsonar.units import power_from_db
 
 from ..fit.likelihood import Gamma
 
-__all__ = ["Comparison", "ImageRecord", "first_return_range", "intensities", "saturated"]
-
 HUBER = 3.0                        # √deviance beyond which it grows linearly
 BRIGHT, FAINT = 0.1, 0.15          # floors about the first return, re the loudest bin; beyond, re the bin's own level
 ABOUT = 1.7                        # [m] of slant range beyond the first return that the first of them reaches

@@ -26,8 +26,6 @@ from ..fit.answer import Fit, named
 from .image_fit import Stage, fit_image, spread_of, unknowns_of
 from .image_record import ImageRecord, saturated
 
-__all__ = ["NAMES", "PosePrior", "fit_pose"]
-
 NAMES = "east", "north", "up", "yaw", "pitch", "roll"
 STAGES = Stage(bins=6, steps=3, products=12), Stage(bins=2, steps=5, products=12)
 STEP = 1e-4                        # of the rotation's derivative [rad]

@@ -21,7 +21,8 @@ import xarray as xr
 from mitsonar.device.files import FilePath
 from mitsonar.device.spelling import meant
 from mitsonar.gradients.model import ForwardModel
-from mitsonar.gradients.parameters.parametrisation import Heights, Pose, parametrised
+from mitsonar.gradients.parameters.changes import Heights, Pose
+from mitsonar.gradients.parameters.parametrisation import parametrised
 from mitsonar.gradients.parameters.scene_values import differentiable
 from mitsonar.units import power_from_db
 from mitsonar.verbs.gradients import scene_model
@@ -32,9 +33,6 @@ from ..fit.fitting import fit
 from ..fit.iteration import Method, Stopping
 from ..fit.likelihood import Gamma
 from ..fit.priors import Prior
-
-__all__ = ["KeyPrior", "fit_scene", "image_intensities", "scene_values", "vertex_places"]
-
 
 RANGES = 0.02                      # share of a range that two sonars' ranges may differ by
 

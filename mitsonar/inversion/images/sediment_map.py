@@ -22,8 +22,6 @@ from ..fit.smooth_field import SmoothField
 from .image_fit import Stage, fit_image, spread_of, unknowns_of
 from .image_record import ImageRecord
 
-__all__ = ["StrengthPrior", "fit_sediment_map"]
-
 STAGES = Stage(bins=4, steps=4, products=10), Stage(bins=2, steps=2, products=10)
 
 

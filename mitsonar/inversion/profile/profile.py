@@ -35,9 +35,6 @@ from mitsonar.water.profile import SoundSpeedProfile
 from .profile_answer import ProfileFit
 from .profile_problem import ProfilePrior, ProfileProblem, bed_precision
 
-__all__ = ["fit_lines", "fit_profile", "laid_bed", "nodes_over"]
-
-
 PER_NODE = 6                       # soundings to a node
 MOST_ALONG, MOST_NODES = 60, 2500
 

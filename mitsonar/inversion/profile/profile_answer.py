@@ -8,8 +8,6 @@ import xarray as xr
 
 from mitsonar.water.profile import SoundSpeedProfile
 
-__all__ = ["ProfileFit"]
-
 LEAST_SPAN = 0.25                  # of the column, that nodes must be told over for a profile to be one
 ONE_WAY = 0.15                     # directions nearer to each other than this are one
 WELL = 1 / 3                       # of the prior's deviation, that a node's must be below to count as told

@@ -27,9 +27,6 @@ from .profile_answer import WELL, ProfileFit
 if TYPE_CHECKING:
     from scipy import sparse
 
-__all__ = ["ProfilePrior", "ProfileProblem", "bed_precision"]
-
-
 FAR = 1000.0                       # [m] from the start that an unknown bed may be
 
 

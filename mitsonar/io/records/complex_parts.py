@@ -13,8 +13,6 @@ import xarray as xr
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
-__all__ = ["OF", "PARTS", "joined", "split", "together"]
-
 OF, PART = "complex_of", "complex_part"
 PARTS = ("real", "imag")
 

@@ -27,8 +27,6 @@ from .netcdf import BESIDE, WRITTEN, packing
 from .records import ENGINE, JSON, encoded, plain_value
 from .self_contained import DataElsewhere, check_hdf5
 
-__all__ = ["PingFile", "fill", "lay_out", "part_of", "size_of"]
-
 RUN = "run"                        # attribute: a digest of all that the pings have in common
 TOLD = ("seed", "file", "parameters", "sonar", "versions", "scene")     # what tells runs apart in words, in this order
 

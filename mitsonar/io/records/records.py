@@ -17,8 +17,6 @@ from mitsonar.sonar.pulses.pulses import Pulse, pulse_of
 
 from . import complex_parts
 
-__all__ = ["SonarImage", "SonarSignals", "check_numbers", "decoded", "encoded", "not_all_nan", "plain_value"]
-
 JSON = "json:"                     # marks an attribute that was no plain value
 ENGINE = "h5netcdf"
 RECORDED = ("level", "image", "signal")            # variables without which images and raw echoes are nothing

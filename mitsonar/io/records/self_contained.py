@@ -10,8 +10,6 @@ import stat
 
 from mitsonar.device.files import FilePath
 
-__all__ = ["DataElsewhere", "check_hdf5", "check_store"]
-
 DEEPEST = 100                      # groups within groups; the HDF5 library ends the process at some thousands
 
 

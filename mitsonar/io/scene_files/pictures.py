@@ -10,8 +10,6 @@ import warnings
 from mitsonar.device import files
 from mitsonar.device.files import FilePath
 
-__all__ = ["check", "check_volume"]
-
 MOST_PIXELS = 100_000_000          # 10000 x 10000
 MOST_BYTES = 2_000_000_000         # unpacked
 REMEDY = "give a PNG, JPEG or OpenEXR file"

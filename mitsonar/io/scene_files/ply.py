@@ -10,8 +10,6 @@ import numpy as np
 
 from mitsonar.device.files import FilePath
 
-__all__ = ["check"]
-
 LONGEST_HEADER = 1 << 16           # bytes
 MOST = 1 << 30                     # vertices or faces: thrice as many are still counted in 32 bits
 BLOCK = 1 << 22                    # bytes or records at a time

@@ -11,8 +11,6 @@ from mitsonar.device.files import FilePath
 
 from .scenes import root
 
-__all__ = ["Parameter", "described"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:

@@ -11,8 +11,6 @@ import numpy as np
 
 from mitsonar.device.files import FilePath, check_readable
 
-__all__ = ["floats", "records"]
-
 
 def records(path: FilePath, what: str) -> tuple[list[str], list[int], list[list[str]]]:
     """Read the header and the records of a table."""

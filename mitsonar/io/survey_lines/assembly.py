@@ -16,9 +16,6 @@ import xarray as xr
 
 from mitsonar.hydrography.record import VARIABLES, variable
 
-__all__ = ["Column", "Line", "MOST_BEAMS", "Ping", "cast_of", "dataset"]
-
-
 SLOWEST, FASTEST = 300.0, 3000.0   # [m/s]
 
 

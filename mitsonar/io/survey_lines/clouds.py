@@ -10,8 +10,6 @@ from mitsonar.hydrography.record import VARIABLES
 
 from .lines import Line, pings
 
-__all__ = ["ONLY_SOUNDINGS", "Cloud", "cloud", "of_soundings"]
-
 ONLY_SOUNDINGS = ("cast, motion, arrays, sectors, water column, snippets and beams without a sounding are not in it: "
                   "write a .nc to keep them")
 

@@ -12,8 +12,6 @@ import numpy as np
 
 from .lines import Line, Ping, rotation
 
-__all__ = ["array_axes", "from_vertical", "level"]
-
 
 def array_axes(line: Line, head: int | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Return the directions (3,) of the transmit and the receive array in the body, of one of several heads."""

@@ -17,8 +17,6 @@ from mitsonar.hydrography.record import VARIABLES
 from .clouds import ONLY_SOUNDINGS, cloud, of_soundings
 from .lines import Blocks, Place, Written, line_of
 
-__all__ = ["write"]
-
 SCALE = 0.001                              # [m]
 VALID, NOISE = 1, 7                        # classes of the American Society for Photogrammetry and Remote Sensing
 GPS = 315_964_800 - 18 + 1_000_000_000     # [s] from 1970; GPS is 18 s ahead of UTC since 2017

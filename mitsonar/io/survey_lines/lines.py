@@ -19,10 +19,6 @@ from mitsonar.hydrography.record import VARIABLES, check
 
 from ..tracks.navigation import Frame
 
-__all__ = ["Blocks", "COLUMN", "Line", "Ping", "Place", "SOUNDINGS", "Written", "check_asked", "left_out", "line_of",
-           "lost", "pings", "rated", "rotation"]
-
-
 SOUNDINGS = frozenset({
     "cast_depth", "cast_sound_speed", "transmit_offset", "receive_offset", "transmit_mounting", "receive_mounting",
     "motion_time", "motion_x", "motion_y", "motion_depth", "motion_roll", "motion_pitch", "motion_heading",

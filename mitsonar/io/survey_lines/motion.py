@@ -15,8 +15,6 @@ from .places import Zone, across_and_along, from_sensor, levelled, zone_of
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
-__all__ = ["Motion", "motion_of", "smoothed"]
-
 DEEPEST = 1e3                      # [m] of an array on a vessel
 ANGLES = ("roll", "pitch", "heading")
 CLEARLY = 0.5                      # share of what the other rule leaves unexplained

@@ -34,9 +34,6 @@ from ..records.records import encoded
 from .lines import Blocks, Line, Place, Written, line_of
 from .passage import Passage, passage_of
 
-__all__ = ["BACKSCATTER", "add_groups", "root_attributes", "write"]
-
-
 BACKSCATTER = "Sonar/Beam_group1/backscatter_r"
 
 VERSION = "2.0"

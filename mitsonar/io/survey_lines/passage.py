@@ -11,8 +11,6 @@ import numpy as np
 from .lines import Line
 from .motion import smoothed
 
-__all__ = ["Passage", "passage_of"]
-
 WINDOW = 2.0                               # [s] between the knots of the way that a speed over ground is of
 
 

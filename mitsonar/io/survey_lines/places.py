@@ -13,8 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-__all__ = ["Zone", "across_and_along", "from_sensor", "levelled", "straight", "turned", "zone_of"]
-
 STEP = 1e-5                        # [degrees] over which north is looked for
 
 

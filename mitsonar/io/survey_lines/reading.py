@@ -20,8 +20,6 @@ from .gsf.read_gsf import GsfFile
 from .kongsberg.read_all import AllFile
 from .kongsberg.read_kmall import KmallFile
 
-__all__ = ["blocks", "of_head", "read", "recognised", "sources"]
-
 BLOCK = 64                         # pings
 COLUMNS = {"all": ".wcd", "kmall": ".kmwcd"}
 MAINS = {".wcd": ".all", ".kmwcd": ".kmall"}

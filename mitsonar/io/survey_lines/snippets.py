@@ -7,8 +7,6 @@ import numpy as np
 
 from .lines import Ping
 
-__all__ = ["Runs", "runs_of"]
-
 LAST = 65_535                              # sample, in 16 bits
 
 

@@ -13,8 +13,6 @@ from mitsonar.hydrography.record import VARIABLES
 from .clouds import ONLY_SOUNDINGS, cloud, of_soundings
 from .lines import Blocks, Place, Written, line_of
 
-__all__ = ["write"]
-
 UNITS = {"rad": "deg", "1": "", "dB re 1": "dB", "dB re 1 µPa": "dB"}
 DECIMALS = {"m": 4, "s": 9, "deg": 5, "dB": 3}
 EARTH = {"easting": ("m", 4), "northing": ("m", 4), "latitude": ("deg", 9), "longitude": ("deg", 9)}

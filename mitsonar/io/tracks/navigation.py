@@ -19,8 +19,6 @@ import numpy.typing as npt
 from mitsonar.device.files import FilePath
 from mitsonar.sonar.motion.track import Track
 
-__all__ = ["Frame", "Navigation", "Waypoints", "course", "unrepeated"]
-
 WGS84 = "EPSG:4326"
 _COURSE_TIME = 1.0                 # [s] before and after, over which a course is measured
 _SLOWEST = 0.1                     # [m/s] at which there is a course

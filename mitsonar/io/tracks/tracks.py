@@ -30,8 +30,6 @@ from ..scene_files import tables
 from ..xtf import navigation as navigation_xtf
 from .navigation import Frame, Navigation, Waypoints, unrepeated
 
-__all__ = ["load", "read", "waypoints"]
-
 ANGLES = ("roll", "pitch", "heading")
 DEGREES = {"lat": "latitude", "lon": "longitude", "long": "longitude"}
 METRES = {"easting": "x", "eastings": "x", "east": "x", "northing": "y", "northings": "y", "north": "y"}

@@ -10,8 +10,6 @@ import xarray as xr
 from mitsonar.device import files
 from mitsonar.device.files import FilePath
 
-__all__ = ["read_amplitudes"]
-
 _SIDES = {1: "port", 2: "starboard"}                     # TypeOfChannel of the file's header
 _TYPES = {1: np.uint8, 2: np.uint16, 4: np.uint32}
 

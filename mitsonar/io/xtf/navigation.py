@@ -21,8 +21,6 @@ from mitsonar.device.files import FilePath
 from ..tracks.navigation import Navigation, unrepeated
 from .pings import MAGIC, structure
 
-__all__ = ["read", "recognised"]
-
 _log = logging.getLogger(__name__)
 
 _START = 14                        # bytes of a packet from the magic number to its length

@@ -24,9 +24,6 @@ from ..tracks.navigation import Frame
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["MAGIC", "NAVIGATION", "Passage", "clock", "navigation", "passage_of", "ping_headers", "structure"]
-
-
 MAGIC = 0xFACE                     # first two bytes of a packet
 
 

@@ -15,8 +15,6 @@ import xarray as xr
 
 from mitsonar.imaging.gain import SPREADING, Tvg, absorption_of
 
-__all__ = ["FULL", "Scale", "scale_of"]
-
 FULL = 65535
 HEADROOM_DB = 40.0                 # over the median
 NOTHING_DB = -200.0                # level of bins in which nothing arrives

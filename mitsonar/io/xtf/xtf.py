@@ -35,10 +35,6 @@ from mitsonar.imaging.maps.georeference import origin, system
 from .pings import Passage, navigation, passage_of, ping_headers, structure
 from .samples import Scale, scale_of
 
-__all__ = ["ANGLES", "Channels", "MOST_RECORDS", "SIDES", "Written", "channel_header", "channels_of", "check",
-           "check_same_track", "file_header", "note", "notes", "write"]
-
-
 MOST_RECORDS = 3                   # two channels each; the header has room for six
 SIDES = ("port", "starboard")
 NEEDED = ("ping_time", "x", "y", "z", "roll", "pitch", "heading", "altitude")

@@ -11,16 +11,14 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from mitsonar.device.files import FilePath
+from mitsonar.imaging.gain import Tvg
 from mitsonar.imaging.objects import object_bins
 
 from .. import canvas
-from ..images.gain import Tvg
 from ..images.label_key import label_key
 from ..images.truth import LEGEND, SHADOW_COLOUR, SPECK, class_colours
 from .fan_sheet import FanSheet
 from .fans import check_ping, fan_picture, fan_view, name_of, words_of
-
-__all__ = ["fan_labels", "fan_objects"]
 
 
 def fan_labels(dataset: xr.Dataset, path: FilePath | None, *, ping: int = 0) -> Figure:

@@ -21,8 +21,6 @@ from mitsonar.imaging.maps.raster_map import FanGrid, FanMap, fan_grid, fan_map,
 
 from .. import canvas
 
-__all__ = ["FanSheet", "FanView", "view_of"]
-
 SIZE = 900                         # picture elements of the larger side of the fan
 BEFORE, BEHIND, UNDER, OVER = 84, 150, 62, 86                  # picture elements around it; behind: a colour bar
 BESIDE_RINGS = 60                  # picture elements that the rings' lengths take

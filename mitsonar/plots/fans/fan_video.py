@@ -10,18 +10,16 @@ import numpy as np
 import xarray as xr
 
 from mitsonar.device.files import FilePath
+from mitsonar.imaging.gain import Tvg
 from mitsonar.io.reading import is_netcdf, read
 from mitsonar.io.records import netcdf
 
 from .. import canvas
-from ..images.gain import Tvg
 from ..lines.column_video import column_video
 from ..lines.line_views import is_line
 from .fan_sheet import FanSheet, FanView
 from .fans import fan_heard, fan_levels, fan_view, fan_window, name_of, words_of
 from .movie_files import check_movie, movie_file
-
-__all__ = ["video"]
 
 SAMPLED = 12                       # frames that the dynamic range is taken from
 USUAL_FPS = 10.0                   # where pings have no times

@@ -21,16 +21,14 @@ from matplotlib.figure import Figure
 from matplotlib.typing import ColorType
 
 from mitsonar.device.files import FilePath
+from mitsonar.imaging.gain import Tvg, display_gain
 from mitsonar.imaging.maps.raster import bearings
 from mitsonar.units import khz_from_hertz
 
 from .. import canvas
-from ..images.gain import Tvg, display_gain, heard_to
+from ..images.gain import heard_to
 from ..onto import moved, sheets_for
 from .fan_sheet import WAYS, FanSheet, FanView, view_of
-
-__all__ = ["check_ping", "fan", "fan_heard", "fan_levels", "fan_picture", "fan_view", "fan_window", "is_scan",
-           "looks_down", "name_of", "turn_of", "words_of"]
 
 
 def is_scan(dataset: xr.Dataset) -> bool:

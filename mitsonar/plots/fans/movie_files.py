@@ -21,8 +21,6 @@ from mitsonar.device.files import FilePath, check_writable, replacing
 
 from .. import canvas
 
-__all__ = ["KINDS", "MovieFile", "check_movie", "movie_file"]
-
 KINDS = (".gif", ".mp4")           # and a folder, whose name has no suffix
 SHADES = 224                       # of a GIF's 256 colours: those of the picture; the rest are the frame's
 FASTEST_GIF = 50                   # frames a second: viewers slow down what is faster

@@ -27,8 +27,6 @@ from ..canvas import in_metres, title
 from .grid import WIDEST, Grid, edges_around, stretches
 from .label_key import label_key
 
-__all__ = ["FOCUSED_VIEWS", "draw_focused", "is_focused"]
-
 GROUND = ("along_track", "across_track")
 OF_THE_TRUTH = "labels", "shadow", "depth"
 NARROWEST, LOWEST, TALLEST = 560, 120, 4000            # picture elements

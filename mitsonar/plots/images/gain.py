@@ -5,10 +5,6 @@ Of a fan the gain is held from where noise hides the bed, as instruments hold it
 import numpy as np
 from scipy import ndimage
 
-from mitsonar.imaging.gain import Tvg, display_gain
-
-__all__ = ["Tvg", "display_gain", "display_window", "heard_to"]
-
 STRETCH = 0.05  # of a record: over which levels are smoothed where noise is looked for
 NEAR_NOISE_DB = 3.0
 

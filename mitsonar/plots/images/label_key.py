@@ -10,8 +10,6 @@ from matplotlib.patches import Patch
 
 from .. import canvas
 
-__all__ = ["LabelKey", "label_key"]
-
 MOST_NAMED = 24                    # labels named at most
 NONE, COMMONEST = "#000000", "#a9825a"
 OTHERS = (0, 3, 2, 4, 9, 6, 8, 1, 7, 5)                # of matplotlib's ten, those far from the commonest first

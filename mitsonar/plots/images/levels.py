@@ -13,12 +13,11 @@ import numpy as np
 import xarray as xr
 from scipy import ndimage
 
+from mitsonar.imaging.gain import Tvg, display_gain
 from mitsonar.units import db_from_power, power_from_db
 
-from .gain import Tvg, display_gain, display_window
+from .gain import display_window
 from .grid import Grid
-
-__all__ = ["NOTHING_DB", "in_the_water", "shown_levels"]
 
 NOTHING_DB = -199.0  # at or below: the level of a bin with no echo and no noise
 ABOVE_NOISE_DB = 6.0  # above the noise: of a mean echo in the water column

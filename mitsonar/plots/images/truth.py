@@ -13,8 +13,6 @@ from .. import canvas
 from ..canvas import subtitle, title
 from .levels import shown_levels
 
-__all__ = ["BRIGHT", "SHADOW_COLOUR", "TRUTH", "class_colours"]
-
 SHADOW_COLOUR = "#5aa9e6"
 SPECK = 8  # bins: smaller pieces are not outlined
 BRIGHT = ("#ff9f1c", "#4cd137", "#ff5252", "#b98cff", "#ffe14d", "#ff7ad9", "#1ee3b0", "#d19a5b", "#c2f04a", "#ffb199",

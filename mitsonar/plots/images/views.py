@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from mitsonar.device.files import FilePath
 from mitsonar.device.sentences import shortened
 from mitsonar.device.spelling import meant
+from mitsonar.imaging.gain import Tvg
 from mitsonar.units import db_from_power, power_from_db
 
 from .. import canvas
@@ -27,7 +28,6 @@ from ..fans.fans import fan_picture, is_scan, turn_of
 from ..lines.line_views import LINE_VIEWS, draw_line, is_line
 from ..onto import moved, sheets_for
 from .focused import FOCUSED_VIEWS, draw_focused, is_focused
-from .gain import Tvg
 from .grid import Grid, make_grid, stretches, with_sides
 from .label_key import label_key
 from .levels import NOTHING_DB, in_the_water, shown_levels

@@ -17,9 +17,6 @@ from mitsonar.units import db_from_power, power_from_db
 
 from .line_sheet import CAUSES, METHODS, curve_axes, key_above, sounded, vertical_angle
 
-__all__ = ["ORDERS", "Bins", "angle_bins", "draw_exceeded", "draw_methods", "draw_quality", "draw_response",
-           "draw_smile", "draw_uncertainty", "total_vertical_uncertainty"]
-
 ORDERS = {"exclusive": (0.15, 0.0075), "special": (0.25, 0.0075), "1a, 1b": (0.5, 0.013), "2": (1.0, 0.023)}  # a, b
 WIDTHS = (0.5, 1.0, 2.0, 5.0, 10.0)            # of bins [deg]
 MOST, FULL = 90, 0.8               # bins; and of beams, so that bins have some

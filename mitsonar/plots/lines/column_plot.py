@@ -16,8 +16,6 @@ from .. import canvas
 from .line_sheet import LABEL_SIZE, bar_beside, curve_axes, key_above
 from .water_column import column_window, curtain, fan_of_ping
 
-__all__ = ["draw_column", "draw_curtain", "soundings_of"]
-
 PHASE, AMPLITUDE = "#56b4e9", "#cc79a7"      # on the sheet's white as on the dark of the column
 
 

@@ -20,8 +20,6 @@ from .column_plot import soundings_of
 from .line_sheet import line_title
 from .water_column import BLOCK, Box, ColumnFan, column_window, fan_of_ping, has_column
 
-__all__ = ["column_video"]
-
 SAMPLED = 12                       # pings that the frame and the dynamic range are taken from
 SLOWEST_FPS, FASTEST_FPS = 1.0, 30.0
 WIDE, HIGHEST = 900, 800           # picture elements of the fan, and at most of its height

@@ -22,8 +22,6 @@ from mitsonar.units import db_from_power, power_from_db
 
 from .line_sheet import CAUSES, LABEL_SIZE, bar_beside, sounded
 
-__all__ = ["MAPPED", "Mapped", "draw_map", "map_shape", "mean_grid", "shaded"]
-
 FINEST = 700                       # cells of the longer side of a grid
 CLOSE = 1.5                        # soundings that a filled cell has in the mean, so that a grid has few holes
 FEW = 4000                         # soundings that are drawn as points, however close

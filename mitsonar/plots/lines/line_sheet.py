@@ -14,9 +14,6 @@ from matplotlib.transforms import ScaledTranslation, blended_transform_factory
 from mitsonar.hydrography.record import BY_AMPLITUDE, BY_PHASE, NOT_DETECTED
 from mitsonar.units import khz_from_hertz
 
-__all__ = ["CAUSES", "METHODS", "bar_beside", "curve_axes", "headed", "key_above", "line_title", "line_words",
-           "sounded", "vertical_angle"]
-
 # Colours that all kinds of colour sight tell apart (Okabe and Ito 2008), and line styles for sheets without colour.
 CAUSES = {"error": ("all causes", "#000000", "-"), "error_detection": ("detection", "#0072b2", "--"),
           "error_refraction": ("refraction", "#d55e00", "-."), "error_motion": ("motion", "#009e73", ":")}

@@ -27,9 +27,6 @@ from .line_sheet import CAUSES, curve_axes, headed, key_above, line_title, line_
 from .ray_plot import draw_profiles, draw_rays
 from .water_column import COLUMN, has_column
 
-__all__ = ["LINE_VIEWS", "LineView", "MOTIONS", "draw_attitude", "draw_line", "draw_motion", "is_line", "line_figure"]
-
-
 MOTIONS = {"motion_roll": "roll [deg]\nstarboard down", "motion_pitch": "pitch [deg]\nbow up",
            "motion_depth": "heave [m]\nup", "motion_heading": "heading [deg]\nfrom north"}
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#000000")

@@ -18,8 +18,6 @@ from mitsonar.water.profile import SoundSpeedProfile
 
 from .line_sheet import curve_axes, key_above, sounded
 
-__all__ = ["draw_profiles", "draw_rays", "ray_lines"]
-
 MOST_RAYS = 25
 POINTS = 60                        # of a ray
 USED, WATER = "#0072b2", "#d55e00"

@@ -30,8 +30,6 @@ from mitsonar.water.profile import SoundSpeedProfile
 
 from ..images.gain import heard_to
 
-__all__ = ["Box", "ColumnFan", "Curtain", "column_window", "curtain", "fan_of_ping", "has_column"]
-
 SIZE = 860                         # picture elements of the larger side of the fan
 BELOW, ASIDE = 1.3, 1.12           # times the soundings' reach: how far pictures go, where samples go farther
 CURTAIN_BELOW = 1.5

@@ -12,8 +12,6 @@ from mitsonar.units import db_from_power
 from .. import canvas
 from ..onto import moved, sheets_for
 
-__all__ = ["beam_pattern"]
-
 FLOOR_DB = -60.0                   # lowest level drawn
 COMPARED_DB = -40.0                # lowest closed form that a difference is drawn for
 

@@ -10,8 +10,6 @@ from matplotlib.ticker import MaxNLocator
 from ..canvas import sheet
 from ..lines.line_sheet import bar_beside, curve_axes, headed, key_above
 
-__all__ = ["fit_figure"]
-
 ROW, WIDTH, HEAD = 330, 1300, 70   # picture elements
 VALUES, ERRORS, DEVIATIONS, SHARES = "viridis", "RdBu_r", "magma", "Greys"
 MOST_ROWS = 8

@@ -11,8 +11,6 @@ from mitsonar.water.profile import SoundSpeedProfile
 from ..canvas import sheet
 from ..lines.line_sheet import curve_axes, key_above
 
-__all__ = ["profile_fit_figure"]
-
 ANSWER, RIVAL, BEFORE = "#0072b2", "#d55e00", "#999999"
 NEEDED = ("depth", "sound_speed", "start_sound_speed", "deviation", "told", "singular_value")
 

@@ -17,8 +17,6 @@ from mitsonar.planning.plan import Plan, SurveyLine
 
 from .. import canvas
 
-__all__ = ["survey_plan"]
-
 LONGEST_SIDE = 1100                # picture elements of the map
 LINE, SWATH, TURN, GAP, BORDER = "#101010", "#ffffff", "#c490f0", "#e01414", "#f2c200"
 MOST_NODES = 1500                  # along a side of the relief that is drawn

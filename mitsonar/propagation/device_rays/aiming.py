@@ -17,8 +17,6 @@ from mitsonar.device.types import ArrayTypes, Bool, Float64, UInt32
 from .layer_table import LayerTable
 from .two_point import LEVEL, SERIES_LIMIT, PointState, SourceState, walk
 
-__all__ = ["CLOSE_ENOUGH", "aim"]
-
 AIMING_STEPS = 4
 WALKS = 16
 CLOSE_ENOUGH = 0.01            # [m] a walked ray may pass the point by: what `to_hit` carries it over

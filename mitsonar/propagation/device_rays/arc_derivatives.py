@@ -24,8 +24,6 @@ import numpy as np
 
 from mitsonar.device.types import Numbers
 
-__all__ = ["ArcDerivatives", "SpreadDerivatives", "arc_derivatives", "spread_derivatives"]
-
 GENTLE = 0.15              # relative change of s² up to which seven points are exact to 1e-16
 LEVEL_SINE = 1e-9          # a ray that is level at the edge of a layer: the infinite terms of both sides cancel
 _PLACES, _WEIGHTS = ((1 + np.polynomial.legendre.leggauss(7)[0]) / 2, np.polynomial.legendre.leggauss(7)[1] / 2)

@@ -18,8 +18,6 @@ from .aiming import CLOSE_ENOUGH, aim
 from .layer_table import LayerTable
 from .two_point import MAX_TUBE_GAIN, PointState, SourceState, to_hit
 
-__all__ = ["Arrival", "earliest"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Arrival:

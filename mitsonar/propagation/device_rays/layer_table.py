@@ -18,8 +18,6 @@ from mitsonar.water.profile import SoundSpeedProfile
 
 from .sole_range import sole_range
 
-__all__ = ["FAR", "GAUSS", "LayerTable", "layer_table"]
-
 FAR = 1.0e5            # [m] thickness of the constant half-spaces above and below the profile
 SPEED_STEP = 0.01      # largest relative change of sound speed inside one layer
 LOOKUP_SIZE = 2048

@@ -27,8 +27,6 @@ from mitsonar.water.profile import SoundSpeedProfile
 
 from .layer_table import LayerTable
 
-__all__ = ["FEWEST_VERTICES", "RayFans", "build_ray_fans"]
-
 HALF_SPAN = np.radians(90.02)      # rows cover every launch angle, and a little more for rounding
 LOOKUP_PER_ROW = 2
 FEWEST_VERTICES = 16               # room for those of a row, to begin with

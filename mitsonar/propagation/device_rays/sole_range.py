@@ -31,8 +31,6 @@ import numpy as np
 
 from mitsonar.water.profile import SoundSpeedProfile
 
-__all__ = ["SoleRange", "sole_range"]
-
 CELLS = 224                    # of depth, about as many
 SINE_STEP = 1.5e-3
 BEYOND = 8                     # cells of the uniform water on either side, as deep together as the profile

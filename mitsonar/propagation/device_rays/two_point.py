@@ -28,8 +28,6 @@ from mitsonar.device.types import ArrayTypes, Bool, Float, Float64, Record, UInt
 from .layer_table import LayerTable
 from .ray_fans import arc_step, first_layer, wavefront_step
 
-__all__ = ["PointState", "SourceState", "arc_length", "arc_time", "source_state", "to_hit", "walk"]
-
 SERIES_LIMIT = 2e-6
 FAR_OFF = 0.02             # [m] a walked ray that passes its hit by more is aimed again
 LEVEL = 5e-3               # depth difference over distance below which moments are rounding noise

@@ -21,8 +21,6 @@ from ..device_rays.two_point import PointState, to_hit
 from ..returns.travel import Travel, rotated
 from .eigenrays import eigenray
 
-__all__ = ["exact_return"]
-
 NEWTON_STEPS = 4               # each takes (v/c)² ~ 1e-5 of the error off
 SETTLED = 1e-10                # [s] a step that needs no other: at 20 m/s, turning included, it leaves 1e-12 s
 

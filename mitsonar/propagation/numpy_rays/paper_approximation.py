@@ -23,8 +23,6 @@ from mitsonar.water.profile import SoundSpeedProfile
 from ..returns.straight_vectors import Leg, library, shared_element_fields
 from ..returns.travel import Travel
 
-__all__ = ["COEFFICIENT", "paper_centre_return", "paper_difference", "paper_element_fields", "published_time"]
-
 COEFFICIENT = 0.503
 PASSES = 3                 # each leaves 2e-4 of the error of the height at reception, at 5 1/s and 1 m/s of heave
 

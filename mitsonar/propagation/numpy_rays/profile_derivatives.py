@@ -24,8 +24,6 @@ from mitsonar.water.profile import SoundSpeedProfile
 from ..device_rays.arc_derivatives import arc_derivatives
 from .eigenrays import Eigenray
 
-__all__ = ["PassageDerivatives", "RayDerivatives", "hats", "passage_derivatives", "ray_derivatives"]
-
 BLOCK = 1 << 18                    # numbers of a block of rays: memory stays bounded
 
 

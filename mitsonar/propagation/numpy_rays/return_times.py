@@ -32,8 +32,6 @@ from .paper_approximation import published_time
 from .slices import Slices
 from .turned import BATCH
 
-__all__ = ["GUARD", "METHODS", "approximate", "leg_integrals", "return_time", "return_time_error"]
-
 Method: TypeAlias = Callable[[SoundSpeedProfile, np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 GUARD = 0.5e-9             # [s]: expected errors above are not accepted; true ones are at most twice the expected
 SAME_TIME = 2e-16          # [s], and relative: rounding

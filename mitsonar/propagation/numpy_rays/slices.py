@@ -12,8 +12,6 @@ import numpy as np
 from mitsonar.device.types import Real
 from mitsonar.water.profile import SoundSpeedProfile
 
-__all__ = ["Slices"]
-
 THINNEST = 1e-9            # [m]: below, the mean is the value at the depth itself
 
 

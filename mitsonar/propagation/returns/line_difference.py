@@ -20,8 +20,6 @@ from numpy.typing import ArrayLike
 
 from mitsonar.device.types import Float
 
-__all__ = ["NODES", "Line", "polynomial"]
-
 NODES = 5, 6, 7                    # N, the least that does
 STRAIGHT_WITHIN = 1e-9             # [m]
 

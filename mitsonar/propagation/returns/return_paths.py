@@ -30,8 +30,6 @@ from .travel import Travel
 from .vector_approximation import expected_error
 from .vector_legs import centre_return, matched_leg
 
-__all__ = ["ReturnPaths", "return_paths"]
-
 THIRD_LIMIT = 0.1         # of a4: beyond, the series does not tell the third order either
 
 

@@ -28,9 +28,6 @@ from mitsonar.device.types import Numbers, Triple
 
 from .travel import Travel, rotated
 
-__all__ = ["Leg", "dot", "hit_fields", "library", "multiply_add", "per_sqrt", "select", "shared_element_fields",
-           "straight_delay"]
-
 
 class Leg(NamedTuple):
     """The equivalent straight vector of a leg, every field (H,)."""

@@ -17,8 +17,6 @@ import numpy as np
 
 from mitsonar.device.types import Numbers, Record, Triple
 
-__all__ = ["REST", "Travel", "rotated", "steady"]
-
 
 class Travel(Record):
     """The way of a platform after one transmission."""

@@ -44,9 +44,6 @@ from ..numpy_rays.paper_approximation import paper_difference, paper_element_fie
 from ..numpy_rays.slices import Slices
 from .straight_vectors import dot, library, multiply_add, per_sqrt, select, shared_element_fields, straight_delay
 
-__all__ = ["DIFFERENCES", "ELEMENT_FIELDS", "corrections", "difference_of", "expected_error", "level_difference",
-           "vector_difference", "vector_element_fields"]
-
 LEVEL = 1e-4               # vertical cosines are kept above this: no division by zero
 FLATTEST = 0.02            # vertical cosine below which the last orders are not trusted
 LEVEL_WITHIN = 1e-9        # [m]: heights below are none, 2 ps of sound at one degree from the horizontal

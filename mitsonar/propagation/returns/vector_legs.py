@@ -10,8 +10,6 @@ from .straight_vectors import Leg, dot, library, select, straight_delay
 from .travel import Travel
 from .vector_approximation import LEVEL, corrections
 
-__all__ = ["centre_return", "matched_leg"]
-
 
 def matched_leg(range_per_parameter: Numbers, second: Numbers, third: Numbers, ray_parameter: Numbers,
                 speed: Numbers) -> Leg:

@@ -14,8 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import h1vp, hankel1, jv, jvp
 
-__all__ = ["cylinder_form"]
-
 LARGEST_KA = 10_000.0
 
 

@@ -16,8 +16,6 @@ from scipy.linalg import cho_factor, cho_solve
 
 from .scattering_functions import ScatteringFunction
 
-__all__ = ["EchoTaps", "HeardBand"]
-
 CLOSER = 1.3                       # taps per 1 / width
 LEFT_OUT = 1e-7                    # of the echo's energy, at either end
 MARGIN = 5                         # taps beyond either end

@@ -19,8 +19,6 @@ import numpy as np
 
 from .sphere_series import WATER_DENSITY, SphereBody, sphere_form
 
-__all__ = ["AXES", "ScatteringFunction", "ScatteringTable", "SphereScattering"]
-
 AXES = ("aspect", "incident_azimuth", "incident_elevation", "scattered_azimuth", "scattered_elevation")
 TURN = 2 * np.pi
 FULL_TURN = 1.001                  # of the largest step: an azimuth with a gap below that goes round

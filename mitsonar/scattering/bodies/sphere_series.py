@@ -20,8 +20,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["MATERIALS", "LARGEST_KA", "Solid", "SphereBody", "sphere_form"]
-
 LARGEST_KA = 10_000.0
 WATER_DENSITY = 1026.0             # [kg/m³] where none is given
 

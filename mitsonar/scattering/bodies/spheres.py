@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike
 
 from .sphere_series import SphereBody, sphere_form
 
-__all__ = ["sphere_target_strength_db"]
-
 
 def sphere_target_strength_db(radius: float, frequency: ArrayLike, sound_speed: float = 1500.0, *,
                               surface: Literal["rigid", "soft"] = "rigid") -> np.ndarray:

@@ -18,8 +18,6 @@ from ..surfaces.elastic import Elastic
 from ..surfaces.rough_interface import ALPHA_RANGE
 from .rough_seabed import RoughSeabed
 
-__all__ = ["ELASTIC_BOUNDS", "ELASTIC_SEDIMENTS", "ElasticSediment"]
-
 STEEPEST_PUBLISHED = 3.0           # slope of the roughness, of rough rock at 300 kHz: the published levels' steepest
 FASTEST_SHEAR = 0.75**0.5          # of the compressional speed: at this a solid resists no change of volume
 ELASTIC_BOUNDS = {                 # name -> (above, up to)

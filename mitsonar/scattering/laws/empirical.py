@@ -14,8 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["EmpiricalSeabed"]
-
 STEPS = 4000                       # of the integral over θ
 
 

@@ -9,8 +9,6 @@ import numpy as np
 
 from mitsonar.device.types import Numbers
 
-__all__ = ["STRONGEST", "scattering_strength"]
-
 STRONGEST = 1 / np.pi              # all the incident power comes back
 
 

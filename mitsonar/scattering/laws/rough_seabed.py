@@ -19,8 +19,6 @@ from ..surfaces.resolved import cut, log_ratio, resolved_factor
 from ..surfaces.rough_interface import log_lobe
 from ..surfaces.small_slope import lobe_factor
 
-__all__ = ["RoughSeabed"]
-
 
 class RoughSeabed(ABC):
     """Return the scattering of a seabed; subclasses hold what it is."""

@@ -43,8 +43,6 @@ from scipy.special import erf
 
 from mitsonar.device.types import Numbers, Triple
 
-__all__ = ["Roughness", "SeaSurface", "bubble_loss_db", "facet_density", "facet_direction", "roughness", "strength"]
-
 ALBEDO, ABSORBED = 0.0136, 0.0255  # δ_r, and δ at 1 kHz, of bubbles at resonance
 BLEND = 0.524                      # [1/degree] of slope angle
 STEEP = np.tan(np.radians(5.0))    # ripples scatter by facets steeper than this only

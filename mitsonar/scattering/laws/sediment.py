@@ -17,8 +17,6 @@ from ..surfaces.fluid import Fluid
 from ..surfaces.rough_interface import ALPHA_RANGE
 from .rough_seabed import RoughSeabed
 
-__all__ = ["BOUNDS", "SEDIMENTS", "Sediment"]
-
 HIGHEST_AS_FLUID = 100e3           # [Hz], of rock and cobble
 
 # APL-UW TR 9407 (1994), section IV, Table 2: density ratio, sound speed ratio, loss, volume parameter.

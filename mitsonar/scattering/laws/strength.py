@@ -19,8 +19,6 @@ from .empirical import EmpiricalSeabed
 from .sea_surface import SeaSurface
 from .sediment import Sediment
 
-__all__ = ["LAWS", "LambertSeabed", "backscatter_strength_db", "bistatic_strength_db"]
-
 
 class ScatteringLaw(Protocol):
     """What all laws give."""

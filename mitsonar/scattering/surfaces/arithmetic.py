@@ -11,8 +11,6 @@ import numpy as np
 
 from mitsonar.device.types import Numbers
 
-__all__ = ["NUMPY", "Arithmetic", "power"]
-
 
 @dataclass(frozen=True)
 class Arithmetic:

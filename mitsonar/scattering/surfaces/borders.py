@@ -14,8 +14,6 @@ import drjit as dr
 from mitsonar.device.chance import Salt, hashed_pair, uniform
 from mitsonar.device.types import ArrayTypes, Float
 
-__all__ = ["PATCH", "displacement", "drawn"]
-
 PATCH = 0.05                       # [m] side of the squares
 
 

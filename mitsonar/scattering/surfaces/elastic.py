@@ -28,8 +28,6 @@ from mitsonar.device.types import Numbers
 
 from .arithmetic import Arithmetic
 
-__all__ = ["Elastic"]
-
 LARGEST_SCALE = 1e-3               # ε: of k, the smallest wavenumber of the volume's spectrum
 STRONGEST_VOLUME = 0.1             # what the volume's strength saturates at, for the first order has no bound
 SMALLEST = 1e-30                   # keeps 0/0 at grazing finite, where nothing is scattered

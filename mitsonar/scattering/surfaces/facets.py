@@ -22,8 +22,6 @@ from numpy.typing import ArrayLike
 
 from mitsonar.device.types import Numbers
 
-__all__ = ["phase_mean", "scattering_length", "triangle_integral"]
-
 SMALL = 0.5                        # |w|² of the phases [rad²] below which the series is taken, 1e-7 exact there
 
 

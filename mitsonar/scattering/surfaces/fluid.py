@@ -16,8 +16,6 @@ from mitsonar.device.types import Numbers
 
 from .arithmetic import Arithmetic, power
 
-__all__ = ["Fluid"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Fluid:

@@ -16,8 +16,6 @@ from mitsonar.device.types import Float
 
 from .small_slope import MOST, log_roughness
 
-__all__ = ["lobe_density", "lobe_shift", "lobe_width"]
-
 SMALLEST = 1e-3                    # 2 sin θ_i: below, the lobe is as wide as there
 CORE = 40.0                        # ln q in the flat middle of the lobe
 TINY = 1e-14

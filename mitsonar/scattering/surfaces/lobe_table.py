@@ -16,8 +16,6 @@ from mitsonar.device.types import ArrayTypes, Float, Upload
 from .resolved import HIGH_M, HIGH_T, LOW_M, LOW_T, STEP as RATIO_STEP, ratio_table
 from .rough_interface import ALPHA_RANGE, log_lobe
 
-__all__ = ["LobeTable", "RatioTable"]
-
 LOW, HIGH, STEP = -16.0, 18.5, 0.1     # of ln q; the limits of small and large q run on from there
 COLUMNS = round((HIGH - LOW) / STEP)
 STEP_Y = 0.1

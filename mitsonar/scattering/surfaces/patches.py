@@ -21,8 +21,6 @@ from mitsonar.device.types import ArrayTypes, Bool, Float, Upload
 
 from .borders import displacement
 
-__all__ = ["LARGEST_SHAPE", "SMALLEST_SHAPE", "Patches", "gamma_cells"]
-
 SMALLEST_SHAPE, LARGEST_SHAPE = 0.1, 1000.0
 CELL_BITS = 13                     # of the table, which has 2^13 cells
 

@@ -12,8 +12,6 @@ import numpy as np
 
 from mitsonar.device.types import Numbers
 
-__all__ = ["WATER_DENSITY", "fluid_reflection"]
-
 WATER_DENSITY = 1025.0             # [kg/m³]
 
 

@@ -29,8 +29,6 @@ from mitsonar.device.types import Numbers
 from .rough_interface import log_lobe
 from .small_slope import MOST, SMALLEST, log_roughness
 
-__all__ = ["HIGH_M", "HIGH_T", "LOW_M", "LOW_T", "STEP", "cut", "log_ratio", "ratio_table", "resolved_factor"]
-
 FACETS = 0.7                       # of the highest wavenumber on the nodes: what facets follow
 MIRROR = 0.03
 POINTS = 1 << 14                   # of the transforms

@@ -20,8 +20,6 @@ from scipy.special import gamma as gamma_function, hankel1
 
 from mitsonar.device.types import Real
 
-__all__ = ["ALPHA_RANGE", "lobe_integral", "log_lobe"]
-
 ALPHA_RANGE = (0.2, 0.95)          # where the table is accurate: γ = 2.4..3.9
 SMALLEST_Q = 1e-7                  # the perturbation limit holds to 1e-7 below
 STEP = 0.1                         # of the table, in ln q

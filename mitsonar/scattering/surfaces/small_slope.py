@@ -18,8 +18,6 @@ from scipy.special import polygamma
 
 from mitsonar.device.types import Numbers
 
-__all__ = ["MOST", "lobe_factor", "log_roughness"]
-
 SMALLEST = 1e-9                    # of k: keeps specular and grazing limits finite, at which they are reached to 1e-9
 MOST = 80.0                        # exponent: exact forward grazing has no bound, and float32 ends at 88
 # ln Γ(2 - α) - ln Γ(1 + α) in odd powers of α - 1/2

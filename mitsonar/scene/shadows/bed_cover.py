@@ -11,8 +11,6 @@ from ..geometry import Geometry
 from ..labels import SEABED
 from ..tracing.tracer import registry_index
 
-__all__ = ["ROUNDING", "bed_height", "covered"]
-
 SURFACES = 4                       # that may lie over the bed, or between it and what is under it
 ROUNDING = 2e-6                    # of a height: what hits are good to
 BEYOND = 1e-4                      # [m] that the next ray begins behind a hit

@@ -25,8 +25,6 @@ from ..geometry import Geometry
 from ..labels import SEABED
 from ..objects import scene_of
 
-__all__ = ["BedHorizon", "Horizon"]
-
 AZIMUTHS = 2048
 FINEST, COARSEST = 1 / 1200, 1 / 100   # of the reach, that the grid's step may be
 LOOKED_AT = 20_000                 # facets, at least, that decide the step

@@ -16,8 +16,6 @@ from mitsonar.device.arrays import upload
 
 from ..geometry import Geometry
 
-__all__ = ["exposed_shares"]
-
 POINTS = 256                       # an object: a share is good to some 3 %
 CLEAR = 2e-3                       # [m] in front of the surface at which a line of sight begins
 STREAM = 0x5ee                     # of the points, the same for every render of a scene

@@ -20,8 +20,6 @@ from ..tracing.tracer import Sources, Tracer
 from ..tracing.water import DeviceWater
 from .occlusion import LIFT, LIFT_PER_RANGE, TOLERANCE, along_fan
 
-__all__ = ["ObjectShadows", "Sectors"]
-
 SECTORS = 1024                     # of azimuth
 NOWHERE = 1e9                      # [m]: the nearest object of a sector without one
 

@@ -13,8 +13,6 @@ from mitsonar.device.types import ArrayTypes
 from mitsonar.propagation.device_rays.layer_table import LayerTable
 from mitsonar.propagation.device_rays.ray_fans import RayFans, arc_step, first_layer
 
-__all__ = ["LIFT", "LIFT_PER_RANGE", "TOLERANCE", "along_arcs", "along_fan", "segment"]
-
 TOLERANCE = 0.008      # [m] chord against arc: 1e-11 s in time, which is stationary in the path
 LIFT, LIFT_PER_RANGE = 5e-4, 2e-5     # [m], [-] a ray ends this far in front of the surface it is to reach
 

@@ -18,8 +18,6 @@ from mitsonar.water.profile import SoundSpeedProfile
 
 from .launch import Strata, draw, quantiles
 
-__all__ = ["DrawnRays"]
-
 AZIMUTHS, ELEVATIONS = 256, 512    # cells of the density that rays are drawn from
 EVEN_SHARE = 0.2                   # of the rays that are spread evenly over directions
 FAINTEST = 1e-3                    # beam intensity that directions count with at least, relative to the strongest

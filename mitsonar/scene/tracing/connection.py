@@ -22,8 +22,6 @@ from ..shadows.occlusion import LIFT, LIFT_PER_RANGE, TOLERANCE, along_arcs, alo
 from .tracer import Sources
 from .water import DeviceWater
 
-__all__ = ["Connection", "Connector"]
-
 UPRIGHT = 1e-6         # [m] horizontal range below which a way leads straight up or down
 
 

@@ -18,8 +18,6 @@ from ..shadows.occlusion import LIFT, TOLERANCE, segment
 from .hits import Hits, towards_sound
 from .tracer import Tracer
 
-__all__ = ["FreeRays"]
-
 LEVELLEST = 1e-6                   # sine: exactly level rays spread 0/0
 
 

@@ -18,8 +18,6 @@ import mitsuba as mi
 
 from mitsonar.device.arrays import picked
 
-__all__ = ["Hits", "towards_sound"]
-
 LEAST_SINE = 0.02                  # of the grazing angle on a smooth normal, unless the facet's is less
 TOLD = 0.01                        # square of the length below which an interpolated normal tells nothing
 

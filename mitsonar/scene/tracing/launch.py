@@ -25,9 +25,6 @@ import numpy as np
 
 from mitsonar.sonar.faces.sidescan import Sidescan
 
-__all__ = ["CELLS", "WIDE_SHARE", "Strata", "across_quantiles", "along_quantiles", "core_of", "core_quantiles", "draw",
-           "first_quantiles", "one_way_quantiles", "quantiles", "refine_quantiles", "refined"]
-
 CELLS = 1024
 TIME_SHARE, BEAM_SHARE = 0.70, 0.25          # of the first pass; the rest is uniform in φ
 WIDE_SHARE = 0.05                            # of the along-track draw that ignores the beam,

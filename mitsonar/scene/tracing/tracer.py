@@ -25,8 +25,6 @@ from ..labels import OBJECT, SEABED
 from .hits import Hits, towards_sound
 from .water import DeviceWater
 
-__all__ = ["Sources", "Tracer", "registry_index"]
-
 # [m] chord against arc: where neighbouring rows of a ray fan have other chords the hits of random rays leap by as much,
 # over the sine of the grazing angle, and leave a gap or crowd: a tenth of a bin of 0.1 m at 5 degrees would be 0.4 dB
 FAN_TOLERANCE = 0.0002

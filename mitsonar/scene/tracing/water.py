@@ -29,8 +29,6 @@ from mitsonar.water.profile import SoundSpeedProfile
 from mitsonar.water.volume import VolumeScattering
 from mitsonar.water.volume_table import VolumeTable, volume_table
 
-__all__ = ["DeviceWater", "Medium", "Way"]
-
 
 class Way(Protocol):
     """What of a way through the water decides its absorption: `Hits` and `Connection` have it."""

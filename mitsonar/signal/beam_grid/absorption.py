@@ -21,8 +21,6 @@ from mitsonar.device.types import ArrayTypes, Float
 
 from ..impulses import Bell
 
-__all__ = ["AbsorptionTerms", "absorption_terms"]
-
 DEGREE = 9                         # of the polynomials of taps, whose third derivative is used
 
 

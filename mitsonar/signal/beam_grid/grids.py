@@ -11,8 +11,6 @@ from ..impulses import Bell
 from .absorption import AbsorptionTerms
 from .spreading import GridSums
 
-__all__ = ["MARGIN", "BeamGrid", "GridShape", "RowGrid"]
-
 MARGIN = 16                        # [samples] kept before and after a record, so that echoes at its edges stay whole
 
 

@@ -22,8 +22,6 @@ from .noise import gaussians
 from .pulse_response import RowTransfers
 from .transforms import divided, tiles
 
-__all__ = ["Noise", "Reading", "Sizes", "Waves", "along_rows", "by_beam", "by_frequency", "through_the_line"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sizes:

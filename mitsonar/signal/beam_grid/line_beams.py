@@ -32,8 +32,6 @@ from .noise import NoiseDensity
 from .pulse_response import PulseResponse
 from .transforms import transformed
 
-__all__ = ["LineBeams"]
-
 NOISE_ROOM = 0.7                   # of sines, beyond what beams see of it: less, and no noise is as it should be
 COARSEST = 1 / 16                  # step of the sine
 CLASH = 256                        # rows: columns of so many fall into the same lines of a cache

@@ -20,8 +20,6 @@ from scipy.interpolate import CubicSpline
 
 from ..impulses import Bell
 
-__all__ = ["FADE", "FINER", "LineResponse", "OVERSAMPLING", "Rows", "stride_of"]
-
 FINER = 12                         # places of the table over those that resolve the line: a spline errs by 1e-5
 TURNS = 8                          # in which a spectrum of noise is found
 BLOCK = 1 << 21                    # numbers worked on at once

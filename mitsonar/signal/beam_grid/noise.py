@@ -23,8 +23,6 @@ from mitsonar.units import power_from_db
 
 from ..noise import ElementNoise
 
-__all__ = ["NoiseDensity", "gaussians"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseDensity:

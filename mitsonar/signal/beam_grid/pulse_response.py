@@ -28,8 +28,6 @@ from .absorption import AbsorptionTerms, absorption_terms
 from .spreading import PACKET
 from .transforms import TILE
 
-__all__ = ["PulseResponse", "RowTransfers"]
-
 TURN = 0.045                       # [rad] halfway between two nodes at the pulse's ends: interpolated within 1e-3
 DROPPED = 1e-3                     # of the sum of |P|: frequencies that are left out
 MOST_NODES = 4096                  # kept from ping to ping,

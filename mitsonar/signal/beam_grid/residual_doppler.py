@@ -23,8 +23,6 @@ from scipy.optimize import minimize_scalar
 from mitsonar.device.types import Numbers
 from mitsonar.sonar.pulses.pulse import Pulse
 
-__all__ = ["ResidualDoppler", "residual_doppler"]
-
 WIDEST = 0.003                     # residuals that are looked at: 2.2 m/s
 BAND = 0.25                        # of the pulse's band: further a residual may not move it
 NODES = 24                         # on either side of 0

@@ -23,8 +23,6 @@ from .noise import NoiseDensity
 from .pulse_response import PulseResponse
 from .transforms import transformed
 
-__all__ = ["RowSignals"]
-
 
 class RowSignals:
     """Signals of rows; made once for a survey."""

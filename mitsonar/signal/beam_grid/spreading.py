@@ -26,8 +26,6 @@ from ..impulses import Bell, tap_weights
 from .absorption import AbsorptionTerms
 from .stripes import STRIPE, add_by_stripes, ordered
 
-__all__ = ["GridSums", "PACKET"]
-
 PACKET = 4                         # complex numbers that are added at once
 MOST_NUMBERS = 1 << 32             # in an array of Dr.Jit
 

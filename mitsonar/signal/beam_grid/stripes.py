@@ -20,9 +20,6 @@ import numpy as np
 from mitsonar.device.arrays import arrays_of, looped, upload
 from mitsonar.device.types import ArrayTypes, Bool, Float, UInt32
 
-__all__ = ["STRIPE", "add_by_stripes", "cell_sums", "ordered"]
-
-
 STRIPE = 8                         # rows: 11 of 4000 columns stay in a core's cache
 LANES = 1 << 14                    # of a work block: Dr.Jit's largest
 ROUNDS = 16                        # echoes of a lane at least: fewer do not pay for its start

@@ -17,8 +17,6 @@ from scipy import fft
 from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.device.types import ArrayTypes, Float, UInt32
 
-__all__ = ["TILE", "divided", "tiles", "transformed"]
-
 TILE = 16                          # frequencies
 
 

@@ -20,8 +20,6 @@ from mitsonar.device.types import Array4f, ArrayTypes, DrJitArray, Float, Int32,
 from .interpolation import MARGIN, RATE, corrected, interpolation_named
 from .recording import Recording
 
-__all__ = ["ElementSignals", "Focus", "dealt", "device_arrays", "to_complex"]
-
 TOGETHER = 4                       # foci a thread works on at once: 2.0 instead of 2.6 ns each on the CPU
 TINY = 1e-12                       # [m], so that an element at its own focus divides by something
 

@@ -25,8 +25,6 @@ from .alignment import ElementSignals, Focus, dealt, device_arrays, to_complex
 from .interpolation import RATE
 from .recording import Recording, Shading, beam_signals, look_directions, point_signals, read_recording, weights_of
 
-__all__ = ["aligned", "backproject", "beam_foci", "delay_and_sum", "focus"]
-
 BLOCK = 1 << 22                    # values computed at once
 FAR = 2.0 ** 30                    # samples; what lies further off is outside of any record
 

@@ -20,8 +20,6 @@ from mitsonar.units import khz_from_hertz
 
 from .recording import Shading, beam_signals, read_recording, uniform_line, weights_of
 
-__all__ = ["fan_beams", "fft_beams"]
-
 EDGE = 8                           # samples by which a record is lengthened, beside the way across the array
 STRAY = 0.02                       # cosine of `facing` with the line
 SLACK = 1e-6                       # relative, for pitches of exactly the limit

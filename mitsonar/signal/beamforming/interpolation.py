@@ -21,9 +21,6 @@ from scipy.special import i0
 
 from mitsonar.device.types import Numbers
 
-__all__ = ["INTERPOLATIONS", "MARGIN", "RATE", "KaiserBessel", "Linear", "corrected", "corrected_transposed",
-           "interpolation_named"]
-
 RATE = 2                           # stored samples per sample
 TAIL = 16                          # samples kept of what the filter rings into before and after the record
 MARGIN = RATE * TAIL + 4           # stored samples before and after the record, the outermost zero

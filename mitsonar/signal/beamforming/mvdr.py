@@ -26,8 +26,6 @@ from .alignment import ElementSignals, device_arrays
 from .delay_and_sum import aligned
 from .recording import beam_signals, look_directions, read_recording, uniform_line
 
-__all__ = ["mvdr"]
-
 COVARIANCE_BYTES = 1 << 26         # of the samples worked on at once
 
 

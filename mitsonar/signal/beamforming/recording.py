@@ -16,8 +16,6 @@ from numpy.typing import ArrayLike
 from mitsonar.sonar.arrays.axes import body_direction
 from mitsonar.sonar.arrays.shading import window_weights
 
-__all__ = ["Recording", "beam_signals", "directions", "look_directions", "read_recording", "uniform_line", "weights_of"]
-
 Shading: TypeAlias = None | str | tuple | ArrayLike
 DIMENSIONS = ("ping", "tx", "rx", "sample")
 STRAIGHTNESS = 0.02                # wavelengths an element of a uniform line may lie off its place

@@ -18,8 +18,6 @@ from .delay_and_sum import BLOCK, beam_foci
 from .interpolation import MARGIN, RATE, corrected_transposed
 from .recording import Shading, look_directions, read_recording, weights_of
 
-__all__ = ["delay_and_sum_transposed"]
-
 
 def delay_and_sum_transposed(signals: xr.DataArray, directions: ArrayLike, weights: np.ndarray, *,
                              window: Shading = None, interpolation: str = "band_limited",

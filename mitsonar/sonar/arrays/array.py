@@ -25,8 +25,6 @@ from .axes import axis_vector
 from .element_patterns import element_pressure
 from .shading import window_weights
 
-__all__ = ["Array", "Face"]
-
 SQUARE = 1e-6                      # cosine up to which along counts as perpendicular to the normal
 EVEN = 1e-5                        # of the pitch, that elements of a uniform line may be off their places
 

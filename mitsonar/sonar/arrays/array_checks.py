@@ -6,8 +6,6 @@ from numpy.typing import ArrayLike
 
 from .element_patterns import BAFFLES, PATTERNS
 
-__all__ = ["FARTHEST", "as_numbers", "check_face", "checked_speed", "positions_of", "refuse", "vector_of"]
-
 FARTHEST = 10_000                  # [m] from an array's centre; more than any towed array is long
 
 

@@ -20,12 +20,9 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .array import Array, Face
+from .array import Array
 from .array_checks import as_numbers
 from .axes import AXES, across, axis_vector
-
-__all__ = ["Array", "Face", "cylindrical_array", "element_array", "line_array", "mills_cross", "planar_array",
-           "spherical_array"]
 
 GOLDEN = (1 + np.sqrt(5)) / 2
 

@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike
 
 from mitsonar.device.spelling import meant
 
-__all__ = ["AXES", "across", "axis_vector", "body_direction"]
-
 AXES = {"forward": (1.0, 0.0, 0.0), "aft": (-1.0, 0.0, 0.0), "starboard": (0.0, 1.0, 0.0), "port": (0.0, -1.0, 0.0),
         "down": (0.0, 0.0, 1.0), "up": (0.0, 0.0, -1.0)}
 PARALLEL = 1e-6                    # sine of the angle below which two directions count as one

@@ -14,8 +14,6 @@ from mitsonar.units import db_from_power
 
 from .array import Array
 
-__all__ = ["beam_pattern", "directivity_index_db", "element_directivity_index_db"]
-
 MARGIN = 24                        # nodes of the quadrature beyond those that the widest array needs
 LONGEST_FACE = 64                  # wavelengths: beyond, the directivity index follows from that of a smaller face
 LARGEST = 3_000_000                # directions of the quadrature that fit a reasonable time

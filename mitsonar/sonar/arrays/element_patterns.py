@@ -29,8 +29,6 @@ from mitsonar.device.types import Numbers, Triple
 
 from ..faces.directivity import sinc
 
-__all__ = ["BAFFLES", "PATTERNS", "element_pressure", "piston"]
-
 FAR = 8.0                          # argument from which J1 is taken from its modulus and phase
 DEGREES = 12, 5                    # of the polynomials below and above, errors below 1e-8
 

@@ -9,9 +9,6 @@ from ..pulses.pulses import Pulse
 from .array import Array
 from .shading import window_weights
 
-__all__ = ["SPACINGS", "STEPS", "Sector", "beam_angles", "elements_for_beam_width", "half_power_width",
-           "pattern_integral"]
-
 SPACINGS = ("angle", "distance")
 STEPS = ("angle", "sine")          # what grows by equal steps from beam to beam of a fan
 STEEPEST = np.deg2rad(85.0)        # of beams at even distances

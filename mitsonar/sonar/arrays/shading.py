@@ -16,8 +16,6 @@ from numpy.typing import ArrayLike
 from mitsonar.device.spelling import meant
 from mitsonar.units import db_from_power
 
-__all__ = ["WINDOWS", "taper_loss_db", "window_weights"]
-
 # name -> the numbers it takes; those with a default need not be written
 WINDOWS = {
     "boxcar": (), "triang": (), "bartlett": (), "barthann": (), "parzen": (), "bohman": (), "hann": (), "hamming": (),

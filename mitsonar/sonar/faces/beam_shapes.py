@@ -21,8 +21,6 @@ from mitsonar.device.types import Numbers
 
 from ..arrays.shading import window_weights
 
-__all__ = ["EVEN", "BeamShape", "half_power", "line_shape", "measured_shape"]
-
 SEGMENTS = 256                     # that a line is summed of, at least; two a wavelength
 STEPS_PER_LOBE, FEWEST_STEPS = 32, 512
 NARROWEST = np.deg2rad(0.01)       # measured beam, of which steps of tables are a tenth

@@ -16,8 +16,6 @@ from mitsonar.device.types import Numbers
 
 from .beam_shapes import EVEN, BeamShape
 
-__all__ = ["Aperture", "length_for_beam_width"]
-
 HALF_POWER = 0.44294647069         # sinc² = 1/2
 FINER = 16                         # steps within those of a table, to find where it falls to a half
 

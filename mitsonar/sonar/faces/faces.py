@@ -14,8 +14,6 @@ import numpy as np
 from .beam_shapes import BeamShape, half_power, line_shape, measured_shape
 from .directivity import Aperture, length_for_beam_width
 
-__all__ = ["BuiltFace", "MeasuredBeam"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasuredBeam:

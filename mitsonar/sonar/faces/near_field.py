@@ -11,8 +11,6 @@ import numpy as np
 
 from .directivity import Aperture
 
-__all__ = ["near_pressure"]
-
 POINTS = 64                        # of half a face, at least
 LOBES = 8                          # of a beam that its face is found from
 BLOCK = 1 << 22                    # phases summed at a time

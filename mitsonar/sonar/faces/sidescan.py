@@ -18,8 +18,6 @@ from mitsonar.device.types import Numbers
 
 from .directivity import Aperture
 
-__all__ = ["SIDES", "Sidescan"]
-
 SIDES = ("port", "starboard")
 
 

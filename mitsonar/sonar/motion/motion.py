@@ -24,8 +24,6 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["RandomMotion", "strum_frequency"]
-
 STROUHAL = 0.2
 _LINES = 32
 _RELATIVE_WIDTH = 0.15             # standard deviation of the frequencies about 1 / period, relative

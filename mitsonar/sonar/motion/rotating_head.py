@@ -19,8 +19,6 @@ import numpy as np
 from .track import Track, rotation_matrix
 from .trajectory import Trajectory, Voyage
 
-__all__ = ["MOUNTS", "Head", "HeadTrajectory", "Sweep", "attitude_of", "turned_voyage"]
-
 # name -> columns forward (bearing 0), aside and axis, body frame; and the sign of a turn about that axis
 MOUNTS = {"down": (np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1]]).T, 1.0),
           "up": (np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]]).T, -1.0),

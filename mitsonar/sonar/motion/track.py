@@ -18,8 +18,6 @@ from numpy.typing import ArrayLike
 
 from mitsonar.device.types import Real
 
-__all__ = ["Track", "mounting_matrix", "rotation_matrix"]
-
 LATEST, FARTHEST = 1e11, 1e8       # [s], [m]: three thousand years, and more than once around the Earth
 FIELDS = ("time", "position", "roll", "pitch", "heading")
 

@@ -27,8 +27,6 @@ from .motion import RandomMotion
 from .track import Track, rotation_matrix
 from .waypoints import Course
 
-__all__ = ["Circled", "Lead", "PingTravel", "Recorded", "Sailed", "Smooth", "Trajectory", "Voyage"]
-
 POWERS = 6
 KEPT = 4, 6, 12                    # powers, of a way that bends
 NEGLIGIBLE = 1e-9                  # [m], [rad]: powers that stay below are none

@@ -10,8 +10,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["Course"]
-
 _BACK_DEG = 179.0                  # a turn beyond this leads back along the leg it came by
 _MOST_POINTS = 1_000_000
 _BLOCK = 2048                      # places rounded at once

@@ -16,8 +16,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.fft import fftfreq, fftshift, ifftshift
 
-__all__ = ["DESCRIBED", "Pulse", "Window"]
-
 Window: TypeAlias = str | tuple     # of scipy.signal.get_window
 DESCRIBED = ("cw", "lfm", "hfm")   # kinds of pulses that numbers describe
 WINDOW_NODES = 8193                # of a window's table: linear between them is good to 1e-7

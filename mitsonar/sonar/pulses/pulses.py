@@ -19,8 +19,6 @@ from numpy.typing import ArrayLike
 
 from .pulse import Pulse, Window
 
-__all__ = ["PULSES", "Pulse", "cw", "hfm", "lfm", "pulse_of", "sampled"]
-
 FINER = 16                         # a sampled waveform is brought to this many times its rate, then splined
 
 

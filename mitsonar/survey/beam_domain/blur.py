@@ -13,8 +13,6 @@ import numpy as np
 
 from mitsonar.device.arrays import upload
 
-__all__ = ["Blur", "OneBeam"]
-
 PARTS = 4                          # directions in a beam that its pattern is averaged over
 FAINTEST = 3e-5                    # of M's largest, below which it is left out
 FINER = 16                         # places of the table of the beams' pattern, over those that it needs

@@ -25,8 +25,6 @@ from ..pressure.pressure import PressureRecord
 from ..pressure.signals import ping_attributes, ping_coordinates, received_signals
 from .frames import Frames, why_not
 
-__all__ = ["FanPictures"]
-
 Progress = Callable[[float, float], None]
 Say = Callable[[str], None]
 

@@ -28,8 +28,6 @@ from .line import LineArray, refusal
 from .ping_echoes import GridEchoes, PingEchoes, TargetEchoes
 from .truth import FrameTruth
 
-__all__ = ["Frames", "LaidPing", "lay", "why_not"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LaidPing:

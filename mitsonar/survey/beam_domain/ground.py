@@ -32,8 +32,6 @@ from mitsonar.scene.tracing.hits import Hits
 from ..pressure.array_survey import ArraySurvey
 from ..pressure.ensonified_ping import ensonification_of
 
-__all__ = ["FREE", "HIDDEN_BY_BED", "HIDDEN_BY_OBJECT", "Ground", "LitScatterers"]
-
 FREE, HIDDEN_BY_BED, HIDDEN_BY_OBJECT = 0, 1, 2
 DEEP = 1e-3                        # [m] under the bed from which on something is buried
 ASIDE = 5e-4                       # [m] off its own surface that the bed over a scatterer is looked for

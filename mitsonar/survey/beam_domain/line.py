@@ -13,8 +13,6 @@ import numpy as np
 
 from mitsonar.sonar.arrays.array import Array
 
-__all__ = ["LineArray", "refusal"]
-
 FLAT = 0.02                        # wavelengths that elements may stand off the line or plane
 SEPARABLE = 1e-6                   # of the largest weight, that a product of rows and columns may be off
 

@@ -22,8 +22,6 @@ from mitsonar.device.chance import pair, stratified, uniform
 from mitsonar.echoes.bounces.volume import GOLDEN
 from mitsonar.scene.tracing.launch import CELLS, Strata, draw, quantiles
 
-__all__ = ["LobeRays"]
-
 WIDE_SHARE = 0.1                   # w
 FAINTEST = 1e-3                    # of B's largest, that directions count with at least
 ALONG = 80                         # strata of u, whole tiles: they follow each other, and 80 times the golden share is

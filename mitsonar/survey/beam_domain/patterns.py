@@ -20,9 +20,6 @@ from ..fan.array_beams import ArraySum, LineSum, along_a_line
 from ..pressure.array_survey import ArraySurvey
 from .line import LineArray
 
-__all__ = ["Patterns"]
-
-
 
 class Patterns:
     """The factors of one survey."""

@@ -33,8 +33,6 @@ from .line import LineArray
 from .lobe_rays import LobeRays
 from .patterns import Patterns
 
-__all__ = ["GridEchoes", "PingEchoes", "TargetEchoes"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridEchoes:

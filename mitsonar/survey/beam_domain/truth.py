@@ -33,9 +33,6 @@ from .blur import Blur, OneBeam
 from .ground import FREE
 from .ping_echoes import GridEchoes, TargetEchoes
 
-__all__ = ["FrameBins", "FrameTruth"]
-
-
 PER_BEAM = 8                       # places of the table that beams are looked up in, a beam
 FEWER_SECTORS = SECTORS // 64      # that make one here: scatterers are too few for more
 CELL = 1                           # bins and beams to either side over which scatterers are counted

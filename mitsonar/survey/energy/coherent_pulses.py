@@ -19,8 +19,6 @@ from mitsonar.imaging.sidescan import pulse_cells
 
 from ..sidescan.sidescan_survey import SidescanSurvey
 
-__all__ = ["Arrivals", "CoherentPulses"]
-
 PER_PULSE, PER_BIN = 4, 4          # samples of z, at least,
 CYCLES = 2.5                       # of the carrier to a sample at least, but for the shortest pulses
 WORK = 1 << 21                     # samples of z at a time

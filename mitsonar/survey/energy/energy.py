@@ -44,8 +44,6 @@ from .first_hits import FirstHits, received
 from .rows import Rays, RaysOf, RowResponse, Rows
 from .sound_paths import SoundPaths
 
-__all__ = ["TruthSums", "record"]
-
 
 class TruthSums:
     """Collect where the echoes of a block come from, and say it bin by bin."""

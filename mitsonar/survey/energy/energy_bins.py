@@ -17,8 +17,6 @@ from mitsonar.echoes.sonar_equation import absorbed
 from mitsonar.echoes.sums.energy_sums import UNIT_BITS, sum_size
 from mitsonar.scene.tracing.launch import CELLS
 
-__all__ = ["EnergyBins", "aside_need", "ray_need"]
-
 
 class EnergyBins:
     """Time bins on the device."""

@@ -20,8 +20,6 @@ from ..motion.places import Place
 from ..motion.underway import Reception
 from .rows import Rays, RowResponse, Rows
 
-__all__ = ["Binning", "Echoes", "FirstHits", "Losses", "received"]
-
 
 class Binning(Protocol):
     """Gives the bins of two-way times [s], and which of them count."""

@@ -23,8 +23,6 @@ from ..motion.underway import Underway
 from .energy_bins import EnergyBins
 from .sound_paths import SoundPaths
 
-__all__ = ["CoherentSource", "EchoSource", "Rays", "RaysOf", "RowResponse", "Rows"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Rays:

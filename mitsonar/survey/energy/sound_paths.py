@@ -11,8 +11,6 @@ from mitsonar.scene.tracing.water import DeviceWater
 
 from ..survey import Survey
 
-__all__ = ["SoundPaths"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class SoundPaths:

@@ -14,8 +14,6 @@ from mitsonar.sonar.pulses.pulse import Pulse
 
 from ..motion.places import Place
 
-__all__ = ["band_of", "band_of_tone", "target_echoes"]
-
 HALF_POWER = 0.443                 # of a tone, over its length, from the carrier
 SKIRTS = 4.3                       # as `Pulse.suggested_sampling_rate` has it for a tone
 

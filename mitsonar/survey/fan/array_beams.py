@@ -31,9 +31,6 @@ from mitsonar.sonar.arrays.array import Array
 from ..motion.places import Place
 from ..pressure.array_survey import ArraySurvey
 
-__all__ = ["ArrayBeams", "ArraySum", "LineSum", "along_a_line"]
-
-
 FINER = 64                         # places of a line's table, over those that resolve it: read within 3e-4
 STRAIGHT = 1e-3                    # wavelengths that elements may stand off a line
 

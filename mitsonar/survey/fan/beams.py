@@ -27,8 +27,6 @@ from ..pressure.array_survey import ArraySurvey
 from .array_beams import ArrayBeams
 from .coherent_beams import CoherentBeams
 
-__all__ = ["Beams"]
-
 RAYS_PER_BIN = 12
 FEWEST_RAYS, MOST_RAYS, MOST_PASSES = 200_000, 3_000_000, 16        # rays of a pass
 MOST_SUMS = 1 << 27                # of beams x shapes x bins: 1 GB

@@ -24,8 +24,6 @@ from ..energy.target_echoes import band_of, target_echoes
 from ..motion.places import Place
 from ..pressure.array_survey import ArraySurvey
 
-__all__ = ["CoherentBeams"]
-
 FLAT_BAND = 0.75                   # c / 2B of the two thirds of a sampled band that are used, over c / 2 a sample
 
 

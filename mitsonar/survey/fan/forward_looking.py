@@ -14,9 +14,7 @@ from mitsonar.imaging import fan
 
 from ..beam_domain.fan_pictures import FanPictures
 from ..pressure.array_survey import ArraySurvey
-from .kind import ArraySensor, plan, plan_elements, rows
-
-__all__ = ["ForwardLookingSensor", "directions", "frames", "picture", "plan", "plan_elements", "rows"]
+from .kind import ArraySensor, plan as plan, plan_elements as plan_elements, rows as rows
 
 
 class ForwardLookingSensor(ArraySensor, Protocol):

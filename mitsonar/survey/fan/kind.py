@@ -23,8 +23,6 @@ from ..pressure.sources import RaySources
 from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
 from ..voyage import Passage
 
-__all__ = ["ArraySensor", "directions", "frames", "picture", "plan", "plan_elements", "rows", "survey_of"]
-
 CELL_SHARE = 0.02                  # of the altitude that a cell spans at most, where the scene does not say
 MOST_PULSE_SAMPLES = 100_000       # 2 s of 20 kHz; a spectrum takes seconds by then
 

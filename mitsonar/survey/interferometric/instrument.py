@@ -38,8 +38,6 @@ from ..beam_domain.truth import FrameTruth
 from ..multibeam.soundings import Finding
 from .plan import SIDES, InterferometricSurvey, up_along
 
-__all__ = ["Interferometer", "Measurement", "SideRows", "both_sides", "measured_rows"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Measurement:

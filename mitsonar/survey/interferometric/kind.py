@@ -21,9 +21,7 @@ from mitsonar.water.profile import SoundSpeedProfile
 from .. import limits
 from ..multibeam.soundings import SoundingLine
 from .instrument import Interferometer, measured_rows
-from .plan import InterferometricSensor, InterferometricSurvey, plan, plan_elements
-
-__all__ = ["picture", "plan", "plan_elements", "rows", "sounding_line"]
+from .plan import InterferometricSensor, InterferometricSurvey, plan as plan, plan_elements as plan_elements
 
 KEPT = ("depth", "x", "y", "across_track", "uncertainty")
 

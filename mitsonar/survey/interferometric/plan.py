@@ -28,9 +28,6 @@ from ..pressure.array_survey import ArraySurvey
 from ..pressure.signals import LEAD
 from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
 
-__all__ = ["InterferometricSensor", "InterferometricSurvey", "SIDES", "plan", "plan_elements"]
-
-
 SIDES = ("port", "starboard")
 
 

@@ -17,8 +17,6 @@ from mitsonar.scene.tracing.tracer import Sources, Tracer
 from ..survey import Survey
 from .underway import Reception, Underway
 
-__all__ = ["Place", "Places"]
-
 
 class Places:
     """Where the pings of a survey are."""

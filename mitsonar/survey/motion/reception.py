@@ -37,8 +37,6 @@ from mitsonar.propagation.returns.travel import Travel, rotated
 
 from ..pressure.array_survey import ArraySurvey
 
-__all__ = ["Arrival", "Reception"]
-
 STEPS = 3                          # of iteration: each reduces the error by the platform's speed over that of sound
 NEAREST = 0.1                      # [m]: no division by zero
 SMALL = 1e-9                       # [m], [m/s]: nothing at all

@@ -26,8 +26,6 @@ from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.device.types import Vector
 from mitsonar.sonar.motion.trajectory import NEGLIGIBLE, PingTravel
 
-__all__ = ["Motion", "Reception", "Underway"]
-
 SHORTEST = 1e-9                    # [s]: no way takes less time
 TIMES, DEPRESSIONS = (0.125, 0.375, 0.625, 0.875, 1.0), (0.0, 0.5, 1.0)
 GROUP_WIDTH, MOST_GROUPS = 0.25, 32    # of the beam, by which mean shifts within a group differ; groups at most

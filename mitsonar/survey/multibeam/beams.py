@@ -20,8 +20,6 @@ from ..beam_domain.ping_echoes import PingEchoes
 from ..beam_domain.truth import FrameTruth
 from .survey import SectorRun, SwathSurvey
 
-__all__ = ["Halves", "SectorBeams", "sector_beams"]
-
 MAIN_LOBE = 0.25                   # of its axis: half the amplitude
 FINER = 8                          # steps of a side lobe
 

@@ -30,9 +30,6 @@ from .measuring import Measurement, SwathBeams
 from .soundings import Finding
 from .survey import SwathSurvey
 
-__all__ = ["Multibeam", "Strengths", "WORDS"]
-
-
 WORDS = ("mean intensity over the footprint, less noise; corrected for source level, spreading and absorption along "
          "the bent path, patterns of transmitting and receiving faces, and the area that pulse and beams let sound at "
          "once on a bed that slopes across the track as the neighbouring beams find it")

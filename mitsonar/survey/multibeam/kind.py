@@ -30,8 +30,6 @@ from .plan import MultibeamSensor, plan
 from .soundings import SoundingLine
 from .survey import SwathSurvey
 
-__all__ = ["frames", "picture", "plan", "plan_elements", "rows", "sounding_line"]
-
 
 def plan_elements(scene: mi.Scene, sensor: MultibeamSensor, settings: RunSettings, lead: float = 0.0) -> ArraySurvey:
     """Plan a run whose record is the signals of elements."""

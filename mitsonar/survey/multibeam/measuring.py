@@ -15,8 +15,6 @@ from ..limits import check_soundings
 from .beams import Halves, SectorBeams, sector_beams
 from .survey import SwathSurvey
 
-__all__ = ["Measurement", "SwathBeams"]
-
 FEWEST_SAMPLES = 16                # of a ping, that the bed can be found in
 
 

@@ -36,9 +36,6 @@ from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
 from ..voyage import Passage
 from .survey import SectorRun, SwathSurvey
 
-__all__ = ["MultibeamSensor", "Stabilised", "Swath", "plan"]
-
-
 COURSE = np.linspace(-10, 10, 9)   # [s] about a ping, over which headings are averaged
 STEEPEST = np.deg2rad(85.0)        # angle beyond which an echo's time is no longer foreseen
 WIDEST = np.sin(np.deg2rad(89.0))  # sine that beams are steered to at most

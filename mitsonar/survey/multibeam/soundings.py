@@ -42,10 +42,6 @@ from mitsonar.water.profile import SoundSpeedProfile
 
 from .survey import SoundedSurvey
 
-__all__ = ["BedPoints", "Finding", "Instrument", "RATE", "SoundingLine", "bed_at", "bed_depth", "said_motion",
-           "true_motion"]
-
-
 ASIDE = 1e-3                       # [m] beside an edge of facets, where a ray that slips between them is sent again
 
 

@@ -13,8 +13,6 @@ from mitsonar.sonar.arrays.sectors import Sector
 from ..pressure.array_survey import ArraySurvey
 from ..survey import Survey
 
-__all__ = ["SectorRun", "SoundedSurvey", "SwathSurvey", "Transmission"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Transmission:

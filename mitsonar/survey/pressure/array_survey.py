@@ -20,8 +20,6 @@ from mitsonar.sonar.pulses.pulses import Pulse
 from ..survey import Survey
 from .sources import RaySources
 
-__all__ = ["ArraySurvey", "Sampling"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Sampling:

@@ -16,8 +16,6 @@ import numpy as np
 from .ensonified_ping import KEPT_ECHOES
 from .pressure import PressureRecord
 
-__all__ = ["Cost", "cells_within_reach", "cost", "sentence"]
-
 CONNECTED = 1e-7                   # [s] of CPU: to connect a cell (c),
 RETURNED = 1e-7                    # to carry an echo back to the array's centre (e),
 CARRIED, SOLVED = 3.5e-9, 6e-7     # and on to an element (r): by the vector approximation, by an eigenray

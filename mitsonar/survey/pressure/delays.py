@@ -20,9 +20,6 @@ from .doppler import factor_per_metre
 from .echo_classes import SortedEchoes
 from .ping_source import PingSource
 
-__all__ = ["ALL_ROWS", "ArrivalCounts", "ElementDelays"]
-
-
 MOST_DOUBTFUL = 0.5                # share of doubtful echoes at which an array is too large for the approximation,
 SMALL_ARRAY = 1.0                  # [m] unless it is smaller: then they are traced one by one without a word
 FEWEST_JUDGED = 1000               # echoes: fewer say little

@@ -21,8 +21,6 @@ from mitsonar.signal.doppler import two_way_doppler
 
 from .ping_source import PingSource, opaque64
 
-__all__ = ["factor_per_metre", "receiver_groups", "time_scale"]
-
 SHORTEST_WAY = 1e-3                # [m], [s]: no division by zero
 
 

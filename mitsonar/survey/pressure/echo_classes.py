@@ -22,8 +22,6 @@ from mitsonar.sonar.pulses.pulses import Pulse
 from .doppler import receiver_groups, time_scale
 from .ping_source import PingSource
 
-__all__ = ["DopplerClasses", "EchoClasses", "OneClass", "SortedEchoes"]
-
 SAME_PLACE = 1e-9                  # [m]
 
 

@@ -19,8 +19,6 @@ from .delays import ALL_ROWS, ElementDelays
 from .echo_classes import SortedEchoes
 from .ping_source import opaque64
 
-__all__ = ["EigenrayDelays"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EigenrayDelays(ElementDelays):

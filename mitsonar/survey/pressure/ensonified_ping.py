@@ -22,8 +22,6 @@ from ..energy.target_echoes import band_of
 from .array_survey import ArraySurvey
 from .ping_source import PingSource
 
-__all__ = ["EnsonifiedPing", "KEPT_ECHOES", "ensonification_of"]
-
 BAND = 0.75                        # c / 2B of two thirds of the sampling rate
 KEPT_ECHOES = 1 << 22              # kept from one transmit element to the next; more are made again
 BY_CHANCE = -1                     # number of the source of what is drawn by chance

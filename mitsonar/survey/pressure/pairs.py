@@ -38,8 +38,6 @@ from mitsonar.sonar.arrays.element_patterns import element_pressure
 
 from .ping_source import Method, View, opaque
 
-__all__ = ["CURVATURE", "Pairs", "ReceivedEchoes", "offset_from", "seen_from"]
-
 CURVATURE = 6                      # where 1/R stands among `straight_vectors.hit_fields`
 SAME_PLANE = 1e-9                  # [m]
 FEWEST_ON_A_LINE = 16              # elements for which polynomials pay,

@@ -27,8 +27,6 @@ from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.motion.trajectory import PingTravel
 from mitsonar.water.profile import SoundSpeedProfile
 
-__all__ = ["PingSource", "View", "opaque", "opaque64"]
-
 Method: TypeAlias = Literal["vector", "paper"]
 UPSIDE_DOWN = np.diag([1.0, 1.0, -1.0])
 

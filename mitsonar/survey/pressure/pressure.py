@@ -33,8 +33,6 @@ from .ensonified_ping import EnsonifiedPing, ensonification_of
 from .ping_source import PingSource
 from .vectors import GUARD, GuardedDelays, VectorDelays
 
-__all__ = ["PressureRecord"]
-
 SUMS_BYTES = 1 << 30               # of the sums of one ping
 
 Progress = Callable[[float], None]

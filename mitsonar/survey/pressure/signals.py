@@ -39,10 +39,6 @@ from .cost import sentence
 from .delays import ArrivalCounts
 from .pressure import PressureRecord
 
-__all__ = ["LEAD", "SentPiece", "closing_speeds", "echoes_of_the_pulse", "pair_responses", "ping_attributes",
-           "ping_coordinates", "received_signals", "sent_pieces"]
-
-
 DIRECTIONS = 1 << 14               # N
 APART = 4.0 / np.sqrt(DIRECTIONS)  # β [rad]: no place of the sphere is farther off, by a wide margin
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))

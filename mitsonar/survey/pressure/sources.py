@@ -7,8 +7,6 @@ import numpy as np
 
 from mitsonar.sonar.arrays.array import Array
 
-__all__ = ["RaySources"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class RaySources:

@@ -33,9 +33,6 @@ from .eigenrays import EigenrayDelays
 from .pairs import CURVATURE, ReceivedEchoes, seen_from
 from .ping_source import View, opaque
 
-__all__ = ["GUARD", "GuardedDelays", "VectorDelays"]
-
-
 GUARD = 5e-10                      # [s] expected error of the vector approximation above which it is not used
 
 

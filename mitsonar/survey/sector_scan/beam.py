@@ -21,8 +21,6 @@ from ..motion.places import Place
 from ..pressure.array_survey import ArraySurvey
 from ..sidescan.face_beams import BEAM_EDGE, FaceBeams
 
-__all__ = ["StepBeam", "face_of"]
-
 FAINTEST = 1e-6
 
 

@@ -29,8 +29,6 @@ from mitsonar.sonar.faces.sidescan import Sidescan
 from ..beam_domain.ground import FREE, Ground
 from ..pressure.array_survey import ArraySurvey
 
-__all__ = ["HeadEchoes", "Pairs", "SortedEchoes", "StepEchoes"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HeadEchoes:

@@ -39,8 +39,6 @@ from .echoes import StepEchoes
 from .signals import StepSignals
 from .steps import Steps
 
-__all__ = ["SectorScanSensor", "picture", "plan", "plan_elements", "rows", "steps_of"]
-
 SIGNALS, ELEMENT_SIGNALS = 0.3, 0.98           # of the work, before that of the truth: by beams, and by elements
 
 

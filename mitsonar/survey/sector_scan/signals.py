@@ -38,9 +38,6 @@ from ..pressure.array_survey import ArraySurvey
 from .beam import StepBeam
 from .echoes import HeadEchoes, Pairs, SortedEchoes, StepEchoes
 
-__all__ = ["StepReceiver", "StepSignals"]
-
-
 SLOWEST = 1e-9                     # [m/s]: a head that is slower has no Doppler
 
 

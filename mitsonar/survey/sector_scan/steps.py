@@ -36,9 +36,6 @@ from ..pressure.array_survey import ArraySurvey
 from ..sidescan.side_launch import drawn_across, ray_grid, strata_of
 from .beam import StepBeam, face_of
 
-__all__ = ["StepLaunch", "StepRays", "Steps"]
-
-
 SHIFTS = 9                         # that stand for all pings
 WAYS = (-0.5, 0.0, 0.5)            # [rad] φ at which shifts are looked at
 

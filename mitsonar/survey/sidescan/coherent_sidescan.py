@@ -32,8 +32,6 @@ from ..motion.places import Place
 from .face_beams import BEAM_EDGE, FaceBeams
 from .sidescan_survey import SidescanSurvey
 
-__all__ = ["CoherentSidescan"]
-
 FAINT = 1e-7                       # two-way intensity of the beams' envelope below which facets are not looked at
 
 

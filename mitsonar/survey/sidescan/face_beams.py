@@ -20,8 +20,6 @@ from mitsonar.sonar.faces.beam_shapes import BeamShape
 from mitsonar.sonar.faces.directivity import Aperture, sinc
 from mitsonar.sonar.faces.sidescan import Sidescan
 
-__all__ = ["BEAM_EDGE", "Face", "FaceBeams", "Lobes"]
-
 BEAM_EDGE = 0.25                   # two-way intensity at the edge of the main lobe (-6 dB)
 
 

@@ -35,10 +35,6 @@ from ..voyage import Passage
 from .sides import Sides
 from .sidescan_survey import SidescanSurvey
 
-__all__ = ["SidescanSensor", "main_lobe", "noise_db", "picture", "plan", "plan_elements", "rows", "side_speckle",
-           "sonar_at"]
-
-
 WIDEST = 0.2                       # cosine beyond which no lobe is followed: pings are no nearer than such beams tell
 LOBE_END = 1e-3                    # two-way intensity at which the main lobe ends (-30 dB)
 STEP = 1 / 32                      # of cosines, in wavelengths over the face's length

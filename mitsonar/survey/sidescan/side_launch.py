@@ -54,9 +54,6 @@ from ..motion.places import Place
 from ..motion.underway import Underway
 from .sidescan_survey import SidescanSurvey
 
-__all__ = ["GROUP", "SideLaunch", "SideRays", "Tables", "drawn_across", "ray_grid", "scouts", "strata_of"]
-
-
 GROUP = 4                          # pings that may have a scout in common
 
 

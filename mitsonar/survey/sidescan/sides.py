@@ -41,9 +41,6 @@ from .face_beams import BEAM_EDGE, FaceBeams
 from .side_launch import GROUP, SideLaunch, SideRays, Tables, scouts
 from .sidescan_survey import SidescanSurvey
 
-__all__ = ["SideMultipath", "SideWater", "Sides"]
-
-
 FEWER_POINTS = 4                   # of the water than rays: there is no shape to resolve
 
 

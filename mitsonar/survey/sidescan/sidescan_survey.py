@@ -7,8 +7,6 @@ from mitsonar.sonar.faces.sidescan import Sidescan
 
 from ..survey import Survey
 
-__all__ = ["SidescanSurvey"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class SidescanSurvey(Survey):

@@ -24,9 +24,6 @@ from ..pressure.signals import received_signals
 from .plan import StripSurvey
 from .truth import strip_truth
 
-__all__ = ["RATE", "common", "focused", "raw_pings", "strip_image", "survey_grid", "with_truth"]
-
-
 RATE = 200.0                       # [Hz] of the trajectory: splines through it err by 1e-6 m for the fastest strum
 MARGIN = 0.05                      # [s] before the first transmission and after the last reception
 

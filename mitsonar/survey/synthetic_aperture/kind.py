@@ -17,8 +17,6 @@ from ..sensor import RunSettings
 from .image import strip_image
 from .plan import StripSensor, StripSurvey, plan as plan_strip
 
-__all__ = ["picture", "plan", "plan_elements", "rows"]
-
 
 def plan(scene: mi.Scene, sensor: StripSensor, settings: RunSettings) -> StripSurvey:
     """Plan a run over a scene: its record begins a pulse early; see `strip.plan.plan`."""

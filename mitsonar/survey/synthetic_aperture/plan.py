@@ -20,8 +20,6 @@ from ..fan.kind import survey_of
 from ..pressure.array_survey import ArraySurvey
 from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
 
-__all__ = ["StripSensor", "StripSurvey", "plan"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class StripSurvey(ArraySurvey):

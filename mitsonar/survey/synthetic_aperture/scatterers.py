@@ -17,8 +17,6 @@ from mitsonar.echoes.scatterers.scatterers import Scatterers
 from .plan import StripSurvey
 from .truth import MeanLine
 
-__all__ = ["MOST", "scatterers_of"]
-
 MOST = 100_000_000                 # that a table holds: 5 GB
 BLOCK = 1 << 20
 

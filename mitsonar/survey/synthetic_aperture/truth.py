@@ -36,8 +36,6 @@ from ..sidescan.sidescan_survey import SidescanSurvey
 from ..voyage import Passage
 from .plan import StripSurvey
 
-__all__ = ["MeanLine", "strip_truth"]
-
 STRAIGHT = np.deg2rad(30.0)        # that headings may differ by in all
 ROWS = 256                         # of points at once
 RAYS_PER_BIN = 32

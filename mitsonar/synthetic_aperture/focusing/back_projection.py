@@ -30,8 +30,6 @@ from .delays import Plane
 from .grids import Grid
 from .motion import Moving
 
-__all__ = ["Aperture", "BackProjection", "Sender", "Water"]
-
 TILE = 16                          # points along a tile's side
 WEIGHTS = 1024                     # nodes of the weights over |u|
 TOGETHER = 2                       # receivers in one go of the loop

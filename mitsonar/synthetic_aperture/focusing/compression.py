@@ -18,8 +18,6 @@ from mitsonar.signal.reception import band_filter, check_record, padded_length
 from mitsonar.sonar.arrays.shading import window_weights
 from mitsonar.sonar.pulses.pulse import Pulse, Window
 
-__all__ = ["Compressor", "window_of", "window_samples"]
-
 
 def window_samples(image: xr.Dataset, window: tuple[float, float]) -> tuple[int, int]:
     """Return the odd numbers of points along and across that a window [m] holds, the image's at most."""

@@ -19,8 +19,6 @@ from scipy.interpolate import CubicSpline
 from mitsonar.propagation.numpy_rays.eigenrays import eigenray
 from mitsonar.water.profile import SoundSpeedProfile
 
-__all__ = ["Plane", "TravelTables", "bends"]
-
 NODES = 385                        # of an eigenray table over the distance, even in asinh(ρ/H)
 SOURCE_STEP = 0.05                 # [m] of the elements' depths
 POINT_STEP = 0.05                  # [m] of the points' depths

@@ -33,8 +33,6 @@ from .delays import TravelTables, bends
 from .grids import Grid, default_grid
 from .motion import Motion
 
-__all__ = ["Focuser", "focus", "overlap_shares"]
-
 STEPS = 257                        # of the mean heading
 STRAIGHT = np.deg2rad(20.0)        # that headings may differ by on a straight strip
 WIDEST = 0.9                       # sine of the angle that an aperture may reach to either side

@@ -19,8 +19,6 @@ from ..micronavigation.pairs import arrays_of
 from ..record import IMAGE_VARIABLES
 from .poses import poses_of
 
-__all__ = ["ArrayPaths", "array_paths", "bank_paths", "ground_across", "with_array_paths"]
-
 FINE = 2001                        # moments along the track, splined between
 PATHS = ("sender_across", "sender_depth", "bank_across", "bank_depth")
 

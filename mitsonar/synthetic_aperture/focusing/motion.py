@@ -17,8 +17,6 @@ from scipy.interpolate import CubicSpline
 
 from mitsonar.sonar.motion.track import rotation_matrix
 
-__all__ = ["Motion", "Moving"]
-
 NAMES = "x", "y", "depth", "roll", "pitch", "heading"
 ENOUGH = 1e-8                      # [m], and of a rotation's entries
 MOST = 12                          # powers

@@ -14,8 +14,6 @@ from scipy.interpolate import CubicSpline
 
 from mitsonar.sonar.motion.track import rotation_matrix
 
-__all__ = ["MOTION", "Poses", "poses_of", "two_way_delay"]
-
 MOTION = ("motion_x", "motion_y", "motion_depth", "motion_roll", "motion_pitch", "motion_heading")
 TURNS = 4                          # of the fixed point: the receiver moves by 1e-3 of the way of sound
 

@@ -47,8 +47,6 @@ from .step import (
 )
 from .track import PARTS, integrated, since, step_record
 
-__all__ = ["Trust", "micronavigate", "straightened"]
-
 PASSES = 2                         # over the strip, the second with what the first has found
 NEAR = 0.01                        # [m] that the first pass may leave
 TURNS = 4                          # the first by envelopes, the others by phases, each with the last one's correction

@@ -17,9 +17,6 @@ import xarray as xr
 
 from ..focusing.poses import Poses, two_way_delay
 
-__all__ = ["Arrays", "Correction", "Pairs", "arrays_of", "ground_points", "overlapping", "pair_delays",
-           "together"]
-
 NODES = 49                         # of delays along a line of the bed; cubic between: 1e-12 s beyond 1.05 altitudes
 
 

@@ -27,10 +27,6 @@ from scipy.interpolate import CubicSpline
 
 from .pairs import Correction, Pairs
 
-__all__ = ["Found", "Trust", "correlated", "finer", "fitted_surge", "lagged", "laid_on_ground", "least_squares",
-           "phase_covariance", "slants"]
-
-
 FINER = 8                          # times the sampling rate, before interpolation by cubics: 1e-4 of the signal
 LAGS_FINER = 4
 

@@ -13,8 +13,6 @@ from ..focusing.poses import MOTION, Poses, poses_of
 from .pairs import Arrays
 from .step import Found
 
-__all__ = ["PARTS", "compare", "increments", "integrated", "nearness", "since", "step_record"]
-
 BENDS = 6                          # rounds, each a tenth of the last one's correction or less
 PARTS = ("surge", "sway", "heave", "yaw")
 

@@ -18,8 +18,6 @@ from mitsonar.units import db_from_amplitude, db_from_power
 
 from ..record import check_image
 
-__all__ = ["Cut", "PointResponse", "point_response"]
-
 REACH = 64                         # points to either side of the peak, at most
 FINER = 32                         # points of the cuts to one of the grid
 

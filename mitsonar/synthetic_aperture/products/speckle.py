@@ -25,8 +25,6 @@ from ..focusing.compression import window_samples
 from ..record import check_image
 from .coherence_statistics import independent_looks
 
-__all__ = ["Speckle", "speckle"]
-
 LEAST = 64                         # looks that statistics are told from
 
 

@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from mitsonar.survey.fan.kind import ArraySurvey
 
 
-__all__ = ["Bundle", "scene_file", "send", "shipped_survey"]
-
-
 @dataclass(frozen=True, kw_only=True)
 class Bundle:
     """Rays that have met the scene; NaN where a ray met nothing."""

@@ -28,9 +28,6 @@ from mitsonar.water.profile import SoundSpeedProfile
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
-__all__ = ["compute", "plot", "rows", "table"]
-
 CHANGES = np.linspace(-0.5, 0.5, 21)   # [m]
 BED_SPEED = 1500.0                     # [m/s]
 HEIGHT, ACROSS = 9.5, 11.4             # [m] array over the bed, and from the hit, of the exaggerated profiles

@@ -24,9 +24,6 @@ from .bundles import send, shipped_survey
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
-__all__ = ["compute", "plot", "rows", "table"]
-
 SCENE = "published_figure_2"
 SHIFTS = 32                        # places of the samples, evenly over one sample
 DENSER = 16                        # how many times more rays the second bundle has

@@ -25,9 +25,6 @@ from .bundles import send, shipped_survey
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
-__all__ = ["ARRANGEMENTS", "ELEMENTS", "compute", "plot", "rows", "table"]
-
 SCENE = "published_figure_3"
 LAUNCH_ANGLES = np.radians([67.0, 45.0, 23.0])          # below the horizontal: times rise
 ELEMENTS = 3

@@ -23,9 +23,6 @@ from mitsonar.water.profile import SoundSpeedProfile
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
-__all__ = ["compute", "plot", "rows", "table"]
-
 HEIGHTS = 9.5, 9.382419            # [m] of transmission and reception
 RANGE = 11.494591                  # [m] of the reception
 GRADIENT = -5.0                    # [1/s] dc/dh

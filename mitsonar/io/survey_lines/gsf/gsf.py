@@ -30,10 +30,6 @@ from ..lines import SOUNDINGS, Blocks, Line, Ping, Place, Written, left_out, lin
 from ..passage import Passage, passage_of
 from ..snippets import runs_of
 
-__all__ = ["File", "MOST_RECEIVERS", "MOST_SECTORS", "SCALES", "VERSION", "attitudes", "cast", "comments", "order_of",
-           "parameters", "swath", "write"]
-
-
 VERSION = "GSF-v03.09"
 ATTITUDE_SECONDS = 10.0                    # of an attitude record; it takes 65 at most
 NOT_APPLIED = ("DRAFT", "PITCH", "ROLL", "GYRO")

@@ -30,9 +30,6 @@ from ..assembly import MOST_BEAMS, MOST_SECTORS, SECTOR, Line, Ping, cast_of
 from ..motion import motion_of
 from ..places import across_and_along, levelled, turned
 
-__all__ = ["GsfFile", "Walked", "walk"]
-
-
 FRAME, PING = struct.Struct(">II"), struct.Struct(">2I2iH")
 LONGEST, TYPES, SWATH = 1 << 19, 12, 2     # bytes of a record; the last type; that of pings
 

@@ -14,9 +14,6 @@ from typing import Any, BinaryIO, Literal
 
 import numpy as np
 
-__all__ = ["ATTITUDE", "CAST_NODE", "COLUMN_BEAM", "COLUMN_SECTOR", "Datagram", "HEADS", "RANGE_BEAM", "RANGE_SECTOR",
-           "XYZ_BEAM", "at", "datagrams"]
-
 Order = Literal["<", ">"]
 LONGEST = 1 << 20                  # bytes; the format's are split at 64 kB
 FRAME = np.dtype([("length", "<u4"), ("stx", "u1"), ("kind", "S1"), ("model", "<u2"), ("date", "<u4"), ("time", "<u4"),

@@ -17,8 +17,6 @@ from ..lines import Line, Ping
 from ..passage import Passage
 from .kmall_sensors import body, datagram
 
-__all__ = ["Column", "column_of", "offset_of", "water_column"]
-
 VERSION = 2
 TOP = 50.0                                 # dB, where the first ping's loudest sample goes; 63.5 is full
 LAST = 65_535

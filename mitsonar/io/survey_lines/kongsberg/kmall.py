@@ -42,9 +42,6 @@ from ..snippets import Runs, runs_of
 from .column import Column, column_of, offset_of, water_column
 from .kmall_sensors import BODY, MODEL, NO_HEIGHT, body, head_speed, installation, model, profile, sensors, settings
 
-__all__ = ["soundings", "write"]
-
-
 VERSION = 3
 INFO, SECTOR, RECEIVER, SOUNDING = 152, 48, 32, 120      # bytes
 NOTHING_DB = -100.0                                    # reflectivity of what is no sounding

@@ -13,8 +13,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, BinaryIO
 
-__all__ = ["Datagram", "at", "beams_of", "column_of", "datagrams", "decoded", "position_of"]
-
 LONGEST = 1 << 26                  # bytes; water columns have a few megabytes
 FRAME = struct.Struct("<I4sBBHII")
 BODY = struct.Struct("<2H8B")                      # of multibeam datagrams, after the parts' numbers

@@ -18,9 +18,6 @@ from mitsonar.units import deg_from_radians
 from ..lines import Line, Ping
 from ..passage import Passage
 
-__all__ = ["BODY", "MODEL", "NO_HEIGHT", "body", "datagram", "head_speed", "installation", "model", "profile",
-           "sensors", "settings"]
-
 MODEL = 2040                               # of sounders that are none of Kongsberg's
 SKM_SECONDS, SPO_SECONDS = 1.0, 0.1        # of a motion datagram; between positions
 ACTIVE, CLOCKED, CORRECTED = 1, 1 << 9, 1 << 10        # of a sensor's status

@@ -8,8 +8,6 @@ from typing import Any, BinaryIO
 
 from ..assembly import Ping
 
-__all__ = ["KongsbergFile"]
-
 
 class KongsbergFile(ABC):
     """Read pings by their keys, which a subclass finds when it is made."""

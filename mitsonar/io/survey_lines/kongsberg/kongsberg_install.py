@@ -13,8 +13,6 @@ import numpy as np
 
 from ..places import straight
 
-__all__ = ["Installation", "of_all", "of_kmall", "part_of"]
-
 # Of an EM 2040's arrays in their housings: port, middle and starboard part of the transmitter, and the receiver, as the
 # installation text of its KMALL files lists them; .all files leave them to the reader.
 _HOUSED = np.array([[0.0, -0.05538, -0.012], [0.0, 0.01315, -0.006], [0.0, 0.05538, -0.012]])

@@ -38,8 +38,6 @@ from .all_datagrams import (
 from .kongsberg_file import KongsbergFile
 from .kongsberg_install import Installation, of_all, part_of
 
-__all__ = ["AllFile"]
-
 _BACKSCATTER = ("as the sounder gives it: its source level, beam patterns, spreading and absorption taken out, "
                 "flattened near normal incidence and by Lambert's law where its operator asked for it")
 _OLD = "DfF"                       # depths and ranges of sounders before 2007

@@ -21,8 +21,6 @@ from .kmall_datagrams import Datagram, at, beams_of, column_of, datagrams, decod
 from .kongsberg_file import KongsbergFile
 from .kongsberg_install import of_kmall
 
-__all__ = ["KmallFile"]
-
 _BACKSCATTER = ("as the sounder gives it (reflectivity 1): its source level, beam patterns, spreading and absorption "
                 "taken out, flattened near normal incidence and by Lambert's law where its operator asked for it")
 _NORMAL = 0                        # type of a detection
