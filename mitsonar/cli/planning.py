@@ -69,8 +69,6 @@ def _plan(arguments):
     from mitsonar.planning import line_files as planned_lines, scene_of_plan as planned_scene, summary as plan_summary
     from mitsonar.planning.plan import plan
 
-    from .planning_words import report
-
     order = survey_order(arguments.order)
     _check_outputs(arguments)
     layout = _layout(arguments)
@@ -99,12 +97,10 @@ def _plan(arguments):
     if arguments.picture:
         from mitsonar.plots.sheets.survey_plan import survey_plan
 
-        from .planning_words import subtitle
-
-        survey_plan(found, arguments.picture, frame, title=_title(arguments), subtitle=subtitle(numbers))
+        survey_plan(found, arguments.picture, frame, title=_title(arguments), subtitle=plan_summary.subtitle(numbers))
     for said in _doubts(found, numbers, None if cast is None else float(profile.depth[-1])):
         warn(said)
-    print(report(numbers))
+    print(plan_summary.report(numbers))
     for path in _outputs(arguments):
         announce(path)
 

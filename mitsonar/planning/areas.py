@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import shapely
+from shapely.geometry import shape
 
 from mitsonar.device.files import FilePath, check_readable
 from mitsonar.io.grids import rasters
@@ -24,14 +26,15 @@ from mitsonar.io.tracks.navigation import WGS84, Frame
 LARGEST_FILE = 10_000_000          # bytes; corners take some twenty times as much while they are read
 MOST_CORNERS = 200_000
 _WITHIN = {"FeatureCollection": "features", "GeometryCollection": "geometries", "Feature": "geometry"}
+_NO_POLYGON = TypeError, ValueError, LookupError, ArithmeticError, AttributeError, shapely.GEOSException
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Corners:
-    """Hold the rings of an area as they were written."""
+    """Rings (N, 2) of an area as they were written, x and y [m] or longitude and latitude [degrees]; their system."""
 
-    rings: tuple[np.ndarray, ...]  # (N, 2): x and y [m], or longitude and latitude [degrees]
-    crs: str  # their coordinate system
+    rings: tuple[np.ndarray, ...]
+    crs: str
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -48,7 +51,10 @@ class Corners:
         return rasters.name_of(rasters.utm((west + east) / 2, (south + north) / 2, rasters.crs_of(self.crs)))
 
     def placed(self, frame: Frame) -> list[np.ndarray]:
-        """Return the rings about the origin of a frame, arrays (N, 2) [m]."""
+        """Return the rings about the origin of a frame, arrays (N, 2) [m].
+
+    `ValueError` if the frame has no coordinate system where one is needed, or does not reach a corner.
+        """
         if not self.crs:
             return [ring - frame.origin for ring in self.rings]
         if self.crs == WGS84:
@@ -94,48 +100,32 @@ def _of_file(path):
 
 
 def _rings(content: Any) -> list[np.ndarray]:
-    """All rings of all polygons."""
-    found, left, corners = [], [content], 0
-    while left:
-        one = left.pop()
-        if not isinstance(one, dict):
-            continue                                   # a feature without a geometry
-        kind = one.get("type")
+    """Return the rings (N, 2) of all polygons."""
+    rings, waiting = [], [content]
+    while waiting:
+        element = waiting.pop()
+        kind = str(element.get("type")) if isinstance(element, dict) else ""       # a feature may have no geometry
         if kind in _WITHIN:
-            within = one.get(_WITHIN[kind])
-            left += within if isinstance(within, list) else [within]
+            within = element.get(_WITHIN[kind])
+            waiting += within if isinstance(within, list) else [within]
         elif kind in ("Polygon", "MultiPolygon"):
-            polygons = [one.get("coordinates")] if kind == "Polygon" else one.get("coordinates")
-            for ring in _ring_lists(polygons):
-                found.append(_corners(ring))
-                corners += len(found[-1])
-                if corners > MOST_CORNERS:
-                    raise ValueError(f"it has more than {MOST_CORNERS} corners; simplify its polygons.")
-    if not found:
-        raise ValueError("it holds no polygon; draw one around the area.")
-    return found
-
-
-def _ring_lists(polygons):
-    """The rings of a list of polygons."""
-    for polygon in polygons if isinstance(polygons, list) else [None]:
-        if not isinstance(polygon, list):
-            raise ValueError("a polygon's coordinates are no list of rings; save it as GeoJSON again.")
-        yield from polygon
-
-
-def _corners(ring):
-    try:
-        corners = np.array([[float(x), float(y)] for x, y, *_ in ring])
-    except (TypeError, ValueError, OverflowError):
-        raise ValueError("a ring's corners are no pairs of numbers; save it as GeoJSON again.") from None
-    if corners.ndim != 2 or not np.isfinite(corners).all():
-        raise ValueError("a ring is empty, or a corner is not a finite number; repair it.")
-    return corners
+            try:
+                found = shapely.get_rings(shapely.get_parts(shape(element)))
+                rings += (own := [shapely.get_coordinates(ring) for ring in found])
+                if not all(np.isfinite(ring).all() for ring in own):
+                    raise ValueError
+            except _NO_POLYGON:
+                raise ValueError("the rings of a polygon are not lists of finite corners x, y; save it as GeoJSON "
+                                 "again.") from None
+    if not rings:
+        raise ValueError("it holds no polygon with corners; draw one around the area.")
+    if sum(map(len, rings)) > MOST_CORNERS:
+        raise ValueError(f"it has more than {MOST_CORNERS} corners; simplify its polygons.")
+    return rings
 
 
 def _system(content: Any) -> str:
-    """The coordinate system of GeoJSON, by the member that the standard of today has no more."""
+    """Return the coordinate system of GeoJSON, by the member that the standard of today has no more."""
     named = content.get("crs") if isinstance(content, dict) else None
     if named is None:
         return WGS84

@@ -21,12 +21,12 @@ ROUNDING = 1e-6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bed:
-    """Hold depths on a grid."""
+    """Depths (Y, X) [m] below the surface on an even grid of x and y [m], and where they are surveyed ones."""
 
-    x: np.ndarray  # (X,) [m]: east and north, increasing by a constant step
-    y: np.ndarray  # (X,) [m]: east and north, increasing by a constant step
-    depth: np.ndarray  # (Y, X) [m]: below the surface, everywhere
-    known: np.ndarray  # (Y, X): where the depth is a surveyed one
+    x: np.ndarray
+    y: np.ndarray
+    depth: np.ndarray
+    known: np.ndarray
 
     @property
     def step(self) -> tuple[float, float]:
@@ -40,7 +40,7 @@ class Bed:
         return np.stack([(y - self.y[0]) / along, (x - self.x[0]) / across])
 
     def depth_at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Return the depth [m] at places, between nodes linear in x and in y, beyond the grid that of its edge."""
+        """Return the depth [m] at places, linear between nodes, and beyond the grid that of its edge."""
         from scipy.ndimage import map_coordinates
 
         place = self.places(x, y)
@@ -61,8 +61,7 @@ def _span(axis, low, high):
 
 
 def bed_of(x: np.ndarray, y: np.ndarray, heights: np.ndarray) -> Bed:
-    """Make a bed of a survey's heights."""
-    # x, y (X,) [m]; heights (Y, X) [m]
+    """Return the bed of a survey's heights (Y, X) [m], z up and NaN without a depth; `ValueError` if it is all land."""
     from scipy.ndimage import distance_transform_edt
 
     factor = int(np.ceil(np.sqrt(heights.size / MOST_NODES)))
@@ -80,7 +79,7 @@ def bed_of(x: np.ndarray, y: np.ndarray, heights: np.ndarray) -> Bed:
 
 
 def _coarser(x, y, heights, factor):
-    """Means over squares of so many nodes a side."""
+    """Return means over squares of so many nodes a side."""
     rows, columns = heights.shape[0] // factor, heights.shape[1] // factor
     part = heights[:rows * factor, :columns * factor].reshape(rows, factor, columns, factor)
     known = np.isfinite(part)
@@ -92,7 +91,7 @@ def _coarser(x, y, heights, factor):
 
 
 def flat_bed(depth: float, west: float, south: float, east: float, north: float) -> Bed:
-    """Make a level bed of a depth [m] about bounds [m], with at most half a million nodes."""
+    """Return a level bed of a depth [m] about bounds [m], with at most half a million nodes."""
     longer, narrow = max(east - west, north - south), min(east - west, north - south)
     step = max(np.sqrt(longer * narrow / 5e5), longer / 1e5, min(0.1 * depth, longer / 100, narrow / 20))
     margin = 2 * step
@@ -102,8 +101,10 @@ def flat_bed(depth: float, west: float, south: float, east: float, north: float)
 
 
 def heading_along_contours(bed: Bed, area: np.ndarray, width: float) -> float | None:
-    """Return the heading along the contours."""
-    # area (Y, X); width [m] -> [rad]
+    """Return the heading [rad] along the contours of the nodes that count, None where there is none.
+
+    It is clockwise from north, 0 to π. Relief shorter than a swath's ``width`` [m] is smoothed away.
+    """
     from scipy.ndimage import gaussian_filter
 
     across, along = bed.step
@@ -117,16 +118,16 @@ def heading_along_contours(bed: Bed, area: np.ndarray, width: float) -> float | 
 
 
 def heading_along_area(corners: np.ndarray) -> float:
-    """Return the heading across which an area is narrowest, so that it takes the fewest lines."""
-    # corners (N, 2) [m] -> [rad]
-    from scipy.spatial import ConvexHull, QhullError
+    """Return the heading [rad] across which the hull of places (N, 2) [m] is narrowest, for the fewest lines.
 
-    try:
-        hull = corners[ConvexHull(corners).vertices]
-    except (QhullError, ValueError):
-        way = corners[-1] - corners[0]
-        return float(np.arctan2(way[0], way[1]) % np.pi)
-    edges = np.roll(hull, -1, axis=0) - hull
+    It is clockwise from north, 0 to π, along an edge of the hull, where the least width of a polygon is found.
+    """
+    import shapely
+
+    hull = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(corners)))
+    if len(hull) < 2:
+        return 0.0
+    edges = np.diff(hull, axis=0)
     headings = np.arctan2(edges[:, 0], edges[:, 1]) % np.pi
     headings[np.pi - headings < ROUNDING] = 0.0
     across = hull @ np.stack([np.cos(headings), -np.sin(headings)])

@@ -52,26 +52,26 @@ class SwathSonar:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Track:
-    """Hold a segment with its swath."""
+    """A segment with its swath at stations s (S,) [m]: depth under the sonar [m] and pings a second there."""
 
     segment: Segment
-    s: np.ndarray  # (S,) [m]: stations along it
+    s: np.ndarray
     edges: Edges
-    depth: np.ndarray  # (S,) [m]: under the sonar
-    rate: np.ndarray  # (S,) [1/s]: pings there
+    depth: np.ndarray
+    rate: np.ndarray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Coverage:
-    """Hold what is covered of the nodes of a bed, arrays (Y, X)."""
+    """Nodes (Y, X) that are to be covered, how many lines see each, and soundings [1/m²] of all of them."""
 
-    wanted: np.ndarray  # in the area, and of known depth
-    times: np.ndarray  # lines that see the node
-    density: np.ndarray  # [1/m²]: soundings of all of them
+    wanted: np.ndarray
+    times: np.ndarray
+    density: np.ndarray
 
     @property
     def gap(self) -> np.ndarray:
-        """Tell which nodes are wanted and not seen."""
+        """Return which nodes are wanted and not seen."""
         return self.wanted & (self.times == 0)
 
     def share(self, times: int = 1) -> float:
@@ -81,7 +81,7 @@ class Coverage:
 
 @dataclass(frozen=True, kw_only=True)
 class Gap:
-    """Hold a gap: the node of it that lies farthest in [m], and its area [m²]."""
+    """A gap: its node that lies farthest in [m], and its area [m²]."""
 
     x: float
     y: float
@@ -90,8 +90,7 @@ class Gap:
 
 def track(bed: Bed, rays: SwathRays, sonar: SwathSonar, frame: LineFrame, segment: Segment, sound_speed: float,
           step: float) -> Track:
-    """Lay a swath along a segment."""
-    # sound_speed [m/s]; step [m]
+    """Return a segment with its swath, at stations about a ``step`` [m] apart; ``sound_speed`` [m/s] is at the head."""
     length = segment.end - segment.begin
     s = np.linspace(segment.begin, segment.end, int(np.clip(np.ceil(length / step) + 1, 2, 4000)))
     edges = swath_edges(bed, rays, frame, segment.offset, s)
@@ -107,8 +106,7 @@ def track(bed: Bed, rays: SwathRays, sonar: SwathSonar, frame: LineFrame, segmen
 
 def coverage(bed: Bed, rays: SwathRays, sonar: SwathSonar, frame: LineFrame, tracks: Sequence[Track], speed: float,
              wanted: np.ndarray) -> Coverage:
-    """Count over the nodes of a bed what all swaths see."""
-    # speed [m/s]; wanted (Y, X)
+    """Count what all swaths see of the wanted nodes (Y, X) of a bed, at a speed [m/s]."""
     row, column = np.nonzero(wanted)
     along, across = frame.along_across(bed.x[column], bed.y[row])
     order = np.argsort(across)
@@ -135,7 +133,7 @@ def coverage(bed: Bed, rays: SwathRays, sonar: SwathSonar, frame: LineFrame, tra
 
 
 def _sounded(bed, rays, sonar, frame, one, speed, s, r):
-    """Soundings per square metre at places along and beside a line; 0 where nearer bed hides them."""
+    """Return soundings a square metre at places along and beside a line; 0 where nearer bed hides them."""
     farthest = max(one.edges.port.max(), one.edges.starboard.max(), 1e-6)
     number = int(np.clip(farthest / min(bed.step), 16, MOST_SAMPLES))
     side = np.linspace(-farthest, farthest, 2 * number + 1)

@@ -24,12 +24,12 @@ _EDGE = 0.01                       # [m] in which the error of a surface layer e
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CastError:
-    """Hold the depth errors of a swath over a level bed."""
+    """Depth errors (A,) [m] of beams at angles (A,) [rad] over a level bed, NaN where no ray arrives; the TVU."""
 
-    depth: float  # [m]: of the bed
-    angle: np.ndarray  # (A,) [rad]: of the beams at the head, from the vertical, to the side
-    error: np.ndarray  # (A,) [m]: depth found less the true one
-    allowed: float  # [m]: total vertical uncertainty of the order
+    depth: float
+    angle: np.ndarray
+    error: np.ndarray
+    allowed: float
 
     @property
     def outer(self) -> float:
@@ -52,8 +52,7 @@ class CastError:
 
 def depth_error(true: SoundSpeedProfile, used: SoundSpeedProfile, head_depth: float, depth: float,
                 angle: np.ndarray) -> np.ndarray:
-    """Return the depth errors [m] of beams over a level bed; NaN where no ray gets there."""
-    # head_depth, depth [m]; angle (A,) [rad]
+    """Return the depth errors [m] of beams at angles (A,) [rad] over a level bed; NaN where no ray gets there."""
     slowness = np.sin(angle) / true.at(head_depth)
     head = np.full(angle.shape, float(head_depth))
     time = Starts(profile=true, depth=head).to_depth(slowness, np.full(angle.shape, float(depth))).time
@@ -63,8 +62,7 @@ def depth_error(true: SoundSpeedProfile, used: SoundSpeedProfile, head_depth: fl
 
 def cast_error(true: SoundSpeedProfile, used: SoundSpeedProfile, head_depth: float, depth: float, half_angle: float,
                order: SurveyOrder) -> CastError:
-    """Find the depth errors of a swath over a level bed."""
-    # head_depth, depth [m]; half_angle [rad]
+    """Return the depth errors of a swath over a level bed, beside what an order allows."""
     angle = np.linspace(0.0, half_angle, 65)
     return CastError(depth=float(depth), angle=angle, error=depth_error(true, used, head_depth, depth, angle),
                      allowed=float(order.vertical(depth)))

@@ -28,7 +28,7 @@ Points = list[tuple[str, np.ndarray]]
 
 
 def check(path: FilePath, frame: Frame | None = None) -> str:
-    """Check that lines can go into a file, and give its format."""
+    """Return the format of a file for lines; `ValueError` if it has none, or takes degrees and there are none."""
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:
         raise ValueError(f"cannot write {path}: its name says no kind of file; let it end in .csv, .geojson or .gpx.")
@@ -52,7 +52,7 @@ def on_earth(frame: Frame, places: np.ndarray) -> np.ndarray:
 
 
 def _points(line: SurveyLine) -> Points:
-    """The way points of a line, and what they are."""
+    """Return the way points of a line, and what they are."""
     same = np.array_equal(line.run_in, line.start)
     return [*([] if same else [("run-in", line.run_in)]), ("start", line.start), ("end", line.end)]
 

@@ -35,17 +35,17 @@ _HALVINGS = 14                     # of the search for a line's offset
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lattice:
-    """Hold an area as nodes along and across the lines."""
+    """An area as nodes along s (S,) and across u (U,) the lines [m], increasing: which of them (S, U) are inside."""
 
     frame: LineFrame
-    s: np.ndarray  # (S,) [m]: increasing
-    u: np.ndarray  # (S,) [m]: increasing
-    inside: np.ndarray  # (S, U)
+    s: np.ndarray
+    u: np.ndarray
+    inside: np.ndarray
 
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
-    """Hold a straight piece to survey: from ``begin`` to ``end`` [m] at the offset [m] of line number ``row``."""
+    """A straight piece to survey: from ``begin`` to ``end`` [m] at the offset [m] of line number ``row``."""
 
     row: int
     offset: float
@@ -55,7 +55,7 @@ class Segment:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Edges:
-    """Hold how far a swath reaches, arrays (S,) [m]: to port and to starboard."""
+    """How far a swath reaches to port and to starboard, arrays (S,) [m]."""
 
     port: np.ndarray
     starboard: np.ndarray
@@ -67,8 +67,7 @@ class Edges:
 
 
 def swath_edges(bed: Bed, rays: SwathRays, frame: LineFrame, offset: float, s: np.ndarray) -> Edges:
-    """Find a swath's edges along a line."""
-    # offset [m]; s (S,) [m]
+    """Return a swath's edges at stations s (S,) [m] of a line."""
     farthest = float(rays.reach.max())
     number = int(np.clip(2 * farthest / min(bed.step), 32, MOST_SAMPLES))
     r = np.linspace(0.0, farthest * (1 + 1e-9), number + 1)
@@ -114,9 +113,7 @@ def _refuse_hopeless(sailed, left):
 
 
 def fitted_segments(bed: Bed, rays: SwathRays, lattice: Lattice, overlap: float, shortest: float) -> list[Segment]:
-    """Lay lines so that neighbouring swaths overlap by at least a share of the width, but for a few stations of each.
-    """
-    # shortest [m]
+    """Lay lines whose neighbouring swaths overlap by a share of the width or more, but for a few stations of each."""
     s, u, inside = lattice.s, lattice.u, lattice.inside
     last = np.where(inside.any(axis=1), u[u.size - 1 - np.argmax(inside[:, ::-1], axis=1)], -np.inf)
     front = np.full(s.size, -np.inf)
@@ -165,7 +162,7 @@ def fitted_segments(bed: Bed, rays: SwathRays, lattice: Lattice, overlap: float,
 
 
 def _farthest(fits, share, low, high):
-    """The largest offset that fits, between one that does and one that may not."""
+    """Return the largest offset that fits, between one that does and one that may not."""
     if fits(high, share):
         return high
     for _ in range(_HALVINGS):
@@ -175,7 +172,7 @@ def _farthest(fits, share, low, high):
 
 
 def _pulled_back(bed, rays, lattice, here, last, offset, farthest):
-    """The smallest offset whose swath still reaches the area's end."""
+    """Return the smallest offset whose swath still reaches the area's end."""
     low, high = offset - farthest, offset
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
@@ -197,12 +194,11 @@ def _pieces(lattice: Lattice, row: int, offset: float, wanted: npt.ArrayLike, sh
 
 
 def in_sailing_order(segments: Sequence[Segment]) -> list[tuple[Segment, bool]]:
-    """Put segments in the order of sailing, to and fro.
+    """Return segments in the order of sailing, to and fro, and whether each is sailed from ``begin`` to ``end``.
 
     Of two orders it is the one with the shorter ways between: line by line, across holes; or on one side of a hole
     first, each segment beside the last.
     """
-    # -> (Segment, bool)
     rows: dict[int, list[Segment]] = {}
     for one in sorted(segments, key=lambda one: (one.row, one.begin)):
         rows.setdefault(one.row, []).append(one)
@@ -212,18 +208,18 @@ def in_sailing_order(segments: Sequence[Segment]) -> list[tuple[Segment, bool]]:
 
 
 def _ends(one: Segment, forwards: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Where a segment is begun and left, (2,) along and across."""
+    """Return where a segment is begun and left, (2,) along and across."""
     first, last = (np.array([along, one.offset]) for along in (one.begin, one.end))
     return (first, last) if forwards else (last, first)
 
 
 def _between(order: Sequence[tuple[Segment, bool]]) -> float:
-    """The ways between segments, straight [m]."""
+    """Return the length of the straight ways between segments [m]."""
     return sum(float(np.hypot(*(_ends(*after)[0] - _ends(*before)[1]))) for before, after in zip(order, order[1:]))
 
 
 def _side_by_side(segments: Sequence[Segment]) -> list[tuple[Segment, bool]]:
-    """Each segment beside the last if there is one, else the nearest."""
+    """Return each segment beside the last if there is one, else the nearest."""
     left = list(segments)
     order = [(left.pop(0), True)]
     while left:

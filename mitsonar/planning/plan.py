@@ -17,7 +17,7 @@ from mitsonar.hydrography.survey_orders import ORDERS, SurveyOrder
 from mitsonar.units import KNOT
 from mitsonar.water.profile import SoundSpeedProfile
 
-from .area import Area, LineFrame
+from .area import Area, LineFrame, corners, inside, inside_rows
 from .bed import Bed, heading_along_area, heading_along_contours
 from .coverage import Coverage, Gap, SwathSonar, Track, coverage, gaps, track
 from .errors import CastError, cast_error
@@ -114,8 +114,8 @@ def plan(bed: Bed, profile: SoundSpeedProfile, sonar: SwathSonar, layout: Layout
     layout = layout or Layout()
     least = sonar.head_depth + 1.0 if layout.least_depth is None else layout.least_depth
     asked, bed = _nodes(bed, area, sonar)
-    inside = asked & ~(bed.known & (bed.depth < least))
-    wanted = inside & bed.known
+    deep = asked & ~(bed.known & (bed.depth < least))
+    wanted = deep & bed.known
     if not wanted.any():
         deepest = float(bed.depth[asked & bed.known].max())
         raise ValueError(f"the area is nowhere deeper than {deepest:.3g} m, and what is shoaler than {least:.3g} m is "
@@ -127,7 +127,7 @@ def plan(bed: Bed, profile: SoundSpeedProfile, sonar: SwathSonar, layout: Layout
     width = 2 * float(rays.reach_at(mean))
     heading, contours = _heading(bed, wanted, width, layout, area)
     frame = LineFrame(heading=heading)
-    lattice = _lattice(bed, inside, asked & ~inside, area, frame, width,
+    lattice = _lattice(bed, deep, asked & ~deep, area, frame, width,
                        layout.spacing or 2 * float(rays.reach.max()) * (1 - layout.overlap))
     shortest = 2 * layout.run_in + np.pi * layout.turn_radius
     if layout.spacing is None and layout.swath_at == "line":
@@ -149,11 +149,11 @@ def plan(bed: Bed, profile: SoundSpeedProfile, sonar: SwathSonar, layout: Layout
     return Plan(lines=_lines(tracks, frame, layout), frame=frame, contours=contours, area=area, bed=bed, sonar=sonar,
                 layout=layout, rays=rays, coverage=found, gaps=tuple(gaps(bed, found)), refraction=tuple(refraction),
                 order=order, unknown=np.count_nonzero(asked & ~bed.known) / np.count_nonzero(asked),
-                shoal=1 - np.count_nonzero(inside) / np.count_nonzero(asked), least_depth=least)
+                shoal=1 - np.count_nonzero(deep) / np.count_nonzero(asked), least_depth=least)
 
 
 def _nodes(bed: Bed, area: Area | None, sonar: SwathSonar) -> tuple[np.ndarray, Bed]:
-    """Tell which nodes lie in the area, and cut the bed to what lies about it."""
+    """Return which nodes lie in the area, and the bed about it."""
     if area is None:
         return _without_specks(bed.known), bed
     west, south, east, north = area.bounds
@@ -165,13 +165,13 @@ def _nodes(bed: Bed, area: Area | None, sonar: SwathSonar) -> tuple[np.ndarray, 
     deepest = float(bed.window(west, south, east, north).depth.max())
     margin = 1.5 * np.tan(min(0.5 * sonar.swath, np.deg2rad(85))) * deepest
     near = bed.window(west - margin, south - margin, east + margin, north + margin)
-    inside = area.nodes(near.x, near.y)
-    if not inside.any():
-        raise ValueError(f"the area is {area.size:.3g} m², and no node of the bathymetry ({near.step[0]:.3g} m apart) "
+    found = inside(area, near.x, near.y)
+    if not found.any():
+        raise ValueError(f"the area is {area.area:.3g} m², and no node of the bathymetry ({near.step[0]:.3g} m apart) "
                          "lies in it; draw a larger one, or read the bathymetry at a finer resolution.")
-    if not (inside & near.known).any():
+    if not (found & near.known).any():
         raise outside
-    return inside, near
+    return found, near
 
 
 def _without_specks(known: np.ndarray) -> np.ndarray:
@@ -194,7 +194,7 @@ def _heading(bed: Bed, wanted: np.ndarray, width: float, layout: Layout,
     found = heading_along_contours(bed, wanted, width)
     if found is not None:
         return found, True
-    return heading_along_area(_outline(bed, wanted) if area is None else np.concatenate(area.rings)), False
+    return heading_along_area(_outline(bed, wanted) if area is None else np.concatenate(corners(area))), False
 
 
 def _outline(bed: Bed, inside: np.ndarray) -> np.ndarray:
@@ -204,18 +204,16 @@ def _outline(bed: Bed, inside: np.ndarray) -> np.ndarray:
     return np.concatenate([np.stack([bed.x[column], bed.y[row]], -1) for column in (first, last)])
 
 
-def _lattice(bed: Bed, inside: np.ndarray, shoal: np.ndarray, area: Area | None, frame: LineFrame,
+def _lattice(bed: Bed, deep: np.ndarray, shoal: np.ndarray, area: Area | None, frame: LineFrame,
              width: float, spacing: float) -> Lattice:
     """Lay nodes along and across the lines over the area but its shoals, about as close as those of the bed.
 
     Along the lines there are no more than 50 to the width of a swath [m], across several. ``spacing`` [m] is the widest
     that lines may have.
     """
-    if area is None:
-        corners = np.stack(frame.along_across(*_outline(bed, inside).T))
-    else:
-        corners = np.concatenate([np.stack(frame.along_across(*ring.T)) for ring in area.rings], axis=1)
-    low, high = corners.min(1), corners.max(1)
+    places = _outline(bed, deep) if area is None else np.concatenate(corners(area))
+    ends = np.stack(frame.along_across(*places.T))
+    low, high = ends.min(1), ends.max(1)
     refuse_many((high[1] - low[1]) / max(spacing, 1e-9), spacing)
     step = max(min(bed.step), float(np.max(high - low)) / MOST_STATIONS)
     steps = max(step, FINEST * width), max(min(step, width / 8), float(high[1] - low[1]) / MOST_OFFSETS)
@@ -223,9 +221,8 @@ def _lattice(bed: Bed, inside: np.ndarray, shoal: np.ndarray, area: Area | None,
     s, u = (np.linspace(*ends, size) for ends, size in zip(zip(low, high), number))
     # nodes on the border of the area are in it
     inner = [middle + (axis - middle) * (1 - 1e-7) for axis, middle in zip((s, u), 0.5 * (low + high))]
-    if area is not None:
-        return Lattice(frame=frame, s=s, u=u, inside=area.rows(frame, *inner) & ~_at(bed, shoal, frame, *inner))
-    return Lattice(frame=frame, s=s, u=u, inside=_at(bed, inside, frame, *inner))
+    return Lattice(frame=frame, s=s, u=u, inside=_at(bed, deep, frame, *inner) if area is None else
+                   inside_rows(area, frame, *inner) & ~_at(bed, shoal, frame, *inner))
 
 
 def _at(bed: Bed, grid: np.ndarray, frame: LineFrame, along: np.ndarray, across: np.ndarray) -> np.ndarray:

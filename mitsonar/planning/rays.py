@@ -29,21 +29,23 @@ FLATTEST = 1e-3                    # [rad] above the horizontal, of rays that co
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SwathRays:
-    """Hold the tables of a swath's rays."""
+    """Tables of a swath's rays: reach (D,) [m] over depth (D,) [m], and what bending adds to the angles of chords.
 
-    head_depth: float  # [m]
-    half_angle: float  # [rad]
-    depth: np.ndarray  # (D,) [m]: from the head to the deepest bed
-    reach: np.ndarray  # (D,) [m]: distance to the side up to which a bed of that depth is in the swath
-    bent: np.ndarray  # (K, A) [rad]
+    ``bent`` (K, A) [rad] is the angle at the head less that of the chord, over K even depths and A even angles of it.
+    """
+
+    head_depth: float
+    half_angle: float
+    depth: np.ndarray
+    reach: np.ndarray
+    bent: np.ndarray
 
     def reach_at(self, depth: Values) -> Values:
         """Return how far to the side [m] a bed of a depth [m] is in the swath; 0 at and above the head."""
         return cast(Values, np.interp(depth, self.depth, self.reach))
 
     def angle(self, distance: np.ndarray, depth: np.ndarray) -> np.ndarray:
-        """Return the angle from the vertical at the head [rad] of the ray to a bed."""
-        # distance, depth (...) [m]
+        """Return the angle from the vertical at the head [rad] of the ray to a bed at a distance and a depth [m]."""
         from scipy.ndimage import map_coordinates
 
         below = np.maximum(depth - self.head_depth, 1e-9)
@@ -60,8 +62,10 @@ def _farthest_chord() -> float:
 
 def swath_rays(profile: SoundSpeedProfile, *, head_depth: float, half_angle: float, deepest: float,
                max_range: float = np.inf) -> SwathRays:
-    """Trace the rays of a swath down to the deepest bed."""
-    # head_depth [m]; half_angle [rad]; deepest [m]; max_range [m]
+    """Trace the rays of a swath down to the deepest bed [m], which ends at ``max_range`` [m].
+
+    `ValueError` if the bed lies above the head, or the angle or the range is out of its range.
+    """
     if not deepest > head_depth >= 0:
         raise ValueError(f"the sonar's head is at {head_depth:g} m and the bed nowhere deeper than {deepest:g} m; the "
                          "head must be in the water and above the bed.")
@@ -81,17 +85,14 @@ def swath_rays(profile: SoundSpeedProfile, *, head_depth: float, half_angle: flo
 
 
 def distance(profile: SoundSpeedProfile, head_depth: float, depth: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """Return how far to the side [m] rays are when they reach depths; of rays that turn before, how far the flattest
-    is.
-    """
-    # head_depth [m]; depth (N,) [m]; angle (N,) [rad]
+    """Return how far to the side [m] rays are at depths (N,) [m]; for rays that turn before, that of the flattest."""
     layers = Layers.between(profile, np.full(depth.size, float(head_depth)), depth)
     cosine = np.minimum(np.sin(angle) * layers.fastest / profile.at(head_depth), np.cos(FLATTEST))
     return cosine / layers.fastest * layers.reach(np.sqrt(1 - cosine**2), cosine)[0]
 
 
 def _bending(profile: SoundSpeedProfile, head_depth: float, depth: np.ndarray, half_angle: float) -> np.ndarray:
-    """Angle at the head less the chord's, over even depths and even angles of the chord (K, A)."""
+    """Return the angle at the head less the chord's, over even depths and even angles of the chord (K, A)."""
     angles = np.linspace(0.0, half_angle, ANGLES)
     below = depth[1:]
     chords = np.stack([np.arctan2(distance(profile, head_depth, below, np.full(below.size, one)), below - head_depth)

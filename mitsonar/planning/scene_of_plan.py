@@ -27,13 +27,13 @@ DEFAULT_PRESET = "shallow_400khz"
 
 @dataclass(frozen=True, kw_only=True)
 class BedFile:
-    """Say which files a plan was made of."""
+    """Files that a plan was made of; no bathymetry is a level bed, no cast 1500 m/s."""
 
-    bathymetry: str | None = None  # none
+    bathymetry: str | None = None
     vertical: str = "auto"
-    resolution: float | None = None  # [m]
-    crs: str | None = None  # that the file does not name
-    cast: str | None = None  # none
+    resolution: float | None = None
+    crs: str | None = None
+    cast: str | None = None
 
 
 def write(plan: Plan, path: FilePath, frame: Frame, files: BedFile) -> None:
@@ -114,13 +114,13 @@ def _sensor(root: ElementTree.Element, plan: Plan, files: BedFile, folder: str) 
 
 
 def _farthest(plan: Plan) -> float:
-    """The farthest slant range of all lines [m]."""
+    """Return the farthest slant range of all lines [m]."""
     reach = max(max(float(line.track.edges.port.max()), float(line.track.edges.starboard.max())) for line in plan.lines)
     return float(np.hypot(reach, plan.depths[2]))
 
 
 def _over_bed(plan: Plan, line: SurveyLine) -> np.ndarray | None:
-    """The ends (2, 2) of a line's longest piece over known bed; None where there is none."""
+    """Return the ends (2, 2) of a line's longest piece over known bed; None where there is none."""
     along = _between(plan, np.stack([line.start, line.end]))
     edges = np.flatnonzero(np.diff(np.r_[False, _known(plan, along), False].astype(int))).reshape(-1, 2)
     if not edges.size:
@@ -130,14 +130,14 @@ def _over_bed(plan: Plan, line: SurveyLine) -> np.ndarray | None:
 
 
 def _between(plan: Plan, places: np.ndarray) -> np.ndarray:
-    """Places (P, 2) every half node along the straight ways between places."""
+    """Return places (P, 2) every half node along the straight ways between places."""
     ways = [np.linspace(one, other, 2 + int(2 * np.hypot(*(other - one)) / min(plan.bed.step)))
             for one, other in zip(places, places[1:])]
     return np.concatenate(ways)
 
 
 def _known(plan: Plan, places: np.ndarray) -> np.ndarray:
-    """Tell where the bed is known all around, and deeper than the sonar's head."""
+    """Return where the bed is known all around, and deeper than the sonar's head."""
     from scipy.ndimage import map_coordinates
 
     bed = plan.bed
@@ -150,7 +150,7 @@ def _points(places: np.ndarray) -> str:
 
 
 def _relative(file: str, folder: str) -> str:
-    """The way to a file from the scene's folder, whose siblings may move with it."""
+    """Return the way to a file from the scene's folder, whose siblings may move with it."""
     return os.path.relpath(os.path.abspath(file), folder)
 
 

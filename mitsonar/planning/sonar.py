@@ -14,7 +14,10 @@ _TAGS = ("string", "float", "integer")
 
 
 def planned_sonar(name: str) -> dict[str, Any]:
-    """Return the fields of `hydrography.planning_coverage.SwathSonar` that a sonar says, and its cast."""
+    """Return the fields of `SwathSonar` that a preset or a scene states, and its cast if it names one.
+
+    ``swath_deg`` stands in place of swath. `ValueError` if there is no such preset, scene or sensor.
+    """
     known = presets(KIND)
     if name in known:
         return _fields(known[name]) | {"name": name}
@@ -30,7 +33,7 @@ def _fields(about: dict[str, Any]) -> dict[str, Any]:
 
 
 def _of_scene(path: str) -> dict[str, Any]:
-    """What a scene's sensor says, its defaults filled in."""
+    """Return what a scene's sensor states, its defaults filled in."""
     scenes.check(path, {})
     root = scenes.root(path)
     values: dict[str, str] = {}
@@ -65,6 +68,6 @@ def _of_scene(path: str) -> dict[str, Any]:
 
 
 def _said(element: ElementTree.Element, values: dict[str, str]) -> dict[str, str]:
-    """The attributes of an element by name, but empty ones."""
+    """Return the attributes of an element by name, but empty ones."""
     found = {one.get("name", ""): scenes.filled(one.get("value", ""), values) for one in element if one.tag in _TAGS}
     return {name: value for name, value in found.items() if value.strip()}

@@ -1,7 +1,12 @@
-"""The numbers of a plan, as its JSON file holds them: in the units that their names say."""
+"""The numbers of a plan, in the units that their names say: as a JSON file, and as text for those who sail it.
+
+The text is a table of templates, whose fields name the numbers; ``distance``, ``surface``, ``clock`` and ``share`` are
+formats besides Python's own.
+"""
 from __future__ import annotations
 
 import json
+import string
 from typing import Any
 
 import numpy as np
@@ -14,8 +19,51 @@ from .errors import CastError
 from .line_files import on_earth
 from .plan import Plan
 
-MOST_GAPS = 20                     # listed
-RARE_PERCENT = 5.0                 # of the area, that is sounded less densely than the number given
+MOST_GAPS = 20                     # listed in the file
+MOST_LINES = 60                    # listed in the text
+
+_HEAD = """\
+area      {area[size_m2]:surface}, {area[shoalest_m]:.1f} to {area[deepest_m]:.1f} m deep, mean {area[mean_m]:.1f} m
+sonar     {name}{sonar[beams]} beams over {sonar[swath_deg]:g} degrees, even in {sonar[even]}, head at \
+{sonar[head_depth_m]:g} m
+heading   {heading_deg:.1f} degrees and back, {why}
+
+ line  heading   length   depth  swath min/mean   ping every    turn"""
+_LINE = """\
+{line:5d}  {heading_deg:7.1f} {length_m:6.0f} m {mean_m:5.1f} m {swath:>15} {ping_every_m:10.2f} m {turn:>7}"""
+_SUMS = """
+length    {length_m[all]:distance}: lines {length_m[lines]:distance}, run-ins {length_m[run_ins]:distance}, turns \
+{length_m[turns]:distance}
+time      {time_s[all]:clock} at {speed_knots:.3g} knots, {time_s[lines]:clock} of it on lines
+soundings {soundings:,} in {pings:,} pings
+density   {density_per_m2[mean]:.2g} a square metre; less than {density_per_m2[percentile_5]:.2g} on \
+5 % of what is covered
+coverage  {coverage_percent[once]:share} %, by two lines or more {coverage_percent[twice]:share} %"""
+_GAPS = """\
+gaps      {number}, {size_m2:surface} together; the largest has {largest[0][size_m2]:surface} at x \
+{largest[0][x]:.0f}, y {largest[0][y]:.0f}"""
+_NO_GAP = "gaps      none of a node of the bathymetry ({:.3g} m) or more"
+_REFRACTION = """\
+depth errors by the other profile, against S-44 order {} (TVU, 95 %, all causes together)"""
+_SUBTITLE = """\
+{lines}, {length_m[all]:distance} and {time_s[all]:clock} in all at {speed_knots:.3g} knots; \
+{coverage_percent[once]:share} % covered"""
+
+
+class _Words(string.Formatter):
+    """Templates with formats of the field."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        if format_spec == "distance":
+            return f"{value / 1000:.2f} km ({value / 1852:.2f} NM)" if value >= 1000 else f"{value:.0f} m"
+        if format_spec == "surface":
+            return f"{value / 1e6:.3f} km²" if value >= 1e5 else f"{value:,.0f} m²"
+        if format_spec == "clock":
+            minutes = round(value / 60)
+            return f"{minutes // 60} h {minutes % 60:02d} min" if minutes >= 60 else f"{minutes} min"
+        if format_spec == "share":                     # 100 only where nothing is missing
+            return "100" if value == 100 else f"{min(value, 99.99):.2f}"
+        return super().format_field(value, format_spec)
 
 
 def summary(plan: Plan, frame: Frame) -> dict[str, Any]:
@@ -27,7 +75,7 @@ def summary(plan: Plan, frame: Frame) -> dict[str, Any]:
     pings = sum(plan.pings(line) for line in plan.lines)
     # a polygon's own size is exact, that of nodes is not
     size = (np.count_nonzero(covered.wanted) * plan.bed.step[0] * plan.bed.step[1] if plan.area is None else
-            plan.area.size * (1 - plan.unknown - plan.shoal))
+            plan.area.area * (1 - plan.unknown - plan.shoal))
     seen = covered.density[covered.wanted & (covered.times > 0)]
     seen = seen if seen.size else np.zeros(1)
     shoalest, mean, deepest = plan.depths
@@ -47,13 +95,12 @@ def summary(plan: Plan, frame: Frame) -> dict[str, Any]:
         "time_s": {"lines": surveyed / layout.speed, "all": (surveyed + run_ins + turns) / layout.speed},
         "pings": pings,
         "soundings": pings * sonar.beams,
-        "density_per_m2": {"mean": float(seen.mean()), f"percentile_{RARE_PERCENT:g}": float(
-            np.percentile(seen, RARE_PERCENT))},
+        "density_per_m2": {"mean": float(seen.mean()), "percentile_5": float(np.percentile(seen, 5))},
         "coverage_percent": {"once": 100 * covered.share(), "twice": 100 * covered.share(2)},
         "gaps": {"number": len(plan.gaps), "size_m2": float(sum(gap.area for gap in plan.gaps)),
                  "largest": [{"size_m2": gap.area, **_place(frame, gap.x, gap.y)} for gap in plan.gaps[:MOST_GAPS]]},
         "order": plan.order.name,
-        "refraction": [_refraction(one) for one in plan.refraction]}
+        "refraction": [_refraction(error) for error in plan.refraction]}
 
 
 def _line(plan: Plan, number: int, frame: Frame) -> dict[str, Any]:
@@ -67,22 +114,22 @@ def _line(plan: Plan, number: int, frame: Frame) -> dict[str, Any]:
             "turn_m": None if line.turn is None else line.turn.length}
 
 
-def _refraction(one: CastError) -> dict[str, Any]:
-    worst = np.nanmax(np.abs(one.error)) if np.isfinite(one.error).any() else np.nan
-    return {"depth_m": one.depth, "allowed_m": one.allowed, "outer_beam_error_m": _finite(one.outer),
-            "nadir_error_m": _finite(float(one.error[0])), "largest_error_m": _finite(float(worst)),
-            "within_order_to_deg": _degrees(one.good_angle),
+def _refraction(errors: CastError) -> dict[str, Any]:
+    worst = np.nanmax(np.abs(errors.error)) if np.isfinite(errors.error).any() else np.nan
+    return {"depth_m": errors.depth, "allowed_m": errors.allowed, "outer_beam_error_m": _finite(errors.outer),
+            "nadir_error_m": _finite(float(errors.error[0])), "largest_error_m": _finite(float(worst)),
+            "within_order_to_deg": _degrees(errors.good_angle),
             "by_angle": [[_degrees(float(angle)), _finite(float(error))]
-                         for angle, error in zip(one.angle[::8], one.error[::8])]}
+                         for angle, error in zip(errors.angle[::8], errors.error[::8])]}
 
 
 def _place(frame: Frame, x: float, y: float) -> dict[str, float]:
-    """A place, also on Earth where it is known."""
-    found = {"x": float(x) + frame.origin[0], "y": float(y) + frame.origin[1]}
+    """Return a place, also on Earth where it is known."""
+    place = {"x": float(x) + frame.origin[0], "y": float(y) + frame.origin[1]}
     if frame.crs:
         latitude, longitude = on_earth(frame, np.array([[x, y]]))[0]
-        found |= {"latitude": round(float(latitude), 9), "longitude": round(float(longitude), 9)}
-    return found
+        place |= {"latitude": round(float(latitude), 9), "longitude": round(float(longitude), 9)}
+    return place
 
 
 def _degrees(angle: float) -> float:
@@ -90,7 +137,7 @@ def _degrees(angle: float) -> float:
 
 
 def _finite(value: float) -> float | None:
-    """A number as JSON takes it: nothing for none, and for one without end."""
+    """Return a number as JSON takes it: None for infinity and for NaN."""
     return float(value) if np.isfinite(value) else None
 
 
@@ -98,3 +145,37 @@ def write(numbers: dict[str, Any], path: FilePath) -> None:
     """Write the numbers as JSON."""
     with replacing(path) as temporary:
         temporary.write_text(json.dumps(numbers, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def subtitle(numbers: dict[str, Any]) -> str:
+    """Return the plan in one line, for the head of its map."""
+    count = len(numbers["lines"])
+    return _Words().format(_SUBTITLE, **numbers | {"lines": f"{count} line{'' if count == 1 else 's'}"})
+
+
+def report(numbers: dict[str, Any]) -> str:
+    """Return the plan as text."""
+    words, lines, gaps = _Words(), numbers["lines"], numbers["gaps"]
+    name = f"{numbers['sonar']['name']}: " if numbers["sonar"]["name"] else ""
+    why = {"given": "as asked", "contours": "along the contours", "area": "along the area"}[numbers["heading_by"]]
+    rows = [words.format(_HEAD, name=name, why=why, **numbers)]
+    rows += [words.format(_LINE, **line, swath=words.format("{least:.0f}/{mean:.0f} m", **line["swath_m"]),
+                          turn="-" if line["turn_m"] is None else f"{line['turn_m']:.0f} m")
+             for line in lines[:MOST_LINES]]
+    if len(lines) > MOST_LINES:
+        rows.append(f"      ... and {len(lines) - MOST_LINES} more; --json lists all")
+    rows.append(words.format(_SUMS, **numbers))
+    rows.append(words.format(_GAPS, **gaps) if gaps["number"] else _NO_GAP.format(max(numbers["area"]["cell_m"])))
+    if numbers["refraction"]:
+        rows.append(_REFRACTION.format(numbers["order"]))
+    half = 0.5 * numbers["sonar"]["swath_deg"]
+    return "\n".join([*rows, *(_error_words(errors, half) for errors in numbers["refraction"])])
+
+
+def _error_words(errors: dict[str, Any], half_swath_deg: float) -> str:
+    outer, allowed, within = errors["outer_beam_error_m"], errors["allowed_m"], errors["within_order_to_deg"]
+    what = ("the outermost beams are lost: their rays turn back upwards" if outer is None else
+            f"outermost beams {outer:+.2f} m ({100 * abs(outer) / allowed:.0f} % of {allowed:.2f} m)")
+    reach = ("all beams within the order" if within >= half_swath_deg - 1e-3 else
+             f"within the order to {within:.1f} degrees a side")
+    return f"  at {errors['depth_m']:6.1f} m: {what}, nadir {errors['nadir_error_m'] or 0.0:+.2f} m; {reach}"

@@ -1,98 +1,78 @@
 """The shortest way from the end of one survey line to the beginning of the next, with arcs no tighter than a radius.
 
 It is one of six: an arc, a straight or a third arc between, and an arc (Dubins 1957, American Journal of Mathematics
-79; the angles as of Shkel and Lumelsky 2001, Robotics and Autonomous Systems 34, eqs. 2 to 11). Between parallel lines
-that are sailed to and fro at a distance w this is
+79). In radii, with D the way from the first arc's centre to the last one's,
+
+    both to one side     straight |D| along D,        or for |D| <= 4 an arc of 2 π - 2 asin(|D| / 4) between
+    to either side       straight sqrt(|D|² - 4), by atan2(2, straight) to the first side of D
+
+Between parallel lines that are sailed to and fro at a distance w this is
 
     w >= 2 R:  π R + w - 2 R                    w < 2 R:  R (π + 4 arccos((2 R + w) / (4 R)))
 
-the second swinging out to the other side first. R -> ``radius``. Angles within are those of mathematics:
-counterclockwise from east.
+the second swinging out to the other side first. R -> ``radius``. Places are complex numbers here, east + i north, and
+angles counterclockwise from east.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import accumulate
-from math import acos, atan2, cos, hypot, inf, pi, sin, sqrt
+from cmath import phase
+from collections.abc import Iterator
+from math import acos, asin, atan2, pi, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
-FULL = 2 * pi
-_SAME = 1e-6                       # in radii: how near a way must end
-_LEFT, _STRAIGHT, _RIGHT = 1.0, 0.0, -1.0
+_ROUNDING = 9                      # digits to which ways are as long as each other, in radii
+_Parts = tuple[float, float, float]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Turn:
-    """Hold a way from one line to the next."""
+class Turn(NamedTuple):
+    """Way from one line to the next: its length [m], and places along it (N, 2) [m]."""
 
-    length: float  # [m]
-    path: np.ndarray  # (N, 2) [m]: x and y along it, from end to begin
+    length: float
+    path: np.ndarray
 
 
 def turn(begin: np.ndarray, heading: float, end: np.ndarray, end_heading: float, radius: float) -> Turn:
-    """Find the shortest way between two places with headings."""
-    # begin, end (2,) [m]; heading, end_heading [rad]; radius [m]
+    """Return the shortest way between two places (2,) [m] with headings [rad], clockwise from north.
+
+    ``radius`` [m] is that of the arcs; 0: straight from place to place.
+    """
     way = np.asarray(end, float) - begin
     if radius <= 0:
-        return Turn(length=float(np.hypot(*way)), path=np.stack([begin, end]))
-    x, y = way / radius
+        return Turn(float(np.hypot(*way)), np.stack([begin, end]))
     start, goal = 0.5 * pi - heading, 0.5 * pi - end_heading
-    apart, bearing = hypot(x, y), atan2(y, x)
-    signs: tuple[float, ...] = ()
-    lengths: tuple[float, ...] = ()
-    shortest = inf
-    for turns, parts in _words(apart, (start - bearing) % FULL, (goal - bearing) % FULL):
-        (u, v), total = _walked(start, turns, parts, [sum(parts)])[0], sum(parts)
-        if total < shortest - _SAME and hypot(u - x, v - y) < _SAME * max(1.0, apart):
-            signs, lengths, shortest = turns, parts, total
-    places = np.linspace(0.0, shortest, 2 + int(shortest / 0.1) if shortest < 100 else 1000)
-    path = np.array(_walked(start, signs, lengths, places)) * radius + begin
-    return Turn(length=float(shortest * radius), path=path)
+    signs, lengths = min(_words(complex(*way) / radius, start, goal), key=lambda word: round(sum(word[1]), _ROUNDING))
+    whole = sum(lengths)
+    left = np.linspace(0.0, whole, 2 + int(whole / 0.1) if whole < 100 else 1000)
+    place, angle = np.zeros(left.size, np.complex128), start
+    for sign, length in zip(signs, lengths):
+        part = np.clip(left, 0.0, length)
+        place += np.exp(1j * angle) * (1j * sign * (1 - np.exp(1j * sign * part)) if sign else part)
+        left, angle = left - length, angle + sign * length
+    return Turn(whole * radius, np.stack([np.real(place), np.imag(place)], -1) * radius + begin)
 
 
-def _words(d, start, goal):
-    """Yield the six ways between two angles, d radii apart: their turns, and the lengths of their parts.
-
-    Those that begin to starboard are those to port in a mirror.
-    """
-    for side in (_LEFT, _RIGHT):
-        a, b = side * start, side * goal
-        sa, ca, sb, cb, cab = sin(a), cos(a), sin(b), cos(b), cos(a - b)
-        square = 2 + d * d - 2 * cab + 2 * d * (sa - sb)
-        lead = atan2(cb - ca, d + sa - sb)
-        if square >= 0:
-            yield (side, _STRAIGHT, side), (_positive(lead - a), sqrt(square), _positive(b - lead))
-        share = (6 - d * d + 2 * cab + 2 * d * (sb - sa)) / 8
-        if abs(share) <= 1:
-            middle = FULL - acos(share)
-            first = _positive(-a - atan2(ca - cb, d + sa - sb) + 0.5 * middle)
-            yield (side, -side, side), (first, middle, _positive(b - a - first + middle))
-        square = d * d - 2 + 2 * cab + 2 * d * (sa + sb)
-        if square >= 0:
-            lead = atan2(-ca - cb, d + sa + sb) - atan2(-2.0, sqrt(square))
-            yield (side, _STRAIGHT, -side), (_positive(lead - a), sqrt(square), _positive(lead - b))
+def _words(way: complex, start: float, goal: float) -> Iterator[tuple[_Parts, _Parts]]:
+    """Yield the six ways: the signs of their turns, 1 to port, and the lengths of their parts in radii."""
+    for side in (1.0, -1.0):
+        for last in (side, -side):
+            between = way + 1j * (last * np.exp(1j * goal) - side * np.exp(1j * start))
+            apart = abs(between)
+            lead = phase(between) if apart > 1e-9 else start          # one arc: its middle stays
+            if side == last:
+                yield (side, 0.0, side), (_positive(side * (lead - start)), apart, _positive(side * (goal - lead)))
+                if apart <= 4:
+                    middle, lead = 2 * pi - 2 * asin(apart / 4), lead + side * (acos(apart / 4) + 0.5 * pi)
+                    yield (side, -side, side), (_positive(side * (lead - start)), middle,
+                                                _positive(side * (goal - lead) + middle))
+            elif apart >= 2:
+                straight = sqrt(apart**2 - 4)
+                lead += side * atan2(2.0, straight)
+                yield (side, 0.0, last), (_positive(side * (lead - start)), straight, _positive(last * (goal - lead)))
 
 
-def _positive(angle):
-    """An angle from 0 to a full turn, of which rounding makes none."""
-    angle = angle % FULL
-    return 0.0 if angle > FULL - 1e-9 else angle
-
-
-def _walked(start, signs, lengths, places):
-    """Where one is, in radii from the start, after so much of a way."""
-    found, ends = [], [0.0, *accumulate(lengths)]
-    for place in places:
-        x = y = 0.0
-        angle = start
-        for sign, begin, length in zip(signs, ends, lengths):
-            part = min(max(place - begin, 0.0), length)
-            if sign == _STRAIGHT:
-                x, y = x + part * cos(angle), y + part * sin(angle)
-            else:
-                x += sign * (sin(angle + sign * part) - sin(angle))
-                y -= sign * (cos(angle + sign * part) - cos(angle))
-                angle += sign * part
-        found.append((x, y))
-    return found
+def _positive(angle: float) -> float:
+    """Return an angle from 0 to a full turn; 0 for a full turn but for rounding."""
+    angle = angle % (2 * pi)
+    return 0.0 if angle > 2 * pi - 1e-9 else angle

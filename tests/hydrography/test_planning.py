@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from mitsonar.planning.area import polygon
+from mitsonar.planning.area import inside, polygon
 from mitsonar.planning.bed import bed_of, flat_bed
 from mitsonar.planning.coverage import SwathSonar
 from mitsonar.planning.lines import Segment, in_sailing_order
@@ -113,7 +113,7 @@ def test_neighbouring_swaths_overlap_everywhere_by_what_was_asked():
 
 def test_no_line_leads_through_a_wide_hole_of_the_area():
     area = polygon([box(0, 0, 1000, 800), box(300, 200, 700, 600)])
-    assert area.size == pytest.approx(800_000 - 160_000)
+    assert area.area == pytest.approx(800_000 - 160_000)
     found = planned(area, Layout(heading=np.pi / 2, run_in=10, turn_radius=10))
     for line in found.lines:
         offset, (west, east) = -line.track.segment.offset, sorted((line.start[0], line.end[0]))
@@ -121,6 +121,16 @@ def test_no_line_leads_through_a_wide_hole_of_the_area():
             assert east <= 310 or west >= 690
     assert found.coverage.share() == 1.0
     assert np.count_nonzero(found.coverage.wanted) * np.prod(found.bed.step) == pytest.approx(640_000, rel=0.03)
+
+
+@pytest.mark.parametrize("rings, size", [
+    ([box(0, 0, 10, 8), box(2, 2, 8, 6), box(4, 3, 6, 5)], 60),                          # a hole, an island in it
+    ([box(0, 0, 5, 5), box(5, 0, 10, 5)], 50),                                           # an edge in common
+    ([box(0, 0, 5, 5), box(5, 5, 8, 8)], 34), ([box(0, 0, 5, 5), box(0, 1, 2, 3)], 21)])  # a corner; a bay
+def test_a_place_is_in_the_area_within_an_odd_number_of_rings(rings, size):
+    area = polygon(rings)
+    assert area.area == pytest.approx(size)
+    assert np.count_nonzero(inside(area, np.arange(12.0), np.arange(10.0))) == size      # nodes west and south are in
 
 
 def test_shoals_are_left_out_of_the_area():
@@ -169,6 +179,7 @@ def test_ten_square_kilometres_take_seconds():
 @pytest.mark.parametrize("rings, words", [
     ([], "the area is empty"), ([np.zeros((0, 2))], "ring of 0 corners"),
     ([box(0, 0, 10, 10)[[0, 2, 1, 3]]], "crosses itself near x = "),
+    ([box(0, 0, 10, 10), box(5, 5, 15, 15)], "crosses itself near x = "),
     ([np.array([[0, 0], [1, 1], [2, 2.0]])], "has no extent"), ([np.array([[0, 0], [1, 1], [np.nan, 2.0]])], "finite"),
     ([np.random.default_rng(0).normal(size=(30_000, 2))], "30000 corners, more than")])
 def test_an_area_that_is_none_is_refused(rings, words):

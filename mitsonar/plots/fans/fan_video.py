@@ -59,7 +59,7 @@ def video(records: xr.Dataset | FilePath | Iterable[xr.Dataset | FilePath], path
 
     Notes
     -----
-    An MP4 needs the program ffmpeg, as the package ``imageio-ffmpeg`` brings it.
+    An MP4 needs the extra ``video``: ``pip install 'mitsonar[video]'``.
     """
     if fps is not None and not 0 < fps <= 1000:
         raise ValueError(f"the video has {fps:g} frames a second; give a number above 0 and at most 1000.")

@@ -1,17 +1,16 @@
 """Files that frames go into one after another, so that memory does not grow with their number.
 
-A folder gets a PNG a frame, a GIF frames of one palette, an MP4 (H.264) what ``ffmpeg`` makes of raw frames: that of
-the package ``imageio-ffmpeg`` where it is installed, else the system's.
+A folder gets a PNG a frame, a GIF frames of one palette by Pillow, an MP4 (H.264) what imageio makes of the frames: of
+the extra ``video``.
 """
 import contextlib
 import os
 import shutil
-import subprocess
 import tempfile
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, cast, final
+from typing import IO, Any, final
 
 import numpy as np
 from matplotlib.colors import Colormap, to_rgb
@@ -25,6 +24,7 @@ KINDS = (".gif", ".mp4")           # and a folder, whose name has no suffix
 SHADES = 224                       # of a GIF's 256 colours: those of the picture; the rest are the frame's
 FASTEST_GIF = 50                   # frames a second: viewers slow down what is faster
 QUALITY = "20"                     # of H.264, as its constant rate factor: noise is hard to compress
+_FAILED = "ffmpeg could not write the video, for the reason that it printed; write a GIF or a folder of PNG files."
 
 
 class MovieFile(ABC):
@@ -54,7 +54,7 @@ def movie_file(path: FilePath, fps: float, colours: Colormap) -> Iterator[MovieF
                 yield gif
                 gif.end()
             return
-        with _Mp4(_ffmpeg(path), temporary, fps) as movie:
+        with _mp4(path, temporary, fps) as movie:
             yield movie
 
 
@@ -73,7 +73,7 @@ def check_movie(path: FilePath) -> str:
         return kind
     check_writable(path)
     if kind == ".mp4":
-        _ffmpeg(path)
+        _video_packages(path)
     return kind
 
 
@@ -148,56 +148,48 @@ def _palette(colours: Colormap) -> list[int]:
 
 @final
 class _Mp4(MovieFile):
-    """A pipe to ffmpeg, which is started when the first frame says how large frames are."""
+    """H.264 by imageio, whose frames have even sides."""
 
-    def __init__(self, program: str, path: Path, fps: float) -> None:
-        self._program, self._path, self._fps = program, path, fps
-        self._running: subprocess.Popen[bytes] | None = None
-        self._said = tempfile.TemporaryFile()
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, kind, *_):
-        running = self._running
-        if running is not None:
-            with contextlib.suppress(BrokenPipeError):
-                cast(IO[bytes], running.stdin).close()
-            if kind is not None:
-                running.kill()
-            if running.wait() and kind is None:
-                raise self._failure()
-        self._said.close()
+    def __init__(self, writer: Any) -> None:
+        self._writer, self.count = writer, 0
 
     def add(self, pixels: np.ndarray) -> None:
         even = np.pad(pixels, [(0, pixels.shape[0] % 2), (0, pixels.shape[1] % 2), (0, 0)], mode="edge")
-        if self._running is None:
-            size = f"{even.shape[1]}x{even.shape[0]}"
-            self._running = subprocess.Popen(
-                [self._program, "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size,
-                 "-r", f"{self._fps:.6g}", "-i", "-", "-c:v", "libx264", "-crf", QUALITY, "-pix_fmt", "yuv420p",
-                 "-f", "mp4", str(self._path)], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=self._said)
+        self._writer.append_data(even)
+        self.count += 1
+
+
+@contextlib.contextmanager
+def _mp4(path: FilePath, temporary: Path, fps: float) -> Iterator[_Mp4]:
+    """Open an MP4, and count its frames when all are in: imageio does not ask ffmpeg how it ended."""
+    imageio, imageio_ffmpeg = _video_packages(path)
+    writer = imageio.get_writer(str(temporary), format="FFMPEG", mode="I", fps=fps, codec="libx264", quality=None,
+                                macro_block_size=1, ffmpeg_log_level="error",
+                                output_params=["-crf", QUALITY, "-f", "mp4"])
+    with writer:
+        movie = _Mp4(writer)
         try:
-            cast(IO[bytes], self._running.stdin).write(np.ascontiguousarray(even).data)
-        except BrokenPipeError:
-            raise self._failure() from None
+            yield movie
+        except OSError as error:
+            if "FFMPEG COMMAND" not in str(error):
+                raise
+            raise OSError(_FAILED) from None
+    try:
+        written = movie.count and imageio_ffmpeg.count_frames_and_secs(str(temporary))[0]
+    except (OSError, RuntimeError):
+        written = -1
+    if written != movie.count:
+        raise OSError(_FAILED)
 
-    def _failure(self) -> OSError:
-        """What ffmpeg said last, as an error."""
-        self._said.seek(0)
-        said = self._said.read().decode("utf-8", "replace").strip().splitlines()
-        return OSError(f"ffmpeg could not write the video: {said[-1] if said else 'it ended'}; write a GIF or a folder "
-                       "of PNG files.")
 
+def _video_packages(path: FilePath) -> tuple[Any, Any]:
+    """Return imageio and imageio_ffmpeg, which has found a program ffmpeg."""
+    try:
+        import imageio.v2 as imageio  # pyright: ignore[reportMissingImports]  # of the extra video
+        import imageio_ffmpeg  # pyright: ignore[reportMissingImports]  # of the extra video
 
-def _ffmpeg(path: FilePath) -> str:
-    """The program's path, of the package or of the system."""
-    with contextlib.suppress(ImportError, RuntimeError):
-        from imageio_ffmpeg import get_ffmpeg_exe  # pyright: ignore[reportMissingImports]  # an optional package
-
-        return get_ffmpeg_exe()
-    program = shutil.which("ffmpeg")
-    if program is None:
-        raise ValueError(f"cannot write {path}: MP4 files need the program ffmpeg; run pip install imageio-ffmpeg, or "
-                         "give a name that ends in .gif, or a folder for PNG files.")
-    return program
+        imageio_ffmpeg.get_ffmpeg_exe()
+    except (ImportError, RuntimeError):
+        raise ValueError(f"cannot write {path}: MP4 files need the extra video; run pip install 'mitsonar[video]', or "
+                         "give a name that ends in .gif, or a folder for PNG files.") from None
+    return imageio, imageio_ffmpeg

@@ -13,6 +13,7 @@ from matplotlib.transforms import IdentityTransform
 
 from mitsonar.device.files import FilePath, check_writable
 from mitsonar.io.tracks.navigation import Frame
+from mitsonar.planning.area import corners
 from mitsonar.planning.plan import Plan, SurveyLine
 
 from .. import canvas
@@ -47,7 +48,7 @@ def survey_plan(plan: Plan, path: FilePath, frame: Frame, *, title: str = "", su
 
 
 def _extent(plan: Plan) -> tuple[float, float, float, float]:
-    """What is drawn: the area, the swaths, the lines and the turns, with a margin."""
+    """Return the bounds of the area, the swaths, the lines and the turns, with a margin."""
     row, column = np.nonzero(plan.coverage.wanted)
     places = [np.array([[plan.bed.x[column.min()], plan.bed.y[row.min()]],
                          [plan.bed.x[column.max()], plan.bed.y[row.max()]]])]
@@ -63,7 +64,7 @@ def _extent(plan: Plan) -> tuple[float, float, float, float]:
 
 
 def _relief(plan: Plan, axes: Axes) -> None:
-    """Depths as colours, shaded from the north-west."""
+    """Draw depths as colours, shaded from the north-west."""
     bed = plan.bed
     every = max(1, max(bed.depth.shape) // MOST_NODES)
     depth = np.where(bed.known, bed.depth, np.nan)[::every, ::every]
@@ -97,10 +98,9 @@ def _gaps(plan: Plan, axes: Axes) -> None:
 
 
 def _borders(plan: Plan, axes: Axes) -> None:
-    """The area's border and the edges of all swaths."""
+    """Draw the area's border and the edges of all swaths."""
     if plan.area is not None:
-        rings = [np.concatenate([ring, ring[:1]]) for ring in plan.area.rings]
-        axes.add_collection(LineCollection(rings, colors=BORDER, linewidths=1.6, zorder=4))
+        axes.add_collection(LineCollection(corners(plan.area), colors=BORDER, linewidths=1.6, zorder=4))
     edges = []
     for line in plan.lines:
         one = line.track
@@ -110,14 +110,14 @@ def _borders(plan: Plan, axes: Axes) -> None:
 
 
 def _ways(plan: Plan, axes: Axes) -> None:
-    """Run-ins and turns."""
+    """Draw run-ins and turns."""
     ways = [np.stack([line.run_in, line.start]) for line in plan.lines]
     ways += [line.turn.path for line in plan.lines if line.turn is not None]
     axes.add_collection(LineCollection(ways, colors=TURN, linewidths=0.9, linestyles="dashed", zorder=4))
 
 
 def _numbered(plan: Plan, axes: Axes, size: float) -> None:
-    """Lines, their directions in the middle, and their numbers at the start; fewer of them where lines lie close."""
+    """Draw lines, their directions in the middle, and their numbers at the start; fewer where lines lie close."""
     ends = [np.stack([line.start, line.end]) for line in plan.lines]
     axes.add_collection(LineCollection(ends, colors=LINE, linewidths=1.2, zorder=5, capstyle="butt"))
     arrows, numbers = np.empty((0, 2)), np.empty((0, 2))
