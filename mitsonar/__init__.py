@@ -20,13 +20,12 @@ from typing import TYPE_CHECKING
 
 from mitsonar.device import llvm
 from mitsonar.device.lazy import attach
+from mitsonar.version import __version__ as __version__
 
 if TYPE_CHECKING:                                        # for annotations alone
     from collections.abc import Sequence
     from importlib.machinery import ModuleSpec
     from types import ModuleType
-
-__version__ = "0.1.0"
 
 # Public names are listed in __init__.pyi. `scenes` is the package of the scene files, which can be called.
 __getattr__, __dir__, __all__ = attach(__name__, __file__, scenes="mitsonar.scenes")

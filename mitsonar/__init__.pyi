@@ -1,12 +1,10 @@
 from . import (
     dataset as dataset,
-    doctor as doctor,
     gradients as gradients,
     hydrography as hydrography,
     imaging as imaging,
     inversion as inversion,
     io as io,
-    labelling as labelling,
     plots as plots,
     plugins as plugins,
     propagation as propagation,

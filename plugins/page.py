@@ -117,8 +117,7 @@ def _markdown(text: str) -> str:
 def _table(rows: Iterable[tuple[list[str], Attribute]]) -> str:
     lines = ["| attribute | expected | default | meaning |", "|---|---|---|---|"]
     for names, one in rows:
-        text = f"{one.text}; formerly `{one.formerly}`" if one.formerly else one.text
-        cells = ", ".join(f"`{name}`" for name in names), _expected(one), one.shown_default or "-", text
+        cells = ", ".join(f"`{name}`" for name in names), _expected(one), one.shown_default or "-", one.text
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
 

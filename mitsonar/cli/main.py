@@ -10,8 +10,8 @@ import sys
 import warnings
 from collections.abc import Sequence
 
-from mitsonar import __version__
 from mitsonar.device.sentences import sentence
+from mitsonar.version import __version__
 
 from . import (
     describing,

@@ -1,5 +1,6 @@
 """The commands that look at results: plot, video, published, validate."""
 import contextlib
+import importlib
 import os
 
 from .arguments import Commands, number, set_up, whole
@@ -133,9 +134,14 @@ def _video(arguments):
 
 
 def _published(arguments):
-    from mitsonar.validation import published
-
     set_up(None)
+    try:
+        published = importlib.import_module("mitsonar.scenes.published")
+    except ModuleNotFoundError as error:
+        if error.name != "mitsonar.scenes.published":
+            raise
+        raise ValueError("the published results are computed by scripts of the source checkout, scenes/published, and "
+                         "this mitsonar is installed without them; run the command there.") from None
     if arguments.output is None:
         print(published.text(arguments.result), flush=True)
         return

@@ -83,7 +83,7 @@ def _count(number, what):
 
 
 def _size(count):
-    for unit in ("bytes", "kB", "MB", "GB"):
+    for unit in ("bytes", "kB", "MB", "GB"):           # noqa: B007  the last one is read after the loop
         if count < 1000:
             break
         count /= 1000

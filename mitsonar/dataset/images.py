@@ -207,11 +207,15 @@ class Images:
         Raises
         ------
         ValueError
-            If there is no such variable; when it is computed, if the images differ in shape.
+            If Dask is not installed or there is no such variable; when it is computed, if the images differ in shape.
         """
-        import dask.array
+        try:
+            import dask.array
+            from dask.delayed import delayed
+        except ImportError:
+            raise ValueError('Dask, which reads images when they are used, is not installed: run pip install '
+                             '"mitsonar[cluster]", or take them into memory by stack()') from None
         import xarray
-        from dask.delayed import delayed
 
         first = self[0]
         if names is None:

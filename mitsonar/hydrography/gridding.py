@@ -45,7 +45,7 @@ class Grid:
     columns: int
 
     @classmethod
-    def over(cls, bounds: tuple[float, float, float, float], cell: float) -> "Grid":
+    def over(cls, bounds: tuple[float, float, float, float], cell: float) -> Grid:
         """Cover west, south, east, north [m]."""
         west, south, east, north = bounds
         first, top = int(np.floor(west / cell)), int(np.ceil(north / cell))

@@ -11,7 +11,7 @@ import drjit as dr
 import mitsuba as mi
 
 
-def held(scene: "mi.Scene") -> dict[str, Any]:
+def held(scene: mi.Scene) -> dict[str, Any]:
     """Keep every value that ``mi.traverse`` shows, by its name."""
     parameters = mi.traverse(scene)
     values = ((name, _numbers(parameters[name])) for name in parameters.keys())
@@ -19,7 +19,7 @@ def held(scene: "mi.Scene") -> dict[str, Any]:
     return {name: type(value)(value) if dr.is_array_v(value) else value for name, value in values}
 
 
-def altered(scene: "mi.Scene", before: dict[str, Any]) -> list[str]:
+def altered(scene: mi.Scene, before: dict[str, Any]) -> list[str]:
     """Names of the values that are not as they were."""
     parameters = mi.traverse(scene)
     now, then = set(parameters.keys()), set(before)

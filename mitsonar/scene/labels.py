@@ -25,7 +25,7 @@ class ShapeLabels:
     """Number the instances of a scene."""
     # names [int, str]; classes [int, str]; class_of [int, int]
 
-    def __init__(self, shapes: "Sequence[mi.Shape]"):
+    def __init__(self, shapes: Sequence[mi.Shape]):
         names = sorted({name for shape in shapes for name in _names(shape)})
         for name in names:
             check_name(name)
@@ -47,11 +47,11 @@ class ShapeLabels:
         """Return whether there are objects that may hide a seabed."""
         return bool(self.objects) and bool(self.seabed)
 
-    def of(self, shape: "mi.Shape") -> int:
+    def of(self, shape: mi.Shape) -> int:
         """Number of a shape, of its first part where it has parts."""
         return self._number[_names(shape)[0]]
 
-    def of_faces(self, shape: "mi.Shape", faces: int) -> np.ndarray:
+    def of_faces(self, shape: mi.Shape, faces: int) -> np.ndarray:
         """Numbers of a mesh's `faces` faces, uint32 (faces,)."""
         numbers = np.array([self._number[name] for name in _names(shape)], np.uint32)
         return numbers[part_of_face(shape)] if hasattr(shape, "part_names") else np.full(faces, numbers[0])
@@ -83,7 +83,7 @@ def classes_of(names: Mapping[int, str]) -> tuple[dict[int, str], dict[int, int]
     return classes, {number: number_of[class_name(name)] for number, name in names.items()}
 
 
-def part_of_face(shape: "mi.Shape") -> np.ndarray:
+def part_of_face(shape: mi.Shape) -> np.ndarray:
     """Part that each face of a mesh with several belongs to, (F,)."""
     return np.asarray(getattr(shape, "part_of_face")).astype(np.int64).ravel()
 

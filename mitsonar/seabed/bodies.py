@@ -58,7 +58,7 @@ class Body:
         if not np.isfinite(self.vertices).all():
             raise ValueError(f"the mesh {self.name} has vertices that are not finite numbers; export it again")
         try:
-            self.hull
+            _ = self.hull
         except QhullError:
             raise ValueError(f"the mesh {self.name} lies in a plane; give a closed body that holds a volume") from None
 
@@ -68,7 +68,7 @@ class Body:
         return float(np.ptp(self.vertices, axis=0).max())
 
     @cached_property
-    def hull(self) -> "ConvexHull":
+    def hull(self) -> ConvexHull:
         """The convex hull, a ``scipy.spatial.ConvexHull``."""
         from scipy.spatial import ConvexHull
 

@@ -202,7 +202,7 @@ Kernel: TypeAlias = Nearest | Peterson | BandLimited
 KERNELS: dict[str, type[Kernel]] = {"nearest": Nearest, "peterson": Peterson, "band_limited": BandLimited}
 
 
-def make_kernel(name: str, *, taps: int | None = None) -> "Kernel":
+def make_kernel(name: str, *, taps: int | None = None) -> Kernel:
     """Make the kernel called `name`; `taps` only where its length is free (``peterson``)."""
     if name not in KERNELS:
         raise ValueError(f"there is no kernel {name!r}; known are {', '.join(KERNELS)}")
@@ -307,7 +307,7 @@ def _columns(amplitude: ArrayLike, delay: np.ndarray) -> np.ndarray:
     return np.broadcast_to(amplitude[:, None] if amplitude.ndim == 1 else amplitude, delay.shape)
 
 
-def _transform(kernel: "Kernel", frequency: ArrayLike) -> np.ndarray:
+def _transform(kernel: Kernel, frequency: ArrayLike) -> np.ndarray:
     nodes, weights = np.polynomial.legendre.leggauss(8 * kernel.taps)
     half = 0.5 * kernel.taps
     values = kernel.impulse(half * nodes) * weights * half

@@ -33,7 +33,11 @@ class Cluster:
 
     def __init__(self, threads: int | None, place: str, folder: str, *, scheduler: str | None = None,
                  workers: int | None = None):
-        import distributed
+        try:
+            import distributed
+        except ImportError:
+            raise ValueError('Dask is not installed: run pip install "mitsonar[cluster]", or sweep without --workers '
+                             "and --scheduler") from None
 
         self.place, self.folder, self._loud = place, folder, _hushed()
         self._own: Any = None                          # what Dask gives is not declared well enough to be checked

@@ -77,8 +77,8 @@ class Inputs:
         for path in self._walk(values):
             everything.update(f"scene {self._content(path)}\n".encode())
             _, defaults, templates = self._tree(path)
-            names = {scenes.filled(template, {**defaults, **values}) for *_, template in templates}
-            for name in sorted({part for name in names for part in (name, *map(str.strip, name.split(",")))}):
+            filled = {scenes.filled(template, {**defaults, **values}) for *_, template in templates}
+            for name in sorted({part for text in filled for part in (text, *map(str.strip, text.split(",")))}):
                 found = self._find(name) if name else None
                 if found is not None:
                     everything.update(f"{name} {self._content(found)}\n".encode())
@@ -109,7 +109,7 @@ class Inputs:
                 if element.tag == "default":
                     names.add(element.get("name"))
                     defaults.setdefault(element.get("name"), element.get("value") or "")
-                for key, text in element.attrib.items():
+                for text in element.attrib.values():
                     names |= set(NAME.findall(text))
                 if element.tag == "path":
                     self.folders += (os.path.join(self.folders[0], element.get("value") or ""),)

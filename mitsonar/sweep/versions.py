@@ -1,7 +1,7 @@
 """The versions that decide what a render's bytes are."""
 import importlib.metadata
 
-from mitsonar import __version__
+from mitsonar.version import __version__
 
 
 def versions() -> dict[str, str]:

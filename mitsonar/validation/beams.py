@@ -77,7 +77,8 @@ def _shaded():
         level = db(beam_pattern(line, _towards(sine), WAVELENGTH))
         beyond = np.flatnonzero(np.diff(level) > 0)[0]
         yield Row(f"{window}: highest side lobe", float(level[beyond:].max()), lobe, 0.01, "dB")
-        edge = root_of(lambda one: float(db(beam_pattern(line, _towards(one), WAVELENGTH))) + 10 * np.log10(2), 0, 0.3)
+        edge = root_of(lambda sine, line=line: float(db(beam_pattern(line, _towards(sine), WAVELENGTH)))
+                       + 10 * np.log10(2), 0, 0.3)
         yield Row(f"{window}: full -3 dB width in (d/λ) sin ψ", edge, width, 2e-6, "-")
         yield Row(f"{window}: taper loss", float(taper_loss_db(window_weights(window, 16))), loss, 1e-4, "dB")
 

@@ -61,8 +61,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Table:
-    """Hold what a case found: its rows, panels that show them (at least one of each), and sentences about what is not
-    there."""
+    """Hold the result of a case: rows, panels that show them (at least one of each), and notes on what is missing."""
 
     rows: tuple[Row, ...]
     panels: tuple[Panel, ...]

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from mitsonar import __version__
 from mitsonar.device.files import FilePath, check_writable
 from mitsonar.plots import canvas
+from mitsonar.version import __version__
 
 from .case import Case, Table
 

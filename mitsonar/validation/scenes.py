@@ -1,4 +1,4 @@
-"""Small scenes for comparisons of the whole chain, as Mitsuba dictionaries: the builder of `validate` and of the tests.
+"""Small scenes for comparisons of the whole chain, as Mitsuba dictionaries.
 
     scene = sidescan({"bed": bed(40.0), "ball": point_target([30.0, 0.0, -38.0])}, film={"range": 60.0})
 
@@ -27,67 +27,27 @@ def sidescan(shapes: Mapping[str, Any], *, depth: float = 20.0, pings: int = 4, 
              integrator: Attributes | None = None) -> "mi.Scene":
     """Load a scene of a sidescan, by default of 100 kHz and 1000 bins to 100 m."""
     # depth [m]
-    still = {"pings": pings, **_still(depth)}
-    return _loaded(shapes, {"type": "sidescan", "preset": "towed_100khz", "speckle": False, **FLAWLESS}, still, sensor,
-                   water, {"range": 100.0, "bins": 1000, **(film or {})}, {"rays": rays, **(integrator or {})})
+    return loaded(shapes, {"type": "sidescan", "preset": "towed_100khz", "speckle": False, **FLAWLESS},
+                  {"pings": pings, **at_rest(depth)}, sensor, water, {"range": 100.0, "bins": 1000, **(film or {})},
+                  {"rays": rays, **(integrator or {})})
 
 
 def array_sonar(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: Attributes | None = None,
                 water: Attributes | None = None, film: Attributes | None = None,
                 integrator: Attributes | None = None) -> "mi.Scene":
     """Load a scene of one omnidirectional element that sends and hears, by default 100 kHz to 30 m; as `sidescan`."""
-    return _loaded(shapes, {"type": "array_sonar", "frequency_khz": 100.0}, _still(depth), sensor, water,
+    return loaded(shapes, {"type": "array_sonar", "frequency_khz": 100.0}, at_rest(depth), sensor, water,
                    {"range": 30.0, **(film or {})}, integrator or {})
 
 
-def forward_looking(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: Attributes | None = None,
-                    water: Attributes | None = None, film: Attributes | None = None,
-                    integrator: Attributes | None = None) -> "mi.Scene":
-    """Load a scene of a forward-looking sonar, by default of 720 kHz to 20 m; as `sidescan`."""
-    return _loaded(shapes, {"type": "forward_looking", "preset": "multibeam_720khz"}, _still(depth), sensor, water,
-                   {"range": 20.0, **(film or {})}, integrator or {})
-
-
-def multibeam(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: Attributes | None = None,
-              water: Attributes | None = None, film: Attributes | None = None,
-              integrator: Attributes | None = None) -> "mi.Scene":
-    """Load a scene of a multibeam echo sounder, by default of 400 kHz to 60 m; as `sidescan`."""
-    return _loaded(shapes, {"type": "multibeam", "preset": "shallow_400khz", "pings": 1}, _still(depth), sensor, water,
-                   {"range": 60.0, **(film or {})}, integrator or {})
-
-
-def synthetic_aperture(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: Attributes | None = None,
-                       water: Attributes | None = None, film: Attributes | None = None,
-                       integrator: Attributes | None = None) -> "mi.Scene":
-    """Load a scene of a synthetic aperture, by default of 300 kHz, 8 receivers, from 20 to 30 m; as `sidescan`."""
-    return _loaded(shapes, {"type": "synthetic_aperture", "preset": "minehunting_300khz", "receivers": 8, "banks": 1,
-                            "pulse_ms": 1.0, "pings": 4, "noise": False},
-                   {**_still(depth), "speed_knots": 3.0}, sensor, water,
-                   {"range_min": 20.0, "range": 30.0, **(film or {})}, integrator or {"cell": 0.25})
-
-
-def interferometric(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: Attributes | None = None,
-                    water: Attributes | None = None, film: Attributes | None = None,
-                    integrator: Attributes | None = None) -> "mi.Scene":
-    """Load a scene of an interferometric sidescan, by default of 250 kHz and 500 bins to 50 m; as `sidescan`."""
-    return _loaded(shapes, {"type": "interferometric", "preset": "four_rows_250khz", "pings": 1}, _still(depth), sensor,
-                   water, {"range": 50.0, "bins": 500, **(film or {})}, integrator or {})
-
-
-def sector_scan(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: Attributes | None = None,
-                water: Attributes | None = None, film: Attributes | None = None,
-                integrator: Attributes | None = None) -> "mi.Scene":
-    """Load a scene of a rotating head, by default of 750 kHz and 400 bins to 20 m; as `sidescan`."""
-    return _loaded(shapes, {"type": "sector_scan", "preset": "head_750khz"}, _still(depth), sensor, water,
-                   {"range": 20.0, "bins": 400, **(film or {})}, integrator or {})
-
-
-def _still(depth: float) -> dict[str, Any]:
+def at_rest(depth: float) -> dict[str, Any]:
+    """Return the attributes of a sensor that does not move and looks north, at a depth [m]."""
     return {"speed_knots": 0.0, "heading_deg": 0.0, "start": [0.0, 0.0, -float(depth)]}
 
 
-def _loaded(shapes: Mapping[str, Any], kind: Attributes, still: Attributes, sensor: Attributes | None,
+def loaded(shapes: Mapping[str, Any], kind: Attributes, still: Attributes, sensor: Attributes | None,
             water: Attributes | None, film: Attributes, integrator: Attributes) -> "mi.Scene":
+    """Load a scene of a sensor of this `kind`, which stands `at_rest` unless it follows a track."""
     from mitsonar.scene.loading import prepare
 
     prepare()

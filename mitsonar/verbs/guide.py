@@ -115,10 +115,9 @@ def _attributes(plugin: str) -> dict[str, Entry]:
     entries = {}
     for one in reference.attributes(plugin):
         default = {"": "", "needed": ", needed"}.get(one.shown_default, f", default {one.shown_default}")
-        former = f"; formerly {one.formerly}" if one.formerly else ""
         entries[one.name] = Entry("" if one.shown_default == "needed" else reference.plain(one.shown_default),
                                   reference.plain(f"{one.name}: {reference.expected(one)}{default}"),
-                                  reference.plain(one.text) + former)
+                                  reference.plain(one.text))
     return entries
 
 
@@ -128,7 +127,7 @@ def _use(use: tuple[str, str, str]) -> str:
 
     kind, label, name = use
     declared = reference.attributes(kind) if kind in reference.plugins() else []
-    known = {known: one for one in declared for known in (one.name, one.formerly)}
+    known = {one.name: one for one in declared}
     place = f"{name} of {label or kind}" if name else label or kind
     if name not in known:
         return place

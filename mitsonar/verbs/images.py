@@ -10,7 +10,6 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from mitsonar import __version__
 from mitsonar.device import llvm
 from mitsonar.device.files import FilePath
 from mitsonar.device.spelling import meant
@@ -26,6 +25,7 @@ from mitsonar.survey.kinds import sounder_kind_of
 from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.survey.pressure.signals import LEAD, pair_responses, received_signals
 from mitsonar.survey.survey import Survey
+from mitsonar.version import __version__
 from mitsonar.water.profile import SoundSpeedProfile
 
 RETURN_PATHS = (*DIFFERENCES, "eigenray")

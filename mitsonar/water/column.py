@@ -39,13 +39,13 @@ class AbsorptionColumn:
         object.__setattr__(self, "depth", nodes)
         object.__setattr__(self, "absorption_db", alpha)
 
-    def mirrored(self) -> "AbsorptionColumn":
+    def mirrored(self) -> AbsorptionColumn:
         """Make the column of this water below the surface, and above it of the same water upside down."""
         below = self.depth > 0
         depth, alpha = np.r_[0.0, self.depth[below]], np.r_[self.at(0.0), self.absorption_db[below]]
         return type(self)(np.r_[-depth[:0:-1], depth], np.r_[alpha[:0:-1], alpha])
 
-    def added(self, depth: np.ndarray, offset: np.ndarray) -> "AbsorptionColumn":
+    def added(self, depth: np.ndarray, offset: np.ndarray) -> AbsorptionColumn:
         """Make a column with something more [dB/m] at depths (K,) [m], linear between them and constant beyond."""
         nodes = np.union1d(self.depth, depth)
         return type(self)(nodes, self.at(nodes) + np.interp(nodes, depth, offset))

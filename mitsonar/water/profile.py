@@ -53,17 +53,17 @@ class SoundSpeedProfile:
         object.__setattr__(self, "sound_speed", speeds)
 
     @classmethod
-    def constant(cls, sound_speed: float) -> "SoundSpeedProfile":
+    def constant(cls, sound_speed: float) -> SoundSpeedProfile:
         """Make the profile of water with one sound speed [m/s] everywhere."""
         return cls([0.0], [sound_speed])
 
-    def mirrored(self) -> "SoundSpeedProfile":
+    def mirrored(self) -> SoundSpeedProfile:
         """Make the profile of this water below the surface, and above it of the same water upside down."""
         below = self.depth > 0
         depth, speed = np.r_[0.0, self.depth[below]], np.r_[self.at(0.0), self.sound_speed[below]]
         return type(self)(np.r_[-depth[:0:-1], depth], np.r_[speed[:0:-1], speed])
 
-    def with_node(self, depth: float, sound_speed: float) -> "SoundSpeedProfile":
+    def with_node(self, depth: float, sound_speed: float) -> SoundSpeedProfile:
         """Make this profile with one more node, such as a sonar's own sensor measures at its head.
 
         Parameters

@@ -44,7 +44,7 @@ class Layer:
         _check_strength(f"layer {self.name}", self.strength_db)
 
     @classmethod
-    def read(cls, text: str) -> "Layer":
+    def read(cls, text: str) -> Layer:
         """Make a layer of "name top bottom dB"; of a name in `LAYERS` numbers may be left out, the last ones first."""
         name, *numbers = text.replace(",", " ").split() or [""]
         known = LAYERS.get(name, ())

@@ -52,7 +52,6 @@ class Attribute(ABC):
     otherwise: str = ""  # what is taken where it is not written, in words
     text: str  # what it means
     only: tuple[str, tuple[str, ...]] | None = None
-    formerly: str = ""  # A name that is read too
     types: ClassVar[tuple[str, ...]] = ()  # mitsuba's types of properties that are taken
 
     @property

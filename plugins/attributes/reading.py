@@ -61,7 +61,7 @@ class Attributes:
             raise self.error(f"{' and '.join(written)} are given; give one of them.")
 
     def _read(self, one: Attribute) -> Any:
-        name = self._written_name(one)
+        name = one.name if one.name in self._props else None
         if one.only is not None and self._values[one.only[0]] not in one.only[1]:
             if name is not None:
                 raise self.error(self._without_effect(name, one.only))
@@ -76,14 +76,6 @@ class Attributes:
         except Unfit as unfit:
             raise self.error(unfit.sentence or f"{name} is {unfit.got or self._got(name)}; expected "
                              f"{unfit.expected or one.expected}{unfit.hint}.") from None
-
-    def _written_name(self, one: Attribute) -> str | None:
-        """The name under which it is written, its former one perhaps; None where it is not."""
-        names = [name for name in (one.name, one.formerly) if name and name in self._props]
-        if len(names) > 1:
-            raise self.error(f"{one.name} and {one.formerly}, its former name, are both given; leave {one.formerly} "
-                             "out.")
-        return names[0] if names else None
 
     def _default(self, one: Attribute) -> Any:
         if one.default is REQUIRED:
@@ -128,9 +120,8 @@ class Attributes:
 
         Nested objects are left alone: the base class takes those it knows, Mitsuba itself reports the others.
         """
-        former = {one.formerly for one in self._declared.values()}
         for name in self._props.keys():
-            if name in self._declared or name in former or name in OF_MITSUBA or self._props.type(name).name in NESTED:
+            if name in self._declared or name in OF_MITSUBA or self._props.type(name).name in NESTED:
                 continue
             known = sorted(one.name for one in self._declared.values()
                            if one.only is None or self._values[one.only[0]] in one.only[1])

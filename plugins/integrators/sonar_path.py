@@ -45,7 +45,7 @@ ATTRIBUTES = (
     Integer("max_depth", default=1, minimum=1, maximum=MOST_BOUNCES,
             text="bounces an echo may have made, the surface's among them; 2: ghosts by way of the seabed or the "
                  "surface, 3: surface multiples"),
-    Choice("ensonification", default="scatterers", choices=("scatterers", "rays"), formerly="lighting",
+    Choice("ensonification", default="scatterers", choices=("scatterers", "rays"),
            text="of an array's cells: `scatterers` connects each cell within reach to the array along its own bent "
                 "ray; `rays` lets `rays` rays find cells, for scenes with too many"),
     Number("cell", default=None, above=0, unit="m", otherwise="half the range resolution",

@@ -18,6 +18,7 @@ import numpy as np
 from PIL import Image
 
 import mitsonar
+from mitsonar.dataset import labels
 
 SCALE = float(os.environ.get("TUTORIAL_SCALE", 1))         # 1: a few seconds; 4: the pictures of a real survey line
 PINGS, RAYS = round(120 * SCALE), round(40_000 * SCALE)
@@ -206,8 +207,8 @@ assert again.identical(image)
 # most training code reads. The masks hold, for every picture element, the number of its object.
 
 # %%
-rules = mitsonar.labelling.Labels(coco=True, masks=True)
-print(mitsonar.labelling.write(folder / "first.exr", folder / "labels", rules))
+rules = labels.Labels(coco=True, masks=True)
+print(labels.write(folder / "first.exr", folder / "labels", rules))
 coco = json.loads((folder / "labels" / "annotations.json").read_text())
 names = {one["id"]: one["name"] for one in coco["categories"]}
 
@@ -324,8 +325,8 @@ assert levels.shape == (2, PINGS, 2, BINS)
 # And the labels of all, in the form of YOLO too, with the same split:
 
 # %%
-rules = mitsonar.labelling.Labels(coco=True, yolo="boxes", split={"train": 0.5, "val": 0.5})
-counts = mitsonar.labelling.write(folder / "fields", folder / "training", rules)
+rules = labels.Labels(coco=True, yolo="boxes", split={"train": 0.5, "val": 0.5})
+counts = labels.write(folder / "fields", folder / "training", rules)
 print(counts)
 train, val = (json.loads(path.read_text()) for path in sorted((folder / "training").glob("annotations_*.json")))
 assert counts["pictures"] == len(train["images"]) + len(val["images"]) == 4

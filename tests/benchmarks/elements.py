@@ -24,7 +24,7 @@ def main(argv=None):
     parser.add_argument("--elements", type=int, nargs="*", default=[1, 4, 16, 64, 256])
     parser.add_argument("--rays", type=int, nargs="*", default=[100_000, 400_000, 1_600_000], help="of the latter")
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--ensonification", "--lighting", action="store_true")
+    parser.add_argument("--ensonification", action="store_true")
     arguments = parser.parse_args(argv)
     (ways_to_ensonify if arguments.ensonification else by_elements)(arguments)
 

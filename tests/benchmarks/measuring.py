@@ -16,8 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
-if str(ROOT) not in sys.path:
-    sys.path.insert(0, str(ROOT))   # runs from a checkout that is not installed
+for folder in (ROOT / "tests" / "inputs", ROOT):       # runs from a checkout that is not installed
+    if str(folder) not in sys.path:
+        sys.path.insert(0, str(folder))
 
 SUMMER = ROOT / "scenes" / "casts" / "summer.csv"
 SPACING, DEPTH = 0.5, 40.0          # [m]

@@ -13,12 +13,12 @@ import time
 
 import measuring
 import numpy as np
+from sonar_scenes import bed, point_target, synthetic_aperture
 
 import mitsonar
 from mitsonar.inversion.arrays.ping_images import PingImages, moved
 from mitsonar.inversion.arrays.sharpness import sharpened, sway_of_targets, without_trend
 from mitsonar.synthetic_aperture.focusing.grids import ground_grid
-from mitsonar.validation.scenes import bed, point_target, synthetic_aperture
 
 UNIFORM, SUMMER = {"profile": "0:1500"}, {"cast": str(measuring.SUMMER)}
 # preset, water, rms of the sway [mm], pings over which it is alike, and of those not used before height [m]

@@ -97,12 +97,11 @@ def test_every_plugin_can_be_described(said, variant):
             assert re.search(rf"^{reference.plain(one.name)}: .+\n    \S", out, re.M), f"{plugin}: {one.name}"
 
 
-def test_a_former_name_is_told(folder, said):
-    assert "for scenes with too many; formerly lighting" in joined(said("describe", "sonar_path"))
+def test_a_parameter_is_described_by_the_attribute_that_it_sets(folder, said):
     text = TEXT.replace("<integrator", '<default name="light" value="rays"/>\n<integrator', 1)
-    text = re.sub(r'(<integrator type="sonar_path">)', r'\1<string name="lighting" value="$light"/>', text)
+    text = re.sub(r'(<integrator type="sonar_path">)', r'\1<string name="ensonification" value="$light"/>', text)
     (folder / "mine.xml").write_text(text, encoding="utf-8")
-    assert '-D light=rays lighting of sonar_path, one of "scatterers", "rays": of an array\'s cells' in joined(
+    assert '-D light=rays ensonification of sonar_path, one of "scatterers", "rays": of an array\'s cells' in joined(
         said("describe", "mine.xml"))
 
 

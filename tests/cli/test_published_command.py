@@ -4,7 +4,7 @@ import csv
 import pytest
 
 from mitsonar.cli import main as cli
-from mitsonar.validation.published import RESULTS
+from mitsonar.scenes.published import RESULTS
 
 
 def test_says_the_result_without_a_file(folder, capfd):

@@ -99,7 +99,7 @@ WRONG = {
     "unknown window": ([sensor('<string name="pulse_window" value="hat"/>')], 'window is "hat"; give one of boxcar'),
     "window out of range": ([sensor('<string name="pulse_window" value="tukey 3"/>')], 'tukey'),
     "too many cells": ([(CELL, '<float name="cell" value="0.002"/>')], "larger cells, a shorter range, or let rays"),
-    "unknown lighting": ([(CELL, '<string name="lighting" value="moon"/>')], 'one of "scatterers", "rays"'),
+    "unknown ensonification": ([(CELL, '<string name="ensonification" value="moon"/>')], 'one of "scatterers", "rays"'),
     "unknown attribute": ([sensor('<float name="recieve_pitch" value="1"/>')], 'did you mean "receive_pitch"?'),
     "no seabed below": ([sensor("").__class__((START, '<point name="start" x="500" y="0" z="-10"/>'))],
                         "track outside the bathymetry"),

@@ -51,6 +51,12 @@ def test_stacked_in_memory_and_lazily_they_are_the_same(files):
         images.stack("depht")
 
 
+def test_without_dask_a_lazy_stack_names_the_extra(files, monkeypatch):
+    monkeypatch.setitem(sys.modules, "dask.array", None)
+    with pytest.raises(ValueError, match=r'is not installed: run pip install "mitsonar\[cluster\]"'):
+        mitsonar.dataset.open(files).xarray()
+
+
 def test_what_differs_in_shape_is_not_stacked(files, tmp_path):
     exr.write(labelled(pings=50), tmp_path / "short.exr")
     images = mitsonar.dataset.open([*files, tmp_path / "short.exr"])

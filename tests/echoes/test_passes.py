@@ -8,12 +8,12 @@ import mitsuba as mi
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
+from sonar_scenes import array_sonar, bed, forward_looking, sidescan
 
 import mitsonar
 from mitsonar.echoes.scatterers.scatterers import Scatterers
 from mitsonar.echoes.scatterers.thinned_scatterers import Density, ThinnedScatterers
 from mitsonar.scene.geometry import Geometry
-from mitsonar.validation.scenes import array_sonar, bed, forward_looking, sidescan
 
 DISTURBED = 0.6
 

@@ -5,10 +5,10 @@ What is left of the Jacobian's error is that of the elements' signals, see `test
 import drjit as dr
 import numpy as np
 import pytest
+from sonar_scenes import array_sonar, bed, forward_looking, multibeam, point_target
 
 import mitsonar
 from mitsonar.inversion import Gaussian, Prior, fit
-from mitsonar.validation.scenes import array_sonar, bed, forward_looking, multibeam, point_target
 
 ACROSS = {f"{side}_{name}": value for side in ("receive", "transmit")
           for name, value in {"pitch": 0.0075, "normal": "forward", "axis": "starboard"}.items()}

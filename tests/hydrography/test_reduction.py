@@ -163,7 +163,7 @@ def test_interpolated_motion_errs_as_splines_do():
 def test_motion_of_a_long_line_is_joined_once():
     # An hour at 100 Hz, asked for ping by ping: the first question takes some 0.2 s, a later one microseconds.
     time = np.arange(0, 3600, 0.01)
-    motion = Motion(**{name: time for name in ("time", "x", "y", "depth", "roll", "pitch", "heading")})
+    motion = Motion(**dict.fromkeys(("time", "x", "y", "depth", "roll", "pitch", "heading"), time))
     motion.at(np.array([1.0]))
     start = perf_counter()
     for ping in range(20):

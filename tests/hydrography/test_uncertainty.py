@@ -17,7 +17,7 @@ from mitsonar.water import SoundSpeedProfile
 
 WATER = SoundSpeedProfile([0, 200], [1501, 1499])
 ARMS = Installation(transmit_offset=(2, 0.5, 0.3), receive_offset=(1, -0.5, 0.3), receive_mounting=(0.3, 0, 0))
-NOTHING = Accuracies(**{name: 0.0 for name in Accuracies.__dataclass_fields__})
+NOTHING = Accuracies(**dict.fromkeys(Accuracies.__dataclass_fields__, 0.0))
 
 
 FALL = 0.25

@@ -5,8 +5,7 @@ moves. Every number of a kind is drawn afresh, within spans that leave the ways 
 all boxes lie partly under the bed, and all have shadows.
 """
 import mitsuba as mi
-
-from mitsonar.validation import scenes
+import sonar_scenes as scenes
 
 KINDS = ("sidescan", "forward_looking", "sector_scan", "multibeam", "interferometric", "synthetic_aperture",
          "array_sonar")

@@ -194,7 +194,7 @@ def test_structures_are_as_long_as_an_instruments(path):
 
 def test_themachinethatgoesping_reads_soundings_and_water_column(path):
     kmall = pytest.importorskip("themachinethatgoesping.echosounders.kmall",
-                                reason="themachinethatgoesping is not installed (pip install mitsonar[echosounders])")
+                                reason="themachinethatgoesping is not installed (pip install themachinethatgoesping)")
     pings = kmall.KMALLFileHandler([str(path)], show_progress=False).get_pings()
     assert len(pings) == 5
     for number, ping in enumerate(pings):

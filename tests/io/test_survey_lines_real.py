@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(not EM710.is_file(), reason="the shared survey l
 @pytest.mark.parametrize("path", [EM710, EM2040], ids=lambda path: path.stem)
 def test_an_all_file_is_read_as_another_reader_does(path):
     kongsberg = pytest.importorskip("themachinethatgoesping.echosounders.kongsbergall",
-                                    reason="needs pip install mitsonar[echosounders]")
+                                    reason="needs pip install themachinethatgoesping")
     found = list(kongsberg.KongsbergAllFileHandler([str(path)]).datagram_interface.datagrams())
     line = reading.read(path)
     valid, start = line["valid"].values, np.datetime64(line.attrs["start"].rstrip("Z")).astype("O").timestamp()
@@ -46,7 +46,7 @@ def test_an_all_file_is_read_as_another_reader_does(path):
 
 def test_a_water_column_is_read_as_another_reader_does():
     kongsberg = pytest.importorskip("themachinethatgoesping.echosounders.kongsbergall",
-                                    reason="needs pip install mitsonar[echosounders]")
+                                    reason="needs pip install themachinethatgoesping")
     handler = kongsberg.KongsbergAllFileHandler([str(EM710.with_suffix(".wcd"))])
     parts = [one for one in handler.datagram_interface.datagrams() if type(one).__name__ == "WatercolumnDatagram"][:3]
     line = reading.read(EM710, pings=slice(0, 1))

@@ -32,7 +32,7 @@ def test_a_name_is_declared_once_and_says_what_it_means(reference, plugin):
     from mitsonar.plugins.attributes import Attributes
 
     declared = reference.attributes(plugin)
-    names = [name for one in declared for name in (one.name, one.formerly) if name]
+    names = [one.name for one in declared]
     assert len(names) == len(set(names))
     assert not set(names) & set(dir(Attributes)), "the reader has methods of these names"
     for one in declared:

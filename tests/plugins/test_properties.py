@@ -38,7 +38,7 @@ def declared():
         a.Number("step", default=a.FromTable(table=PRESETS, by="preset"), unit="m", text="of the preset"),
         a.Angle("turn_deg", default=a.FromTable(table=PRESETS, by="preset"), text="of the preset"),
         a.Angle("return_deg", default=a.SameAs("turn_deg"), text="the way back"),
-        a.Choice("fans", default="centre", choices=("centre", "some"), formerly="origins", text="from where"),
+        a.Choice("fans", default="centre", choices=("centre", "some"), text="from where"),
         a.Integer("fan_count", default=3, only=("fans", ("some",)), text="how many"),
         a.Nested("bsdf", default=None, text="material"),
     )
@@ -154,9 +154,7 @@ def test_table_from_a_string(read):
     ('<float name="mu" value="2"/>', "mu is the float 2.0; expected a number at most 1 or a texture."),
     ('<bsdf type="diffuse" name="mu"/>', "mu is a nested object; expected a number at most 1 or a texture."),
     ('<integer name="fan_count" value="2"/>', 'fan_count is given, but it only counts with fans "some"; leave it out.'),
-    ('<string name="fans" value="some"/><string name="origins" value="some"/>',
-     "fans and origins, its former name, are both given; leave origins out."),
-    ('<string name="origins" value="all"/>', 'origins is the string "all"; expected one of "centre", "some".'),
+    ('<string name="fans" value="all"/>', 'fans is the string "all"; expected one of "centre", "some".'),
     ('<string name="classes" value="c.csv"/>', 'classes names the file "c.csv", which is not there'),
 ])
 def test_refusals_name_place_plugin_attribute_expected_and_got(sentence, written, said):
@@ -205,10 +203,6 @@ def test_defaults_of_a_preset_and_of_another_attribute(read, written, step, turn
 def test_an_attribute_counts_only_with_a_value_of_another(read):
     assert read('<string name="fans" value="some"/> <integer name="fan_count" value="5"/>').read.fan_count == 5
     assert read("").read.fan_count == 3
-
-
-def test_a_former_name_is_read(read):
-    assert read('<string name="origins" value="some"/>').read.fans == "some"
 
 
 def test_text_or_the_name_of_a_file(read, tmp_path):

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import sonar_scenes as scenes
 from scipy.optimize import brentq
 
 from mitsonar.sonar.presets import TABLES, presets
-from mitsonar.validation import scenes
 
 SPEED = 1500.0
 # kinds without bearings: test_sidescan_*.py, test_synthetic_*.py, test_interferometric.py
@@ -28,7 +28,7 @@ class Member:
     Attributes
     ----------
     build : callable
-        Of `validation.scenes`.
+        Of `sonar_scenes`.
     sensor, coarse : dict
         Attributes of the sensor; more of them for pictures of few and large cells.
     fan : callable
@@ -45,7 +45,7 @@ class Member:
     width: Callable[[Any], float]
 
     def made(self, shapes: dict[str, Any], *, fan: tuple[float, int], coarse: bool = False, **parts: Any) -> Any:
-        """The scene of a picture `fan` (degrees, directions) wide; parts as of `validation.scenes`."""
+        """The scene of a picture `fan` (degrees, directions) wide; parts as of `sonar_scenes`."""
         sensor = {**self.sensor, **(self.coarse if coarse else {}), **self.fan(*fan), **parts.pop("sensor", {})}
         return self.build(shapes, sensor=sensor, **parts)
 

@@ -12,10 +12,10 @@ import functools
 
 import numpy as np
 import pytest
+from sonar_scenes import array_sonar, bed, interferometric, lambert, multibeam, synthetic_aperture
 
 import mitsonar
 from mitsonar.survey.interferometric.instrument import both_sides
-from mitsonar.validation.scenes import array_sonar, bed, interferometric, lambert, multibeam, synthetic_aperture
 from mitsonar.verbs.images import opened
 
 SONAR, H, MU_DB, C = 1.0, 5.0, -20.0, 1500.0

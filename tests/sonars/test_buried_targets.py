@@ -9,6 +9,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from sonar_scenes import array_sonar, bed, buried_bed, forward_looking, lambert
 
 from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.echoes.scatterers.thinned_scatterers import Density
@@ -16,7 +17,6 @@ from mitsonar.scene.tracing.connection import Connector
 from mitsonar.scene.tracing.tracer import Tracer
 from mitsonar.survey.beam_domain.ground import FREE, Ground
 from mitsonar.survey.pressure.pressure import PressureRecord
-from mitsonar.validation.scenes import array_sonar, bed, buried_bed, forward_looking, lambert
 
 DEPTH, RADIUS, SPEED, KILOHERTZ = 20.0, 0.5, 1500.0, 60.0
 

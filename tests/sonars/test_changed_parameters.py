@@ -5,9 +5,9 @@ those of band-limited signals, 1e-3 of a sample; phases 2 pi f tau within 2e-3, 
 """
 import numpy as np
 import pytest
+from sonar_scenes import array_sonar, buried_bed, point_target, sidescan, synthetic_aperture
 
 import mitsonar
-from mitsonar.validation.scenes import array_sonar, buried_bed, point_target, sidescan, synthetic_aperture
 
 mi = pytest.importorskip("mitsuba")
 RANGE, FREQUENCY, SPEED = 60.0, 100e3, 1500.0

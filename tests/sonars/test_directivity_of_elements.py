@@ -25,8 +25,8 @@ def faces(tmp_path, places, *arrays):
     np.savetxt(tmp_path / "faces.csv", [(place, 0, 0, 0, 1, 0, 1, 0, 0) for place in places], delimiter=",",
                header="x,y,z,nx,ny,nz,ax,ay,az", comments="")
     return {f"{array}_{name}": value for array in arrays for name, value in {
-        "element_length": LENGTH, "element_height": 0.01, "pattern": "rectangular"}.items()} | {
-        array: "file" for array in arrays} | {f"{array}_file": str(tmp_path / "faces.csv") for array in arrays}
+        "element_length": LENGTH, "element_height": 0.01, "pattern": "rectangular"}.items()} | dict.fromkeys(
+        arrays, "file") | {f"{array}_file": str(tmp_path / "faces.csv") for array in arrays}
 
 
 @pytest.mark.parametrize("return_path", ["vector", "eigenray"])

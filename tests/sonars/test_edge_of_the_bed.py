@@ -7,9 +7,9 @@ with an uncertainty of centimetres.
 import functools
 
 import numpy as np
+from sonar_scenes import bed, multibeam, sediment
 
 import mitsonar
-from mitsonar.validation.scenes import bed, multibeam, sediment
 
 SONAR, H, EDGE = 2.0, 25.0, np.arctan(35.0 / 25.0)
 

@@ -1,11 +1,11 @@
 """Images of strips: where points lie, how strong and how wide they are, and that all ways to them are one."""
 import numpy as np
 import pytest
+from sonar_scenes import bed, lambert, point_target, synthetic_aperture
 
 import mitsonar
 from mitsonar.synthetic_aperture.focusing.grids import ground_grid
 from mitsonar.synthetic_aperture.record import check_image
-from mitsonar.validation.scenes import bed, lambert, point_target, synthetic_aperture
 
 C, BED = 1500.0, 20.3
 THERMOCLINE = {"profile": "0:1520, 8:1518, 14:1500, 30:1496"}

@@ -12,6 +12,7 @@ import functools
 import mitsuba as mi
 import numpy as np
 import pytest
+from sonar_scenes import bed as bed_of, buried_bed, interferometric, lambert, point_target, sediment, water_of
 
 import mitsonar
 import mitsonar.scene.loading  # tells Dr.Jit its libraries before Mitsuba is imported
@@ -21,15 +22,6 @@ from mitsonar.signal.matched_filter import matched_filter
 from mitsonar.sonar.motion.track import rotation_matrix
 from mitsonar.survey.interferometric.instrument import both_sides
 from mitsonar.survey.interferometric.plan import up_along
-from mitsonar.validation.scenes import (
-    bed as bed_of,
-    buried_bed,
-    interferometric,
-    lambert,
-    point_target,
-    sediment,
-    water_of,
-)
 from mitsonar.verbs.images import opened
 from mitsonar.water import SoundSpeedProfile
 

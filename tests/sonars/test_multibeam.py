@@ -9,11 +9,11 @@ import warnings
 
 import numpy as np
 import pytest
+from sonar_scenes import bed, multibeam, sediment
 
 import mitsonar
 from mitsonar.hydrography.reduction.resounding import resounded
 from mitsonar.hydrography.reduction.smile import smile_of_head, smile_of_profile
-from mitsonar.validation.scenes import bed, multibeam, sediment
 from mitsonar.verbs.images import sounded_pings
 from mitsonar.water import SoundSpeedProfile
 
@@ -324,7 +324,7 @@ def test_a_pulse_longer_than_the_record_finds_no_bed_and_warns_of_nothing():
 
 
 def test_soundings_are_asked_of_sonars_that_make_them():
-    from mitsonar.validation.scenes import sidescan
+    from sonar_scenes import sidescan
 
     with pytest.raises(ValueError, match="or an interferometric sidescan, and this sensor is a sidescan"):
         mitsonar.soundings(sidescan({"seabed": bed(40.0)}))
@@ -342,9 +342,10 @@ def test_beams_are_those_that_the_elements_signals_make():
     Delay and sum focuses at every range and the beam domain at none: phases differ by k x² (s_j² - s_b²) / 2R, 2
     degrees for lines of 0.24 m at 10 m.
     """
+    from sonar_scenes import buried_bed, point_target
+
     from mitsonar.imaging import fan
     from mitsonar.survey.multibeam.beams import SectorBeams
-    from mitsonar.validation.scenes import buried_bed, point_target
 
     places = [[3, 0.4, -12], [-6, -0.3, -11.5], [0.5, 0.8, -13], [8, 0.2, -10.5]]
     scene = multibeam(

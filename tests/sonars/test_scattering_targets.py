@@ -6,10 +6,10 @@ allow, from the strongest frequency down to 20 dB below it.
 """
 import numpy as np
 import pytest
+from sonar_scenes import array_sonar, buried_bed, forward_looking, sidescan
 
 import mitsonar
 from mitsonar.scattering import MATERIALS, SphereBody, sphere_form
-from mitsonar.validation.scenes import array_sonar, buried_bed, forward_looking, sidescan
 
 mi = pytest.importorskip("mitsuba")
 SPEED, CARRIER, BAND, RANGE = 1500.0, 100e3, 40e3, 20.0

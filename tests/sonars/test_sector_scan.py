@@ -10,10 +10,10 @@ hypot(y1, H - h), its shadow from there to hypot(y1 H / (H - h), H), see `test_t
 import mitsuba as mi
 import numpy as np
 import pytest
+from sonar_scenes import bed, buried_bed, point_target, sector_scan
 from track_files import write_track
 
 import mitsonar.scene.loading  # tells Dr.Jit its libraries before Mitsuba is imported
-from mitsonar.validation.scenes import bed, buried_bed, point_target, sector_scan
 
 SPEED = 1500.0
 TWO_WAY = 0.7201

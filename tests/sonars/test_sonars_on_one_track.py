@@ -5,9 +5,9 @@ sonars is independent: over 6 x 2 x 150 bins amplitudes of both correlate by 0 Â
 """
 import numpy as np
 import pytest
+import sonar_scenes as scenes
 
 import mitsonar
-from mitsonar.validation import scenes
 
 
 @pytest.fixture

@@ -14,6 +14,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from sonar_scenes import bed, lambert, point_target, synthetic_aperture
 
 import mitsonar
 from mitsonar.sonar.arrays.element_patterns import element_pressure
@@ -22,7 +23,6 @@ from mitsonar.sonar.presets import presets
 from mitsonar.sonar.pulses.pulses import pulse_of
 from mitsonar.survey.synthetic_aperture.truth import strip_truth
 from mitsonar.synthetic_aperture.record import check_raw
-from mitsonar.validation.scenes import bed, lambert, point_target, synthetic_aperture
 from mitsonar.verbs.images import opened
 from mitsonar.verbs.strips import raw_pings, scatterers
 

@@ -14,12 +14,12 @@ import mitsuba as mi
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
+from sonar_scenes import array_sonar, bed, forward_looking, lambert, point_target, sidescan
 
 import mitsonar
 from mitsonar.scattering import Sediment
 from mitsonar.scene.tracing.connection import Connector
 from mitsonar.survey.pressure.pressure import PressureRecord
-from mitsonar.validation.scenes import array_sonar, bed, forward_looking, lambert, point_target, sidescan
 
 SONAR, SPEED, DEPTH, STRENGTH_DB = np.array([0.0, 0.0, -10.0]), 1500.0, 20.0, -20.0
 

@@ -9,13 +9,13 @@ Means over pings; tolerance 0.05 dB for uniform water and 0.2 dB in gates of the
 """
 import numpy as np
 from scipy.integrate import trapezoid
+from sonar_scenes import array_sonar, bed, buried_bed, lambert, multibeam, sidescan
 
 import mitsonar
 from mitsonar.signal.matched_filter import compression
 from mitsonar.survey.multibeam.beams import sector_beams
 from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.survey.sidescan.kind import sonar_at
-from mitsonar.validation.scenes import array_sonar, bed, buried_bed, lambert, multibeam, sidescan
 from mitsonar.verbs.images import opened
 from mitsonar.water.volume import volume_reverberation_db
 

@@ -43,7 +43,7 @@ class Checkout:
         self.environment = self.root / ".venv"
         for room in ("cli/setup", "device"):
             (self.root / "mitsonar" / room).mkdir(parents=True)
-        for name in ("__init__.py", "__main__.py", "requirements.lock", "cli/__init__.py",
+        for name in ("__init__.py", "__main__.py", "version.py", "requirements.lock", "cli/__init__.py",
                      "cli/setup/__init__.py", "cli/setup/bootstrap.py", "cli/setup/installer.py", "device/__init__.py",
                      "device/debian.py", "device/lazy.py", "device/llvm.py", "__init__.pyi"):
             shutil.copy(ROOT / "mitsonar" / name, self.root / "mitsonar" / name)

@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 # From the ground up: a room imports only rooms that stand before it here.
 FLOORS = """
-    units device
+    version units device
     seabed water
     scattering
     propagation
@@ -33,7 +33,6 @@ FLOORS = """
     validation
     sweep dataset
     cli
-    labelling doctor
     __main__
 """
 RANK = {room: rank for rank, room in enumerate(FLOORS.split())}
@@ -43,7 +42,7 @@ WITHOUT_MITSUBA = PHYSICS | {"device", "io", "plots"}
 WITHOUT_DRJIT = {"units", "io", "plots"}
 STANDARD_LIBRARY_ONLY = {f"mitsonar{name}" for name in ("", ".__main__", ".cli", ".cli.setup.bootstrap",
                                                         ".cli.setup.installer", ".device", ".device.debian",
-                                                        ".device.lazy", ".device.llvm")}
+                                                        ".device.lazy", ".device.llvm", ".version")}
 # Loading a scene registers the plugins first, and what Mitsuba says of an unknown one is answered by their names.
 REGISTRATION = {("mitsonar.scene.loading", "mitsonar.plugins"), ("mitsonar.scene.errors", "mitsonar.plugins")}
 

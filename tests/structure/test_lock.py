@@ -48,7 +48,10 @@ def stated():
     """The requirements of pyproject.toml, of the package and of its tests."""
     tomllib = pytest.importorskip("tomllib" if bootstrap.sys.version_info >= (3, 11) else "tomli")
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    return [Requirement(text) for text in project["dependencies"] + project["optional-dependencies"]["test"]]
+    extras = project["optional-dependencies"]
+    assert "mitsonar[cluster]" in extras["test"]
+    return [Requirement(text) for text in project["dependencies"] + extras["cluster"] + extras["test"]
+            if text != "mitsonar[cluster]"]
 
 
 @pytest.mark.parametrize("python, system", PLACES)

@@ -1,5 +1,6 @@
 """The wheel carries the package, the plugins, the scenes and the licence, and works away from the checkout."""
 import os
+import re
 import subprocess
 import sys
 import zipfile
@@ -8,6 +9,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+# pictures of the manual, and the scripts that draw them
+LEFT_OUT = re.compile(r"mitsonar/(scenes/((?!sediments)\w+\.png|make_\w+\.py|published/.*)|changes/.*)$")
 
 
 def run(arguments, folder):
@@ -30,8 +33,18 @@ def test_every_file_is_in_it(wheel):
                 for base, top in ((ROOT / "mitsonar", "."), (ROOT, "plugins"), (ROOT, "scenes"))
                 for path in (base / top).rglob("*") if path.is_file() and "__pycache__" not in path.parts}
     expected.remove("mitsonar/plugins.pyi")        # which stands for the folder where that lies outside
+    expected = {name for name in expected if not LEFT_OUT.match(name)}
     names = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
     assert names == expected
+
+
+def test_every_file_that_a_scene_names_is_in_it(wheel):
+    archive = zipfile.ZipFile(wheel)
+    files = [(scene, name) for scene in archive.namelist() if re.fullmatch(r"mitsonar/scenes/\w+\.xml", scene)
+             for name in re.findall(r'(?:name="filename"|<default name="\w+") value="([\w/]+\.\w+)"',
+                                    archive.read(scene).decode()) if (ROOT / "scenes" / name).is_file()]
+    assert ("mitsonar/scenes/sidescan_harbour.xml", "sediments.png") in files and len(files) > 10
+    assert not [pair for pair in files if f"mitsonar/scenes/{pair[1]}" not in archive.namelist()]
 
 
 def test_it_states_licence_command_and_python(wheel):
@@ -66,3 +79,10 @@ def test_its_command_needs_no_checkout(wheel, tmp_path):
     child = run(["-m", "mitsonar", "test"], tmp_path)
     assert child.returncode == 2
     assert child.stderr.startswith("mitsonar: The tests are part of the source checkout")
+
+
+def test_the_published_results_are_said_to_be_in_the_checkout(wheel, tmp_path):
+    zipfile.ZipFile(wheel).extractall(tmp_path)
+    child = run(["-m", "mitsonar", "published", "table_1"], tmp_path)
+    assert (child.returncode, child.stdout) == (2, "")
+    assert "scripts of the source checkout, scenes/published" in child.stderr and child.stderr.count("\n") == 1

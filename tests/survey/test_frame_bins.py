@@ -16,7 +16,7 @@ def placed(sine, column):
         return upload(mi.Float, np.asarray(values, np.float32))
 
     one, none = floats(np.ones(len(sine))), upload(mi.UInt32, np.zeros(len(sine), np.uint32))
-    rest = {name: one for name in ("real", "imaginary", "energy", "launch_sine", "x", "y", "depth")}
+    rest = dict.fromkeys(("real", "imaginary", "energy", "launch_sine", "x", "y", "depth"), one)
     echoes = GridEchoes(sine=floats(sine), column=floats(column), state=none, label=none, **rest)
     return [part.numpy() for part in FrameBins(EDGES, lead=LEAD, bins=BINS).cell_of(echoes)]
 

@@ -1,5 +1,6 @@
 """The Dask cluster that a sweep starts for itself: nobody without its key may use it, for who may, runs any code."""
 import ssl
+import sys
 import urllib.error
 import urllib.request
 
@@ -17,6 +18,12 @@ def cluster(tmp_path_factory, dask_workers):
     folder = str(tmp_path_factory.mktemp("sweep"))
     with Cluster(2, folder, folder, workers=1) as cluster:
         yield cluster
+
+
+def test_without_dask_a_sentence_names_the_extra(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ValueError, match=r'Dask is not installed: run pip install "mitsonar\[cluster\]", or sweep'):
+        Cluster(2, str(tmp_path), str(tmp_path), workers=1)
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ last 1e-4 at 5 1/s and 9.5 m; a fit over one metre adds a curvature of second or
 import numpy as np
 import pytest
 
-from mitsonar.validation.published import effective_speed, table_1
+from mitsonar.scenes.published import effective_speed, table_1
 
 
 @pytest.fixture(scope="module")

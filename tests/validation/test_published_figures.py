@@ -13,7 +13,7 @@ at 11 m and less farther off: 0.5 us.
 import numpy as np
 import pytest
 
-from mitsonar.validation.published import RESULTS, figure_2, figure_3
+from mitsonar.scenes.published import RESULTS, figure_2, figure_3
 
 WAVELENGTH, HEIGHT, ALTITUDE, SPEED = 3.0, 0.6, 10.0, 1500.0
 

@@ -126,7 +126,7 @@ def missing(with_tests: bool = False) -> list[str]:
     with open(PROJECT, encoding="utf-8") as file:
         text = file.read()
     # The TOML reader came with Python 3.11; these two plain lists of strings need none.
-    keys = ["dependencies", "test"] if with_tests else ["dependencies"]
+    keys = ["dependencies", "cluster", "test"] if with_tests else ["dependencies"]
     text = "".join("".join(re.findall(rf"^{key} = \[\n(.*?)^\]", text, re.M | re.S)[:1]) for key in keys)
     requirement = r'^ *"([\w.-]+(?:\[\w+\])?)(==|>=)([\d.]+)(?:; python_version < \'3\.(\d+)\')?"'
     unmet = []

@@ -6,8 +6,8 @@ import sys
 import time
 from collections.abc import Callable
 
-import mitsonar
 from mitsonar.device import llvm
+from mitsonar.version import __version__
 
 PACKAGES = ("mitsuba", "drjit", "numpy", "OpenEXR")
 BACKENDS = {"llvm_": "LLVM", "cuda_": "CUDA"}  # how a variant begins, and what compiles its kernels
@@ -15,7 +15,7 @@ BACKENDS = {"llvm_": "LLVM", "cuda_": "CUDA"}  # how a variant begins, and what 
 
 def report() -> None:
     """Print versions, libLLVM, usable variants, threads and caches, one line each."""
-    _line("mitsonar", f"{mitsonar.__version__}  {os.path.dirname(mitsonar.__file__)}")
+    _line("mitsonar", f"{__version__}  {os.path.dirname(os.path.dirname(__file__))}")
     _line("python", f"{platform.python_version()}  {sys.executable}")
     for package in PACKAGES:
         _line(package, _version(package))

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from mitsonar import __version__
 from mitsonar.imaging.gain import Tvg
+from mitsonar.version import __version__
 
 from .frames import FORMS as PICTURES, Form
 from .yolo import FORMS

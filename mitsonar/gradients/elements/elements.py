@@ -233,7 +233,8 @@ class ElementJacobian:
             for sums, kernel, counts in ((DelayTangents, self._later, motion.delays),
                                          (StrengthTangents, BandLimited(), motion.strengths)):
                 if counts:
-                    def like(sheets: int, sums: Any = sums, kernel: Any = kernel) -> ImpulseResponses:
+                    def like(sheets: int, sums: Any = sums, kernel: Any = kernel,
+                             motion: Any = motion) -> ImpulseResponses:
                         return sums(mi.Float, motion, kernel=kernel, sheets=sheets, elements=survey.receive.elements,
                                     samples=survey.samples, sampling_rate=survey.sampling_rate,
                                     frequency=survey.frequency)

@@ -18,7 +18,7 @@ from mitsonar.device.spelling import meant
 from ..attached.shapes import as_taken, kind_of
 from ..model import Values
 
-_attached: list["SceneValues"] = []    # whose leaves are in a scene now: calls look into all materials, of any scene
+_attached: list[SceneValues] = []    # whose leaves are in a scene now: calls look into all materials, of any scene
 
 VECTORS = ("vertex_positions", "vertex_normals", "position_offset", "attitude_offset", "tx_position", "rx_position")
 OF_EVERY_MESH = "vertex_positions", "vertex_normals", "vertex_texcoords"

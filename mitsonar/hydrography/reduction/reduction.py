@@ -316,7 +316,7 @@ def _step(sides: list[_Side], time: np.ndarray, x: np.ndarray, y: np.ndarray, z:
         legs.append((leg, turn, miss, per_depth))
     step = _solved_three([*equations, timing], [*answers, rest])
     turns = []
-    for (leg, turn, miss, per_depth), (qx, qy) in zip(legs, slow):
+    for (_, turn, miss, per_depth), (qx, qy) in zip(legs, slow):
         turns.append(turn.of((miss[0] + step[0] - qx * per_depth * step[2],
                               miss[1] + step[1] - qy * per_depth * step[2])))
     return step, turns, [leg for leg, *_ in legs]

@@ -13,6 +13,7 @@ import numpy as np
 
 from mitsonar.device.files import FilePath, replacing
 from mitsonar.hydrography.record import VARIABLES
+from mitsonar.version import __version__
 
 from .clouds import ONLY_SOUNDINGS, cloud, of_soundings
 from .lines import Blocks, Place, Written, line_of
@@ -49,8 +50,6 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
 
 
 def _header(line, extra, crs):
-    from mitsonar import __version__
-
     header = laspy.LasHeader(version="1.4", point_format=6)
     header.scales = np.full(3, SCALE)
     header.offsets = np.floor([line.frame.origin[0] / 1000, line.frame.origin[1] / 1000, 0.0]) * 1000

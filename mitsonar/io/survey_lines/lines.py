@@ -16,6 +16,7 @@ import numpy as np
 import xarray as xr
 
 from mitsonar.hydrography.record import VARIABLES, check
+from mitsonar.version import __version__
 
 from ..tracks.navigation import Frame
 
@@ -74,8 +75,6 @@ class Line:
 
     def provenance(self) -> str:
         """Say in one sentence where the line comes from."""
-        from mitsonar import __version__
-
         about = {name: self.first.attrs.get(name)
                  for name in ("title", "scene", "seed", "preset", "profile", "backscatter")}
         said = "; ".join(f"{name}: {value}" for name, value in about.items() if value is not None)

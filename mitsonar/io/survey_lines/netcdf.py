@@ -28,6 +28,7 @@ import numpy as np
 import xarray as xr
 
 from mitsonar.device.files import FilePath, replacing
+from mitsonar.version import __version__
 
 from ..records.netcdf import BESIDE, full_disk_told, has_room, packing, store
 from ..records.records import encoded
@@ -122,8 +123,6 @@ def _platform(file, line, passage):
 
 def _sonar(file, line):
     sonar = file.create_group("Sonar")
-    from mitsonar import __version__
-
     for name, text in (("manufacturer", "simulated"), ("model", line.sonar), ("serial_number", "none"),
                        ("software_name", "mitsonar"), ("software_version", __version__), ("type", "multibeam sonar")):
         sonar.attrs[f"sonar_{name}"] = text
@@ -183,8 +182,6 @@ def _transmissions(file, group):
 
 def _provenance(file, line):
     group = file.create_group("Provenance")
-    from mitsonar import __version__
-
     for name, text in (("conversion_software_name", "mitsonar"), ("conversion_software_version", __version__),
                        ("history", line.provenance())):
         group.attrs[name] = text

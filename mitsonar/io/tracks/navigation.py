@@ -43,7 +43,7 @@ class Frame:
     origin: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
-    def about(cls, latitude_deg: float, longitude_deg: float) -> "Frame":
+    def about(cls, latitude_deg: float, longitude_deg: float) -> Frame:
         """Lay a frame about a point: transverse Mercator, true to scale and to north there."""
         return cls(crs=f"+proj=tmerc +lat_0={latitude_deg:.9f} +lon_0={longitude_deg:.9f} +k=1 +x_0=0 +y_0=0 "
                        "+datum=WGS84 +units=m +no_defs")

@@ -27,10 +27,10 @@ import numpy as np
 import pyxtf
 import xarray as xr
 
-from mitsonar import __version__
 from mitsonar.device.files import FilePath, replacing
 from mitsonar.imaging.gain import Tvg
 from mitsonar.imaging.maps.georeference import origin, system
+from mitsonar.version import __version__
 
 from .pings import Passage, navigation, passage_of, ping_headers, structure
 from .samples import Scale, scale_of

@@ -111,8 +111,7 @@ def usual_plot(dataset: xr.Dataset) -> str:
 
 def plot(dataset: xr.Dataset, what: str | None = None, path: FilePath | None = None, *, tvg: Tvg = "recorder",
          ping: int | None = None, colours: str = "copper", bank: int | None = None, axes: Axes | None = None) -> Axes:
-    """Draw one of the plots named in `PLOTS`, of a line of soundings one of `LINE_VIEWS`, of a focused image one of
-    `FOCUSED_VIEWS`.
+    """Draw one of `PLOTS`, or of `LINE_VIEWS` for a line of soundings, or of `FOCUSED_VIEWS` for a focused image.
 
     Parameters
     ----------

@@ -190,7 +190,7 @@ class Array:
 
     # ---- others made of it
 
-    def shaded(self, *windows: str | tuple) -> "Array":
+    def shaded(self, *windows: str | tuple) -> Array:
         """Multiply the weights by windows.
 
         Parameters
@@ -220,7 +220,7 @@ class Array:
             weight = np.multiply.outer(window_weights(window, elements), weight)
         return replace(self, weight=self.weight * weight.ravel())
 
-    def steered(self, direction: str | ArrayLike, sound_speed: float) -> "Array":
+    def steered(self, direction: str | ArrayLike, sound_speed: float) -> Array:
         """Add the delays that steer the array towards a distant point.
 
         Parameters
@@ -237,7 +237,7 @@ class Array:
         towards = axis_vector("steering direction", direction)
         return replace(self, delay=self.delay + self.position @ towards / checked_speed(sound_speed))
 
-    def focused(self, point: ArrayLike, sound_speed: float) -> "Array":
+    def focused(self, point: ArrayLike, sound_speed: float) -> Array:
         """Add the delays that focus the array on a point.
 
         Parameters
@@ -255,7 +255,7 @@ class Array:
         nearer = np.linalg.norm(point) - np.linalg.norm(point - self.position, axis=1)
         return replace(self, delay=self.delay + nearer / checked_speed(sound_speed))
 
-    def failing(self, indices: ArrayLike) -> "Array":
+    def failing(self, indices: ArrayLike) -> Array:
         """Take elements out of work: their weight becomes 0.
 
         Parameters
@@ -283,7 +283,7 @@ class Array:
         weight[indices.astype(int)] = 0.0
         return replace(self, weight=weight)
 
-    def jittered(self, rms: float, seed: int = 0) -> "Array":
+    def jittered(self, rms: float, seed: int = 0) -> Array:
         """Move every element by chance, as mounting does.
 
         Parameters
@@ -302,10 +302,10 @@ class Array:
         error = np.random.Generator(np.random.Philox(seed)).standard_normal(self.position.shape)
         return replace(self, position=self.position + rms * error)
 
-    def moved(self, offset: ArrayLike) -> "Array":
+    def moved(self, offset: ArrayLike) -> Array:
         """Move the array by an offset (3,) [m] in the body frame, away from where the track leads."""
         return replace(self, position=self.position + vector_of("offset", offset))
 
-    def centred(self) -> "Array":
+    def centred(self) -> Array:
         """Move the array so that the mean of its positions is its centre."""
         return self.moved(-self.position.mean(axis=0))

@@ -96,7 +96,7 @@ class Track:
 
     @classmethod
     def straight(cls, *, start: ArrayLike, heading: float, speed: float, interval: float, pings: int, roll: float = 0.0,
-                 pitch: float = 0.0) -> "Track":
+                 pitch: float = 0.0) -> Track:
         """Make a level track of constant course and speed, the first ping at time 0.
 
         Parameters
@@ -178,7 +178,7 @@ class Track:
         spin = 0.5 * (spin - np.swapaxes(spin, 1, 2))
         return velocity, np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], -1)
 
-    def at(self, times: ArrayLike) -> "Track":
+    def at(self, times: ArrayLike) -> Track:
         """Interpolate the track: position, roll and pitch linearly, heading the short way round.
 
         Parameters

@@ -100,14 +100,14 @@ class Pulse:
         count = int(np.floor(self.duration / doppler * sampling_rate * (1 + 1e-12))) + 1
         return self.envelope(np.arange(count) / sampling_rate, doppler)
 
-    def replica(self, window: Window | None = None) -> "Pulse":
+    def replica(self, window: Window | None = None) -> Pulse:
         """Return the pulse a matched filter correlates with: this one, shaded once more by `window`."""
         return self if window is None else replace(self, modulation=self._shape, window=window)
 
     def _shape(self, own: np.ndarray) -> np.ndarray:
         return self.modulation(own) * _window_values(self.window, own / self.duration)
 
-    def pieces(self, count: int) -> list[tuple[float, "Pulse"]]:
+    def pieces(self, count: int) -> list[tuple[float, Pulse]]:
         """Cut the pulse into pieces of equal length.
 
         Returns
@@ -206,7 +206,7 @@ class Pulse:
         """1.5 (occupied band + 2 / duration) [Hz]: leaves the skirts of the spectrum room around the carrier."""
         return 1.5 * (2 * max(-self.band[0], self.band[1]) + 2 / self.duration)
 
-    def _overlap(self, replica: "Pulse") -> float:
+    def _overlap(self, replica: Pulse) -> float:
         time, weight = self._simpson(self.finest)
         return float(np.sum(weight * self._shape(time) * np.conj(replica._shape(time))).real)
 

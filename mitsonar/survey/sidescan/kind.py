@@ -156,7 +156,7 @@ class SidescanSensor(Sensor, Protocol):
     self_noise_db: float | None
 
 
-def plan(scene: "mi.Scene", sensor: SidescanSensor, settings: RunSettings) -> SidescanSurvey:
+def plan(scene: mi.Scene, sensor: SidescanSensor, settings: RunSettings) -> SidescanSurvey:
     """Plan a run over a scene."""
     geometry = Geometry(scene)
     passage = _passage(geometry, sensor)
@@ -171,7 +171,7 @@ def plan(scene: "mi.Scene", sensor: SidescanSensor, settings: RunSettings) -> Si
     return survey
 
 
-def plan_elements(scene: "mi.Scene", sensor: SidescanSensor, settings: RunSettings, lead: float = 0.0) -> ArraySurvey:
+def plan_elements(scene: mi.Scene, sensor: SidescanSensor, settings: RunSettings, lead: float = 0.0) -> ArraySurvey:
     """Plan the same run with each side's faces as elements, port and starboard.
 
     The pulse is a cw of the sidescan's effective length. Faces are even and flat, whatever the sensor's are, and hear

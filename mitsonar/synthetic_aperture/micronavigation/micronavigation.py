@@ -94,7 +94,7 @@ def micronavigate(raw: xr.Dataset, trajectory: xr.Dataset | None = None, *, wind
         raise ValueError("micronavigation compares successive pings, and there is one; give two or more")
     first = _Strip(raw=raw, poses=poses_of(believed), window=window, search=search, trust=trust or Trust())
     strip, known = first, None
-    for turn in range(PASSES):
+    for _ in range(PASSES):
         steps = step_record(strip.steps(known), strip.ranges.mean(1), strip.arrays, strip.time, strip.poses)
         steps = since(steps, strip.poses, first.poses)
         track = integrated(steps, believed, first.poses)

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mitsonar.units import deg_from_radians
+from mitsonar.version import __version__
 
 from ..lines import Line, Ping
 from ..passage import Passage
@@ -58,8 +59,6 @@ def body(ping: Ping, number: int) -> dict[str, int]:
 
 def installation(line: Line, passage: Passage) -> bytes:
     """Give #IIP: arrays and sensors in the ship."""
-    from mitsonar import __version__
-
     number = model(line)
     # Readers look for the versions before they find the serial numbers.
     parts = ["OSCV:Empty", f"EMXV:EM{number}", "\nPU_0", "\nSN=0", "\nVERSIONS:", f"\nCPU:mitsonar {__version__}",

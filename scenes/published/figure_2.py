@@ -24,6 +24,9 @@ from .bundles import send, shipped_survey
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+
+__all__ = ["compute", "plot", "rows", "table"]
+
 SCENE = "published_figure_2"
 SHIFTS = 32                        # places of the samples, evenly over one sample
 DENSER = 16                        # how many times more rays the second bundle has
@@ -32,7 +35,29 @@ PROMINENCE = 0.1                   # [samples] that a time must stand out by to 
 
 
 def compute(**parameters: object) -> xr.Dataset:
-    """Compute the impulse responses and where their caustics lie."""
+    """Compute the impulse responses and where their caustics lie.
+
+    Parameters
+    ----------
+    **parameters
+        Values for the ``$parameters`` of the scene published_figure_2.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``height`` [m] (place): the bed in the plane of the beam, at ``x`` [m] to starboard. Of the rays sent as the
+        scene says: ``hit_x``, ``hit_height`` [m], ``travel_time`` [s, two-way] (ray). ``response`` (bundle, kernel,
+        sample) for that bundle and one `DENSER` times as dense, at samples ``time`` [s] that lie where shifted impulses
+        peak highest; ``peak`` (bundle, kernel, shift): highest of each response over places of the samples, ``mean``
+        (bundle, kernel); ``difference`` (kernel): rms of the two bundles' responses' difference over rms of the dense.
+        ``caustic_x`` [m], ``caustic_time`` [s], ``caustic_kind``: places that face the sonar; a "near" one is nearer to
+        it than its neighbours, a "far" one farther.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If a parameter is none of the scene's or has a value it cannot take.
+    """
     wavy, flat = (shipped_survey(SCENE, **{**parameters, **changed}) for changed in ({}, {"height": 0}))
     x, height = _section(wavy.geometry)
     bundles = [_Rays(wavy, flat, wavy.rays * factor) for factor in (1, DENSER)]

@@ -1,60 +1,16 @@
-"""Table 1 of the published method: effective speed and return time of one ray, traced and by equation 2.
-
-    ev_r = ev_i + 0.503 g (h_r - h_i),    t_r = |F - I| / ev_r
-
-Published are the heights of transmission 9.5 m and reception 9.382419 m over the bed, the horizontal range 11.494591 m
-of the reception, a gradient of -5 1/s, two effective speeds and two times. The profile is not. Water of one gradient
-dc/dh = -5 1/s all the way down reproduces both columns if its speed at the bed is 1499.346571 m/s, by
-
-    cosh(g t) = 1 + g² D² / (2 c_I c_F)
-
-and the hit then lies 11.369819 m from the transmission: the receiver is 0.125 m behind and 0.118 m below it, on a face
-tilted by 47 degrees, which is "around 40" depressed. The second time is printed ...573 in the copy at hand; its speed
-and the published difference of 23 ns, 1/87 of a period at 500 kHz, make it ...578.
-"""
-from typing import TYPE_CHECKING, Literal
+"""Table 1 of the published method, said in text, as numbers and as a figure; `mitsonar.validation.published` has it."""
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
-from mitsonar.propagation.numpy_rays.return_times import return_time
-from mitsonar.water.profile import SoundSpeedProfile
+from mitsonar.validation.published import BED_SPEED, GRADIENT, HEIGHTS, RANGE
+from mitsonar.validation.published import table_1 as compute
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-HEIGHTS = 9.5, 9.382419            # [m] of transmission and reception
-RANGE = 11.494591                  # [m] of the reception
-GRADIENT = -5.0                    # [1/s] dc/dh
-BED_SPEED = 1499.346570536         # [m/s]
-INCIDENT_RANGE = 11.36981948       # [m] of the transmission
-FREQUENCY = 500e3                  # [Hz]
-WATER_DEPTH = 10.0                 # [m]; the water above the sonar takes no part
-METHODS: dict[str, Literal["eigenray", "paper", "vector"]] = {
-    "traced": "eigenray", "equation 2": "paper", "vector approximation": "vector"}
-PRINTED_SPEED = 1475.859495, 1475.856104, np.nan
-PRINTED_TIME = 0.010053555, 0.010053578, np.nan
-
-
-def compute() -> xr.Dataset:
-    """Compute the table."""
-    water = SoundSpeedProfile([0, WATER_DEPTH], [BED_SPEED + GRADIENT * WATER_DEPTH, BED_SPEED])
-    origin = np.array([0, 0, HEIGHTS[0] - WATER_DEPTH])
-    hit, element = [INCIDENT_RANGE, 0, -WATER_DEPTH], [INCIDENT_RANGE - RANGE, 0, HEIGHTS[1] - HEIGHTS[0]]
-    times = np.array([return_time(water, origin, [hit], [element], method=method)[0, 0]
-                      for method in METHODS.values()])
-    incident = return_time(water, origin, [hit], [[0, 0, 0]], method="eigenray")[0, 0]
-    height = np.linspace(0, WATER_DEPTH, 11)
-    speed = {"units": "m/s"}
-    return xr.Dataset(
-        {"effective_speed": ("found_by", np.hypot(RANGE, HEIGHTS[1]) / times, speed),
-         "return_time": ("found_by", times, {"units": "s"}),
-         "printed_speed": ("found_by", np.array(PRINTED_SPEED), speed),
-         "printed_time": ("found_by", np.array(PRINTED_TIME), {"units": "s"}),
-         "sound_speed": ("height", water.at(WATER_DEPTH - height), speed)},
-        coords={"found_by": list(METHODS), "height": ("height", height, {"units": "m"})},
-        attrs={"incident_speed": float(np.hypot(INCIDENT_RANGE, HEIGHTS[0]) / incident), "frequency": FREQUENCY,
-               "displacement": float(np.hypot(RANGE, HEIGHTS[1]))})
+__all__ = ["compute", "plot", "rows", "table"]
 
 
 def table(dataset: xr.Dataset) -> str:

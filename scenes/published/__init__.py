@@ -1,4 +1,6 @@
-"""What was published of the method, computed anew: each result a module, named in `RESULTS`.
+"""The published table and figures of the method, computed anew: each result is a module, named in `RESULTS`.
+
+``mitsonar published RESULT`` runs them in a checkout; the wheel leaves them out.
 
 Every one has ``compute()`` that gives an `xarray.Dataset`, ``table(dataset)`` that says it in text, ``rows(dataset)``
 that gives header and records of a CSV file, and ``plot(dataset)`` that draws a matplotlib figure.

@@ -25,6 +25,9 @@ from .bundles import send, shipped_survey
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+
+__all__ = ["ARRANGEMENTS", "ELEMENTS", "compute", "plot", "rows", "table"]
+
 SCENE = "published_figure_3"
 LAUNCH_ANGLES = np.radians([67.0, 45.0, 23.0])          # below the horizontal: times rise
 ELEMENTS = 3
@@ -41,7 +44,27 @@ SHOWN = 2                                               # the ray whose impulses
 
 
 def compute(**parameters: object) -> xr.Dataset:
-    """Compute every impulse of every arrangement."""
+    """Compute every impulse of every arrangement.
+
+    Parameters
+    ----------
+    **parameters
+        Values for the ``$parameters`` of the scene published_figure_3 other than elements and axis.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``delay`` [s] and ``intensity`` (re the strongest of one element) over (arrangement, ray, tx, rx), NaN where an
+        arrangement has no such element; ``exact_delay``, with eigenrays in the place of the vector approximation, and
+        ``uniform_delay``, in water that has everywhere the sound speed at the sonar. ``transmit_shift``,
+        ``receive_shift`` [s] (arrangement, ray): mean size of the change of delay from one transmit (receive) element
+        to its neighbour, the other one kept; ``uniform_...`` of these. ``launch_angle`` [rad] (ray).
+
+    Raises
+    ------
+    ValueError, TypeError
+        If a parameter is none of the scene's or has a value it cannot take.
+    """
     for name in ("elements", "axis"):
         if name in parameters:
             raise ValueError(f"figure_3 sets {name} itself, one value for each arrangement; leave it out")

@@ -8,50 +8,50 @@ the way out and is the other half of the sonar equation: i / A of a ray is what 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib.resources import files
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
-    import mitsuba as mi
-
     from mitsonar.survey.fan.kind import ArraySurvey
+
+__all__ = ["Bundle", "send", "shipped_survey"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Bundle:
-    """Rays that have met the scene; NaN where a ray met nothing."""
+    """Rays that have met the scene; NaN where a ray met nothing.
 
-    point: np.ndarray  # (R, 3) [m]: of the hit, scene frame
-    travel_time: np.ndarray  # (R,) [s]: one way
-    intensity: np.ndarray  # (R,) [1/(m⁴ sr)]
+    Attributes
+    ----------
+    point : (R, 3) [m]
+        Of the hit, scene frame.
+    travel_time : (R,) [s]
+        One way.
+    intensity : (R,) [1/(m⁴ sr)]
+        Echo per solid angle of the ray at the place it was sent from, over the intensity 1 m from the source.
+    """
+
+    point: np.ndarray
+    travel_time: np.ndarray
+    intensity: np.ndarray
 
 
-def scene_file(name: str) -> str:
-    """Path of a scene that comes with mitsonar."""
-    return str(files("mitsonar.scenes") / f"{name}.xml")
-
-
-def shipped_survey(name: str, **parameters: object) -> "ArraySurvey":
-    """Plan the run of a scene that comes with mitsonar."""
+def shipped_survey(name: str, **parameters: object) -> ArraySurvey:
+    """Plan the run of a scene that comes with mitsonar, with values for its ``$parameters``."""
+    from mitsonar.scene.loading import load_file
     from mitsonar.verbs.images import opened
 
-    scene, sensor, integrator = opened(load(name, **parameters))
+    scene, sensor, integrator = opened(load_file(name, **parameters))
     return integrator.array_survey(scene, sensor)
 
 
-def load(name: str, **parameters: object) -> "mi.Scene":
-    """Load a scene that comes with mitsonar."""
-    from mitsonar.scene.loading import load_file
+def send(survey: ArraySurvey, offset: npt.ArrayLike, launch_angle: np.ndarray) -> Bundle:
+    """Send rays to starboard, in vertical planes athwart the track, at the first ping.
 
-    return load_file(scene_file(name), **parameters)
-
-
-def send(survey: "ArraySurvey", offset: npt.ArrayLike, launch_angle: np.ndarray) -> Bundle:
-    """Send rays to starboard, in vertical planes athwart the track, at the first ping."""
-    # offset (R, 3) [m]; launch_angle (R,) [rad]
+    They start at `offset` (R, 3) [m] in the body frame, at `launch_angle` (R,) [rad] below the horizontal.
+    """
     import drjit as dr
     import mitsuba as mi
 

@@ -1,4 +1,20 @@
-"""The linear law of effective speed against height, its coefficient by regression, and where it fails.
+"""The published table and coefficient of the method, computed anew; scenes/published prints and draws them.
+
+Table 1: effective speed and return time of one ray, traced and by equation 2.
+
+    ev_r = ev_i + 0.503 g (h_r - h_i),    t_r = |F - I| / ev_r
+
+Published are the heights of transmission 9.5 m and reception 9.382419 m over the bed, the horizontal range 11.494591 m
+of the reception, a gradient of -5 1/s, two effective speeds and two times. The profile is not. Water of one gradient
+dc/dh = -5 1/s all the way down reproduces both columns if its speed at the bed is 1499.346571 m/s, by
+
+    cosh(g t) = 1 + g² D² / (2 c_I c_F)
+
+and the hit then lies 11.369819 m from the transmission: the receiver is 0.125 m behind and 0.118 m below it, on a face
+tilted by 47 degrees, which is "around 40" depressed. The second time is printed ...573 in the copy at hand; its speed
+and the published difference of 23 ns, 1/87 of a period at 500 kHz, make it ...578.
+
+The law of effective speed against height, its coefficient by regression, and where it fails:
 
     ev(h + Δh) = ev(h) + κ g Δh,    published: κ = 0.503
 
@@ -16,25 +32,55 @@ c the sound speed at the array, so the coefficient says how the array's own wate
 and has nothing to do with a half: where the array hangs in a layer the law errs by microseconds, more than no
 correction at all.
 """
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from mitsonar.propagation.numpy_rays.eigenrays import eigenray
+from mitsonar.propagation import eigenray, return_time
 from mitsonar.propagation.numpy_rays.paper_approximation import COEFFICIENT
-from mitsonar.water.profile import SoundSpeedProfile
+from mitsonar.water import SoundSpeedProfile
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+HEIGHTS = 9.5, 9.382419            # [m] of transmission and reception
+RANGE = 11.494591                  # [m] of the reception
+GRADIENT = -5.0                    # [1/s] dc/dh
+BED_SPEED = 1499.346570536         # [m/s]
+INCIDENT_RANGE = 11.36981948       # [m] of the transmission
+FREQUENCY = 500e3                  # [Hz]
+WATER_DEPTH = 10.0                 # [m]; the water above the sonar takes no part
+METHODS: dict[str, Literal["eigenray", "paper", "vector"]] = {
+    "traced": "eigenray", "equation 2": "paper", "vector approximation": "vector"}
+PRINTED_SPEED = 1475.859495, 1475.856104, np.nan
+PRINTED_TIME = 0.010053555, 0.010053578, np.nan
 
 CHANGES = np.linspace(-0.5, 0.5, 21)   # [m]
-BED_SPEED = 1500.0                     # [m/s]
+FIXED_SPEED = 1500.0                   # [m/s] at the bed
 HEIGHT, ACROSS = 9.5, 11.4             # [m] array over the bed, and from the hit, of the exaggerated profiles
 KINDS = "exaggerated", "reversed", "cast-like"
 
 
-class Setting(NamedTuple):
+def table_1() -> xr.Dataset:
+    """Compute the table."""
+    water = SoundSpeedProfile([0, WATER_DEPTH], [BED_SPEED + GRADIENT * WATER_DEPTH, BED_SPEED])
+    origin = np.array([0, 0, HEIGHTS[0] - WATER_DEPTH])
+    hit, element = [INCIDENT_RANGE, 0, -WATER_DEPTH], [INCIDENT_RANGE - RANGE, 0, HEIGHTS[1] - HEIGHTS[0]]
+    times = np.array([return_time(water, origin, [hit], [element], method=method)[0, 0]
+                      for method in METHODS.values()])
+    incident = return_time(water, origin, [hit], [[0, 0, 0]], method="eigenray")[0, 0]
+    height = np.linspace(0, WATER_DEPTH, 11)
+    speed = {"units": "m/s"}
+    return xr.Dataset(
+        {"effective_speed": ("found_by", np.hypot(RANGE, HEIGHTS[1]) / times, speed),
+         "return_time": ("found_by", times, {"units": "s"}),
+         "printed_speed": ("found_by", np.array(PRINTED_SPEED), speed),
+         "printed_time": ("found_by", np.array(PRINTED_TIME), {"units": "s"}),
+         "sound_speed": ("height", water.at(WATER_DEPTH - height), speed)},
+        coords={"found_by": list(METHODS), "height": ("height", height, {"units": "m"})},
+        attrs={"incident_speed": float(np.hypot(INCIDENT_RANGE, HEIGHTS[0]) / incident), "frequency": FREQUENCY,
+               "displacement": float(np.hypot(RANGE, HEIGHTS[1]))})
+
+
+class _Setting(NamedTuple):
     """A profile, the array's height over the hit, its horizontal distance from it [m], and the kind of water."""
 
     profile: SoundSpeedProfile
@@ -43,14 +89,14 @@ class Setting(NamedTuple):
     kind: str
 
 
-def settings() -> dict[str, Setting]:
+def _settings() -> dict[str, _Setting]:
     """Return the waters by name: exaggerated ones of one gradient, their reverse, and shapes as casts have them."""
     found = {}
     for kind, sign in zip(KINDS, (-1, 1)):
         for size in (1, 2, 3, 4, 5):
             gradient = sign * size
-            profile = SoundSpeedProfile([0, HEIGHT + 1], [BED_SPEED + gradient * (HEIGHT + 1), BED_SPEED])
-            found[f"{gradient:+d} 1/s"] = Setting(profile, HEIGHT, ACROSS, kind)
+            profile = SoundSpeedProfile([0, HEIGHT + 1], [FIXED_SPEED + gradient * (HEIGHT + 1), FIXED_SPEED])
+            found[f"{gradient:+d} 1/s"] = _Setting(profile, HEIGHT, ACROSS, kind)
     # made up: fresh water on salt, as in a fjord's mouth; a warm layer over a shelf; a steep layer at the array alone
     estuary = SoundSpeedProfile([0, 1, 2, 3, 4, 6, 8, 11, 15, 20, 30, 45],
                                 [1462.1, 1463.0, 1466.4, 1471.2, 1474.9, 1477.6, 1478.3, 1478.9, 1479.2, 1479.7, 1480.6,
@@ -58,17 +104,17 @@ def settings() -> dict[str, Setting]:
     shelf = SoundSpeedProfile([0, 4, 8, 11, 14, 17, 20, 25, 32, 40],
                               [1513.2, 1513.0, 1511.6, 1506.4, 1500.8, 1496.6, 1494.2, 1492.9, 1492.3, 1492.2])
     steep = SoundSpeedProfile([0, 1, 10], [1450, 1455, 1455])
-    found["estuary, array at 2.5 m"] = Setting(estuary, 42.5, 50, KINDS[2])
-    found["estuary, array at 13 m"] = Setting(estuary, 32, 40, KINDS[2])
-    found["summer, array in the thermocline"] = Setting(shelf, 27.5, 33, KINDS[2])
-    found["summer, array below it"] = Setting(shelf, 11.5, 14, KINDS[2])
-    found["-5 1/s in the upper metre alone"] = Setting(steep, HEIGHT, ACROSS, KINDS[2])
+    found["estuary, array at 2.5 m"] = _Setting(estuary, 42.5, 50, KINDS[2])
+    found["estuary, array at 13 m"] = _Setting(estuary, 32, 40, KINDS[2])
+    found["summer, array in the thermocline"] = _Setting(shelf, 27.5, 33, KINDS[2])
+    found["summer, array below it"] = _Setting(shelf, 11.5, 14, KINDS[2])
+    found["-5 1/s in the upper metre alone"] = _Setting(steep, HEIGHT, ACROSS, KINDS[2])
     return found
 
 
-def compute() -> xr.Dataset:
+def effective_speed() -> xr.Dataset:
     """Compute effective speeds against height, and the coefficients."""
-    waters = settings()
+    waters = _settings()
     found = [_one(setting) for setting in waters.values()]
     kinds = np.array([setting.kind for setting in waters.values()])
     units = {"effective_speed": "m/s", "gradient": "1/s", "coefficient": "1", "expected": "1", "curvature": "m/s",
@@ -94,53 +140,9 @@ def _one(setting):
     if setting.kind == KINDS[2]:
         expected = (local[here] - speed[here]) / (gradient * setting.height)
     else:
-        expected = 0.5 - gradient * setting.height / (3 * (local[here] + BED_SPEED))
+        expected = 0.5 - gradient * setting.height / (3 * (local[here] + FIXED_SPEED))
     law = speed[here] + COEFFICIENT * (local - local[here])
     return {"effective_speed": speed, "gradient": gradient, "coefficient": slope / gradient, "expected": expected,
             "curvature": np.abs(speed - start - slope * CHANGES).max(),
             "law_error": np.abs(distance / law - time).max(),
             "no_correction_error": np.abs(distance / speed[here] - time).max()}
-
-
-def table(dataset: xr.Dataset) -> str:
-    """Say the coefficients in text."""
-    lines = [f"{'':36}gradient  coefficient           off the line   largest error of the time [ns]",
-             f"{'water':36}{'[1/s]':>8}{'fitted':>9}{'expected':>10}{'[m/s]':>13}{'law':>14}{'no correction':>17}"]
-    for name in dataset.water.values:
-        one = {key: float(value) for key, value in dataset.sel(water=name).drop_vars(
-            ("effective_speed", "kind", "water", "height_change")).items()}
-        lines.append(f"{name:36}{one['gradient']:8.3f}{one['coefficient']:9.4f}{one['expected']:10.4f}"
-                     f"{one['curvature']:13.4f}{1e9 * one['law_error']:14.1f}{1e9 * one['no_correction_error']:17.1f}")
-    return "\n".join([*lines, f"mean coefficient of the exaggerated waters, faster at the bed: "
-                              f"{dataset.mean_coefficient:.4f}; published: {COEFFICIENT}"])
-
-
-def rows(dataset: xr.Dataset) -> tuple[list[str], list[tuple]]:
-    """Header and records of the figure as a table: one height a line."""
-    records = [(str(name), f"{change:.3f}", f"{float(speed):.9f}", f"{float(one.coefficient):.6f}")
-               for name, one in ((name, dataset.sel(water=name)) for name in dataset.water.values)
-               for change, speed in zip(dataset.height_change.values, one.effective_speed.values)]
-    return ["water", "height_change_m", "effective_speed_m_s", "coefficient"], records
-
-
-def plot(dataset: xr.Dataset) -> "Figure":
-    """Draw the change of effective speed against the change the gradient makes at the array."""
-    from mitsonar.plots import canvas
-
-    figure = canvas.sheet(1300, 560)
-    still = int(np.argmin(np.abs(dataset.height_change.values)))
-    titles = "one gradient: the law holds", "shaped like casts: it does not"
-    for axes, kinds, title in zip(figure.subplots(1, 2), (KINDS[:2], KINDS[2:]), titles):
-        for name in dataset.water.values[np.isin(dataset.kind.values, kinds)]:
-            one = dataset.sel(water=name)
-            axes.plot(float(one.gradient) * one.height_change,
-                      one.effective_speed - one.effective_speed[still], linewidth=1.4,
-                      label=f"{name}: {float(one.coefficient):.4f}")
-        reach = np.array(axes.get_xlim())
-        axes.plot(reach, COEFFICIENT * reach, color="black", linestyle=":", label=f"law: {COEFFICIENT}")
-        axes.set(xlabel="gradient times change of height [m/s]", ylabel="change of effective speed [m/s]", title=title)
-        axes.legend(fontsize=8)
-        axes.grid(alpha=0.25)
-    figure.suptitle("Effective speed against height: coefficient by regression", fontsize=14, fontweight="bold")
-    figure.tight_layout()
-    return figure
