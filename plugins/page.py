@@ -71,8 +71,7 @@ def _plugin(kind: str, plugin: str) -> Iterator[str]:
     yield from _text(reference.manual(f"{_folder(plugin)}.{plugin}"))
     own = [one for one in declared if isinstance(one, Attribute)]
     yield _table(([one.name], one) for one in own) if own else "It has no attributes.\n"
-    for table in _presets(own):
-        yield table
+    yield from _presets(own)
     links = [f"[{group.title}](#{group.title.lower().replace(' ', '-')})" for group in declared
              if isinstance(group, Group)]
     if links:

@@ -5,8 +5,7 @@ import numpy as np
 import xarray as xr
 
 from mitsonar.propagation.numpy_rays.paper_approximation import COEFFICIENT
-from mitsonar.validation.published import KINDS
-from mitsonar.validation.published import effective_speed as compute
+from mitsonar.validation.published import KINDS, effective_speed as compute
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -4,8 +4,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from mitsonar.validation.published import BED_SPEED, GRADIENT, HEIGHTS, RANGE
-from mitsonar.validation.published import table_1 as compute
+from mitsonar.validation.published import BED_SPEED, GRADIENT, HEIGHTS, RANGE, table_1 as compute
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -135,7 +135,7 @@ class KmallFile(KongsbergFile):
         if where is None:
             return None
         whole = decoded(_read(streams, where))
-        receiver, beams = whole["rxInfo"], {name: values for name, values in whole["beamData"].items()}
+        receiver, beams = whole["rxInfo"], dict(whole["beamData"].items())
         rate, speed = receiver["sampleFreq_Hz"], receiver["soundVelocity_mPerSec"]
         if not (0 < rate < np.inf and 0 < speed < np.inf) or not beams:
             raise ValueError(f"its water column of ping {key[0]} has {rate:g} samples a second; it is damaged.")
