@@ -8,14 +8,7 @@ from .parameters.changes import (
     OnNodes as OnNodes,
     Pose as Pose,
 )
-from .parameters.parametrisation import (
-    InDecibels as InDecibels,
-    Log as Log,
-    Offset as Offset,
-    OnNodes as OnNodes,
-    Pose as Pose,
-    parametrised as parametrised,
-)
+from .parameters.parametrisation import parametrised as parametrised
 from .records.scene_model import SceneModel as SceneModel
 from .soundings.sounding_bed import BedGrid as BedGrid
 from .soundings.sounding_times import SoundingTimes as SoundingTimes
