@@ -1,10 +1,10 @@
-"""What all tests share: libLLVM chosen before Dr.Jit is imported, the variants, one random generator."""
+"""What all tests share: libLLVM chosen before Dr.Jit is imported, the variants, memory given back, one generator."""
+import ctypes
+import gc
 import multiprocessing
+import re
 import signal
-import subprocess
 import sys
-import tempfile
-from pathlib import Path
 
 import pytest
 
@@ -17,40 +17,13 @@ def pytest_addoption(parser):
     parser.addoption("--regenerate", action="store_true", help="rewrite the stored results of tests/regression")
 
 
-def pytest_configure():
+def pytest_configure(config):
     # In the background of a shell, and by many a job runner, Ctrl-C is ignored: by every child too that a test starts
     # and interrupts.
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
-TYPE_CHECKER = pytest.StashKey()   # of the whole suite: it runs beside the other tests, which leave half a core idle
-WHOLE_SUITE = 1000                 # tests
-
-
-def pytest_collection_finish(session):
-    """Start pyright, which takes most of a minute of one core, where many other tests run before it is asked for."""
-    asked = any(item.name == "test_pyright_finds_nothing" for item in session.items)
-    alone = not hasattr(session.config, "workerinput")         # not one of several processes
-    if alone and asked and len(session.items) > WHOLE_SUITE and not session.config.option.collectonly:
-        output = tempfile.TemporaryFile("w+", encoding="utf-8")
-        program = Path(__file__).with_name("inputs") / "typed_sources.py"
-        child = subprocess.Popen([sys.executable, str(program)], stdin=subprocess.DEVNULL, stdout=output,
-                                 stderr=subprocess.STDOUT)
-        session.config.stash[TYPE_CHECKER] = child, output
-
-
-def pytest_unconfigure(config):
-    child, _ = config.stash.get(TYPE_CHECKER, (None, None))
-    if child is not None and child.poll() is None:
-        child.terminate()
-        child.wait()
-
-
-@pytest.fixture
-def type_checker(request):
-    """The child that runs beside the tests since the suite began, and the file it writes to; None, None without."""
-    return request.config.stash.get(TYPE_CHECKER, (None, None))
+    # Files begin in the order in which they were collected, also where pytest-xdist shares them out.
+    config.option.loadscopereorder = False
 
 
 def pytest_generate_tests(metafunc):
@@ -58,11 +31,43 @@ def pytest_generate_tests(metafunc):
         metafunc.parametrize("variant", metafunc.config.getoption("--variants").split(","), indirect=True)
 
 
-def pytest_collection_modifyitems(items):
+FIRST = "tests/structure/test_linters.py"     # pyright takes minutes of one core: the other process is busy meanwhile
+
+
+def pytest_collection_modifyitems(config, items):
     for item in items:
         parameters = item.callspec.params if hasattr(item, "callspec") else {}
         if str(parameters.get("variant")).startswith("cuda"):
             item.add_marker(pytest.mark.gpu)
+    items.sort(key=lambda item: not item.nodeid.startswith(FIRST))
+    if not re.search(r"\bexhaustive\b", config.option.markexpr) and not any("::" in one for one in config.args):
+        kept = [item for item in items if item.get_closest_marker("exhaustive") is None]
+        config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("exhaustive")])
+        items[:] = kept
+
+
+def pytest_collection_finish():
+    """What was imported and collected stays: collections of garbage need not look at it again and again."""
+    gc.collect()
+    gc.freeze()
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_teardown(item, nextitem):
+    """Give back the memory that Dr.Jit holds for arrays to come, and the pictures that a file keeps for its own tests.
+
+    Without, a process of the suite grows beyond 3 GB. Kernels take no part in it: without them 2 MB less.
+    """
+    yield
+    if nextitem is None or nextitem.path != item.path:
+        for one in vars(item.module).values():
+            if hasattr(one, "cache_clear") and one.__module__ == item.module.__name__:
+                one.cache_clear()
+        gc.collect()
+    if (drjit := sys.modules.get("drjit")) is not None:
+        drjit.flush_malloc_cache()
+    if sys.platform == "linux" and (nextitem is None or nextitem.path != item.path):
+        getattr(ctypes.CDLL(None), "malloc_trim", int)(0)         # which musl has not
 
 
 def pytest_runtest_setup(item):

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from exhaustive import thinned
 
 HERE = Path(__file__).resolve().parent
 SMALL = "--nodes", "60"
@@ -52,7 +53,10 @@ RUNS = {
 }
 
 
-@pytest.mark.parametrize("name", RUNS)
+LONG = {"frame", "gradients", "multipath", "poses", "scattering", "soundings", "survey", "sweep", "turns"}  # over 7 s
+
+
+@pytest.mark.parametrize("name", thinned(RUNS, *RUNS.keys() - LONG))
 def test_benchmark_runs_and_prints_its_table(name):
     (script, *options), line = RUNS[name]
     child = subprocess.run([sys.executable, HERE / script, *options], capture_output=True, text=True, check=False,

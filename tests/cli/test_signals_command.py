@@ -34,11 +34,7 @@ CELL = '<float name="cell" value="0.5"/>'
 def scene(folder):
     """Write the scene with some of its text replaced."""
     def write(*edits):
-        text = TEXT
-        for old, new in edits:
-            assert old in text
-            text = text.replace(old, new)
-        (folder / "array.xml").write_text(text, encoding="utf-8")
+        (folder / "array.xml").write_text(spoilt(*edits, text=TEXT), encoding="utf-8")
     write()
     return write
 

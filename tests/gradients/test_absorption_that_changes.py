@@ -2,33 +2,20 @@
 import mitsuba as mi
 import numpy as np
 import pytest
+from scene_text import lit_bed
 
 import mitsonar
 from mitsonar.verbs.gradients import scene_model
 
 KEY = "sonar.medium.absorption_offset"
-SCENE = """<scene version="3.0.0">
-    <integrator type="sonar_path"><integer name="rays" value="20000"/></integrator>
-    <shape type="seabed" id="bed">
-        <float name="depth" value="30"/> <float name="length" value="24"/> <float name="width" value="72"/>
-        <bsdf type="lambert" id="sand"><float name="mu_db" value="-25"/></bsdf>
-    </shape>
-    <sensor type="sidescan" id="sonar">
-        <integer name="pings" value="1"/> <point name="start" x="0" y="0" z="-18"/>
-        <float name="speed_knots" value="0.01"/>
-        <boolean name="speckle" value="false"/> <boolean name="noise" value="false"/>
-        <medium type="seawater"><string name="profile" value="{profile}"/>
-            <float name="absorption_db_per_km" value="40"/></medium>
-        <film type="sonar_film"><float name="range" value="34"/> <integer name="bins" value="200"/></film>
-    </sensor>
-</scene>"""
 
 
 @pytest.fixture
 def model(tmp_path):
     def made(profile, seed=0):
         path = tmp_path / "scene.xml"
-        path.write_text(SCENE.format(profile=profile))
+        path.write_text(lit_bed(profile=profile, rays=20_000, pings=1, start=(0, 0, -18), speed_knots=0.01,
+                                water='<float name="absorption_db_per_km" value="40"/>'))
         return scene_model(mitsonar.load_file(path), [KEY], seed=seed)
 
     return made

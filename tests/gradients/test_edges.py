@@ -10,31 +10,14 @@ from __future__ import annotations
 import mitsuba as mi
 import numpy as np
 import pytest
+from scene_text import lit_bed
 
 from mitsonar.gradients.edges.jump_lines import triangles_meet
 from mitsonar.gradients.edges.mesh_edges import NO_FACE, mesh_edges
 from mitsonar.verbs.gradients import scene_model
 
-TOGETHER = 8                       # bins
+TOGETHER, RAYS = 8, 200_000        # bins; rays a ping
 THERMOCLINE = "0:1492, 18:1490, 24:1478, 30:1474, 50:1474"
-
-
-def scene(body, *, bed="", profile="0:1500, 50:1500", rays=200_000, pings=4, bins=200):
-    return f"""<scene version="3.0.0">
-        <integrator type="sonar_path"><integer name="rays" value="{rays}"/></integrator>
-        <shape type="seabed" id="bed">
-            <float name="depth" value="30"/> <float name="length" value="24"/> <float name="width" value="72"/>
-            <bsdf type="lambert" id="sand"><float name="mu_db" value="-25"/></bsdf> {bed}
-        </shape>
-        {body}
-        <sensor type="sidescan" id="sonar">
-            <integer name="pings" value="{pings}"/> <point name="start" x="0" y="-0.6" z="-18"/>
-            <float name="speed_knots" value="15"/> <float name="beam_width_deg" value="3"/>
-            <boolean name="speckle" value="false"/> <boolean name="noise" value="false"/>
-            <medium type="seawater"><string name="profile" value="{profile}"/></medium>
-            <film type="sonar_film"><float name="range" value="34"/> <integer name="bins" value="{bins}"/></film>
-        </sensor>
-    </scene>"""
 
 
 def box(z):
@@ -70,7 +53,7 @@ def errors(model, key, directions, step):
 @pytest.mark.parametrize("z, profile", [(-28.6, "0:1500, 50:1500"), (-29.7, "0:1500, 50:1500"), (-28.6, THERMOCLINE)])
 def test_a_box_that_moves_takes_its_outline_and_shadow_with_it(load, z, profile):
     """Above the bed, half in it, and above it in a thermocline: east, north, up, about the vertical."""
-    key, place = "box.vertex_positions", scene(box(z), profile=profile)
+    key, place = "box.vertex_positions", lit_bed(box(z), profile=profile, rays=RAYS)
     model = scene_model(load(place), [key])
     directions = motions(model.start[key])
     assert np.all(errors(model, key, directions, 0.05) < (0.03, 0.1, 0.03, 0.06))
@@ -78,7 +61,7 @@ def test_a_box_that_moves_takes_its_outline_and_shadow_with_it(load, z, profile)
 
 def test_without_outlines_the_same_gradients_are_wrong(load):
     key = "box.vertex_positions"
-    model = scene_model(load(scene(box(-28.6))), [key], edges=False)
+    model = scene_model(load(lit_bed(box(-28.6), rays=RAYS)), [key], edges=False)
     assert np.all(errors(model, key, motions(model.start[key])[2:3], 0.05) > 0.3)
     assert model.linearised({}).told["outlines left out"] == 1
 
@@ -87,7 +70,7 @@ def test_the_crest_of_a_mound_that_moves_takes_its_shadow_with_it(load):
     """Heights of a bed, about a mound of 3 m that hides what is behind: bumps of 1.5 m on it, weights that grow with
     range. Some of its far side is nearly seen from its edge. 0.5 % with 1,500,000 rays, 3 % is the noise of fewer."""
     key, found = "bed.vertex_positions", []
-    model = scene_model(load(scene("", bed='<float name="spacing" value="0.5"/>')), [key])
+    model = scene_model(load(lit_bed(bed='<float name="spacing" value="0.5"/>', rays=RAYS)), [key])
     start = model.start[key]
 
     def bump(x, y, height, width):
@@ -108,14 +91,14 @@ def test_the_crest_of_a_mound_that_moves_takes_its_shadow_with_it(load):
 @pytest.mark.parametrize("key, step", [("sonar.position_offset", 0.05), ("sonar.attitude_offset", 0.003)])
 def test_outlines_pass_by_a_sonar_that_moves_or_turns(load, key, step):
     """North and up, and heading and roll, by which rays pass the outline of a box; without outlines 70 to 200 %."""
-    model = scene_model(load(scene(box(-28.6))), [key])
+    model = scene_model(load(lit_bed(box(-28.6), rays=RAYS)), [key])
     ways = [np.broadcast_to(np.eye(3)[k], model.start[key].shape) for k in ((1, 2) if "position" in key else (0, 2))]
     assert np.all(errors(model, key, ways, step) < 0.08)
 
 
 def test_forward_is_the_transpose_of_backward(load):
     key = "box.vertex_positions"
-    model = scene_model(load(scene(box(-29.7), rays=40_000)), [key])
+    model = scene_model(load(lit_bed(box(-29.7), rays=40_000)), [key])
     about, way = model.linearised({}), motions(model.start[key])[3]
     weights = np.random.default_rng(0).uniform(0.5, 1.5, about.value.size)
     pulled = np.sum(about.backward(weights)[key] * way)
@@ -136,7 +119,7 @@ def test_the_shadow_of_a_thin_plate_lengthens_as_geometry_says(load):
         <translate x="{x}" z="{-30 + height / 2}"/></transform>
         <bsdf type="lambert" id="hard"><float name="mu_db" value="-25"/></bsdf></shape>"""
     key = "plate.vertex_positions"
-    model, bare = (scene_model(load(scene(body, rays=100_000, pings=1)), [name])
+    model, bare = (scene_model(load(lit_bed(body, pings=1)), [name])
                    for body, name in ((plate, key), ("", "bed.bsdf.strength")))
     pings, sides, bins = model.shape
     start = model.start[key]

@@ -9,6 +9,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import pytest
+from scene_text import lit_bed
 from scipy.integrate import quad
 from scipy.linalg import expm
 
@@ -33,24 +34,6 @@ def shape(kind, place=(16, 0.3, -28), turned=None):
         <translate x="{x}" y="{y}" z="{z}"/></transform>{HARD}</shape>"""
 
 
-def scene(body, *, profile="0:1500, 50:1500", rays=100_000, pings=4, bins=200, more="", beam=3, speed=15, y=-0.6):
-    return f"""<scene version="3.0.0">
-        <integrator type="sonar_path"><integer name="rays" value="{rays}"/></integrator>
-        <shape type="seabed" id="bed">
-            <float name="depth" value="30"/> <float name="length" value="24"/> <float name="width" value="72"/>
-            <bsdf type="lambert" id="sand"><float name="mu_db" value="-25"/></bsdf>
-        </shape>
-        {body}
-        <sensor type="sidescan" id="sonar">
-            <integer name="pings" value="{pings}"/> <point name="start" x="0" y="{y}" z="-18"/>
-            <float name="speed_knots" value="{speed}"/> <float name="beam_width_deg" value="{beam}"/>
-            <boolean name="speckle" value="false"/> <boolean name="noise" value="false"/>
-            <medium type="seawater"><string name="profile" value="{profile}"/> {more}</medium>
-            <film type="sonar_film"><float name="range" value="34"/> <integer name="bins" value="{bins}"/></film>
-        </sensor>
-    </scene>"""
-
-
 def moved(matrix, motion=(0, 0, 0), turn=(0, 0, 0), grow=0.0):
     """The generator (4, 4) of a motion, a turn about the shape's origin, and growth from there."""
     east, north, up = turn
@@ -70,7 +53,7 @@ def together(change, shape):
     ("rectangle", "0:1500, 50:1500", 0.05, (0.03, 0.03, 0.03, 0.03))])
 def test_products_agree_with_differences(load, kind, profile, step, limits):
     """North, up, growth, and a turn about east and the vertical at once, which a sphere does not notice."""
-    model = scene_model(load(scene(shape(kind), profile=profile, pings=2)), [KEY])
+    model = scene_model(load(lit_bed(shape(kind), profile=profile, pings=2)), [KEY])
     start, found = model.start[KEY], []
     about = model.linearised({})
     for ways in ({"motion": (0, 1, 0)}, {"motion": (0, 0, 1)}, {"grow": 1.0}, {"turn": (0.6, 0, 0.8)}):
@@ -89,8 +72,9 @@ def test_a_ball_that_grows_away_from_the_sonar_comes_later_and_fainter(load):
     """Scaled about the sonar by 1 + s, a ball looks the same. Each ray has (1 + s) of its time, 1 / (1 + s)² of its
     energy: dΣI/ds = -2 ΣI and dΣtI/ds = -ΣtI over bins before the bed's, exact but for float32 and the sonar's way of
     millimetres while the ping comes in."""
-    model = scene_model(load(scene(shape("sphere", (9, 0, -18), '<scale value="0.5"/>'), pings=1, rays=20_000, y=0,
-                                   speed=0.01, more='<float name="absorption_db_per_km" value="0"/>')), [KEY])
+    model = scene_model(load(lit_bed(shape("sphere", (9, 0, -18), '<scale value="0.5"/>'), pings=1, rays=20_000,
+                                     start=(0, 0, -18), speed_knots=0.01,
+                                     water='<float name="absorption_db_per_km" value="0"/>')), [KEY])
     start = model.start[KEY]
     about = model.linearised({})
     product = about.forward({KEY: moved(start, motion=start[:3, 3] - (0, 0, -18), grow=1.0) @ start})
@@ -110,8 +94,9 @@ def test_a_ball_sends_back_more_and_earlier_as_it_grows(load):
     it. 200,000 rays and the pulse of a bin know it to 2 %; the beam falls by 1 % over the ball."""
     distance, radius = 9.0, 0.5
     still = '<float name="absorption_db_per_km" value="0"/>'
-    model = scene_model(load(scene(shape("sphere", (distance, 0, -18), f'<scale value="{radius}"/>'), pings=1, y=0,
-                                   rays=200_000, bins=1000, beam=40, speed=0.01, more=still)), [KEY])
+    model = scene_model(load(lit_bed(shape("sphere", (distance, 0, -18), f'<scale value="{radius}"/>'), pings=1,
+                                     start=(0, 0, -18), rays=200_000, bins=1000, beam_width_deg=40.0, speed_knots=0.01,
+                                     water=still)), [KEY])
     start = model.start[KEY]
     about = model.linearised({})
     product = about.forward({KEY: moved(start, grow=1 / radius) @ start})
@@ -135,7 +120,7 @@ def test_a_ball_sends_back_more_and_earlier_as_it_grows(load):
 
 
 def test_forward_is_the_transpose_of_backward_and_nothing_stands_still(load):
-    model = scene_model(load(scene(shape("cylinder"), rays=40_000)), [KEY])
+    model = scene_model(load(lit_bed(shape("cylinder"), rays=40_000)), [KEY])
     about, start = model.linearised({}), model.start[KEY]
     way = moved(start, motion=(1, 2, 0.5), turn=(0.3, 0.2, 1), grow=0.3) @ start
     weights = np.random.default_rng(0).uniform(0.5, 1.5, about.value.size)
@@ -148,7 +133,7 @@ def test_forward_is_the_transpose_of_backward_and_nothing_stands_still(load):
 def test_a_sonar_that_moves_past_a_ball_sees_its_round_side(load):
     """Along the track, at which a ball's normals turn under the rays."""
     key = "sonar.position_offset"
-    model = scene_model(load(scene(shape("sphere"), pings=2)), [key])
+    model = scene_model(load(lit_bed(shape("sphere"), pings=2)), [key])
     way = np.broadcast_to(np.eye(3)[1], model.start[key].shape)
     product = together(model.linearised({}).forward({key: way}), model.shape)
     ahead, back = (model.value({key: sign * 0.05 * way}) for sign in (1, -1))
@@ -158,7 +143,7 @@ def test_a_sonar_that_moves_past_a_ball_sees_its_round_side(load):
 
 def test_a_transform_that_carries_a_gradient_is_rendered(load):
     """As users of Mitsuba do it."""
-    loaded = load(scene(shape("sphere"), rays=20_000, pings=1))
+    loaded = load(lit_bed(shape("sphere"), rays=20_000, pings=1))
     parameters = mi.traverse(loaded)
     grows = mi.Float(1.0)
     dr.enable_grad(grows)
@@ -169,7 +154,7 @@ def test_a_transform_that_carries_a_gradient_is_rendered(load):
 
 
 def test_bad_transforms_are_refused(load):
-    loaded = load(scene(shape("sphere"), rays=1000, pings=1))
+    loaded = load(lit_bed(shape("sphere"), rays=1000, pings=1))
     model = scene_model(loaded, [KEY])
     flat, shifted = model.start[KEY].copy(), model.start[KEY].copy()
     flat[2, :3], shifted[3, 0] = 0, 1
@@ -181,7 +166,7 @@ def test_bad_transforms_are_refused(load):
 
 
 def test_a_ball_scaled_unlike_along_its_axes_counts_by_its_volume(load):
-    model = scene_model(load(scene(shape("sphere"), rays=5000, pings=1)), [KEY])
+    model = scene_model(load(lit_bed(shape("sphere"), rays=5000, pings=1)), [KEY])
     alike, unlike = model.start[KEY].copy(), model.start[KEY].copy()
     alike[:3, :3], unlike[:3, :3] = 2 * np.eye(3), np.diag([1.0, 2.0, 4.0])
     # sums are added in any order
@@ -192,6 +177,6 @@ def test_lines_where_a_ball_meets_the_bed_are_told(load):
     """Half in the bed, and while the sonar alone moves, too; not of a ball that hangs above it."""
     for key in (KEY, "sonar.position_offset"):
         for z, wanted in ((-29.5, {"where ball and bed meet, left out": 1.0}), (-28, {})):
-            model = scene_model(load(scene(shape("sphere", (16, 0.3, z)), rays=2000, pings=1)), [key])
+            model = scene_model(load(lit_bed(shape("sphere", (16, 0.3, z)), rays=2000, pings=1)), [key])
             told = model.linearised({}).told
             assert {name: told[name] for name in told if "meet" in name} == wanted

@@ -10,6 +10,7 @@ import drjit.llvm.ad as lib
 import mitsuba as mi
 import numpy as np
 import pytest
+from scene_text import lambert, plugin, scene_text
 
 from mitsonar.gradients.attached.finish import _widening
 from mitsonar.gradients.attached.walked_rays import walked
@@ -17,20 +18,11 @@ from mitsonar.propagation.device_rays.layer_table import layer_table
 from mitsonar.verbs.gradients import scene_model
 from mitsonar.water import SoundSpeedProfile
 
-SCENE = """<scene version="3.0.0">
-    <integrator type="sonar_path"><integer name="rays" value="200000"/></integrator>
-    <shape type="seabed" id="bed">
-        <float name="depth" value="30"/> <float name="length" value="40"/> <float name="width" value="440"/>
-        <float name="spacing" value="20"/> <bsdf type="lambert" id="sand"><float name="mu_db" value="-25"/></bsdf>
-    </shape>
-    <sensor type="sidescan" id="sonar">
-        <integer name="pings" value="1"/> <point name="start" x="0" y="0" z="-24"/>
-        <float name="speed_knots" value="0.01"/> <float name="beam_width_deg" value="2"/>
-        <boolean name="speckle" value="false"/> <boolean name="noise" value="false"/>
-        <medium type="seawater"><string name="profile" value="0:1530, 60:1455"/></medium>
-        <film type="sonar_film"><float name="range" value="210"/> <integer name="bins" value="100"/></film>
-    </sensor>
-</scene>"""
+SCENE = scene_text(
+    plugin("shape", "seabed", "bed", lambert(-25, "sand"), depth=30.0, length=40.0, width=440.0, spacing=20.0),
+    plugin("sensor", "sidescan", "sonar", plugin("medium", "seawater", profile="0:1530, 60:1455"),
+           plugin("film", "sonar_film", range=210.0, bins=100), pings=1, start=(0, 0, -24), speed_knots=0.01,
+           beam_width_deg=2.0, speckle=False, noise=False), rays=200_000)
 
 
 @pytest.mark.parametrize("key, step", [("sonar.medium.sound_speed", 0.2), ("sonar.position_offset", 0.1)])

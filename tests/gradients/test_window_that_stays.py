@@ -5,24 +5,24 @@ import mitsuba as mi
 import numpy as np
 import pytest
 from gradient_scenes import sidescan
+from scene_text import lambert, plugin, scene_text
 
 import mitsonar
 from mitsonar.survey.sidescan import kind as sidescan_kind
 
 KEY = "sonar.medium.sound_speed"
 SPEEDS = np.array([1515.0, 1514.0, 1502.0, 1494.0, 1491.0])
-SCENE = """<scene version="3.0.0">
-    <integrator type="sonar_path"><integer name="rays" value="200000"/></integrator>
-    <shape type="seabed" id="bed">
-        <float name="depth" value="18"/> <float name="length" value="40"/> <float name="width" value="110"/>
-        <float name="spacing" value="2"/> <bsdf type="lambert"><float name="mu_db" value="-25"/></bsdf>
-    </shape>
-    <sensor type="{kind}" id="sonar">
-        <integer name="pings" value="2"/> <point name="start" x="0" y="-10" z="-8"/> {more}
-        <medium type="seawater"><string name="profile" value="0:1515, 7:1514, 11:1502, 18:1494, 40:1491"/></medium>
-        <film type="sonar_film"><float name="range" value="45"/> {bins}</film>
-    </sensor>
-</scene>"""
+PROFILE = "0:1515, 7:1514, 11:1502, 18:1494, 40:1491"
+
+
+def seen_by(kind, **attributes):
+    """The scene file of a sonar of some kind over a level bed in a thermocline."""
+    film = {"bins": attributes.pop("bins")} if "bins" in attributes else {}
+    return scene_text(
+        plugin("shape", "seabed", "bed", lambert(-25), depth=18.0, length=40.0, width=110.0, spacing=2.0),
+        plugin("sensor", kind, "sonar", plugin("medium", "seawater", profile=PROFILE),
+               plugin("film", "sonar_film", range=45.0, **film), pings=2, start=(0, -10, -8), **attributes),
+        rays=200_000)
 
 
 def leaf_of(params, speeds):
@@ -37,7 +37,7 @@ def leaf_of(params, speeds):
 @pytest.mark.parametrize("kind", ["sidescan", "sector_scan", "forward_looking", "array_sonar", "multibeam",
                                   "interferometric", "synthetic_aperture"])
 def test_the_window_stays_as_water_and_sonar_change(load, variant, kind):
-    scene = load(SCENE.format(kind=kind, more="", bins=""))
+    scene = load(seen_by(kind))
     sensor, params = scene.sensors()[0], mi.traverse(scene)
 
     def planned():
@@ -55,8 +55,7 @@ def test_the_window_stays_as_water_and_sonar_change(load, variant, kind):
 
 def test_differences_of_renders_are_what_is_sent_back_by_the_speed_beside_the_sonar(load, variant):
     # 1 m/s and 200,000 rays: rays that are drawn otherwise, and pass from bin to bin, leave some 2 % of chance
-    scene = load(SCENE.format(kind="sidescan", bins='<integer name="bins" value="150"/>',
-                              more='<boolean name="speckle" value="false"/> <boolean name="noise" value="false"/>'))
+    scene = load(seen_by("sidescan", bins=150, speckle=False, noise=False))
     params = mi.traverse(scene)
 
     def levels(speeds):

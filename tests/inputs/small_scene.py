@@ -22,9 +22,8 @@ TEXT = """<scene version="3.0.0">
 """
 
 
-def spoilt(*edits):
-    """The text with every (old, new) of `edits` replaced; an old one that is not there is a mistake in the test."""
-    text = TEXT
+def spoilt(*edits, text=TEXT):
+    """A scene's text with every (old, new) of `edits` replaced; an old one that is not there is the test's mistake."""
     for old, new in edits:
         assert old in text, f"the scene has no {old}"
         text = text.replace(old, new)

@@ -10,6 +10,7 @@ import laws
 import mitsuba as mi
 import numpy as np
 import pytest
+from exhaustive import thinned
 
 from mitsonar.scene.loading import prepare
 
@@ -77,20 +78,20 @@ class Surface:
         return float((function(wo).numpy().reshape(v.shape) / up * r * r * 2 * v).sum() * cell)
 
 
-@pytest.mark.parametrize("case", WIDE, ids=lambda case: "-".join(map(str, case)))
-def test_draws_are_distributed_as_they_say(variant, tmp_path, monkeypatch, case):
+@pytest.mark.parametrize("name, khz, angle", thinned(WIDE, *(one for one in WIDE if one[2] != 75)))
+def test_draws_are_distributed_as_they_say(variant, tmp_path, monkeypatch, name, khz, angle):
     from mitsuba import chi2
 
     monkeypatch.chdir(tmp_path)         # a test that fails leaves a file behind
-    surface = Surface(*case)
+    surface = Surface(name, khz, angle)
     test = chi2.ChiSquareTest(domain=chi2.SphericalDomain(), sample_func=surface.draw, pdf_func=surface.density,
                               sample_dim=3, sample_count=1_000_000, res=201, ires=32)
     assert test.run(significance_level=0.01, test_count=len(WIDE), quiet=True), test.messages
 
 
-@pytest.mark.parametrize("case", ALL, ids=lambda case: "-".join(map(str, case)))
-def test_density_sums_to_one_and_draws_carry_the_albedo(variant, case):
-    surface = Surface(*case)
+@pytest.mark.parametrize("name, khz, angle", thinned(ALL, *(one for one in ALL if one[2] in (3, 40, 90))))
+def test_density_sums_to_one_and_draws_carry_the_albedo(variant, name, khz, angle):
+    surface = Surface(name, khz, angle)
     assert surface.integral(surface.density) == pytest.approx(1, abs=2e-3)
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(7, DRAWS)

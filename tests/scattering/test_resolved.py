@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from exhaustive import thinned
 from scipy.integrate import quad
 from scipy.special import j0
 
@@ -86,9 +87,10 @@ def composite_db(sediment, spacing, frequency, degrees, nodes=384):
     return 10 * np.log10(total / sediment.rough_strength(grazing, grazing, np.pi, k))
 
 
-@pytest.mark.parametrize("sediment, spacing, frequency", [
+@pytest.mark.parametrize("sediment, spacing, frequency", thinned([
     ("medium sand", 0.05, 100e3), ("medium sand", 0.2, 30e3), ("medium sand", 0.2, 300e3),
-    ("coarse sand", 0.2, 100e3), ("silt", 0.2, 100e3)])
+    ("coarse sand", 0.2, 100e3), ("silt", 0.2, 100e3)],
+    ("medium sand", 0.05, 100e3), ("medium sand", 0.2, 300e3), ("silt", 0.2, 100e3)))
 def test_mesh_and_what_is_left_are_the_whole(sediment, spacing, frequency):
     for degrees in (90, 87, 80, 70, 50):
         assert composite_db(Sediment.of(sediment), spacing, frequency, degrees) == pytest.approx(0, abs=0.3)

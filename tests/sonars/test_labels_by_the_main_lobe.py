@@ -1,27 +1,16 @@
 """A bin of a sidescan has an object's label only where the object's main lobe meets it."""
 import numpy as np
+from scene_text import lambert, plugin, scene_text
 
 import mitsonar
 
-SCENE = """<scene version="3.0.0">
-    <integrator type="sonar_path"><integer name="rays" value="8000"/></integrator>
-    <shape type="seabed" id="seabed">
-        <float name="depth" value="12"/> <float name="length" value="40"/> <float name="width" value="70"/>
-        <float name="spacing" value="5"/> <bsdf type="lambert"><float name="mu_db" value="-75"/></bsdf>
-    </shape>
-    <shape type="cube" id="box">
-        <transform name="to_world"><scale value="1"/><translate x="16" y="0" z="-11"/></transform>
-        <bsdf type="lambert"><float name="mu_db" value="-5"/></bsdf>
-    </shape>
-    <sensor type="sidescan" id="sonar">
-        <integer name="pings" value="21"/> <point name="start" x="0" y="-10" z="-4"/>
-        <float name="ping_rate_hz" value="5"/>
-        <float name="speed_knots" value="9.72"/> <float name="beam_width_deg" value="2"/>
-        <float name="sidelobe_db" value="-20"/>
-        <medium type="seawater"><float name="sound_speed" value="1500"/></medium>
-        <film type="sonar_film"><float name="range" value="30"/> <integer name="bins" value="150"/></film>
-    </sensor>
-</scene>"""
+SCENE = scene_text(
+    plugin("shape", "seabed", "seabed", lambert(-75), depth=12.0, length=40.0, width=70.0, spacing=5.0),
+    plugin("shape", "cube", "box", lambert(-5),
+           '<transform name="to_world"><scale value="1"/><translate x="16" y="0" z="-11"/></transform>'),
+    plugin("sensor", "sidescan", "sonar", plugin("medium", "seawater", sound_speed=1500.0),
+           plugin("film", "sonar_film", range=30.0, bins=150), pings=21, start=(0, -10, -4), ping_rate_hz=5.0,
+           speed_knots=9.72, beam_width_deg=2.0, sidelobe_db=-20.0), rays=8000)
 
 
 def test_side_lobes_bring_an_objects_echo_but_not_its_label(tmp_path, variant):

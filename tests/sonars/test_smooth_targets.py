@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from exhaustive import thinned
 from scipy.special import j1
 from summer import SUMMER_TEXT
 
@@ -66,7 +67,7 @@ def corner():
     return (np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]).T @ rows).T
 
 
-@pytest.mark.parametrize("ka", [20, 50, 209])
+@pytest.mark.parametrize("ka", thinned([20, 50, 209], 20, 209))
 @pytest.mark.parametrize("surface", ["rigid", "soft"])
 def test_sphere(variant, ka, surface):
     # physical optics knows no creeping wave and has a rim of its own: at ka = 20 up to 0.3 dB off for both
@@ -77,7 +78,7 @@ def test_sphere(variant, ka, surface):
                                 abs=0.4 if ka == 20 else 0.2)
 
 
-@pytest.mark.parametrize("degrees", [0.0, 0.3, 0.6])
+@pytest.mark.parametrize("degrees", thinned([0.0, 0.3, 0.6], 0.0, 0.6))
 def test_cylinder(variant, degrees):
     a, length, tilt = 0.1, 0.5, np.radians(degrees)
     along, beta = 0.5 * length * np.array([np.cos(tilt), np.sin(tilt), 0]), K * length * np.sin(tilt)
@@ -87,7 +88,7 @@ def test_cylinder(variant, degrees):
     assert strength_db({"pipe": pipe}, 150.0) == pytest.approx(10 * np.log10(expected), abs=0.3)
 
 
-@pytest.mark.parametrize("degrees", [0.0, 1.0, 2.5, 20.0])
+@pytest.mark.parametrize("degrees", thinned([0.0, 1.0, 2.5, 20.0], 0.0, 20.0))
 def test_rectangle(variant, degrees):
     tilt = np.radians(degrees)
     expected = 0.3 * 0.2 / WAVELENGTH * np.sinc(K * 0.3 * np.sin(tilt) / np.pi) * np.cos(tilt)

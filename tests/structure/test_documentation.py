@@ -31,15 +31,16 @@ EXAMPLES = [module_name(path) for room in ROOMS_WITH_EXAMPLES for path in SOURCE
             if f"{module_name(path)}.".startswith(f"mitsonar.{room}.") and ">>> " in path.read_text(encoding="utf-8")]
 
 
-@pytest.mark.parametrize("path", [pytest.param(path, id=module_name(path)) for path in SOURCES])
-def test_public_names_are_documented(path):
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    silent = [] if ast.get_docstring(tree) else ["the module itself"]
-    for node in tree.body:
-        if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.name.startswith("_") and not any(
-                ast.unparse(decorator) == "overload" for decorator in node.decorator_list):
-            silent += [] if ast.get_docstring(node) else [node.name]
-    assert not silent
+def test_public_names_are_documented():
+    silent = []
+    for path in SOURCES:
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        silent += [] if ast.get_docstring(tree) else [f"{module_name(path)}: the module itself"]
+        for node in tree.body:
+            if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.name.startswith("_") and not any(
+                    ast.unparse(decorator) == "overload" for decorator in node.decorator_list):
+                silent += [] if ast.get_docstring(node) else [f"{module_name(path)}: {node.name}"]
+    assert SOURCES and not silent, "\n".join(silent)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

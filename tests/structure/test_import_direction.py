@@ -3,9 +3,9 @@
 Read from the sources by AST, imports inside functions included, so that nothing has to be importable.
 """
 import ast
+import functools
+import sys
 from pathlib import Path
-
-import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -57,16 +57,24 @@ def name_of(path):
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
+@functools.cache
 def imports_of(path):
     """All module names a source file imports; ``from mitsonar import x`` counts as mitsonar.x."""
     package = name_of(path) if path.name == "__init__.py" else name_of(path).rpartition(".")[0]
+    found = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            found.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             base = package.split(".")[:len(package.split(".")) - node.level + 1] if node.level else []
             base = ".".join([*base, *([node.module] if node.module else [])])
-            yield from (f"{base}.{alias.name}" if base == "mitsonar" else base for alias in node.names)
+            found.update(f"{base}.{alias.name}" if base == "mitsonar" else base for alias in node.names)
+    return found
+
+
+def roots_of(path):
+    """The packages a source file imports from."""
+    return {module.partition(".")[0] for module in imports_of(path)}
 
 
 def room_of(module):
@@ -74,44 +82,36 @@ def room_of(module):
     return ".".join(module.split(".")[1:2])
 
 
-MODULES = [pytest.param(path, id=name_of(path)) for path in SOURCES]
+def test_imports_point_to_lower_floors_only():
+    rooms = {path: room_of(name_of(path)) for path in SOURCES if room_of(name_of(path))}
+    lost = [str(path.relative_to(ROOT)) for path, room in rooms.items() if room not in RANK]
+    assert not lost, "in no room of this test's FLOORS"
+    upwards = [f"{path.relative_to(ROOT)} imports {module}" for path, room in rooms.items()
+               for module in imports_of(path)
+               if module.split(".")[0] == "mitsonar" and RANK.get(room_of(module), -1) > RANK[room]
+               and (name_of(path), module) not in REGISTRATION]
+    assert rooms and not upwards, "\n".join(["these stand above:", *upwards])
 
 
-@pytest.mark.parametrize("path", MODULES)
-def test_imports_point_to_lower_floors_only(path):
-    room = room_of(name_of(path))
-    if not room:
-        return
-    assert room in RANK, f"{path.relative_to(ROOT)} is in no room of this test's FLOORS"
-    for module in imports_of(path):
-        other = room_of(module)
-        if (name_of(path), module) in REGISTRATION:
-            continue
-        if module.split(".")[0] == "mitsonar" and other in RANK and other != room:
-            assert RANK[other] < RANK[room], f"{path.relative_to(ROOT)} imports {module}, which stands above it"
+def test_physics_and_files_know_no_mitsuba():
+    found = [f"{path.relative_to(ROOT)} imports {package}" for path in SOURCES
+             for package, rooms in (("mitsuba", WITHOUT_MITSUBA), ("drjit", WITHOUT_DRJIT))
+             if room_of(name_of(path)) in rooms and package in roots_of(path)]
+    assert not found, "\n".join(found)
 
 
-@pytest.mark.parametrize("path", MODULES)
-def test_physics_and_files_know_no_mitsuba(path):
-    room, roots = room_of(name_of(path)), {module.split(".")[0] for module in imports_of(path)}
-    if room in WITHOUT_MITSUBA:
-        assert "mitsuba" not in roots
-    if room in WITHOUT_DRJIT:
-        assert "drjit" not in roots
+def test_set_up_needs_the_standard_library_only():
+    # The test runner is imported when the environment stands.
+    found = {name_of(path): roots_of(path) - sys.stdlib_module_names - {"mitsonar", "pytest"} for path in SOURCES
+             if name_of(path) in STANDARD_LIBRARY_ONLY}
+    assert set(found) == STANDARD_LIBRARY_ONLY and not any(found.values()), found
 
 
-@pytest.mark.parametrize("path", MODULES)
-def test_set_up_needs_the_standard_library_only(path):
-    import sys
-
-    if name_of(path) in STANDARD_LIBRARY_ONLY:
-        # The test runner is imported when the environment stands.
-        assert {module.split(".")[0] for module in imports_of(path)} <= sys.stdlib_module_names | {"mitsonar", "pytest"}
-
-
-@pytest.mark.parametrize("path", [pytest.param(path, id=str(path.relative_to(ROOT))) for path in ALL_PYTHON])
-def test_files_stay_readable(path):
-    lines = path.read_text(encoding="utf-8").splitlines()
-    assert len(lines) <= 500
-    long = [number for number, line in enumerate(lines, 1) if len(line) > 120]
-    assert not long, f"lines over 120 characters: {long}"
+def test_files_stay_readable():
+    found = []
+    for path in ALL_PYTHON:
+        lines = path.read_text(encoding="utf-8").splitlines()
+        found += [f"{path.relative_to(ROOT)}: {len(lines)} lines"] if len(lines) > 500 else []
+        found += [f"{path.relative_to(ROOT)}:{number}: {len(line)} characters" for number, line in enumerate(lines, 1)
+                  if len(line) > 120]
+    assert ALL_PYTHON and not found, "\n".join(found)

@@ -70,13 +70,14 @@ def test_every_name_may_be_used_first_at_the_same_time():
     assert printed(NAMES) == "[]"
 
 
-@pytest.mark.parametrize("path", [pytest.param(path, id=name_of(path)) for path in SOURCES])
-def test_no_module_waits_for_a_first_use_while_it_is_imported(path):
-    """A thread that holds the lock of first uses may be waiting for this module: import from where a name is
-    defined."""
-    package = (name_of(path) if path.name == "__init__.py" else name_of(path).rpartition(".")[0]).split(".")
-    for node in ast.parse(path.read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.ImportFrom):
-            parents = package[:len(package) - node.level + 1] if node.level else []
-            homes = HOMES.get(".".join([*parents, *([node.module] if node.module else [])]), {})
-            assert not [alias.name for alias in node.names if ":" in homes.get(alias.name, "")]
+def test_no_module_waits_for_a_first_use_while_it_is_imported():
+    """A thread that holds the lock of first uses may be waiting for a module: import from where a name is defined."""
+    found = []
+    for path in SOURCES:
+        package = (name_of(path) if path.name == "__init__.py" else name_of(path).rpartition(".")[0]).split(".")
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ImportFrom):
+                parents = package[:len(package) - node.level + 1] if node.level else []
+                homes = HOMES.get(".".join([*parents, *([node.module] if node.module else [])]), {})
+                found += [f"{name_of(path)}: {alias.name}" for alias in node.names if ":" in homes.get(alias.name, "")]
+    assert HOMES and SOURCES and not found, "\n".join(found)

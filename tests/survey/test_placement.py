@@ -1,20 +1,16 @@
 """Where a sonar without a track goes: soundings of the bed, and the line over its middle."""
 import numpy as np
+from scene_text import plugin, scene_text
 
 import mitsonar
 from mitsonar.scene.geometry import Geometry
 from mitsonar.sonar.motion.track import Track
 from mitsonar.survey.placement import check, lines_up, soundings
 
-SCENE = """<scene version="3.0.0">
-    <integrator type="sonar_path"/>
-    <sensor type="sidescan"><medium type="seawater"/><film type="sonar_film"/></sensor>
-    <bsdf type="lambert" id="sand"/>
-    <shape type="seabed" id="bed">
-        <float name="depth" value="20"/> <float name="length" value="100"/> <float name="width" value="110"/>
-        <float name="spacing" value="0.25"/> <float name="fractal_rms" value="0.05"/> <ref id="sand"/>
-    </shape>
-</scene>"""
+SCENE = scene_text(
+    plugin("sensor", "sidescan", "", plugin("medium", "seawater"), plugin("film", "sonar_film")),
+    plugin("shape", "seabed", "bed", plugin("bsdf", "lambert", "sand"), depth=20.0, length=100.0, width=110.0,
+           spacing=0.25, fractal_rms=0.05))
 
 
 def rough_bed(folder):
