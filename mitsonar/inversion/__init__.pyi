@@ -1,5 +1,5 @@
 from .arrays.calibration import Calibration as Calibration, calibrated as calibrated
-from .arrays.ping_images import PingImages as PingImages
+from .arrays.ping_images import PingImages as PingImages, moved as moved
 from .arrays.sharpness import Sway as Sway, sharpened as sharpened, without_trend as without_trend
 from .fit.answer import Fit as Fit, FittedParameter as FittedParameter
 from .fit.classes import Classes as Classes

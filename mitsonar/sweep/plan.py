@@ -150,7 +150,7 @@ def load_plan(path: FilePath) -> Plan:
     Parameters
     ----------
     path : str or path
-        TOML, as scenes/README.md describes it, or the name of a plan that comes with mitsonar, such as ``minefield``.
+        TOML (see scenes/manual/sweeps.md), or the name of a plan that comes with mitsonar, such as ``minefield``.
 
     Returns
     -------

@@ -1,12 +1,12 @@
 # %% [markdown]
 # # Where the elements really are
 #
-# An array is built to a drawing, and hangs otherwise: elements stand millimetres off, channels hear a little stronger
-# or weaker, and navigation is right to centimetres. At 120 kHz a wavelength is 12 mm, and beams ask for a tenth of it.
-# A few point targets in the water tell most of this, and mitsonar says what they cannot tell.
+# An array never matches its drawing: elements are millimetres off, channels differ in gain, and navigation is accurate
+# to centimetres only. At 120 kHz a wavelength is 12 mm, and beams need a tenth of it. A few point targets in the water
+# are enough to find most of these errors, and mitsonar reports which of them cannot be found.
 #
-# `mitsonar.inversion.calibrated` takes element signals as `mitsonar.element_signals` makes them, or
-# as an instrument recorded them. Here they are made with a known array, so that answers can be checked.
+# `mitsonar.inversion.calibrated` takes element signals as `mitsonar.element_signals` makes them, or as an
+# instrument recorded them. Here they are made with a known array, so that the answers can be checked.
 
 # %%
 import os
@@ -17,10 +17,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import mitsonar
-from mitsonar.inversion.arrays.calibration import calibrated
-from mitsonar.inversion.arrays.ping_images import moved
-from mitsonar.inversion.arrays.sharpness import sharpened, without_trend
-from mitsonar.synthetic_aperture.focusing.grids import ground_grid
+from mitsonar.inversion import calibrated, moved, sharpened, without_trend
+from mitsonar.synthetic_aperture import ground_grid
 
 PINGS = round(7 * float(os.environ.get("TUTORIAL_SCALE", 1)))
 rng = np.random.default_rng(7)
@@ -32,7 +30,7 @@ np.savetxt(folder / "elements.csv", truth, delimiter=",", header="x,y,z", commen
 targets = np.array([(3, 15, -15), (-5, 19, -20), (7, 23, -17), (-2, 28, -22), (10, 30, -20)], float)
 
 # %% [markdown]
-# The sonar passes five targets over a bed that answers, too: its speckle is what the echoes have to stand out of.
+# The sonar passes five targets over a seabed. The echoes of the targets have to stand out from its speckle.
 
 # %%
 shapes = "".join(f"""<shape type="point_target" id="target{number}">
@@ -63,10 +61,10 @@ plt.ylabel("element")
 plt.show()
 
 # %% [markdown]
-# ## What is believed
+# ## What is known beforehand
 #
-# Elements are where the drawing has them. Channels differ by 15 %. Navigation is off by 5 cm at each ping, and so are
-# the places of the targets. None of the levels is calibrated: 1 dB is missing.
+# The calibration starts with elements where the drawing has them. Channels differ by 15 %. Navigation is off by 5 cm
+# at each ping, and so are the positions of the targets. The levels are not calibrated: 1 dB is missing.
 
 # %%
 gain = np.exp(0.15 * rng.standard_normal(len(truth)))
@@ -83,8 +81,8 @@ answer = calibrated(believed, places, scene.sensors()[0].water.profile, believed
 print(*answer.sentences(), sep="\n")
 
 # %% [markdown]
-# The array as a whole may stand elsewhere: targets and platform are known to centimetres only. So shapes are compared
-# after the best shift and turn.
+# Positions of targets and platform are known to centimetres only, so the whole array may be shifted and turned. Shapes
+# are therefore compared after the best shift and turn.
 
 
 # %%
@@ -113,8 +111,9 @@ assert np.abs(answer.gain * gain.mean() / gain - 1).max() < 0.05
 # %% [markdown]
 # ## What is observable
 #
-# Each singular value compares what data say of a combination of unknowns with what was believed. Below 1, the answer is
-# belief. Navigation gets better, to what five targets that are themselves in doubt can tell.
+# Each singular value compares the prior standard deviation of a combination of unknowns with the standard deviation
+# that the data give it. Below 1, the answer is mostly prior. Navigation improves as far as five targets with uncertain
+# positions allow.
 
 # %%
 plt.semilogy(answer.singular_values, ".")
@@ -131,10 +130,10 @@ assert answer.effective < len(answer.singular_values)
 assert any("not observable" in sentence for sentence in answer.sentences())
 
 # %% [markdown]
-# ## The way of a synthetic aperture
+# ## The track of a synthetic aperture
 #
-# Where nobody put targets, an image's own sharpness tells how a sonar swayed from ping to ping, but for shift and turn.
-# Pings of a strip are focused one by one, and moved sideways until their sum is sharpest.
+# Without targets, the sharpness of the image itself shows how the sonar swayed from ping to ping, except for a shift
+# and a turn. Pings of a strip are focused one by one, and moved sideways until their sum is sharpest.
 
 # %%
 lying = np.stack([19 + rng.uniform(-0.8, 0.8, 15), rng.uniform(-0.8, 0.8, 15), rng.uniform(-26, -20, 15)], 1)
@@ -158,7 +157,7 @@ stones = "".join(f"""<shape type="point_target" id="stone{number}"><point name="
 raw = mitsonar.raw_echoes(folder / "strip.xml")
 
 # %% [markdown]
-# The trajectory that is believed knows nothing of 3 mm of sway.
+# The recorded trajectory lacks 3 mm of sway.
 
 # %%
 ping = np.arange(24)

@@ -1,10 +1,10 @@
 # %% [markdown]
 # # From element signals to beams
 #
-# A forward-looking sonar has one transmitter and a line of receivers across the bow. Nothing in it looks anywhere:
-# each receiver hears everything ahead of it. Directions come from arithmetic afterwards. Here we take what the
-# elements hear, compress the pulse, and form beams; we check each step against the closed form, first with a single
-# buoy and then with a whole scene.
+# A forward-looking sonar has one transmitter and a line of receivers across the bow. No part of it points in a
+# direction: each receiver records everything ahead of it, and directions are computed afterwards. Here we take the
+# signals of the elements, compress the pulse, and form beams. We check each step against its closed form, first with a
+# single buoy and then with a whole scene.
 
 # %%
 import os
@@ -74,14 +74,14 @@ plt.show()
 
 # %% [markdown]
 # The lower picture shows the echo's phase by its colour. From left to right it runs through the sweep, which begins
-# below the carrier and ends above it. From bottom to top it changes as well: the echo comes from starboard, and each
-# element to port hears it a little later. This is all that a beamformer has to go by.
+# below the carrier and ends above it. From bottom to top it changes as well: the echo comes from starboard, and
+# reaches each element to port a little later. A beamformer uses nothing else.
 #
 # ## Pulse compression
 #
 # Two targets that are closer than half a pulse length, 37 cm, cannot be told apart in this record. A matched filter
-# correlates it with the pulse. What comes out is as short as the inverse bandwidth: 1500 m/s / (2 · 20 kHz) = 3.7 cm.
-# It is scaled such that an echo keeps its amplitude, at its own delay.
+# correlates it with the pulse. The result is as short as the inverse bandwidth: 1500 m/s / (2 · 20 kHz) = 3.7 cm. It
+# is scaled such that an echo keeps its amplitude, at its own delay.
 
 # %%
 echoes = signals.copy(data=matched_filter(signals.values, pulse, rate))
@@ -104,8 +104,9 @@ plt.tight_layout()
 plt.show()
 
 # %% [markdown]
-# How loud should it be? Source level, less spherical spreading and absorption there and back, plus the target
-# strength, plus what the transmitter's face sends in this direction: `beam_pattern` knows the array of the scene.
+# Which level do we expect? Source level, less spherical spreading and absorption there and back, plus the target
+# strength, plus the beam pattern of the transmitter's face in this direction: `beam_pattern` computes it from the
+# array of the scene.
 
 # %%
 sonar = scene.sensors()[0]
@@ -121,8 +122,9 @@ assert abs(signals["time"].values[peak] - 2 * distance / 1498) < 1 / rate
 # %% [markdown]
 # ## A direction from phases
 #
-# At broadside an echo meets all elements at once. From the angle ψ it meets the element at y earlier by y sin ψ / c,
-# so the phase grows along the line by 2π sin ψ / λ per metre. A straight line through the phases gives the bearing.
+# An echo from broadside reaches all elements at once. An echo from the angle ψ reaches the element at y earlier by y
+# sin ψ / c, so the phase grows along the line by 2π sin ψ / λ per metre. A straight line through the phases gives the
+# bearing.
 
 # %%
 phases = np.unwrap(np.angle(echoes.values[0, 0, :, peak]))
@@ -135,8 +137,8 @@ assert abs(sine - towards[1]) < 0.001
 # ## Beams
 #
 # Delay-and-sum takes a direction, shifts each element's signal by the delay that an echo from there would have, and
-# adds all up. Echoes from there add in phase, all others more or less cancel. For N elements at the pitch d the
-# response to an echo from ψ of a beam at ψ' is
+# adds the signals. Echoes from there add in phase; others largely cancel. For N elements at the pitch d the response
+# to an echo from ψ of a beam at ψ' is
 #
 # $$b = \left|\frac{\sin N x}{N \sin x}\right|, \qquad x = \frac{\pi d}{\lambda} (\sin\psi' - \sin\psi)$$
 
@@ -166,9 +168,9 @@ assert abs(width - np.rad2deg(0.886 * wavelength / (ELEMENTS * pitch))) < 0.6
 assert abs(error_db).max() < 0.3                                                     # it is that of one frequency alone
 
 # %% [markdown]
-# Side lobes are 13 dB below the main lobe: a strong echo shows in directions where there is nothing. Shading, smaller
-# weights at the ends of the line, lowers them and widens the beam. And elements more than half a wavelength apart are
-# worse: other directions than the true one then add up in phase, too, where
+# Side lobes are 13 dB below the main lobe: a strong echo also appears in directions where there is no target. Shading,
+# smaller weights at the ends of the line, lowers them and widens the beam. And elements more than half a wavelength
+# apart are worse: other directions than the true one then add up in phase, too, where
 #
 # $$\sin\psi' = \sin\psi \pm n \lambda / d$$
 #
@@ -204,9 +206,9 @@ assert abs(lobe_db - overlap_db) < 0.3
 # %% [markdown]
 # ## Noise
 #
-# The sea is noisy from all sides, and at half a wavelength apart elements hear independent noise. A beam averages it
-# away: its power falls by the number of elements, less what the shading costs. We listen with the noise switched on,
-# and let the record end before any echo.
+# Noise of the sea comes from all sides, and elements half a wavelength apart receive independent noise. A beam
+# averages it: its power falls by the number of elements, less the loss of the shading. We record with the noise
+# switched on, and let the record end before any echo.
 
 # %%
 quiet = mitsonar.load_file("forward_looking", elements=ELEMENTS, cell=1.0, range=11, range_min=5, mu_db=-150,
@@ -223,7 +225,7 @@ for window, loss in (("boxcar", 0.0), ("hamming", 1.34)):
 # ## The whole scene
 #
 # Now with the seabed. It is cut into cells, and each holds one scatterer with a random amplitude that is the same for
-# every element: so the speckle of the beams is that of a real array. For a line of equally spaced elements,
+# every element: the beams therefore have the speckle of a real array. For a line of equally spaced elements,
 # `fan_beams` gets all beams at once by a chirp-z transform, at equal steps of the sine.
 
 # %%
@@ -240,10 +242,10 @@ plt.show()
 
 # %% [markdown]
 # The scene shades its receivers by a hamming window, which comes with the signals as `rx_weight`. The buoy is the dot
-# 12 m ahead; as wide as a beam, for it has no width. To port the box is bright where its face is turned to the sonar,
-# and the bed behind it is dark; to starboard lies the pipe with its shadow.
+# 12 m ahead, as wide as a beam because the buoy itself has no width. To port the box is bright where its face is
+# turned to the sonar, and the bed behind it is dark; to starboard lies the pipe with its shadow.
 #
-# The fast fan and delay-and-sum say the same, as long as the targets are far away compared to the array:
+# The fast fan and delay-and-sum agree as long as the targets are far away compared to the array:
 
 # %%
 some = slice(None, None, 16)
@@ -262,6 +264,6 @@ print(f"the box is in the beam at {np.rad2deg(float(fan['angle'][brightest])):.1
 assert abs(np.rad2deg(float(fan["angle"][brightest])) - box_bearing) < 3
 
 # %% [markdown]
-# From here: `mitsonar signals` writes what the elements hear to a netCDF file for other software; `mitsonar render`
-# makes the same fan with the truth of each sample; `mvdr` forms adaptive beams; `mitsonar.sonar` makes arrays of
-# other shapes.
+# From here: `mitsonar signals` writes the signals of the elements to a netCDF file for other software; `mitsonar
+# render` makes the same fan with the truth of each sample; `mvdr` forms adaptive beams; `mitsonar.sonar` makes arrays
+# of other shapes.

@@ -1,12 +1,12 @@
 # %% [markdown]
-# # What one sidescan image says of the bed
+# # The seabed from one sidescan image
 #
-# A place that is turned towards a sidescan is brighter, and the first return tells how deep the bed is. So an image
-# says something of the bed's shape, and where the shape is known, of what lies on it. mitsonar follows gradients of its
-# own images back to both, and says how sure an answer is.
+# A slope that faces a sidescan is brighter, and the first return shows how deep the bed is. An image therefore
+# contains information on the shape of the bed and, where the shape is known, on its sediments. mitsonar finds both by
+# the gradients of its own images, and states the uncertainty of the answer.
 #
-# The image here is rendered, so that answers can be checked; it has speckle, rays of its own, and a bed that is 1 dB
-# stronger than the model believes.
+# The image here is rendered, so that the answers can be checked. It has speckle, other rays than the model, and a bed
+# that is 1 dB stronger than in the model.
 
 # %%
 import os
@@ -18,17 +18,15 @@ import mitsuba as mi
 import numpy as np
 
 import mitsonar  # before Mitsuba: it chooses the LLVM that Dr.Jit loads
-from mitsonar.inversion.images.heights import fit_heights
-from mitsonar.inversion.images.image_fit import Stage
-from mitsonar.inversion.images.sediment_map import fit_sediment_map
+from mitsonar.inversion import Stage, fit_heights, fit_sediment_map
 
 SCALE = float(os.environ.get("TUTORIAL_SCALE", 1))
 PINGS = round(20 * SCALE)
 folder = Path(tempfile.mkdtemp())
 
 # %% [markdown]
-# One scene serves for the truth and for the model: `$waves` is the height of the bed's waves, which the model takes to
-# be flat, `$strength` what the bed sends back.
+# One scene serves for the truth and for the model: `$waves` is the height of the bed's waves, which is flat in the
+# model, and `$strength` the scattering strength of the bed.
 
 # %%
 (folder / "scene.xml").write_text(f"""<scene version="3.0.0">
@@ -57,7 +55,8 @@ plt.title("starboard: level [dB re 1 µPa]")
 plt.show()
 
 # %% [markdown]
-# The model is the same scene with a flat bed. Its gradients by 1,089 heights cost about as much as an image.
+# The model is the same scene with a flat bed. Its gradients with respect to 1,089 heights cost about as much as an
+# image.
 
 # %%
 scene = mitsonar.load_file(folder / "scene.xml")
@@ -72,8 +71,8 @@ print(model, forward, backward)
 assert np.isclose(forward, backward, rtol=1e-3)
 
 # %% [markdown]
-# The fit begins with a flat bed at the depth of the first return. It goes from coarse bins to fine ones, weighs bins as
-# speckle asks for (gamma deviance), and stops when steps bring nothing more.
+# The fit begins with a flat bed at the depth of the first return. It goes from coarse bins to fine ones, weights bins
+# by the statistics of speckle (gamma deviance), and stops when further steps no longer improve the fit.
 
 # %%
 stages = Stage(bins=8, steps=4, products=10), Stage(bins=4, steps=3, products=10)
@@ -106,10 +105,10 @@ for axis, title, values in zip(axes, ("truth", "start", "answer", "one deviation
 plt.show()
 
 # %% [markdown]
-# Crests stand where they should, and heights are nearer than they were, about as near as is said. Deviations are those
-# of speckle, about a model that is right: navigation and levels that are off come on top. Slopes along the track are
-# hardly seen. Where the shape is known, the same image tells what the bed is made of, node by node of a texture, and
-# which of some sediments that would be.
+# Crests are in the right places, and the errors of the heights are smaller than before and about as large as the
+# stated standard deviations. These cover speckle only, for a correct model: errors of navigation and levels add to
+# them. Slopes along the track are hardly visible to the sonar. Where the shape is known, the same image gives the
+# strength of the bed at each node of a texture, and the most probable sediment.
 
 # %%
 across, along = np.meshgrid(np.linspace(-1, 1, 24), np.linspace(-1, 1, 24))

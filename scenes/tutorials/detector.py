@@ -1,12 +1,12 @@
 # %% [markdown]
-# # A detector that has seen no sea
+# # A detector trained on rendered images only
 #
-# Pictures that cannot be told from the sea's should teach what works at sea. We train a small detector on rendered
-# fields of targets alone, and ask it about three things that it has not seen: other kinds of targets on other beds, a
-# wreck of ours, and a wreck that a real sonar recorded.
+# If rendered pictures are realistic enough, a detector trained on them should work at sea. We train a small detector
+# on rendered fields of targets only, and test it on three things that it has not seen: other kinds of targets on other
+# beds, a rendered wreck, and a wreck that a real sonar recorded.
 #
-# This takes PyTorch (`pip install "mitsonar[detector]"`) and five minutes of CPU: four to render, one to learn. The
-# test suite does not run it. All draws are seeded.
+# This needs PyTorch (`pip install "mitsonar[detector]"`) and five minutes of CPU time: four to render, one to train.
+# The test suite does not run it. All draws are seeded.
 
 # %%
 import os
@@ -21,7 +21,7 @@ from torch import nn
 
 import mitsonar
 from mitsonar.imaging.picture_statistics import first_return
-from mitsonar.io.xtf.amplitudes import read_amplitudes
+from mitsonar.io.xtf import read_amplitudes
 
 SCALE = float(os.environ.get("TUTORIAL_SCALE", 1))         # 1: 24 fields and 16 epochs; 4: four times the fields
 FIELDS, OTHERS, EPOCHS, SEED = round(24 * SCALE), 8, 16, 7
@@ -40,9 +40,9 @@ started = minutes()
 # %% [markdown]
 # ## Fields
 #
-# Each field has another bed, other targets, another height, sonar and motion. Those to learn from hold mines, boulders,
-# crates, tyres and clumps, up to four times as large as they are, so that size says nothing. Those to be asked about
-# hold torpedoes, drums, anchors and lobster pots, which are nowhere in the first.
+# Each field has another bed, other targets, another height, sonar and motion. Fields for training hold mines,
+# boulders, crates, tyres and clumps, up to four times their real size, so that size carries no information. Fields for
+# testing hold torpedoes, drums, anchors and lobster pots, which never occur in training.
 
 # %%
 PLAN = """
@@ -99,11 +99,11 @@ print(f"{len(learned)} fields to learn from, {len(asked)} to be asked about; "
       f"{minutes() - started:.1f} minutes of CPU for those that were not there")
 
 # %% [markdown]
-# ## What the detector sees
+# ## The input of the detector
 #
-# Real recorders have gains that nobody knows. So a picture becomes decibels over the median of its own range, over all
-# pings, in cells of 12 cm; one gain or another is the same then. The water column is left out. The same function
-# prepares rendered and real pictures.
+# The gains of real recorders are unknown. We therefore convert a picture to decibels above the median of each range,
+# over all pings, in cells of 12 cm; this removes any gain. The water column is left out. The same function prepares
+# rendered and real pictures.
 
 # %%
 
@@ -154,10 +154,9 @@ plt.show()
 # %% [markdown]
 # ## The detector
 #
-# A network in the form of a U: it looks at the picture in four scales, up to some 6 m, and says of every cell how
-# likely it is that an object or its shadow lies there. It has 60,000 numbers to learn. It sees pieces of 128 x 128
-# cells, mirrored along the track at random, now and then with a gain that drifts, or with shadows that noise has
-# filled.
+# The detector is a U-shaped network. It works on four scales of the picture, up to some 6 m, and estimates for every
+# cell the probability that an object or its shadow lies there. It has 60,000 parameters. It is trained on pieces of
+# 128 x 128 cells, mirrored along the track at random, sometimes with a drifting gain or with shadows filled by noise.
 
 # %%
 
@@ -312,9 +311,9 @@ plt.tight_layout()
 plt.show()
 
 # %% [markdown]
-# ## A wreck of ours
+# ## A rendered wreck
 #
-# Nothing that the detector learned from was a wreck. Here is one of 24 m, on a bed of several sediments.
+# There was no wreck in the training data. Here is one of 24 m, on a bed of several sediments.
 
 # %%
 kept = folder / "wreck.exr"
@@ -331,10 +330,10 @@ print(f"mean score on the wreck and its shadow {on_wreck.mean():.2f}, on open be
 assert on_wreck.mean() > 2 * on_bed.mean()
 
 # %% [markdown]
-# ## A wreck of the sea's
+# ## A real wreck
 #
-# A record at 600 kHz, 30 m a side, some 56 m long; the wreck's place is marked by hand. Nobody labelled the rest: a few
-# stones lie there, and what the detector says of them counts as false alarms.
+# A record at 600 kHz, 30 m a side, some 56 m long; the wreck's place is marked by hand. The rest is not labelled: a
+# few stones lie there, and detections on them count as false alarms.
 
 # %%
 WRECK = {"pings": (165, 372), "metres": (3.8, 17.5)}       # to starboard, its shadows with it
@@ -393,13 +392,13 @@ else:
 print(f"{minutes() - started:.1f} minutes of CPU in all")
 
 # %% [markdown]
-# ## What came out
+# ## Results
 #
 # With 24 fields: of other kinds of targets 81 % are found, and 90 % of detections are right (average precision 0.83 by
-# cells, 0.04 by chance; 3 false alarms in 100 m). Our wreck has a mean score of 0.86 and its bed 0.10.
+# cells, 0.04 by chance; 3 false alarms in 100 m). The rendered wreck has a mean score of 0.86 and its bed 0.10.
 #
 # The real wreck has 0.46 in its box, which holds much open bed inside the hull, and the bed around it 0.08: an average
 # precision of 0.61, 0.12 by chance. Its large shadow, that of the post, and the holes within the hull are found; the
-# planks' highlights hardly. There are 18 false alarms in 100 m. About half of them are stones with shadows, which
-# nobody had marked; the others lie where the bed changes with the altitude, and at a first ping that is empty. Beds
-# that change so are what the fields lack.
+# highlights of the planks are mostly missed. There are 18 false alarms in 100 m. About half of them are stones with
+# shadows that were not marked; the others lie where the bed changes with the altitude, and at an empty first ping.
+# Such changes of the bed are missing from the training fields.

@@ -1,11 +1,10 @@
 # %% [markdown]
 # # From a first image to labels
 #
-# A sidescan sonar is towed over a small minefield. We render what it records, look at the record and at the truth
-# behind it, write it to a file, turn it into labels that a detector can be trained on, and then do the same for a
-# whole set of images.
+# A sidescan sonar is towed over a small minefield. We render its record, look at the record and at the truth behind
+# it, write it to a file, turn it into labels for training a detector, and then do the same for a whole set of images.
 #
-# Every number that we claim is checked by an `assert`. Change a parameter and see which of them complain.
+# An `assert` checks every number in the text. Change a parameter and see which of them fail.
 
 # %%
 import json
@@ -29,10 +28,10 @@ folder = Path(tempfile.mkdtemp(prefix="first_image_"))
 # ## A scene
 #
 # A scene is an XML file: a seabed, objects, water, a sonar. `minefield` comes with mitsonar (`mitsonar scenes` lists
-# all, `mitsonar describe minefield` says what its parameters mean). Any parameter that the file gives a default can
-# be set when it is loaded. Here the track is short, so we let the objects lie close to it. `area` is west, south,
-# east, north in metres; the sonar runs north along x = 0. As it comes, it rocks as a towed fish does; here it does not
-# (`motion` is none), so that formulas by hand hold.
+# all scenes, and `mitsonar describe minefield` explains the parameters). Any parameter that the file gives a default
+# can be set when it is loaded. Here the track is short, so we let the objects lie close to it. `area` is west, south,
+# east, north in metres; the sonar runs north along x = 0. By default the sonar moves as a towed fish does. Here it
+# does not (`motion` is none), so that simple formulas hold.
 
 # %%
 along = 0.5 * 0.05 * PINGS - 1                             # [m]: a ping every 5 cm, and objects a metre from the ends
@@ -46,8 +45,8 @@ image
 # The result is an `xarray.Dataset`. Its axes have names and units: `ping` counts transmissions, `side` is port or
 # starboard, `range` is slant range: half the travel time of the echo times the speed of sound at the sonar.
 #
-# `level` is what the receiver hears, in dB re 1 µPa. We draw it as sonar operators see it: port to the left,
-# starboard to the right, the newest ping on top. The picture has a gain over range, the data never have.
+# `level` is the echo level at the receiver, in dB re 1 µPa. We draw it as sonar operators see it: port to the left,
+# starboard to the right, the newest ping on top. The picture has a gain over range; the data never do.
 
 # %%
 assert image["level"].dims == ("ping", "side", "range") and image["level"].shape == (PINGS, 2, BINS)
@@ -66,12 +65,12 @@ mitsonar.plots.preview(image, folder / "waterfall.png")
 show(folder / "waterfall.png")
 
 # %% [markdown]
-# In the middle it is dark: this is the water column. The first echo of the seabed comes from straight below, so the
-# dark strip is as wide as the sonar is high. Then come the ripples of the sand. Objects are bright where they face
-# the sonar, and behind each lies a shadow, where it keeps the sound off the seabed. Two objects lie almost under the
-# track: they are nearer than the seabed, and so their echoes stand in the water column.
+# The dark strip in the middle is the water column. The first echo of the seabed comes from straight below, so the
+# strip is as wide as the sonar is high. The ripples of the sand follow. Objects are bright where they face the sonar,
+# and behind each lies a shadow, where it blocks the sound. Two objects lie almost under the track: they are nearer
+# than the seabed, so their echoes appear in the water column.
 #
-# Where nothing is nearer, the first bin that the main lobe hears must lie at the sonar's altitude.
+# Where nothing is nearer, the first bin with an echo in the main lobe must lie at the sonar's altitude.
 
 # %%
 seabed = next(int(number) for number, name in image.attrs["labels"].items() if name == "seabed")
@@ -87,9 +86,9 @@ assert off[~free].min() < -0.3                                             # and
 # ## Speckle
 #
 # An echo of rough sand is the sum of very many wavelets from within one resolution cell, and their phases are random.
-# So the pressure is a complex Gaussian number, and its intensity has an exponential distribution: the level jumps by
-# many decibels from bin to bin. This is speckle. `mean_level` is the level without it. The ratio of both intensities
-# has the mean 1 and the standard deviation 1.
+# The pressure is therefore a complex Gaussian number, and its intensity has an exponential distribution: the level
+# varies by many decibels from bin to bin. This is speckle. `mean_level` is the level without it. The ratio of both
+# intensities has the mean 1 and the standard deviation 1.
 
 # %%
 heard = (image["mean_level"] > image.attrs["noise_db"] + 20) & (image["range"] > 8)
@@ -109,8 +108,8 @@ plt.show()
 # %% [markdown]
 # ## The sonar equation
 #
-# How loud is the seabed? The echo level EL of a bin is the source level SL, less what is lost on the way out and
-# back, plus the scattering strength of the seabed times the area A that one bin holds:
+# The echo level EL of a bin is the source level SL, less the losses on the way out and back, plus the scattering
+# strength of the seabed times the area A that one bin holds:
 #
 # $$EL = SL - 40 \log_{10} r - 2 \alpha r + S_b(\theta) + 10 \log_{10} A + DI$$
 #
@@ -118,7 +117,7 @@ plt.show()
 # * $S_b = \mu \sin^2\theta$: the sand is given Lambert's law with µ = -24 dB; θ is the grazing angle, $\sin\theta = h
 #   / r$ for a sonar that is h above the seabed.
 # * $A = r \psi \cdot c\tau/2 / \cos\theta$: the pulse of length τ covers cτ/2 of slant range. ψ is the width of a
-#   beam with sharp edges that hears as much as the real one along the track, out and back: $\psi = \int
+#   beam with sharp edges that receives as much energy as the real one along the track, out and back: $\psi = \int
 #   \mathrm{sinc}^4 (L\phi/\lambda)\,d\phi = 2\lambda/3L$ for a face of length L.
 # * DI: the face looks 20 degrees down, and is loudest there. Across the track its pattern is again a sinc.
 
@@ -157,14 +156,14 @@ plt.show()
 
 # %% [markdown]
 # The curves agree on the mean, though ripples make the rendered one rise and fall: a slope that faces the sonar is
-# brighter, and most of the energy comes from there. Close to the altitude the equation for a level bed means little:
-# a bin then holds a large patch, seen from above, at the edge of the beam.
+# brighter, and most of the energy comes from there. At ranges close to the altitude the equation for a level bed is of
+# little use: a bin then covers a large patch, seen from above, at the edge of the beam.
 #
 # ## The truth
 #
-# A renderer knows what it draws. For each bin the record holds the object that brings most of the echo (`label`, with
-# the names in its attributes), the depth of what was met, the place of the seabed, how many rays it is made of, and
-# what objects take away from it: `object_shadow` is the number of the object that hides the seabed there.
+# For each bin the record holds the truth: the object with most of the echo (`label`, with the names in its
+# attributes), the depth of what was hit, the position of the seabed, the number of rays, and what objects take away:
+# `object_shadow` is the number of the object that hides the seabed there.
 
 # %%
 mitsonar.plots.plot(image, "objects", folder / "objects.png")
@@ -189,9 +188,8 @@ assert shadow_ends[0] - 0.1 < shadow["range"][shadow].max() < shadow_ends[1] + 0
 # %% [markdown]
 # ## A file
 #
-# An image is kept as an EXR: a format of film studios with as many named channels as one likes, which many programs
-# open. Nothing is lost: what is read is what was written, bit for bit, and the scene with all its parameters is in
-# it.
+# An image is stored as an EXR: a format from the film industry with any number of named channels, which many programs
+# open. Reading returns what was written, bit for bit, and the file includes the scene with all its parameters.
 
 # %%
 mitsonar.write(image, folder / "first.exr")
@@ -203,7 +201,7 @@ assert again.identical(image)
 # ## Labels
 #
 # A detector learns from pictures and from boxes around what it should find. Both come from the record: a highlight is
-# where an object brings most of the energy, a shadow where it takes most of the seabed's away. COCO is a format that
+# where an object has most of the energy, a shadow where it hides most of the seabed's energy. COCO is a format that
 # most training code reads. The masks hold, for every picture element, the number of its object.
 
 # %%
@@ -251,9 +249,9 @@ assert crate["lower"][1] < middle_y < crate["upper"][1]
 # %% [markdown]
 # ## A set of images
 #
-# One image teaches nothing. A *sweep* is a plan, written as TOML: which scene, and which values its parameters take.
-# Lists go side by side, what stands in `[grid]` is crossed with all else, `[draw]` is random. Here two fields of
-# targets on two seabeds are seen on soft and on hard sand, the steel a little different each time.
+# A detector needs many images. A *sweep* is a plan, written as TOML: which scene, and which values its parameters
+# take. Values of `[list]` go side by side, values of `[grid]` are combined with all others, and `[draw]` is random.
+# Here two fields of targets on two seabeds are seen on soft and on hard sand, the steel a little different each time.
 
 # %%
 (folder / "plan.toml").write_text(f"""
@@ -288,10 +286,10 @@ print(f"{len(plan)} renders, {outcome.done} done in {outcome.seconds:.0f} s, {ou
 assert outcome.done == len(plan) == 4 and outcome.failed == 0
 
 # %% [markdown]
-# Run the same plan again and nothing happens: what is there is kept. On a cluster, the same plan is dealt out to
-# workers, and the bytes stay the same.
+# Run the same plan again, and finished images are kept. On a cluster, workers share the same plan, and the bytes stay
+# the same.
 #
-# `dataset.open` reads a finished sweep. Images are read when they are asked for.
+# `dataset.open` reads a finished sweep. An image is read when you ask for it.
 
 # %%
 assert mitsonar.sweep.run(plan, folder / "fields", processes=1).kept == 4
@@ -311,8 +309,8 @@ print(f"median {np.median(difference):.2f} dB, of {difference.size:,} bins")
 assert abs(np.median(difference) - 6) < 0.01
 
 # %% [markdown]
-# Training and testing on the same seabed flatters a detector: it may know the stones by heart. So images are split by
-# their seabeds, never between images of one.
+# A detector that is tested on the seabed of its training looks better than it is. Images are therefore split by their
+# seabeds; images of one seabed stay together.
 
 # %%
 subsets = images.split("train=0.5,val=0.5")
@@ -322,7 +320,7 @@ print({name: len(part) for name, part in subsets.items()}, levels.shape)
 assert levels.shape == (2, PINGS, 2, BINS)
 
 # %% [markdown]
-# And the labels of all, in the form of YOLO too, with the same split:
+# Finally the labels of all images, also for YOLO, with the same split:
 
 # %%
 rules = labels.Labels(coco=True, yolo="boxes", split={"train": 0.5, "val": 0.5})

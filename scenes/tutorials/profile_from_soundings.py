@@ -1,12 +1,12 @@
 # %% [markdown]
 # # The water that soundings came through
 #
-# The cast is stale, or somebody forgot it. Every sounding carries a trace of the water that it came through: its beam
-# left at a known angle, and took a time. Is that enough to tell the sound-speed profile? Over a bed of many depths it
-# is. Over a level one it is not, however many soundings there are, and mitsonar says so.
+# The cast is old, or there is none. Every sounding contains information on the water that it came through: its beam
+# left at a known angle, and its travel time was measured. Is that enough to find the sound-speed profile? Over a bed
+# of many depths it is. Over a level bed it is not, however many soundings there are, and mitsonar then reports this.
 #
-# `mitsonar.inversion.fit_profile` takes lines as `mitsonar.soundings` makes them, or as instruments
-# wrote them. Here the lines are made with known water, so that answers can be checked.
+# `mitsonar.inversion.fit_profile` takes lines as `mitsonar.soundings` makes them, or as instruments wrote
+# them. Here the lines are made with known water, so that the answers can be checked.
 
 # %%
 import os
@@ -15,11 +15,9 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 import numpy as np
 
-from mitsonar.gradients.soundings.sounding_bed import BedGrid
-from mitsonar.gradients.soundings.sounding_times import SoundingTimes
-from mitsonar.hydrography.detection.sounding_beams import SoundingBeams
-from mitsonar.inversion.profile.profile import fit_profile
-from mitsonar.inversion.profile.profile_problem import ProfilePrior
+from mitsonar.gradients import BedGrid, SoundingTimes
+from mitsonar.hydrography import SoundingBeams
+from mitsonar.inversion import ProfilePrior, fit_profile
 from mitsonar.water import SoundSpeedProfile
 
 PINGS = round(20 * float(os.environ.get("TUTORIAL_SCALE", 1)))                       # of a line
@@ -44,8 +42,8 @@ def bed(shallowest, deepest):
 
 
 # %% [markdown]
-# Four lines go up the slope, and three cross them, so that the same bed is seen at several angles. That is what tells
-# depth from sound speed: a bed that a beam comes to once can be deeper, or the water faster.
+# Four lines go up the slope, and three cross them, so that the same bed is seen at several angles. This separates depth
+# from sound speed: where only one beam reaches a place, a deeper bed below faster water has the same travel time.
 
 # %%
 def lines(along, across):
@@ -88,8 +86,8 @@ plt.show()
 # %% [markdown]
 # ## The answer
 #
-# The fit begins with water of one speed, the head's own sensor's, and nodes every four metres. It knows nothing of the
-# bed. What is believed before, the prior: speeds within some 10 m/s of the start, that belong together over 8 m.
+# The fit begins with water of one sound speed, that of the head's own sensor, and nodes every four metres. The bed is
+# unknown. The prior: speeds within some 10 m/s of the start, correlated over 8 m.
 
 # %%
 nodes = np.r_[0, HEAD, np.arange(4, 45, 4)]
@@ -106,8 +104,9 @@ assert after < 0.15 * before
 assert not fit.told[(nodes > HEAD + 1) & (nodes < fit.bed_depths[0])].any()
 
 # %% [markdown]
-# Nodes above the shallowest soundings are not *told*: all rays cross those layers whole, and leave no trace of their
-# order. Their deviations hold only if the layers are about as they were believed to be.
+# Nodes above the shallowest soundings are not *determined*: all rays cross those layers completely, and their travel
+# times do not depend on the order of the layers. The standard deviations there hold only if the layers are about as
+# the prior assumes.
 
 # %%
 def drawn(axes, fit):
@@ -130,11 +129,11 @@ axes.legend(fontsize=8, loc="lower right")
 plt.show()
 
 # %% [markdown]
-# ## What was seen
+# ## What the soundings determine
 #
-# Singular values count what the soundings know better than was known before: those above 1. Each has its pattern, a
-# shape of the profile. The first is near enough the mean of the column; later ones ripple; what is below 1 stays as it
-# was believed.
+# Singular values above 1 count the combinations that the soundings determine better than the prior. Each has its
+# pattern, a shape of the profile. The first is nearly the mean of the column; later ones oscillate; combinations below
+# 1 keep their prior values.
 
 # %%
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4))
@@ -155,9 +154,10 @@ assert 6 <= seen < nodes.size
 # %% [markdown]
 # ## A level bed
 #
-# The same lines over a bed of 40 to 41 m, give or take its relief. Times and angles of rays down to one depth depend on
-# how much of the water has which speed, and not on where it lies. The fit says so, and shows it: it finds other layers
-# that meet the times as well. `fit.profile` refuses. The mean of the column is told, to a tenth of a metre a second.
+# The same lines over a bed of 40 to 41 m, apart from its relief. Times and angles of rays down to one depth depend on
+# how much of the water has which speed, and not on the depth of that water. The fit reports this with an example:
+# other layers that fit the times equally well. `fit.profile` raises an error. The mean of the column is determined to
+# 0.1 m/s.
 
 # %%
 level = fit_profile(surveyed(many, bed(40, 41)), start, noise=NOISE, prior=prior)
@@ -180,8 +180,9 @@ plt.show()
 # %% [markdown]
 # ## One line alone
 #
-# One line sees each place of its bed from one direction, and a bed fits it in whatever water. Nothing is told then,
-# unless the bed is known from another survey: give it as `bed=`, with its deviation in the prior.
+# One line measures each place of its bed from one direction only, so that some bed fits the times in any water.
+# Nothing is determined then, unless the bed is known from another survey: pass it as `bed=`, with its standard
+# deviation in the prior.
 
 # %%
 single = surveyed(lines(along=(0,), across=()), slope)
@@ -193,7 +194,6 @@ print(known.verdict)
 assert known.is_profile
 
 # %% [markdown]
-# From here: `fit.to_dataset()` is all of it as a dataset; `fit.profile` goes into
-# `mitsonar.hydrography.resounded`, which reduces the line anew. A line of your own is what
-# `mitsonar.io.survey_lines.reading.read("LINE.all")` returns, and
-# `tests/benchmarks/profile_from_soundings.py` does it with real ones.
+# From here: `fit.to_dataset()` returns all results as a dataset; `mitsonar.hydrography.resounded` reduces the line
+# again with `fit.profile`. `mitsonar.io.survey_lines.reading.read("LINE.all")` reads a line of your own, and
+# `tests/benchmarks/profile_from_soundings.py` does all this with real lines.

@@ -1,9 +1,8 @@
 # %% [markdown]
 # # A survey from its files
 #
-# Somebody has surveyed an area with a multibeam echo sounder, somebody has lowered a CTD this morning, and somebody
-# has logged where the vehicle went. From these three files we make the sidescan record of the day, and put it on the
-# map.
+# An area was surveyed with a multibeam echo sounder, a CTD was lowered this morning, and the track of the vehicle was
+# logged. From these three files we make the sidescan record of the day, and put it on the map.
 #
 # The files are written here, so that this runs anywhere. To use your own, skip the next three cells and name yours.
 
@@ -31,9 +30,9 @@ folder = Path(tempfile.mkdtemp(prefix="survey_files_"))
 # %% [markdown]
 # ## Bathymetry
 #
-# A BAG (Bathymetric Attributed Grid) is what hydrographic offices hand out: HDF5 with elevations on a grid in
-# projected coordinates. Ours lies in the North Sea, in UTM zone 32: a bed that falls to the west, sand waves of 12 m,
-# and a mound two metres high.
+# A BAG (Bathymetric Attributed Grid) is the format that hydrographic offices distribute: HDF5 with elevations on a
+# grid in projected coordinates. Ours lies in the North Sea, in UTM zone 32: a bed that falls to the west, sand waves
+# of 12 m, and a mound two metres high.
 
 # %%
 WEST, NORTH, NODE, NODES = 420_000.0, 6_050_160.0, 0.5, 320                          # [m]; nodes along a side
@@ -50,9 +49,9 @@ with rasterio.open(folder / "area.bag", "w", driver="BAG", height=NODES, width=N
 # %% [markdown]
 # ## The cast
 #
-# A CTD measures conductivity, temperature and depth. Warm water lies on cold, with a thermocline about 9 m. Sound
-# speed follows from temperature, salinity and pressure by TEOS-10, the equation of state of seawater; absorption
-# does, too.
+# A CTD measures conductivity, temperature and depth. Warm water lies on cold, with a thermocline at about 9 m. Sound
+# speed follows from temperature, salinity and pressure by TEOS-10, the equation of state of seawater; so does
+# absorption.
 
 # %%
 levels = np.arange(0.0, 27.0)                                                        # [m]
@@ -81,7 +80,7 @@ begin = datetime.datetime(2024, 7, 3, 9, 30, tzinfo=datetime.timezone.utc)
 # %% [markdown]
 # ## Look before you render
 #
-# Before anything else we look at what we have. The profile of sound speed decides where sound goes.
+# We first look at the data. The sound-speed profile determines the paths of sound.
 
 # %%
 cast = mitsonar.io.casts.read(folder / "today.csv")
@@ -128,14 +127,14 @@ plt.tight_layout()
 plt.show()
 
 # %% [markdown]
-# The black strip in the middle is the water under the vehicle. Sand waves run across, and to starboard the mound
-# shows its bright flank and throws a shadow.
+# The black strip in the middle is the water under the vehicle. Sand waves run across, and to starboard the mound has a
+# bright flank and casts a shadow.
 #
 # ## Where is everything?
 #
-# Rays are traced in single precision, and UTM coordinates have seven digits before the point. So a scene has an
-# origin of its own, in the middle of the grid, and the record keeps it, with the name of the coordinate system.
-# Adding it gives eastings and northings: first of the vehicle.
+# Rays are traced in single precision, and UTM coordinates have seven digits before the decimal point. A scene
+# therefore has an origin of its own, in the middle of the grid. The record stores this origin and the name of the
+# coordinate system. Adding it gives eastings and northings: first of the vehicle.
 
 # %%
 origin, crs = image.attrs["local_origin"], image.attrs["crs"]
@@ -147,8 +146,8 @@ print(f"pings lie {float(error.max()) * 100:.1f} cm from the logged track at mos
 assert crs == "EPSG:32632" and error.max() < 0.05
 
 # %% [markdown]
-# And of every bin. `seabed_x`, `seabed_y` and `seabed_depth` are the mean place of what the bin shows. There we look
-# the depth up in the BAG.
+# Next, of every bin. `seabed_x`, `seabed_y` and `seabed_depth` are the mean position of the seabed in the bin. There
+# we look up the depth in the BAG.
 
 # %%
 seen = np.isfinite(image["seabed_x"].values) & (image["rays"].values > 3)
@@ -161,9 +160,9 @@ print(f"depth of {off.size:,} bins less that of the survey: {np.mean(off) * 1e3:
 assert abs(np.mean(off)) < 0.002 and np.std(off) < 0.005
 
 # %% [markdown]
-# A real sonar does not know this. It has the time of each echo, and the usual way is to take the seabed for level: an
-# echo of the slant range r from a vehicle that is h above the bed lies $\sqrt{r^2 - h^2}$ athwart. How wrong is that
-# here?
+# A real sonar cannot measure this. It has the time of each echo, and usually the seabed is assumed to be level: an
+# echo of the slant range r from a vehicle that is h above the bed lies $\sqrt{r^2 - h^2}$ across the track. How large
+# is the error here?
 
 # %%
 slant, h = image["range"], image["altitude"]
@@ -187,15 +186,15 @@ print(f"error of the level bed: {float(np.abs(wrong.where(far)).median()):.2f} m
 assert 0.05 < float(np.abs(wrong.where(far)).median()) < 1.0
 
 # %% [markdown]
-# To port the bed falls away, to starboard it rises, and on the mound an echo comes from nearer than a level bed has
-# it.
+# To port the bed falls away, to starboard it rises, and on the mound an echo comes from nearer than it would on a
+# level bed.
 #
 # ## A mosaic
 #
-# To put the record on the map we take out what belongs to the sonar and not to the seabed: the median level at each
-# angle from nadir, on each side (`gain="angle"`). Straight below, a bin covers metres of the seabed; we leave out what
-# is seen steeper than 45 degrees. Intensities, not decibels, are averaged in cells of a quarter of a metre.
-# `place="truth"` lays every bin where its bed is; "flat", as survey software does, where a level bed has it.
+# To put the record on the map we remove the influence of the sonar: the median level at each angle from nadir, on each
+# side (`gain="angle"`). Straight below, a bin covers metres of the seabed; we leave out the bed that is seen steeper
+# than 45 degrees. Intensities, not decibels, are averaged in cells of a quarter of a metre. `place="truth"` puts every
+# bin where its bed is; "flat" puts it where a level bed would be, as survey software does.
 
 # %%
 mosaic = mitsonar.imaging.mosaic(image, 0.25, place="truth", gain="angle", nadir_deg=45)
@@ -244,5 +243,5 @@ assert lit < 0.3
 # %% [markdown]
 # The GeoTIFF opens in any geographic information system. From here: `mitsonar render sidescan_survey -D
 # bathymetry=area.bag -D cast=today.csv -D track=line.csv` does the same from the command line; `describe
-# sidescan_survey` says what else can be set, and `describe bathymetry` what files are read: sediment maps and relief
-# finer than the survey, too.
+# sidescan_survey` lists the other parameters, and `describe bathymetry` the files that can be read, with sediment maps
+# and relief finer than the survey.

@@ -1,11 +1,13 @@
-"""The pages of the manual as tests read them: their blocks, their links, and a run of one page from top to bottom.
+"""The pages of the manual as tests read them: their blocks, their links, and a run of pages from top to bottom.
 
-    python tests/inputs/manual.py PAGE          in an empty folder that has `scenes` in it
+    python tests/inputs/manual.py PAGE ...      in an empty folder
 
-runs a page's blocks in one process. Blocks marked ``python`` are executed, each in a namespace of its own; of those
-marked ``bash`` every line is a command of mitsonar, and is run but for the one that runs the tests. A block after the
-line ``<!-- file: NAME -->`` becomes that file, and one after ``<!-- not run: REASON -->`` is left out.
+runs the blocks of pages in one process, each page in a folder of its own that has `scenes` in it. Blocks marked
+``python`` are executed, each in a namespace of its own; of those marked ``bash`` every line is a command of mitsonar,
+and is run but for the one that runs the tests. A block after the line ``<!-- file: NAME -->`` becomes that file, and
+one after ``<!-- not run: REASON -->`` is left out.
 """
+import os
 import re
 import shlex
 import sys
@@ -86,9 +88,13 @@ def links(text: str) -> list[str]:
 
 
 def run(page: Path) -> None:
-    """Run a page's blocks in order, in the folder where one is; say each one's line first."""
+    """Run a page's blocks in order, in a new folder below the current one; print the line of each block first."""
     from mitsonar.__main__ import main
 
+    folder = Path(page.stem)
+    folder.mkdir()
+    os.chdir(folder)
+    Path("scenes").symlink_to(ROOT / "scenes")
     for block in blocks(page.read_text(encoding="utf-8")):
         if block.not_run:
             continue
@@ -110,4 +116,7 @@ def run(page: Path) -> None:
 
 
 if __name__ == "__main__":
-    run(Path(sys.argv[1]))
+    start = Path.cwd()
+    for name in sys.argv[1:]:
+        os.chdir(start)
+        run(Path(name))

@@ -1,7 +1,7 @@
 """What the project says of itself holds: public names are documented, examples and pages run, links lead somewhere.
 
-Every page of the manual tells one story from top to bottom, and is run as one, in a folder of its own that has the
-scenes in it; `manual` says how.
+Every page of the manual runs from top to bottom in a folder of its own that has the scenes in it; those of
+`scenes/manual` share a process, which would else be started thirty times. `manual` says how.
 """
 import ast
 import doctest
@@ -93,13 +93,20 @@ def test_the_rooms_are_those_of_the_house_in_the_order_of_its_floors():
                                                                                 if room != "__main__"]
 
 
+def together():
+    """Yield the pages that run in one process, under a name: those of `scenes/manual`, and every other by itself."""
+    topics = ROOT / "scenes" / "manual"
+    yield pytest.param([page for page in PAGES if page.parent == topics], id="scenes/manual")
+    for page in PAGES:
+        if page.parent != topics and any(not block.not_run and block.language not in DRAWINGS
+                                         for block in blocks(page.read_text(encoding="utf-8"))):
+            yield pytest.param([page], id=page.relative_to(ROOT).as_posix())
+
+
 @pytest.mark.slow
-@PAGE
-def test_a_page_runs_from_top_to_bottom(page, tmp_path):
-    if all(block.not_run or block.language in DRAWINGS for block in blocks(page.read_text(encoding="utf-8"))):
-        return
-    (tmp_path / "scenes").symlink_to(ROOT / "scenes")
-    child = subprocess.run([sys.executable, Path(manual.__file__), page], cwd=tmp_path,
+@pytest.mark.parametrize("pages", list(together()))
+def test_pages_run_from_top_to_bottom(pages, tmp_path):
+    child = subprocess.run([sys.executable, Path(manual.__file__), *pages], cwd=tmp_path,
                            env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True,
-                           stdin=subprocess.DEVNULL, timeout=600, check=False)
+                           stdin=subprocess.DEVNULL, timeout=900, check=False)
     assert child.returncode == 0, child.stderr

@@ -45,13 +45,13 @@ def pins(environment):
 
 @pytest.fixture(scope="module")
 def stated():
-    """The requirements of pyproject.toml, of the package and of its tests."""
+    """The requirements of pyproject.toml: of the package, its tests and its site."""
     tomllib = pytest.importorskip("tomllib" if bootstrap.sys.version_info >= (3, 11) else "tomli")
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
     assert "mitsonar[cluster]" in extras["test"]
-    return [Requirement(text) for text in project["dependencies"] + extras["cluster"] + extras["test"]
-            if text != "mitsonar[cluster]"]
+    texts = project["dependencies"] + [text for name in ("cluster", "test", "docs") for text in extras[name]]
+    return [Requirement(text) for text in texts if text != "mitsonar[cluster]"]
 
 
 @pytest.mark.parametrize("python, system", PLACES)
@@ -87,5 +87,5 @@ def test_every_pin_has_hashes():
 
 def test_it_names_its_command_and_no_place_to_fetch_from():
     text = Path(installer.LOCK).read_text(encoding="utf-8")
-    assert "uv pip compile pyproject.toml --extra test --universal" in text.partition("\naffine")[0]
+    assert "uv pip compile pyproject.toml --extra test --extra docs --universal" in text.partition("\naffine")[0]
     assert "://" not in text and "--index" not in text and "--find-links" not in text

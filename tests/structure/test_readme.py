@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+from manual import links
 
 import mitsonar
 
@@ -18,11 +19,18 @@ def test_it_is_short():
     assert README.stat().st_size <= LONGEST
 
 
+def test_its_links_work_on_the_page_of_a_package_index():
+    """There are no files beside it: links lead to headings of its own, or to addresses."""
+    text = README.read_text(encoding="utf-8")
+    assert [link for link in links(text) if not link.startswith(("https://", "#"))] == []
+    assert "](" in text
+
+
 def test_the_command_under_the_picture_of_the_fan_takes_in_all_that_is_in_the_picture():
     """Box, pipe and buoy of the scene lie within the ranges and angles that the command draws, and the cells suit."""
     from mitsonar.survey.pressure.signals import LEAD
 
-    text = (SCENES / "README.md").read_text(encoding="utf-8")
+    text = (SCENES / "manual" / "forward_looking.md").read_text(encoding="utf-8")
     command = re.search(r"render forward_looking(.*?) -o fan.exr --preview fan.png", text)[1]
     scene = mitsonar.load_file(SCENES / "forward_looking.xml", **dict(re.findall(r"-D (\w+)=(\S+)", command)))
     sensor = scene.sensors()[0]

@@ -157,7 +157,7 @@ def test_a_file_is_named_without_its_folder(plan, place):
 def test_plans_that_come_with_mitsonar_and_the_one_of_the_manual(tmp_path):
     for path in ROOT.glob("scenes/*.toml"):
         assert len(load_plan(path)) > 1
-    page = (ROOT / "scenes" / "README.md").read_text(encoding="utf-8")
+    page = (ROOT / "scenes" / "manual" / "sweeps.md").read_text(encoding="utf-8")
     (tmp_path / "plan.toml").write_text(re.search(r"^```toml\n(.*?)^```$", page, re.M | re.S)[1], encoding="utf-8")
     for name in ("minefield.xml", "targets"):
         (tmp_path / name).symlink_to(ROOT / "scenes" / name)
