@@ -14,6 +14,8 @@ import numpy as np
 Values = TypeVar("Values", float, np.ndarray)    # a number gives a number, an array an array
 
 KNOT = 1852 / 3600  # [m/s], exact by definition of the nautical mile
+NOTHING_DB = -200.0  # level of a bin without any echo or noise: there is no lower one
+HARDLY_DB = NOTHING_DB + 1  # up to here a level is that of nothing
 
 
 def db_from_power(power: Values) -> Values:

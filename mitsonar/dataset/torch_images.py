@@ -9,6 +9,7 @@ import torch.utils.data  # pyright: ignore[reportMissingImports]  nor for its pa
 
 from mitsonar.imaging.focused import bin_dims
 from mitsonar.imaging.maps.raster import LEVELS
+from mitsonar.units import NOTHING_DB
 
 from .labels.annotations import HIGHLIGHT, annotations
 from .labels.frames import Frame
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from .sources import Source
-
-NOTHING_DB = -200.0                # of levels: outside a fan
 
 
 class LabelledImages(Protocol):

@@ -63,8 +63,8 @@ class Salt:
     PATCH = 0x6A09E667             # the strength of a patch of seabed
     BORDER = 0x3AF54FA5            # which of two sediments a place within their border has
     GROUND_SPECKLE = 0x35C0FBCF    # of the lattices that a sidescan's speckle comes from
-    # noise in the beams of a line: on rows of sine, and on waves along the line; in rows of signals
-    BEAM_AMBIENT, BEAM_NOISE, ROW_NOISE = 0x1F83D9AB, 0x5BE0CD19, 0x3C2B5A17
+    # noise in the beams of a line: on rows of sine, and on waves along the line
+    BEAM_AMBIENT, BEAM_NOISE = 0x1F83D9AB, 0x5BE0CD19
     RECEIVER_FLAWS = 0x464C4157    # of a multibeam's receivers: what each is off
     EDGES = 0x6A3C91D7             # of points on edges, at which gradients see a record jump
     OUTLINES = 0x71C8E2B5          # the same on outlines of shapes without facets

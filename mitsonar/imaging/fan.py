@@ -20,12 +20,10 @@ from mitsonar.signal.reception import delayed
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.sectors import STEPS
 from mitsonar.sonar.pulses.pulses import Pulse
+from mitsonar.units import NOTHING_DB
 
-from . import truth
+from . import coordinates, truth
 from .energy_record import EnergyRecord
-
-NOTHING_DB = -200.0                # level of a sample without any echo or noise
-SHORTEST_SHADOW = 3                # bins: fewer without a ray are chance
 
 
 def fan_directions(array: Array, beams: int, width: float, steps: str = "angle") -> tuple[np.ndarray, np.ndarray]:
@@ -80,30 +78,20 @@ def image(pings: xarray.Dataset, level: np.ndarray, angle: np.ndarray, direction
         "shape": ("shape", list(labels.values()), {"long_name": "shapes in the order of their labels"}),
         "altitude": ("ping", np.asarray(depth_below, float), {"units": "m", "long_name": "height above the seabed"}),
         **{f"beam_{axis}": ("beam", column, {"units": "1"}) for axis, column in zip("xyz", direction.T)}})
-    rays, share = record.echoes_in_beam, record.truth.share
-    empty = runs_of(rays == 0, SHORTEST_SHADOW)
-    shadow = (empty & np.logical_or.accumulate(rays > 0, -1)).astype(np.uint8)
-    # bins between others that no ray happened to reach take the label of what the picture shows there
-    label = np.where(empty | ~share.any(-2), 0, share.argmax(-2) + 1).astype(np.uint32)
+    label, shadow = coordinates.shadow_by_runs(record)
     kept = ("seed", "frequency", "sound_speed", "sampling_rate", "source_level_db")
     dims = ("ping", "beam", "range")
     return xarray.Dataset(
         {"level": (dims, level.astype(np.float32), {"units": "dB re 1 µPa", "long_name": "echo level"}),
          **truth.variables(record.truth, label, class_of, dims),
          "shadow": (dims, shadow, {"units": "1", "long_name": "nothing arrives, after the first return"}),
-         "rays": (dims, rays, {"units": "1", "long_name": "rays, or scatterers around, of the ground truth"})},
+         "rays": (dims, record.echoes_in_beam,
+                  {"units": "1", "long_name": "rays, or scatterers around, of the ground truth"})},
         coords, {"sonar": "array_sonar", **{name: pings.attrs[name] for name in kept},
                  "bin_width": float(0.5 * speed / pings.attrs["sampling_rate"]),
                  "labels": {str(number): name for number, name in labels.items()}})
 
 
 def levels(beams: np.ndarray) -> np.ndarray:
-    """Return the levels of beams [dB re 1 µPa]; `NOTHING_DB` at least."""
+    """Return the levels of beams [dB re 1 µPa]; `units.NOTHING_DB` at least."""
     return 20 * np.log10(np.maximum(np.abs(beams), 10 ** (NOTHING_DB / 20)))
-
-
-def runs_of(flags: np.ndarray, shortest: int) -> np.ndarray:
-    """Return flags (..., N) without their runs that are shorter."""
-    from scipy.ndimage import binary_opening
-
-    return binary_opening(flags, np.ones((1,) * (flags.ndim - 1) + (shortest,), bool))

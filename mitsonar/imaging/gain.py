@@ -16,11 +16,12 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 
+from mitsonar.units import NOTHING_DB
+
 Tvg = Literal["seabed", "target", "recorder"] | None      # which gain a picture has
 SPREADING = {"seabed": 30, "target": 40, "recorder": 30}      # times log R [dB]
 LOWEST_SINE = np.sin(np.deg2rad(1.0))  # below 1 degree there is no echo to restore, only noise to raise
 ANGLE_STEP_DEG = 1.0               # over which the levels of one angle are taken
-NOTHING_DB = -200.0                # level of bins in which nothing arrives
 
 
 def absorption_of(attrs: Mapping[str, Any]) -> float:

@@ -15,11 +15,9 @@ import numpy as np
 import xarray as xr
 
 from mitsonar.sonar.motion.track import Track
-from mitsonar.units import db_from_power
 
-from . import truth
+from . import coordinates, truth
 from .energy_record import EnergyRecord
-from .fan import NOTHING_DB, SHORTEST_SHADOW, runs_of
 
 DIMS = ("ping", "side", "range")
 
@@ -45,21 +43,14 @@ def image(made: Measured, record: EnergyRecord, *, track: Track, time: np.ndarra
           attrs: Mapping[str, Any]) -> xr.Dataset:
     """Make the dataset of a run."""
     # time [s]; sound_speed [m/s]; depth_below (P,) [m]; labels [int, str]; class_of [int, int]
-    rays, share = record.echoes_in_beam, record.truth.share
-    empty = runs_of(rays == 0, SHORTEST_SHADOW)
-    shadow = (empty & np.logical_or.accumulate(rays > 0, -1)).astype(np.uint8)
-    label = np.where(empty | ~share.any(-2), 0, share.argmax(-2) + 1).astype(np.uint32)
-    seen = truth.variables(record.truth, label, class_of, DIMS)
+    label, shadow = coordinates.shadow_by_runs(record)
 
-    def entry(values: np.ndarray, units: str, long_name: str, dims: tuple[str, ...] = DIMS) -> tuple:
-        kept = np.asarray(values)
-        return dims, kept.astype(np.float32) if kept.dtype == np.float64 and dims == DIMS else kept, {
-            "units": units, "long_name": long_name}
+    def entry(values: np.ndarray, units: str, long_name: str) -> tuple:
+        return coordinates.entry(DIMS, values.astype(np.float32) if values.dtype == np.float64 else values, units,
+                                 long_name)
 
-    along = ("ping",)
     return xr.Dataset(
-        {"level": entry(np.maximum(db_from_power(np.maximum(made.power, 1e-30)), NOTHING_DB), "dB re 1 µPa",
-                        "echo level, of all rows"),
+        {"level": entry(coordinates.levels(made.power), "dB re 1 µPa", "echo level, of all rows"),
          "phase": entry(made.phase, "rad", "of the highest row less that of the lowest"),
          "coherence": entry(made.coherence, "1", "of the rows"),
          "valid": entry(made.valid, "1", "whether there is a sounding"),
@@ -71,22 +62,14 @@ def image(made: Measured, record: EnergyRecord, *, track: Track, time: np.ndarra
          "across_track": entry(made.across_track, "m", "as measured, from the reference point, starboard"),
          "point_x": entry(made.x, "m", "as measured, east"),
          "point_y": entry(made.y, "m", "as measured, north"),
-         **seen,
+         **truth.variables(record.truth, label, class_of, DIMS),
          "shadow": entry(shadow, "1", "nothing arrives, after the first return"),
-         "rays": entry(rays, "1", "scatterers around, of the ground truth")},
+         "rays": entry(record.echoes_in_beam, "1", "scatterers around, of the ground truth")},
         coords={
-            "ping": entry(np.arange(track.pings), "1", "ping number", along),
+            "ping": coordinates.entry("ping", np.arange(track.pings), "1", "ping number"),
             "side": ("side", ["port", "starboard"], {"long_name": "side of the platform"}),
-            "shape": ("shape", list(labels.values()), {"long_name": "shapes in the order of their labels"}),
-            "range": entry(0.5 * sound_speed * time, "m", "slant range at the head's sound speed", ("range",)),
-            "time": entry(time, "s", "two-way travel time", ("range",)),
-            "ping_time": entry(np.array(track.time), "s", "time of transmission", along),
-            **{axis: entry(np.array(column), "m", words, along)
-               for axis, column, words in zip("xyz", track.position.T, ("east", "north", "up, the sea surface is 0"))},
-            "roll": entry(np.array(track.roll), "rad", "roll, starboard down", along),
-            "pitch": entry(np.array(track.pitch), "rad", "pitch, nose up", along),
-            "heading": entry(np.array(track.heading), "rad", "heading, clockwise from north", along),
-            "altitude": entry(np.array(depth_below, float), "m", "height above the seabed", along)},
+            **coordinates.of_bins(labels, 0.5 * sound_speed * time, time),
+            **coordinates.of_pings(track, depth_below)},
         attrs={"sonar": "interferometric", **attrs, "sound_speed": float(sound_speed),
                "bin_width": float(0.5 * sound_speed * (time[-1] - time[0]) / max(len(time) - 1, 1)),
                "labels": {str(number): name for number, name in labels.items()}})

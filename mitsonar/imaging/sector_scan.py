@@ -11,12 +11,10 @@ import numpy as np
 import xarray as xr
 
 from mitsonar.sonar.motion.track import Track
-from mitsonar.units import db_from_power
 
-from . import truth
+from . import coordinates, truth
 from .energy_record import EnergyRecord
 
-NOTHING_DB = -200.0                # level of a bin without any echo or noise
 DIMS = ("ping", "range")
 
 
@@ -44,40 +42,26 @@ def image(power: np.ndarray, record: EnergyRecord, expected: np.ndarray, *, turn
     """Make the dataset of a run."""
     # power (P, bins) [µPa²]; expected (P, bins) [µPa²]; time [s]; sound_speed [m/s]; depth_below (P,) [m]; labels
     # [int, str]; class_of [int, int]
-    in_beam = record.echoes_in_beam
-    # in a shadow side lobes bring what little there is: it has no label
-    label = np.where(in_beam > 0, record.truth.label, np.uint32(0))
     slant_range = 0.5 * sound_speed * time
     below = slant_range >= depth_below[:, None] - 2 * (slant_range[-1] / len(slant_range))
-    arrived = np.logical_or.accumulate((in_beam > 0) & below, -1)
-    shadow = (arrived & (in_beam == 0)).astype(np.uint8)
-    track = turns.platform
+    label, shadow = coordinates.shadow_by_bins(record, below)
 
-    def entry(values, units, long_name, dims=DIMS):
-        return dims, values, {"units": units, "long_name": long_name}
+    def entry(values: np.ndarray, units: str, long_name: str, dims: str | tuple[str, ...] = DIMS) -> tuple:
+        return coordinates.entry(dims, values, units, long_name)
 
-    along = ("ping",)
     return xr.Dataset(
-        {"level": entry(_level(power), "dB re 1 µPa", "echo level"),
-         "mean_level": entry(_level(expected), "dB re 1 µPa", "echo level without speckle and noise"),
+        {"level": entry(coordinates.levels(power), "dB re 1 µPa", "echo level"),
+         "mean_level": entry(coordinates.levels(expected), "dB re 1 µPa", "echo level without speckle and noise"),
          **truth.variables(record.truth, label, class_of, DIMS),
          "depth": entry(record.depth, "m", "depth of the hits, weighted by echo energy"),
          "shadow": entry(shadow, "1", "no ray of the main lobe arrives, after the first bottom return"),
          "rays": entry(record.rays, "1", "rays that arrive")},
         coords={
-            "ping": entry(np.arange(len(power)), "1", "ping number", along),
-            "bearing": entry(turns.bearing, "rad", _CLOCKWISE[turns.mount == "forward"], along),
-            "turn": entry(turns.turn, "1", "turn of the head, or way across its sector", along),
-            "shape": ("shape", list(labels.values()), {"long_name": "shapes in the order of their labels"}),
-            "range": entry(slant_range, "m", "slant range at the head's sound speed", ("range",)),
-            "time": entry(time, "s", "two-way travel time", ("range",)),
-            "ping_time": entry(np.array(track.time), "s", "time of transmission", along),
-            **{axis: entry(np.array(column), "m", words, along)
-               for axis, column, words in zip("xyz", track.position.T, ("east", "north", "up, the sea surface is 0"))},
-            "roll": entry(np.array(track.roll), "rad", "roll of the platform, starboard down", along),
-            "pitch": entry(np.array(track.pitch), "rad", "pitch of the platform, nose up", along),
-            "heading": entry(np.array(track.heading), "rad", "heading of the platform, clockwise from north", along),
-            "altitude": entry(np.array(depth_below, float), "m", "height above the seabed", along)},
+            "ping": entry(np.arange(len(power)), "1", "ping number", "ping"),
+            "bearing": entry(turns.bearing, "rad", _CLOCKWISE[turns.mount == "forward"], "ping"),
+            "turn": entry(turns.turn, "1", "turn of the head, or way across its sector", "ping"),
+            **coordinates.of_bins(labels, slant_range, time),
+            **coordinates.of_pings(turns.platform, depth_below, " of the platform")},
         attrs={"sonar": "sector_scan", **attrs, "sound_speed": float(sound_speed), "mount": turns.mount,
                "tilt": float(turns.tilt), "sector": float(turns.sector),
                "bin_width": float(slant_range[-1] - slant_range[0]) / max(len(slant_range) - 1, 1),
@@ -86,7 +70,3 @@ def image(power: np.ndarray, record: EnergyRecord, expected: np.ndarray, *, turn
 
 _CLOCKWISE = ("bearing of the beam from the bow, clockwise seen from above",
               "bearing of the beam from straight up, clockwise looking ahead")
-
-
-def _level(power: np.ndarray) -> np.ndarray:
-    return np.maximum(db_from_power(power), NOTHING_DB).astype(np.float32)

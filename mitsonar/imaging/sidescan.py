@@ -17,13 +17,12 @@ import xarray
 
 from mitsonar.sonar.faces.sidescan import Sidescan
 from mitsonar.sonar.motion.track import Track
-from mitsonar.units import db_from_power, power_from_db
+from mitsonar.units import power_from_db
 
-from . import truth
+from . import coordinates, truth
 from .energy_record import CoherentRecord, EnergyRecord
 from .recorder import FAULTLESS, Recorder, leaked, leaked_pressure, recorded
 
-NOTHING_DB = -200.0                # level where no sound arrives at all
 WORK = 1 << 18                     # bins drawn at a time,
 FEW_CELLS = 64                     # fewer of them where they have more cells than these
 
@@ -110,25 +109,23 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
             depth[some] = _mean_depth(depth[some], mean, coherent_depth,
                                       np.where(in_beam[some] > 0, coherent_mean, 0))
             mean = mean + with_phase[1]
-        mean_level[some] = _level(mean)
+        mean_level[some] = coordinates.levels(mean)
         if speckle is not None:
             random = np.random.default_rng([abs(int(seed)), start])
             drawn = realisation(energy, shares, speckle(np.arange(pings)[some]), noise, random, *with_phase,
                                 recorder=recorder)
-            level[some] = _level(recorded(drawn, recorder, time))
+            level[some] = coordinates.levels(recorded(drawn, recorder, time))
         else:
-            level[some] = _level(mean + noise)
-    # in a shadow side lobes bring what little there is: it has no label
-    label = np.where(in_beam > 0, record.truth.label, np.uint32(0))
+            level[some] = coordinates.levels(mean + noise)
     slant_range = 0.5 * sonar.sound_speed * time
-    shadow = _shadow(in_beam, slant_range >= depth_below[:, None, None] - sonar.sound_speed * bin_length)
+    label, shadow = coordinates.shadow_by_bins(
+        record, slant_range >= depth_below[:, None, None] - sonar.sound_speed * bin_length)
     beam_width, vertical_beam_width = sonar.transmit.beam_widths(sonar.wavelength)
     dims = ("ping", "side", "range")
 
-    def entry(values: np.ndarray, units: str, long_name: str, dims: tuple[str, ...] = dims, **more: str) -> tuple:
-        return dims, values, {"units": units, "long_name": long_name, **more}
+    def entry(values: np.ndarray, units: str, long_name: str, dims: str | tuple[str, ...] = dims) -> tuple:
+        return coordinates.entry(dims, values, units, long_name)
 
-    along = ("ping",)
     dataset = xarray.Dataset(
         {"level": entry(level, "dB re 1 µPa", "echo level"),
          "mean_level": entry(mean_level, "dB re 1 µPa", "echo level without speckle and noise"),
@@ -137,19 +134,9 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
          "shadow": entry(shadow, "1", "no ray of the main lobe arrives, after the first bottom return"),
          "rays": entry(record.rays, "1", "rays that arrive")},
         coords={
-            "ping": entry(np.arange(pings), "1", "ping number", along),
+            "ping": entry(np.arange(pings), "1", "ping number", "ping"),
             "side": ("side", ["port", "starboard"], {"long_name": "side of the platform"}),
-            "shape": ("shape", list(labels.values()), {"long_name": "shapes in the order of their labels"}),
-            "range": entry(slant_range, "m", "slant range at the head's sound speed", ("range",)),
-            "time": entry(time, "s", "two-way travel time", ("range",)),
-            "ping_time": entry(np.array(track.time), "s", "time of transmission", along),
-            "x": entry(np.array(track.position[:, 0]), "m", "east", along),
-            "y": entry(np.array(track.position[:, 1]), "m", "north", along),
-            "z": entry(np.array(track.position[:, 2]), "m", "up, the sea surface is 0", along),
-            "roll": entry(np.array(track.roll), "rad", "roll, starboard down", along),
-            "pitch": entry(np.array(track.pitch), "rad", "pitch, nose up", along),
-            "heading": entry(np.array(track.heading), "rad", "heading, clockwise from north", along),
-            "altitude": entry(np.array(depth_below, float), "m", "height above the seabed", along)},
+            **coordinates.of_bins(labels, slant_range, time), **coordinates.of_pings(track, depth_below)},
         attrs={"sonar": "sidescan", "seed": int(seed), "sound_speed": float(sonar.sound_speed),
                "frequency": float(sonar.frequency), "source_level_db": float(sonar.source_level_db),
                "pulse_length": float(sonar.pulse_length), "beam_width": beam_width,
@@ -187,7 +174,7 @@ def _by_path(intensity: np.ndarray, coherent_record: CoherentRecord | None, shar
         mean = mean_intensity(intensity[some].astype(float), shares)
         if coherent is not None:
             mean += coherent[some]
-        level[:, some] = _level(np.moveaxis(mean, 2, 0))
+        level[:, some] = coordinates.levels(np.moveaxis(mean, 2, 0))
     if coherent is not None:
         intensity = intensity + coherent
     strongest = np.where(intensity.max(2) > 0, intensity.argmax(2) + 1, 0).astype(np.uint32)
@@ -227,12 +214,3 @@ def _sums(padded: np.ndarray, weights: np.ndarray) -> np.ndarray:
 def _gaussian(random, shape):
     pair = random.standard_normal((2, *shape))
     return (pair[0] + 1j * pair[1]) * np.sqrt(0.5)
-
-
-def _level(intensity):
-    return np.maximum(db_from_power(intensity), NOTHING_DB).astype(np.float32)
-
-
-def _shadow(rays_in_beam, below):
-    arrived = (rays_in_beam > 0) & below
-    return (np.logical_or.accumulate(arrived, -1) & (rays_in_beam == 0)).astype(np.uint8)

@@ -46,7 +46,6 @@ def made(**parameters):
     from mitsonar.survey.energy import energy
     from mitsonar.survey.pressure.pressure import PressureRecord
     from mitsonar.survey.pressure.signals import received_signals
-    from mitsonar.survey.sector_scan.echoes import StepEchoes
     from mitsonar.survey.sector_scan.signals import StepSignals
     from mitsonar.survey.sector_scan.steps import Steps
     from mitsonar.verbs.images import opened
@@ -55,11 +54,8 @@ def made(**parameters):
     survey = integrator.survey(scene, sensor)
     steps = Steps(survey, *sensor.film().window(survey.sound_speed(0)))
 
-    def levels():
-        echoes = StepEchoes(survey, steps.face, per_cell=survey.per_cell)
-        return list(StepSignals(survey, steps.beam, steps.underway, echoes, 1).blocks())
-
-    return {"levels": levels, "truth": lambda: energy.record(survey, steps, 1),
+    return {"levels": lambda: StepSignals(survey).power(steps.bins.count, 1),
+            "truth": lambda: energy.record(survey, steps, 1),
             "elements": lambda: received_signals(PressureRecord(survey, seed=1), range(survey.track.pings))}
 
 

@@ -295,8 +295,11 @@ def test_same_bytes_whatever_the_threads_and_blocks(monkeypatch, tmp_path):
     assert mitsonar.read(tmp_path / "turn.exr").identical(first)
 
 
-def test_a_head_that_stands_still_is_the_same_whatever_the_threads_and_blocks(monkeypatch):
-    """Blocks of pings are of one size; another one changes the order of sums, and of nothing else."""
+def test_a_head_that_stands_still_is_the_same_whatever_the_threads_and_the_way(monkeypatch):
+    """Echoes that are kept from ping to ping are those of a head that makes its own at every ping.
+
+    The latter lays them in another order, and looks for scatterers by patches: 1e-3 dB and less.
+    """
     import drjit as dr
 
     def rendered():
@@ -310,8 +313,7 @@ def test_a_head_that_stands_still_is_the_same_whatever_the_threads_and_blocks(mo
         np.testing.assert_array_equal(rendered(), first)
     finally:
         dr.set_thread_count(threads)
-    monkeypatch.setattr("mitsonar.survey.sector_scan.signals.ROWS", 4)
-    monkeypatch.setattr("mitsonar.survey.sector_scan.echoes.AT_ONCE", 1)
+    monkeypatch.setattr("mitsonar.survey.sector_scan.signals.STILL", -1.0)
     np.testing.assert_allclose(rendered(), first, atol=1e-3)
 
 

@@ -15,10 +15,10 @@ from mitsonar.device.files import FilePath
 from mitsonar.imaging.focused import bin_dims, is_focused
 from mitsonar.imaging.gain import Tvg, display_gain
 from mitsonar.plots.images.gain import display_window
+from mitsonar.units import HARDLY_DB
 
 from .frames import CartesianFrame, Frame
 
-NOTHING_DB = -199.0                # at or below: the level of a bin with no echo and no noise
 UNIT = "dB re 1 µPa"               # of a level that does not say
 SILENCE_DB = -1000.0               # stands for it in means of powers
 HALF = 0.5                         # share of the pings
@@ -52,7 +52,7 @@ def greys(dataset: xr.Dataset, frames: Sequence[Frame], *, tvg: Tvg = "seabed",
     """Prepare the pictures of a dataset, all with the same black and white."""
     level = dataset["level"].isel(bank=0, missing_dims="ignore").values.astype(float)
     gain, words = _gain(dataset, tvg)
-    shown = np.where(level > NOTHING_DB, level + gain.reshape(len(gain), *[1] * (level.ndim - 2), -1), SILENCE_DB)
+    shown = np.where(level > HARDLY_DB, level + gain.reshape(len(gain), *[1] * (level.ndim - 2), -1), SILENCE_DB)
     if window is None:
         bed = _bed(dataset, shown)
         looked_at = [frame for frame in frames if isinstance(frame, CartesianFrame)]
@@ -78,7 +78,7 @@ def write_png(image: np.ndarray, path: FilePath) -> None:
 
 def _scaled(level, window):
     low, high = window
-    scaled = np.where(level > NOTHING_DB, 255 * (level - low) / (high - low), 0)           # NaN is not above
+    scaled = np.where(level > HARDLY_DB, 255 * (level - low) / (high - low), 0)           # NaN is not above
     return np.clip(np.rint(scaled), 0, 255).astype(np.uint8)
 
 
@@ -94,14 +94,14 @@ def _gain(dataset, tvg):
 
 def _bed(dataset, shown):
     """The bins in which black and white are looked for."""
-    echoes = shown > NOTHING_DB
+    echoes = shown > HARDLY_DB
     bed = echoes
     if is_focused(dataset):
         if "shadow" in dataset:
             bed = echoes & ~(dataset["shadow"].transpose(*bin_dims(dataset)).values > HALF)
         return bed if bed.any() else echoes
     if "mean_level" in dataset:
-        bed = echoes & (dataset["mean_level"].values > NOTHING_DB)
+        bed = echoes & (dataset["mean_level"].values > HARDLY_DB)
     if "seabed_depth" in dataset and not {"side", "mean_level"} <= {*dataset.dims, *dataset.data_vars}:
         # beams and rows hear noise and side lobes, not nothing, until the bed's first return
         seen = np.isfinite(dataset["seabed_depth"].transpose(*dataset["level"].dims).values)

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-NOTHING_DB = -200.0                # level of a bin without any echo or noise
+from mitsonar.units import NOTHING_DB
+
 TURN = 2 * np.pi
 CLOSED = 1.5                       # times the usual step: a gap that a full circle may have
 EVEN = 1e-3                        # of a bin: how even ranges must be

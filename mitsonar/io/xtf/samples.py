@@ -14,10 +14,10 @@ import numpy as np
 import xarray as xr
 
 from mitsonar.imaging.gain import SPREADING, Tvg, absorption_of
+from mitsonar.units import NOTHING_DB
 
 FULL = 65535
 HEADROOM_DB = 40.0                 # over the median
-NOTHING_DB = -200.0                # level of bins in which nothing arrives
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,12 +14,11 @@ import xarray as xr
 from scipy import ndimage
 
 from mitsonar.imaging.gain import Tvg, display_gain
-from mitsonar.units import db_from_power, power_from_db
+from mitsonar.units import HARDLY_DB, db_from_power, power_from_db
 
 from .gain import display_window
 from .grid import Grid
 
-NOTHING_DB = -199.0  # at or below: the level of a bin with no echo and no noise
 ABOVE_NOISE_DB = 6.0  # above the noise: of a mean echo in the water column
 STEP_DB, MOST_DB = 5.0, 100.0  # of the water column's gain
 WHOLLY = 0.999  # of an element: one that the bed has a part in is the bed's
@@ -35,13 +34,13 @@ def shown_levels(dataset: xr.Dataset, grid: Grid, tvg: Tvg
 
     def intensity(part: xr.Dataset) -> np.ndarray:
         level = part["level"].values.astype(float)
-        return np.where(level > NOTHING_DB, power_from_db(level + display_gain(part, tvg)[0][:, None]), 0)
+        return np.where(level > HARDLY_DB, power_from_db(level + display_gain(part, tvg)[0][:, None]), 0)
 
     image = db_from_power(grid.mean(dataset, intensity))
     shown = np.isfinite(image)
     column = np.zeros_like(shown)
     if "mean_level" in dataset:
-        shown &= grid.mean(dataset, lambda part: part["mean_level"].values > NOTHING_DB) > 0.5
+        shown &= grid.mean(dataset, lambda part: part["mean_level"].values > HARDLY_DB) > 0.5
     if "seabed_depth" in dataset:
         # one beside the bed's holds the skirts of its first return
         water = grid.mean(dataset, in_the_water) > WHOLLY
@@ -86,7 +85,7 @@ def in_the_water(part: xr.Dataset) -> np.ndarray:
 def _column_gain(dataset, grid, image, column, limits):
     """What makes the strongest echoes of the water column bright, [dB]."""
     noise = dataset.attrs.get("noise_db")
-    faintest = NOTHING_DB if noise is None else noise + ABOVE_NOISE_DB
+    faintest = HARDLY_DB if noise is None else noise + ABOVE_NOISE_DB
     audible = grid.mean(dataset, lambda part: part["mean_level"].values > faintest) > 0.5
     echoes = image[column & audible & np.isfinite(image)]
     if not echoes.size:

@@ -19,7 +19,7 @@ from mitsonar.device.files import FilePath
 from mitsonar.device.sentences import shortened
 from mitsonar.device.spelling import meant
 from mitsonar.imaging.gain import Tvg
-from mitsonar.units import db_from_power, power_from_db
+from mitsonar.units import HARDLY_DB, db_from_power, power_from_db
 
 from .. import canvas
 from ..canvas import subtitle, title
@@ -30,7 +30,7 @@ from ..onto import moved, sheets_for
 from .focused import FOCUSED_VIEWS, draw_focused, is_focused
 from .grid import Grid, make_grid, stretches, with_sides
 from .label_key import label_key
-from .levels import NOTHING_DB, in_the_water, shown_levels
+from .levels import in_the_water, shown_levels
 from .truth import TRUTH
 
 WIDEST = 98.0                      # per cent of errors that the colours tell apart
@@ -292,7 +292,7 @@ def _mean(dataset, grid):
     for index, side in enumerate(dataset["side"].values.tolist()):
         colour, of_side = canvas.SIDES[side], f"{side}: " * bool(side)
         level = dataset["level"].sel(side=side).transpose("ping", "range").values
-        power = np.where(level > NOTHING_DB, power_from_db(level), 0).mean(axis=0)
+        power = np.where(level > HARDLY_DB, power_from_db(level), 0).mean(axis=0)
         low, high = np.percentile(level, [10, 90], axis=0)
         axes.fill_between(slant_range, _with_gaps(low), _with_gaps(high), color=colour, alpha=0.15, linewidth=0,
                           label=f"{of_side}10 to 90 % of the pings")
@@ -315,7 +315,7 @@ def _line_axes(axes, slant_range):
 
 def _with_gaps(level):
     """Return levels with gaps where there is nothing."""
-    return np.where(level > NOTHING_DB, level, np.nan)
+    return np.where(level > HARDLY_DB, level, np.nan)
 
 
 PLOTS = {"waterfall": (_waterfall, "level"), "ping": (_ping, "level"), "mean": (_mean, "level"),

@@ -1,11 +1,11 @@
-"""Grids that echoes are added to, before they become beams or rows of signals."""
+"""Grids that echoes are added to, before they become beams."""
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import drjit as dr
 
-from mitsonar.device.types import DrJitArray, Float, UInt32
+from mitsonar.device.types import DrJitArray, Float
 
 from ..impulses import Bell
 from .absorption import AbsorptionTerms
@@ -21,10 +21,10 @@ class GridShape:
     rows: int  # rows, samples of the record, and columns that are kept of a row
     samples: int  # rows, samples of the record, and columns that are kept of a row
     length: int  # rows, samples of the record, and columns that are kept of a row
-    along: Bell  # over samples
-    across: Bell | None = None  # over rows
-    first: float = 0.0  # sine of row 0, and from each to the next
-    step: float = 1.0  # sine of row 0, and from each to the next
+    along: Bell  # over samples, and over rows
+    across: Bell  # over samples, and over rows
+    first: float  # sine of row 0, and from each to the next
+    step: float  # sine of row 0, and from each to the next
     absorption: AbsorptionTerms | None = None
 
     def sums(self, like: DrJitArray | type) -> GridSums:
@@ -33,8 +33,8 @@ class GridShape:
                         across=self.across, absorption=self.absorption)
 
 
-class _Grid:
-    """Sums of echoes that are taken out once."""
+class BeamGrid:
+    """Echoes on (sine, time), made by `LineBeams.grid`: sums that are taken out once."""
 
     def __init__(self, like: DrJitArray | type, shape: GridShape):
         self.shape, self._like = shape, like
@@ -44,10 +44,6 @@ class _Grid:
         """Take the sums out, real and imaginary parts by turns; the grid is empty afterwards."""
         sums, self._sums = self._sums.sums, self.shape.sums(self._like)
         return sums
-
-
-class BeamGrid(_Grid):
-    """Echoes on (sine, time), made by `LineBeams.grid`."""
 
     def add(self, *, column: Float, sine: Float, real: Float, imaginary: Float) -> None:
         """Add echoes. Several calls add up.
@@ -60,14 +56,4 @@ class BeamGrid(_Grid):
         scale = dr.opaque(type(sine), 1 / self.shape.step)
         begin = dr.opaque(type(sine), self.shape.first)
         row = dr.select(abs(sine) <= 1 + 1e-6, (sine - begin) * scale, -1)
-        self._sums.add(row, column + MARGIN, real, imaginary)
-
-
-class RowGrid(_Grid):
-    """Echoes on (row, time), rows whole numbers, made by `RowSignals.grid`."""
-
-    def add(self, *, column: Float, row: UInt32, real: Float, imaginary: Float) -> None:
-        """Add echoes to rows; see `BeamGrid.add`."""
-        if not dr.width(column):
-            return
         self._sums.add(row, column + MARGIN, real, imaginary)

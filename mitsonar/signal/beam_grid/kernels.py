@@ -5,7 +5,6 @@ Complex arrays are real and imaginary parts by turns. Sizes are opaque: a new on
     by_frequency        Z[f, r] = P_r(f) G[r, f] + noise of rows
     through_the_line    Z[f, ν] = Ŵ_f(ν) Z[f, ν] + noise of waves
     by_beam             B[b, f] = Σ_k k_u(...) Z[f, r_b + k]                                         4 taps of a beam
-    along_rows          G[r, f] = P_r(f) G[r, f] + noise of rows                                     without beams
 """
 from __future__ import annotations
 
@@ -45,7 +44,7 @@ class Noise:
     key: int
     row: Float  # (R,): root of the power of rows
     frequency: Float  # (F,): the replica's size
-    taps: tuple[float, float] = (1.0, 0.0)  # bell at its middle, and a row off
+    taps: tuple[float, float]  # bell at its middle, and a row off
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,26 +109,6 @@ def by_beam(spectra: Float, sizes: Sizes, period: int, reading: Reading, turn: F
         total = lib.Array2f(turned.real, turned.imag)
     into = dr.zeros(lib.Float, 2 * beams * sizes.length)
     dr.scatter(into, total, beam * dr.opaque(U, sizes.length) + dr.gather(U, sizes.used, number))
-    return into
-
-
-def along_rows(spectra: Float, sizes: Sizes, transfers: RowTransfers, noise: Noise | None,
-               row_keys: UInt32 | None) -> Float:
-    """Multiply spectra (rows, length) by the rows' transfer functions, frequencies that are not used 0.
-
-    `row_keys` (rows,) are mixed with the key of `noise`.
-    """
-    lib, U = arrays_of(spectra), arrays_of(spectra).UInt32
-    count = sizes.frequencies
-    row, number = divided(lib, dr.arange(U, sizes.rows * count), count)
-    place = row * dr.opaque(U, sizes.length) + dr.gather(U, sizes.used, number)
-    z = _complex(lib, spectra, place) * _transfer(lib, transfers, number, row)
-    if noise is not None and row_keys is not None:
-        size = dr.gather(lib.Float, noise.row, row) * dr.gather(lib.Float, noise.frequency, number)
-        key = dr.gather(U, row_keys, row) ^ dr.opaque(U, noise.key)
-        z += lib.Complex2f(*gaussians(lib, number, key)) * size
-    into = dr.zeros(lib.Float, 2 * sizes.rows * sizes.length)
-    dr.scatter(into, lib.Array2f(z.real, z.imag), place)
     return into
 
 

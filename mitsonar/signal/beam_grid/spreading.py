@@ -1,9 +1,8 @@
 """Echoes spread on a grid of (row, column), on the device: the hot loop of the beam domain.
 
-    G[r, n] += a k_u(r - u) k_t(n - t)                                               [per echo: 4 x 4 taps, or 1 x 4]
+    G[r, n] += a k_u(r - u) k_t(n - t)                                                        [per echo: 4 x 4 taps]
 
-a -> ``real``, ``imaginary``; u -> ``row``, t -> ``column``; k_u, k_t Kaiser-Bessel bells (`signal.bells`). Rows may be
-whole numbers instead: then an echo lies in one row.
+a -> ``real``, ``imaginary``; u -> ``row``, t -> ``column``; k_u, k_t Kaiser-Bessel bells (`signal.bells`).
 
 Echoes are added stripe by stripe of rows (`stripes`). As an echo reaches into the next stripe too, even stripes come
 first, then odd ones. On a GPU the sums are atomic, and their last bits vary.
@@ -34,7 +33,7 @@ class GridSums:
     """Sums of echoes on a grid."""
 
     def __init__(self, like: DrJitArray | type, *, rows: int, columns: int, pitch: int, along: Bell,
-                 across: Bell | None, absorption: AbsorptionTerms | None = None):
+                 across: Bell, absorption: AbsorptionTerms | None = None):
         if 2 * rows * pitch >= MOST_NUMBERS:
             raise ValueError(f"a grid of {rows} rows and {pitch} samples takes {8 * rows * pitch / 2**30:.0f} GiB, "
                              f"and {4 * MOST_NUMBERS >> 30} is the limit; take fewer rows or a shorter record")
@@ -47,9 +46,9 @@ class GridSums:
         self.ends = {name: dr.opaque(lib.Float, value) for name, value in dict(rows=rows, columns=columns).items()}
         self.sums: Float = dr.zeros(lib.Float, 2 * rows * pitch)
 
-    def add(self, row: Float | UInt32, column: Float, real: Float, imaginary: Float) -> None:
+    def add(self, row: Float, column: Float, real: Float, imaginary: Float) -> None:
         """Add echoes; those that do not lie on the grid with all their taps, or are not finite, bring nothing."""
-        # row (H,); column (H,); real, imaginary (H,)
+        # row, column, real, imaginary (H,)
         lib = self.lib
         fields = [dr.detach(lib.Float(field)) for field in (row, column, real, imaginary)]
         count = max(dr.width(field) for field in fields)
@@ -66,13 +65,12 @@ class GridSums:
                 return
             fields = [field + dr.zeros(lib.Float, count) if dr.width(field) < count else field for field in fields]
             packed, starts = self._sorted(count, fields, inside)
-            for first in range(2 if self.across else 1):
-                self._add_stripes(packed, starts, np.arange(first, self.stripes, 2 if self.across else 1))
+            for first in (0, 1):
+                self._add_stripes(packed, starts, np.arange(first, self.stripes, 2))
 
     def _inside(self, row: Float, column: Float, real: Float, imaginary: Float) -> Bool:
         """Return whether echoes lie on the grid; comparisons with NaN are false."""
-        margin = (1, 2) if self.across else (0, 0)
-        inside = (row >= margin[0]) & (row < self.ends["rows"] - margin[1])
+        inside = (row >= 1) & (row < self.ends["rows"] - 2)
         inside &= (column >= 1) & (column < self.ends["columns"] - 2)
         return inside & (abs(real) < dr.inf) & (abs(imaginary) < dr.inf) & ((real != 0) | (imaginary != 0))
 
@@ -108,12 +106,10 @@ class GridSums:
         offset = tap & (PACKET - 1)
         values = self._along(column, before, real, imaginary, offset)
         packet = lib.UInt32(held(above, 0, self.ends["rows"] - 1)) * self.whole["packets"] + tap // PACKET
-        weights = [None] if self.across is None else tap_weights(lib, self.across, row - above)
-        if self.across is not None:
-            packet -= self.whole["packets"]
+        packet -= self.whole["packets"]
         mode = dr.ReduceMode.NoConflicts if self.on_cpu else dr.ReduceMode.Auto
-        for weight in weights:
-            parts = values if weight is None else [part * weight for part in values]
+        for weight in tap_weights(lib, self.across, row - above):
+            parts = [part * weight for part in values]
             for half, active in ((0, inside), (1, inside & (offset != 0))):
                 there = parts[2 * PACKET * half:2 * PACKET * (half + 1)]
                 dr.scatter_add(self.sums, lib.ArrayXf(there), packet + half, active=active, mode=mode)

@@ -5,7 +5,7 @@
     beams      pulse, matched filter, line, noise                                        `signal.beam_grid`
     truth      whose energy, and what is hidden                                          `truth`
 
-All echoes of a ping on a grid of sine and time.
+All echoes of a ping on a grid of sine and time, the beams of a survey's line, and the truth of a ping.
 """
 from __future__ import annotations
 
@@ -36,21 +36,38 @@ class LaidPing:
     scatterers: GridEchoes | None  # none where there are none
     targets: list[TargetEchoes]
 
+    def truth(self, echoes: PingEchoes, ping: int, truth: FrameTruth) -> EnergyRecord:
+        """Return the truth of the ping whose echoes these are, arrays (B, ..., bins)."""
+        survey = echoes.survey
+        return truth.of(
+            self.scatterers, echoes.hiding(ping, self.scatterers), self.targets, origin=survey.track.position[ping],
+            depth_below=float(survey.depth_below[ping]), farthest=0.5 * survey.time[-1] * survey.sound_speed(ping),
+            source_power=float(power_from_db(survey.source_level_db)))
+
+
+def line_beams(survey: ArraySurvey, place: np.ndarray, weight: np.ndarray, sines: np.ndarray) -> LineBeams:
+    """Return what forms the beams of a survey's line; arguments as of `LineBeams`."""
+    return LineBeams(
+        mi.Float, position=place, weight=weight, sines=sines, pulse=survey.pulse, samples=survey.samples,
+        sampling_rate=survey.sampling_rate, lead=survey.lead, start=survey.start, sound_speed=survey.sound_speed(0),
+        absorption_db=survey.absorption_db)
+
 
 def lay(echoes: PingEchoes, grid: BeamGrid, ping: int, seed: int) -> LaidPing:
     """Add a ping's echoes to a grid: scatterers, targets, ghosts, the water."""
     scatterers = echoes.of_scatterers(ping)
     if scatterers is not None:
-        _add(grid, scatterers)
+        add(grid, scatterers)
     targets = list(echoes.of_targets(ping))
     for target in targets:
-        _add(grid, target.echoes)
+        add(grid, target.echoes)
     for some in chain(echoes.mirrored(ping), echoes.by_chance(ping, seed)):
-        _add(grid, some)
+        add(grid, echoes.received(ping, some))
     return LaidPing(scatterers=scatterers, targets=targets)
 
 
-def _add(grid: BeamGrid, echoes: GridEchoes) -> None:
+def add(grid: BeamGrid, echoes: GridEchoes) -> None:
+    """Add echoes to a grid."""
     grid.add(column=echoes.column, sine=echoes.sine, real=echoes.real, imaginary=echoes.imaginary)
 
 
@@ -87,10 +104,7 @@ class Frames:
         sines = direction @ line.axis
         self._order = np.argsort(sines, kind="stable")
         self._direction = direction
-        self._beams = LineBeams(
-            mi.Float, position=line.place, weight=line.weight, pulse=survey.pulse, samples=survey.samples,
-            sampling_rate=survey.sampling_rate, lead=survey.lead, start=survey.start, sines=sines,
-            sound_speed=survey.sound_speed(0), absorption_db=survey.absorption_db)
+        self._beams = line_beams(survey, line.place, line.weight, sines)
         self._noise = NoiseDensity.of(survey.noise, survey.source_level_db)
         self._truth = FrameTruth(
             Blur(sines[self._order], line.place / survey.wavelength, line.weight,
@@ -110,12 +124,7 @@ class Frames:
         laid = lay(self.echoes, grid, ping, seed)
         beams = self._beams.form(grid, doppler=self.echoes.doppler(ping), noise=self._noise, key=ping_key(seed, ping))
         beams = self._referred(beams) * np.float32(amplitude_from_db(survey.source_level_db))
-        truth = self._truth.of(
-            laid.scatterers, self.echoes.hiding(ping, laid.scatterers), laid.targets,
-            origin=survey.track.position[ping],
-            depth_below=float(survey.depth_below[ping]), farthest=0.5 * survey.time[-1] * survey.sound_speed(ping),
-            source_power=float(power_from_db(survey.source_level_db)))
-        return beams, truth
+        return beams, laid.truth(self.echoes, ping, self._truth)
 
     def _referred(self, beams: np.ndarray) -> np.ndarray:
         """Refer the beams of an array off the body's origin O to O: every beam by as much as its own points are nearer.

@@ -45,6 +45,19 @@ class LineArray:
         axis, normal = _axes(direction)
         return cls(axis=axis, normal=normal, centre=array.position.mean(0), **_columns(array, axis, normal))
 
+    @classmethod
+    def along(cls, array: Array, axis: np.ndarray, wavelength: float) -> LineArray:
+        """See an array as a line along an axis (3,), body frame, with beams about where its elements look; see `of`."""
+        sines = np.array([-0.5, 0.0, 0.5])
+        return cls.of(array, sines[:, None] * axis + np.sqrt(1 - sines ** 2)[:, None] * array.normal[0], wavelength)
+
+    @classmethod
+    def of_element(cls, array: Array) -> LineArray:
+        """See the one element of an array as a line across the axis that it is long along; beams tell nothing apart."""
+        normal = array.normal[0]
+        return cls(axis=np.cross(normal, array.along[0]), normal=normal, centre=array.position[0], place=np.zeros(1),
+                   weight=np.ones(1), row_place=np.zeros(1), row_weight=np.ones(1))
+
 
 def refusal(array: Array, direction: np.ndarray, wavelength: float) -> str:
     """Say why an array is neither a line nor rows of lines for a fan (B, 3) of beams; empty where it is."""

@@ -1,18 +1,19 @@
 """The echoes of one ping for the beam domain: scatterers of the scene, and all that has echoes of its own.
 
     ground     scatterers with their legs and energies, and what hides them             `ground`
+    others     point targets, smooth surfaces, ghosts, the water                        `echoes.ensonification`
     receive    where the moving array is when they are back                             `reception`
     weigh      patterns of transmit array, elements and rows                            `patterns`
-    others     point targets, smooth surfaces, ghosts, the water                        `echoes.ensonification`
 
-The first three are one kernel, for all scatterers of a ping.
+The ground, reception and patterns are one kernel, for all scatterers of a ping. What depends on the place alone
+(`PlacedEchoes`) can be kept from ping to ping by a sonar that turns where it stands.
 
 Echoes of a ping in the beam domain: where they lie on the grid of time and sine, how strong, and whose they are.
 """
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import drjit as dr
@@ -32,6 +33,34 @@ from .ground import FREE, HIDDEN_BY_OBJECT, Ground
 from .line import LineArray
 from .lobe_rays import LobeRays
 from .patterns import Patterns
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlacedEchoes:
+    """Echoes as they come back to where the sonar is at the transmission, without its beams, on the device."""
+
+    sent: mi.Vector3f  # (R,): unit, scene
+    towards: mi.Vector3f  # (R,): unit, scene
+    out_distance: mi.Float  # (R,) [m]
+    back_distance: mi.Float  # (R,) [m]
+    out_time: mi.Float64  # (R,) [s]: until the last scatterer is reached, and from there on
+    back_time: mi.Float64  # (R,) [s]: until the last scatterer is reached, and from there on
+    out_offset: dr.ArrayBase  # (R,) [m]: of what is met first and last, from the sonar
+    back_offset: dr.ArrayBase  # (R,) [m]: of what is met first and last, from the sonar
+    energy: mi.Float  # (R,): mean square of the amplitude for a source level of 0 dB, as if the way were free
+    real: mi.Float  # (R,): amplitude over the root of the energy
+    imaginary: mi.Float  # (R,): amplitude over the root of the energy
+    state: mi.UInt32  # (R,): as of `GridEchoes`
+    label: mi.UInt32  # (R,): as of `GridEchoes`
+    folded: tuple[bool, bool] = (False, False)  # whether the way out and the way back go by way of the flat surface
+
+    def chosen(self, index: mi.UInt32) -> PlacedEchoes:
+        """Return the echoes with these numbers, UInt32."""
+        columns = {name: value for name, value in vars(self).items() if name != "folded"}
+        # what is one array in two columns stays one
+        taken = {id(value): dr.gather(type(value), value, index) if dr.width(value) > 1 else value
+                 for value in columns.values()}
+        return replace(self, **{name: taken[id(value)] for name, value in columns.items()})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,11 +96,12 @@ SINK = 0.15                        # sine below the horizon that the rows' facto
 
 class PingEchoes:
     """Make the echoes of a survey's pings."""
-    # lobe (3,)
+    # lobe (3,); turning (P, 3)
 
     def __init__(self, survey: ArraySurvey, line: LineArray, *, per_cell: float, beams_from_origin: bool = True,
-                 beside: PingEchoes | None = None, lobe: tuple[np.ndarray, float] | None = None):
-        self._long = lobe
+                 beside: PingEchoes | None = None, lobe: tuple[np.ndarray, float] | None = None,
+                 turning: tuple[np.ndarray, float] | None = None, negligible: float = NEGLIGIBLE):
+        self._long, self._turning, self._negligible = lobe, turning, negligible
         self.survey, self.line, self.per_cell = survey, line, float(per_cell)
         self._from_origin = beams_from_origin
         self.lib, self.patterns = arrays_of(mi.Float), Patterns(survey, line)
@@ -80,6 +110,7 @@ class PingEchoes:
         self._beams = ElementBeams(survey.transmit, survey.receive, survey.wavelength, turned) or None
         self._residual = residual_doppler(survey.pulse)
         self._reception: tuple[int, Reception] | None = None
+        self._row_doppler: tuple[int, _RowDoppler] | None = None
 
     def reception(self, ping: int) -> Reception:
         """Return how the echoes of a ping are received; the last answer is kept."""
@@ -95,23 +126,24 @@ class PingEchoes:
         reception = self.reception(ping)
         if reception.still:
             return None
-        return reception.doppler_of_sines(np.linspace(-1, 1, DOPPLER_NODES), SINK)
+        return reception.doppler_of_sines(np.linspace(-1, 1, DOPPLER_NODES), SINK if self._turning is None else 0.0)
 
     def of_scatterers(self, ping: int) -> GridEchoes | None:
         """Return the echoes of a ping's scatterers; None where there is none."""
-        reception, density = self.reception(ping), self._density(ping)
-        lit = self.ground.lit(density, self._useful(ping))
+        placed = self.scatterers(ping)
+        return None if placed is None else self.received(ping, placed)
+
+    def scatterers(self, ping: int, everywhere: bool = False) -> PlacedEchoes | None:
+        """Return the scatterers around the place of a ping, in its beams or everywhere; None where there is none."""
+        useful = _all_of_them if everywhere else self.useful(ping, self._negligible)
+        lit = self.ground.lit(self._density(ping), useful)
         if lit is None:
             return None
-        legs = lit.legs
-        bent = self._bent(ping, lit.scatterers.offset)
-        arrival = reception.receive(sent=legs.launch_direction, out_distance=legs.distance, out_time=legs.travel_time,
-                                    towards=legs.launch_direction, back_distance=legs.distance,
-                                    back_time=legs.travel_time, out_bent=bent, back_bent=bent)
-        factor = self.patterns.factor(arrival.sent, arrival.towards, reception.rotation, reception.steering)
-        return self._on_grid(arrival, _RowDoppler(self.doppler(ping)), lit.energy, lit.scatterers.amplitude, factor,
-                             state=lit.state, label=lit.scatterers.label, launch=legs.launch_direction,
-                             offset=lit.scatterers.offset, origin=density.origin)
+        legs, (real, imaginary) = lit.legs, lit.scatterers.amplitude
+        return PlacedEchoes(sent=legs.launch_direction, towards=legs.launch_direction, out_distance=legs.distance,
+                            back_distance=legs.distance, out_time=legs.travel_time, back_time=legs.travel_time,
+                            out_offset=lit.scatterers.offset, back_offset=lit.scatterers.offset, energy=lit.energy,
+                            real=real, imaginary=imaginary, state=lit.state, label=lit.scatterers.label)
 
     def hiding(self, ping: int, echoes: GridEchoes | None) -> tuple[mi.UInt32, mi.UInt32]:
         """Return which scatterers objects hide, by their numbers, and the numbers of the objects: UInt32 (H,)."""
@@ -126,10 +158,14 @@ class PingEchoes:
     def _density(self, ping: int) -> Density:
         """How densely a ping needs scatterers."""
         survey, reception = self.survey, self.reception(ping)
-        return Density(origin=survey.track.position[ping], axis=reception.rotation @ self.line.axis,
-                       per_cell=self.per_cell, range_cell=survey.sound_speed(ping) / (2 * survey.pulse.bandwidth),
-                       sine_cell=survey.wavelength / self.line.length, nearest=self.ground.nearest,
-                       farthest=self.ground.farthest, lobes=self._lobes(reception))
+        if self._turning is None:
+            axis, cell = reception.rotation @ self.line.axis, survey.wavelength / self.line.length
+        else:
+            axis, cell = self._turning[0][ping], self._turning[1]
+        return Density(origin=survey.track.position[ping], axis=axis, per_cell=self.per_cell,
+                       range_cell=survey.sound_speed(ping) / (2 * survey.pulse.bandwidth), sine_cell=cell,
+                       nearest=self.ground.nearest, farthest=self.ground.farthest, lobes=self._lobes(reception),
+                       around=self._turning is not None)
 
     def _lobes(self, reception: Reception) -> tuple[TransmitLobe, ...]:
         """Return the lobes of lines or long elements across the line; none where they look widely."""
@@ -154,12 +190,12 @@ class PingEchoes:
                             cell=self.survey.wavelength / self.patterns.transmit_length,
                             place=reception.rotation @ self.patterns.transmit_centre)
 
-    def _useful(self, ping: int) -> Callable[[mi.Vector3f, mi.Float], mi.Bool]:
-        """Return whether directions are looked into: not those that the beams make negligible."""
+    def useful(self, ping: int, least: float = NEGLIGIBLE) -> Callable[[mi.Vector3f, mi.Float], mi.Bool]:
+        """Return a test of scene directions at distances; those pass whose two-way intensity is more than `least`."""
         beams, rotation = self._beams, self.reception(ping).rotation
 
         def useful(direction: mi.Vector3f, distance: mi.Float) -> mi.Bool:
-            return mi.Bool(True) if beams is None else beams.bound(direction, distance, rotation) > NEGLIGIBLE
+            return mi.Bool(True) if beams is None else beams.bound(direction, distance, rotation) > least
 
         return useful
 
@@ -174,29 +210,31 @@ class PingEchoes:
 
     def of_targets(self, ping: int) -> Iterator[TargetEchoes]:
         """Yield the echoes of a ping that owe no phase to chance."""
-        reception, rows = self.reception(ping), _RowDoppler(self.doppler(ping))
-        origin = self.survey.track.position[ping]
-        for label, echoes in self.ground.ensonification.coherent_echoes(origin):
-            placed = self._of_echoes(echoes, reception, rows, origin)
+        for label, some in self.targets(ping):
+            placed = self.received(ping, some)
             yield TargetEchoes(echoes=placed, label=np.broadcast_to(label.numpy(), dr.width(placed.sine)))
 
-    def mirrored(self, ping: int) -> Iterator[GridEchoes]:
-        """Yield the echoes of scatterers by way of a flat surface that mirrors."""
-        reception, rows = self.reception(ping), _RowDoppler(self.doppler(ping))
-        density = self._density(ping)
-        for cells in self.ground.mirrored(density, self._useful(ping)):
-            for echoes in self.ground.ensonification.mirrored_echoes(density.origin, cells):
-                yield self._of_echoes(echoes, reception, rows, density.origin)
+    def targets(self, ping: int) -> Iterator[tuple[mi.UInt32, PlacedEchoes]]:
+        """Yield the numbers of instances and their echoes that owe no phase to chance, around the place of a ping."""
+        for label, echoes in self.ground.ensonification.coherent_echoes(self.survey.track.position[ping]):
+            yield label, _placed(echoes)
 
-    def by_chance(self, ping: int, seed: int) -> Iterator[GridEchoes]:
+    def mirrored(self, ping: int, everywhere: bool = False) -> Iterator[PlacedEchoes]:
+        """Yield the echoes of scatterers by way of a flat surface that mirrors; see `scatterers`."""
+        density = self._density(ping)
+        for cells in self.ground.mirrored(density, _all_of_them if everywhere else self.useful(ping)):
+            for echoes in self.ground.ensonification.mirrored_echoes(density.origin, cells):
+                yield _placed(echoes)
+
+    def by_chance(self, ping: int, seed: int) -> Iterator[PlacedEchoes]:
         """Yield the echoes of more bounces and of the water."""
-        reception, rows = self.reception(ping), _RowDoppler(self.doppler(ping))
+        reception = self.reception(ping)
         origin, below = self.survey.track.position[ping], float(self.survey.depth_below[ping])
         key, lobe, drawn = ping_key(seed, ping), self._steered_lobe(reception), None
         if lobe is not None:
             drawn = partial(self._lobe_rays.draw, reception.rotation, lobe.sine, key)
         for echoes in self.ground.ensonification.random_echoes(origin, reception.rotation, below, key, drawn):
-            yield self._of_echoes(echoes, reception, rows, origin)
+            yield _placed(echoes)
 
     @cached_property
     def _lobe_rays(self) -> LobeRays:
@@ -211,54 +249,69 @@ class PingEchoes:
         return LobeRays(axis, transmit.faces()[0].normal, place=place, weight=transmit.weight, pattern=pattern,
                         around=WATER * self.per_cell * cells)
 
-    def _of_echoes(self, echoes: Echoes, reception: Reception, rows: _RowDoppler, origin: np.ndarray) -> GridEchoes:
-        """Put echoes along exact legs on the grid."""
-        out, back = echoes.out, echoes.back
-        arrival = reception.receive(
-            sent=mi.Vector3f(out.sent_towards), out_distance=mi.Float(dr.norm(out.offset)),
-            out_time=echoes.arrival, towards=mi.Vector3f(back.sent_towards),
-            back_distance=mi.Float(dr.norm(back.offset)), back_time=back.travel_time,
-            out_bent=None if out.folded else self._bent(reception.ping, out.offset),
-            back_bent=None if back.folded else self._bent(reception.ping, back.offset))
-        factor = self.patterns.factor(arrival.sent, arrival.towards, reception.rotation, reception.steering)
-        root = dr.rsqrt(dr.maximum(echoes.energy, 1e-38))
-        nothing = dr.zeros(mi.UInt32, echoes.count)
-        unit = tuple(part * root for part in echoes.amplitude)
-        return self._on_grid(arrival, rows, echoes.energy, unit, factor, state=nothing, label=nothing,
-                             launch=out.sent_towards, offset=out.offset, origin=origin)
-
     # ---- the grid
 
-    def _on_grid(self, arrival: Arrival, rows: _RowDoppler, energy: mi.Float, amplitude, factor, *, state, label,
-                 launch, offset, origin) -> GridEchoes:
-        """Lay echoes on the grid: their carrier's phase, and what Doppler does to a sweep."""
+    def received(self, ping: int, placed: PlacedEchoes) -> GridEchoes:
+        """Return echoes on the grid of a ping: its reception, its beams, and what Doppler does to a sweep."""
+        reception, (out_folded, back_folded) = self.reception(ping), placed.folded
+        out_bent = None if out_folded else self._bent(ping, placed.out_offset)
+        back_bent = out_bent
+        if placed.back_offset is not placed.out_offset or out_folded:
+            back_bent = None if back_folded else self._bent(ping, placed.back_offset)
+        arrival = reception.receive(sent=placed.sent, out_distance=placed.out_distance, out_time=placed.out_time,
+                                    towards=placed.towards, back_distance=placed.back_distance,
+                                    back_time=placed.back_time, out_bent=out_bent, back_bent=back_bent)
+        factor = self.patterns.factor(arrival.sent, arrival.towards, reception.rotation, reception.steering)
+        if self._row_doppler is None or self._row_doppler[0] != ping:
+            self._row_doppler = ping, _RowDoppler(self.doppler(ping))
+        return self._on_grid(arrival, self._row_doppler[1].rest(arrival), placed, factor,
+                             self.survey.track.position[ping])
+
+    def _on_grid(self, arrival: Arrival, rest: mi.Float | None, placed: PlacedEchoes, factor,
+                 origin: np.ndarray) -> GridEchoes:
+        """Return echoes with their carrier's phase, weighed by a factor; `rest` is what their row leaves of Doppler."""
         survey, pulse = self.survey, self.survey.pulse
         frequency, rate, start = (dr.opaque(mi.Float64, v) for v in (pulse.frequency, survey.sampling_rate,
                                                                     survey.start))
         delay = arrival.delay + dr.opaque(mi.Float64, self.patterns.drive_delay)
-        rest = rows.rest(arrival)
         later, turned = mi.Float(0), mi.Float(0)
         if rest is not None:
             later, turned = self._residual.delay(rest), self._residual.phase(rest)
         cycles = delay * frequency
         sine, cosine = dr.sincos((mi.Float(cycles - dr.round(cycles)) - turned) * float(2 * np.pi))
         real, imaginary = factor
-        if arrival.spread is not None:
-            energy = energy / arrival.spread
+        energy = placed.energy if arrival.spread is None else placed.energy / arrival.spread
         gain = dr.square(real) if imaginary is None else dr.square(real) + dr.square(imaginary)
-        root = dr.select(state == FREE, dr.sqrt(energy), 0)
-        a, b = amplitude
+        root = dr.select(placed.state == FREE, dr.sqrt(energy), 0)
+        a, b = placed.real, placed.imaginary
         a, b = root * (a * cosine + b * sine), root * (b * cosine - a * sine)
         if imaginary is None:
             a, b = a * real, b * real
         else:
             a, b = a * real - b * imaginary, a * imaginary + b * real
-        column = mi.Float((delay + mi.Float64(later) - start) * rate)
-        echoes = GridEchoes(column=column, sine=arrival.sine, real=a, imaginary=b, energy=energy * gain, state=state,
-                            label=label, launch_sine=-launch.z, x=mi.Float(offset.x), y=mi.Float(offset.y),
-                            depth=dr.opaque(mi.Float, -float(origin[2])) - mi.Float(offset.z))
+        column, offset = mi.Float((delay + mi.Float64(later) - start) * rate), placed.out_offset
+        echoes = GridEchoes(column=column, sine=arrival.sine, real=a, imaginary=b, energy=energy * gain,
+                            state=placed.state, label=placed.label, launch_sine=-placed.sent.z, x=mi.Float(offset.x),
+                            y=mi.Float(offset.y), depth=dr.opaque(mi.Float, -float(origin[2])) - mi.Float(offset.z))
         dr.eval(*vars(echoes).values())
         return echoes
+
+
+def _all_of_them(direction: mi.Vector3f, distance: mi.Float) -> mi.Bool:
+    return mi.Bool(True)
+
+
+def _placed(echoes: Echoes) -> PlacedEchoes:
+    """Return echoes along exact legs."""
+    out, back, nothing = echoes.out, echoes.back, dr.zeros(mi.UInt32, echoes.count)
+    root = dr.rsqrt(dr.maximum(echoes.energy, 1e-38))
+    real, imaginary = (part * root for part in echoes.amplitude)
+    return PlacedEchoes(
+        sent=mi.Vector3f(out.sent_towards), towards=mi.Vector3f(back.sent_towards),
+        out_distance=mi.Float(dr.norm(out.offset)), back_distance=mi.Float(dr.norm(back.offset)),
+        out_time=echoes.arrival, back_time=back.travel_time, out_offset=out.offset, back_offset=back.offset,
+        energy=echoes.energy, real=real, imaginary=imaginary, state=nothing, label=nothing,
+        folded=(out.folded, back.folded))
 
 
 class _RowDoppler:

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.chance import ping_key, sonar_seed
@@ -26,12 +25,11 @@ from mitsonar.hydrography.record import BY_PHASE, NOT_DETECTED
 from mitsonar.hydrography.reduction.reduction import Installation, Located, Measured
 from mitsonar.hydrography.reduction.uncertainty import Deviations
 from mitsonar.imaging.energy_record import EnergyRecord
-from mitsonar.signal.beam_grid import LineBeams, NoiseDensity
-from mitsonar.sonar.arrays.array import Array
-from mitsonar.units import amplitude_from_db, db_from_power, power_from_db
+from mitsonar.signal.beam_grid import NoiseDensity
+from mitsonar.units import amplitude_from_db, db_from_power
 
 from ..beam_domain.blur import OneBeam
-from ..beam_domain.frames import LaidPing, lay
+from ..beam_domain.frames import LaidPing, lay, line_beams
 from ..beam_domain.line import LineArray
 from ..beam_domain.ping_echoes import PingEchoes
 from ..beam_domain.truth import FrameTruth
@@ -102,15 +100,12 @@ class SideRows:
     def __init__(self, survey: InterferometricSurvey, number: int, beside: SideRows | None = None):
         self._whole, self._number = survey, number
         self.survey = side = survey.sides[number]
-        self.line = line = _line(side.receive, side.wavelength)
+        self.line = line = LineArray.along(side.receive, up_along(side.receive), side.wavelength)
         longest = max(side.transmit.length, side.receive.length)
         self._echoes = PingEchoes(side, line, per_cell=side.per_cell, beams_from_origin=False,
                                   beside=None if beside is None else beside._echoes,
                                   lobe=(side.receive.along[0], side.wavelength / longest))
-        self._beams = LineBeams(
-            mi.Float, position=line.place, weight=np.eye(len(line.place)), pulse=side.pulse, samples=side.samples,
-            sampling_rate=side.sampling_rate, lead=side.lead, start=side.start, sines=np.zeros(1),
-            sound_speed=side.sound_speed(0), absorption_db=side.absorption_db)
+        self._beams = line_beams(side, line.place, np.eye(len(line.place)), np.zeros(1))
         self._noise = NoiseDensity.of(side.noise, side.source_level_db)
         per_bin = survey.per_bin
         self._truth = FrameTruth(OneBeam(WIDEST, side.pulse.bandwidth * per_bin / side.sampling_rate),
@@ -124,13 +119,7 @@ class SideRows:
     def frame(self, ping: int, seed: int) -> tuple[np.ndarray, EnergyRecord]:
         """Return the same, and the truth of the bins, arrays (1, ..., bins)."""
         signals, laid = self._heard(ping, seed)
-        side = self.survey
-        truth = self._truth.of(
-            laid.scatterers, self._echoes.hiding(ping, laid.scatterers), laid.targets,
-            origin=side.track.position[ping], depth_below=float(side.depth_below[ping]),
-            farthest=0.5 * side.time[-1] * side.sound_speed(ping),
-            source_power=float(power_from_db(side.source_level_db)))
-        return signals, truth
+        return signals, laid.truth(self._echoes, ping, self._truth)
 
     def _heard(self, ping: int, seed: int) -> tuple[np.ndarray, LaidPing]:
         own = seed if not self._number else sonar_seed(seed, SIDES[self._number])
@@ -139,13 +128,6 @@ class SideRows:
         rows = self._beams.form_each(grid, doppler=self._echoes.doppler(ping), noise=self._noise,
                                      key=ping_key(own, ping))[:, 0]
         return rows * np.float32(amplitude_from_db(self.survey.source_level_db)), laid
-
-
-def _line(receive: Array, wavelength: float) -> LineArray:
-    """The rows as a line along the face's upward axis."""
-    sines = np.array([-0.5, 0.0, 0.5])
-    fan = sines[:, None] * up_along(receive) + np.sqrt(1 - sines ** 2)[:, None] * receive.normal[0]
-    return LineArray.of(receive, fan, wavelength)
 
 
 WORDS = ("mean intensity over the window, noise included; corrected for source level, spreading and absorption along "

@@ -13,7 +13,6 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.hydrography.detection.row_angles import Rows, sector_of
-from mitsonar.hydrography.reduction.motion_errors import MotionErrors
 from mitsonar.scene import materials
 from mitsonar.scene.geometry import Geometry
 from mitsonar.signal.matched_filter import compression, rms_bandwidth
@@ -23,10 +22,10 @@ from mitsonar.sonar.pulses.pulse import Pulse
 from mitsonar.units import db_from_amplitude
 
 from ..fan.kind import survey_of
-from ..multibeam.survey import SoundedSurvey, Transmission
+from ..multibeam.survey import SoundedSurvey, SoundingSensor, Transmission, shared
 from ..pressure.array_survey import ArraySurvey
 from ..pressure.signals import LEAD
-from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
+from ..sensor import RunSettings, head_speed, slowest_speed
 
 SIDES = ("port", "starboard")
 
@@ -81,12 +80,11 @@ SAMPLES = 2.0, 3.0                 # to one over a pulse's bandwidth: of sweeps,
 SWEEP = 4.0                        # duration times bandwidth from which on a pulse is one
 
 
-class InterferometricSensor(Sensor, Protocol):
-    """What the sensor of an interferometric sidescan says, beside what all do.
+class InterferometricSensor(SoundingSensor, Protocol):
+    """What the sensor of an interferometric sidescan has, beside what all that make soundings do.
 
     Attributes
     ----------
-    preset : str
     source_level_db : float [dB re 1 µPa @ 1 m]
         Of each side, on its axis.
     pulse : Pulse
@@ -94,13 +92,10 @@ class InterferometricSensor(Sensor, Protocol):
         Of port and starboard; the rows of the latter from the lowest up.
     tilt : float [rad]
         Of the faces' normals below the horizontal.
-    looks, least_coherence, head_speed_error, motion_errors, depth_gate
+    looks, least_coherence
         As of `InterferometricSurvey`.
-    self_noise_db : float or None [dB re 1 µPa²/Hz]
-        Of each row's receiver.
     """
 
-    preset: str
     source_level_db: float
     pulse: Pulse
     transmit: tuple[Array, Array]
@@ -108,10 +103,6 @@ class InterferometricSensor(Sensor, Protocol):
     tilt: float
     looks: float
     least_coherence: float
-    head_speed_error: float
-    motion_errors: MotionErrors
-    depth_gate: tuple[float, float] | None
-    self_noise_db: float | None
 
 
 def plan(scene: mi.Scene, sensor: InterferometricSensor, settings: RunSettings,
@@ -123,11 +114,8 @@ def plan(scene: mi.Scene, sensor: InterferometricSensor, settings: RunSettings,
     place = (starboard.receive.position - starboard.receive.position.mean(0)) @ up_along(starboard.receive)
     _, bins = sensor.film().window(head_speed(sensor, port.passage.depth))
     return InterferometricSurvey(
-        geometry=port.geometry, profile=port.profile, absorption=port.absorption, volume=port.volume,
-        passage=port.passage, rays=settings.rays, max_depth=settings.max_depth, sides=(port, starboard), bins=bins,
-        rows=Rows(place=place / port.wavelength, sector=sector_of(sensor.tilt)), looks=sensor.looks,
-        least_coherence=sensor.least_coherence, head_speed_error=sensor.head_speed_error,
-        motion_errors=sensor.motion_errors, depth_gate=sensor.depth_gate, preset=sensor.preset)
+        **shared(port, port.passage, sensor, settings), sides=(port, starboard), bins=bins, looks=sensor.looks,
+        rows=Rows(place=place / port.wavelength, sector=sector_of(sensor.tilt)), least_coherence=sensor.least_coherence)
 
 
 def plan_elements(scene: mi.Scene, sensor: InterferometricSensor, settings: RunSettings,

@@ -71,7 +71,8 @@ class Reception:
         self._moves, self._turns = (bool(len(powers)) and bool((travel.reach(powers[None]) > SMALL).any())
                                     for powers in (d, r))
         self._travel = Travel.within(d, r, travel.duration, lambda number: dr.opaque(mi.Float64, float(number)))
-        sender_travel = survey.travel(ping, transmit_centre)
+        together = np.array_equal(transmit_centre, receive_centre)
+        sender_travel = travel if together else survey.travel(ping, transmit_centre)
         self._sent_velocity = sender_travel.displacement[0][0] if len(sender_travel.displacement[0]) else np.zeros(3)
         self._axis, self._normal = rotation @ axis, rotation @ normal
         self._from_origin = beams_from_origin

@@ -3,18 +3,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import mitsuba as mi
 import numpy as np
 from scipy import ndimage
 
 from mitsonar.device.chance import Salt, ping_key, sonar_seed
 from mitsonar.imaging.energy_record import EnergyRecord
-from mitsonar.signal.beam_grid import LineBeams, NoiseDensity
+from mitsonar.signal.beam_grid import NoiseDensity
 from mitsonar.sonar.arrays.sectors import half_power_width
-from mitsonar.units import amplitude_from_db, power_from_db
+from mitsonar.units import amplitude_from_db
 
 from ..beam_domain.blur import Blur
-from ..beam_domain.frames import LaidPing, lay
+from ..beam_domain.frames import LaidPing, lay, line_beams
 from ..beam_domain.line import LineArray
 from ..beam_domain.ping_echoes import PingEchoes
 from ..beam_domain.truth import FrameTruth
@@ -51,7 +50,7 @@ class SectorBeams:
     def __init__(self, run: SectorRun, number: int, flaws: float = 0.0, beside: SectorBeams | None = None):
         self.run, self._number = run, number
         survey = run.survey
-        self.line = line = _line(run)
+        self.line = line = LineArray.along(survey.receive, survey.receive.along[0], survey.wavelength)
         self._echoes = PingEchoes(survey, line, per_cell=survey.per_cell, beams_from_origin=False,
                                   beside=None if beside is None else beside._echoes)
         port = line.place < 0
@@ -64,11 +63,7 @@ class SectorBeams:
         #: of beams at right angles to the line, at -3 dB [sine]
         self.lobe_width = half_power_width(line.place, line.weight) * survey.wavelength
         self._lobes = _side_lobes(line.place / survey.wavelength, flawed.sum(0))
-        self._beams = LineBeams(
-            mi.Float, position=line.place, weight=flawed, pulse=survey.pulse, samples=survey.samples,
-            sampling_rate=survey.sampling_rate, lead=survey.lead, start=survey.start,
-            sines=np.array([run.sines.min(), run.sines.max()]), sound_speed=survey.sound_speed(0),
-            absorption_db=survey.absorption_db)
+        self._beams = line_beams(survey, line.place, flawed, np.array([run.sines.min(), run.sines.max()]))
         self._noise = NoiseDensity.of(survey.noise, survey.source_level_db)
         self._truth: tuple[np.ndarray, FrameTruth] | None = None
 
@@ -99,13 +94,7 @@ class SectorBeams:
     def frame(self, ping: int, seed: int) -> tuple[np.ndarray, EnergyRecord]:
         """Form the beams (B, T) [µPa] of the whole line, and their truth."""
         halves, laid = self._formed(ping, seed)
-        survey = self.run.survey
-        truth = self._truth_of(ping).of(
-            laid.scatterers, self._echoes.hiding(ping, laid.scatterers), laid.targets,
-            origin=survey.track.position[ping], depth_below=float(survey.depth_below[ping]),
-            farthest=0.5 * survey.time[-1] * survey.sound_speed(ping),
-            source_power=float(power_from_db(survey.source_level_db)))
-        return halves.whole, truth
+        return halves.whole, laid.truth(self._echoes, ping, self._truth_of(ping))
 
     def _formed(self, ping: int, seed: int) -> tuple[Halves, LaidPing]:
         own = seed if not self._number else sonar_seed(seed, f"sector {self._number}")
@@ -136,15 +125,6 @@ def _flawed(halves: np.ndarray, flaws: float) -> np.ndarray:
     off = halves * (1 + flaws * draw[0]) * np.exp(1j * flaws * draw[1])
     size = np.abs(halves).sum(1, keepdims=True)
     return off * (size / off.sum(1, keepdims=True))
-
-
-def _line(run: SectorRun) -> LineArray:
-    """The receiving line, whose fan lies about where its elements look."""
-    receive = run.survey.receive
-    along, normal = receive.along[0], receive.normal[0]
-    sines = np.array([-0.5, 0.0, 0.5])
-    fan = sines[:, None] * along + np.sqrt(1 - sines ** 2)[:, None] * normal
-    return LineArray.of(receive, fan, run.survey.wavelength)
 
 
 def _side_lobes(place: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -20,7 +20,6 @@ from typing import Protocol
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.hydrography.reduction.motion_errors import MotionErrors
 from mitsonar.scene import materials
 from mitsonar.scene.geometry import Geometry
 from mitsonar.sonar.arrays.array import Array
@@ -32,9 +31,9 @@ from mitsonar.sonar.pulses.pulse import Pulse
 from ..fan.kind import survey_of
 from ..pressure.array_survey import ArraySurvey
 from ..pressure.signals import LEAD
-from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
+from ..sensor import RunSettings, head_speed, slowest_speed
 from ..voyage import Passage
-from .survey import SectorRun, SwathSurvey
+from .survey import SectorRun, SoundingSensor, SwathSurvey, shared
 
 COURSE = np.linspace(-10, 10, 9)   # [s] about a ping, over which headings are averaged
 STEEPEST = np.deg2rad(85.0)        # angle beyond which an echo's time is no longer foreseen
@@ -101,12 +100,11 @@ class Swath:
 SAMPLES = 3.0                      # to one over a pulse's bandwidth: 0.8 of them are flat, a cw's main lobe 2.26
 
 
-class MultibeamSensor(Sensor, Protocol):
-    """What the sensor of a multibeam echo sounder says, beside what all do.
+class MultibeamSensor(SoundingSensor, Protocol):
+    """What the sensor of a multibeam echo sounder has, beside what all that make soundings do.
 
     Attributes
     ----------
-    preset : str
     sectors : tuple of Sector
     transmit : tuple of Array
         One a sector.
@@ -117,23 +115,14 @@ class MultibeamSensor(Sensor, Protocol):
         Roll, pitch, yaw.
     receive_flaws : float
         As of `SwathSurvey`.
-    head_speed_error : float [m/s]
-    motion_errors : MotionErrors
-    depth_gate : (float, float) or None [m]
-    self_noise_db : float or None [dB re 1 µPa²/Hz]
     """
 
-    preset: str
     sectors: tuple[Sector, ...]
     transmit: tuple[Array, ...]
     receive: Array
     mounting: np.ndarray
     stabilised: tuple[bool, bool, bool]
     receive_flaws: float
-    head_speed_error: float
-    motion_errors: MotionErrors
-    depth_gate: tuple[float, float] | None
-    self_noise_db: float | None
 
 
 def plan(scene: mi.Scene, sensor: MultibeamSensor, settings: RunSettings, lead: float = LEAD) -> SwathSurvey:
@@ -157,12 +146,8 @@ def plan(scene: mi.Scene, sensor: MultibeamSensor, settings: RunSettings, lead: 
         steered = _steered(sector, array, survey, swath, sensor, speed, first)
         sectors.append(steered)
         first += len(sector.beams)
-    whole = sectors[0].survey
-    return SwathSurvey(
-        geometry=geometry, profile=whole.profile, absorption=whole.absorption, volume=whole.volume, passage=passage,
-        rays=settings.rays, max_depth=settings.max_depth, sectors=tuple(sectors), mounting=sensor.mounting,
-        receive_flaws=sensor.receive_flaws, head_speed_error=sensor.head_speed_error,
-        motion_errors=sensor.motion_errors, depth_gate=sensor.depth_gate, preset=sensor.preset)
+    return SwathSurvey(**shared(sectors[0].survey, passage, sensor, settings), sectors=tuple(sectors),
+                       mounting=sensor.mounting, receive_flaws=sensor.receive_flaws)
 
 
 def _of_a_sector(geometry: Geometry, sensor: MultibeamSensor, settings: RunSettings, passage: Passage, speed: float,

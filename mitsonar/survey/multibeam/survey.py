@@ -4,6 +4,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -11,7 +12,36 @@ from mitsonar.hydrography.reduction.motion_errors import MotionErrors
 from mitsonar.sonar.arrays.sectors import Sector
 
 from ..pressure.array_survey import ArraySurvey
+from ..sensor import RunSettings, Sensor
 from ..survey import Survey
+from ..voyage import Passage
+
+
+class SoundingSensor(Sensor, Protocol):
+    """What the sensor of an instrument that makes soundings has, beside what all do.
+
+    Attributes
+    ----------
+    preset : str
+    head_speed_error, motion_errors, depth_gate
+        As of `SoundedSurvey`.
+    self_noise_db : float or None [dB re 1 µPa²/Hz]
+        Of each receiver.
+    """
+
+    preset: str
+    head_speed_error: float
+    motion_errors: MotionErrors
+    depth_gate: tuple[float, float] | None
+    self_noise_db: float | None
+
+
+def shared(run: ArraySurvey, passage: Passage, sensor: SoundingSensor, settings: RunSettings) -> dict:
+    """Return the arguments of any `SoundedSurvey` of which `run` is a part."""
+    return dict(
+        geometry=run.geometry, profile=run.profile, absorption=run.absorption, volume=run.volume, passage=passage,
+        rays=settings.rays, max_depth=settings.max_depth, head_speed_error=sensor.head_speed_error,
+        motion_errors=sensor.motion_errors, depth_gate=sensor.depth_gate, preset=sensor.preset)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

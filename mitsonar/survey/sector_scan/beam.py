@@ -21,8 +21,6 @@ from ..motion.places import Place
 from ..pressure.array_survey import ArraySurvey
 from ..sidescan.face_beams import BEAM_EDGE, FaceBeams
 
-FAINTEST = 1e-6
-
 
 def face_of(survey: ArraySurvey) -> Sidescan:
     """Return the face and the pulse of a head: those of a sidescan's side that looks along the beam."""
@@ -41,22 +39,12 @@ class StepBeam:
 
     def __init__(self, face: Sidescan, bin_length: float):
         self._faces, self._shares = FaceBeams(face), pulse_shares(bin_length, face.pulse_length)
-        lengths = np.array([face.transmit.length, face.receive.length]) / face.wavelength
-        # where Π 1 / (π u L / λ)² is as faint as that
-        self.reach = float(FAINTEST ** -0.25 / (np.pi * np.sqrt(max(lengths.prod(), 1e-12))))
 
     def two_way(self, sent: mi.Vector3f, back: mi.Vector3f) -> tuple[mi.Float, mi.Bool]:
         """Return the two-way intensity, and whether it is the main lobe's, of directions of the head's frame."""
         along, across = self._faces.two_way(sent.y, sent.z, back.y, back.z)
         pattern = dr.select((sent.x >= 0) & (back.x >= 0), along * across, 0)
         return mi.Float(pattern), mi.Bool(self._faces.lobe(sent.y, back.y) > BEAM_EDGE)
-
-    def pressure(self, sent: mi.Vector3f, back: mi.Vector3f) -> mi.Float:
-        """Return the two-way pressure pattern of directions of the head's frame."""
-        pressure = mi.Float(1)
-        for face, direction in ((self._faces.transmit, sent), (self._faces.receive, back)):
-            pressure *= dr.select(direction.x >= 0, face.pressure(direction.y, direction.z), 0)
-        return pressure
 
     def receive(self, place: Place, ping: mi.UInt32, sent: Vector, towards: Vector) -> tuple[mi.UInt32, mi.Float]:
         """Return the beam that receives echoes, which is the only one, and its two-way intensity."""

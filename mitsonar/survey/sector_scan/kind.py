@@ -35,7 +35,6 @@ from ..pressure.array_survey import ArraySurvey
 from ..pressure.pressure import PressureRecord
 from ..pressure.signals import LEAD, received_signals
 from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
-from .echoes import StepEchoes
 from .signals import StepSignals
 from .steps import Steps
 
@@ -92,17 +91,18 @@ def picture(survey: ArraySurvey, sensor: SectorScanSensor, seed: int,
     """Render the picture of the head's pings, with its truth; see `mitsonar.render`."""
     speed, steps = head_speed(sensor, survey.passage.depth), steps_of(survey, sensor)
     window, bins = sensor.film().window(speed)
-    echoes = StepEchoes(survey, steps.face, per_cell=survey.per_cell)
     way = sensor.picture or ("beams" if survey.ensonification == "scatterers" else "elements")
+    signals = StepSignals(survey)
     if way == "beams":
-        power = _by_beams(survey, steps, echoes, bins, seed, _part_of(progress, 0.0, SIGNALS))
+        _check_scatterers(survey)
+        power = signals.power(bins, seed, _part_of(progress, 0.0, SIGNALS))
     else:
         power = _by_elements(survey, bins, seed, _part_of(progress, 0.0, ELEMENT_SIGNALS), say)
     before = SIGNALS if way == "beams" else ELEMENT_SIGNALS
     record = only_row(energy.record(survey, steps, seed, _part_of(progress, before, 1.0)))
     classes, class_of = classes_of(survey.labels)
     image = imaging.image(
-        power, record, _mean_power(survey, record, steps, echoes), turns=_turns(survey, sensor), sound_speed=speed,
+        power, record, _mean_power(record, steps, signals), turns=_turns(survey, sensor), sound_speed=speed,
         time=window[0] + (np.arange(bins) + 0.5) * (window[1] - window[0]) / bins, depth_below=survey.depth_below,
         labels=survey.labels, class_of=class_of,
         attrs={"seed": int(seed), "picture": way, "frequency": float(survey.frequency), "pulse": survey.pulse.numbers,
@@ -125,14 +125,11 @@ def _part_of(progress: Callable[[float, float], None] | None, begin: float,
     return lambda done, total: progress(begin * total + (end - begin) * done, total)
 
 
-def _by_beams(survey: ArraySurvey, steps: Steps, echoes: StepEchoes, bins: int, seed: int,
-              progress: Callable[[float, float], None] | None) -> np.ndarray:
-    """Powers (P, bins) [µPa²] of echoes that the beam weighs."""
+def _check_scatterers(survey: ArraySurvey) -> None:
+    """Refuse a picture by beams of what rays find."""
     if survey.ensonification != "scatterers":
         raise ValueError("picture is beams, but rays are to find the scatterers (ensonification); leave one of them "
                          "out, or let picture be elements")
-    signals = StepSignals(survey, steps.beam, steps.underway, echoes, seed)
-    return np.concatenate([imaging.mean_power(block, bins) for block in signals.blocks(progress)])
 
 
 def _by_elements(survey: ArraySurvey, bins: int, seed: int, progress: Callable[[float, float], None] | None,
@@ -167,13 +164,10 @@ def _turns(survey: ArraySurvey, sensor: SectorScanSensor) -> imaging.Turns:
                          tilt=head.tilt, sector=head.sweep.sector)
 
 
-def _mean_power(survey: ArraySurvey, record: EnergyRecord, steps: Steps, echoes: StepEchoes) -> np.ndarray:
+def _mean_power(record: EnergyRecord, steps: Steps, signals: StepSignals) -> np.ndarray:
     """Mean over speckle and noise, (P, bins) [µPa²]: of the rays' energies, and of signals that have a phase."""
     mean = steps.shown(record.intensity.astype(float))
-    if record.coherent is None:
-        return mean
-    signals = StepSignals(survey, steps.beam, steps.underway, echoes, 0, by_chance=False)
-    return mean + np.concatenate([imaging.mean_power(block, steps.bins.count) for block in signals.blocks()])
+    return mean if record.coherent is None else mean + signals.power(steps.bins.count, None)
 
 
 def _noise_db(survey: ArraySurvey, sensor: SectorScanSensor, sound_speed: float) -> float | None:

@@ -44,7 +44,7 @@ from .kmall_sensors import BODY, MODEL, NO_HEIGHT, body, head_speed, installatio
 
 VERSION = 3
 INFO, SECTOR, RECEIVER, SOUNDING = 152, 48, 32, 120      # bytes
-NOTHING_DB = -100.0                                    # reflectivity of what is no sounding
+NO_SOUNDING_DB = -100.0                                    # reflectivity of what is no sounding
 NORMAL, REJECTED = 0, 2                                # types of detections
 NO_SAMPLE = -32_768
 
@@ -140,7 +140,8 @@ def _soundings(line, ping, runs: Runs | None, column: Column | None) -> dict[str
         "qualityFactor": quality, "detectionUncertaintyVer_m": told("uncertainty"),
         "detectionUncertaintyHor_m": told("horizontal_uncertainty"),
         "meanAbsCoeff_dbPerkm": 1e3 * ping["sector_absorption_db"][sector],
-        "reflectivity1_dB": told("backscatter_db", NOTHING_DB), "reflectivity2_dB": told("backscatter_db", NOTHING_DB),
+        "reflectivity1_dB": told("backscatter_db", NO_SOUNDING_DB),
+        "reflectivity2_dB": told("backscatter_db", NO_SOUNDING_DB),
         "sourceLevelApplied_dB": ping["sector_source_level_db"][sector],
         "beamAngleReRx_deg": -np.degrees(ping["angle"]), "twoWayTravelTime_sec": told("travel_time"),
         "z_reRefPoint_m": np.where(valid, told("depth") - ping["ping_depth"], 0.0),
