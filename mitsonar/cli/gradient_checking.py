@@ -57,9 +57,9 @@ def _check(arguments):
         _write(found.to_dataset(), arguments.output)
         announce(arguments.output)
     for row in found.wrong:
-        warn(f"the gradient of {row.key}{f' {row.part}' if row.part else ''} is {row.verdict}: do not fit by it")
+        warn(f"the gradient of {row.name} is {row.verdict}: do not fit by it")
     if found.undecided and not arguments.allow_undecided:
-        names = ", ".join(f"{row.key} {row.part}".rstrip() for row in found.undecided)
+        names = ", ".join(row.name for row in found.undecided)
         warn(f"differences could not decide on {names}; take more rays, such as -D rays=100000, or --allow-undecided")
         return 1
     return 1 if found.wrong else 0

@@ -1,10 +1,11 @@
 """The transpose of `accumulation`: what records at an array's elements say of each echo, on the device.
 
     u[h, e] = conj(a exp(-2πi (φ + f₀ δ_e)) g_e) Σ_n k(n - m - μ - f_s δ_e) w[e, n]              [per hit and element]
+    Re Σ conj(w) dz = Re Σ u dα,     dα[h, e] = F(hit, element, x),     Σ Re u ∂F/∂x
 
-Symbols as of `accumulation`, w -> weights of the records. For real changes dα of an echo's amplitude, relative to it,
-Re Σ conj(w) dz = Re u dα. An echo that is later by dτ is found the same way in records with another kernel, whose
-`finish` differentiates: see `impulses.Later`.
+Symbols as of `accumulation`, w -> weights of the records, dα -> change of an echo's amplitude, relative to it, which is
+a linear function F of some numbers x. Dr.Jit differentiates F pair by pair. An echo that is later by dτ is found the
+same way in records with another kernel, whose `finish` differentiates: see `impulses.Later`.
 
 A lane streams hits past a few rows and keeps sums of its own. How many there are depends on hits and elements alone, so
 every bit of the result does.
@@ -23,12 +24,25 @@ from mitsonar.device.types import Bool, DrJitArray, Float, Int32, UInt32
 
 from .accumulation import LANES, OfPair
 from .impulses import BandLimited, tap_weights, turned
+from .reception import transposed
 
 NEIGHBOURS = 16                    # lanes that read neighbouring hits
 ROUNDS = 16                        # hits of a lane
 ROWS = 4                           # of a lane, where elements suffice
 
-OfEcho: TypeAlias = Callable[[Float, Float, Sequence[Float], Sequence[Float]], tuple[Sequence[Float], Sequence[Float]]]
+OfNumbers: TypeAlias = Callable[[Sequence[Float], Sequence[Float], Sequence[Float], Sequence[Float]], Float]
+
+
+@dataclass(frozen=True)
+class Change:
+    """A linear function F of numbers x of each element, `own` of them, and of `shared` numbers of all elements.
+
+    ``factor(hit_fields, element_fields, own, shared)`` gives dα.
+    """
+
+    factor: OfNumbers
+    own: int
+    shared: int
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,8 +67,10 @@ class EchoPairs:
 
 
 class GatheredWeights:
-    """Weights of records at elements, on the device."""
-    # sampling_rate [Hz]; frequency [Hz]
+    """Weights of records at elements, complex (sheets, E, samples), on the device of a Dr.Jit array or type.
+
+    Records are as `ImpulseResponses.read` gives them with a kernel; sampling rate and frequency in Hz.
+    """
 
     def __init__(self, like: DrJitArray | type, weights: np.ndarray, *, kernel: BandLimited, sampling_rate: float,
                  frequency: float):
@@ -65,15 +81,14 @@ class GatheredWeights:
         wide = np.zeros((self.sheets, self.elements, self.span), np.complex64)
         wide[..., margin:margin + samples] = weights
         for sheet in range(self.sheets):
-            wide[sheet] = kernel.finish_transposed(wide[sheet])
+            wide[sheet] = transposed(kernel.finish, wide[sheet])
         self._values = upload(lib.Float, wide.view(np.float32))
         self._frequency, self._rate = (dr.opaque(lib.Float, value) for value in (frequency, sampling_rate))
         self._row, self._last = dr.opaque(lib.UInt32, self.span), dr.opaque(lib.UInt32, self.span - kernel.taps)
         self._sheet = dr.opaque(lib.UInt32, self.span * self.elements)
 
-    def gather(self, pairs: EchoPairs, of_echo: OfEcho) -> tuple[np.ndarray, np.ndarray]:
-        """Sum what `of_echo` makes of u over hits."""
-        # -> common (L,)
+    def gather(self, pairs: EchoPairs, change: Change) -> tuple[np.ndarray, np.ndarray]:
+        """Return Σ Re u ∂F/∂x over hits: float64 (rows, own), and over all pairs (shared,)."""
         lib = self.lib
         U, together = lib.UInt32, ROWS if len(pairs.rows) >= ROWS else 1
         hits, fields, rows = self._opaque(pairs)
@@ -100,27 +115,26 @@ class GatheredWeights:
                 read, place, on = self._read(hits, pairs, hit)
                 for number, (exists, row, here) in enumerate(owned):
                     u = self._of_pair(read, place, pairs, here, row + on, exists)
-                    own, shared = of_echo(*u, read[4:], here)
-                    each[number] = [total + dr.select(exists, part, 0) for total, part in zip(each[number], own)]
-                    common = [total + dr.select(exists, part, 0) for total, part in zip(common, shared)]
+                    slopes = [dr.select(exists, slope, 0) for slope in self._slopes(change, read[4:], here, u)]
+                    each[number] = [total + slope for total, slope in zip(each[number], slopes)]
+                    common = [total + slope for total, slope in zip(common, slopes[change.own:])]
                 return hit + NEIGHBOURS, each, common
 
-            # how many numbers there are
-            own, shared = of_echo(lib.Float(0), lib.Float(0), [lib.Float(0)] * (len(hits) - 4),
-                                  [lib.Float(0)] * len(fields))
-            state = (begin, [[dr.zeros(lib.Float, dr.width(index)) for _ in own] for _ in owned],
-                     [dr.zeros(lib.Float, dr.width(index)) for _ in shared])
-            _, each, common = looped(state, lambda hit, each, common: hit < end, turn, "gather")
+            def zeros(count: int) -> list[Float]:
+                return [dr.zeros(lib.Float, dr.width(index)) for _ in range(count)]
+
+            _, each, common = looped((begin, [zeros(change.own) for _ in owned], zeros(change.shared)),
+                                     lambda hit, each, common: hit < end, turn, "gather")
             dr.eval(each, common)
-        totals = np.zeros((teams, together, len(own)))
+        totals = np.zeros((teams, together, change.own))
         for k, numbers in enumerate(each):
             for which, part in enumerate(numbers):
                 totals[:, k, which] = part.numpy().reshape(teams, lanes).sum(1, dtype=float)
-        return (totals.reshape(teams * together, -1)[:len(pairs.rows)],
+        return (totals.reshape(teams * together, change.own)[:len(pairs.rows)],
                 np.array([part.numpy().sum(dtype=float) for part in common]))
 
-    def of_pairs(self, pairs: EchoPairs) -> np.ndarray:
-        """Return u of every pair, complex (count, rows): for few of them."""
+    def of_pairs(self, pairs: EchoPairs, change: Change) -> np.ndarray:
+        """Return Re u ∂F/∂x of every pair, float64 (own + shared, count, rows): for few of them."""
         lib = self.lib
         hits, fields, rows = self._opaque(pairs)
         with dr.suspend_grad():
@@ -130,9 +144,18 @@ class GatheredWeights:
             read, place, on = self._read(hits, pairs, hit)
             here = [dr.gather(lib.Float, field, element) for field in fields]
             row = dr.gather(lib.UInt32, rows, element) * self._row + on
-            real, imaginary = self._of_pair(read, place, pairs, here, row, lib.Bool(True))
-            dr.eval(real, imaginary)
-        return (real.numpy() + 1j * imaginary.numpy()).reshape(pairs.count, -1)
+            u = self._of_pair(read, place, pairs, here, row, lib.Bool(True))
+            slopes = self._slopes(change, read[4:], here, u)
+            dr.eval(slopes)
+        return np.stack([slope.numpy().astype(float).reshape(pairs.count, -1) for slope in slopes])
+
+    def _slopes(self, change: Change, hit: list[Float], here: list[Float], u: Float) -> list[Float]:
+        """Derivatives of u F by its numbers, those of elements first."""
+        with dr.resume_grad():
+            numbers = [dr.zeros(self.lib.Float, dr.width(u)) for _ in range(change.own + change.shared)]
+            dr.enable_grad(numbers)
+            dr.backward_from(u * change.factor(hit, here, numbers[:change.own], numbers[change.own:]))
+            return [dr.grad(number) for number in numbers]
 
     def _opaque(self, pairs: EchoPairs) -> tuple[list[Float], list[Float], UInt32]:
         """Fields of hits and elements, and rows, that change without a new kernel."""
@@ -154,8 +177,8 @@ class GatheredWeights:
                 picked(pairs.sample, hit), on)
 
     def _of_pair(self, read: list[Float], sample: Int32, pairs: EchoPairs, here: list[Float], row: UInt32,
-                 active: Bool) -> tuple[Float, Float]:
-        """Real and imaginary part of u of one hit at one element."""
+                 active: Bool) -> Float:
+        """Real part of u of one hit at one element."""
         lib = self.lib
         real, imaginary, phase, fraction = read[:4]
         delta = pairs.difference(read[4:], here)
@@ -173,4 +196,4 @@ class GatheredWeights:
         for k, weight in enumerate(tap_weights(lib, self.kernel, place - whole)):
             there = dr.gather(lib.Array2f, self._values, row + tap + k, active)
             x, y = dr.fma(weight, there.x, x), dr.fma(weight, there.y, y)
-        return dr.fma(real, x, imaginary * y), dr.fma(real, y, -(imaginary * x))
+        return dr.fma(real, x, imaginary * y)

@@ -171,10 +171,6 @@ class BandLimited(Bell):
         length = scipy.fft.next_fast_len(records.shape[-1] + 2 * GUARD)
         return _filtered(records, _division(length).astype(np.real(records).dtype))
 
-    def finish_transposed(self, records: np.ndarray) -> np.ndarray:
-        """Return the transpose of `finish`, conjugate, of records (..., samples)."""
-        return self.finish(records)
-
 
 @dataclass(frozen=True)
 class Later(BandLimited):
@@ -185,16 +181,9 @@ class Later(BandLimited):
 
     def finish(self, records: np.ndarray) -> np.ndarray:
         """Divide the spectrum of records (..., samples) by the bell's and differentiate."""
-        return self._differentiated(records, -2j * np.pi)
-
-    def finish_transposed(self, records: np.ndarray) -> np.ndarray:
-        """Return the transpose of `finish`, conjugate, of records (..., samples)."""
-        return self._differentiated(records, 2j * np.pi)
-
-    def _differentiated(self, records: np.ndarray, factor: complex) -> np.ndarray:
         length = scipy.fft.next_fast_len(records.shape[-1] + 2 * GUARD)
         offset = scipy.fft.fftfreq(length, 1 / self.sampling_rate)
-        filter = factor * (self.frequency + offset) * _division(length)
+        filter = -2j * np.pi * (self.frequency + offset) * _division(length)
         return _filtered(records, filter.astype(np.result_type(records, np.complex64)))
 
 

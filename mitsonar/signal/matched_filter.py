@@ -44,16 +44,8 @@ def matched_filter(signals: ArrayLike, pulse: Pulse, sampling_rate: float, windo
     """
     signals = np.asarray(signals)
     replica = _replica(signals.shape[-1], pulse, sampling_rate, window, doppler)
-    return _filtered(signals, replica)
-
-
-def matched_filter_transposed(weights: ArrayLike, pulse: Pulse, sampling_rate: float, window: Window | None = None,
-                              doppler: float = 1.0) -> np.ndarray:
-    """Return the transpose of `matched_filter`, conjugate: of weights (..., S) of what it gives; arguments as of that.
-    """
-    weights = np.asarray(weights)
-    replica = _replica(weights.shape[-1], pulse, sampling_rate, window, doppler)
-    return _filtered(weights, np.conj(replica))
+    spectrum = fft.fft(signals, len(replica))
+    return fft.ifft(spectrum * replica.astype(spectrum.dtype), overwrite_x=True)[..., :signals.shape[-1]]
 
 
 def _replica(samples: int, pulse: Pulse, sampling_rate: float, window: Window | None, doppler: float) -> np.ndarray:
@@ -64,11 +56,6 @@ def _replica(samples: int, pulse: Pulse, sampling_rate: float, window: Window | 
     replica = np.conj(pulse.replica(window).spectrum(sampling_rate, length, doppler))
     keep = band_filter(fft.fftfreq(length, 1 / sampling_rate), sampling_rate)
     return replica / np.mean(sent * replica * keep).real   # gain of an echo that came through the receiver's filter
-
-
-def _filtered(signals: np.ndarray, replica: np.ndarray) -> np.ndarray:
-    spectrum = fft.fft(signals, len(replica))
-    return fft.ifft(spectrum * replica.astype(spectrum.dtype), overwrite_x=True)[..., :signals.shape[-1]]
 
 
 def compression(pulse: Pulse, sampling_rate: float) -> tuple[float, float]:

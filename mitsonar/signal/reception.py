@@ -124,7 +124,16 @@ def padded_length(samples: int, longest: float, sampling_rate: float) -> int:
     return fft.next_fast_len(samples + int(np.ceil(longest * sampling_rate)) + 2 * GUARD)
 
 
-def delayed(signals: ArrayLike, delay: ArrayLike, sampling_rate: float, frequency: float) -> np.ndarray:
+def transposed(filtered: Callable[[np.ndarray], np.ndarray], weights: np.ndarray) -> np.ndarray:
+    """Apply the conjugate transpose of a filter that is the same at all times to weights (..., S) of its output.
+
+    Records reversed in time pass through the filter as weights pass through its transpose.
+    """
+    return np.conj(filtered(np.conj(weights[..., ::-1])))[..., ::-1]
+
+
+def delayed(signals: ArrayLike, delay: ArrayLike, sampling_rate: float, frequency: float, *,
+            rate: bool = False) -> np.ndarray:
     """Delay baseband signals by any fraction of a sample, carrier included.
 
     Parameters
@@ -135,6 +144,8 @@ def delayed(signals: ArrayLike, delay: ArrayLike, sampling_rate: float, frequenc
     sampling_rate : float [Hz]
     frequency : float [Hz]
         Carrier; 0 shifts the envelope alone.
+    rate : bool
+        Return the derivative by the delay instead [1/s].
 
     Returns
     -------
@@ -144,6 +155,8 @@ def delayed(signals: ArrayLike, delay: ArrayLike, sampling_rate: float, frequenc
     signals, delay = np.asarray(signals), np.asarray(delay, float)
     samples = signals.shape[-1]
     spectrum, shift = _shifted(signals, delay, sampling_rate, frequency)
+    if rate:
+        spectrum *= -2j * np.pi * (frequency + fft.fftfreq(spectrum.shape[-1], 1 / sampling_rate))
     return fft.ifft(spectrum * shift, overwrite_x=True)[..., :samples]
 
 
@@ -186,7 +199,8 @@ def _shifted(signals: np.ndarray, delay: np.ndarray, sampling_rate: float,
 
 
 def absorbed(response: ArrayLike, sampling_rate: float, frequency: float,
-             absorption_db: Callable[[np.ndarray], np.ndarray], sound_speed: float, start: float = 0.0) -> np.ndarray:
+             absorption_db: Callable[[np.ndarray], np.ndarray], sound_speed: float, start: float = 0.0, *,
+             transposed: bool = False) -> np.ndarray:
     """Let absorption differ across the band, for echoes that hold the loss at the carrier already.
 
     Parameters
@@ -202,6 +216,8 @@ def absorbed(response: ArrayLike, sampling_rate: float, frequency: float,
         Mean along the path, whose length is sound_speed times the two-way time.
     start : float [s]
         Time of the first sample.
+    transposed : bool
+        Apply the conjugate transpose, to weights (..., S) of the result.
 
     Returns
     -------
@@ -221,18 +237,18 @@ def absorbed(response: ArrayLike, sampling_rate: float, frequency: float,
     # linear interpolation of exp(-κt) over steps Δ is wrong by (κΔ)²/8 at most, relative to it
     steps = max(1, int(np.ceil(rate * samples / sampling_rate / np.sqrt(8 * INTERPOLATION_ERROR))))
     step = -(-samples // steps)
-    triangle = (1 - np.abs(np.arange(2 * step) / step - 1)).astype(real)
+    window = np.pad((1 - np.abs(np.arange(2 * step) / step - 1)).astype(real), GUARD)
     length = fft.next_fast_len(2 * step + 2 * GUARD)
     offset = fft.fftfreq(length, 1 / sampling_rate)
     rates = _kept_rate(offset.tobytes(), sampling_rate, frequency, absorption_db, sound_speed)
     edges = [(0, 0)] * (response.ndim - 1)
-    source = np.pad(response, [*edges, (step, 2 * step)])               # begins `step` before the record
-    sums = np.zeros((*response.shape[:-1], samples + 3 * step + 2 * GUARD), response.dtype)      # GUARD earlier still
+    source = np.pad(response, [*edges, (step + GUARD, 2 * step + GUARD)])   # begins so much before the record
+    sums = np.zeros_like(source)
     for first in range(0, samples + step, step):                        # window rises from first - step, peaks at first
-        cut = source[..., first:first + 2 * step] * triangle
+        cut = source[..., first:first + 2 * (step + GUARD)]
         loss = np.exp(-rates * (start + first / sampling_rate)).astype(real)
-        spectrum = fft.fft(np.pad(cut, [*edges, (GUARD, length - 2 * step - GUARD)])) * loss
-        sums[..., first:first + 2 * (step + GUARD)] += fft.ifft(spectrum)[..., :2 * (step + GUARD)]
+        found = fft.ifft(fft.fft(cut if transposed else cut * window, length) * loss)[..., :2 * (step + GUARD)]
+        sums[..., first:first + 2 * (step + GUARD)] += found * window if transposed else found
     return sums[..., step + GUARD:step + GUARD + samples]
 
 

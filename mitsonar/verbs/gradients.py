@@ -17,11 +17,9 @@ import numpy as np
 
 from mitsonar.device.files import FilePath
 from mitsonar.device.spelling import meant
-from mitsonar.gradients.check.table import GradientCheck
+from mitsonar.gradients.check.check import GradientCheck, check_parameters
 from mitsonar.gradients.elements.coherent_picture import CoherentPicture
-from mitsonar.gradients.elements.elements import ElementModel
-from mitsonar.gradients.elements.operation import attached_signals
-from mitsonar.gradients.parameters.scene_check import check_parameters
+from mitsonar.gradients.elements.elements import ElementModel, attached_signals
 from mitsonar.gradients.parameters.scene_values import differentiable
 from mitsonar.gradients.records.pictures import picture_of
 from mitsonar.gradients.records.scene_model import SceneLinearised, SceneModel

@@ -7,7 +7,7 @@ import xarray as xr
 from fake_models import Fake, of_key
 
 from mitsonar.cli import main as cli
-from mitsonar.gradients.check.table import GradientCheck, PartCheck
+from mitsonar.gradients.check.check import GradientCheck, PartCheck
 from mitsonar.verbs import gradients as gradient_verbs
 
 SMALL = ("gradient-check", "scene.xml", "-D", "speckle=false")

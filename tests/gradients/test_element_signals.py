@@ -75,6 +75,18 @@ def test_products_with_the_jacobian_agree_with_differences_and_with_each_other(v
         assert abs(off) < 1e-6 * np.linalg.norm(weights) * np.linalg.norm(forward), key
 
 
+def test_gradients_of_pings_add_up(variant, rng):
+    """What all pings share is read once a ping, and no ping's gradient is lost; float32 of the sums."""
+    keys = ["ball.position", "ball.target_strength_db", "sensor.tx_position"]
+    jacobian = model_of(scene(), keys, pings=(0, 1)).linearised({})
+    weights = rng.standard_normal((2, len(jacobian.value) // 2))
+    both, *alone = (jacobian.backward((weights * np.reshape(which, (2, 1))).ravel())
+                    for which in ((1, 1), (1, 0), (0, 1)))
+    for key in keys:
+        assert all(part[key].any() for part in alone)
+        assert np.linalg.norm(both[key] - alone[0][key] - alone[1][key]) < 1e-5 * np.linalg.norm(both[key]), key
+
+
 def test_moving_all_of_a_scene_by_one_vector_changes_little(variant):
     """Signals know places relative to one another: the platform's move and the target's cancel, but for the bed."""
     made = array_sonar({"bed": bed(60.0), "ball": point_target([4.0, 18.0, -20.0])},

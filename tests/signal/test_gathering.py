@@ -9,7 +9,7 @@ ECHOES, RATE, FREQUENCY = 500, 20e3, 100e3
 
 def test_weights_of_echoes_are_the_transpose_of_their_sums(variant, rng):
     from mitsonar.signal.accumulation import ImpulseResponses, centre
-    from mitsonar.signal.gathering import EchoPairs, GatheredWeights
+    from mitsonar.signal.gathering import Change, EchoPairs, GatheredWeights
     from mitsonar.signal.impulses import BandLimited, Later
     delay, offsets = rng.uniform(0.0, 0.01, ECHOES), rng.uniform(-2e-4, 2e-4, 6)
     phase, sample, fraction = centre(upload(mi.Float64, delay), start=0.0, frequency=FREQUENCY, sampling_rate=RATE)
@@ -25,10 +25,14 @@ def test_weights_of_echoes_are_the_transpose_of_their_sums(variant, rng):
         weights = (rng.standard_normal(moved.shape) + 1j * rng.standard_normal(moved.shape)).astype(np.complex64)
         gathered = GatheredWeights(mi.Float, weights, kernel=kernel, sampling_rate=RATE, frequency=FREQUENCY)
         pairs = EchoPairs(**echoes)
-        each, common = gathered.gather(pairs, lambda re, im, hit, at: ([re * hit[0]], [im, re * hit[0]]))
+        # each element has a number of its own, which counts as often as its place; one number is shared
+        change_of = Change(lambda hit, at, own, shared: hit[0] * (own[0] + at[0] * own[1] + shared[0]), 2, 1)
+        each, common = gathered.gather(pairs, change_of)
         wanted = np.real(np.conj(weights) * moved).sum((0, 2))[::-1]
         size = np.linalg.norm(weights) * np.linalg.norm(moved)
         assert np.abs(each[:, 0] - wanted).max() < 1e-6 * size
-        u = gathered.of_pairs(pairs)
-        assert abs(u.imag.sum() - common[0]) < 1e-4 * np.linalg.norm(u)
-        assert abs(change.numpy() @ u.real.sum(1) - common[1]) < 1e-6 * size
+        assert np.abs(each[:, 1] - offsets * wanted).max() < 1e-6 * size * np.abs(offsets).max()
+        assert abs(common[0] - wanted.sum()) < 1e-6 * size
+        of_pairs = gathered.of_pairs(pairs, change_of)
+        assert np.abs(of_pairs[:2].sum(1).T - each).max() < 1e-6 * size
+        assert abs(of_pairs[2].sum() - common[0]) < 1e-6 * size

@@ -5,11 +5,14 @@ import xarray as xr
 
 from mitsonar.signal.beamforming import delay_and_sum, directions
 from mitsonar.signal.beamforming.transposed import delay_and_sum_transposed
-from mitsonar.signal.matched_filter import matched_filter, matched_filter_transposed
+from mitsonar.signal.impulses import Later
+from mitsonar.signal.matched_filter import matched_filter
+from mitsonar.signal.reception import absorbed, delayed, received, transposed
 from mitsonar.sonar import lfm
 
 SAMPLES = 200
 RATE = 20e3
+PULSE = lfm(100e3, 10e3, 2e-3)
 
 
 def numbers(rng, *shape):
@@ -21,10 +24,21 @@ def agree(weights, value, back, signals):
     assert abs(there) > 0 and abs(there - here) < 1e-6 * np.linalg.norm(weights) * np.linalg.norm(value)
 
 
-def test_a_matched_filter_has_a_transpose(rng):
-    pulse = lfm(100e3, 10e3, 2e-3)
+@pytest.mark.parametrize("stage", [
+    lambda x: matched_filter(x, PULSE, RATE), lambda x: received(x, PULSE, RATE, 1.001),
+    lambda x: delayed(x, np.array([1e-3, -3e-4, 2e-5]), RATE, 1e5), Later(frequency=1e5, sampling_rate=RATE).finish],
+    ids=["matched filter", "pulse and receiver", "delays", "derivative by delay"])
+def test_filters_have_a_transpose(rng, stage):
     signals, weights = numbers(rng, 3, SAMPLES), numbers(rng, 3, SAMPLES)
-    agree(weights, matched_filter(signals, pulse, RATE), matched_filter_transposed(weights, pulse, RATE), signals)
+    agree(weights, stage(signals), transposed(stage, weights), signals)
+
+
+@pytest.mark.parametrize("loss", [0.02, 2.0], ids=["little", "much"])
+def test_absorption_that_grows_with_range_has_a_transpose(rng, loss):
+    signals, weights = numbers(rng, 3, 5 * SAMPLES), numbers(rng, 3, 5 * SAMPLES)
+    water = RATE, 100e3, lambda frequency: loss * (frequency / 100e3) ** 2, 1500.0, 0.01
+    assert np.linalg.norm(absorbed(signals, *water) - signals) > 1e-3 * np.linalg.norm(signals)
+    agree(weights, absorbed(signals, *water), absorbed(weights, *water, transposed=True), signals)
 
 
 @pytest.mark.parametrize("transmitters", [1, 2])

@@ -3,71 +3,267 @@
     w·(J v) = (Jᵀ w)·v                                  forward and backward               (asymmetry)
     w·(J v) = [w·F(x + h v) - ...] / h                  derivative and difference          (error)
     J (v_1 + v_2 + ...) = J v_1 + J v_2 + ...           together and alone
+    D(h) = [f(-2h) - 8 f(-h) + 8 f(h) - f(2h)] / 12h = f' - h⁴ f⁽⁵⁾ / 30 + ...
 
 F -> `ForwardModel.value`, whose chance stands still; v -> smooth directions of one parameter alone, w -> slow weights
-of the record (`check_directions`). The error is the rms over both of derivative less difference, over the larger rms
-of the two: 0 is right, 1 a gradient of zero, 2 a wrong sign. The difference is good to how far two steps agree;
-where they do not, shadows or edges cross bins, and nothing is decided.
+of the record, f -> w·F, h -> the step. The error is the rms over both of derivative less difference, over the larger
+rms of the two: 0 is right, 1 a gradient of zero, 2 a wrong sign.
 
-Of few rays the derivative itself is grainy: it jumps with every ray that passes from bin to bin or from facet to facet,
-while differences over a step are its mean there. So an error is held against how derivatives scatter within the step.
-
-Records that swing about zero, as the signals of elements do, are also looked at under a weight that swings as their
-derivative does: a slow weight would see little of them.
+A large step bends, a small one drowns in rounding, and shadows or edges leave no good step. The step is halved from a
+large one on until D(h) and D(h/2) agree best; no gradient takes part. Where they do not agree, nothing is decided.
+Derivatives of few rays are grainy: they jump with every ray that passes from bin to bin or from facet to facet. So an
+error is held against how derivatives scatter within the step. Records that swing about zero, such as signals, are also
+looked at under a weight that swings as their derivative does.
 """
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from mitsonar.device.spelling import meant
 
 from ..model import ForwardModel
-from .differences import Difference, Line, difference_at, first_step, settled_step
-from .directions import Part, generator, parts, slow_weights
-from .table import DISCONNECTED, OFF, RIGHT, UNDECIDED, UNSEEN, GradientCheck, PartCheck
+from .directions import generator, parts, slow_weights
 
+if TYPE_CHECKING:
+    import xarray as xr
+
+RIGHT, OFF, NOT_DIFFERENTIATED = "right", "off", "not differentiated"
+DISCONNECTED = "disconnected"      # the gradient is zero, the difference is not
+UNSEEN = "unseen"                  # the record does not depend on it, by either
+UNDECIDED = "undecided"            # differences at two steps disagree by more than what is asked
+NUMBERS = {"error": "of derivatives, as a share of what they are: rms over directions and weights",
+           "slope": "of differences over derivatives",
+           "asymmetry": "of forward and backward derivatives, as a share",
+           "disagreement": "of differences at two steps, as a share",
+           "step": "of the differences, in the unit of the parameter",
+           "moved": "change of the weighted record between the outermost steps, as a share"}
 ZERO = 1e-6                        # a derivative is zero that is this share of the difference
 STILL = 1e-7                       # change of a weighted record, as a share, that is rounding
 NOISE = 1e-5                       # the same, where differences do not agree either, or forward and backward do not
-SCATTERED = 3.0                    # errors up to so many times the scatter of derivatives within a step are chance
+SCATTERED = 3.0                    # times the scatter of derivatives within a step, up to which errors are chance
 WANDERED, WIDER = 0.5, 4           # of an error that larger steps, so many, differ by, from which edges may be why
 SWINGS = 0.2                       # share of a record's size that is below zero
+HALVINGS = 14
+AGREED = 1e-5                      # that no smaller step is tried for
+BENT = 0.3                         # change of a record, as a share of its size, of which the step is too large
+NEXT_TO_STILL = 1e-6               # change of weighted sums, as a share, of which the step is small enough
+FIRST = {"1 and m": 0.05, "dB/m": 0.01, "m": 0.05, "m/s": 2.0, "rad": 0.02, "dB": 1.0, "s": 1e-4, "degC": 0.5}
+SHARE = 0.1                        # of a parameter's size: the first step where its unit tells none
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartCheck:
+    """Verdict on a component or an index of a parameter of `size` numbers; figures as `NUMBERS` says, or NaN."""
+
+    key: str
+    unit: str
+    size: int
+    verdict: str
+    part: str = ""
+    error: float = np.nan
+    slope: float = np.nan
+    asymmetry: float = np.nan
+    disagreement: float = np.nan
+    step: float = np.nan
+    moved: float = np.nan
+    notes: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Parameter and part."""
+        return f"{self.key} {self.part}".rstrip()
+
+
+@dataclass(frozen=True, kw_only=True)
+class GradientCheck:
+    """Verdicts on the parameters of a model."""
+
+    rows: tuple[PartCheck, ...]
+    directions: int  # directions of each part, at most
+    tolerance: float  # error up to which a derivative is right
+    told: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def wrong(self) -> tuple[PartCheck, ...]:
+        """The parts that are off or disconnected."""
+        return tuple(row for row in self.rows if row.verdict in (OFF, DISCONNECTED))
+
+    @property
+    def undecided(self) -> tuple[PartCheck, ...]:
+        """The parts on which differences could not decide."""
+        return tuple(row for row in self.rows if row.verdict == UNDECIDED)
+
+    def text(self) -> str:
+        """Return a table in words; what is said of many parts is said once."""
+        def cells(row: PartCheck) -> tuple[str, ...]:
+            error, asymmetry, disagreement = ("-" if np.isnan(share) else f"{share:.1e}"
+                                              for share in (row.error, row.asymmetry, row.disagreement))
+            unit = "" if row.unit in ("", "1") else f" {row.unit}"
+            return (row.name, row.verdict, error, "-" if np.isnan(row.slope) else f"{row.slope:.4f}", asymmetry,
+                    disagreement, "-" if np.isnan(row.step) else f"{row.step:.2g}{unit}")
+
+        lines = [("parameter", "verdict", "error", "slope", "forward/backward", "two steps", "step"),
+                 *map(cells, self.rows)]
+        widths = [max(map(len, column)) for column in zip(*lines)]
+        shown = ["  ".join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip() for line in lines]
+        said: dict[str, list[str]] = {}
+        for row in self.rows:
+            for note in row.notes:
+                said.setdefault(note, []).append(row.name)
+        return "\n".join([*shown, *(f"{', '.join(names)}: {note}" for note, names in said.items()),
+                          *(f"{name}: {share:.1%}" for name, share in self.told.items())])
+
+    def to_dataset(self) -> xr.Dataset:
+        """Return the table as a dataset with one dimension, `row`."""
+        import xarray as xr
+
+        columns: dict = {name: ("row", [getattr(row, name) for row in self.rows])
+                         for name in ("key", "part", "unit", "verdict")}
+        columns["size"] = ("row", np.array([row.size for row in self.rows], np.int64))
+        columns |= {name: ("row", np.array([getattr(row, name) for row in self.rows], float), {"long_name": text})
+                    for name, text in NUMBERS.items()}
+        columns["notes"] = ("row", ["; ".join(row.notes) for row in self.rows])
+        return xr.Dataset(columns, attrs={
+            "title": "Gradients against differences", "directions": self.directions, "tolerance": self.tolerance,
+            **{f"share_{name.replace(' ', '_')}": float(share) for name, share in self.told.items()}})
+
+
+def check_parameters(model_of: Callable[[str], ForwardModel], keys: Sequence[str], *, refuse: bool = False,
+                     progress: Callable[[float, float], object] | None = None, **options: Any) -> GradientCheck:
+    """Check parameters by models that `model_of` makes for one each; `options` as of `check_gradients`.
+
+    Where a model cannot be made its parameter is called not differentiated; with `refuse` the error is raised.
+    """
+    rows, told = [], {}
+    for number, key in enumerate(keys):
+        try:
+            model = model_of(key)
+        except ValueError as error:
+            if refuse:
+                raise
+            rows.append(PartCheck(key=key, unit="", size=0, verdict=NOT_DIFFERENTIATED, notes=(str(error),)))
+            continue
+        found = check_gradients(model, [key], **options, progress=progress and (
+            lambda done, total, before=number: progress(before + done / total, len(keys))))
+        rows += found.rows
+        told |= {name: max(share, told.get(name, share)) for name, share in found.told.items()}
+    return GradientCheck(rows=tuple(rows), directions=options.get("directions", 3),
+                         tolerance=options.get("tolerance", 0.01), told=told)
 
 
 def check_gradients(model: ForwardModel, keys: Sequence[str] | None = None, *, directions: int = 3,
                     tolerance: float = 0.01, seed: int = 0,
                     progress: Callable[[int, int], object] | None = None) -> GradientCheck:
     """Compare a model's derivatives forward, backward, and with differences, each parameter alone."""
-    keys = _keys(model, keys)
+    for key in keys or ():
+        if key not in model.start:
+            raise ValueError(f"there is no parameter {key!r}{meant(key, model.start)}; there are "
+                             f"{', '.join(model.start)}")
     if directions < 1:
         raise ValueError(f"directions is {directions}; give 1 or more")
     if not 0 < tolerance < 1:
         raise ValueError(f"tolerance is {tolerance:g}; give a share between 0 and 1, such as 0.01")
+    chosen = list(model.start if keys is None else dict.fromkeys(keys))
     empty = [PartCheck(key=key, unit=model.units.get(key, ""), size=0, verdict=UNSEEN, notes=("it is empty",))
-             for key in keys if np.size(model.start[key]) == 0]
-    todo = [(key, part) for key in keys
-            for part in parts(np.asarray(model.start[key], float), directions, generator(seed, key))]
+             for key in chosen if np.size(model.start[key]) == 0]
     checker = _Checker(model, tolerance, seed)
-    products = [checker.products(key, part) for key, part in todo]         # before the model is anywhere else
+    todo = [_Part(key, name, moves, np.asarray(model.start[key], float), model.units.get(key, "")) for key in chosen
+            for name, moves in parts(np.asarray(model.start[key], float), directions, generator(seed, key))]
+    products = [checker.products(part) for part in todo]                   # before the model is anywhere else
     extra, rows = checker.together(todo), []
-    for number, ((key, part), derivatives) in enumerate(zip(todo, products, strict=True)):
-        rows.append(checker.row(key, part, derivatives))
+    for number, (part, derivatives) in enumerate(zip(todo, products, strict=True)):
+        rows.append(derivatives if isinstance(derivatives, PartCheck) else checker.row(part, derivatives))
         if progress is not None:
             progress(number + 1, len(todo))
-    rows += empty + extra + checker.afterwards(todo, products)
-    return GradientCheck(rows=tuple(rows), directions=directions, tolerance=tolerance, told=checker.told)
+    return GradientCheck(rows=(*rows, *empty, *extra, *checker.afterwards(todo, products)), directions=directions,
+                         tolerance=tolerance, told=checker.told)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Products:
+class _Part(NamedTuple):
+    """What is moved of one parameter, and its directions (D, ...)."""
+
+    key: str
+    name: str
+    directions: np.ndarray
+    start: np.ndarray
+    unit: str
+
+    def check(self, verdict: str, *notes: str, **numbers: float) -> PartCheck:
+        """Return a row of the table."""
+        return PartCheck(key=self.key, part=self.name, unit=self.unit, size=np.size(self.start), verdict=verdict,
+                         notes=notes, **numbers)
+
+    @property
+    def first_step(self) -> float:
+        """The largest step to try."""
+        size = float(np.abs(self.start).max(initial=0.0))
+        return FIRST.get(self.unit, SHARE * size if size > 0 else SHARE)
+
+
+class _Products(NamedTuple):
     """Derivatives of weighted sums of a record: weights (W, N), forward and backward (direction, W)."""
 
     weights: np.ndarray
     forward: np.ndarray
     backward: np.ndarray
+
+    def summed(self, move: np.ndarray) -> np.ndarray:
+        """Weighted sums of a record that is not finite where it has no weight."""
+        return self.weights @ np.where(np.any(self.weights != 0, axis=0), move, 0.0)
+
+
+class _Line:
+    """Weighted sums of a record along one direction."""
+
+    def __init__(self, record: Callable[[float], np.ndarray], base: np.ndarray, weights: np.ndarray):
+        used = np.any(weights != 0, axis=0)
+        base = np.where(used, base, 0.0)
+        size, whole = np.abs(weights) @ np.abs(base), float(np.linalg.norm(base))
+
+        @cache
+        def at(distance: float) -> tuple[np.ndarray, float]:
+            there = np.where(used, record(distance), 0.0)
+            return weights @ there, float(np.linalg.norm(there - base) / whole) if whole > 0 else 0.0
+
+        self._at, self._size = at, np.where(size > 0, size, 1.0)
+
+    def slopes(self, step: float) -> tuple[np.ndarray, np.ndarray, float, float]:
+        """Return D(h) and D(h/2), (W,), and how far sums and record moved, as shares of their size."""
+        def central(h: float) -> np.ndarray:
+            before2, before, after, after2 = (self._at(k * h)[0] for k in (-2, -1, 1, 2))
+            return (before2 - 8 * before + 8 * after - after2) / (12 * h)
+
+        (up, bent_up), (down, bent_down) = self._at(2 * step), self._at(-2 * step)
+        return (central(step), central(step / 2), float((np.abs(up - down) / self._size).max(initial=0.0)),
+                max(bent_up, bent_down))
+
+    def slope(self, step: float) -> np.ndarray:
+        """Return the mean of D(h) and D(h/2): what one of them is off, it halves at least."""
+        coarse, fine, *_ = self.slopes(step)
+        return 0.5 * (coarse + fine)
+
+    def settled_step(self, first: float) -> float:
+        """Return the step whose differences agree best with those of half of it, from the largest on."""
+        best, least, refused = None, np.inf, None
+        for step in (first * 0.5 ** np.arange(HALVINGS)).tolist():
+            try:
+                coarse, fine, moved, bent = self.slopes(step)
+            except ValueError as error:                                # moved to where no record can be made
+                refused = error
+                continue
+            apart = _share(coarse - fine, fine, 0.0) + (bent > BENT)
+            if best is None or apart < least:                          # NaN is never smaller
+                best, least = step, apart
+            if least < AGREED or moved < NEXT_TO_STILL:
+                break
+        if best is None:
+            raise ValueError(f"no record can be made beside the start: {refused}")
+        return best
 
 
 class _Checker:
@@ -75,191 +271,143 @@ class _Checker:
 
     def __init__(self, model: ForwardModel, tolerance: float, seed: int):
         self._model, self._tolerance = model, tolerance
-        self._base = model.value(model.start)
+        self._base = base = model.value(model.start)
         self._about = about = model.linearised(model.start)
         self.told: dict[str, float] = dict(getattr(about, "told", {}))
-        if not np.isfinite(self._base).any() or not np.any(self._base[np.isfinite(self._base)]):
+        self._finite = np.isfinite(base)
+        there = base[self._finite]
+        if not np.any(there):
             raise ValueError("the record is empty: nothing in it has a gradient; let the sonar hear something")
-        shape = getattr(model, "shape", self._base.shape)
-        self._size = np.abs(np.nan_to_num(self._base, posinf=0.0, neginf=0.0))
-        self._slow = slow_weights(self._base, shape, generator(seed, ""))
-        finite = self._base[np.isfinite(self._base)]
-        self._swings = -finite[finite < 0].sum() > SWINGS * np.abs(finite).sum()
-        self._notes = self._of_records(about)
+        self._size = np.abs(np.where(self._finite, base, 0.0))
+        self._slow = slow_weights(base, getattr(model, "shape", base.shape), generator(seed, ""))
+        self._swings = -there[there < 0].sum() > SWINGS * np.abs(there).sum()
+        self._notes: tuple[str, ...] = ()
+        if len(there) < base.size:
+            self._notes = (f"{base.size - len(there)} of {base.size} values of the record are not finite, and have no "
+                           "weight",)
+        error = _share(about.value[self._finite] - there, there)
+        self._another = not error <= tolerance
+        if self._another:
+            self._notes += (f"the record with derivatives differs from that without by {error:.1e}",)
 
-    def products(self, key: str, part: Part) -> _Products | PartCheck:
+    def products(self, part: _Part) -> _Products | PartCheck:
         """Return the derivatives of a part, or what is wrong with them."""
-        moves = [self._about.forward({key: direction}) for direction in part.directions]
-        broken = sum(int(np.count_nonzero(~np.isfinite(move) & np.isfinite(self._base))) for move in moves)
+        moves = [self._about.forward({part.key: direction}) for direction in part.directions]
+        broken = sum(int(np.count_nonzero(~np.isfinite(move) & self._finite)) for move in moves)
         if broken:
-            return self._failed(key, part, OFF, f"forward derivatives are not finite in {broken} places")
-        weights = self._weights(moves)
-        used = np.any(weights != 0, axis=0)
-        forward = np.stack([weights @ np.where(used, move, 0.0) for move in moves])
-        back = [self._about.backward(weight)[key] for weight in weights]
+            return part.check(OFF, f"forward derivatives are not finite in {broken} places")
+        weights = self._slow
+        if self._swings and np.any(moves[0]):
+            like = np.where(self._finite, moves[0], 0.0) * np.abs(self._slow[0])
+            weights = np.vstack([weights, like / (np.abs(like) @ self._size)])
+        back = [self._about.backward(weight)[part.key] for weight in weights]
         broken = sum(int(np.count_nonzero(~np.isfinite(gradient))) for gradient in back)
         if broken:
-            return self._failed(key, part, OFF, f"gradients are not finite in {broken} places")
-        backward = np.array([[np.sum(gradient * direction) for gradient in back] for direction in part.directions])
-        return _Products(weights=weights, forward=forward, backward=backward)
+            return part.check(OFF, f"gradients are not finite in {broken} places")
+        used = np.any(weights != 0, axis=0)
+        return _Products(weights, np.stack([weights @ np.where(used, move, 0.0) for move in moves]), np.array(
+            [[np.sum(gradient * direction) for gradient in back] for direction in part.directions]))
 
-    def row(self, key: str, part: Part, products: _Products | PartCheck) -> PartCheck:
+    def row(self, part: _Part, products: _Products) -> PartCheck:
         """Return what is found of a part."""
-        if isinstance(products, PartCheck):
-            return products
-        start = np.asarray(self._model.start[key], float)
-        lines = [self._line(key, start, direction, products.weights) for direction in part.directions]
+        lines = [_Line(lambda distance, direction=direction: self._model.value(
+            {part.key: part.start + distance * direction}), self._base, products.weights)
+            for direction in part.directions]
         try:
-            step = settled_step(lines[0], first_step(start, self._model.units.get(key, "")))
-            differences = [difference_at(line, step) for line in lines]
+            step = lines[0].settled_step(part.first_step)
+            coarse, fine, moved, _ = map(np.array, zip(*(line.slopes(step) for line in lines)))
         except ValueError as error:
-            return self._failed(key, part, UNDECIDED, str(error))
-        return self._judged(key, part, products, differences, step)
+            return part.check(UNDECIDED, str(error))
+        forward, backward, loud = products.forward, products.backward, np.abs(products.weights) @ self._size
+        best = 0.5 * (coarse + fine)
+        size, numbers = max(_rms(best), _rms(forward)), {"step": step, "moved": float(moved.max())}
+        if size > 0:
+            numbers |= {"error": _rms(best - forward) / size, "asymmetry": _rms(forward - backward) / size,
+                        "disagreement": _rms(coarse - fine) / size}
+        if np.any(forward):
+            numbers["slope"] = float(np.sum(best * forward) / np.sum(forward ** 2))
+        zero = max(_rms(forward), _rms(backward)) <= ZERO * size
+        moves = max(numbers["moved"], 4 * step * float((np.abs(forward) / loud).max(initial=0.0)))
+        two_ways = np.abs(forward - backward) * part.first_step / loud
+        verdict, *notes = self._verdict(numbers, zero, moves, bool(two_ways.max(initial=0.0) > NOISE))
+        if verdict == UNSEEN:                                          # nothing but rounding to compare
+            return part.check(verdict, *self._notes, *notes, step=step, moved=numbers["moved"])
+        if verdict == OFF and numbers["error"] > self._tolerance:
+            if numbers["error"] < SCATTERED * self._scatter(part, products, step) / size:
+                verdict, notes = UNDECIDED, [*notes, "derivatives scatter within a step: more rays or smaller bins of "
+                                                     "the record, or smoother shapes, tell more"]
+            elif max((_rms(wider - best) / size for wider in self._wider(lines, step, part.first_step)),
+                     default=0.0) > WANDERED * numbers["error"]:
+                verdict, notes = UNDECIDED, [*notes, "differences are others at larger steps: too few rays cross "
+                                                     "shadows or edges at this one; more rays tell more"]
+        return part.check(verdict, *self._notes, *notes, **numbers)
 
-    def _line(self, key, start, direction, weights):
-        return Line(lambda distance: self._model.value({key: start + distance * direction}), self._base, weights)
-
-    def _failed(self, key, part, verdict, note):
-        return PartCheck(**self._named(key, part), verdict=verdict, notes=(note,))
-
-    def _named(self, key, part):
-        return {"key": key, "part": part.name, "unit": self._model.units.get(key, ""),
-                "size": np.size(self._model.start[key])}
-
-    def together(self, todo: Sequence[tuple[str, Part]]) -> list[PartCheck]:
+    def together(self, todo: Sequence[_Part]) -> list[PartCheck]:
         """Say if all parameters that move at once do not move the record by the sum of what each does."""
         first: dict[str, np.ndarray] = {}
-        for key, part in todo:
-            first.setdefault(key, part.directions[0])
+        for part in todo:
+            first.setdefault(part.key, part.directions[0])
         if len(first) < 2:
             return []
         alone = np.sum([self._about.forward({key: direction}) for key, direction in first.items()], axis=0)
         return self._same("all together", self._about.forward(first), alone,
                           "their derivatives are not the sum of each one's")
 
-    def afterwards(self, todo: Sequence[tuple[str, Part]],
-                   products: Sequence[_Products | PartCheck]) -> list[PartCheck]:
+    def afterwards(self, todo: Sequence[_Part], products: Sequence[_Products | PartCheck]) -> list[PartCheck]:
         """Say if a linearisation is another after the model was asked for other values."""
-        for (key, part), before in zip(todo, products, strict=True):
+        for part, before in zip(todo, products, strict=True):
             if isinstance(before, _Products) and np.any(before.forward[0]):
-                used = np.any(before.weights != 0, axis=0)
-                after = before.weights @ np.where(used, self._about.forward({key: part.directions[0]}), 0.0)
+                after = before.summed(self._about.forward({part.key: part.directions[0]}))
                 return self._same("the same again", after, before.forward[0],
                                   "a linearisation does not stay the same once the model is asked for other values")
         return []
 
-    def _same(self, name, found, expected, note):
+    def _same(self, name: str, found: np.ndarray, expected: np.ndarray, note: str) -> list[PartCheck]:
         there = np.isfinite(expected)
         error = _share((found - expected)[there], expected[there])
         return [] if error <= self._tolerance else [
             PartCheck(key=name, unit="", size=0, verdict=OFF, error=error, notes=(note,))]
 
-    def _of_records(self, about):
-        """What is wrong with the records themselves."""
-        notes = []
-        empty = int(np.count_nonzero(~np.isfinite(self._base)))
-        if empty:
-            notes.append(f"{empty} of {self._base.size} values of the record are not finite, and have no weight")
-        finite = np.isfinite(self._base)
-        error = _share((about.value - self._base)[finite], self._base[finite])
-        if not error <= self._tolerance:
-            notes.append(f"the record with derivatives differs from that without by {error:.1e}")
-        return tuple(notes)
-
-    def _weights(self, moves):
-        if not self._swings or not np.any(moves[0]):
-            return self._slow
-        like = np.where(np.isfinite(self._base), moves[0], 0.0) * np.abs(self._slow[0])
-        return np.vstack([self._slow, like / (np.abs(like) @ self._size)])
-
-    def _judged(self, key, part, products, differences: list[Difference], step):
-        weights, forward, backward = products.weights, products.forward, products.backward
-        best = np.stack([one.best for one in differences])
-        size = max(_rms(best), _rms(forward))
-        moved = max(one.moved for one in differences)
-        numbers = {"step": step, "moved": moved}
-        if size > 0:
-            apart = np.stack([one.coarse - one.fine for one in differences])
-            numbers |= {"error": _rms(best - forward) / size, "asymmetry": _rms(forward - backward) / size,
-                        "disagreement": _rms(apart) / size}
-        if np.any(forward):
-            numbers["slope"] = float(np.sum(best * forward) / np.sum(forward ** 2))
-        zero = max(_rms(forward), _rms(backward)) <= ZERO * size
-        expected = 4 * step * float((np.abs(forward) / (np.abs(weights) @ self._size)).max(initial=0.0))
-        first = first_step(np.asarray(self._model.start[key], float), self._model.units.get(key, ""))
-        apart = np.abs(forward - backward) * first / (np.abs(weights) @ self._size)
-        verdict, notes = self._verdict(numbers, zero, max(moved, expected), bool(apart.max(initial=0.0) > NOISE))
-        if verdict == OFF and numbers["error"] > self._tolerance:
-            scatter = self._scatter(key, part, products, step) / size
-            if numbers["error"] < SCATTERED * scatter:
-                verdict, notes = UNDECIDED, (*notes, "derivatives scatter within a step: more rays or smaller bins of "
-                                                     "the record, or smoother shapes, tell more")
-        if verdict == OFF and numbers["error"] > self._tolerance:
-            spread = max((_rms(np.stack([one.best for one in wider]) - best) / size for wider in self._wider(
-                key, part, products.weights, step)), default=0.0)
-            if spread > WANDERED * numbers["error"]:
-                verdict, notes = UNDECIDED, (*notes, "differences are others at larger steps: too few rays cross "
-                                                     "shadows or edges at this one; more rays tell more")
-        if verdict == UNSEEN:                                          # nothing but rounding to compare
-            numbers = {"step": step, "moved": moved}
-        return PartCheck(**self._named(key, part), **numbers, verdict=verdict, notes=(*self._notes, *notes))
-
-    def _wider(self, key, part, weights, step):
+    def _wider(self, lines: Sequence[_Line], step: float, largest: float) -> Iterator[np.ndarray]:
         """Differences of all directions at the larger steps that are tried."""
-        start = np.asarray(self._model.start[key], float)
-        largest = first_step(start, self._model.units.get(key, ""))
-        lines = [self._line(key, start, direction, weights) for direction in part.directions]
         for wider in [step * 4.0 ** power for power in range(1, WIDER + 1) if step * 4.0 ** power <= largest]:
             try:
-                yield [difference_at(line, wider) for line in lines]
+                yield np.stack([line.slope(wider) for line in lines])
             except ValueError:                                         # moved to where no record can be made
                 return
 
-    def _scatter(self, key, part, products, step):
+    def _scatter(self, part: _Part, products: _Products, step: float) -> float:
         """Rms over directions and weights of how far derivatives within a step lie from a parabola."""
-        start, places = np.asarray(self._model.start[key], float), np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
-        used = np.any(products.weights != 0, axis=0)
-        left = []
+        places, left = np.array([-1.0, -0.5, 0.0, 0.5, 1.0]), []
+        bends = np.stack([places ** power for power in range(3)], 1)
         for direction, here in zip(part.directions, products.forward, strict=True):
-            found = np.array([here if place == 0 else products.weights @ np.where(used, self._model.linearised(
-                {key: start + place * step * direction}).forward({key: direction}), 0.0) for place in places])
-            bends = np.stack([places ** power for power in range(3)], 1)
+            found = np.array([here if place == 0 else products.summed(self._model.linearised(
+                {part.key: part.start + place * step * direction}).forward({part.key: direction})) for place in places])
             fit = bends @ np.linalg.lstsq(bends, found, rcond=None)[0]
             left.append((found - fit) * np.sqrt(len(places) / (len(places) - bends.shape[1])))
         return _rms(np.concatenate(left))
 
-    def _verdict(self, numbers, zero, moves, two_ways):
-        error, apart, tolerance = numbers.get("error", 0.0), numbers.get("disagreement", 0.0), self._tolerance
-        shaken = apart > tolerance
+    def _verdict(self, numbers: Mapping[str, float], zero: bool, moves: float, two_ways: bool) -> tuple[str, ...]:
+        """The verdict, and notes."""
+        error, apart = numbers.get("error", 0.0), numbers.get("disagreement", 0.0)
+        shaken = apart > self._tolerance
         words = ("differences do not converge: shadows or edges",) if shaken else ()
         if moves < STILL or (zero and moves < NOISE and apart > 0.5):
-            return UNSEEN, ()
+            return UNSEEN,
         if zero:
-            return DISCONNECTED, (*words, f"the record moves by {numbers['moved']:.1e}, and its gradient is zero")
-        if numbers["asymmetry"] > tolerance and two_ways:
-            return OFF, (*words, f"forward and backward derivatives differ by {numbers['asymmetry']:.1e}")
-        if any("differs from" in note for note in self._notes):
-            return OFF, words
-        if shaken and apart > 0.5 * error:
-            return UNDECIDED, words
-        return (RIGHT if error <= tolerance else OFF), words
+            return DISCONNECTED, *words, f"the record moves by {numbers['moved']:.1e}, and its gradient is zero"
+        if numbers["asymmetry"] > self._tolerance and two_ways:
+            return OFF, *words, f"forward and backward derivatives differ by {numbers['asymmetry']:.1e}"
+        if shaken and apart > 0.5 * error and not self._another:
+            return UNDECIDED, *words
+        return RIGHT if error <= self._tolerance and not self._another else OFF, *words
 
 
-def _keys(model, keys):
-    if keys is None:
-        return list(model.start)
-    for key in keys:
-        if key not in model.start:
-            raise ValueError(f"there is no parameter {key!r}{meant(key, model.start)}; there are "
-                             f"{', '.join(model.start)}")
-    return list(dict.fromkeys(keys))
-
-
-def _rms(values):
+def _rms(values: np.ndarray) -> float:
     """Over directions and weights: these are scaled alike, and one that nearly cancels shall not count for more."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def _share(wrong, right):
+def _share(wrong: np.ndarray, right: np.ndarray, of_nothing: float = np.inf) -> float:
     size = float(np.linalg.norm(right))
-    return float(np.linalg.norm(wrong)) / size if size > 0 else 0.0 if not np.any(wrong) else np.inf
+    return float(np.linalg.norm(wrong)) / size if size > 0 else of_nothing if np.any(wrong) else 0.0

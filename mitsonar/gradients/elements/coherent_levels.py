@@ -46,8 +46,10 @@ def is_coherent(scene: mi.Scene, sensor: Any) -> bool:
 
 
 class CoherentLevels:
-    """The levels of a scene's picture, speckle and all, and how they move with what carries gradients in it."""
-    # levels [dB re 1 µPa]
+    """Levels (rows, columns) [dB re 1 µPa] of a scene's picture, speckle and all, and how they move with attached keys.
+
+    Beams are formed of the elements' signals. ValueError if there are none of this kind of sonar.
+    """
 
     def __init__(self, scene: mi.Scene, sensor: Any, seed: int):
         self._parameters: Any = mi.traverse(scene)

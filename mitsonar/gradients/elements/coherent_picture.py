@@ -25,18 +25,20 @@ import xarray as xr
 
 from mitsonar.imaging import fan
 from mitsonar.signal.beamforming.transposed import delay_and_sum_transposed
-from mitsonar.signal.matched_filter import matched_filter_transposed
+from mitsonar.signal.matched_filter import matched_filter
+from mitsonar.signal.reception import delayed, transposed
 from mitsonar.survey.fan import forward_looking, kind as array
 from mitsonar.survey.pressure.array_survey import ArraySurvey
 
 from ..model import Linearised, Values
 from .elements import ElementModel
-from .reception import delayed_transposed
 
 
 class CoherentFan:
-    """The beams of a ping as a function of the signals of its elements."""
-    # direction (B, 3); speed [m/s]
+    """Beams of a ping, of directions (B, 3) in the body frame, as a function of the signals of its elements.
+
+    The survey's record leads by a pulse; beams are formed with a sound speed [m/s]. `shape` counts beams and samples.
+    """
 
     def __init__(self, survey: ArraySurvey, direction: np.ndarray, speed: float):
         self._survey, self._direction = survey, direction
@@ -58,8 +60,8 @@ class CoherentFan:
         """Return weights of signals (rx, S) of those of beams (B, S): the conjugate transpose."""
         survey, delay = self._survey, self._survey.receive.delay
         summed = delay_and_sum_transposed(self._frame, self._direction, weights[None])[0, 0]
-        found = matched_filter_transposed(summed, survey.pulse, survey.sampling_rate)
-        return delayed_transposed(found, -delay, survey.sampling_rate, survey.frequency) if delay.any() else found
+        found = transposed(lambda signals: matched_filter(signals, survey.pulse, survey.sampling_rate), summed)
+        return delayed(found, delay, survey.sampling_rate, survey.frequency) if delay.any() else found
 
 
 KINDS: dict[str, Callable[[Any, Any], tuple[np.ndarray, np.ndarray]]] = {
@@ -101,8 +103,10 @@ class CoherentPicture:
 
 
 class CoherentJacobian:
-    """A coherent picture about some values, as a `Linearised`."""
-    # value (N,); beams (P, B, S) [µPa]
+    """A coherent picture about some values, as a `Linearised`; `beams` are complex (P, B, S) [µPa].
+
+    `shape` is that of the elements' record, a fan is of each ping, and `of` as of `CoherentPicture`.
+    """
 
     def __init__(self, elements: Linearised, shape: tuple[int, int, int, int], fans: Sequence[CoherentFan],
                  of: str):

@@ -1,7 +1,10 @@
 """Signals of elements as a function of arrays, platform and point targets, and their Jacobian.
 
     y     what `mitsonar.element_signals` gives, the same bytes, real and imaginary parts one after the other
-    J v, Jᵀ w    exact in delays and phases of all echoes: `element_levers`; over the fast sums: `element_sums`
+    J v, Jᵀ w    exact in delays and phases of all echoes, over the fast sums: `element_levers`
+
+Signals of a ping are an operation of Dr.Jit, attached to what moves at it, and that to parameters. So losses of
+signals, or of beams and pictures that Dr.Jit makes of them, go back to elements, point targets and the track.
 
 Scatterers, rays and noise are those of the start for all values. Left out of the Jacobian, about 1/(k R) of it: how
 spreading, absorption, elements' patterns and strengths of scattering change; and what comes out of shadows or falls
@@ -10,33 +13,33 @@ into them. Points of the water and bounces that are drawn by chance move with th
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsonar.device.arrays import arrays_of
 from mitsonar.echoes.ensonification import Ensonification
 from mitsonar.echoes.point_targets import PointTargets
 from mitsonar.scene.errors import as_exception
 from mitsonar.signal.accumulation import ImpulseResponses
 from mitsonar.signal.gathering import GatheredWeights
 from mitsonar.signal.impulses import BandLimited, Later
-from mitsonar.signal.reception import delayed
+from mitsonar.signal.reception import absorbed, delayed, received, transposed
 from mitsonar.survey.energy.target_echoes import band_of
 from mitsonar.survey.pressure.array_survey import ArraySurvey
 from mitsonar.survey.pressure.ensonified_ping import EnsonifiedPing, ensonification_of
 from mitsonar.survey.pressure.ping_source import PingSource
 from mitsonar.survey.pressure.pressure import SUMS_BYTES, PressureRecord
-from mitsonar.survey.pressure.signals import LEAD, echoes_of_the_pulse, sent_pieces
+from mitsonar.survey.pressure.signals import LEAD, SentPiece, echoes_of_the_pulse, sent_pieces
 from mitsonar.units import amplitude_from_db
 
 from ..model import Values
-from .levers import LeveredDelays, Motion, TargetEnds
-from .parameters import Altered, ElementParameters
-from .reception import delayed_transposed, later, response_weights
-from .sums import DelayGradients, DelayTangents, StrengthGradients, StrengthTangents
+from .levers import DELAYS, STRENGTHS, Gradients, LeveredDelays, Motion, Quantity, Tangents, TargetEnds
+from .parameters import MOVING, OF_PINGS, RECEIVING, STRENGTHENING, Altered, ElementParameters
 
 LEFT_OUT = ("spreading, absorption, patterns and scattering strengths as they change with place", "edges of shadows",
             "points of the water and bounces drawn by chance")
@@ -152,21 +155,21 @@ class _Run:
 
     def kept(self, signals: np.ndarray) -> np.ndarray:
         """What receivers make of them, and the samples that are asked for: complex64."""
-        survey = self.survey
-        if survey.receive.delay.any():
-            signals = delayed(signals, survey.receive.delay, survey.sampling_rate, survey.frequency)
+        signals = self._late(signals) if self.survey.receive.delay.any() else signals
         return self._cut(signals if np.all(self.altered.gain == 1) else signals * self.altered.gain[:, None])
 
-    def later(self, signals: np.ndarray) -> np.ndarray:
-        """What `kept` changes by as the receivers' delays grow, per second."""
-        survey = self.survey
-        found = later(signals, survey.receive.delay, survey.sampling_rate, survey.frequency)
-        return self._cut(found * self.altered.gain[:, None])
+    def by_channel(self, signals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives of `kept` by the receivers' delays [1/s], and by their gains."""
+        return (self._cut(self._late(signals, rate=True) * self.altered.gain[:, None]), self._cut(self._late(signals)))
 
-    def delayed(self, signals: np.ndarray) -> np.ndarray:
-        """The same before the gains."""
-        survey = self.survey
-        return self._cut(delayed(signals, survey.receive.delay, survey.sampling_rate, survey.frequency))
+    def response_weights(self, weights: np.ndarray, ping: int, sent: SentPiece, factor: float) -> np.ndarray:
+        """The transpose of pulse and absorption: weights of a class's responses, of those of signals (rx, samples)."""
+        survey, pulse = self.survey, sent.pulse
+        found = transposed(lambda response: received(response, pulse, survey.sampling_rate, factor), weights)
+        if survey.absorption_db is not None:
+            found = absorbed(found, survey.sampling_rate, survey.frequency, survey.absorption_db,
+                             survey.sound_speed(ping), survey.start - sent.begin, transposed=True)
+        return found
 
     def weights(self, kept: np.ndarray) -> np.ndarray:
         """The transpose of `kept`: of the weights (rx, kept samples) of what is asked for, those of the signals."""
@@ -174,9 +177,11 @@ class _Run:
         wide = np.zeros((len(kept), survey.samples), np.complex64)
         wide[:, survey.lead:] = kept * np.conj(self.altered.gain)[:, None]
         wide[~survey.receive.working] = 0
-        if survey.receive.delay.any():
-            wide = delayed_transposed(wide, survey.receive.delay, survey.sampling_rate, survey.frequency)
-        return wide
+        return transposed(self._late, wide) if survey.receive.delay.any() else wide
+
+    def _late(self, signals: np.ndarray, rate: bool = False) -> np.ndarray:
+        survey = self.survey
+        return delayed(signals, survey.receive.delay, survey.sampling_rate, survey.frequency, rate=rate)
 
     def _cut(self, signals: np.ndarray) -> np.ndarray:
         signals = np.array(signals[:, self.survey.lead:])
@@ -223,84 +228,131 @@ class ElementJacobian:
 
     def forward(self, tangents: Values) -> np.ndarray:
         """Return J v; see `Linearised.forward`."""
-        run, parameters = self._run, self._parameters
-        survey, moved = run.survey, parameters.checked(tangents, whole=False)
-        late, gain = parameters.receivers(moved)
-        level, parts = amplitude_from_db(survey.source_level_db), []
-        for number, ping in enumerate(parameters.pings):
-            motion = parameters.motion(moved, survey, number)
-            found = np.zeros((survey.receive.elements, survey.samples), np.complex64)
-            for sums, kernel, counts in ((DelayTangents, self._later, motion.delays),
-                                         (StrengthTangents, BandLimited(), motion.strengths)):
-                if counts:
-                    def like(sheets: int, sums: Any = sums, kernel: Any = kernel,
-                             motion: Any = motion) -> ImpulseResponses:
-                        return sums(mi.Float, motion, kernel=kernel, sheets=sheets, elements=survey.receive.elements,
-                                    samples=survey.samples, sampling_rate=survey.sampling_rate,
-                                    frequency=survey.frequency)
-
-                    found = found + level * echoes_of_the_pulse(self._levered(ping, like), ping, lambda share: None)
-            total = run.kept(found).astype(complex)
-            signals = self._signals[number]
-            if late.any():
-                total += run.later(signals) * late[:, None]
-            if gain.any():
-                total += run.delayed(signals) * gain[:, None]
-            parts.append(_flat(total))
-        return np.concatenate(parts)
+        moved = self._parameters.checked(tangents, whole=False)
+        with dr.resume_grad():
+            leaves = {key: mi.Float64(tangent.ravel()) for key, tangent in moved.items()}
+            return np.concatenate([self._forward(number, self._motion(leaves, number))
+                                   for number in range(len(self._parameters.pings))])
 
     def backward(self, cotangent: np.ndarray) -> dict[str, np.ndarray]:
         """Return Jᵀ w; see `Linearised.backward`."""
-        run, parameters = self._run, self._parameters
         cotangent = np.asarray(cotangent, float)
         if cotangent.shape != self.value.shape:
             raise ValueError(f"weights have the shape {cotangent.shape}; give one for each of the "
                              f"{self.value.shape[0]} numbers of the record")
-        found = {name: np.zeros(start.shape) for name, start in parameters.start.items()}
-        weights = cotangent.reshape(self._shape)
-        for number, ping in enumerate(parameters.pings):
-            kept, signals = weights[number, ..., 0] + 1j * weights[number, ..., 1], self._signals[number]
-            if parameters.receives:
-                late = np.real(np.conj(kept) * run.later(signals)).sum(1)
-                gain = (np.conj(run.delayed(signals)) * kept).sum(1)
-                parameters.add_receivers(late, gain, found)
-            if parameters.moves or parameters.strengthens:
-                motion = self._motion(number, ping, run.weights(kept))
-                parameters.add_gradient(motion, run.survey, number, found)
-        return found
+        start = self._parameters.start
+        with dr.resume_grad():
+            leaves = {key: dr.zeros(mi.Float64, value.size) for key, value in start.items()}
+            dr.enable_grad(leaves)
+            dr.backward(dr.dot(dr.concat(self.attached(leaves)), mi.Float64(cotangent)))
+            return {key: dr.grad(leaf).numpy().reshape(start[key].shape) for key, leaf in leaves.items()}
 
-    def _motion(self, number: int, ping: int, weights: np.ndarray) -> Motion:
-        """Gradient by what moves at a ping, of weights of its signals."""
-        survey = self._run.survey
-        total = Motion.none(receivers=survey.receive.elements, senders=survey.transmit.elements,
-                            targets=len(self._targets))
-        record, speed = self._levered(ping, None), survey.sound_speed(ping)
-        weights = (amplitude_from_db(survey.source_level_db) * weights).astype(np.complex64)
-        wanted: list[tuple[Any, BandLimited]] = [(DelayGradients, self._later)] if self._parameters.moves else []
-        wanted += [(StrengthGradients, BandLimited())] if self._parameters.strengthens else []
-        most = max(1, SUMS_BYTES // (8 * weights.size))
-        for sent in sent_pieces(survey, ping):
+    def attached(self, leaves: Mapping[str, Any]) -> list[mi.Float64]:
+        """Return the signals of every ping, flat, attached to parameters: flat Float64 by name."""
+        return [dr.custom(_Signals, self, number, self._motion(leaves, number)) for number in range(self._shape[0])]
+
+    def _motion(self, leaves: Mapping[str, Any], number: int) -> Motion:
+        motion = self._parameters.motion(leaves, self._run.survey, number)
+        dr.eval(motion)
+        return motion
+
+    # ---- one ping
+
+    def _value(self, number: int) -> mi.Float64:
+        return mi.Float64(self.value.reshape(self._shape[0], -1)[number])
+
+    def _forward(self, number: int, motion: Motion) -> np.ndarray:
+        """J v of a ping that moves so: flat."""
+        run, ping, survey = self._run, self._parameters.pings[number], self._run.survey
+        found = np.zeros((survey.receive.elements, survey.samples), np.complex64)
+        level = amplitude_from_db(survey.source_level_db)
+        for quantity, kernel, names in self._quantities:
+            if any(np.any(part.numpy()) for name in names for part in [motion[name]]):
+                def like(sheets: int, quantity: Quantity = quantity, kernel: Any = kernel) -> ImpulseResponses:
+                    return Tangents(mi.Float, quantity, motion, kernel=kernel, sheets=sheets, samples=survey.samples,
+                                    elements=survey.receive.elements, sampling_rate=survey.sampling_rate,
+                                    frequency=survey.frequency)
+
+                found = found + level * echoes_of_the_pulse(self._levered(ping, like), ping, lambda share: None)
+        total = run.kept(found).astype(complex)
+        if self._parameters.has(RECEIVING):
+            by_delay, by_gain = run.by_channel(self._signals[number])
+            real, imaginary = motion["rx_gain"].numpy()
+            total += by_delay * motion["rx_delay"].numpy()[:, None] + by_gain * (real + 1j * imaginary)[:, None]
+        return _flat(total)
+
+    def _backward(self, number: int, weights: np.ndarray) -> Motion:
+        """Jᵀ w of a ping by what moves at it, of weights (rx, samples) of its signals."""
+        ping, survey, parameters = self._parameters.pings[number], self._run.survey, self._parameters
+        motion = self._motion({}, number)
+        dr.enable_grad(motion)
+        record, wide = self._levered(ping, None), self._run.weights(weights)
+        wide = (amplitude_from_db(survey.source_level_db) * wide).astype(np.complex64)
+        wanted = [(quantity, kernel) for (quantity, kernel, _), names in zip(self._quantities, (MOVING, STRENGTHENING))
+                  if parameters.has(names)]
+        most = max(1, SUMS_BYTES // (8 * wide.size))
+        for sent in sent_pieces(survey, ping) if wanted else []:
             classes = record.classes(sent.factors, (sent.begin, sent.pulse))
             for first in range(0, len(classes.factors), most):
                 now = range(first, min(first + most, len(classes.factors)))
-                sheets = np.stack([response_weights(weights, survey, sent, float(classes.factors[one]), speed)
+                sheets = np.stack([self._run.response_weights(wide, ping, sent, float(classes.factors[one]))
                                    for one in now])
-                for gradients, kernel in wanted:
+                for quantity, kernel in wanted:
                     gathered = GatheredWeights(mi.Float, sheets, kernel=kernel, sampling_rate=survey.sampling_rate,
                                                frequency=survey.frequency)
-                    record.add_all(gradients(gathered, total), classes, now, ping)
-        return total
+                    record.add_all(cast(Any, Gradients(gathered, quantity, motion)), classes, now, ping)
+        found = dr.grad(motion)
+        if parameters.has(RECEIVING):
+            by_delay, by_gain = (np.conj(part) * weights for part in self._run.by_channel(self._signals[number]))
+            found["rx_delay"] = mi.Float64(np.real(by_delay).sum(1))
+            gain = by_gain.sum(1)
+            found["rx_gain"] = type(motion["rx_gain"])(np.stack([gain.real, gain.imag]))
+        return found
 
     @property
-    def _later(self) -> Later:
+    def _quantities(self) -> list[tuple[Quantity, BandLimited, tuple[str, ...]]]:
         survey = self._run.survey
-        return Later(frequency=survey.frequency, sampling_rate=survey.sampling_rate)
+        later = Later(frequency=survey.frequency, sampling_rate=survey.sampling_rate)
+        return [(DELAYS, later, ("place", "rx", "tx", "tx_delay", "target")),
+                (STRENGTHS, BandLimited(), ("tx_strength", "target_strength"))]
 
     def _levered(self, ping: int, like: Any) -> _LeveredRecord:
         record = _given(_LeveredRecord(self._run.survey, seed=self._run.seed, targets=self._targets, like=like),
                         self._run.ensonification)
         record.taken_over(self._record.ensonified(ping))
         return record
+
+
+class _Signals(dr.CustomOp):
+    """Signals of a ping as a function of its motion."""
+
+    def eval(self, jacobian: ElementJacobian, number: int, motion: Motion) -> mi.Float64:
+        self._jacobian, self._number = jacobian, number
+        return jacobian._value(number)
+
+    def forward(self) -> None:
+        self.set_grad_out(mi.Float64(self._jacobian._forward(self._number, cast(Motion, self.grad_in("motion")))))
+
+    def backward(self) -> None:
+        weights = cast(Any, self.grad_out()).numpy().view(complex).reshape(self._jacobian._shape[1:3])
+        self.set_grad_in("motion", self._jacobian._backward(self._number, weights))
+
+    def name(self) -> str:
+        return "element signals"
+
+
+def attached_signals(model: ElementModel, parameters: Any, pings: Sequence[int]) -> mi.TensorXf:
+    """Return a model's signals [µPa], (ping, receiver, sample, real or imaginary), attached to parameters of its scene.
+
+    The model is of keys among the parameters, at their values now, and of these pings.
+    """
+    leaves = {}
+    for key in model.start:
+        leaf = mi.Float64(dr.ravel(parameters[key]))
+        if key.rpartition(".")[2] in OF_PINGS:
+            leaf = dr.ravel(dr.gather(cast(Any, arrays_of(mi.Float)).Array3f64, leaf, mi.UInt32(list(pings))))
+        leaves[key] = leaf
+    return mi.TensorXf(mi.Float(dr.concat(model.linearised({}).attached(leaves))), shape=model.shape)
 
 
 def _flat(signals: np.ndarray) -> np.ndarray:

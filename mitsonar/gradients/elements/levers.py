@@ -1,4 +1,4 @@
-"""How much later echoes come when elements, the platform or point targets move: levers of each pair.
+"""How much later or stronger echoes come when elements, the platform or point targets move, for each pair.
 
 An arrival is stationary in the way of its ray (Fermat), so that its time changes by the slowness at the ends alone. An
 echo is sent at r_t from a platform at rest, is met, and is heard at r_e of a platform that moves at v:
@@ -12,30 +12,30 @@ at what is met, where sound runs at c_x,
     h = (u_x, u_y, ± √((c/c_x)² - u_x² - u_y²))
 
 u_e is u at the array's centre turned by the curvature of the wavefront, as elements' patterns have it. Left out: what
-spreading, absorption, patterns and strengths of scattering change by, 1/(k R) of what the phase does.
+spreading, absorption, patterns and strengths of scattering change by, 1/(k R) of what the phase does. Over the echoes,
 
-What moves of a ping's echoes at elements, and what of it each parameter moves: scene coordinates, one ping.
+    J v     Σ_h a_h (dα_h - 2πi (f₀ + f) dτ_he) exp(-2πi f₀ τ_he) k       the fast sums, each echo as strong as it moves
+    Jᵀ w    the same dτ and dα, differentiated by Dr.Jit pair by pair                            `signal.gathering`
 
-The platform at x with the attitude R carries element e at x + R r_e. With offsets of place and attitude p and θ
-
-    d(x + R r_e) = dp + Σ_k dθ_k (∂R/∂θ_k) r_e + R dr_e
-
-The first is the same for all elements and does not turn with the array on the way; the others do.
+The factor -2πi (f₀ + f) is that of the spectrum, see `signal.impulses.Later`.
 """
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, cast
+from typing import Any, NamedTuple, TypeAlias, cast
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.device.arrays import arrays_of, compressed, picked
+from mitsonar.device.arrays import arrays_of, compressed, picked, upload
 from mitsonar.device.types import Float, UInt32
 from mitsonar.echoes.record import Echoes
+from mitsonar.propagation.returns.straight_vectors import dot
 from mitsonar.propagation.returns.travel import rotated
-from mitsonar.signal.accumulation import ImpulseResponses
+from mitsonar.signal.accumulation import ImpulseResponses, OfPair
+from mitsonar.signal.gathering import Change, EchoPairs, GatheredWeights
 from mitsonar.survey.pressure.delays import ALL_ROWS
 from mitsonar.survey.pressure.doppler import time_scale
 from mitsonar.survey.pressure.echo_classes import SortedEchoes
@@ -44,89 +44,47 @@ from mitsonar.survey.pressure.pairs import CURVATURE, seen_from
 from mitsonar.survey.pressure.ping_source import View, opaque
 from mitsonar.survey.pressure.vectors import GuardedDelays, VectorDelays
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Motion:
-    """A direction in which a ping's echoes may change, or the gradient of a number by each part of it."""
-
-    place: np.ndarray  # (3,) [m]: of the platform
-    rx: np.ndarray  # (E, 3) [m]: of elements, besides, as the platform stands at the transmission
-    tx: np.ndarray  # (E, 3) [m]: of elements, besides, as the platform stands at the transmission
-    tx_delay: np.ndarray  # (T,) [s]
-    tx_strength: np.ndarray  # (T,) [-]: relative change of what an element sends
-    target: np.ndarray  # (K, 3) [m]: of point targets
-    target_strength: np.ndarray  # (K,) [-]: relative change of their pressures
-
-    @classmethod
-    def none(cls, *, receivers: int, senders: int, targets: int) -> Motion:
-        """Nothing moves; arrays that may be added to."""
-        return cls(place=np.zeros(3), rx=np.zeros((receivers, 3)), tx=np.zeros((senders, 3)),
-                   tx_delay=np.zeros(senders), tx_strength=np.zeros(senders), target=np.zeros((targets, 3)),
-                   target_strength=np.zeros(targets))
-
-    @property
-    def delays(self) -> bool:
-        """Return whether echoes come later or earlier by it."""
-        return any(np.any(part) for part in (self.place, self.rx, self.tx, self.tx_delay, self.target))
-
-    @property
-    def strengths(self) -> bool:
-        """Return whether echoes get stronger or weaker by it."""
-        return bool(np.any(self.tx_strength) or np.any(self.target_strength))
-
-
 MOST_OF_TARGETS = 64               # echoes of a target in a block, with taps
 SAME_PLACE = 1e-6                  # [m]
+
+Motion: TypeAlias = dict[str, Any]     # of a ping, by `ElementParameters.motion`
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ends:
-    """Which of a block's echoes came from which point target, on the host."""
+    """Point targets that a block's echoes come from: numbers (H,), and (c/c_x)² of the legs out and back (H,).
 
-    target: np.ndarray  # (H,)
-    out: np.ndarray  # (H,) [-]: (c/c_x)² of the legs, negative where the ray has turned up or down on its way
-    back: np.ndarray  # (H,) [-]: (c/c_x)² of the legs, negative where the ray has turned up or down on its way
+    The ratio is negative where the ray has turned up or down on its way.
+    """
 
-    def chosen(self, index: np.ndarray) -> Ends:
-        """Those of some echoes."""
-        return Ends(target=self.target[index], out=self.out[index], back=self.back[index])
+    target: UInt32
+    out: Float
+    back: Float
+
+    def chosen(self, index: UInt32) -> Ends:
+        """Select some echoes."""
+        return Ends(target=picked(self.target, index), out=picked(self.out, index), back=picked(self.back, index))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Levers:
-    """Of a block of echoes from one transmit element."""
+    """Levers of a block of echoes from one transmit element."""
 
     sender: int
     out: View  # of the platform, by the legs there and back
     back: View  # of the platform, by the legs there and back
-    towards: list[Float]  # (H,): unit vectors from the source towards echoes, as the array was at the transmission
-    curvature: Float  # (H,) [1/m]
-    shift: list[Float]  # (H,): what these vectors lack to be those in scene coordinates at the reception
-    sent: list[Float]  # (H,): unit vectors from the transmit element
-    scale: Float  # (H,) [s/m]: -ρ / c
-    late: Float  # (H,) [-]: f
+    hits: list[Float]  # (H,)
     offsets: np.ndarray  # (E, 3) [m]: of receive elements
     ends: Ends | None  # of echoes of point targets
 
     def chosen(self, index: UInt32) -> Levers:
-        """Those of some echoes."""
-        def of(vector: list[Float]) -> list[Float]:
-            return [picked(part, index) for part in vector]
-
-        return Levers(sender=self.sender, out=self.out, back=self.back, towards=of(self.towards),
-                      curvature=picked(self.curvature, index), shift=of(self.shift), sent=of(self.sent),
-                      scale=picked(self.scale, index), late=picked(self.late, index), offsets=self.offsets,
-                      ends=None if self.ends is None else self.ends.chosen(index.numpy()))
-
-
-def mirrored(view: View, vector: np.ndarray) -> np.ndarray:
-    """Return vectors (..., 3) of the scene as a view sees them."""
-    return vector * np.sign([1.0, 1.0, view.depth]) if view.depth < 0 else vector
+        """Select some echoes."""
+        return Levers(sender=self.sender, out=self.out, back=self.back, hits=[picked(hit, index) for hit in self.hits],
+                      offsets=self.offsets, ends=None if self.ends is None else self.ends.chosen(index))
 
 
 class TargetEnds:
-    """Tell which echoes are those of point targets."""
-    # position (K, 3) [m]
+    """Tell which echoes are those of point targets at positions (K, 3) [m]."""
 
     def __init__(self, position: np.ndarray):
         self.position = position
@@ -135,19 +93,21 @@ class TargetEnds:
         """Return the ends of a block of echoes; None where it is not one of targets."""
         if not len(self.position) or echoes.count > MOST_OF_TARGETS * len(self.position):
             return None
-        start = mirrored(out, origin)
+        start = origin * [1, 1, -1] if out.depth < 0 else origin
         point = np.stack([np.broadcast_to(part.numpy(), echoes.count) for part in echoes.out.offset], 1) + start
         away = np.linalg.norm(point[:, None] - self.position, axis=2)
         which = away.argmin(1)
         if not np.all(away[np.arange(len(which)), which] < SAME_PLACE):
             return None
-        return Ends(target=which, out=self._ratio(echoes.out, out, which), back=self._ratio(echoes.back, back, which))
+        return Ends(target=upload(mi.UInt32, which.astype(np.uint32)), out=self._ratio(echoes.out, out, which),
+                    back=self._ratio(echoes.back, back, which))
 
-    def _ratio(self, leg: Any, view: View, which: np.ndarray) -> np.ndarray:
+    def _ratio(self, leg: Any, view: View, which: np.ndarray) -> Float:
         """(c/c_x)² of a leg, signed."""
         here, there = view.profile.at(view.depth), view.profile.at(-self.position[which, 2])
         turned = np.sign(leg.launch_direction.z.numpy()) * np.sign(leg.offset.z.numpy()) < 0
-        return (here / there) ** 2 * np.where(turned, -1, 1)
+        ratio = (here / there) ** 2 * np.where(turned, -1, 1)
+        return upload(arrays_of(mi.Float).Float, ratio.astype(np.float32))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -183,12 +143,148 @@ class LeveredDelays(GuardedDelays):
         scene = [-lib.Float64(part) for part in back.direction]
         towards = [lib.Float(part) for part in rotated(cast(Any, scene), view.travel.turned(total), back=True)]
         closing = sum(part * lib.Float64(v) for part, v in zip(scene, view.travel.velocity(total)))
-        scale = -lib.Float(1 / (speed + closing))
         late = 1 / time_scale(source, echoes, sender=self.transmit.position[element],
                               receiver=self.source.position)[0]
-        levers = Levers(sender=element, out=out, back=view, towards=towards, curvature=back.hit_fields[CURVATURE],
-                        shift=[lib.Float(part) - seen for part, seen in zip(scene, towards)], sent=sent, scale=scale,
-                        late=lib.Float(late), offsets=view.offsets(self.receive),
-                        ends=self.targets.of(echoes, out, view, source.origin))
-        dr.eval(levers.towards, levers.curvature, levers.shift, levers.sent, levers.scale, levers.late)
-        return levers
+        hits = [*towards, back.hit_fields[CURVATURE], -lib.Float(1 / (speed + closing)),
+                *(lib.Float(part) - seen for part, seen in zip(scene, towards)), *sent, lib.Float(late)]
+        dr.eval(hits)
+        return Levers(sender=element, out=out, back=view, hits=hits, offsets=view.offsets(self.receive),
+                      ends=self.targets.of(echoes, out, view, source.origin))
+
+
+# ---- what a motion does to echoes: linear functions, of which Dr.Jit makes the transposes
+
+
+class Quantity(NamedTuple):
+    """What changes of echoes: numbers that a motion gives to (own, shared), and the function of them."""
+
+    given: Callable[[Levers, Motion], tuple[list, list]]
+    factor: Callable[[Sequence[Float], Sequence[Float], Sequence[Float], Sequence[Float]], Float]
+
+    def hits(self, levers: Levers) -> list[Float]:
+        """Fields of hits that the function reads."""
+        ends = levers.ends
+        return [*levers.hits, *([] if ends is None else [ends.out, ends.back])]
+
+
+def _moves(levers: Levers, motion: Motion) -> tuple[list, list]:
+    """Moves of receive elements [m]; of the platform, the transmit element, its delay, and of targets (H,)."""
+    sender = mi.UInt32(levers.sender)
+    place, back = _mirrored(levers.back, motion["place"]), _mirrored(levers.back, motion["rx"])
+    sent = _mirrored(levers.out, motion["place"] + picked(motion["tx"], sender))
+    shared = [*place, *sent, picked(motion["tx_delay"], sender)]
+    return [*(back + place)], shared if levers.ends is None else [
+        *shared, *dr.gather(type(place), motion["target"], levers.ends.target)]
+
+
+def _strengthens(levers: Levers, motion: Motion) -> tuple[list, list]:
+    """Relative change of what is sent, and what comes back of targets."""
+    stronger = picked(motion["tx_strength"], mi.UInt32(levers.sender))
+    if levers.ends is not None:
+        stronger = stronger + picked(motion["target_strength"], levers.ends.target)
+    return [], [stronger]
+
+
+def _later(hit: Sequence[Float], at: Sequence[Float], own: Sequence[Float], shared: Sequence[Float]) -> Float:
+    """dτ [s] of a hit at an element with an offset."""
+    seen = seen_from(cast(Any, hit[:3]), cast(Any, at[:3]), hit[3])
+    common = dot(hit[5:8], shared[:3]) + dot(hit[8:11], shared[3:6])
+    if len(shared) > 7:
+        heard = [a + b for a, b in zip(seen, hit[5:8])]
+        common -= dot(_at_target(hit[8:11], hit[12]), shared[7:]) + dot(_at_target(heard, hit[13]), shared[7:])
+    return dr.fma(hit[4], dot(seen, own) + common, hit[11] * shared[6])
+
+
+def _at_target(seen: Sequence[Float], ratio: Float) -> list[Float]:
+    """h, from vectors towards the target and (c/c_x)²."""
+    steep = dr.sqrt(dr.maximum(abs(ratio) - dr.fma(seen[0], seen[0], seen[1] * seen[1]), 0))
+    return [seen[0], seen[1], dr.mulsign(steep, seen[2] * ratio)]
+
+
+def _mirrored(view: View, vector: Any) -> Any:
+    """Vectors of the scene as a view sees them."""
+    return type(vector)(vector.x, vector.y, -vector.z) if view.depth < 0 else vector
+
+
+DELAYS = Quantity(_moves, _later)
+STRENGTHS = Quantity(_strengthens, lambda hit, at, own, shared: shared[0])
+
+
+class Tangents(ImpulseResponses):
+    """Sum how responses change as a motion changes a quantity. The kernel of delays is `signal.impulses.Later`."""
+
+    def __init__(self, like: type, quantity: Quantity, motion: Motion, **how: Any):
+        super().__init__(like, **how)
+        self._quantity, self._motion = quantity, motion
+
+    def bound(self, levers: Levers) -> _BoundTangents:
+        """Return what echoes of these levers are added to."""
+        return _BoundTangents(levers, self._quantity, self._motion, self)
+
+
+class Gradients(NamedTuple):
+    """Sum the gradient of a number by a motion, of weights of responses; it is added to the gradients of `motion`."""
+
+    weights: GatheredWeights
+    quantity: Quantity
+    motion: Motion
+
+    def bound(self, levers: Levers) -> _BoundGradients:
+        """Return what echoes of these levers are gathered by."""
+        return _BoundGradients(levers, self.quantity, self.motion, self.weights)
+
+
+class _BoundTangents(NamedTuple):
+    levers: Levers
+    quantity: Quantity
+    motion: Motion
+    sums: ImpulseResponses
+
+    def add(self, *, hit_fields: Sequence[Float], element_fields: Sequence[Float | np.ndarray], difference: OfPair,
+            gain: OfPair | None = None, rows: np.ndarray, **echoes: Any) -> None:
+        """Add the echoes of hits, each as strong as it moves; see `ImpulseResponses.add`."""
+        n, m, hits, rows = len(hit_fields), len(element_fields), self.quantity.hits(self.levers), np.ravel(rows)
+        own, shared = ([mi.Float(part) for part in parts] for parts in self.quantity.given(self.levers, self.motion))
+        dr.make_opaque(own, shared)
+        first, last, index = n + len(hits), m + 3, upload(mi.UInt32, rows.astype(np.uint32))
+
+        def product(hit: Sequence[Float], at: Sequence[Float]) -> Float:
+            factor = self.quantity.factor(hit[n:first], at[m:last], at[last:], hit[first:])
+            return factor if gain is None else factor * gain(hit[:n], at[:m])
+
+        self.sums.add(hit_fields=[*hit_fields, *hits, *shared], gain=product, rows=rows,
+                      element_fields=[*element_fields, *self.levers.offsets[rows].T,
+                                      *(picked(part, index) for part in own)],
+                      difference=lambda hit, at: difference(hit[:n], at[:m]), **echoes)
+
+
+class _BoundGradients(NamedTuple):
+    levers: Levers
+    quantity: Quantity
+    motion: Motion
+    weights: GatheredWeights
+
+    def add(self, *, hit_fields: Sequence[Float], element_fields: Sequence[Float | np.ndarray], difference: OfPair,
+            gain: OfPair | None = None, rows: np.ndarray, **echoes: Any) -> None:
+        """Gather what the echoes of hits are at elements; arguments as of `ImpulseResponses.add`."""
+        n, m, rows = len(hit_fields), len(element_fields), np.ravel(rows)
+        pairs = EchoPairs(hit_fields=[*hit_fields, *self.quantity.hits(self.levers)], rows=rows,
+                          element_fields=[*element_fields, *self.levers.offsets[rows].T],
+                          difference=lambda hit, at: difference(hit[:n], at[:m]),
+                          gain=None if gain is None else lambda hit, at: gain(hit[:n], at[:m]), **echoes)
+        index = upload(mi.UInt32, rows.astype(np.uint32))
+        with dr.resume_grad():
+            own, shared = self.quantity.given(self.levers, self.motion)
+            change = Change(lambda hit, at, own, shared: self.quantity.factor(hit[n:], at[m:], own, shared), len(own),
+                            len(shared))
+            if self.levers.ends is None:
+                each, common = self.weights.gather(pairs, change)
+            else:
+                found = self.weights.of_pairs(pairs, change)
+                each, common = found[:len(own)].sum(1).T, found[len(own):].sum(2)
+            numbers = [*(picked(part, index) for part in own), *shared]
+            for number, slope in zip(numbers, [*each.T, *common], strict=True):
+                slope = np.ravel(slope if dr.width(number) == np.size(slope) else np.sum(slope))
+                dr.accum_grad(number, mi.Float64(slope))
+                dr.enqueue(dr.ADMode.Backward, number)
+            dr.traverse(dr.ADMode.Backward)

@@ -19,11 +19,15 @@ S -> id of the sensor, P -> pings of the model.
 """
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 
+from mitsonar.device.arrays import arrays_of, picked
 from mitsonar.device.spelling import meant
 from mitsonar.scene.geometry import Target
 from mitsonar.sonar.arrays.array import Array
@@ -37,22 +41,26 @@ UNITS = {"tx_position": "m", "rx_position": "m", "tx_weight": "1", "tx_delay": "
          "position_offset": "m", "attitude_offset": "rad", "position": "m", "target_strength_db": "dB re 1 m²"}
 RECEIVING, STRENGTHENING = ("rx_delay", "rx_gain"), ("tx_weight", "target_strength_db")
 MOVING = tuple(name for name in UNITS if name not in (*RECEIVING, *STRENGTHENING))
-NEPERS_PER_DB = np.log(10) / 20
+OF_PINGS = "position_offset", "attitude_offset"       # a scene names them for all pings, a model for its own
+NEPERS_PER_DB = float(np.log(10)) / 20
 ANGLE_STEP = 1e-5                  # [rad] of differences of rotations, in float64
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Altered:
-    """A run with other values."""
+    """A run with other values; `gain` (E,), complex, is that of the receivers' channels."""
 
     survey: ArraySurvey
     targets: list[Target]
-    gain: np.ndarray  # (E,): of the receivers' channels
+    gain: np.ndarray
 
 
 class ElementParameters:
-    """Parameters of the element signals of a run."""
-    # offsets (P, 3) [rad]
+    """Parameters of the element signals of a run, by keys as above, of a sensor and some pings.
+
+    `offsets` of places (P, 3) [m] and attitudes (P, 3) [rad] are what the survey's track holds already. ValueError if
+    there is no such key, or one is asked for twice.
+    """
 
     def __init__(self, survey: ArraySurvey, keys: Sequence[str], *, sensor: str, pings: Sequence[int],
                  offsets: tuple[np.ndarray, np.ndarray] | None = None):
@@ -90,7 +98,10 @@ class ElementParameters:
         return known
 
     def checked(self, values: Values, whole: bool = True) -> dict[str, np.ndarray]:
-        """Return values as float64 arrays of their shapes, with those of the start, or zeros, for what is left out."""
+        """Return values as float64 arrays, with those of the start, or zeros, for what is left out.
+
+        ValueError if a name is unknown, a shape does not fit, or a number is not finite.
+        """
         for name in values:
             if name not in self.start:
                 raise ValueError(f"{name!r} is none of the model's parameters{meant(name, list(self.start))}; it has "
@@ -108,14 +119,14 @@ class ElementParameters:
     # ---- runs with other values
 
     def altered(self, values: Mapping[str, np.ndarray]) -> Altered:
-        """Return the run with values as `checked` gives them."""
+        """Return the run with values as `checked` returns them; ValueError if no array or track can be made of them."""
         survey = self.survey
         transmit = _replaced(survey.transmit, position=self._of(values, "tx_position"),
                              weight=self._of(values, "tx_weight"), delay=self._of(values, "tx_delay"))
         receive = _replaced(survey.receive, position=self._of(values, "rx_position"),
                             delay=self._of(values, "rx_delay"))
         place, turn = (None if (value := self._of(values, name)) is None else value - offset for name, offset in
-                       zip(("position_offset", "attitude_offset"), self._offsets))
+                       zip(OF_PINGS, self._offsets))
         passage = survey.passage
         if place is not None or turn is not None:
             track = _displaced(passage.voyage.track, self.pings, place, turn)
@@ -133,88 +144,52 @@ class ElementParameters:
     def _of(self, values: Mapping[str, np.ndarray], name: str) -> np.ndarray | None:
         return values.get(f"{self._sensor}.{name}")
 
-    # ---- what needs to be known of them
-
-    @property
-    def moves(self) -> bool:
-        """Return whether echoes come later by any."""
-        return any(name.rpartition(".")[2] in MOVING for name in self.start)
-
-    @property
-    def strengthens(self) -> bool:
-        """Return whether echoes get stronger by any."""
-        return any(name.rpartition(".")[2] in STRENGTHENING for name in self.start)
-
-    @property
-    def receives(self) -> bool:
-        """Return whether any is of the receivers' channels."""
-        return any(name.rpartition(".")[2] in RECEIVING for name in self.start)
-
-    def receivers(self, tangents: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """Return what delays (E,) [s] and complex gains (E,) of the receivers' channels change by."""
-        late, gain = self._of(tangents, "rx_delay"), self._of(tangents, "rx_gain")
-        nothing = np.zeros(self.survey.receive.elements)
-        return (nothing if late is None else late,
-                nothing if gain is None else gain[:, 0] + 1j * gain[:, 1])
-
-    def add_receivers(self, late: np.ndarray, gain: np.ndarray, into: dict[str, np.ndarray]) -> None:
-        """Add the gradient by them: (E,), and complex (E,)."""
-        if f"{self._sensor}.rx_delay" in into:
-            into[f"{self._sensor}.rx_delay"] += late
-        if f"{self._sensor}.rx_gain" in into:
-            into[f"{self._sensor}.rx_gain"] += np.stack([np.real(gain), np.imag(gain)], 1)
-
     # ---- motions of one ping
 
-    def motion(self, tangents: Mapping[str, np.ndarray], survey: ArraySurvey, number: int) -> Motion:
-        """Return what moves at a ping, by its number among the model's, of a survey as `altered` gives it."""
-        ping = self.pings[number]
-        rotation, turns = _rotations(survey.track, ping)
-        motion = Motion.none(receivers=survey.receive.elements, senders=survey.transmit.elements,
-                             targets=len(self.targets))
-        for name, into in (("rx_position", motion.rx), ("tx_position", motion.tx)):
-            moved = self._of(tangents, name)
-            if moved is not None:
-                into += moved @ rotation.T
-        place, turn = self._of(tangents, "position_offset"), self._of(tangents, "attitude_offset")
-        if place is not None:
-            motion.place[:] += place[number]
-        if turn is not None:
-            carried = np.einsum("k,kij->ij", turn[number], turns)
-            motion.rx[:] += survey.receive.position @ carried.T
-            motion.tx[:] += survey.transmit.position @ carried.T
-        late, weight = self._of(tangents, "tx_delay"), self._of(tangents, "tx_weight")
-        if late is not None:
-            motion.tx_delay[:] += late
-        if weight is not None:
-            motion.tx_strength[:] += _relative(survey, ping) @ weight
-        for which, name in enumerate(self._names):
-            motion.target[which] += tangents.get(f"{name}.position", np.zeros(3))
-            motion.target_strength[which] += NEPERS_PER_DB * tangents.get(f"{name}.target_strength_db", 0.0)
-        return motion
+    def has(self, names: Collection[str]) -> bool:
+        """Return True if any parameter is of one of these kinds."""
+        return any(name.rpartition(".")[2] in names for name in self.start)
 
-    def add_gradient(self, motion: Motion, survey: ArraySurvey, number: int, into: dict[str, np.ndarray]) -> None:
-        """Add the gradient by the parameters, of that by the motions of a ping: the transpose of `motion`."""
-        ping = self.pings[number]
-        rotation, turns = _rotations(survey.track, ping)
-        parts = {"rx_position": motion.rx @ rotation, "tx_position": motion.tx @ rotation,
-                 "tx_delay": motion.tx_delay}
-        for name, part in parts.items():
-            if f"{self._sensor}.{name}" in into:
-                into[f"{self._sensor}.{name}"] += part
-        if f"{self._sensor}.tx_weight" in into:
-            into[f"{self._sensor}.tx_weight"] += motion.tx_strength @ _relative(survey, ping)
-        if f"{self._sensor}.position_offset" in into:
-            into[f"{self._sensor}.position_offset"][number] += motion.place
-        if f"{self._sensor}.attitude_offset" in into:
-            moment = (np.einsum("ei,ej->ij", motion.rx, survey.receive.position)
-                      + np.einsum("ei,ej->ij", motion.tx, survey.transmit.position))
-            into[f"{self._sensor}.attitude_offset"][number] += np.einsum("kij,ij->k", turns, moment)
-        for which, name in enumerate(self._names):
-            if f"{name}.position" in into:
-                into[f"{name}.position"] += motion.target[which]
-            if f"{name}.target_strength_db" in into:
-                into[f"{name}.target_strength_db"] += NEPERS_PER_DB * motion.target_strength[which]
+    def motion(self, tangents: Mapping[str, Any], survey: ArraySurvey, number: int) -> Motion:
+        """Return what moves at a ping, by its number among the model's, of a survey as `altered` gives it.
+
+        It is linear in the tangents, flat Float64, and attached to them.
+        """
+        lib: Any = arrays_of(mi.Float)
+        V, ping, transmit, receive = lib.Array3f64, self.pings[number], survey.transmit, survey.receive
+
+        def numbers(name: str, kind: type, count: int) -> Any:      # not by `unravel`: a second one's gradient is lost
+            value = self._of(tangents, name)
+            if value is None:
+                return dr.zeros(kind, count)
+            return value if kind is lib.Float64 else dr.gather(kind, value, dr.arange(lib.UInt32, count))
+
+        def on_device(array: np.ndarray, kind: type) -> Any:
+            found = kind(np.ascontiguousarray(array, float))
+            dr.make_opaque(found)
+            return found
+
+        def at_targets(name: str, count: int) -> Any:
+            return dr.concat([tangents.get(f"{target}.{name}", dr.zeros(lib.Float64, count)) for target in self._names]
+                             or [dr.zeros(lib.Float64, count)])
+
+        place, turn = (picked(numbers(name, V, len(self.pings)), lib.UInt32(number)) for name in OF_PINGS)
+        rotation, *turns = (on_device(matrix, lib.Matrix3f64) for matrix in _rotations(survey.track, ping))
+        carried = turns[0] * turn.x + turns[1] * turn.y + turns[2] * turn.z
+        rx, tx = (rotation @ numbers(name, V, array.elements) + carried @ on_device(array.position.T, V)
+                  for name, array in (("rx_position", receive), ("tx_position", transmit)))
+        # magnitudes of weights are made to add to 1; an element that does not send stays silent
+        own, works = transmit.weight, survey.transmit_weight(ping) != 0
+        weight = numbers("tx_weight", lib.Float64, len(own))
+        inverse = on_device(np.divide(1.0, own, out=np.zeros(len(own)), where=works), lib.Float64)
+        share = on_device(np.where(works, np.sign(own), 0) / np.abs(own[works]).sum(), lib.Float64)
+        sends = on_device(works.astype(float), lib.Float64)
+        return {"place": place, "rx": rx, "tx": tx, "tx_delay": numbers("tx_delay", lib.Float64, transmit.elements),
+                "tx_strength": inverse * weight - sends * dr.sum(share * weight),
+                "target": dr.gather(V, at_targets("position", 3), dr.arange(lib.UInt32, max(1, len(self._names)))),
+                "target_strength": NEPERS_PER_DB * at_targets("target_strength_db", 1),
+                "rx_delay": numbers("rx_delay", lib.Float64, receive.elements),
+                "rx_gain": numbers("rx_gain", lib.Array2f64, receive.elements)}
 
 
 def _replaced(array: Array, **parts: np.ndarray | None) -> Array:
@@ -234,20 +209,9 @@ def _displaced(track: Track, pings: list[int], place: np.ndarray | None, turn: n
     return Track(time=track.time, position=position, **angles)
 
 
-def _rotations(track: Track, ping: int) -> tuple[np.ndarray, np.ndarray]:
-    """The rotation (3, 3) of a ping, body to scene, and its derivatives (3, 3, 3) by heading, pitch and roll."""
+def _rotations(track: Track, ping: int) -> list[np.ndarray]:
+    """The rotation (3, 3) of a ping, body to scene, and its derivatives by heading, pitch and roll."""
     angles = np.array([track.roll[ping], track.pitch[ping], track.heading[ping]])
-    turns = [(rotation_matrix(*(angles + step)) - rotation_matrix(*(angles - step))) / (2 * ANGLE_STEP)
-             for step in ANGLE_STEP * np.eye(3)[::-1]]
-    return rotation_matrix(*angles), np.stack(turns)
-
-
-def _relative(survey: ArraySurvey, ping: int) -> np.ndarray:
-    """What elements' parts of a transmission change by relative to themselves, as weights do: (T, T).
-
-    Magnitudes of weights are made to add to 1. One that does not send stays silent.
-    """
-    own, sent = survey.transmit.weight, survey.transmit_weight(ping)
-    works = sent != 0
-    inverse = np.divide(1.0, own, out=np.zeros(len(own)), where=works)
-    return np.diag(inverse) - works[:, None] * np.where(works, np.sign(own), 0)[None] / np.abs(own[works]).sum()
+    return [rotation_matrix(*angles),
+            *((rotation_matrix(*(angles + step)) - rotation_matrix(*(angles - step))) / (2 * ANGLE_STEP)
+              for step in ANGLE_STEP * np.eye(3)[::-1])]

@@ -4,13 +4,6 @@
 
 y -> the parameter as the model has it; x -> what stands for it.
 
-Rotations by vectors, and how they change with them.
-
-    R(θ) = exp [θ],     d(R p) = (J dθ) × (R p),     J = I + (1 - cos φ)/φ² [θ] + (φ - sin φ)/φ³ [θ]²
-
-φ -> the length of θ, J -> its left Jacobian (Chirikjian, 2012, Stochastic Models, Information Theory, and Lie Groups 2,
-eq. 10.86).
-
 Vertices, or the transform of a shape, that move and turn as one.
 
     v' = c + t + R (v - c)              of vertices v (V, 3)
@@ -58,31 +51,8 @@ class Rigid:
         return self.array(self.arms(rotation) + self.carried * (self.centre + shift))
 
 
-SMALL = 1e-4                       # rad, below which series are better than quotients
-
-
-def rotation(vector: np.ndarray) -> np.ndarray:
-    """Return the matrix (3, 3) of a rotation vector (3,) [rad]."""
-    angle, cross = float(np.linalg.norm(vector)), _cross(vector)
-    first, second = (np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2 * np.pi)) ** 2)
-    return np.eye(3) + first * cross + second * cross @ cross
-
-
-def left_jacobian(vector: np.ndarray) -> np.ndarray:
-    """Return J (3, 3) of a rotation vector (3,) [rad]."""
-    angle, cross = float(np.linalg.norm(vector)), _cross(vector)
-    first = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
-    second = 1 / 6 - angle ** 2 / 120 if angle < SMALL else (angle - np.sin(angle)) / angle ** 3
-    return np.eye(3) + first * cross + second * cross @ cross
-
-
-def _cross(vector: np.ndarray) -> np.ndarray:
-    """[θ], the matrix that takes p to θ × p."""
-    x, y, z = vector
-    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-
-
 DECIBELS = 10 / np.log(10)
+SMALL = 1e-4                       # [rad], below which series are better than quotients
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -158,19 +128,34 @@ class Pose:
         body = Rigid(self.key, start)
 
         def inner(x: np.ndarray) -> np.ndarray:
-            return body.moved(rotation(x[3:]), x[:3])
+            return body.moved(_rotation(x[3:])[0], x[:3])
 
         def push(x: np.ndarray, dx: np.ndarray) -> np.ndarray:
-            turned = np.cross(left_jacobian(x[3:]) @ dx[3:], body.arms(rotation(x[3:])))
+            rotation, jacobian = _rotation(x[3:])
+            turned = np.cross(jacobian @ dx[3:], body.arms(rotation))
             return body.array(body.carried * dx[:3] + turned, tangent=True)
 
         def pull(x: np.ndarray, weights: np.ndarray) -> np.ndarray:
-            forces = body.rows(weights)
-            moment = np.cross(body.arms(rotation(x[3:])), forces).sum(0)
-            return np.concatenate([(body.carried * forces).sum(0), left_jacobian(x[3:]).T @ moment])
+            forces, (rotation, jacobian) = body.rows(weights), _rotation(x[3:])
+            moment = np.cross(body.arms(rotation), forces).sum(0)
+            return np.concatenate([(body.carried * forces).sum(0), jacobian.T @ moment])
 
         return BoundChange(name=_sibling(self.key, "pose"), unit="m, rad", start=np.zeros(6), inner=inner, push=push,
                            pull=pull)
+
+
+def _rotation(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """R and J (3, 3) of a rotation vector θ [rad]: R = exp [θ], d(R p) = (J dθ) × (R p).
+
+    J = I + (1 - cos φ)/φ² [θ] + (φ - sin φ)/φ³ [θ]², φ = |θ|, R = I + [θ] J (Chirikjian, 2012, Stochastic Models,
+    Information Theory, and Lie Groups 2, eq. 10.86).
+    """
+    x, y, z = vector
+    cross, angle = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]), float(np.linalg.norm(vector))
+    first = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
+    second = 1 / 6 - angle ** 2 / 120 if angle < SMALL else (angle - np.sin(angle)) / angle ** 3
+    jacobian = np.eye(3) + first * cross + second * cross @ cross
+    return np.eye(3) + cross @ jacobian, jacobian
 
 
 @dataclass(frozen=True)

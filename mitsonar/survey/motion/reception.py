@@ -33,7 +33,8 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import opaque_vector
-from mitsonar.propagation.returns.travel import Travel, rotated
+from mitsonar.propagation.returns.travel import Travel, detour, rotated
+from mitsonar.signal.doppler import two_way_doppler
 
 from ..pressure.array_survey import ArraySurvey
 
@@ -139,7 +140,7 @@ class Reception:
         aside = np.minimum(sink, rest)
         forward = np.sqrt(np.maximum(rest ** 2 - aside ** 2 * (across @ across), 0.0))
         sight = sines[:, None] * axis + aside[:, None] * across + forward[:, None] * ahead
-        return (self.speed + sight @ self._velocity) / (self.speed - sight @ self._sent_velocity)
+        return two_way_doppler(sight @ self._sent_velocity, self.speed, sight @ self._velocity)
 
 
 def _from(towards: mi.Vector3f, distance: mi.Float, place: mi.Vector3f,
@@ -147,10 +148,8 @@ def _from(towards: mi.Vector3f, distance: mi.Float, place: mi.Vector3f,
     """How much longer the way is from a place, by (1) or (4), the unit vector along it, and what spreads there."""
     if bent is not None:
         return _from_bent(towards, place, bent)
-    way = mi.Vector3f(distance) * towards - place
-    length = dr.norm(way)
-    later = (dr.squared_norm(place) - 2 * distance * dr.dot(towards, place)) / (length + distance)
-    return later, way / dr.maximum(length, 1e-6), None
+    way, length, longer, whole = detour(towards, distance, place)
+    return longer / whole, way / dr.maximum(length, 1e-6), None
 
 
 def _from_bent(towards: mi.Vector3f, place: mi.Vector3f,

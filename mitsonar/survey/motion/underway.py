@@ -24,6 +24,7 @@ import numpy as np
 
 from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.device.types import Vector
+from mitsonar.propagation.returns.travel import detour
 from mitsonar.sonar.motion.trajectory import NEGLIGIBLE, PingTravel
 
 SHORTEST = 1e-9                    # [s]: no way takes less time
@@ -141,11 +142,8 @@ class Motion:
 
     def _later(self, rows, towards, distance, sound_speed, time):
         """The way to where the sonar is at a time, w, and how much later an echo arrives along it than at O."""
-        moved = self._at(rows, time)
-        way = mi.Vector3f(distance) * towards - moved
-        # |w| - D, without the difference of large numbers
-        return way, (dr.squared_norm(moved) - 2 * distance * dr.dot(towards, moved)) / (
-            (dr.norm(way) + distance) * sound_speed)
+        way, _, longer, whole = detour(towards, distance, self._at(rows, time))
+        return way, longer / (whole * sound_speed)
 
     def _at(self, rows, time):
         """Polynomials of the rows at times [s]."""

@@ -29,7 +29,7 @@ import xarray as xr
 
 from mitsonar.device.arrays import upload
 from mitsonar.echoes.scatterers.element_beams import ElementBeams
-from mitsonar.signal.doppler import Glide, doppler_classes, glide_of, pieces_of
+from mitsonar.signal.doppler import Glide, doppler_classes, glide_of, pieces_of, two_way_doppler
 from mitsonar.signal.reception import absorbed, check_record, delayed, received
 from mitsonar.sonar.pulses.pulses import Pulse
 from mitsonar.units import amplitude_from_db
@@ -238,5 +238,5 @@ def _doppler_factors(pulse: Pulse, closing: tuple[float, float], speed: float, g
     """Choose the factors that stand for all echoes of a ping, for elements that close in as fast [m/s]."""
     if not any(closing):
         return np.ones(1)
-    lowest, highest = ((speed + one) / (speed - one) for one in closing)
+    lowest, highest = (two_way_doppler(one, speed) for one in closing)
     return doppler_classes(pulse, lowest, highest, glide=glide)
