@@ -9,7 +9,7 @@ from .progress import Progress
 from .words import Signals, announce
 
 OPTIONS = ("looks", "length", "model_error", "sensor", "seed", "iterations", "noise", "method", "directions", "state",
-           "truth", "deviation", "strength", "farthest", "class")
+           "truth", "deviation", "strength", "farthest", "class", "cast", "nodes", "cell", "under_way", "profile")
 
 
 def add(commands: Commands) -> None:
@@ -26,7 +26,8 @@ def add(commands: Commands) -> None:
                                         "OBJECT.heights, OBJECT.pose; or one of the problems below"), SCENES)
     complete_with(fit.add_argument("inputs", metavar="INPUT", nargs="*", help="what the scene or problem asks for"),
                   FILES)
-    complete_with(fit.add_argument("-o", "--output", required=True, metavar="OUT.nc"), FILES)
+    complete_with(fit.add_argument("-o", "--output", metavar="OUT.nc",
+                                   help="the answer; may be left out with --profile"), FILES)
     complete_with(fit.add_argument("--picture", metavar="OUT.png",
                                    help="draw start, answer, what it may be off, and the truth where it is given"),
                   FILES)
@@ -44,7 +45,7 @@ def add(commands: Commands) -> None:
                        help="over which vertices' numbers belong together; default: each is on its own")
     scene.add_argument("--noise", type=number, metavar="SHARE",
                        help="of the deviance of noise, to stop at; default: 1; 0: go on to the most probable values")
-    scene.add_argument("--method", choices=("gauss-newton", "adam", "l-bfgs"), help="default: gauss-newton")
+    scene.add_argument("--method", choices=("trust-region", "l-bfgs"), help="default: trust-region")
     scene.add_argument("--directions", type=whole, metavar="N",
                        help="in which to look at what the record tells; default: 40")
     complete_with(scene.add_argument("--state", metavar="FILE.npz",
@@ -57,20 +58,40 @@ def add(commands: Commands) -> None:
     heights.add_argument("--strength", metavar="KEY", help="of the bed, unknown then, such as bed.bsdf.strength")
     heights.add_argument("--class", action="append", metavar="NAME=DB", help="of a map: a sediment; repeatable")
     heights.add_argument("--farthest", type=number, metavar="M", help="slant range that counts; default: all")
+    profile = fit.add_argument_group("of a profile; so are --iterations, --length (default: a sixth of the depth), "
+                                     "--deviation [m/s] (default: 10) and --noise (of two-way times [us], default: 20)")
+    complete_with(profile.add_argument("--profile", metavar="OUT.csv",
+                                       help="write it there as a cast; refused where the soundings tell none"), FILES)
+    complete_with(profile.add_argument("--cast", metavar="CAST",
+                                       help="start and prior mean of the water; default: the cast of the first line"),
+                  FILES)
+    profile.add_argument("--nodes", type=whole, metavar="N",
+                         help="steps from the head down to the deepest sounding; default: 12")
+    profile.add_argument("--cell", type=number, metavar="M",
+                         help="distance of the bed's nodes; default: as the soundings allow")
+    profile.add_argument("--under-way", action="store_true", default=None,
+                         help="places count the way that the vessel made while echoes came in, as those of scenes do")
     fit.set_defaults(run=_fit, behind_options="inputs")
 
 
 def _fit(arguments):
-    from mitsonar.device.files import check_writable
+    from mitsonar.device.files import check_writable, replacing
 
-    if os.path.splitext(arguments.output)[1].lower() != ".nc":
-        raise ValueError(f"cannot write {arguments.output}: its name must end in .nc")
-    check_writable(arguments.output)
-    if arguments.picture is not None:
-        from mitsonar.plots.canvas import file_format
+    if arguments.output is None and arguments.profile is None:
+        raise ValueError("fit writes its answer to a file; give -o OUT.nc")
+    for path, suffix in ((arguments.output, ".nc"), (arguments.profile, ".csv"), (arguments.picture, "")):
+        if path is None:
+            continue
+        if suffix and os.path.splitext(path)[1].lower() != suffix:
+            raise ValueError(f"cannot write {path}: its name must end in {suffix}")
+        if not suffix:
+            from mitsonar.plots.canvas import file_format
 
-        file_format(arguments.picture)
-        check_writable(arguments.picture)
+            file_format(path)
+        check_writable(path)
+        if os.path.exists(path) and any(os.path.exists(one) and os.path.samefile(path, one)
+                                        for one in (arguments.what, *arguments.inputs)):
+            raise ValueError(f"{path} is one of the inputs; give another name")
     from mitsonar.inversion.problems import solve
     from mitsonar.io.records import netcdf
 
@@ -84,8 +105,14 @@ def _fit(arguments):
         solved = solve(arguments.what, arguments.inputs, options, progress)
     for sentence in solved.sentences:
         print(sentence.rstrip("."), flush=True)
-    netcdf.write(solved.dataset, arguments.output)
-    announce(arguments.output)
+    if arguments.output is not None:
+        netcdf.write(solved.dataset, arguments.output)
+        announce(arguments.output)
+    if solved.profile is not None:
+        rows = [f"{depth:.3f},{speed:.3f}" for depth, speed in zip(solved.profile.depth, solved.profile.sound_speed)]
+        with replacing(arguments.profile) as temporary:
+            temporary.write_text("\n".join(["depth,sound_speed", *rows, ""]), encoding="utf-8")
+        announce(arguments.profile)
     if arguments.picture is not None:
         from mitsonar.plots.canvas import save
         from mitsonar.plots.sheets.fit_sheet import fit_figure

@@ -1,5 +1,5 @@
 """The command line: render, signals, demo, focus, soundings, like, scenes, describe, sweep, plot, video, raster,
-convert, mosaic, plan, published, validate, gradient-check, fit, fit-profile, labels, doctor.
+convert, mosaic, plan, published, validate, gradient-check, fit, labels, doctor.
 
 Exit codes: 0 done, 1 where `validate` finds too large an error, `gradient-check` a wrong gradient, or renders of a
 `sweep` failed, 2 for what the user can mend, 128 + n where signal n ended it (130 for Ctrl-C). What is refused or
@@ -23,7 +23,6 @@ from . import (
     labels,
     machine,
     planning,
-    profile_fitting,
     raster,
     recorded,
     rendering,
@@ -37,7 +36,7 @@ from .words import Signals, mute, warn
 
 # in the order of the help
 GROUPS = (rendering, focusing, sounding, recorded, describing, sweep, results, raster, exporting, gridding, planning,
-          gradient_checking, fitting, profile_fitting, labels, machine)
+          gradient_checking, fitting, labels, machine)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -16,8 +16,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import xarray as xr
 
+    from mitsonar.water import SoundSpeedProfile
+
 if TYPE_CHECKING:
+    import mitsuba as mi
     import xarray as xr
+
+    from mitsonar.gradients.records.scene_model import SceneModel
 
     from .fit.iteration import Method
     from .images.scene_fit import KeyPrior
@@ -32,6 +37,7 @@ class Solved:
 
     dataset: xr.Dataset  # for a file
     sentences: list[str]  # what was done, and what was observable
+    profile: SoundSpeedProfile | None = None  # that was found, for a cast
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,7 +140,7 @@ def sway(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
     return Solved(dataset=found.to_dataset(), sentences=found.sentences())
 
 
-METHODS = "gauss-newton", "adam", "l-bfgs"
+METHODS = "trust-region", "l-bfgs"
 RAYS_PER_BIN = 10                  # of a fit to a speckled image: 156 found heights no better, in five times the time
 
 
@@ -228,70 +234,38 @@ def _key_prior(text: str) -> KeyPrior:
 
 
 def _method(name: str) -> Method:
-    from .fit.first_order import LBFGS, Adam
-    from .fit.gauss_newton import GaussNewton
+    from .fit.steps import LBFGS, TrustRegion
 
-    return {"gauss-newton": GaussNewton, "adam": Adam, "l-bfgs": LBFGS}[name]()
+    return {"trust-region": TrustRegion, "l-bfgs": LBFGS}[name]()
 
 
-# ---- the heights of a bed
+# ---- heights, maps and poses from a speckled image
 
 def _heights(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
     """Fit the heights of a bed, whose tilt and level are unknown, to one image of a sidescan."""
     if len(inputs) != 3:
         raise ValueError(f"fit heights takes a scene, a record, and the bed's id in the scene; got {' '.join(inputs)}")
-    from mitsonar.io.scene_files import scenes
-    from mitsonar.scene.loading import load_file
-    from mitsonar.verbs.gradients import scene_model
-
     from .images.heights import HeightPrior, fit_heights
 
-    path, record, owner = inputs
-    path, image = scenes.find(path), image_of(record)
-    key = f"{owner}.vertex_positions"
-    strength = options.get("strength")
-    keys = [key] if strength is None else [key, strength]
-    model = scene_model(load_file(path, **options.get("parameters", {})), keys, sensor=options.get("sensor", 0),
-                        seed=options.get("seed", 0), rays=_rays(image))
-
+    key, strength = f"{inputs[2]}.vertex_positions", options.get("strength")
     prior = HeightPrior(**{name: options[name] for name in ("deviation", "length") if name in options})
-    found = fit_heights(model, image, key, strength=strength, prior=prior, looks=options.get("looks", 1.0),
-                        farthest=options.get("farthest"), modes=options.get("directions", 60),
-                        state_file=options.get("state"), told=progress)
-    return _solved(found)
+    model, image = _model(inputs, options, [key] if strength is None else [key, strength])
+    return _solved(fit_heights(model, image, key, strength=strength, prior=prior, modes=options.get("directions", 60),
+                               **_common(options, progress)))
 
-
-# ---- a map of sediments
 
 def _map(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
     """Fit a texture of the bed's strength to one image of a sidescan."""
     if len(inputs) != 3:
         raise ValueError("fit map takes a scene, a record, and the key of a texture in decibels, such as "
                          f"bed.bsdf.mu_db.data; got {' '.join(inputs)}")
-    from mitsonar.io.scene_files import scenes
-    from mitsonar.scene.loading import load_file
-    from mitsonar.verbs.gradients import scene_model
-
     from .images.sediment_map import StrengthPrior, fit_sediment_map
 
-    path, record, key = inputs
-    path, image = scenes.find(path), image_of(record)
     classes = dict(_class(text) for text in options["class"]) if "class" in options else None
-    model = scene_model(load_file(path, **options.get("parameters", {})), [key], sensor=options.get("sensor", 0),
-                        seed=options.get("seed", 0), rays=_rays(image))
-
     prior = StrengthPrior() if "deviation" not in options else StrengthPrior(deviation_db=options["deviation"])
-    found = fit_sediment_map(model, image, key, classes=classes, prior=prior, looks=options.get("looks", 1.0),
-                             farthest=options.get("farthest"), modes=options.get("directions", 20),
-                             state_file=options.get("state"), told=progress)
-    return _solved(found)
-
-
-def _rays(image: xr.Dataset) -> int | None:
-    """Rays of a ping, at most, that a fit to speckle needs; None if the record is no image."""
-    if "level" not in image or image["level"].ndim != 3:
-        return None
-    return RAYS_PER_BIN * math.prod(size for name, size in image["level"].sizes.items() if name != "ping")
+    model, image = _model(inputs, options, [inputs[2]])
+    return _solved(fit_sediment_map(model, image, inputs[2], classes=classes, prior=prior,
+                                    modes=options.get("directions", 20), **_common(options, progress)))
 
 
 def _class(text: str) -> tuple[str, float]:
@@ -303,38 +277,73 @@ def _class(text: str) -> tuple[str, float]:
         raise ValueError(f"--class is {text!r}; give NAME=DB, such as sand=-27") from None
 
 
-# ---- the pose of an object
-
 def _pose(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
     """Fit where an object lies and how it is turned: the scene, the record, its id, and NAME=DEVIATION of numbers."""
     if len(inputs) < 3:
         raise ValueError("fit pose takes a scene, a record and the object's id in the scene, and then what is "
                          f"believed, such as east=0.5 yaw=0.3; got {' '.join(inputs)}")
     from mitsonar.gradients.parameters.scene_values import differentiable
-    from mitsonar.io.scene_files import scenes
-    from mitsonar.scene.loading import load_file
-    from mitsonar.verbs.gradients import scene_model
     from mitsonar.verbs.images import opened
 
     from .images.pose import NAMES, PosePrior, fit_pose
 
-    path, record, owner, *believed = inputs
-    path, image = scenes.find(path), image_of(record)
-    plain = PosePrior()
+    plain, owner = PosePrior(), inputs[2]
     deviation = dict(zip(NAMES, (*plain.place, *plain.angles)))
-    deviation |= {"level_db": plain.level_db, "track": 0.0, **beliefs(believed, [*NAMES, "level_db", "track"])}
-    numbers = [deviation[name] for name in NAMES]
-    scene, sonar, _ = opened(load_file(path, **options.get("parameters", {})), options.get("sensor", 0))
+    deviation |= {"level_db": plain.level_db, "track": 0.0, **beliefs(inputs[3:], [*NAMES, "level_db", "track"])}
+    scene, sonar, _ = opened(_scene_of(inputs, options), options.get("sensor", 0))
     track = f"{sonar.id()}.position_offset" if deviation["track"] else None
     key = f"{owner}.{'to_world' if f'{owner}.to_world' in differentiable(scene) else 'vertex_positions'}"
     strengths = [options["strength"]] if "strength" in options else []
-    model = scene_model(scene, [key, *strengths, *([track] if track else [])], sensor=options.get("sensor", 0),
-                        seed=options.get("seed", 0), rays=_rays(image))
-    prior = PosePrior(place=(numbers[0], numbers[1], numbers[2]), angles=(numbers[3], numbers[4], numbers[5]),
+    prior = PosePrior(place=(deviation["east"], deviation["north"], deviation["up"]),
+                      angles=(deviation["yaw"], deviation["pitch"], deviation["roll"]),
                       level_db=deviation["level_db"], track=deviation["track"] or plain.track)
-    return _solved(fit_pose(model, image, key, prior=prior, looks=options.get("looks", 1.0), strengths=strengths,
-                            track=track, farthest=options.get("farthest"), state_file=options.get("state"),
-                            told=progress))
+    model, image = _model(inputs, options, [key, *strengths, *([track] if track else [])], scene)
+    return _solved(fit_pose(model, image, key, prior=prior, strengths=strengths, track=track,
+                            **_common(options, progress)))
+
+
+def _scene_of(inputs: Sequence[str], options: Options) -> mi.Scene:
+    from mitsonar.io.scene_files import scenes
+    from mitsonar.scene.loading import load_file
+
+    return load_file(scenes.find(inputs[0]), **options.get("parameters", {}))
+
+
+def _model(inputs: Sequence[str], options: Options, keys: Sequence[str],
+           scene: mi.Scene | None = None) -> tuple[SceneModel, xr.Dataset]:
+    """The model of a scene's image by some parameters, with as many rays as speckle asks for; and the image."""
+    from mitsonar.verbs.gradients import scene_model
+
+    image, rays = image_of(inputs[1]), None
+    if "level" in image and image["level"].ndim == 3:
+        rays = RAYS_PER_BIN * math.prod(size for name, size in image["level"].sizes.items() if name != "ping")
+    scene = _scene_of(inputs, options) if scene is None else scene
+    return scene_model(scene, keys, sensor=options.get("sensor", 0), seed=options.get("seed", 0), rays=rays), image
+
+
+def _common(options: Options, progress: Progress) -> dict[str, Any]:
+    """What all fits to a speckled image take."""
+    return {"looks": options.get("looks", 1.0), "farthest": options.get("farthest"),
+            "state_file": options.get("state"), "told": progress}
+
+
+# ---- the sound-speed profile
+
+def _profile(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
+    """Fit a sound-speed profile to lines of soundings; a cast of it is refused where they tell none."""
+    if not inputs:
+        raise ValueError("fit profile takes one line of soundings or more: .nc, .gsf, .kmall or .all")
+    from mitsonar.io import casts
+
+    from .profile.profile import fit_lines
+
+    given = {name: options[name] for name in ("nodes", "deviation", "length", "cell", "under_way") if name in options}
+    start = casts.read(options["cast"]).profile if "cast" in options else None
+    steps = options.get("iterations", 30)
+    found = fit_lines(inputs, start, noise=1e-6 * options.get("noise", 20.0), iterations=steps,
+                      progress=lambda done, _: progress(done, steps), **given)
+    return Solved(dataset=found.to_dataset(), sentences=[f"{found.verdict[0].upper()}{found.verdict[1:]}"],
+                  profile=found.profile if "profile" in options else None)
 
 
 def _solved(found: xr.Dataset) -> Solved:
@@ -356,6 +365,10 @@ PROBLEMS = {
     "pose": Problem(asks="SCENE RECORD ID [NAME=DEVIATION ...]", summary="where an object lies and how it is turned, "
                     "from an image of it", takes=("looks", "farthest", "strength", "sensor", "seed", "state",
                                                          "parameters"), solve=_pose),
+    "profile": Problem(asks="LINE ...", summary="the sound-speed profile, from lines of soundings that overlap or "
+                       "cross; or why they cannot tell it", takes=("cast", "nodes", "noise", "deviation", "length",
+                                                                   "cell", "under_way", "iterations", "profile"),
+                       solve=_profile),
     "array": Problem(asks="SCENE SIGNALS [NAME=DEVIATION ...]", summary="an array's elements and navigation, from "
                      "echoes of the scene's point targets", takes=("sensor", "parameters"), solve=array),
     "sway": Problem(asks="ECHOES", summary="sway of a synthetic aperture, from the sharpness of its image", takes=(),

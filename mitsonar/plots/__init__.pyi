@@ -6,4 +6,3 @@ from .images.views import PLOTS as PLOTS, plot as plot, preview as preview, usua
 from .lines.line_views import LINE_VIEWS as LINE_VIEWS, line_figure as line_figure
 from .sheets.beams import beam_pattern as beam_pattern
 from .sheets.fit_sheet import fit_figure as fit_figure
-from .sheets.profile_fit import profile_fit_figure as profile_fit_figure

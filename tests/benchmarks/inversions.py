@@ -159,8 +159,7 @@ def heights(name, looks, given, folder):
     import mitsonar  # noqa: F401  isort: skip: it comes before Mitsuba
     import mitsuba as mi
 
-    from mitsonar.inversion.fit.smooth_field import grid_of
-    from mitsonar.inversion.images.heights import fit_heights
+    from mitsonar.inversion.images.heights import fit_heights, grid_of
     from mitsonar.inversion.images.image_fit import COARSE_TO_FINE
     from mitsonar.verbs.gradients import scene_model
 

@@ -116,7 +116,7 @@ def fitted(name, looks, given, folder):
     import mitsuba as mi
 
     from mitsonar.inversion.images.image_fit import Stage
-    from mitsonar.inversion.images.pose import STAGES, PosePrior, PoseUnknowns, fit_pose
+    from mitsonar.inversion.images.pose import STAGES, Turned, fit_pose
     from mitsonar.verbs.gradients import scene_model
 
     middle, off = SCENES[name][2:]
@@ -127,10 +127,8 @@ def fitted(name, looks, given, folder):
     if not given.exact:
         for key in STRENGTHS:
             stronger(parameters, key)
-    start = np.array(parameters[VERTICES]).reshape(-1, 3)
-    unknowns = PoseUnknowns(start, VERTICES, PosePrior())
     truth = np.array(off)
-    moved = unknowns.values(truth / unknowns.deviation)[VERTICES]
+    moved = Turned(VERTICES).bound(np.array(parameters[VERTICES]).reshape(-1, 3), "m").inner(truth)
     parameters[VERTICES] = mi.Float(moved.ravel().astype(np.float32))
     parameters.update()
     image = looked(data, looks, 700 + 50 * given.seed)

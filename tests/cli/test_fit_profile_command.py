@@ -1,4 +1,4 @@
-"""The command `fit-profile`: its verdict, the files it writes, and what it refuses in one sentence."""
+"""The command `fit profile`: its verdict, the files it writes, and what it refuses in one sentence."""
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,7 +43,7 @@ def bed(along):
 
 
 def test_lines_over_a_slope_give_a_cast(folder, lines, capfd):
-    assert cli.main(["fit-profile", *lines, "--under-way", "--noise", "5", "--deviation", "15", "--profile",
+    assert cli.main(["fit", "profile", *lines, "--under-way", "--noise", "5", "--deviation", "15", "--profile",
                      "cast.csv", "-o", "fit.nc"]) == 0
     out, err = capfd.readouterr()
     assert "tell the speed at" in out and "cast.csv" in out and err == ""
@@ -64,7 +64,7 @@ def real():
 
 
 def test_a_real_line_alone_is_told_to_tell_nothing(folder, real, capfd):
-    assert cli.main(["fit-profile", str(real), "-o", "fit.nc", "--picture", "fit.png"]) == 0
+    assert cli.main(["fit", "profile", str(real), "-o", "fit.nc", "--picture", "fit.png"]) == 0
     out, err = capfd.readouterr()
     assert out.splitlines()[0].startswith("Each part of the bed was seen from one direction only")
     assert err == "" and (folder / "fit.png").stat().st_size > 10_000
@@ -73,25 +73,25 @@ def test_a_real_line_alone_is_told_to_tell_nothing(folder, real, capfd):
 
 
 def test_where_there_is_no_profile_none_is_written(refusal, real):
-    said = refusal("fit-profile", real, "-o", "fit.nc", "--profile", "cast.csv")
+    said = refusal("fit", "profile", real, "-o", "fit.nc", "--profile", "cast.csv")
     assert "seen from one direction only" in said
 
 
 @pytest.mark.parametrize("arguments, says", [
-    (("none.all",), "there is no such file"),
+    (("none.all", "-o", "fit.nc"), "there is no such file"),
     (("none.all", "-o", "fit.csv"), "cannot write fit.csv: its name must end in .nc"),
     (("none.all", "--profile", "cast.txt"), "cannot write cast.txt: its name must end in .csv"),
-    (("scene.xml",), "scene.xml")])
+    (("scene.xml", "-o", "fit.nc"), "scene.xml"), (("none.all",), "give -o OUT.nc")])
 def test_files_that_will_not_do_are_refused(refusal, arguments, says):
-    assert says in refusal("fit-profile", *arguments)
+    assert says in refusal("fit", "profile", *arguments)
 
 
 def test_a_line_is_not_written_over(folder, refusal):
     (folder / "line.nc").write_bytes(b"what it holds")
-    assert "line.nc is one of the lines; give another name" in refusal("fit-profile", "line.nc", "-o", "line.nc")
+    assert "line.nc is one of the inputs; give another name" in refusal("fit", "profile", "line.nc", "-o", "line.nc")
 
 
 def test_nodes_and_noise_that_will_not_do_are_refused(refusal, real):
-    assert "1 nodes from the head" in refusal("fit-profile", real, "--nodes", "1")
-    assert "noise is 0 s" in refusal("fit-profile", real, "--noise", "0")
-    assert "deviation is -1" in refusal("fit-profile", real, "--deviation", "-1")
+    assert "1 nodes from the head" in refusal("fit", "profile", real, "-o", "a.nc", "--nodes", "1")
+    assert "noise is 0 s" in refusal("fit", "profile", real, "-o", "a.nc", "--noise", "0")
+    assert "deviation is -1" in refusal("fit", "profile", real, "-o", "a.nc", "--deviation", "-1")

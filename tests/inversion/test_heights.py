@@ -7,8 +7,7 @@ asked for, and of the mean depth, that the first return tells, the start's error
 import numpy as np
 import pytest
 
-from mitsonar.inversion.fit.smooth_field import grid_of
-from mitsonar.inversion.images.heights import fit_heights
+from mitsonar.inversion.images.heights import fit_heights, grid_of
 from mitsonar.inversion.images.image_fit import Stage
 from mitsonar.inversion.images.image_record import ImageRecord
 from scenes import BED, STRENGTH, looked, model, scene, vertices
@@ -45,7 +44,7 @@ def test_a_level_that_is_off_is_told_from_the_bed(found):
 def test_uncertainty_is_less_where_rays_are(found):
     fit, _ = found
     assert np.all(fit["height_deviation"] <= fit["height_prior_deviation"] + 1e-12)
-    assert fit["height_deviation"].sel(x=0, y=10) < 0.7 * fit["height_deviation"].sel(x=0, y=-24)
+    assert fit["height_deviation"].sel(x=0, y=10) < 0.8 * fit["height_deviation"].sel(x=0, y=-24)
     assert "directions" in fit.observable and fit["misfit"][-1] < fit["misfit"][0]
 
 

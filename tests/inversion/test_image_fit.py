@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from mitsonar.inversion.fit.smooth_field import SmoothField, grid_of
-from mitsonar.inversion.images.image_fit import Stage, fit_image, spread_of, unknowns_of
+from mitsonar.inversion import Prior
+from mitsonar.inversion.images.heights import grid_of
+from mitsonar.inversion.images.image_fit import Stage, fit_image
 from mitsonar.inversion.images.image_record import ImageRecord
 
 SHAPE = (6, 2, 40)
@@ -16,8 +17,7 @@ MANY = 1e8
 
 
 class Line:
-    """A record that moves evenly with three numbers, in model and unknowns both."""
-    size, first = 3, 1
+    """A record that moves evenly with three numbers."""
     units = {"a": "1"}
 
     def __init__(self):
@@ -41,46 +41,41 @@ class Line:
 
         return About()
 
-    def values(self, z):
-        return {"a": z}
-
-    def pushed(self, z, direction):
-        return {"a": direction}
-
-    def pulled(self, z, gradients):
-        return gradients["a"]
-
 
 def record(seen, looks=MANY, error=0.0):
     return ImageRecord(intensity=seen.reshape(SHAPE), first=4, last=39, floor=np.zeros(40), looks=looks,
                        model_error=error, first_return=np.full(6, 1.0), bin_width=0.1)
 
 
+PRIORS = {"a": Prior(deviation=1.0)}
+
+
 def test_answer_and_information_are_those_of_least_squares_with_the_prior():
     line, looks = Line(), 1e5
     seen = line.value({"a": np.array([0.3, -0.2, 0.5])}) * (1 + 1e-3 * np.random.default_rng(1).standard_normal(480))
-    fit = fit_image(line, record(seen, looks), line, [Stage(bins=1, steps=6)], modes=3)
+    fit = fit_image(line, record(seen, looks), PRIORS, [Stage(bins=1, steps=6)], first=1, modes=3)
     counts = (np.arange(480) % 40 >= 4)
     weight = np.sqrt(looks) / line.middle * counts
     scaled = weight[:, None] * line.matrix
     expected = np.linalg.solve(scaled.T @ scaled + np.eye(3), scaled.T @ (weight * (seen - line.middle)))
-    assert unknowns_of(fit) == pytest.approx(expected, abs=5e-3)
-    information, vectors = spread_of(fit)
+    assert fit.values["a"] == pytest.approx(expected, abs=5e-3)
+    information, vectors = fit.observability.singular_values ** 2, fit.observability.seen
     assert information == pytest.approx(np.linalg.eigvalsh(scaled.T @ scaled)[::-1], rel=5e-3)
     assert vectors @ vectors.T == pytest.approx(np.eye(3), abs=1e-9)
 
 
 def test_the_first_stage_moves_the_first_unknowns_alone():
     line = Line()
-    fit = fit_image(line, record(line.value({"a": np.ones(3)})), line, [Stage(bins=2, steps=3, first_only=True)])
-    z = unknowns_of(fit)
+    fit = fit_image(line, record(line.value({"a": np.ones(3)})), PRIORS,
+                    [Stage(bins=2, steps=3, first_only=True)], first=1)
+    z = fit.values["a"]
     assert z[0] != 0 and not z[1:].any()
 
 
 def test_a_fit_of_stages_that_is_stopped_goes_on_to_the_same_answer(tmp_path):
     line, stages = Line(), [Stage(bins=4, steps=2, products=1, first_only=True), Stage(bins=2, steps=3, products=1)]
     seen = record(line.value({"a": np.array([0.3, -0.2, 0.5])}), 1e6)
-    whole, steps = fit_image(line, seen, line, stages), []
+    whole, steps = fit_image(line, seen, PRIORS, stages, first=1), []
 
     def stopped(done, total):
         steps.append((done, total))
@@ -88,37 +83,26 @@ def test_a_fit_of_stages_that_is_stopped_goes_on_to_the_same_answer(tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        fit_image(line, seen, line, stages, state_file=tmp_path / "state.npz", told=stopped)
-    again = fit_image(line, seen, line, stages, state_file=tmp_path / "state.npz", told=stopped)
-    assert np.array_equal(unknowns_of(again), unknowns_of(whole)) and np.array_equal(again.cost, whole.cost)
+        fit_image(line, seen, PRIORS, stages, first=1, state_file=tmp_path / "state.npz", told=stopped)
+    again = fit_image(line, seen, PRIORS, stages, first=1, state_file=tmp_path / "state.npz", told=stopped)
+    assert np.array_equal(again.values["a"], whole.values["a"]) and np.array_equal(again.cost, whole.cost)
     assert steps[2][0] == 3 and steps[2][1] == 5 and again.iterations == whole.iterations
     with pytest.raises(ValueError, match="the state of another fit"):
-        fit_image(line, seen, line, stages[1:], state_file=tmp_path / "state.npz")
+        fit_image(line, seen, PRIORS, stages[1:], first=1, state_file=tmp_path / "state.npz")
 
 
 def test_speckle_does_not_bias_a_level():
     """Of 432 bins of one look the mean's deviation is 1 / √432 = 4.8 %; the logarithm's would be off by 44 %."""
     class Level(Line):
-        size = 1
-
         def __init__(self):
             super().__init__()
             self.matrix, self.start = np.ones((480, 1)), {"a": np.zeros(1)}
             self.middle = np.ones(480)
 
     level = Level()
-    means = [unknowns_of(fit_image(level, record(np.random.default_rng(seed).exponential(1.5, 480), 1.0), level,
-                                   [Stage(bins=4, steps=5)]))[0] for seed in range(8)]
+    means = [fit_image(level, record(np.random.default_rng(seed).exponential(1.5, 480), 1.0), PRIORS,
+                       [Stage(bins=4, steps=5)], first=1).values["a"][0] for seed in range(8)]
     assert np.mean(means) == pytest.approx(0.5, abs=4 * 1.5 * 0.048 / np.sqrt(8))
-
-
-def test_a_field_and_its_transpose_agree_and_its_deviation_is_that_of_draws():
-    field = SmoothField((9, 7), (1.0, 2.0), deviation=0.3, length=2.0, level=0.5, slope=0.1)
-    draw = np.random.default_rng(0)
-    z, w = draw.standard_normal(field.size), draw.standard_normal((9, 7))
-    assert np.sum(field.of(z) * w) == pytest.approx(z @ field.transposed(w), rel=1e-12)
-    columns = np.stack([field.of(row) for row in np.eye(field.size)])
-    assert field.prior_deviation() == pytest.approx(np.sqrt((columns ** 2).sum(0)), rel=1e-12)
 
 
 def test_vertices_that_stand_on_no_grid_are_refused():
@@ -136,8 +120,8 @@ def image(sonar="sidescan", shape=(6, 2, 40)):
 
 
 @pytest.mark.parametrize("given, message", [
-    (image("multibeam"), "record is one of multibeam; give the image of a sidescan"),
-    (image(shape=(5, 2, 40)), "5 pings, 2 sides and 40 bins, and the scene's sonar makes 6, 2 and 40"),
+    (image("multibeam"), "of a sonar of the kind multibeam, and the scene's is sidescan"),
+    (image(shape=(5, 2, 40)), "5 x 2 x 40 pings, rows and bins, and the scene's sonar makes 6 x 2 x 40"),
     (image().where(image().level.ping > 0), "missing or not finite")])
 def test_records_that_do_not_fit_are_refused_in_a_sentence(given, message):
     with pytest.raises(ValueError, match=message):

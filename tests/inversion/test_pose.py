@@ -11,7 +11,7 @@ import pytest
 
 from mitsonar.inversion.images.image_fit import Stage
 from mitsonar.inversion.images.image_record import saturated
-from mitsonar.inversion.images.pose import PosePrior, PoseUnknowns, fit_pose, searched
+from mitsonar.inversion.images.pose import PosePrior, Turned, fit_pose, searched
 from mitsonar.inversion.images.scene_fit import _model
 from scenes import SCENE, looked, model
 
@@ -33,8 +33,7 @@ def box(folder, **parameters):
 def test_a_box_is_found_where_it_lies_and_how_it_is_turned(tmp_path):
     data = box(tmp_path, rays=15000, speckle="true")
     parameters = mi.traverse(data)
-    unknowns = PoseUnknowns(np.array(parameters[BOX]).reshape(-1, 3), BOX, PosePrior())
-    moved = unknowns.values(TRUE / unknowns.deviation)[BOX]
+    moved = Turned(BOX).bound(np.array(parameters[BOX]).reshape(-1, 3), "m").inner(TRUE)
     parameters[BOX] = mi.Float(moved.ravel().astype(np.float32))
     parameters.update()
     fit = fit_pose(model(box(tmp_path, rays=3000), BOX), looked(data, 4), BOX, looks=4, farthest=21,
@@ -65,27 +64,14 @@ def test_a_ball_is_found_where_it_lies(tmp_path):
 def test_motions_and_their_transpose_are_those_of_differences():
     draw = np.random.default_rng(0)
     start, z, v, w = draw.standard_normal((8, 3)), *draw.standard_normal((2, 6)), draw.standard_normal((8, 3))
-    unknowns = PoseUnknowns(start, BOX, PosePrior())
-    up, down = (unknowns.values(z + sign * 1e-4 * v)[BOX] for sign in (1, -1))
-    pushed = unknowns.pushed(z, v)[BOX]
+    turned = Turned(BOX).bound(start, "m")
+    up, down = (turned.inner(z + sign * 1e-4 * v) for sign in (1, -1))
+    pushed = turned.push(z, v)
     assert pushed == pytest.approx((up - down) / 2e-4, abs=1e-6)
-    assert np.sum(pushed * w) == pytest.approx(v @ unknowns.pulled(z, {BOX: w}), rel=1e-9)
-
-
-def test_strengths_and_the_track_move_beside_the_pose():
-    draw = np.random.default_rng(1)
-    start, strength, track = draw.standard_normal((8, 3)), "sand.strength", "sonar.position_offset"
-    unknowns = PoseUnknowns(start, BOX, PosePrior(), {strength: np.array([0.02])}, (track, 30))
-    z, v = 0.3 * draw.standard_normal((2, unknowns.size))
-    w = {key: draw.standard_normal(value.shape) for key, value in unknowns.values(z).items()}
-    up, down = (unknowns.values(z + sign * 1e-4 * v) for sign in (1, -1))
-    pushed = unknowns.pushed(z, v)
-    for key in (BOX, strength, track):
-        assert pushed[key] == pytest.approx((up[key] - down[key]) / 2e-4, abs=1e-6)
-    assert sum(np.sum(pushed[key] * w[key]) for key in w) == pytest.approx(v @ unknowns.pulled(z, w), rel=1e-9)
-    assert unknowns.size < 6 + 1 + 3 * 30                   # offsets alike over 5 pings are fewer numbers than pings
-    drawn = [unknowns.values(one)[track] for one in draw.standard_normal((400, unknowns.size))]
-    assert np.std(drawn) == pytest.approx(0.05, rel=0.05)
+    assert np.sum(pushed * w) == pytest.approx(v @ turned.pull(z, w), rel=1e-9)
+    # yaw first, then pitch, then roll: R_z R_y R_x
+    about = turned.inner(np.array([0, 0, 0, np.pi / 2, 0, 0])) - start.min(0) / 2 - start.max(0) / 2
+    assert about[:, 0] == pytest.approx(-(start - start.min(0) / 2 - start.max(0) / 2)[:, 1])
 
 
 def test_a_search_finds_a_well_that_the_start_lies_outside_of():
@@ -116,6 +102,6 @@ def test_poses_that_cannot_be_are_refused(tmp_path):
     with pytest.raises(ValueError, match="box.vertex_positions has 72 values; give the key of a strength"):
         fit_pose(started, None, BOX, strengths=[BOX])
     with pytest.raises(ValueError, match="are 0 dB and 0.05 m, alike over 5 pings"):
-        PoseUnknowns(np.zeros((3, 3)), BOX, PosePrior(level_db=0))
+        PosePrior(level_db=0)
     with pytest.raises(ValueError, match="give six numbers, 0 or more"):
-        PoseUnknowns(np.zeros((3, 3)), BOX, PosePrior(place=(0, 0, 0), angles=(0, 0, 0)))
+        PosePrior(place=(0, 0, 0), angles=(0, 0, 0))

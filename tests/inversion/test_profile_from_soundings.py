@@ -109,8 +109,8 @@ def test_a_roll_of_the_array_is_found_where_it_is_allowed():
 def test_all_of_it_is_in_the_dataset(sloping, level):
     one = sloping.to_dataset()
     assert one["sound_speed"].attrs["units"] == "m/s" and one.sizes["node"] == NODES.size
-    assert one.attrs["verdict"] == sloping.verdict and "rival_sound_speed" not in one
-    assert "rival_sound_speed" in level.to_dataset()
+    assert one.attrs["observable"] == sloping.verdict and "sound_speed_rival" not in one
+    assert "sound_speed_rival" in level.to_dataset()
 
 
 @pytest.mark.parametrize(("options", "message"), [

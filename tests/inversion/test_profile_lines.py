@@ -6,7 +6,7 @@ import pytest
 
 from mitsonar.inversion.profile.profile import fit_lines, nodes_over
 from mitsonar.plots.canvas import save
-from mitsonar.plots.sheets.profile_fit import profile_fit_figure
+from mitsonar.plots.sheets.fit_sheet import fit_figure
 from mitsonar.water import SoundSpeedProfile
 
 REAL = Path(__file__).resolve().parents[2] / "../shared/data/measured/multibeam/em710_122m.all"
@@ -29,10 +29,11 @@ def test_a_real_line_alone_tells_no_profile(fitted):
 
 
 def test_its_picture_is_drawn(fitted, tmp_path):
-    save(profile_fit_figure(fitted.to_dataset(), SoundSpeedProfile.constant(1480.0)), tmp_path / "fit.png")
+    answer = fitted.to_dataset()
+    save(fit_figure(answer.assign(sound_speed_truth=answer["sound_speed_start"])), tmp_path / "fit.png")
     assert (tmp_path / "fit.png").stat().st_size > 10_000
-    with pytest.raises(ValueError, match="needs told, which the dataset has not"):
-        profile_fit_figure(fitted.to_dataset().drop_vars("told"))
+    with pytest.raises(ValueError, match="no answer of a fit"):
+        fit_figure(answer.drop_vars("sound_speed_deviation"))
 
 
 def test_nodes_run_from_the_head_to_the_deepest_sounding():

@@ -3,9 +3,9 @@ import numpy as np
 import pytest
 from closed_models import Exponential
 
-from mitsonar.inversion import LBFGS, Adam, Classes, Gamma, Gaussian, GaussNewton, Prior, Stopping, fit
+from mitsonar.inversion import LBFGS, Classes, Gamma, Gaussian, Prior, Stopping, TrustRegion, fit
 
-METHODS = {"gauss_newton": GaussNewton(inner=3), "adam": Adam(gradients=3), "lbfgs": LBFGS(gradients=2)}
+METHODS = {"trust_region": TrustRegion(inner=3), "lbfgs": LBFGS(gradients=2)}
 PRIORS = {"x": Prior(deviation=1.0)}
 STOPPING = Stopping(iterations=5, noise=None, fall=0.0)
 

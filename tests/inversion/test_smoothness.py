@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from mitsonar.inversion.fit.smoothness import grid_root, independent_root, mesh_root
+from mitsonar.inversion.fit.smoothness import covariance_root, grid_root, independent_root, mesh_root
 
 
 def _mesh(count, step):
@@ -18,14 +18,26 @@ def _covariance(root, count):
 
 
 ROOTS = {"independent": lambda d: independent_root(d), "grid": lambda d: grid_root((12, 12), (0.5, 0.5), 1.0, d),
-         "mesh": lambda d: mesh_root(*_mesh(12, 0.5), 1.0, d)}
+         "mesh": lambda d: mesh_root(*_mesh(12, 0.5), 1.0, d),
+         "tilted": lambda d: grid_root((12, 12), (0.5, 0.5), 1.0, d, (0.7, 0.1)),
+         "written out": lambda d: covariance_root(np.diag(d ** 2))}
 
 
 @pytest.mark.parametrize("kind", ROOTS)
 def test_every_node_has_the_deviation_asked_for(kind):
     deviation = np.linspace(0.5, 2, 144)
-    covariance = _covariance(ROOTS[kind](deviation), 144)
-    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), deviation, rtol=1e-10)
+    root = ROOTS[kind](deviation)
+    if kind == "tilted":                               # of the mean 0.7, of slopes 0.1 a metre, beside what bends
+        at = 0.5 * (np.arange(12) - 5.5)
+        plane = 0.7 ** 2 + 0.01 * (at[:, None] ** 2 + at ** 2).ravel()
+        deviation = np.sqrt(deviation ** 2 + plane)
+    np.testing.assert_allclose(np.sqrt(np.diag(_covariance(root, 144))), deviation, rtol=1e-10)
+    np.testing.assert_allclose(root.deviation, deviation, rtol=1e-10)
+
+
+def test_numbers_of_no_deviation_stand_still():
+    root = independent_root(np.array([0.0, 2.0, 0.0]))
+    assert root.size == 1 and root.forward(np.ones(1)).tolist() == [0, 2, 0]
 
 
 def test_deviations_on_a_large_mesh_are_those_asked_for_within_a_few_hundredths():
@@ -39,7 +51,8 @@ def test_deviations_on_a_large_mesh_are_those_asked_for_within_a_few_hundredths(
 @pytest.mark.parametrize("kind", ROOTS)
 def test_transposes_are_transposes(kind):
     rng = np.random.default_rng(0)
-    root, z, x = ROOTS[kind](np.linspace(0.5, 2, 144)), rng.standard_normal(144), rng.standard_normal(144)
+    root, x = ROOTS[kind](np.linspace(0.5, 2, 144)), rng.standard_normal(144)
+    z = rng.standard_normal(root.size)
     assert root.forward(z) @ x == pytest.approx(z @ root.transpose(x), rel=1e-12)
 
 

@@ -1,19 +1,22 @@
 """The picture of a fit: maps and numbers, with the truth beside them where it is known."""
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
 
-from mitsonar.inversion.fit.answer import named
+from mitsonar.inversion.fit.answer import FittedParameter, named
 from mitsonar.plots.sheets.fit_sheet import fit_figure
 
 
 def answer():
     """Heights over five places east and four north, and a pose of six numbers."""
     values, numbers = np.outer(np.arange(5.0), np.ones(4)), np.arange(6.0)
-    variables = named("height", ("x", "y"), "m", value=values, start=0 * values, deviation=0 * values + 0.1,
-                      prior_deviation=0 * values + 1, resolved=0 * values + 0.9)
-    variables |= named("pose", ("number",), "m, rad", value=numbers, start=0 * numbers, deviation=numbers,
-                       prior_deviation=numbers, resolved=0 * numbers)
+    height = FittedParameter.still(0 * values, "m")
+    height = replace(height, value=values, uncertainty=0 * values + 0.1, prior_deviation=0 * values + 1,
+                     resolved=0 * values + 0.9)
+    pose = replace(FittedParameter.still(0 * numbers, "m, rad"), value=numbers, uncertainty=numbers)
+    variables = {**named("height", ("x", "y"), height), **named("pose", ("number",), pose)}
     return xr.Dataset(variables, {"x": np.arange(5.0), "y": np.arange(4.0)},
                       {"kind": "fit", "parameters": ["height", "pose"], "stopped": "it is done"})
 

@@ -11,6 +11,7 @@ so that nothing else counts. What is measured with a replica of another Doppler 
 """
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -44,7 +45,7 @@ class ArrivalModel:
 
     def __init__(self, track: Track, receive: np.ndarray, transmit: np.ndarray, targets: np.ndarray,
                  profile: SoundSpeedProfile, *, duration: float, keys: Sequence[str] = tuple(UNITS)):
-        self._track, self._profile = track, profile
+        self._track, self._profile, self._coupling = track, profile, 0.0
         receive, targets = (np.asarray(some, float) for some in (receive, targets))
         transmit = np.asarray(transmit, float)
         for name, value in (("receive", receive), ("targets", targets), ("transmit", transmit[None])):
@@ -54,6 +55,7 @@ class ArrivalModel:
             if key not in UNITS:
                 raise ValueError(f"{key!r} is no parameter of arrivals{meant(key, list(UNITS))}; there are "
                                  f"{', '.join(UNITS)}")
+        self._latest: list = []            # values and their arrivals, which a fit asks for more than once
         pings = track.pings
         self.shape = pings, len(targets), len(receive)
         self._all = {"rx_position": receive, "rx_delay": np.zeros(len(receive)), "tx_position": transmit,
@@ -75,20 +77,20 @@ class ArrivalModel:
         """Return the times (P K E,) [s]; see `ForwardModel.value`."""
         return self.arrivals(values).time.ravel()
 
-    def linearised(self, values: Values, coupling: float = 0.0) -> ArrivalJacobian:
+    def linearised(self, values: Values) -> ArrivalJacobian:
         """Return the times with their Jacobian; see `ForwardModel.linearised`."""
-        return ArrivalJacobian(self.arrivals(values, coupling), self.start)
+        return ArrivalJacobian(self.arrivals(values), self.start)
+
+    def coupled(self, coupling: float) -> ArrivalModel:
+        """Return the same model, with times that are off by a ``coupling`` [s] for Doppler factors that are off."""
+        other = copy.copy(self)
+        other._coupling = coupling
+        return other
 
     def doppler(self) -> np.ndarray:
         """Return the two-way Doppler factors (P, K) of echoes, at the start."""
         slower = self.arrivals(self.start).jacobian["position_offset"] @ self._velocity[:, None, :, None]
         return 1 / (1 + slower[..., 0].mean(-1))
-
-    def shaped(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the parameters of all their numbers one after the other."""
-        ends = np.cumsum([start.size for start in self.start.values()])
-        return {name: part.reshape(start.shape) for (name, start), part in
-                zip(self.start.items(), np.split(numbers, ends[:-1]))}
 
     def checked(self, values: Values) -> dict[str, np.ndarray]:
         """Return values of all parameters, those left out as at the start."""
@@ -100,20 +102,21 @@ class ArrivalModel:
                 raise ValueError(f"{name} has the shape {np.shape(value)}; give it {self.start[name].shape}")
         return {name: np.asarray(values.get(name, start), float) for name, start in self._all.items()}
 
-    def arrivals(self, values: Values, coupling: float = 0.0) -> Arrivals:
+    def arrivals(self, values: Values) -> Arrivals:
         """Return the times and their derivatives."""
-        # coupling [s]
         at = self.checked(values)
-        parts = [self._of_ping(ping, at) for ping in range(self.shape[0])]
+        if not self._latest or any(np.any(at[name] != value) for name, value in self._latest[0][0].items()):
+            self._latest[:] = [(at, [self._of_ping(ping, at) for ping in range(self.shape[0])])]
+        parts = self._latest[0][1]
         time = np.stack([part[0] for part in parts])
         if not np.isfinite(time).all():
             ping, target, element = np.argwhere(~np.isfinite(time))[0]
             raise ValueError(f"no ray leads from target {target} to element {element} at ping {ping}; leave it out")
         jacobian = {name: np.stack([part[1][name] for part in parts]) for name in UNITS}
-        if coupling:
+        if self._coupling:
             slower = jacobian["position_offset"]
-            time = time + coupling * np.sum(slower * at["velocity_offset"][:, None, None], -1)
-            jacobian["velocity_offset"] = jacobian["velocity_offset"] + coupling * slower
+            time = time + self._coupling * np.sum(slower * at["velocity_offset"][:, None, None], -1)
+            jacobian["velocity_offset"] = jacobian["velocity_offset"] + self._coupling * slower
         return Arrivals(time=time, jacobian={name: jacobian[name] for name in self.start})
 
     def _of_ping(self, ping: int, at: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray]]:

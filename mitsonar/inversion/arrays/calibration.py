@@ -1,11 +1,11 @@
 """Calibration of an array from the echoes of point targets: where elements are, how late and how strong they hear.
 
-    x̂ = argmin Σ ρ((t - t(x)) / σ_t) + |(x - x₀) / σ_x|²            Gauss-Newton on arrival times, ρ Huber's
-    Ĉ = (Jᵀ W J + P⁻¹)⁻¹,   observability: eigenvalues of S Jᵀ W J S,   S = diag σ_x,  P = S²
+    x̂ = argmin Σ ρ((t - t(x)) / σ_t) + |(x - x₀) / σ_x|²            `fit` on arrival times, ρ Huber's
 
-t -> first the times of envelopes, then those of phases, whose cycles the former fix. What is believed beforehand, σ_x,
+t -> first the times of envelopes, then those of phases, whose cycles the former fix; σ_t -> what peaks have by their
+noise, or what residuals have where that is more. What is believed beforehand, σ_x,
 settles what arrivals cannot tell: the array as a whole may be moved and turned against platform and targets. Directions
-whose eigenvalue is below 1 are told by it more than by the data. A channel's phase and its delay are one at one
+whose singular value is below 1 are told by it more than by the data. A channel's phase and its delay are one at one
 carrier, and stand in ``rx_delay``. Gains are ratios of elements, so that a level that is off does not matter.
 
 References
@@ -25,15 +25,21 @@ from mitsonar.sonar.pulses.pulse import Pulse
 from mitsonar.sonar.pulses.pulses import pulse_of
 from mitsonar.water.profile import SoundSpeedProfile
 
-from ..fit.answer import named
-from .arrival_model import UNITS, ArrivalModel
+from ..fit.answer import Answer, Fit, FittedParameter, named
+from ..fit.fitting import fit
+from ..fit.iteration import Stopping
+from ..fit.likelihood import Gaussian, Terms
+from ..fit.priors import Prior
+from ..fit.steps import TrustRegion
+from .arrival_model import OF, UNITS, ArrivalModel
 from .arrival_times import MeasuredArrivals, measured_arrivals
 
 # σ_x where none is given; 0 holds still
 BELIEVED = {"rx_position": 3e-3, "rx_delay": 1e-6, "tx_position": 0.0, "lever_arm": 0.0, "position_offset": 0.05,
             "attitude_offset": np.deg2rad(0.3), "velocity_offset": 0.2, "target_position": 0.1}
 HUBER = 2.5                        # deviations beyond which a time counts less
-ENVELOPES, PHASES = 4, 8           # steps of Gauss-Newton by each
+ENVELOPES, PHASES, STEPS = 3, 5, 2  # fits by each, whose deviations are found anew, and their steps
+LEAST_FALL = 1e-6                  # of the misfit, below which a fit stands still
 SPREAD = 3.0                       # deviations within which peaks are looked for
 LEAST = {"envelope": 1e-7, "phase": 5e-9}       # [s] of a deviation
 MOST_LEFT_OUT = 0.3                # of the pings, whose cycles are wrong
@@ -42,27 +48,20 @@ MOST_AMBIGUOUS = 0.05              # share of phases near half a cycle off, from
 RIGID = ("shift forward", "shift to starboard", "shift down", "roll", "pitch", "yaw")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Calibration:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Calibration(Answer):
     """What arrivals say of an array.
 
     Attributes
     ----------
-    values, start, uncertainty, believed : dict of arrays
-        By the parameters' names: found, at the start, deviations after and before.
-    units : dict of str
     gain, gain_uncertainty : (E,) [-]
         Of the receivers' channels, about a mean of 1.
-    singular_values : (unknowns,)
-        √ of the eigenvalues of the module's equation, falling: deviations before over those of data alone.
     rigid : dict of (float, float)
         Deviations [m] or [rad], before and after, of what moves or turns the receive array as a whole: `RIGID`.
     residual : (float, float) [s]
         Of arrivals by phase, after the envelopes and at the end: medians of magnitudes over 0.6745.
-    used : int
-        Arrivals that were measured,
-    asked : int
-        of so many.
+    used, asked : int
+        Arrivals that were measured, and that were looked for.
     ambiguous : float [-]
         Share of the phases that are more than a quarter of a cycle off.
     slipped : int
@@ -71,14 +70,8 @@ class Calibration:
         Pings that were left out because of that.
     """
 
-    values: dict[str, np.ndarray]
-    start: dict[str, np.ndarray]
-    uncertainty: dict[str, np.ndarray]
-    believed: dict[str, np.ndarray]
-    units: dict[str, str]
     gain: np.ndarray
     gain_uncertainty: np.ndarray
-    singular_values: np.ndarray
     rigid: dict[str, tuple[float, float]]
     residual: tuple[float, float]
     used: int
@@ -88,14 +81,14 @@ class Calibration:
     left_out: np.ndarray
 
     @property
-    def effective(self) -> float:
-        """Number of unknowns that data tell: Σ λ / (1 + λ)."""
-        power = self.singular_values ** 2
-        return float(np.sum(power / (1 + power)))
+    def singular_values(self) -> np.ndarray:
+        """Deviations before over those of data alone, by direction, falling."""
+        return self.observability.singular_values
 
-    def resolved(self, name: str) -> np.ndarray:
-        """Return the share of a parameter's doubt that data have taken: 1 - variance after / before."""
-        return 1 - (self.uncertainty[name] / np.maximum(self.believed[name], 1e-300)) ** 2
+    @property
+    def effective(self) -> float:
+        """Number of unknowns that data tell."""
+        return self.observability.effective
 
     def sentences(self) -> list[str]:
         """Say what was observable."""
@@ -119,20 +112,16 @@ class Calibration:
 
     def to_dataset(self) -> xr.Dataset:
         """Return it as a dataset, by the names of `Fit.to_dataset`: each parameter with its start and deviations."""
-        dims = {"rx_position": ("rx", "axis"), "rx_delay": ("rx",), "tx_position": ("axis",), "lever_arm": ("axis",),
-                "position_offset": ("ping", "axis"), "attitude_offset": ("ping", "angle"),
-                "velocity_offset": ("ping", "axis"), "target_position": ("target", "axis")}
-        found = {}
-        for name in self.values:
-            found |= named(name, dims[name], self.units[name], value=self.values[name], start=self.start[name],
-                           deviation=self.uncertainty[name], prior_deviation=self.believed[name],
-                           resolved=self.resolved(name))
-        found["rx_gain"] = (("rx",), self.gain, {"units": "1"})
-        found["rx_gain_deviation"] = (("rx",), self.gain_uncertainty, {"units": "1"})
-        found["singular_value"] = (("unknown",), self.singular_values, {"units": "1"})
-        free = [name for name, deviation in self.believed.items() if np.any(deviation > 0)]
-        return xr.Dataset(found, attrs={"kind": "fit", "parameters": free, "observable": " ".join(self.sentences()),
-                                        "residual_before": self.residual[0], "residual_after": self.residual[1]})
+        variables = {}
+        for name, one in self.parameters.items():
+            last = () if name == "rx_delay" else ("angle",) if name == "attitude_offset" else ("axis",)
+            variables |= named(name, (*filter(None, [OF[name]]), *last), one)
+        variables["rx_gain"] = (("rx",), self.gain, {"units": "1"})
+        variables["rx_gain_deviation"] = (("rx",), self.gain_uncertainty, {"units": "1"})
+        variables["singular_value"] = (("unknown",), self.singular_values, {"units": "1"})
+        free = [name for name, one in self.parameters.items() if one.prior_deviation.any()]
+        return xr.Dataset(variables, attrs={"kind": "fit", "parameters": free, "observable": " ".join(self.sentences()),
+                                            "residual_before": self.residual[0], "residual_after": self.residual[1]})
 
 
 def calibrated(signals: xr.DataArray, targets: np.ndarray, profile: SoundSpeedProfile, *,
@@ -164,7 +153,8 @@ def calibrated(signals: xr.DataArray, targets: np.ndarray, profile: SoundSpeedPr
     model, pulse, time = _model(signals, np.atleast_2d(np.asarray(targets, float)), profile, transmit)
     doubt = _deviations(model, believed or {})
     jacobian, free = model.linearised(model.start), np.concatenate([np.ravel(part) for part in doubt.values()])
-    reach = SPREAD * _reach(jacobian.dense(), free).reshape(model.shape).max(-1)
+    # deviations of predicted times
+    reach = SPREAD * np.sqrt(jacobian.dense() ** 2 @ free ** 2).reshape(model.shape).max(-1)
     heard = measured_arrivals(np.asarray(signals.values)[:, 0], time, pulse, float(signals.attrs["sampling_rate"]),
                               predicted=jacobian.value.reshape(model.shape), doppler=model.doppler(), reach=reach)
     return found(model, heard, doubt, couplings=_couplings(pulse))
@@ -174,58 +164,82 @@ def found(model: ArrivalModel, heard: MeasuredArrivals, believed: dict[str, np.n
           couplings: Mapping[str, float] | None = None) -> Calibration:
     """Fit a model's parameters to measured arrivals."""
     coupling = {"envelope": 0.0, "phase": 0.0, **(couplings or {})}
-    free = np.concatenate([np.ravel(part) for part in believed.values()])
-    unknown = np.flatnonzero(free > 0)
-    prior = free[unknown]
-    start = np.concatenate([np.ravel(part) for part in model.start.values()])
-    seen = np.isfinite(heard.time).ravel()
+    priors = {name: Prior(deviation=part) for name, part in believed.items() if part.any()}
+    if not priors:
+        raise ValueError("all parameters are believed to be right, with deviations of 0; leave some free")
+    models = {kind: model.coupled(by) for kind, by in coupling.items()}
+    seen, left_out = np.isfinite(heard.time), np.zeros(model.shape[0], bool)
     if seen.sum() < 3 * model.shape[2] or seen.sum() < 0.1 * seen.size:
         raise ValueError(f"echoes of the targets were found in {seen.sum()} of {seen.size} places; give places and "
                          "deviations that hold them, and targets that stand out and apart")
-    if not len(unknown):
-        raise ValueError("all parameters are believed to be right, with deviations of 0; leave some free")
 
-    def system(at: np.ndarray, kind: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Residuals [s], their weights, and the Jacobian by unknowns in deviations."""
-        jacobian = model.linearised(model.shaped(at), coupling[kind])
-        residual, deviation = _residual(heard, jacobian.value.reshape(model.shape), kind, seen)
-        return residual, _weights(residual / deviation) / deviation ** 2, jacobian.dense()[seen][:, unknown] * prior
+    def fitted(kind: str, near: Fit | None, seen: np.ndarray, directions: int = 1) -> Fit:
+        """The most probable values by envelopes or phases, from a fit or the start on."""
+        before = models[kind].value({} if near is None else near.values)
+        likelihood = TimesLikelihood(heard, kind, seen, before)
+        return fit(models[kind], likelihood, priors, method=TrustRegion(whole=True), directions=directions,
+                   stopping=Stopping(iterations=STEPS, noise=None, fall=LEAST_FALL),
+                   begin=None if near is None else lambda: near.unknowns)
 
-    def stepped(at: np.ndarray, kind: str, steps: int) -> np.ndarray:
-        """Steps of Gauss-Newton."""
-        for _ in range(steps):
-            residual, weight, matrix = system(at, kind)
-            normal = matrix.T @ (weight[:, None] * matrix) + np.eye(len(unknown))
-            pull = matrix.T @ (weight * residual) - (at - start)[unknown] / prior
-            at = at.copy()
-            at[unknown] += prior * np.linalg.solve(normal, pull)
-        return at
+    def residuals(answer: Fit) -> np.ndarray:
+        predicted = models["phase"].value(answer.values)
+        return TimesLikelihood(heard, "phase", seen, predicted).residual(predicted)
 
-    left_out = np.zeros(model.shape[0], bool)
     while True:
-        rough = stepped(start, "envelope", ENVELOPES)
-        at = stepped(rough, "phase", PHASES)
-        envelopes = model.linearised(model.shaped(at), coupling["envelope"]).value.reshape(model.shape)
-        slipped = _slipped(heard, envelopes) & ~left_out[:, None]
+        rough = fitted("envelope", None, seen)
+        for _ in range(ENVELOPES - 1):
+            rough = fitted("envelope", rough, seen)
+        answer = rough
+        for number in range(PHASES):               # all that is told is looked at by the last alone
+            answer = fitted("phase", answer, seen, seen.size if number + 1 == PHASES else 1)
+        envelopes = models["envelope"].value(answer.values).reshape(model.shape)
+        slipped = _slipped(heard, np.where(seen, envelopes, np.nan)) & ~left_out[:, None]
         # a ping on another cycle bends all else: the others are asked again without it
         if not slipped.any() or left_out.sum() + slipped.any(1).sum() > MOST_LEFT_OUT * len(left_out):
             break
         left_out |= slipped.any(1)
-        seen = seen & np.repeat(~left_out, model.shape[1] * model.shape[2])
-    before = _spread(system(rough, "phase")[0])
-    residual, weight, matrix = system(at, "phase")
-    eigenvalues, vectors = np.linalg.eigh(matrix.T @ (weight[:, None] * matrix))
-    eigenvalues = np.maximum(eigenvalues, 0)
-    root = np.zeros((len(free), len(unknown)))
-    root[unknown] = prior[:, None] * vectors / np.sqrt(1 + eigenvalues)
+        seen = seen & ~left_out[:, None, None]
+    after = residuals(answer)
     gain, gain_doubt = _gains(heard)
+    whole = {name: answer.parameters.get(name) or FittedParameter.still(start, model.units[name])
+             for name, start in model.start.items()}
     return Calibration(
-        values=model.shaped(at), start=dict(model.start), uncertainty=model.shaped(np.linalg.norm(root, axis=1)),
-        believed=believed, units=model.units, gain=gain, gain_uncertainty=gain_doubt,
-        singular_values=np.sqrt(eigenvalues[::-1]), rigid=_rigid(model, root, free),
-        residual=(before, _spread(residual)), used=int(seen.sum()), asked=seen.size,
-        ambiguous=float(np.mean(np.abs(residual) * heard.frequency > 0.25)), slipped=int(slipped.sum()),
+        parameters=whole, observability=answer.observability, gain=gain, gain_uncertainty=gain_doubt,
+        rigid=_rigid(whole["rx_position"], answer.observability.singular_values),
+        residual=(_spread(residuals(rough)), _spread(after)), used=int(seen.sum()), asked=seen.size,
+        ambiguous=float(np.mean(np.abs(after) * heard.frequency > 0.25)), slipped=int(slipped.sum()),
         left_out=left_out)
+
+
+class TimesLikelihood:
+    """Arrivals of envelopes, or of the phases nearest to what is predicted: see `Likelihood`.
+
+    Deviations are those of the peaks, or of residuals about times that were predicted before where these are more.
+    """
+
+    def __init__(self, heard: MeasuredArrivals, kind: str, seen: np.ndarray, before: np.ndarray):
+        self._heard, self._kind, self.counted = heard, kind, seen.ravel()
+        by = heard.bandwidth if kind == "envelope" else heard.frequency
+        deviation = np.maximum(np.where(seen, heard.deviation(by), 1.0), LEAST[kind]).ravel()
+        rest = self.residual(before) / deviation[self.counted]
+        self._deviation = deviation * max(1.0, _spread(rest))
+        self.expected = self._about(before).expected
+
+    def terms(self, predicted: np.ndarray) -> Terms:
+        """Return the misfit of times (N,); see `Likelihood.terms`."""
+        return self._about(predicted).terms(predicted)
+
+    def residual(self, predicted: np.ndarray) -> np.ndarray:
+        """Return by how much the times that count are late [s]."""
+        return (self._times(predicted) - predicted)[self.counted]
+
+    def _about(self, predicted: np.ndarray) -> Gaussian:
+        return Gaussian(np.where(self.counted, self._times(predicted), np.nan), self._deviation, robust=HUBER)
+
+    def _times(self, predicted: np.ndarray) -> np.ndarray:
+        times = self._heard.time if self._kind == "envelope" else self._heard.phase_time(
+            predicted.reshape(self._heard.time.shape))
+        return times.ravel()
 
 
 def _model(signals: xr.DataArray, targets: np.ndarray, profile: SoundSpeedProfile, transmit: np.ndarray):
@@ -269,31 +283,10 @@ def _deviations(model: ArrivalModel, believed: Mapping[str, float | np.ndarray])
     return found
 
 
-def _reach(jacobian: np.ndarray, deviation: np.ndarray) -> np.ndarray:
-    """Deviations [s] of predicted times."""
-    return np.sqrt(jacobian ** 2 @ deviation ** 2)
-
-
-def _residual(heard: MeasuredArrivals, predicted: np.ndarray, kind: str,
-              seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What times are later than predicted by, and their deviations [s]."""
-    if kind == "envelope":
-        times, deviation = heard.time, heard.deviation(heard.bandwidth)
-    else:
-        times, deviation = heard.phase_time(predicted), heard.deviation(heard.frequency)
-    return (times - predicted).ravel()[seen], np.maximum(deviation.ravel()[seen], LEAST[kind])
-
-
 def _slipped(heard: MeasuredArrivals, predicted: np.ndarray) -> np.ndarray:
     """At which pings (P, K) envelopes of a target are nearly half a cycle off where phases have been fitted."""
     off = np.ma.masked_invalid(heard.time - predicted)
     return np.ma.filled(np.abs(np.ma.median(off, axis=2)) * heard.frequency > SLIPPED, False)
-
-
-def _weights(residual: np.ndarray) -> np.ndarray:
-    """Huber's weights of residuals in deviations, which grow with what residuals really are."""
-    scale = max(1.0, _spread(residual))
-    return np.minimum(1.0, HUBER * scale / np.maximum(np.abs(residual), 1e-12)) / scale ** 2
 
 
 def _spread(residual: np.ndarray) -> float:
@@ -312,22 +305,14 @@ def _gains(heard: MeasuredArrivals) -> tuple[np.ndarray, np.ndarray]:
     return gain / gain.mean(), 1.2533 * np.std(level, 0) / np.sqrt(len(level)) * gain
 
 
-def _rigid(model: ArrivalModel, root: np.ndarray, believed: np.ndarray) -> dict[str, tuple[float, float]]:
+def _rigid(arms: FittedParameter, singular: np.ndarray) -> dict[str, tuple[float, float]]:
     """Deviations before and after of shifts and turns of the receive array as a whole."""
-    place = model.start["rx_position"] - model.start["rx_position"].mean(0)
-    begin, told = 0, {}
-    for name, start in model.start.items():
-        if name == "rx_position":
-            break
-        begin += start.size
-    index = begin + np.arange(place.size)
-    axes = np.eye(3)
+    place, axes, told = arms.start - arms.start.mean(0), np.eye(3), {}
     for which, name in enumerate(RIGID):
         move = np.broadcast_to(axes[which], place.shape) if which < 3 else np.cross(axes[which - 3], place)
         size = np.sum(move ** 2)
         if size < 1e-12:
             continue
-        functional = np.zeros(len(believed))
-        functional[index] = np.ravel(move) / size
-        told[name] = (float(np.linalg.norm(functional * believed)), float(np.linalg.norm(functional @ root)))
+        after = np.tensordot(arms.seen, move / size, 2) / np.sqrt(1 + singular[:len(arms.seen)] ** 2)
+        told[name] = float(np.linalg.norm(move / size * arms.prior_deviation)), float(np.linalg.norm(after))
     return told

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -51,31 +51,25 @@ class FittedParameter:
     probabilities: np.ndarray | None = None
     classes: tuple[float, ...] | None = None
 
+    @classmethod
+    def still(cls, start: np.ndarray, unit: str) -> FittedParameter:
+        """Return one that stood still."""
+        none, nothing = np.zeros(start.shape), np.zeros((0, *start.shape))
+        return cls(value=start, start=start, uncertainty=none, prior_deviation=none, resolved=none, seen=nothing,
+                   unseen=nothing, unit=unit)
+
+    def over(self, shape: tuple[int, ...], unit: str) -> FittedParameter:
+        """Return the same over another shape of as many numbers, in a unit."""
+        return replace(self, unit=unit, **{name: getattr(self, name).reshape(shape) for name in (
+            "value", "start", "uncertainty", "prior_deviation", "resolved")})
+
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Fit:
-    """What a fit found.
+class Answer:
+    """Parameters that were fitted."""
 
-    Attributes
-    ----------
-    parameters : dict[str, FittedParameter]
-    predicted : (N,) array
-        The record that the answer makes.
-    deviance, cost, step : (iterations + 1,) arrays
-        Deviance over what noise would have; misfit with priors; how far unknowns moved [prior deviations].
-    observability : Observability
-        Over all unknowns together, in the order of `parameters`.
-    stopped : str
-        Why it stopped.
-    """
-
-    parameters: dict[str, FittedParameter]
-    predicted: np.ndarray
-    deviance: np.ndarray
-    cost: np.ndarray
-    step: np.ndarray
-    observability: Observability
-    stopped: str
+    parameters: dict[str, FittedParameter]  # [str, FittedParameter]
+    observability: Observability  # over all unknowns together, in the order of `parameters`
 
     @property
     def values(self) -> dict[str, np.ndarray]:
@@ -96,6 +90,30 @@ class Fit:
     def resolved(self) -> dict[str, np.ndarray]:
         """Shares of prior variances that the record took away, by name."""
         return {name: one.resolved for name, one in self.parameters.items()}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Fit(Answer):
+    """What a fit found.
+
+    Attributes
+    ----------
+    predicted : (N,) array
+        The record that the answer makes.
+    deviance, cost, step : (iterations + 1,) arrays
+        Deviance over what noise would have; misfit with priors; how far unknowns moved [prior deviations].
+    stopped : str
+        Why it stopped.
+    unknowns : (n,) array
+        z of the answer, from which another fit may begin.
+    """
+
+    predicted: np.ndarray
+    deviance: np.ndarray
+    cost: np.ndarray
+    step: np.ndarray
+    stopped: str
+    unknowns: np.ndarray
 
     @property
     def iterations(self) -> int:
@@ -170,22 +188,21 @@ def told_of(name: str, resolved: np.ndarray, deviation: np.ndarray, unit: str) -
             f"{f' {unit}' if unit else ''} in the middle of them")
 
 
-def named(name: str, dims: tuple[str, ...], unit: str, *, value: np.ndarray, start: np.ndarray, deviation: np.ndarray,
-          prior_deviation: np.ndarray, resolved: np.ndarray) -> dict[str, tuple]:
+def named(name: str, dims: tuple[str, ...], one: FittedParameter) -> dict[str, tuple]:
     """Return a parameter's variables by the names that every fit's dataset has."""
-    measured = {"": value, "_start": start, "_deviation": deviation, "_prior_deviation": prior_deviation}
+    unit = one.unit or "1"
+    measured = {"": one.value, "_start": one.start, "_deviation": one.uncertainty,
+                "_prior_deviation": one.prior_deviation}
     return {**{name + what: (dims, some, {"units": unit}) for what, some in measured.items()},
-            f"{name}_resolved": (dims, resolved, {"units": "1"})}
+            f"{name}_resolved": (dims, one.resolved, {"units": "1"})}
 
 
 def _variables(name: str, one: FittedParameter) -> Iterator[tuple[str, tuple]]:
     """A parameter's variables of a dataset."""
     dims = tuple(f"{name}_{axis}" for axis in range(one.value.ndim))
-    unit = one.unit or "1"
-    yield from named(name, dims, unit, value=one.value, start=one.start, deviation=one.uncertainty,
-                     prior_deviation=one.prior_deviation, resolved=one.resolved).items()
-    yield f"{name}_seen", (("pattern", *dims), one.seen, {"units": unit})
-    yield f"{name}_unseen", (("unseen", *dims), one.unseen, {"units": unit})
+    yield from named(name, dims, one).items()
+    for kind, dim, patterns in (("seen", "pattern", one.seen), ("unseen", "unseen", one.unseen)):
+        yield f"{name}_{kind}", ((dim, *dims), patterns, {"units": one.unit or "1"})
     if one.labels is not None and one.probabilities is not None and one.classes is not None:
         yield f"{name}_class", (dims, one.labels, {"values": list(one.classes)})
         yield f"{name}_probability", ((*dims, f"{name}_classes"), one.probabilities, {"units": "1"})

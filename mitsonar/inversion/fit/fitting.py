@@ -1,6 +1,6 @@
 """Fit parameters of a model to a record: the most probable values, what they may be off, and what could be seen.
 
-    Φ(x) = ½ Σ D(y, F(x)) - ln p(x),       steps -> `gauss_newton` or `first_order`
+    Φ(x) = ½ Σ D(y, F(x)) - ln p(x),       steps -> `steps`
 
 y -> in the ``likelihood``; F -> ``model``; p -> ``priors``.
 """
@@ -15,18 +15,18 @@ from mitsonar.device.files import FilePath, check_writable
 from mitsonar.gradients.model import ForwardModel
 
 from .answer import Fit, FittedParameter
-from .gauss_newton import GaussNewton
 from .iteration import FitStage, Method, State, Stopping
 from .likelihood import Likelihood
 from .misfit import Misfit
 from .observability import Observability, observe
 from .priors import Prior
 from .saved_state import fingerprint, load_state, save_state
+from .steps import TrustRegion
 from .unknowns import Unknowns
 
 
 def fit(model: ForwardModel, likelihood: Likelihood, priors: Mapping[str, Prior], *, method: Method | None = None,
-        stopping: Stopping | None = None, earlier: Sequence[FitStage] = (), moves: np.ndarray | None = None,
+        stopping: Stopping | None = None, earlier: Sequence[FitStage] = (), first: int | None = None,
         directions: int = 40, seed: int = 0, begin: Callable[[], np.ndarray] | None = None,
         state_file: FilePath | None = None, about: str = "",
         progress: Callable[[float, float], object] | None = None) -> Fit:
@@ -40,11 +40,11 @@ def fit(model: ForwardModel, likelihood: Likelihood, priors: Mapping[str, Prior]
     priors : dict[str, Prior]
         Of the parameters that are fitted; others stay as at the start.
     method : Method, optional
-        Default: `GaussNewton`.
+        Default: `TrustRegion`.
     stopping : Stopping, optional
     earlier : sequence of FitStage
         Coarser fits that come first, one after the other.
-    moves : (n,) array of bool, optional
+    first : int, optional
         As of `FitStage`.
     directions : int
         In which to look at what the record tells; three products with the Jacobian each.
@@ -70,12 +70,12 @@ def fit(model: ForwardModel, likelihood: Likelihood, priors: Mapping[str, Prior]
         If a name is unknown, shapes do not fit, the model's derivatives forward and backward differ, or the state is of
         another fit.
     """
-    method, stopping = method or GaussNewton(), stopping or Stopping()
+    method, stopping = method or TrustRegion(), stopping or Stopping()
     if directions < 1:
         raise ValueError(f"the record is looked at in {directions} directions; give 1 or more")
     unknowns = Unknowns(model, priors)
-    stages = [*earlier, FitStage(model=model, likelihood=likelihood, method=method, stopping=stopping, moves=moves)]
-    misfits = [Misfit(one.model, one.likelihood, unknowns, one.moves) for one in stages]
+    stages = [*earlier, FitStage(model=model, likelihood=likelihood, method=method, stopping=stopping, first=first)]
+    misfits = [Misfit(one.model, one.likelihood, unknowns, one.first) for one in stages]
     mark = _mark(unknowns, stages, about, seed) if state_file is not None else ""
     if state_file is not None:
         check_writable(state_file)
@@ -101,7 +101,7 @@ def fit(model: ForwardModel, likelihood: Likelihood, priors: Mapping[str, Prior]
     expected = np.repeat([one.likelihood.expected for one in stages], np.diff([*state.begins, state.cost.size]))
     return Fit(parameters=_parameters(model, unknowns, state, look), predicted=np.asarray(final.predicted),
                deviance=state.deviance / expected, cost=state.cost, step=state.step, observability=look,
-               stopped=reason)
+               stopped=reason, unknowns=state.z)
 
 
 def _mark(unknowns: Unknowns, stages: Sequence[FitStage], about: str, seed: int) -> str:
@@ -109,8 +109,7 @@ def _mark(unknowns: Unknowns, stages: Sequence[FitStage], about: str, seed: int)
     mark = f"{about}\n{stages[-1].method!r}\n{seed}"
     for number, one in enumerate(reversed(stages)):
         if number:
-            moves = None if one.moves is None else np.flatnonzero(one.moves).tolist()
-            mark += f"\n{one.method!r}\n{one.stopping!r}\n{moves}"
+            mark += f"\n{one.method!r}\n{one.stopping!r}\n{one.first}"
         mark = fingerprint(unknowns, one.likelihood, mark)
     return mark
 

@@ -20,8 +20,7 @@ class State:
     deviance: np.ndarray  # of the record
     cost: np.ndarray  # of the record
     step: np.ndarray  # of the record
-    damping: float = 0.0  # of a Gauss-Newton step
-    memory: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))  # what a first-order method keeps
+    radius: float = 0.0  # how far the next step may go [prior deviations]
     stuck: bool = False  # no step lowered Φ
     begins: np.ndarray = field(default_factory=lambda: np.zeros(1, int))
 
@@ -48,7 +47,7 @@ class State:
     def onward(self, cost: Cost) -> State:
         """Go on to the next stage, whose misfit of the same z is another."""
         return replace(self, deviance=np.append(self.deviance[:-1], cost.deviance),
-                       cost=np.append(self.cost[:-1], cost.total), damping=0.0, memory=np.zeros((0, 0)), stuck=False,
+                       cost=np.append(self.cost[:-1], cost.total), radius=0.0, stuck=False,
                        begins=np.append(self.begins, self.iteration))
 
     def moved(self, z: np.ndarray, cost: Cost, **changes: Any) -> State:
@@ -134,4 +133,4 @@ class FitStage:
     likelihood: Likelihood  # with its record
     method: Method
     stopping: Stopping
-    moves: np.ndarray | None = None  # which of the unknowns z move
+    first: int | None = None  # only so many of the unknowns z move, the first of them

@@ -8,7 +8,7 @@ gamma distributed about its mean (Goodman, 1976, Some fundamental properties of 
 McCullagh and Nelder, 1989, table 2.1). Half the sum of D is the misfit. It is lowest at the truth on average; least
 squares of intensities is not, once it weighs bins by what they came out as, and of levels it is off by ψ(L) - ln L.
 
-A Gauss-Newton step needs each bin's slope ½ dD/dm and weight w, the expected curvature (Fisher's scoring). With
+A step needs each bin's slope ½ dD/dm and weight w, the expected curvature (Fisher's scoring). With
 ``robust`` = k, deviances beyond k² grow like their root (Huber, 1964), and weigh less.
 """
 from __future__ import annotations

@@ -28,13 +28,16 @@ class Cost:
     deviance: float  # Σ D, of the record alone
 
 
+NO_RECORD = Cost(total=np.inf, deviance=np.inf)
+
+
 class Misfit:
     """Φ of a model, a record and priors."""
 
     def __init__(self, model: ForwardModel, likelihood: Likelihood, unknowns: Unknowns,
-                 moves: np.ndarray | None = None):
+                 first: int | None = None):
         self.model, self.likelihood, self.unknowns = model, likelihood, unknowns
-        self.moves = np.ones(unknowns.size) if moves is None else np.asarray(moves, float)
+        self.moves = (np.arange(unknowns.size) < (unknowns.size if first is None else first)).astype(float)
         self._classed = [name for name in unknowns.names if unknowns.bound[name].classes is not None]
 
     def settled(self, iteration: int) -> bool:
@@ -46,6 +49,14 @@ class Misfit:
         values = self.unknowns.values(z)
         terms = self.likelihood.terms(self.model.value(values))
         return self._cost(z, terms, self._class_terms(values, iteration))
+
+    def tried(self, z: np.ndarray, iteration: int) -> Cost:
+        """Return Φ at z; infinite where the model makes no record of it."""
+        try:
+            cost = self.cost(z, iteration)
+        except ValueError:
+            return NO_RECORD
+        return cost if np.isfinite(cost.total) else NO_RECORD
 
     def about(self, z: np.ndarray, iteration: int, *, record_alone: bool = False) -> About:
         """Linearise at z, with the pull of classes or without; no other values may be asked of the model meanwhile."""
@@ -108,6 +119,13 @@ class About:
             count += root.size
         return self.moves * self._unknowns.pulled(self._slope, dx)
 
+    def matrix(self) -> np.ndarray:
+        """Return A whole, by a product an unknown."""
+        rows = np.empty((self.z.size, self.rest.size))       # each written as it is made
+        for row, unit in zip(rows, np.eye(self.z.size)):
+            row[:] = self.forward(unit)
+        return rows.T
+
     def gradient(self) -> np.ndarray:
         """Return dΦ/dz."""
         return self.moves * self.z - self.backward(self.rest)
@@ -132,14 +150,14 @@ class About:
     def prior_deviation(self) -> np.ndarray:
         """Deviations of q that the prior alone has, (n,)."""
         unknowns = self._unknowns
-        return unknowns.deviation / unknowns.slope(np.zeros(unknowns.size))
+        return np.concatenate([unknowns.bound[name].root.deviation for name in unknowns.names])
 
     def check(self, random: np.random.Generator) -> None:
         """Check that forward and backward are of one matrix, by each parameter alone: one that the record hears
         little of would not be noticed beside others.
         """
         dz, heard = random.standard_normal(self.z.size), False
-        for name, part in self._unknowns.parts.items():
+        for name, part in self._unknowns.pieces.items():
             alone = np.zeros_like(dz)
             alone[part] = dz[part]
             heard |= self._check_alone(name, alone)

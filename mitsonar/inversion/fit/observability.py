@@ -23,6 +23,7 @@ from .misfit import About
 PRODUCTS = 3                       # a direction, of the randomised way
 BLOCK = 2048                       # bins of a record that are looked at together
 SPARE = 8                          # probes beyond the directions
+TINY = 1e-150                      # for a deviation of 0
 UNSEEN = 6                         # patterns that are given
 
 
@@ -51,23 +52,21 @@ def observe(about: About, directions: int, seed: int) -> Observability:
     complete = size <= PRODUCTS * (directions + SPARE)
     values, right = _whole(about) if complete else _ranged(about, directions, seed)
     told = values ** 2 / (1 + values ** 2)
-    seen = np.stack([about.spread(one) for one in right]) if len(right) else np.zeros((0, size))
-    prior = about.prior_deviation ** 2
+    seen = np.stack([about.spread(one) for one in right])
+    prior = about.prior_deviation ** 2            # 0 of what stands still
     variance = np.maximum(prior - told @ seen ** 2, 0)
     unseen, share = _unseen(about, told, right)
+    resolved = np.where(prior > 0, np.clip(1 - variance / np.maximum(prior, TINY), 0, 1), 0)
     return Observability(singular_values=values, complete=complete, deviation=about.mapped(np.sqrt(variance)),
-                         resolved=np.clip(1 - variance / prior, 0, 1), seen=about.between_bounds(seen),
+                         resolved=resolved, seen=about.between_bounds(seen),
                          unseen=about.between_bounds(unseen), unseen_resolved=share)
 
 
 def _whole(about: About) -> tuple[np.ndarray, np.ndarray]:
     """All singular values, and right vectors in rows."""
-    columns = np.empty((about.z.size, about.rest.size))
-    for column, one in zip(columns, np.eye(about.z.size)):
-        column[:] = about.forward(one)
+    matrix = about.matrix()
     # the same values, without the record's length; block by block, so that only a block is copied
-    small = [np.linalg.qr(columns[:, begin:begin + BLOCK].T, mode="r")
-             for begin in range(0, columns.shape[1], BLOCK)]
+    small = [np.linalg.qr(matrix[begin:begin + BLOCK], mode="r") for begin in range(0, len(matrix), BLOCK)]
     _, values, right = np.linalg.svd(np.linalg.qr(np.concatenate(small), mode="r"))
     full = np.zeros(about.z.size)
     full[:values.size] = values
@@ -90,8 +89,8 @@ def _unseen(about: About, told: np.ndarray, right: np.ndarray) -> tuple[np.ndarr
     """Leading patterns of the posterior covariance of q, and the shares of them that are told."""
     from scipy.sparse.linalg import LinearOperator, eigsh
 
-    size = about.z.size
-    scale = about.prior_deviation                              # parameters of different units weigh alike
+    scale = np.maximum(about.prior_deviation, TINY)            # parameters of different units weigh alike
+    size = scale.size
 
     def covariance(q: np.ndarray) -> np.ndarray:
         z = about.gathered(np.ravel(q) / scale)

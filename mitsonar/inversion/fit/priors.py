@@ -2,7 +2,8 @@
 
     x = b(m + S z),     z ~ N(0, 1)
 
-m -> ``mean``; S -> a square root of the covariance, of ``deviation`` and ``length`` (`smoothness`); b -> bounds
+m -> ``mean``; S -> a square root of the covariance, of ``deviation``, ``length``, ``level`` and ``slope``, or of
+``covariance`` (`smoothness`); b -> bounds
 (`bounds`). A fit goes over z, in which all unknowns weigh alike: the prior is also the scale of steps.
 
 Bounds that a fit cannot cross, by a transformation: steps go through q, and x stays between.
@@ -20,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .classes import Classes
-from .smoothness import Root, grid_root, independent_root, mesh_root
+from .smoothness import Root, covariance_root, grid_root, independent_root, mesh_root
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,14 +88,19 @@ class Prior:
 
     Parameters
     ----------
-    deviation : float or array
-        About the mean, in the parameter's unit.
+    deviation : float or array, optional
+        About the mean, in the parameter's unit; numbers with a deviation of 0 stand still.
+    covariance : (n, n) array, optional
+        In its place, where it is written out.
     mean : float or array, optional
         Where a fit begins, too; default: the model's start.
     length : float [m], optional
         Over which neighbours belong together; default: they do not. Needs `spacing` or `vertices` and `faces`.
     spacing : tuple of float [m], optional
-        Between nodes along each axis of a parameter that is a grid.
+        Between nodes along each axis of a parameter that is a grid; infinite: they are independent along it.
+    level, slope : float, optional
+        Deviations of a grid's mean and of its slopes along each axis [1/m]; ``deviation`` is then of what bends. They
+        are the first of the unknowns.
     vertices, faces : (n, 3) arrays, optional
         The mesh of a parameter that has a number a vertex.
     lower, upper : float
@@ -108,10 +114,13 @@ class Prior:
         If a length has neither spacing nor mesh, or these have no length, or both are given.
     """
 
-    deviation: float | np.ndarray
+    deviation: float | np.ndarray = 0.0
     mean: float | np.ndarray | None = None
     length: float | None = None
     spacing: tuple[float, ...] | None = None
+    level: float | None = None
+    slope: float | None = None
+    covariance: np.ndarray | None = None
     vertices: np.ndarray | None = None
     faces: np.ndarray | None = None
     lower: float = -np.inf
@@ -126,6 +135,11 @@ class Prior:
             raise ValueError("a prior's length needs the nodes' spacing, or the mesh's vertices and faces: one of them")
         if self.length is None and ways:
             raise ValueError("a prior with nodes' spacing, or a mesh, needs a length; give it, or leave them out")
+        if (self.level is None) != (self.slope is None) or self.level is not None and self.spacing is None:
+            raise ValueError("a prior's plane needs level and slope both, and the nodes' spacing")
+        if not min(1.0 if one is None else one for one in (self.level, self.slope)) > 0:
+            raise ValueError(f"a prior's plane has the deviations {self.level:g} and {self.slope:g}; give numbers "
+                             "above 0")
         if not self.lower < self.upper:
             raise ValueError(f"a prior has the bounds {self.lower:g} and {self.upper:g}; give a lower and a higher one")
 
@@ -140,7 +154,9 @@ class Prior:
         """
         mean = self._flat(name, "mean", start if self.mean is None else self.mean, start)
         deviation = self._flat(name, "deviation", self.deviation, start)
-        if not (deviation > 0).all():
+        if self.covariance is not None:
+            deviation = np.sqrt(np.diag(self.covariance))
+        if not ((deviation >= 0).all() and deviation.any()) or self.length is not None and not deviation.all():
             raise ValueError(f"the prior of {name} has deviations that are not above zero; give what it may be off")
         outside = ~((mean > self.lower) & (mean < self.upper))
         if outside.any():
@@ -154,17 +170,21 @@ class Prior:
                              "or wider bounds")
         free = limits.free(mean)
         # the deviation asked for is that of x, about the mean
-        return BoundPrior(mean=free, root=self._root(name, start, deviation / limits.slope(free)),
-                          deviation=deviation, limits=limits, classes=self.classes)
+        root = self._root(name, start, deviation / limits.slope(free))
+        return BoundPrior(mean=free, root=root, deviation=root.deviation * limits.slope(free), limits=limits,
+                          classes=self.classes)
 
     def _root(self, name: str, start: np.ndarray, deviation: np.ndarray) -> Root:
+        if self.covariance is not None:
+            return covariance_root(self.covariance)
         if self.length is None:
             return independent_root(deviation)
         if self.spacing is not None:
             if len(self.spacing) != start.ndim:
                 raise ValueError(f"{name} has the shape {start.shape}, and its prior {len(self.spacing)} spacings; "
                                  "give one an axis")
-            return grid_root(start.shape, self.spacing, self.length, deviation)
+            plane = None if self.level is None or self.slope is None else (self.level, self.slope)
+            return grid_root(start.shape, self.spacing, self.length, deviation, plane)
         assert self.vertices is not None and self.faces is not None
         if len(self.vertices) != start.size:
             raise ValueError(f"{name} has {start.size} numbers, and the mesh of its prior {len(self.vertices)} "

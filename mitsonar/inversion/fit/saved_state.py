@@ -16,7 +16,7 @@ from .iteration import State
 from .likelihood import Likelihood
 from .unknowns import Unknowns
 
-ARRAYS = "z", "deviance", "cost", "step", "damping", "memory", "stuck", "begins"
+ARRAYS = "z", "deviance", "cost", "step", "radius", "stuck", "begins"
 MOST_STEPS = 100_000
 ROOM = 4096                        # bytes of an array's header
 
@@ -47,7 +47,7 @@ def load_state(path: FilePath, mark: str, size: int, stages: int = 1) -> State:
     wrong = f"cannot go on with {path}: it is no whole state of a fit; remove it, and begin anew"
     try:
         with zipfile.ZipFile(path) as archive:
-            if max((one.file_size for one in archive.infolist()), default=0) > 8 * (4 * size + MOST_STEPS) + ROOM:
+            if max((one.file_size for one in archive.infolist()), default=0) > 8 * (size + MOST_STEPS) + ROOM:
                 raise ValueError(wrong)
         with np.load(path, allow_pickle=False) as found:
             if str(found["mark"]) != mark:
@@ -62,12 +62,11 @@ def load_state(path: FilePath, mark: str, size: int, stages: int = 1) -> State:
         raise ValueError(wrong) from None
     steps = arrays["cost"].shape
     if arrays["z"].shape != (size,) or len(steps) != 1 or not steps[0] or arrays["deviance"].shape != steps \
-            or arrays["step"].shape != steps or arrays["memory"].shape not in ((0, 0), (2, size)) \
-            or not _begins(arrays["begins"], steps[0], stages) \
+            or arrays["step"].shape != steps or not _begins(arrays["begins"], steps[0], stages) \
             or not all(arrays[name].dtype.kind in "fbi" and np.isfinite(arrays[name]).all() for name in ARRAYS):
         raise ValueError(wrong)
     return State(z=arrays["z"], deviance=arrays["deviance"], cost=arrays["cost"], step=arrays["step"],
-                 damping=float(arrays["damping"]), memory=arrays["memory"], stuck=bool(arrays["stuck"]),
+                 radius=float(arrays["radius"]), stuck=bool(arrays["stuck"]),
                  begins=arrays["begins"])
 
 

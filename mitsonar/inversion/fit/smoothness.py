@@ -1,11 +1,13 @@
 """Square roots of smooth covariances, that are never written out: a grid's by cosines, a mesh's by its Laplacian.
 
-    grid    x = σ/s · Cᵀ (1 + l² k²)⁻¹ C z,       k² of each cosine, s its deviation at each node: x has exactly σ
+    grid    x = σ/s · Cᵀ (1 + l² k²)⁻¹ C z + P p,   k² of each cosine, s its deviation at each node: x has exactly σ
     mesh    x = σ/s · (M + l² K)⁻¹ M^½ z          M, K -> lumped masses and stiffness of linear triangles
 
 z -> independent numbers of deviation 1; l -> ``length``: in two dimensions the covariance is Matérn's of order 1,
 (d/l) K₁(d/l), 0.12 at d = 3 l (Lindgren, Rue and Lindström, 2011, J. R. Stat. Soc. B 73, eq. 2 and section 2.3).
-With no length, nodes are independent. A step by z's gradient is a step by a smoothed gradient (Nicolet, Jacobson and
+P p -> a tilted plane, where one is asked for; the constant of the cosines is then left out. With no length, nodes are
+independent. Power falls by k⁻⁴, that of seabeds by k⁻³ to k⁻⁴ (Jackson and Richardson, 2007, ch. 6): a prior that falls
+faster holds an answer off from them. A step by z's gradient is a step by a smoothed gradient (Nicolet, Jacobson and
 Jakob, 2021).
 """
 from __future__ import annotations
@@ -23,24 +25,38 @@ WIDEST = 1e4                       # cells that a length may span: beyond, all n
 Linear = Callable[[np.ndarray], np.ndarray]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Root:
     """A square root of a covariance: x = forward(z), and its transpose."""
 
-    forward: Linear  # of flat float64 arrays (n,)
-    transpose: Linear  # of flat float64 arrays (n,)
+    size: int  # of z
+    deviation: np.ndarray  # of x
+    forward: Linear  # of flat float64 arrays (size,) and (n,)
+    transpose: Linear  # of flat float64 arrays (size,) and (n,)
 
 
 def independent_root(deviation: np.ndarray) -> Root:
-    """Return that of independent numbers of deviations (n,)."""
-    def scaled(numbers: np.ndarray) -> np.ndarray:
-        return deviation * numbers
+    """Return the root of independent numbers of deviations (n,); those of 0 stand still, and have no z."""
+    free = np.flatnonzero(deviation)
 
-    return Root(forward=scaled, transpose=scaled)
+    def forward(numbers: np.ndarray) -> np.ndarray:
+        found = np.zeros(deviation.size)
+        found[free] = deviation[free] * numbers
+        return found
+
+    return Root(size=free.size, deviation=deviation, forward=forward, transpose=lambda x: (deviation * x)[free])
 
 
-def grid_root(shape: Sequence[int], spacing: Sequence[float], length: float, deviation: np.ndarray) -> Root:
-    """Return that of a grid of nodes."""
+def covariance_root(covariance: np.ndarray) -> Root:
+    """Return the root of a covariance (n, n) that is written out."""
+    lower = np.linalg.cholesky(0.5 * (covariance + covariance.T))
+    return Root(size=len(lower), deviation=np.sqrt(np.diag(covariance)), forward=lambda z: lower @ z,
+                transpose=lambda x: lower.T @ x)
+
+
+def grid_root(shape: Sequence[int], spacing: Sequence[float], length: float, deviation: np.ndarray,
+              plane: tuple[float, float] | None = None) -> Root:
+    """Return the root of a grid of nodes."""
     # spacing [m]; length [m]
     from scipy.fft import dctn, idctn
 
@@ -48,25 +64,33 @@ def grid_root(shape: Sequence[int], spacing: Sequence[float], length: float, dev
     if len(shape) != len(spacing):
         raise ValueError(f"a grid of {len(shape)} axes has {len(spacing)} spacings; give one for each")
     _check_length(length, min(spacing))
-    square, modes = np.zeros(shape), []
+    square, modes, slopes = np.zeros(shape), [], []
     for axis, (count, step) in enumerate(zip(shape, spacing)):
-        k = np.pi * np.arange(count) / (count * step)
-        square = square + (k ** 2).reshape([-1 if other == axis else 1 for other in range(len(shape))])
+        along = [-1 if other == axis else 1 for other in range(len(shape))]
+        square = square + ((np.pi * np.arange(count) / (count * step)) ** 2).reshape(along)
         phase = np.pi * np.outer(np.arange(count) + 0.5, np.arange(count)) / count
         modes.append((2 / count * np.cos(phase) ** 2) * np.where(np.arange(count) == 0, 0.5, 1))
-    filtered = 1 / (1 + length ** 2 * square)
+        if plane is not None and count > 1:
+            slopes.append(np.broadcast_to((step * (np.arange(count) - (count - 1) / 2)).reshape(along), shape).ravel())
+    filtered, tilted = 1 / (1 + length ** 2 * square), np.zeros((0, square.size))
+    if plane is not None:
+        filtered.flat[0] = 0                       # the plane's mean stands for it
+        tilted = np.stack([np.full(square.size, plane[0]), *(plane[1] * slope for slope in slopes)])
     variance = filtered ** 2
     for axis, mode in enumerate(modes):
         variance = np.moveaxis(np.tensordot(mode, variance, (1, axis)), 0, axis)
-    scale = deviation.reshape(shape) / np.sqrt(variance)
+    scale, first = deviation.reshape(shape) / np.sqrt(variance), len(tilted)
 
-    def forward(numbers: np.ndarray) -> np.ndarray:
-        return (scale * idctn(filtered * dctn(numbers.reshape(shape), norm="ortho"), norm="ortho")).ravel()
+    def forward(z: np.ndarray) -> np.ndarray:
+        waves = scale * idctn(filtered * dctn(z[first:].reshape(shape), norm="ortho"), norm="ortho")
+        return waves.ravel() + z[:first] @ tilted
 
-    def transpose(numbers: np.ndarray) -> np.ndarray:
-        return idctn(filtered * dctn(scale * numbers.reshape(shape), norm="ortho"), norm="ortho").ravel()
+    def transpose(x: np.ndarray) -> np.ndarray:
+        waves = idctn(filtered * dctn(scale * x.reshape(shape), norm="ortho"), norm="ortho")
+        return np.concatenate([tilted @ x, waves.ravel()])
 
-    return Root(forward=forward, transpose=transpose)
+    return Root(size=first + square.size, deviation=np.hypot(deviation, np.linalg.norm(tilted, axis=0)),
+                forward=forward, transpose=transpose)
 
 
 def mesh_root(vertices: np.ndarray, faces: np.ndarray, length: float, deviation: np.ndarray) -> Root:
@@ -91,7 +115,7 @@ def mesh_root(vertices: np.ndarray, faces: np.ndarray, length: float, deviation:
     def transpose(numbers: np.ndarray) -> np.ndarray:
         return root * solver.solve(scale * numbers)
 
-    return Root(forward=forward, transpose=transpose)
+    return Root(size=count, deviation=np.asarray(deviation, float), forward=forward, transpose=transpose)
 
 
 def _unit_columns(count: int, which: np.ndarray) -> Iterator[np.ndarray]:

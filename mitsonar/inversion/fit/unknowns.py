@@ -27,6 +27,9 @@ class Unknowns:
         self.bound = {name: priors[name].bound(name, self.start[name]) for name in self.names}
         ends = np.cumsum([self.start[name].size for name in self.names])
         self.parts = {name: slice(int(end) - self.start[name].size, int(end)) for name, end in zip(self.names, ends)}
+        sizes = [self.bound[name].root.size for name in self.names]
+        ends = np.cumsum(sizes)
+        self.pieces = {name: slice(int(end) - size, int(end)) for name, end, size in zip(self.names, ends, sizes)}
         self.size = int(ends[-1])
 
     def values(self, z: np.ndarray) -> dict[str, np.ndarray]:
@@ -52,7 +55,7 @@ class Unknowns:
 
     def pushed(self, slope: np.ndarray, dz: np.ndarray) -> np.ndarray:
         """Return dx (n,) of dz (n,)."""
-        return slope * np.concatenate([self.bound[name].root.forward(dz[part]) for name, part in self.parts.items()])
+        return slope * np.concatenate([self.bound[name].root.forward(dz[piece]) for name, piece in self.pieces.items()])
 
     def pulled(self, slope: np.ndarray, dx: np.ndarray) -> np.ndarray:
         """Return the transpose of `pushed`."""
@@ -66,5 +69,5 @@ class Unknowns:
 
     def _free(self, z: np.ndarray):
         """Names, and q of each."""
-        for name, part in self.parts.items():
-            yield name, self.bound[name].mean + self.bound[name].root.forward(z[part])
+        for name, piece in self.pieces.items():
+            yield name, self.bound[name].mean + self.bound[name].root.forward(z[piece])

@@ -1,6 +1,6 @@
 """Seabed heights from one sidescan image: how bright a place is tells its slope, and the first return the depth.
 
-    z_v = z_0 + h(x_v, y_v),    µ = µ_0 10^(g/10)        h -> `SmoothField`, g -> what the level is off
+    z_v = z_0 + h(x_v, y_v),    µ = µ_0 e^g        h -> a plane and what bends it, g -> what the level is off
 
 The start is a level bed at the depth of the first return. Slopes along the track are seen by what is nearer or farther,
 and hardly by brightness; a level that is off is told from tilt by the two sides together. What no ray meets keeps what
@@ -16,12 +16,13 @@ import numpy as np
 import xarray as xr
 
 from mitsonar.device.files import FilePath
-from mitsonar.gradients.model import Values
+from mitsonar.gradients.parameters.changes import DECIBELS, BoundChange, Heights, Log
+from mitsonar.gradients.parameters.parametrisation import parametrised
 from mitsonar.gradients.records.scene_model import SceneModel
 
-from ..fit.answer import Fit, named, told_of
-from ..fit.smooth_field import SmoothField, grid_of
-from .image_fit import COARSE_TO_FINE, Stage, fit_image, spread_of, unknowns_of
+from ..fit.answer import told_of
+from ..fit.priors import Prior
+from .image_fit import COARSE_TO_FINE, Stage, check_keys, fit_image, image_answer
 from .image_record import ImageRecord
 
 POOR = 1.5                         # of speckle's deviance, above which a bed does not explain its image
@@ -52,56 +53,22 @@ class HeightPrior:
     gain_db: float = 2.0
 
 
-class HeightUnknowns:
-    """Heights of a bed and its strength, as unknowns."""
-    # depth [m]; x [m]; y [m]
+@dataclass(frozen=True)
+class OnGrid:
+    """Heights of vertices as a grid (nx, ny), as `grid_of` numbers them: ``bed.heights`` as ``height``."""
 
-    def __init__(self, model: SceneModel, key: str, strength: str | None, depth: float, prior: HeightPrior):
-        self._key, self._strength = key, strength
-        self._start = model.start[key].copy()
-        self.x, self.y, self._number = grid_of(self._start)
-        self._start[:, 2] = -depth
-        self._gain = prior.gain_db * np.log(10) / 10
-        self._mu = None if strength is None else model.start[strength]
-        spacing = float(np.mean(np.diff(self.x))), float(np.mean(np.diff(self.y)))
-        self.field = SmoothField((len(self.x), len(self.y)), spacing, deviation=prior.deviation, length=prior.length,
-                                 level=prior.level, slope=prior.slope)
-        self._gains = 0 if strength is None else 1
-        self.size, self.first = self.field.size + self._gains, self.field.plane + self._gains
+    key: str
+    number: np.ndarray
 
-    def heights(self, unknowns: np.ndarray) -> np.ndarray:
-        """Return z (nx, ny) [m] of unknowns."""
-        return self._start[self._number, 2] + self.field.of(unknowns[self._gains:])
+    def bound(self, start: np.ndarray, unit: str) -> BoundChange:
+        """Return it for heights (V,); see `Change.bound`."""
+        def spread(x: np.ndarray) -> np.ndarray:
+            heights = np.zeros(start.size)
+            heights[self.number] = x
+            return heights
 
-    def gain_db(self, unknowns: np.ndarray) -> float:
-        """Return how much stronger the bed is [dB] than in the scene."""
-        return float(10 / np.log(10) * self._gain * unknowns[0]) if self._gains else 0.0
-
-    def values(self, unknowns: np.ndarray) -> Values:
-        """Return vertices and strength of unknowns."""
-        positions = self._start.copy()
-        positions[self._number, 2] = self.heights(unknowns)
-        found = {self._key: positions}
-        if self._strength is not None and self._mu is not None:
-            found[self._strength] = self._mu * np.exp(self._gain * unknowns[0])
-        return found
-
-    def pushed(self, unknowns: np.ndarray, direction: np.ndarray) -> Values:
-        """Return how vertices and strength move along a direction."""
-        positions = np.zeros_like(self._start)
-        positions[self._number, 2] = self.field.of(direction[self._gains:])
-        found = {self._key: positions}
-        if self._strength is not None and self._mu is not None:
-            found[self._strength] = self._mu * np.exp(self._gain * unknowns[0]) * self._gain * direction[0]
-        return found
-
-    def pulled(self, unknowns: np.ndarray, gradients: Values) -> np.ndarray:
-        """The transpose of `pushed`."""
-        field = self.field.transposed(gradients[self._key][self._number, 2])
-        if self._strength is None or self._mu is None:
-            return field
-        gain = np.sum(gradients[self._strength] * self._mu) * np.exp(self._gain * unknowns[0]) * self._gain
-        return np.concatenate([[gain], field])
+        return BoundChange(name="height", unit=unit, start=start[self.number], inner=spread,
+                           push=lambda x, dx: spread(dx), pull=lambda x, weights: weights[self.number])
 
 
 def fit_heights(model: SceneModel, image: xr.Dataset, key: str, *, strength: str | None = None, looks: float = 1.0,
@@ -143,49 +110,47 @@ def fit_heights(model: SceneModel, image: xr.Dataset, key: str, *, strength: str
     Raises
     ------
     ValueError
-        If a key is unknown, the vertices stand on no grid, or the record is another sonar's.
+        If a key is unknown, a strength is not above zero, the vertices stand on no grid, or the record is another
+        sonar's.
     """
-    for name in (key, strength):
-        if name is not None and name not in model.start:
-            raise ValueError(f"the model has no parameter {name!r}; make it with that key: it has "
-                             f"{', '.join(model.start)}")
-    if strength is not None and model.start[strength].size != 1:
-        raise ValueError(f"{strength} has {model.start[strength].size} values; give the key of a strength that is one "
-                         "number, or none")
+    check_keys(model, [key], [] if strength is None else [strength])
     record = ImageRecord.of(image, model.shape, looks=looks, farthest=farthest)
     depth = float(np.median(record.first_return - image["z"].values.astype(float)))
-    unknowns = HeightUnknowns(model, key, strength, depth, prior)
-    fit = fit_image(model, record, unknowns, stages, modes=modes, state_file=state_file, about=f"heights {key}",
-                    told=told)
-    answer = _answer(fit, unknowns)
-    poor = record.at(stages[-1].bins).over_speckle(fit.predicted)
-    answer.attrs["misfit_of_speckle"] = poor
-    if poor > POOR:
-        answer.attrs["observable"] += (
-            f"; the image is {poor:.1f} times as far off as speckle alone would be: the bed is rougher than the prior "
-            "or the nodes allow, or the sonar, water or sediment is another, and heights may be wrong by more than was "
-            "told")
-    return answer
-
-
-def _answer(fit: Fit, unknowns: HeightUnknowns) -> xr.Dataset:
-    found = unknowns_of(fit)
-    start, height = unknowns.heights(np.zeros(unknowns.size)), unknowns.heights(found)
-    information, vectors = spread_of(fit)
-    patterns = np.stack([unknowns.heights(vector) - start for vector in vectors])
-    prior = unknowns.field.prior_deviation()
-    gone = np.tensordot(information / (1 + information), patterns ** 2, 1)
-    deviation = np.sqrt(np.maximum(prior ** 2 - gone, 0))
-    resolved = np.clip(gone / prior ** 2, 0, 1)
-    slopes = [float(np.mean(np.gradient(height, axis, axis=number)))
-              for number, axis in enumerate((unknowns.x, unknowns.y))]
-    data = xr.Dataset(
-        {**named("height", ("x", "y"), "m", value=height, start=start, deviation=deviation, prior_deviation=prior,
-                 resolved=resolved),
-         "misfit": ("step", fit.deviance, {"units": "1"}), "information": ("mode", information, {"units": "1"})},
-        {"x": ("x", unknowns.x, {"units": "m"}), "y": ("y", unknowns.y, {"units": "m"})})
-    told = (f"{fit.told()}; {told_of('height', resolved, deviation, 'm')}; "
+    x, y, number = grid_of(model.start[key])
+    gain = [] if strength is None else [Log(strength)]
+    spacing = float(np.mean(np.diff(x))), float(np.mean(np.diff(y)))
+    priors = {f"{strength}_log": Prior(deviation=prior.gain_db / DECIBELS)} if gain else {}
+    priors["height"] = Prior(mean=np.full(number.shape, -depth), deviation=prior.deviation, length=prior.length,
+                             spacing=spacing, level=prior.level, slope=prior.slope)
+    changed = parametrised(model, Heights(key), OnGrid(f"{key.rpartition('.')[0]}.heights", number), *gain)
+    fit = fit_image(changed, record, priors, stages, first=3 + len(gain), modes=modes, state_file=state_file,
+                    about=f"heights {key}", told=told)
+    height = fit.parameters["height"]
+    louder = float(DECIBELS * (fit.values[f"{strength}_log"] - fit.start[f"{strength}_log"]).item()) if gain else 0.0
+    slopes = [float(np.mean(np.gradient(height.value, axis, axis=side))) for side, axis in enumerate((x, y))]
+    said = (f"{fit.told()}; {told_of('height', height.resolved, height.uncertainty, 'm')}; "
             "deviations are of speckle alone: errors of the model come on top")
-    return data.assign_attrs(
-        kind="fit", parameters=["height"], stopped=fit.stopped, observable=told,
-        gain_db=unknowns.gain_db(found), slope_x=slopes[0], slope_y=slopes[1])
+    poor = record.at(stages[-1].bins).over_speckle(fit.predicted)
+    if poor > POOR:
+        said += (f"; the image is {poor:.1f} times as far off as speckle alone would be: the bed is rougher than the "
+                 "prior or the nodes allow, or the sonar, water or sediment is another, and heights may be wrong by "
+                 "more than was told")
+    answer = image_answer(fit, "height", ("x", "y"), height, said, gain_db=louder, slope_x=slopes[0],
+                          slope_y=slopes[1], misfit_of_speckle=poor)
+    return answer.assign_coords(x=("x", x, {"units": "m"}), y=("y", y, {"units": "m"}))
+
+
+def grid_of(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Find the regular grid that vertices (N, 3) stand on in the plane."""
+    # -> x [m], y [m]
+    x, column = np.unique(np.round(positions[:, 0], 3), return_inverse=True)
+    y, row = np.unique(np.round(positions[:, 1], 3), return_inverse=True)
+    steps = [np.diff(axis) for axis in (x, y)]
+    if len(x) * len(y) != len(positions) or min(len(x), len(y)) < 3 or any(np.ptp(d) > 0.02 * d.mean() for d in steps):
+        raise ValueError(f"the {len(positions)} vertices stand on no regular grid along x and y; give the key of a "
+                         "seabed or bathymetry that is not turned")
+    number = np.full((len(x), len(y)), -1)
+    number[column, row] = np.arange(len(positions))
+    if np.any(number < 0):
+        raise ValueError("two vertices stand on one place of the grid; give a bed of one height everywhere")
+    return x, y, number

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from mitsonar.units import power_from_db
-
 from ..fit.likelihood import Gamma
+from .scene_fit import image_intensities
 
 HUBER = 3.0                        # √deviance beyond which it grows linearly
 BRIGHT, FAINT = 0.1, 0.15          # floors about the first return, re the loudest bin; beyond, re the bin's own level
@@ -41,7 +40,11 @@ class ImageRecord:
            model_error: float = 0.05) -> ImageRecord:
         """Read an image that a model of some shape is to match."""
         # farthest [m]
-        seen = intensities(image, shape)
+        if "level" in image and {"ping", "side", "range"} == set(image["level"].dims):
+            image = image.transpose("ping", "side", "range", ...)
+        seen = image_intensities(image, "sidescan", shape)
+        if not np.all(np.isfinite(seen)):
+            raise ValueError("levels of the image are missing or not finite; cut pings without a record off")
         if not (looks > 0 and np.isfinite(looks)):
             raise ValueError(f"looks is {looks:g}; give the number of looks of a bin, above 0: 1 for raw speckle")
         ranges = image["range"].values.astype(float)
@@ -104,20 +107,6 @@ class Comparison:
     def _floor(self) -> np.ndarray:
         record = self._record
         return self.summed(np.broadcast_to(record.floor, record.intensity.shape).ravel())
-
-
-def intensities(image: xr.Dataset, shape: tuple[int, ...]) -> np.ndarray:
-    """Return the intensities (ping, side, range) [µPa²] of a sidescan's image."""
-    kind = image.attrs.get("sonar")
-    if "level" not in image or kind != "sidescan":
-        raise ValueError(f"the record is one of {kind or 'no sonar that is named'}; give the image of a sidescan")
-    level = image["level"].transpose("ping", "side", "range").values.astype(float)
-    if level.shape != tuple(shape):
-        raise ValueError("the image has {} pings, {} sides and {} bins, and the scene's sonar makes {}, {} and {}; "
-                         "give the record of this sonar".format(*level.shape, *shape))
-    if not np.all(np.isfinite(level)):
-        raise ValueError("levels of the image are missing or not finite; cut pings without a record off")
-    return power_from_db(level)
 
 
 def first_return_range(intensity: np.ndarray, bin_width: float) -> np.ndarray:

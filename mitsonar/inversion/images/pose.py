@@ -6,7 +6,7 @@ or the same of the ``to_world`` of a sphere, cylinder, disk or rectangle, about 
 
 Shadows and outlines say most of it: make the model with ``edges``, whose gradients have them. Where its shadow does not
 overlap that of the answer there is no gradient towards it: places and turns that are spread over what is believed are
-tried first, then steps along one number after the other, and Gauss-Newton begins at the best (Hooke and Jeeves 1961,
+tried first, then steps along one number after the other, and the fit begins at the best (Hooke and Jeeves 1961,
 J. ACM 8, 212). Strengths and the track can be unknown beside the pose; its deviation then holds what they are off.
 """
 from __future__ import annotations
@@ -16,14 +16,16 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
+from scipy.spatial.transform import Rotation
 
 from mitsonar.device.files import FilePath
-from mitsonar.gradients.model import Values
-from mitsonar.gradients.parameters.changes import Rigid
+from mitsonar.gradients.parameters.changes import DECIBELS, BoundChange, Log, Rigid
+from mitsonar.gradients.parameters.parametrisation import parametrised
 from mitsonar.gradients.records.scene_model import SceneModel
 
-from ..fit.answer import Fit, named
-from .image_fit import Stage, fit_image, spread_of, unknowns_of
+from ..fit.priors import Prior
+from ..fit.unknowns import Unknowns
+from .image_fit import Stage, check_keys, fit_image, image_answer
 from .image_record import ImageRecord, saturated
 
 NAMES = "east", "north", "up", "yaw", "pitch", "roll"
@@ -32,7 +34,6 @@ STEP = 1e-4                        # of the rotation's derivative [rad]
 SPREAD, TRIED = 1.8, 32            # deviations that first tries reach, and how many there are
 MOVED = 0, 1, 3                    # of `NAMES`: what they vary
 SHARES, SWEEPS = (0.5, 0.25, 0.12), 3     # deviations that one number is moved by, and rounds at most at each
-LEAST_VARIANCE = 0.01              # of the track's, that a wave of its offsets has at least
 LEAST_FALL = 0.01                  # of the cost, below which rounds end
 
 
@@ -60,70 +61,36 @@ class PosePrior:
     track: float = 0.05
     pings: float = 5.0
 
+    def __post_init__(self):
+        deviation = np.array([*self.place, *self.angles], float)
+        if deviation.shape != (6,) or np.any(deviation < 0) or not deviation.any():
+            raise ValueError(f"a pose's deviations are {deviation.tolist()}; give six numbers, 0 or more, and not all "
+                             "of them 0")
+        if not (self.level_db > 0 and self.track > 0 and self.pings > 0):
+            raise ValueError(f"deviations of strengths and the track are {self.level_db:g} dB and {self.track:g} m, "
+                             f"alike over {self.pings:g} pings; give numbers above 0")
 
-class PoseUnknowns:
-    """Six numbers that move a mesh or another shape, and beside them strengths and the track."""
-    # start (N, 3) [m]
 
-    first = 6
+@dataclass(frozen=True)
+class Turned:
+    """How far a mesh or another shape is moved and turned: `NAMES`, all 0 at the start: ``box.vertex_positions`` as
+    ``pose``."""
 
-    def __init__(self, start: np.ndarray, key: str, prior: PosePrior, strengths: Values | None = None,
-                 track: tuple[str, int] | None = None):
-        self._body, self._key = Rigid(key, start), key
-        self.deviation = np.array([*prior.place, *prior.angles], float)
-        if self.deviation.shape != (6,) or np.any(self.deviation < 0) or not self.deviation.any():
-            raise ValueError(f"a pose's deviations are {self.deviation.tolist()}; give six numbers, 0 or more, and not "
-                             "all of them 0")
-        if not (prior.level_db > 0 and prior.track > 0 and prior.pings > 0):
-            raise ValueError(f"deviations of strengths and the track are {prior.level_db:g} dB and {prior.track:g} m, "
-                             f"alike over {prior.pings:g} pings; give numbers above 0")
-        self._strengths, self._gain = dict(strengths or {}), prior.level_db * np.log(10) / 10
-        self._track, count = track if track is not None else ("", 0)
-        ping = np.arange(count)
-        alike = np.exp(-0.5 * ((ping[:, None] - ping) / prior.pings) ** 2)
-        variance, waves = np.linalg.eigh(alike)
-        kept = variance > LEAST_VARIANCE * variance.sum()
-        self._root = prior.track * waves[:, kept] * np.sqrt(variance[kept])
-        self._gains = slice(6, 6 + len(self._strengths))
-        self.steady = self._gains.stop
-        self.size = self.steady + 3 * self._root.shape[1]
+    key: str
 
-    def _moved(self, pose: np.ndarray) -> np.ndarray:
-        (sz, sy, sx), (cz, cy, cx) = np.sin(pose[3:]), np.cos(pose[3:])
-        turn = (np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]]) @ np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
-                @ np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]]))
-        return self._body.moved(turn, pose[:3])
+    def bound(self, start: np.ndarray, unit: str) -> BoundChange:
+        """Return it for vertices (V, 3) or a transform (4, 4); see `Change.bound`."""
+        body = Rigid(self.key, start)
 
-    def _columns(self, unknowns: np.ndarray) -> np.ndarray:
-        """How vertices or the transform move with each number, (6, N, 3) or (6, 4, 4)."""
-        pose = self.deviation * unknowns[:6]
-        return np.stack([deviation * (self._moved(pose + step) - self._moved(pose - step)) / (2 * STEP)
-                         for deviation, step in zip(self.deviation, STEP * np.eye(6))])
+        def moved(pose: np.ndarray) -> np.ndarray:
+            return body.moved(Rotation.from_euler("ZYX", pose[3:]).as_matrix(), pose[:3])
 
-    def values(self, unknowns: np.ndarray) -> Values:
-        """Return the vertices or the transform, strengths and the track's offsets."""
-        gains = np.exp(self._gain * unknowns[self._gains])
-        found = {key: start * gain for (key, start), gain in zip(self._strengths.items(), gains)}
-        if self._track:
-            found[self._track] = self._root @ unknowns[self.steady:].reshape(-1, 3)
-        return {self._key: self._moved(self.deviation * unknowns[:6]), **found}
+        def columns(pose: np.ndarray) -> np.ndarray:
+            return np.stack([(moved(pose + step) - moved(pose - step)) / (2 * STEP) for step in STEP * np.eye(6)])
 
-    def pushed(self, unknowns: np.ndarray, direction: np.ndarray) -> Values:
-        """Return how they move."""
-        gains = self._gain * direction[self._gains] * np.exp(self._gain * unknowns[self._gains])
-        found = {key: start * gain for (key, start), gain in zip(self._strengths.items(), gains)}
-        if self._track:
-            found[self._track] = self._root @ direction[self.steady:].reshape(-1, 3)
-        return {self._key: np.tensordot(direction[:6], self._columns(unknowns), 1), **found}
-
-    def pulled(self, unknowns: np.ndarray, gradients: Values) -> np.ndarray:
-        """The transpose of `pushed`."""
-        gains = self._gain * np.exp(self._gain * unknowns[self._gains])
-        parts = [np.tensordot(self._columns(unknowns), gradients[self._key], 2),
-                 [np.sum(start * gradients[key]) * gain for (key, start), gain in zip(self._strengths.items(), gains)]]
-        if self._track:
-            parts.append((self._root.T @ gradients[self._track]).ravel())
-        return np.concatenate(parts)
+        return BoundChange(name="pose", unit="m, rad", start=np.zeros(6), inner=moved,
+                           push=lambda x, dx: np.tensordot(dx, columns(x), 1),
+                           pull=lambda x, weights: np.tensordot(columns(x), weights, 2))
 
 
 def searched(cost: Callable[[np.ndarray], float], size: int, moved: Sequence[int] = MOVED) -> np.ndarray:
@@ -180,61 +147,39 @@ def fit_pose(model: SceneModel, image: xr.Dataset, key: str, *, looks: float = 1
     ValueError
         If the key is unknown or neither of the two, or the record is another sonar's.
     """
-    for name in (key, *strengths, *([track] if track else [])):
-        if name not in model.start:
-            raise ValueError(f"the model has no parameter {name!r}; make it with that key: it has "
-                             f"{', '.join(model.start)}")
-    for name in strengths:
-        if model.start[name].size != 1:
-            raise ValueError(f"{name} has {model.start[name].size} values; give the key of a strength that is one "
-                             "number")
+    check_keys(model, [key, *([track] if track else [])], strengths)
     if track and model.start[track].shape != (model.shape[0], 3):
         raise ValueError(f"{track} has the shape {model.start[track].shape}; give the key of the offsets of "
                          f"{model.shape[0]} pings in three directions")
-    unknowns = PoseUnknowns(model.start[key], key, prior, {name: model.start[name] for name in strengths},
-                            (track, model.shape[0]) if track else None)
-    record = ImageRecord.of(image, model.shape, looks=looks, farthest=farthest)
+    changed = parametrised(model, Turned(key), *(Log(name) for name in strengths))
+    deviation = np.array([*prior.place, *prior.angles], float)
+    priors = {"pose": Prior(deviation=deviation)}
+    priors |= {f"{name}_log": Prior(deviation=prior.level_db / DECIBELS) for name in strengths}
+    if track:
+        priors[track] = Prior(deviation=prior.track, length=prior.pings, spacing=(1.0, np.inf))
+    record, free = ImageRecord.of(image, model.shape, looks=looks, farthest=farthest), np.flatnonzero(deviation)
 
     def begin() -> np.ndarray:
-        return _start(model, record, unknowns, stages[0])
+        """The track stands still until the fit begins."""
+        sums, unknowns = record.at(stages[0].bins), Unknowns(changed, priors)
+        likelihood, steady = sums.likelihood(), free.size + len(strengths)
 
-    fit = fit_image(model, record, unknowns, stages, modes=unknowns.size, begin=begin, state_file=state_file,
-                    about=f"pose {key}", told=told)
-    return _answer(fit, unknowns, saturated(record.intensity))
+        def whole(z: np.ndarray) -> np.ndarray:
+            return np.append(z, np.zeros(unknowns.size - steady))
 
+        def cost(z: np.ndarray) -> float:
+            seen = sums.summed(changed.value(unknowns.values(whole(z))))
+            return 2 * likelihood.terms(seen).misfit + float(z @ z)
 
-def _start(model: SceneModel, record: ImageRecord, unknowns: PoseUnknowns, stage: Stage) -> np.ndarray:
-    """Where Gauss-Newton begins: the track stands still until then."""
-    sums, free = record.at(stage.bins), np.flatnonzero(unknowns.deviation)
-    likelihood = sums.likelihood()
-    some = np.concatenate([free, np.arange(6, unknowns.steady)])
+        return whole(searched(cost, steady, [int(np.searchsorted(free, one)) for one in MOVED if one in free]))
 
-    def all_of(z: np.ndarray) -> np.ndarray:
-        found = np.zeros(unknowns.size)
-        found[some] = z
-        return found
-
-    def cost(z: np.ndarray) -> float:
-        seen = sums.summed(model.value(unknowns.values(all_of(z))))
-        return 2 * likelihood.terms(seen).misfit + float(z @ z)
-
-    return all_of(searched(cost, some.size, [int(np.searchsorted(free, one)) for one in MOVED if one in free]))
-
-
-def _answer(fit: Fit, unknowns: PoseUnknowns, clipped: int) -> xr.Dataset:
-    information, vectors = spread_of(fit)
-    spread = (vectors[:, :6] ** 2 / (1 + information)[:, None]).sum(0)
-    believed = unknowns.deviation
-    resolved = np.where(believed > 0, 1 - spread, 0)
-    found, deviation = believed * unknowns_of(fit)[:6], believed * np.sqrt(spread)
-    said = [f"{name} is off by {found[number]:.3g} ± {deviation[number]:.2g} {'m' if number < 3 else 'rad'}, of which "
-            f"the image told {100 * resolved[number]:.0f} %"
-            for number, name in enumerate(NAMES) if believed[number] > 0]
+    fit = fit_image(changed, record, priors, stages, first=free.size, modes=len(deviation) * model.shape[0],
+                    begin=begin, state_file=state_file, about=f"pose {key}", told=told)
+    pose, clipped = fit.parameters["pose"], saturated(record.intensity)
+    said = [f"{NAMES[one]} is off by {pose.value[one]:.3g} ± {pose.uncertainty[one]:.2g} {'m' if one < 3 else 'rad'}, "
+            f"of which the image told {100 * pose.resolved[one]:.0f} %" for one in free]
     said.append(f"{clipped} bins are as loud as the recorder writes: a model without its full scale is too loud there, "
                 "and the pose is off" if clipped
                 else "deviations are those of speckle and of what was unknown beside the pose")
-    return xr.Dataset({**named("pose", ("number",), "m, rad", value=found, start=np.zeros(6), deviation=deviation,
-                               prior_deviation=believed, resolved=resolved),
-                       "information": ("mode", information), "direction": (("mode", "number"), vectors[:, :6]),
-                       "misfit": ("step", fit.deviance)}, {"number": list(NAMES)},
-                      {"kind": "fit", "parameters": ["pose"], "stopped": fit.stopped, "observable": "; ".join(said)})
+    answer = image_answer(fit, "pose", ("number",), pose, "; ".join(said)).assign_coords(number=list(NAMES))
+    return answer.assign(direction=(("mode", "number"), pose.seen / np.where(deviation > 0, deviation, 1)))

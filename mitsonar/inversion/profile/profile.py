@@ -1,10 +1,11 @@
-"""The sound-speed profile from times of soundings: Gauss-Newton, the bed and the array's roll being unknown, too.
+"""The sound-speed profile from times of soundings, the bed and the array's roll being unknown, too.
 
     Φ = Σ_i ρ((t_i - T_i(c, b, ρ)) / σ) + (c - c_0)ᵀ C⁻¹ (c - c_0) + (c_h(z_h) - c_head)² / σ_h² + bᵀ B b + ρ² / σ_ρ²
 
 c -> speeds at the profile's nodes, C and B of `profile_priors`, ρ(.) -> Huber's, T -> `gradients.sounding_times`. A
-profile has few unknowns and a bed many, each touched by few soundings: the bed is eliminated (S below), and the rest is
-dense. With A and D the blocks of the speeds and of the bed in the normal matrix, E between them,
+profile has few unknowns and a bed many, each touched by few soundings: the bed is eliminated (S below), and steps of
+the rest are those of SciPy's trust region (`steps`). With A and D the blocks of the speeds and of the bed in the normal
+matrix, E between them,
 
     S = A - E D⁻¹ Eᵀ,      covariance S⁻¹,      singular values² = eigenvalues of Lᵀ (S - C⁻¹) L,   C = L Lᵀ
 
@@ -82,7 +83,7 @@ RIVAL = 1.2                        # times the misfit of the answer, up to which
 def fit_profile(soundings: xr.Dataset | SoundingBeams, start: SoundSpeedProfile, *, noise: float = 20e-6,
                 prior: ProfilePrior | None = None, bed: BedGrid | None = None, cell: float | None = None,
                 under_way: bool = True, iterations: int = 30,
-                progress: Callable[[int, float], None] | None = None) -> ProfileFit:
+                progress: Callable[[int, float], object] | None = None) -> ProfileFit:
     """Fit a sound-speed profile to the times of soundings.
 
     Parameters
@@ -154,7 +155,7 @@ NEARLY_LEVEL = 0.99                # cosine of the grazing angle, where sound is
 def fit_lines(paths: Sequence[FilePath], start: SoundSpeedProfile | None = None, *, nodes: int = 12,
               noise: float = 20e-6, deviation: float = 10.0, length: float | None = None, cell: float | None = None,
               under_way: bool = False, iterations: int = 30,
-              progress: Callable[[int, float], None] | None = None) -> ProfileFit:
+              progress: Callable[[int, float], object] | None = None) -> ProfileFit:
     """Fit a profile to lines of soundings in files.
 
     Parameters

@@ -8,6 +8,8 @@ import xarray as xr
 
 from mitsonar.water.profile import SoundSpeedProfile
 
+from ..fit.answer import FittedParameter, named
+
 LEAST_SPAN = 0.25                  # of the column, that nodes must be told over for a profile to be one
 ONE_WAY = 0.15                     # directions nearer to each other than this are one
 WELL = 1 / 3                       # of the prior's deviation, that a node's must be below to count as told
@@ -142,19 +144,20 @@ class ProfileFit:
                 f"{self.depth.size} nodes, to {np.median(self.deviation[some]):.2f} m/s in the middle{rest}; {mean}.")
 
     def to_dataset(self) -> xr.Dataset:
-        """Return all of it as a dataset."""
-        by_node = {"start_sound_speed": (self.start, "m/s"), "sound_speed": (self.speed, "m/s"),
-                   "deviation": (self.deviation, "m/s"), "prior_deviation": (self.prior_deviation, "m/s"),
-                   "resolved": (self.resolved, "1"), "told": (self.told.astype(np.int8), "1")}
-        variables = {name: ("node", values, {"units": unit}) for name, (values, unit) in by_node.items()}
-        variables |= {"depth": ("node", self.depth, {"units": "m"}),
-                      "singular_value": ("pattern", self.singular_values, {"units": "1"}),
-                      "pattern_sound_speed": (("pattern", "node"), self.patterns, {"units": "m/s"}),
-                      "misfit": ("iteration", self.misfit, {"units": "s"}),
-                      "bed_depth": (("y", "x"), self.bed, {"units": "m"})}
+        """Return all of it as a dataset, the speeds by the names of `Fit.to_dataset`."""
+        speed = FittedParameter(value=self.speed, start=self.start, uncertainty=self.deviation,
+                                prior_deviation=self.prior_deviation, resolved=self.resolved, seen=self.patterns,
+                                unseen=self.patterns[:0], unit="m/s")
+        variables = {**named("sound_speed", ("node",), speed), "told": ("node", self.told.astype(np.int8)),
+                     "depth": ("node", self.depth, {"units": "m"}),
+                     "singular_value": ("pattern", self.singular_values, {"units": "1"}),
+                     "sound_speed_seen": (("pattern", "node"), self.patterns, {"units": "m/s"}),
+                     "misfit": ("iteration", self.misfit, {"units": "s"}),
+                     "bed_depth": (("y", "x"), self.bed, {"units": "m"})}
         if self.rival is not None:
-            variables["rival_sound_speed"] = ("node", self.rival, {"units": "m/s"})
-        about = {"verdict": self.verdict, "stopped": self.stopped, "soundings": self.soundings, "noise_s": self.noise,
-                 "column_mean_m_s": self.column_mean, "column_mean_deviation_m_s": self.column_mean_deviation,
-                 "head_depth_m": self.head_depth, "roll_rad": self.roll, "directions": self.directions}
+            variables["sound_speed_rival"] = ("node", self.rival, {"units": "m/s"})
+        about = {"kind": "fit", "parameters": ["sound_speed"], "observable": self.verdict, "stopped": self.stopped,
+                 "soundings": self.soundings, "noise_s": self.noise, "column_mean_m_s": self.column_mean,
+                 "column_mean_deviation_m_s": self.column_mean_deviation, "head_depth_m": self.head_depth,
+                 "roll_rad": self.roll, "directions": self.directions}
         return xr.Dataset(variables, attrs=about)

@@ -22,6 +22,7 @@ from mitsonar.hydrography.detection.sounding_beams import SoundingBeams
 from mitsonar.propagation.numpy_rays.profile_derivatives import hats
 from mitsonar.water.profile import SoundSpeedProfile
 
+from ..fit.steps import LONGER, trust_region_step
 from .profile_answer import WELL, ProfileFit
 
 if TYPE_CHECKING:
@@ -95,8 +96,7 @@ def bed_precision(bed: BedGrid, prior: ProfilePrior, known: bool) -> sparse.csc_
 
 
 OUTLIER = 3.0                      # deviations beyond which a time counts less (Huber)
-LONGEST = 15.0                     # [m/s] a step of a node's speed
-HALVINGS = 10
+FIRST_RADIUS = 1.5                 # of the first step [prior deviations], as a root mean square
 STILL = 0.02                       # of a node's deviation: a profile that moves by less stands still
 TELLING = 0.1                      # a fall of the cost that nothing follows from: that of one deviation is 1
 SAME_NOISE = 0.98
@@ -191,12 +191,12 @@ class ProfileProblem:
         solver = splu((scaled.T @ scaled + self.bed_precision).tocsc())
         return state.by_dense.T @ (weight[:, None] * state.by_dense), cross, solver, weight
 
-    def fitted(self, noise: float, iterations: int, progress: Callable[[int, float], None] | None) -> ProfileFit:
+    def fitted(self, noise: float, iterations: int, progress: Callable[[int, float], object] | None) -> ProfileFit:
         """Go down until nothing moves; times are trusted as far as they are met, and no farther than to the noise."""
         state, misfits, stopped = self.first(), [], "the iterations were used up"
-        trusted = max(noise, self.noise_found(state))
+        trusted, radius = max(noise, self.noise_found(state)), FIRST_RADIUS * np.sqrt(self.dense)
         for _ in range(iterations):
-            new, moved, gained = self.stepped(state, trusted)
+            new, moved, gained, radius = self.stepped(state, trusted, radius)
             if new is None:
                 stopped = "no shorter step fits better"
                 break
@@ -210,8 +210,8 @@ class ProfileProblem:
                 break
         return self.answer(state, trusted, np.array(misfits), stopped)
 
-    def stepped(self, state: _State, noise: float) -> tuple[_State | None, float, float]:
-        """Go one step of Gauss-Newton's; None: no step fits better."""
+    def stepped(self, state: _State, noise: float, radius: float) -> tuple[_State | None, float, float, float]:
+        """Go one step of SciPy's trust region over speeds and roll, the bed going with them; None: none fits better."""
         nodes = self.start.depth.size
         dense, cross, solver, weight = self.normal(state, noise)
         off, bed_off = self._off(state)
@@ -220,31 +220,34 @@ class ProfileProblem:
         push[:nodes] += self.head * (self.head_speed - self.head @ self.start.sound_speed) / (
             self.prior.head_deviation ** 2)
         bed_push = state.by_bed.T @ (weight * state.rest) - self.bed_precision @ bed_off
-        schur = dense + self.precision - cross.T @ solver.solve(cross)
-        step = np.linalg.solve(schur, push - cross.T @ solver.solve(bed_push))
-        bed_step = solver.solve(bed_push - cross @ step)
-        after = np.linalg.inv(0.5 * (schur + schur.T))
-        cost = self.cost(state, noise)
-        new, share = self._shorter(state, step, bed_step, cost, noise)
-        gained = 0.0 if new is None else cost - self.cost(new, noise)
-        return new, float(share * np.sqrt(np.max((step ** 2 / np.diag(after))[:nodes]))), gained
+        given, bed_step = solver.solve(cross), solver.solve(bed_push)
+        schur = dense + self.precision - cross.T @ given
+        lower = np.linalg.cholesky(0.5 * (schur + schur.T))
+        cost, scale = self.cost(state, noise), np.full(self.dense, self.prior.deviation)
+        scale[nodes:] = self.prior.roll_deviation
 
-    def _shorter(self, state: _State, step: np.ndarray, bed_step: np.ndarray, cost: float,
-                 noise: float) -> tuple[_State | None, float]:
-        """Go a step, or as much of it as lowers the cost."""
-        nodes = self.start.depth.size
-        share = min(1.0, LONGEST / max(np.abs(step[:nodes]).max(), 1e-12))
-        for _ in range(HALVINGS):
+        score = np.linalg.solve(lower, cross.T @ bed_step - push)
+        whole = np.linalg.norm(np.linalg.solve(lower.T, score) / scale)
+
+        def there(step: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+            share = min(1.0, np.linalg.norm(step / scale) / whole)      # the bed's own step is shortened alike
+            return (state.speed + step[:nodes], state.bed + share * bed_step - given @ step,
+                    state.roll + (step[-1] if self.rolls else 0.0))
+
+        def tried(step: np.ndarray) -> float:
             try:
-                new = (state.speed + share * step[:nodes], state.bed + share * bed_step,
-                       state.roll + (share * step[-1] if self.rolls else 0.0))
-                rest = self.beams.travel_time - self.model.value(self.values(*new))
-                if self.cost(replace(state, speed=new[0], bed=new[1], roll=new[2], rest=rest), noise) <= cost:
-                    return self.at(*new), share
+                speed, bed, roll = there(step)
+                rest = self.beams.travel_time - self.model.value(self.values(speed, bed, roll))
             except ValueError:                         # water that beams do not come down in
-                pass
-            share /= 2
-        return None, 0.0
+                return np.inf
+            return 0.5 * self.cost(replace(state, speed=speed, bed=bed, roll=roll, rest=rest), noise)
+
+        step = trust_region_step(score, lower.T, 0.5 * cost, tried, radius * scale)
+        if step is None:
+            return None, 0.0, 0.0, radius
+        new, after = self.at(*there(step)), np.linalg.inv(schur)
+        moved = float(np.sqrt(np.max((step ** 2 / np.diag(after))[:nodes])))
+        return new, moved, cost - self.cost(new, noise), LONGER * float(np.linalg.norm(step / scale))
 
     def noise_found(self, state: _State) -> float:
         """Estimate the deviation of the times: by the median, which few outliers do not move."""

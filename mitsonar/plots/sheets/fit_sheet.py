@@ -10,8 +10,9 @@ from matplotlib.ticker import MaxNLocator
 from ..canvas import sheet
 from ..lines.line_sheet import bar_beside, curve_axes, headed, key_above
 
-ROW, WIDTH, HEAD = 330, 1300, 70   # picture elements
+ROW, TALL, WIDTH, HEAD = 330, 640, 1300, 70     # picture elements
 VALUES, ERRORS, DEVIATIONS, SHARES = "viridis", "RdBu_r", "magma", "Greys"
+ANSWER, RIVAL, BEFORE = "#0072b2", "#d55e00", "#999999"
 MOST_ROWS = 8
 LONG = 2.0                         # times as long as wide: a map that is longer fills its axes
 
@@ -22,8 +23,8 @@ def fit_figure(answer: xr.Dataset) -> Figure:
     Parameters
     ----------
     answer : xarray.Dataset
-        As `Fit.to_dataset` makes it; ``NAME_truth`` is drawn, too, and ``NAME_east``, ``NAME_north`` [m] place numbers
-        on a map.
+        As `Fit.to_dataset` or `ProfileFit.to_dataset` makes it; ``NAME_truth`` is drawn, too; ``NAME_east``,
+        ``NAME_north`` [m] place numbers on a map, and ``depth`` along a profile.
 
     Returns
     -------
@@ -38,9 +39,10 @@ def fit_figure(answer: xr.Dataset) -> Figure:
     if not names or any(name not in answer or f"{name}_deviation" not in answer for name in names):
         raise ValueError("this dataset is no answer of a fit; give what Fit.to_dataset makes")
     shown = names[:MOST_ROWS]
-    figure = sheet(WIDTH, HEAD + ROW * len(shown))
+    row = TALL if "depth" in answer else ROW
+    figure = sheet(WIDTH, HEAD + row * len(shown))
     headed(figure, "fit of " + ", ".join(names), str(answer.attrs.get("stopped", "")))
-    top = 1 - HEAD / (HEAD + ROW * len(shown))
+    top = 1 - HEAD / (HEAD + row * len(shown))
     height = top / len(shown)
     for number, name in enumerate(shown):
         low = top - (number + 1) * height
@@ -53,6 +55,8 @@ def _draw(figure: Figure, answer: xr.Dataset, name: str, place: dict[str, float]
     """One parameter's row."""
     if f"{name}_east" in answer or answer[name].ndim == 2 and min(answer[name].shape) > 3:
         _maps(figure, answer, name, place)
+    elif "depth" in answer and answer["depth"].dims == answer[name].dims:
+        _profile(figure, answer, name, place)
     else:
         _curves(figure.add_gridspec(1, 1, **place).subplots(squeeze=False)[0, 0], answer, name)
 
@@ -97,13 +101,39 @@ def _maps(figure: Figure, answer: xr.Dataset, name: str, place: dict[str, float]
         bar.update_ticks()
 
 
+def _profile(figure: Figure, answer: xr.Dataset, name: str, place: dict[str, float]) -> None:
+    """A parameter over depth, and beside it what was seen."""
+    grid = figure.add_gridspec(1, 2, width_ratios=(3, 2), **{**place, "wspace": 0.3})
+    left, right = grid.subplots(squeeze=False)[0]
+    depth, values, deviation = (answer[key].values for key in ("depth", name, f"{name}_deviation"))
+    told = answer["told"].values.astype(bool)
+    for kind, style, colour, label in (("truth", "-", "black", "truth"), ("start", ":", BEFORE, "start"),
+                                       ("rival", "--", RIVAL, "meets the times as well")):
+        if f"{name}_{kind}" in answer:
+            left.plot(answer[f"{name}_{kind}"], depth, style, color=colour, label=label)
+    left.fill_betweenx(depth, values - deviation, values + deviation, color=ANSWER, alpha=0.2, linewidth=0,
+                       label="one deviation")
+    left.plot(values, depth, "-", color=ANSWER, linewidth=0.8)
+    for some, fill, label in ((told, ANSWER, "told"), (~told, "white", "not told")):
+        left.plot(values[some], depth[some], "o", color=fill, markeredgecolor=ANSWER, label=label)
+    left.invert_yaxis()
+    curve_axes(left, f"{name.replace('_', ' ')} [{answer[name].attrs['units']}]", "depth [m]")
+    key_above(left)
+    seen = np.maximum(answer["singular_value"].values, 1e-4)
+    right.semilogy(1 + np.arange(seen.size), seen, "o", color=ANSWER, label="singular values")
+    right.axhline(1, color=BEFORE, label="above: known better than before")
+    right.xaxis.set_major_locator(MaxNLocator(integer=True))
+    curve_axes(right, "pattern", "")
+    key_above(right)
+
+
 def _curves(axes: Axes, answer: xr.Dataset, name: str) -> None:
     """Few numbers: each with its bar."""
     values = answer[name].values.ravel()
     at = np.arange(values.size)
-    axes.errorbar(at, values, answer[f"{name}_deviation"].values.ravel(), fmt="o", color="#0072b2", capsize=3,
+    axes.errorbar(at, values, answer[f"{name}_deviation"].values.ravel(), fmt="o", color=ANSWER, capsize=3,
                   label="answer, and one deviation")
-    axes.plot(at, answer[f"{name}_start"].values.ravel(), "x", color="#999999", label="start")
+    axes.plot(at, answer[f"{name}_start"].values.ravel(), "x", color=BEFORE, label="start")
     if f"{name}_truth" in answer:
         axes.plot(at, answer[f"{name}_truth"].values.ravel(), "+", color="black", markersize=12, label="truth")
     unit = answer[name].attrs.get("units", "1")
