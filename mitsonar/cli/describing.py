@@ -31,7 +31,7 @@ def _describe(arguments):
     if arguments.markdown != (arguments.name is None):
         raise ValueError("describe takes the name of a scene or a plugin, or --markdown; give one of them")
     if arguments.markdown:
-        from ..plugins import page
+        from mitsonar.plugins import page
 
         return announce(page.markdown().rstrip("\n"))
     for number, (heading, text) in enumerate(guide.describe(arguments.name).paragraphs()):

@@ -15,7 +15,7 @@ import numpy as np
 import xarray
 
 from mitsonar.signal.beamforming import delay_and_sum
-from mitsonar.signal.matched_filter import matched_filter
+from mitsonar.signal.matched_filtering import matched_filter
 from mitsonar.signal.reception import delayed
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.sectors import STEPS

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from mitsonar.gradients.records.scene_model import SceneModel
 
-    from .fit.iteration import Method
+    from .fitting.iteration import Method
     from .images.scene_fit import KeyPrior
 
 Options = Mapping[str, Any]        # what was given, by the options' names, in the units of the command line
@@ -169,7 +169,7 @@ def _scene(inputs: Sequence[str], options: Options, progress: Progress) -> Solve
     from mitsonar.io.scene_files import scenes
     from mitsonar.scene.loading import load_file
 
-    from .fit.iteration import Stopping
+    from .fitting.iteration import Stopping
     from .images.scene_fit import fit_scene, vertex_places
 
     path, record, *keys = inputs
@@ -199,7 +199,7 @@ def _add_truth(dataset: xr.Dataset, sentences: list[str], options: Options) -> N
     from mitsonar.io.scene_files import scenes
     from mitsonar.scene.loading import load_file
 
-    from .fit.answer import TOLD
+    from .fitting.answer import TOLD
     from .images.scene_fit import scene_values
 
     truth = scene_values(load_file(scenes.find(options["truth"]), **options.get("parameters", {})),
@@ -234,7 +234,7 @@ def _key_prior(text: str) -> KeyPrior:
 
 
 def _method(name: str) -> Method:
-    from .fit.steps import LBFGS, TrustRegion
+    from .fitting.steps import LBFGS, TrustRegion
 
     return {"trust-region": TrustRegion, "l-bfgs": LBFGS}[name]()
 

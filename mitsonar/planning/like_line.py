@@ -27,7 +27,7 @@ from mitsonar.io.records import geotiff
 from mitsonar.io.survey_lines import reading
 from mitsonar.io.survey_lines.motion import smoothed
 from mitsonar.io.survey_lines.places import across_and_along, levelled
-from mitsonar.sonar.presets import presets
+from mitsonar.sonar.preset_tables import presets
 from mitsonar.units import deg_from_radians
 
 from .instrument_rules import rules_of

@@ -14,7 +14,7 @@ import numpy as np
 
 from mitsonar.device.files import FilePath, replacing
 from mitsonar.io.tracks.navigation import Frame
-from mitsonar.sonar.presets import presets
+from mitsonar.sonar.preset_tables import presets
 from mitsonar.units import KNOT
 
 from .plan import Plan, SurveyLine

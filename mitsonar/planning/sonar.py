@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 from mitsonar.device.spelling import meant
 from mitsonar.io.scene_files import scenes
-from mitsonar.sonar.presets import presets
+from mitsonar.sonar.preset_tables import presets
 
 KIND, DEFAULT_PRESET = "multibeam", "shallow_400khz"
 _TAGS = ("string", "float", "integer")

@@ -12,7 +12,7 @@ from .impulses import (
     make_kernel as make_kernel,
     response_spectrum as response_spectrum,
 )
-from .matched_filter import matched_filter as matched_filter
+from .matched_filtering import matched_filter as matched_filter
 from .noise import ElementNoise as ElementNoise, isotropic_coherence as isotropic_coherence
 from .reception import (
     absorbed as absorbed,

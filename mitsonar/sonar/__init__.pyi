@@ -16,7 +16,7 @@ from .arrays.beam_patterns import (
 from .faces.directivity import Aperture as Aperture, length_for_beam_width as length_for_beam_width
 from .faces.sidescan import Sidescan as Sidescan
 from .motion.track import Track as Track
-from .presets import presets as presets
+from .preset_tables import presets as presets
 from .pulses.pulse import Pulse as Pulse
 from .pulses.pulses import (
     PULSES as PULSES,

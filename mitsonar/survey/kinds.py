@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
     from mitsonar.water.profile import SoundSpeedProfile
 
-    from .multibeam.soundings import SoundingLine
     from .pressure.array_survey import ArraySurvey
     from .sensor import RunSettings
+    from .soundings.line import SoundingLine
     from .survey import Survey
 
 FILES = {"sidescan": "sidescan.kind", "array": "fan.kind", "forward_looking": "fan.forward_looking",

@@ -5,8 +5,8 @@ import numpy as np
 
 from mitsonar.imaging.sidescan import speckle_gates
 
+from .energy.sidescan_survey import SidescanSurvey
 from .pressure.array_survey import ArraySurvey
-from .sidescan.sidescan_survey import SidescanSurvey
 
 BYTES_PER_BIN = 90                 # of the record while it is made and written, all variables together,
 BYTES_PER_LABEL = 13               # and of each shape's share,

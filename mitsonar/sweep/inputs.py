@@ -10,8 +10,8 @@ from collections.abc import Iterable, Mapping
 
 from mitsonar.device.spelling import meant
 from mitsonar.io.scene_files import scenes
+from mitsonar.plugins import attributes, reference
 
-from ..plugins import attributes, reference
 from .manifest import MANIFEST
 from .values import shortened
 

@@ -86,7 +86,7 @@ def describe(name: FilePath) -> Description:
     ValueError
         If there is neither, or the scene is no XML.
     """
-    from .plugins import reference
+    from mitsonar.plugins import reference
 
     name = os.fspath(name)
     is_plugin = name in reference.plugins()
@@ -110,7 +110,7 @@ def describe(name: FilePath) -> Description:
 
 def _attributes(plugin: str) -> dict[str, Entry]:
     """Return the attributes of a plugin by name."""
-    from .plugins import reference
+    from mitsonar.plugins import reference
 
     entries = {}
     for one in reference.attributes(plugin):
@@ -123,7 +123,7 @@ def _attributes(plugin: str) -> dict[str, Entry]:
 
 def _use(use: tuple[str, str, str]) -> str:
     """Return what a parameter is for, by the attribute that it becomes."""
-    from .plugins import reference
+    from mitsonar.plugins import reference
 
     kind, label, name = use
     declared = reference.attributes(kind) if kind in reference.plugins() else []

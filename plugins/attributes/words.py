@@ -3,7 +3,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mitsonar.device.spelling import meant
-from mitsonar.sonar.presets import TABLES, presets
+from mitsonar.sonar.preset_tables import TABLES, presets
 
 from .declaration import REQUIRED, Attribute, Unfit
 from .input_files import found_file

@@ -35,7 +35,7 @@ from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.array_makers import element_array, planar_array
 from mitsonar.sonar.arrays.sectors import STEPS
 from mitsonar.sonar.faces.directivity import length_for_beam_width
-from mitsonar.sonar.presets import presets
+from mitsonar.sonar.preset_tables import presets
 from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Choice, FromTable, Integer, Number, Preset, SameAs

@@ -29,7 +29,7 @@ from mitsonar.hydrography.detection.row_angles import Rows, sector_of
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.array_makers import element_array
 from mitsonar.sonar.faces.directivity import length_for_beam_width
-from mitsonar.sonar.presets import presets
+from mitsonar.sonar.preset_tables import presets
 from mitsonar.sonar.pulses.pulses import PULSES
 from mitsonar.units import hertz_from_khz
 

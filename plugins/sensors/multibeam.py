@@ -36,7 +36,7 @@ from mitsonar.sonar.arrays.array_makers import line_array
 from mitsonar.sonar.arrays.sectors import SPACINGS, Sector, beam_angles, elements_for_beam_width
 from mitsonar.sonar.faces.directivity import length_for_beam_width
 from mitsonar.sonar.motion.track import mounting_matrix
-from mitsonar.sonar.presets import presets
+from mitsonar.sonar.preset_tables import presets
 from mitsonar.sonar.pulses.pulses import PULSES
 from mitsonar.units import hertz_from_khz
 

@@ -25,7 +25,7 @@ from dataclasses import replace
 from mitsonar.io.tracks import tracks
 from mitsonar.io.tracks.navigation import Frame, Waypoints, middle
 from mitsonar.sonar.motion.motion import RandomMotion, strum_frequency
-from mitsonar.sonar.presets import motions
+from mitsonar.sonar.preset_tables import motions
 from mitsonar.survey.voyage import MOST_PINGS, Route
 from mitsonar.units import metres_per_second_from_knots
 

@@ -24,7 +24,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.sonar.motion.rotating_head import MOUNTS, Head, Sweep
-from mitsonar.sonar.presets import presets
+from mitsonar.sonar.preset_tables import presets
 from mitsonar.sonar.pulses.pulses import cw, lfm
 from mitsonar.units import hertz_from_khz
 

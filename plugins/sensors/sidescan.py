@@ -16,7 +16,7 @@ noise; `level` is what the recorder keeps.
 """
 import mitsuba as mi
 
-from mitsonar.sonar.presets import presets
+from mitsonar.sonar.preset_tables import presets
 from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Boolean, Number, Preset, SameAs

@@ -4,7 +4,7 @@ ones. -200 dB leaves a flaw out.
 from mitsonar.imaging.recorder import Recorder
 from mitsonar.io.scene_files import beam_levels
 from mitsonar.sonar.faces.faces import BuiltFace, MeasuredBeam
-from mitsonar.sonar.presets import presets
+from mitsonar.sonar.preset_tables import presets
 from mitsonar.units import power_from_db
 
 from ..attributes import Attributes, File, FromTable, Integer, Number, SameAs, Text

@@ -35,7 +35,7 @@ from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.array_makers import element_array
 from mitsonar.sonar.arrays.shading import window_weights
 from mitsonar.sonar.faces.directivity import length_for_beam_width
-from mitsonar.sonar.presets import presets
+from mitsonar.sonar.preset_tables import presets
 from mitsonar.units import hertz_from_khz, power_from_db
 
 from ..attributes import Angle, Attributes, Choice, FromTable, Integer, Number, Preset, Text

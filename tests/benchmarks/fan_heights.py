@@ -76,7 +76,7 @@ def fitted(name, given, folder):
     import mitsonar  # noqa: F401  isort: skip: it comes before Mitsuba
     import mitsuba as mi
 
-    from mitsonar.inversion.fit.iteration import Stopping
+    from mitsonar.inversion.fitting.iteration import Stopping
     from mitsonar.inversion.images.scene_fit import KeyPrior, fit_scene
 
     data = opened(folder, "data", given, RELIEFS[name], rays=60000)

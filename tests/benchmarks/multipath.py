@@ -42,7 +42,7 @@ def run(depth, pings, given):
     """Make what makes a record of the harbour, called with a seed."""
     import mitsonar
     from mitsonar.survey.energy.energy import EnergyBlock
-    from mitsonar.survey.sidescan.sides import Sides
+    from mitsonar.survey.energy.sides import Sides
 
     given = {"pings": "60", **given, "max_depth": str(depth)}
     scene = mitsonar.load_file(str(measuring.ROOT / "scenes" / "sidescan_harbour.xml"), **given)

@@ -68,7 +68,7 @@ def phases(arguments):
     import mitsonar
     from mitsonar.io.records import exr
     from mitsonar.survey.energy.energy import record
-    from mitsonar.survey.sidescan.sides import Sides
+    from mitsonar.survey.energy.sides import Sides
 
     integrator, sensor = scene.integrator(), scene.sensors()[0]
     survey = integrator.survey(scene, sensor)

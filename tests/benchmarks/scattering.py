@@ -21,7 +21,7 @@ import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
 from mitsonar.scene import materials
 from mitsonar.scene.loading import prepare
 from mitsonar.survey.energy.energy import record
-from mitsonar.survey.sidescan.sides import Sides
+from mitsonar.survey.energy.sides import Sides
 
 FREQUENCY = 100e3
 LAWS = {

@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from mitsonar.inversion.fit.likelihood import Gamma, Gaussian
+from mitsonar.inversion.fitting.likelihood import Gamma, Gaussian
 
 
 @pytest.mark.parametrize("robust", [None, 1.5])

@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from mitsonar.inversion.fit.smoothness import covariance_root, grid_root, independent_root, mesh_root
+from mitsonar.inversion.fitting.smoothness import covariance_root, grid_root, independent_root, mesh_root
 
 
 def _mesh(count, step):

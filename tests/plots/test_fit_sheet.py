@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from mitsonar.inversion.fit.answer import FittedParameter, named
+from mitsonar.inversion.fitting.answer import FittedParameter, named
 from mitsonar.plots.sheets.fit_sheet import fit_figure
 
 

@@ -133,7 +133,7 @@ def test_names_of_files_in_a_value(variant, kind, value, names):
 
 def test_presets_are_those_of_the_sonar(reference):
     from mitsonar.plugins.attributes import FromTable
-    from mitsonar.sonar.presets import TABLES, presets
+    from mitsonar.sonar.preset_tables import TABLES, presets
 
     for kind in TABLES:
         taken = {one.name for one in reference.attributes(kind)
@@ -143,7 +143,7 @@ def test_presets_are_those_of_the_sonar(reference):
 
 def test_named_motions_are_those_of_every_sensor(reference):
     from mitsonar.plugins.attributes import FromTable
-    from mitsonar.sonar.presets import motions
+    from mitsonar.sonar.preset_tables import motions
 
     for plugin in ("sidescan", "array_sonar", "forward_looking", "sector_scan"):
         taken = {one.name for one in reference.attributes(plugin)

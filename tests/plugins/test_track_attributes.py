@@ -222,7 +222,7 @@ def test_random_motion(sensor, kind):
 
 
 def test_a_named_motion_and_what_is_written_in_its_place(sensor):
-    from mitsonar.sonar.presets import motions
+    from mitsonar.sonar.preset_tables import motions
 
     line = {"start": [0.0, -100.0, -10.0], "pings": 8000, "speed_knots": 0.1}
     tow = motions()["tow"]

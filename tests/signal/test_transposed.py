@@ -6,7 +6,7 @@ import xarray as xr
 from mitsonar.signal.beamforming import delay_and_sum, directions
 from mitsonar.signal.beamforming.transposed import delay_and_sum_transposed
 from mitsonar.signal.impulses import Later
-from mitsonar.signal.matched_filter import matched_filter
+from mitsonar.signal.matched_filtering import matched_filter
 from mitsonar.signal.reception import absorbed, delayed, received, transposed
 from mitsonar.sonar import lfm
 

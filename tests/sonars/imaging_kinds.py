@@ -10,7 +10,7 @@ import numpy as np
 import sonar_scenes as scenes
 from scipy.optimize import brentq
 
-from mitsonar.sonar.presets import TABLES, presets
+from mitsonar.sonar.preset_tables import TABLES, presets
 
 SPEED = 1500.0
 # kinds without bearings: test_sidescan_*.py, test_synthetic_*.py, test_interferometric.py

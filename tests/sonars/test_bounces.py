@@ -86,7 +86,7 @@ def test_ghosts_do_not_depend_on_threads_or_blocks(variant, monkeypatch, threads
     import drjit as dr
     whole = mitsonar.render(scene(2, pings=3), 7)["path_level"].values
     before = dr.thread_count()
-    monkeypatch.setattr("mitsonar.survey.sidescan.sides.RAYS_PER_BLOCK", 1)
+    monkeypatch.setattr("mitsonar.survey.energy.sides.RAYS_PER_BLOCK", 1)
     try:
         dr.set_thread_count(threads)
         parts = mitsonar.render(scene(2, pings=3), 7)["path_level"].values

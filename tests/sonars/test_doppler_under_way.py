@@ -8,7 +8,7 @@ import pytest
 
 import mitsonar
 from mitsonar.signal import doppler
-from mitsonar.signal.matched_filter import matched_filter
+from mitsonar.signal.matched_filtering import matched_filter
 from mitsonar.sonar.pulses.pulses import pulse_of
 from mitsonar.validation.scenes import array_sonar, buried_bed, point_target
 

@@ -12,7 +12,7 @@ from sonar_scenes import array_sonar, bed, buried_bed, forward_looking, lambert,
 import mitsonar
 import mitsonar.scene.loading  # tells Dr.Jit its libraries before Mitsuba is imported
 from mitsonar.sonar import beam_pattern
-from mitsonar.sonar.presets import presets
+from mitsonar.sonar.preset_tables import presets
 
 SPEED, DEPTH, ELEMENTS, SPACING = 1500.0, 10.0, 48, 0.5
 SMALL = {"frequency_khz": 200.0, "receive_elements": ELEMENTS, "element_spacing": SPACING, "beams": 121,

@@ -18,7 +18,7 @@ import mitsonar
 import mitsonar.scene.loading  # tells Dr.Jit its libraries before Mitsuba is imported
 from mitsonar.propagation.numpy_rays.eigenrays import eigenray
 from mitsonar.scene.errors import as_exception
-from mitsonar.signal.matched_filter import matched_filter
+from mitsonar.signal.matched_filtering import matched_filter
 from mitsonar.sonar.motion.track import rotation_matrix
 from mitsonar.survey.interferometric.instrument import both_sides
 from mitsonar.survey.interferometric.plan import up_along

@@ -157,7 +157,7 @@ def test_same_seed_same_bytes_whatever_threads_and_blocks(tmp_path, monkeypatch)
         first = written("a.exr")
         dr.set_thread_count(5)
         assert written("b.exr") == first
-        monkeypatch.setattr("mitsonar.survey.sidescan.sides.RAYS_PER_BLOCK", 40_000)
+        monkeypatch.setattr("mitsonar.survey.energy.sides.RAYS_PER_BLOCK", 40_000)
         assert written("c.exr") == first
         assert written("d.exr", seed=8) != first
     finally:

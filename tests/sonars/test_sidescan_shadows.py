@@ -7,7 +7,7 @@ from track_files import write_track
 import mitsonar
 import mitsonar.scene.loading
 from mitsonar.survey.energy.energy import EnergyBlock
-from mitsonar.survey.sidescan.sides import Sides
+from mitsonar.survey.energy.sides import Sides
 from mitsonar.validation.scenes import bed, lambert, sidescan
 
 LOBES = {"preset": "auv_450khz", "sidelobe_db": -25.0, "vertical_sidelobe_db": -14.0, "back_db": -30.0}

@@ -18,8 +18,8 @@ from track_files import write_track
 
 from mitsonar.propagation import eigenray, return_time
 from mitsonar.survey.energy.energy import record
+from mitsonar.survey.energy.sides import Sides
 from mitsonar.survey.sidescan.kind import sonar_at
-from mitsonar.survey.sidescan.sides import Sides
 from mitsonar.units import KNOT
 from mitsonar.validation.scenes import bed, buried_bed, sidescan
 

@@ -19,7 +19,7 @@ from sonar_scenes import bed, lambert, point_target, synthetic_aperture
 import mitsonar
 from mitsonar.sonar.arrays.element_patterns import element_pressure
 from mitsonar.sonar.motion.track import rotation_matrix
-from mitsonar.sonar.presets import presets
+from mitsonar.sonar.preset_tables import presets
 from mitsonar.sonar.pulses.pulses import pulse_of
 from mitsonar.survey.synthetic_aperture.truth import strip_truth
 from mitsonar.synthetic_aperture.record import check_raw

@@ -12,7 +12,7 @@ from scipy.integrate import trapezoid
 from sonar_scenes import array_sonar, bed, buried_bed, lambert, multibeam, sidescan
 
 import mitsonar
-from mitsonar.signal.matched_filter import compression
+from mitsonar.signal.matched_filtering import compression
 from mitsonar.survey.multibeam.beams import sector_beams
 from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.survey.sidescan.kind import sonar_at

@@ -10,6 +10,7 @@ import pytest
 from small_scene import TEXT
 
 from mitsonar.device import llvm
+from mitsonar.device.lazy import homes_of
 
 ROOT = Path(__file__).resolve().parents[2]
 STUBS = [pytest.param(stub, id=str(stub.parent.relative_to(ROOT)))
@@ -157,3 +158,13 @@ def test_a_scene_is_loaded_without_what_only_rendering_needs(tmp_path):
     child = subprocess.run([sys.executable, "-c", code, str(tmp_path / "scene.xml")], capture_output=True, text=True,
                            check=True)
     assert child.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("stub", STUBS)
+def test_no_module_takes_the_place_of_a_public_name(stub):
+    """Python sets a submodule as an attribute of its package when it is imported, over a function of the same name."""
+    homes = homes_of(".".join(stub.relative_to(ROOT).parent.parts), stub)
+    assert homes
+    for name, home in homes.items():
+        is_module = (stub.parent / f"{name}.py").exists() or (stub.parent / name).is_dir()
+        assert not is_module or home == f"{'.'.join(stub.relative_to(ROOT).parent.parts)}.{name}", name

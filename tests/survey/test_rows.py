@@ -13,10 +13,10 @@ import pytest
 
 from mitsonar.imaging.fan import fan_directions
 from mitsonar.survey.energy.energy import record
+from mitsonar.survey.energy.sides import Sides
 from mitsonar.survey.energy.sound_paths import SoundPaths
 from mitsonar.survey.fan.beams import Beams
 from mitsonar.survey.motion.places import Places
-from mitsonar.survey.sidescan.sides import Sides
 from mitsonar.validation.scenes import array_sonar, bed, lambert, point_target, sidescan
 
 H, MU_DB, TARGET = 8.0, -27.0, [0.0, 14.0, -17.5]
@@ -145,7 +145,7 @@ def test_levels_of_a_fan_of_beams_close_the_sonar_equation(monkeypatch):
 
 def test_too_many_sums_are_refused_before_anything_is_traced(monkeypatch):
     survey, _ = sides()
-    monkeypatch.setattr("mitsonar.survey.sidescan.sides.MOST_SUMS", 1000)
+    monkeypatch.setattr("mitsonar.survey.energy.sides.MOST_SUMS", 1000)
     with pytest.raises(ValueError, match="60 bins and 1 shapes make .* sums a ping"):
         Sides(replace(survey))
     monkeypatch.setattr("mitsonar.survey.fan.beams.MOST_SUMS", 1000)

@@ -3,10 +3,10 @@ import numpy as np
 import pytest
 
 from mitsonar.sonar.motion.track import Track
+from mitsonar.survey.energy import sides as module
 from mitsonar.survey.energy.energy import record
-from mitsonar.survey.sidescan import sides as module
-from mitsonar.survey.sidescan.side_launch import GROUP, scouts
-from mitsonar.survey.sidescan.sides import Sides
+from mitsonar.survey.energy.side_launch import GROUP, scouts
+from mitsonar.survey.energy.sides import Sides
 from mitsonar.validation.scenes import bed, lambert, sidescan
 
 BEAM, FARTHEST = 0.02, 50.0        # [rad], [m]: 1 m wide at the end of the record

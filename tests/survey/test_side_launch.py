@@ -9,7 +9,7 @@ from drjit.auto import UInt32
 from mitsonar.device.arrays import arrays_of
 from mitsonar.device.chance import Salt
 from mitsonar.scene.tracing.launch import CELLS, WIDE_SHARE
-from mitsonar.survey.sidescan.side_launch import drawn_across, ray_grid, strata_of
+from mitsonar.survey.energy.side_launch import drawn_across, ray_grid, strata_of
 
 LEVEL = np.linspace(-1.0, 1.0, CELLS + 1)
 

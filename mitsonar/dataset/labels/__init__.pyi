@@ -1,5 +1,4 @@
 from ..sources import find_sources as find_sources
 from ..split import deal as deal, read_shares as read_shares
-from .annotations import annotations as annotations
 from .rules import Labels as Labels
 from .writing import groups_of as groups_of, write as write

@@ -25,7 +25,7 @@ import xarray as xr
 
 from mitsonar.imaging import fan
 from mitsonar.signal.beamforming.transposed import delay_and_sum_transposed
-from mitsonar.signal.matched_filter import matched_filter
+from mitsonar.signal.matched_filtering import matched_filter
 from mitsonar.signal.reception import delayed, transposed
 from mitsonar.survey.fan import forward_looking, kind as array
 from mitsonar.survey.pressure.array_survey import ArraySurvey

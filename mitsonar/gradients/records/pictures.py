@@ -18,14 +18,14 @@ from mitsonar.imaging.recorder import leaked
 from mitsonar.imaging.sidescan import mean_intensity, pulse_shares
 from mitsonar.survey.energy import energy
 from mitsonar.survey.energy.rows import Rows
+from mitsonar.survey.energy.sides import Sides
+from mitsonar.survey.energy.sidescan_survey import SidescanSurvey
 from mitsonar.survey.fan import forward_looking, kind as array
 from mitsonar.survey.fan.beams import Beams
 from mitsonar.survey.kinds import kind_of
 from mitsonar.survey.pressure.array_survey import ArraySurvey
 from mitsonar.survey.sector_scan import kind as sector_scan
 from mitsonar.survey.sidescan.kind import noise_db
-from mitsonar.survey.sidescan.sides import Sides
-from mitsonar.survey.sidescan.sidescan_survey import SidescanSurvey
 from mitsonar.survey.survey import Survey
 from mitsonar.units import power_from_db
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft
 
-from mitsonar.signal.matched_filter import matched_filter, rms_bandwidth
+from mitsonar.signal.matched_filtering import matched_filter, rms_bandwidth
 from mitsonar.sonar.pulses.pulse import Pulse
 
 FINER = 8                          # samples are made finer before peaks are looked for

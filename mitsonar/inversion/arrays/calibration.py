@@ -25,12 +25,12 @@ from mitsonar.sonar.pulses.pulse import Pulse
 from mitsonar.sonar.pulses.pulses import pulse_of
 from mitsonar.water.profile import SoundSpeedProfile
 
-from ..fit.answer import Answer, Fit, FittedParameter, named
-from ..fit.fitting import fit
-from ..fit.iteration import Stopping
-from ..fit.likelihood import Gaussian, Terms
-from ..fit.priors import Prior
-from ..fit.steps import TrustRegion
+from ..fitting.answer import Answer, Fit, FittedParameter, named
+from ..fitting.fitting import fit
+from ..fitting.iteration import Stopping
+from ..fitting.likelihood import Gaussian, Terms
+from ..fitting.priors import Prior
+from ..fitting.steps import TrustRegion
 from .arrival_model import OF, UNITS, ArrivalModel
 from .arrival_times import MeasuredArrivals, measured_arrivals
 

@@ -20,8 +20,8 @@ from mitsonar.gradients.parameters.changes import DECIBELS, BoundChange, Heights
 from mitsonar.gradients.parameters.parametrisation import parametrised
 from mitsonar.gradients.records.scene_model import SceneModel
 
-from ..fit.answer import told_of
-from ..fit.priors import Prior
+from ..fitting.answer import told_of
+from ..fitting.priors import Prior
 from .image_fit import COARSE_TO_FINE, Stage, check_keys, fit_image, image_answer
 from .image_record import ImageRecord
 

@@ -16,11 +16,11 @@ import numpy as np
 from mitsonar.device.files import FilePath
 from mitsonar.gradients.model import ForwardModel, Linearised, Values
 
-from ..fit.answer import Fit, FittedParameter, named
-from ..fit.fitting import fit
-from ..fit.iteration import FitStage, Stopping
-from ..fit.priors import Prior
-from ..fit.steps import TrustRegion
+from ..fitting.answer import Fit, FittedParameter, named
+from ..fitting.fitting import fit
+from ..fitting.iteration import FitStage, Stopping
+from ..fitting.priors import Prior
+from ..fitting.steps import TrustRegion
 from .image_record import Comparison, ImageRecord
 
 if TYPE_CHECKING:

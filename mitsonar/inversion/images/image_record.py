@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from ..fit.likelihood import Gamma
+from ..fitting.likelihood import Gamma
 from .scene_fit import image_intensities
 
 HUBER = 3.0                        # √deviance beyond which it grows linearly

@@ -23,8 +23,8 @@ from mitsonar.gradients.parameters.changes import DECIBELS, BoundChange, Log, Ri
 from mitsonar.gradients.parameters.parametrisation import parametrised
 from mitsonar.gradients.records.scene_model import SceneModel
 
-from ..fit.priors import Prior
-from ..fit.unknowns import Unknowns
+from ..fitting.priors import Prior
+from ..fitting.unknowns import Unknowns
 from .image_fit import Stage, check_keys, fit_image, image_answer
 from .image_record import ImageRecord, saturated
 

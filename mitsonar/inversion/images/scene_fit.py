@@ -28,11 +28,11 @@ from mitsonar.units import power_from_db
 from mitsonar.verbs.gradients import scene_model
 from mitsonar.verbs.images import opened
 
-from ..fit.answer import Fit
-from ..fit.fitting import fit
-from ..fit.iteration import Method, Stopping
-from ..fit.likelihood import Gamma
-from ..fit.priors import Prior
+from ..fitting.answer import Fit
+from ..fitting.fitting import fit
+from ..fitting.iteration import Method, Stopping
+from ..fitting.likelihood import Gamma
+from ..fitting.priors import Prior
 
 RANGES = 0.02                      # share of a range that two sonars' ranges may differ by
 

@@ -15,9 +15,9 @@ import xarray as xr
 from mitsonar.device.files import FilePath
 from mitsonar.gradients.records.scene_model import SceneModel
 
-from ..fit.answer import told_of
-from ..fit.classes import Classes
-from ..fit.priors import Prior
+from ..fitting.answer import told_of
+from ..fitting.classes import Classes
+from ..fitting.priors import Prior
 from .image_fit import Stage, check_keys, fit_image, image_answer
 from .image_record import ImageRecord
 

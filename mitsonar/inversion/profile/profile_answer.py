@@ -8,7 +8,7 @@ import xarray as xr
 
 from mitsonar.water.profile import SoundSpeedProfile
 
-from ..fit.answer import FittedParameter, named
+from ..fitting.answer import FittedParameter, named
 
 LEAST_SPAN = 0.25                  # of the column, that nodes must be told over for a profile to be one
 ONE_WAY = 0.15                     # directions nearer to each other than this are one

@@ -22,7 +22,7 @@ from mitsonar.hydrography.detection.sounding_beams import SoundingBeams
 from mitsonar.propagation.numpy_rays.profile_derivatives import hats
 from mitsonar.water.profile import SoundSpeedProfile
 
-from ..fit.steps import LONGER, trust_region_step
+from ..fitting.steps import LONGER, trust_region_step
 from .profile_answer import WELL, ProfileFit
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ LONG = 2.0                         # times as long as wide: a map that is longer
 
 
 def fit_figure(answer: xr.Dataset) -> Figure:
-    """Draw an answer of `mitsonar.inversion.fit`.
+    """Draw an answer of `mitsonar.inversion.fitting`.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ import numpy as np
 from mitsonar.imaging.energy_record import CoherentRecord, CoherentSums, joined
 from mitsonar.imaging.sidescan import pulse_cells
 
-from ..sidescan.sidescan_survey import SidescanSurvey
+from .sidescan_survey import SidescanSurvey
 
 PER_PULSE, PER_BIN = 4, 4          # samples of z, at least,
 CYCLES = 2.5                       # of the carrier to a sample at least, but for the shortest pulses

@@ -18,6 +18,7 @@ from mitsonar.device.types import Vector
 from mitsonar.echoes.paths import Paths
 from mitsonar.scene.tracing.aimed_launch import DrawnRays
 
+from ..energy.coherent_beams import CoherentBeams
 from ..energy.energy_bins import EnergyBins
 from ..energy.rows import EchoSource, Rays, RowResponse
 from ..energy.sound_paths import SoundPaths
@@ -25,7 +26,6 @@ from ..motion.places import Place
 from ..motion.underway import Underway
 from ..pressure.array_survey import ArraySurvey
 from .array_beams import ArrayBeams
-from .coherent_beams import CoherentBeams
 
 RAYS_PER_BIN = 12
 FEWEST_RAYS, MOST_RAYS, MOST_PASSES = 200_000, 3_000_000, 16        # rays of a pass

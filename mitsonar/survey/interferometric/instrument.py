@@ -33,7 +33,7 @@ from ..beam_domain.frames import LaidPing, lay, line_beams
 from ..beam_domain.line import LineArray
 from ..beam_domain.ping_echoes import PingEchoes
 from ..beam_domain.truth import FrameTruth
-from ..multibeam.soundings import Finding
+from ..soundings.line import Finding
 from .plan import SIDES, InterferometricSurvey, up_along
 
 

@@ -19,7 +19,7 @@ from mitsonar.scene.labels import classes_of
 from mitsonar.water.profile import SoundSpeedProfile
 
 from .. import limits
-from ..multibeam.soundings import SoundingLine
+from ..soundings.line import SoundingLine
 from .instrument import Interferometer, measured_rows
 from .plan import InterferometricSensor, InterferometricSurvey, plan as plan, plan_elements as plan_elements
 

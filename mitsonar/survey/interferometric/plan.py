@@ -15,17 +15,17 @@ import numpy as np
 from mitsonar.hydrography.detection.row_angles import Rows, sector_of
 from mitsonar.scene import materials
 from mitsonar.scene.geometry import Geometry
-from mitsonar.signal.matched_filter import compression, rms_bandwidth
+from mitsonar.signal.matched_filtering import compression, rms_bandwidth
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.array_makers import element_array
 from mitsonar.sonar.pulses.pulse import Pulse
 from mitsonar.units import db_from_amplitude
 
 from ..fan.kind import survey_of
-from ..multibeam.survey import SoundedSurvey, SoundingSensor, Transmission, shared
 from ..pressure.array_survey import ArraySurvey
 from ..pressure.signals import LEAD
 from ..sensor import RunSettings, head_speed, slowest_speed
+from ..soundings.survey import SoundedSurvey, SoundingSensor, Transmission, shared
 
 SIDES = ("port", "starboard")
 

@@ -17,7 +17,7 @@ from ..beam_domain.frames import LaidPing, lay, line_beams
 from ..beam_domain.line import LineArray
 from ..beam_domain.ping_echoes import PingEchoes
 from ..beam_domain.truth import FrameTruth
-from .survey import SectorRun, SwathSurvey
+from ..soundings.survey import SectorRun, SwathSurvey
 
 MAIN_LOBE = 0.25                   # of its axis: half the amplitude
 FINER = 8                          # steps of a side lobe

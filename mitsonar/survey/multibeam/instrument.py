@@ -25,10 +25,10 @@ from mitsonar.sonar.arrays.sectors import pattern_integral
 from mitsonar.sonar.motion.track import mounting_matrix
 from mitsonar.units import db_from_power
 
+from ..soundings.line import Finding
+from ..soundings.survey import SwathSurvey
 from .beams import SectorBeams
 from .measuring import Measurement, SwathBeams
-from .soundings import Finding
-from .survey import SwathSurvey
 
 WORDS = ("mean intensity over the footprint, less noise; corrected for source level, spreading and absorption along "
          "the bent path, patterns of transmitting and receiving faces, and the area that pulse and beams let sound at "

@@ -24,11 +24,11 @@ from .. import limits
 from ..pressure.array_survey import ArraySurvey
 from ..pressure.signals import ping_attributes, ping_coordinates
 from ..sensor import RunSettings
+from ..soundings.line import SoundingLine
+from ..soundings.survey import SwathSurvey
 from .beams import sector_beams
 from .instrument import Multibeam
 from .plan import MultibeamSensor, plan
-from .soundings import SoundingLine
-from .survey import SwathSurvey
 
 
 def plan_elements(scene: mi.Scene, sensor: MultibeamSensor, settings: RunSettings, lead: float = 0.0) -> ArraySurvey:

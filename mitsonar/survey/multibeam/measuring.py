@@ -8,12 +8,12 @@ import numpy as np
 from mitsonar.hydrography.detection.bottom_track import reduced
 from mitsonar.hydrography.detection.detection import Detections, Head, detect
 from mitsonar.hydrography.detection.side_lobes import mean_between, of_main_lobes, through_side_lobes
-from mitsonar.signal.matched_filter import compression
+from mitsonar.signal.matched_filtering import compression
 from mitsonar.units import power_from_db
 
 from ..limits import check_soundings
+from ..soundings.survey import SwathSurvey
 from .beams import Halves, SectorBeams, sector_beams
-from .survey import SwathSurvey
 
 FEWEST_SAMPLES = 16                # of a ping, that the bed can be found in
 

@@ -32,8 +32,8 @@ from ..fan.kind import survey_of
 from ..pressure.array_survey import ArraySurvey
 from ..pressure.signals import LEAD
 from ..sensor import RunSettings, head_speed, slowest_speed
+from ..soundings.survey import SectorRun, SoundingSensor, SwathSurvey, shared
 from ..voyage import Passage
-from .survey import SectorRun, SoundingSensor, SwathSurvey, shared
 
 COURSE = np.linspace(-10, 10, 9)   # [s] about a ping, over which headings are averaged
 STEEPEST = np.deg2rad(85.0)        # angle beyond which an echo's time is no longer foreseen

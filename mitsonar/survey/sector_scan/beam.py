@@ -13,13 +13,13 @@ import numpy as np
 
 from mitsonar.device.types import Vector
 from mitsonar.imaging.sidescan import mean_intensity, pulse_shares
-from mitsonar.signal.matched_filter import compression
+from mitsonar.signal.matched_filtering import compression
 from mitsonar.sonar.faces.directivity import Aperture
 from mitsonar.sonar.faces.sidescan import Sidescan
 
+from ..energy.face_beams import BEAM_EDGE, FaceBeams
 from ..motion.places import Place
 from ..pressure.array_survey import ArraySurvey
-from ..sidescan.face_beams import BEAM_EDGE, FaceBeams
 
 
 def face_of(survey: ArraySurvey) -> Sidescan:

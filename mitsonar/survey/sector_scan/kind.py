@@ -19,7 +19,7 @@ from mitsonar.imaging.energy_record import EnergyRecord, only_row
 from mitsonar.scene import objects
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.labels import classes_of
-from mitsonar.signal.matched_filter import compression, matched_filter
+from mitsonar.signal.matched_filtering import compression, matched_filter
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.array_makers import element_array
 from mitsonar.sonar.arrays.beam_patterns import element_directivity_index_db

@@ -26,14 +26,14 @@ from mitsonar.echoes.sums.origin_sums import WORDS
 from mitsonar.scene.tracing.launch import CELLS, along_quantiles, draw, first_quantiles, refine_quantiles
 from mitsonar.sonar.faces.sidescan import Sidescan
 
+from ..energy.coherent_beams import CoherentBeams
 from ..energy.energy_bins import EnergyBins, ray_need
 from ..energy.rows import EchoSource, Rays, RowResponse
+from ..energy.side_launch import drawn_across, ray_grid, strata_of
 from ..energy.sound_paths import SoundPaths
-from ..fan.coherent_beams import CoherentBeams
 from ..motion.places import Place
 from ..motion.underway import Underway
 from ..pressure.array_survey import ArraySurvey
-from ..sidescan.side_launch import drawn_across, ray_grid, strata_of
 from .beam import StepBeam, face_of
 
 SHIFTS = 9                         # that stand for all pings

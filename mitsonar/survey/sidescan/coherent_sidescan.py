@@ -26,11 +26,11 @@ from mitsonar.echoes.smooth.targets import SmoothTargets
 from mitsonar.imaging.energy_record import CoherentSums, joined
 
 from ..energy.coherent_pulses import Arrivals, CoherentPulses
+from ..energy.face_beams import BEAM_EDGE, FaceBeams
+from ..energy.sidescan_survey import SidescanSurvey
 from ..energy.sound_paths import SoundPaths
 from ..energy.target_echoes import band_of_tone, target_echoes
 from ..motion.places import Place
-from .face_beams import BEAM_EDGE, FaceBeams
-from .sidescan_survey import SidescanSurvey
 
 FAINT = 1e-7                       # two-way intensity of the beams' envelope below which facets are not looked at
 

@@ -28,12 +28,12 @@ from mitsonar.units import db_from_amplitude, db_from_power, power_from_db
 
 from .. import limits
 from ..energy import energy
+from ..energy.sides import Sides
+from ..energy.sidescan_survey import SidescanSurvey
 from ..fan import kind as array
 from ..pressure.array_survey import ArraySurvey
 from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
 from ..voyage import Passage
-from .sides import Sides
-from .sidescan_survey import SidescanSurvey
 
 WIDEST = 0.2                       # cosine beyond which no lobe is followed: pings are no nearer than such beams tell
 LOBE_END = 1e-3                    # two-way intensity at which the main lobe ends (-30 dB)

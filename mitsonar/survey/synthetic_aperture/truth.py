@@ -31,8 +31,8 @@ from mitsonar.sonar.motion.track import Track
 from mitsonar.sonar.motion.trajectory import Recorded, Trajectory, Voyage
 
 from ..energy import energy
-from ..sidescan.sides import Sides
-from ..sidescan.sidescan_survey import SidescanSurvey
+from ..energy.sides import Sides
+from ..energy.sidescan_survey import SidescanSurvey
 from ..voyage import Passage
 from .plan import StripSurvey
 

@@ -24,7 +24,7 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicSpline
 
-from mitsonar.signal.matched_filter import compression, matched_filter
+from mitsonar.signal.matched_filtering import compression, matched_filter
 from mitsonar.sonar.pulses.pulses import pulse_of
 
 from ..focusing.poses import MOTION, Poses, poses_of

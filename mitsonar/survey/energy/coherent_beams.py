@@ -18,11 +18,11 @@ from mitsonar.echoes.record import Echoes
 from mitsonar.echoes.smooth.targets import SmoothTargets
 from mitsonar.imaging.energy_record import CoherentRecord, CoherentSums
 
-from ..energy.energy_bins import EnergyBins
-from ..energy.sound_paths import SoundPaths
-from ..energy.target_echoes import band_of, target_echoes
 from ..motion.places import Place
 from ..pressure.array_survey import ArraySurvey
+from .energy_bins import EnergyBins
+from .sound_paths import SoundPaths
+from .target_echoes import band_of, target_echoes
 
 FLAT_BAND = 0.75                   # c / 2B of the two thirds of a sampled band that are used, over c / 2 a sample
 

@@ -49,9 +49,9 @@ from mitsonar.scene.tracing.launch import (
 )
 from mitsonar.sonar.motion.track import Track
 
-from ..energy.rows import Rays
 from ..motion.places import Place
 from ..motion.underway import Underway
+from .rows import Rays
 from .sidescan_survey import SidescanSurvey
 
 GROUP = 4                          # pings that may have a scout in common

@@ -31,15 +31,15 @@ from mitsonar.imaging.sidescan import mean_intensity, pulse_shares
 from mitsonar.scene.tracing.hits import Hits
 from mitsonar.scene.tracing.launch import CELLS, refined
 
-from ..energy.energy_bins import EnergyBins, aside_need
-from ..energy.rows import EchoSource, RowResponse
-from ..energy.sound_paths import SoundPaths
 from ..motion.places import Place
 from ..motion.underway import Underway
-from .coherent_sidescan import CoherentSidescan
+from ..sidescan.coherent_sidescan import CoherentSidescan
+from .energy_bins import EnergyBins, aside_need
 from .face_beams import BEAM_EDGE, FaceBeams
+from .rows import EchoSource, RowResponse
 from .side_launch import GROUP, SideLaunch, SideRays, Tables, scouts
 from .sidescan_survey import SidescanSurvey
+from .sound_paths import SoundPaths
 
 FEWER_POINTS = 4                   # of the water than rays: there is no shape to resolve
 

@@ -1,0 +1,1 @@
+"""Fits: likelihoods, priors, steps, answers."""

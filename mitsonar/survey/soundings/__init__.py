@@ -1,0 +1,1 @@
+"""Soundings of a line, by whatever sonar measures them."""
