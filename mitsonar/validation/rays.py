@@ -1,8 +1,7 @@
 """Rays: exact eigenrays against closed forms and 34-digit arithmetic, and traced hits against exact eigenrays."""
 import numpy as np
 
-from mitsonar.propagation.numpy_rays import eigenrays
-from mitsonar.propagation.numpy_rays.eigenrays import eigenray
+from mitsonar.propagation.numpy_rays.eigenrays import eigenray, eigenrays
 from mitsonar.water.profile import SoundSpeedProfile
 
 from .case import Case, Line, Panel, Row, Table, worst

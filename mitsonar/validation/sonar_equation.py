@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
-from mitsonar.propagation.numpy_rays import eigenrays
-from mitsonar.propagation.numpy_rays.eigenrays import eigenray
+from mitsonar.propagation.numpy_rays.eigenrays import eigenray, eigenrays
 from mitsonar.water.profile import SoundSpeedProfile
 
 NODES = 40_001

@@ -25,7 +25,7 @@ import numpy as np
 import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
 from mitsonar.device.arrays import arrays_of
 from mitsonar.io import casts
-from mitsonar.propagation.numpy_rays import eigenrays
+from mitsonar.propagation.numpy_rays.eigenrays import eigenrays
 from mitsonar.scene.loading import prepare
 from mitsonar.scene.tracing.tracer import Tracer
 from mitsonar.scene.tracing.water import DeviceWater

@@ -71,7 +71,7 @@ def test_json_that_no_memory_holds_is_refused(tmp_path):
 
 
 def test_rooms_of_files_need_no_import_of_their_own():
-    text = ("import mitsonar; print(mitsonar.io.records.exr.read.__name__, mitsonar.io.records.signals.write.__name__, "
+    text = ("import mitsonar; print(mitsonar.io.exr.read.__name__, mitsonar.io.signals.write.__name__, "
             "sorted(set(dir(mitsonar.io)) & {'casts', 'exr', 'netcdf', 'signals', 'tracks'}))")
     said = subprocess.run([sys.executable, "-c", text], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     assert said == "read write ['casts', 'exr', 'netcdf', 'signals', 'tracks']\n"

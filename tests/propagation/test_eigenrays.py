@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from mitsonar.propagation import eigenray
-from mitsonar.propagation.numpy_rays import eigenrays
+from mitsonar.propagation.numpy_rays.eigenrays import eigenrays
 from mitsonar.water import SoundSpeedProfile
 
 REFERENCE = Path(__file__).resolve().parents[2] / ".." / "shared" / "reference" / "eigenrays.json"

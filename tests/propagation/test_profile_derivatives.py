@@ -10,7 +10,7 @@ from scipy.integrate import quad
 from scipy.optimize import newton
 
 from mitsonar.propagation import eigenray
-from mitsonar.propagation.numpy_rays import eigenrays
+from mitsonar.propagation.numpy_rays.eigenrays import eigenrays
 from mitsonar.propagation.numpy_rays.profile_derivatives import ray_derivatives
 from mitsonar.water import SoundSpeedProfile
 

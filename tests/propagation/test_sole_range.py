@@ -12,7 +12,8 @@ from summer import SUMMER
 from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.propagation.device_rays.layer_table import layer_table
 from mitsonar.propagation.device_rays.sole_range import sole_range
-from mitsonar.propagation.numpy_rays import eigenrays, exact_returns
+from mitsonar.propagation.numpy_rays import exact_returns
+from mitsonar.propagation.numpy_rays.eigenrays import eigenrays
 from mitsonar.propagation.returns.travel import REST
 from mitsonar.water import SoundSpeedProfile
 

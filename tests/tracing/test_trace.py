@@ -14,7 +14,7 @@ import pytest
 from summer import SUMMER_TABLE
 
 from mitsonar.device.arrays import arrays_of, upload
-from mitsonar.propagation.numpy_rays import eigenrays
+from mitsonar.propagation.numpy_rays.eigenrays import eigenrays
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.tracing.tracer import Tracer
 from mitsonar.scene.tracing.water import DeviceWater

@@ -1,1 +1,0 @@
-"""Fits: likelihoods, priors, steps, answers."""
