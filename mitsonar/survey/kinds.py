@@ -31,7 +31,7 @@ FILES = {"sidescan": "sidescan.kind", "array": "fan.kind", "forward_looking": "f
 
 
 class _Files(Mapping[str, Any]):
-    """Files of kinds by their names, each imported when first used: a sidescan needs no synthetic aperture."""
+    """Import the modules of kinds by name when they are first used."""
 
     def __init__(self, *names: str):
         self._names = names
@@ -49,7 +49,7 @@ class _Files(Mapping[str, Any]):
 
 
 class Kind(Protocol):
-    """What the file of a kind of sonar has; sensor and survey are the kind's own."""
+    """Define the functions in the module of a kind of sonar; sensor and survey are its own."""
 
     def plan(self, scene: mi.Scene, sensor: Any, settings: RunSettings) -> Survey:
         """Plan a run whose record is to become a picture."""
@@ -74,7 +74,7 @@ KINDS: Mapping[str, Kind] = _Files("sidescan", "array", "forward_looking", "sect
 
 
 class FrameKind(Kind, Protocol):
-    """A kind of sonar each ping of which is a picture of its own."""
+    """Define a kind of sonar with a picture for every ping."""
 
     def frames(self, survey: Any, sensor: Any, seed: int) -> Iterator[xr.Dataset]:
         """Yield the pictures of pings one by one."""
@@ -85,11 +85,11 @@ FRAMES: Mapping[str, FrameKind] = _Files("array", "forward_looking", "multibeam"
 
 
 class SounderKind(Kind, Protocol):
-    """A kind of sonar that makes soundings."""
+    """Define a kind of sonar that makes soundings."""
 
     def sounding_line(self, survey: Any, seed: int, *, profile: SoundSpeedProfile | None, column: bool,
                       snippets: int) -> SoundingLine:
-        """Make what makes the soundings of a line; arguments as of `mitsonar.soundings`."""
+        """Make the soundings of a line; arguments as of `mitsonar.soundings`."""
         ...
 
 

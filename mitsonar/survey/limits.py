@@ -1,4 +1,4 @@
-"""What a machine can hold: surveys that would exhaust memory, or sum for hours, are refused before they begin."""
+"""Refuse surveys that would exceed the machine's memory, or sum for hours, before they begin."""
 import os
 
 import numpy as np
@@ -69,7 +69,7 @@ def check_rows(survey: ArraySurvey, bins: int, *, pings: int) -> None:
 
 
 def _memory() -> float:
-    """Physical memory [bytes], or what a process may have of it; infinite where the system does not say."""
+    """Return physical memory [bytes], or what a process may have of it; infinite where the system does not say."""
     try:
         physical = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, ValueError, OSError):

@@ -1,4 +1,4 @@
-"""Where a sonar without a recorded track goes, and whether any track makes sense over the scene."""
+"""Lay tracks over a scene, and check them against its seabed."""
 from __future__ import annotations
 
 import drjit as dr
@@ -31,13 +31,13 @@ def soundings(geometry: Geometry, x: Real, y: Real) -> np.ndarray:
 
 
 def _beside(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points beside others: a ray that runs along the common edge of two triangles may slip between them."""
+    """Return points beside others: a ray that runs along the common edge of two triangles may slip between them."""
     aside_x, aside_y = (v + share * (ASIDE + ROUNDING * np.abs(v)) for v, share in ((x, 1.0), (y, 0.6)))
     return aside_x, aside_y
 
 
 def _looked_up(geometry: Geometry, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Depth [m] of the surface that a vertical ray meets first from below; NaN where there is none."""
+    """Return depth [m] of the surface that a vertical ray meets first from below; NaN where there is none."""
     below = geometry.depth_range[1] + 1.0
     point = (upload(mi.Float, np.ravel(v).astype(np.float32)) for v in (x, y))
     ray = mi.Ray3f(mi.Point3f(*point, dr.opaque(mi.Float, -below)), mi.Vector3f(0, 0, 1))
@@ -156,13 +156,13 @@ def check_local(geometry: Geometry, position: np.ndarray) -> None:
 
 
 def _away(geometry: Geometry, position: np.ndarray) -> np.ndarray:
-    """Distance [m] of positions (P, 2) from the scene's bounds, seen from above."""
+    """Return distance [m] of positions (P, 2) from the scene's bounds, seen from above."""
     low, high = (np.asarray(corner, float) for corner in geometry.horizontal_bounds)
     return np.hypot(*np.maximum(np.maximum(low - position, position - high), 0).T)
 
 
 def check(geometry: Geometry, track: Track) -> np.ndarray:
-    """Depth of seabed below the sonar at every ping [m], (P,)."""
+    """Return depth of seabed below the sonar at every ping [m], (P,)."""
     x, y, z = track.position.T
     if np.any(z > 0):
         ping = int(np.argmax(z > 0))
@@ -186,7 +186,7 @@ def check(geometry: Geometry, track: Track) -> np.ndarray:
 
 
 def _below(geometry: Geometry, position: np.ndarray) -> np.ndarray:
-    """Depth [m] below positions (P, 3) of what a vertical ray down meets first; NaN where there is nothing."""
+    """Return depth [m] below positions (P, 3) of what a vertical ray down meets first; NaN where there is nothing."""
     below = _met_below(geometry, position)
     lost = np.isnan(below)
     if lost.any():

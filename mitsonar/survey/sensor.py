@@ -1,4 +1,4 @@
-"""What a kind of sonar asks of the scene: the sensor, its water and its film, and how a run is computed."""
+"""Define the protocols of a sensor, its water and its film, and the settings of a run."""
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -13,7 +13,7 @@ from .voyage import Route
 
 
 class Water(Protocol):
-    """The water as its medium has it.
+    """Hold the water as its medium has it.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class Water(Protocol):
     volume: VolumeScattering | None
 
     def absorption_column(self, frequency: float) -> AbsorptionColumn:
-        """Absorption against depth at one frequency [Hz]."""
+        """Return absorption against depth at one frequency [Hz]."""
         ...
 
     def mean_absorption(self, top: float, bottom: float) -> Callable[[np.ndarray], np.ndarray] | None:
@@ -36,12 +36,12 @@ class Water(Protocol):
         ...
 
     def noise_level_db(self, frequency: float) -> float:
-        """Ambient noise [dB re 1 µPa²/Hz] at a frequency [Hz]."""
+        """Return ambient noise [dB re 1 µPa²/Hz] at a frequency [Hz]."""
         ...
 
 
 class Film(Protocol):
-    """The record as its film has it.
+    """Hold the record as its film has it.
 
     Attributes
     ----------
@@ -55,16 +55,16 @@ class Film(Protocol):
         ...
 
     def window(self, sound_speed: float) -> tuple[tuple[float, float], int]:
-        """Two-way time window (start, end) [s] and number of bins."""
+        """Return two-way time window (start, end) [s] and number of bins."""
         ...
 
     def sampling(self, sound_speed: float, usual_rate: float, *, written: bool = True) -> tuple[float, float, int]:
-        """Start of the record [s], sampling rate [Hz] and number of samples."""
+        """Return start of the record [s], sampling rate [Hz] and number of samples."""
         ...
 
 
 class Sensor(Protocol):
-    """What sensors of all kinds say.
+    """Define what sensors of all kinds have.
 
     Attributes
     ----------
@@ -88,11 +88,11 @@ class Sensor(Protocol):
     pass_number: int
 
     def film(self) -> Film:
-        """The record's window and bins."""
+        """Return the record's window and bins."""
         ...
 
     def noise_level_db(self) -> float:
-        """Ambient noise spectrum level [dB re 1 µPa²/Hz] at the sonar's frequency."""
+        """Return ambient noise spectrum level [dB re 1 µPa²/Hz] at the sonar's frequency."""
         ...
 
     def place_of(self, tag: str, name: str) -> str:
@@ -102,7 +102,7 @@ class Sensor(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class RunSettings:
-    """How a run is computed: what the integrator says."""
+    """Hold the integrator's settings of a run."""
 
     rays: int  # per ping
     first_pass: float  # share of a sidescan's rays that only finds out where rays are needed

@@ -1,4 +1,4 @@
-"""What every run of a sonar over a scene needs to know."""
+"""Hold the data of any run of a sonar over a scene."""
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,7 +18,7 @@ from .voyage import Passage
 
 @dataclass(frozen=True, kw_only=True)
 class Survey:
-    """A scene, its water, and pings along a track."""
+    """Hold a scene, its water, and pings along a track."""
 
     geometry: Geometry
     profile: SoundSpeedProfile
@@ -30,31 +30,31 @@ class Survey:
 
     @property
     def voyage(self) -> Voyage:
-        """The pings' track, and the trajectory it lies on."""
+        """Return the pings' track, and the trajectory it lies on."""
         return self.passage.voyage
 
     @property
     def depth_below(self) -> np.ndarray:
-        """Seabed below the sonar (P,) [m]."""
+        """Return seabed below the sonar (P,) [m]."""
         return self.passage.depth_below
 
     @property
     def track(self) -> Track:
-        """Of the pings."""
+        """Return the pings' track."""
         return self.voyage.track
 
     @cached_property
     def water(self) -> DeviceWater:
-        """On the device: the one place where the water of the pings is made."""
+        """Return the water on the device, made once for all pings."""
         deepest = max(self.geometry.depth_range[1], -float(self.track.position[:, 2].min()))
         return DeviceWater(self.profile, self.absorption, self.volume, deepest=deepest)
 
     @cached_property
     def paths(self) -> Paths:
-        """The paths that are told apart."""
+        """Return the paths that are told apart."""
         return Paths(self.max_depth, surface=self.geometry.surface_label > 0, volume=self.volume is not None)
 
     @property
     def labels(self) -> dict[int, str]:
-        """Number → what it stands for: the scene's shapes."""
+        """Return number → what it stands for: the scene's shapes."""
         return self.geometry.labels

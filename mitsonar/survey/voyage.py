@@ -1,4 +1,4 @@
-"""Where a sonar goes: from what a scene says of it to a voyage over the scene's seabed."""
+"""Make a voyage over the scene's seabed from the route that a scene describes."""
 import logging
 import warnings
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class Passage:
-    """A route laid over a scene."""
+    """Hold a route laid over a scene."""
 
     voyage: Voyage  # the pings' track, and the trajectory it lies on
     depth_below: np.ndarray  # (P,) [m]: seabed below the sonar
@@ -34,7 +34,7 @@ class Passage:
 
 @dataclass(frozen=True, kw_only=True)
 class Route:
-    """Where a sonar goes, as a scene says it."""
+    """Hold the route of a sonar as the scene describes it."""
 
     pings: int
     bounded: bool  # whether the scene writes that number
@@ -149,7 +149,7 @@ class Route:
         return Voyage.of(trajectory, time), (sailed, planned)
 
     def _count(self, lasting, interval, what):
-        """How many pings fit into a time [s]."""
+        """Return the number of pings in a time [s]."""
         fitting = lasting / interval + 1e-9
         pings = self.pings if self.bounded and self.pings <= fitting else int(min(fitting, MOST_PINGS)) + 1
         if pings > MOST_PINGS:
@@ -158,7 +158,7 @@ class Route:
         return pings
 
     def _interval(self, shortest):
-        """Time between pings [s]; the last echo of one must be in before the next."""
+        """Return time between pings [s]; the last echo of one must be in before the next."""
         if self.interval is not None:
             return self.interval
         if self.ping_rate is None:
@@ -169,7 +169,7 @@ class Route:
         return 1 / self.ping_rate
 
     def _frame(self, geometry):
-        """Where the record's coordinates meet the scene's: a `Frame`, or None if they are the same."""
+        """Return the `Frame` of the record's coordinates in the scene; None if they are the scene's."""
         if self.frame is not None and geometry.local_origin is None:
             _log.info("x and y are metres in %s", self.frame.crs)
             return self.frame

@@ -1,9 +1,9 @@
-"""What a picture makes of energies over beams and bins: the beams' side lobes and the compressed pulse blur them.
+"""Blur energies over beams and bins as a picture does: by the beams' side lobes and the compressed pulse.
 
     shown[b, t] = Σ_b' M[b, b'] Σ_τ k[τ] E[b', t - τ],     M[b, b'] = mean over beam b' of |W(s' - s_b)|²,
     k a squared sinc of the pulse's bandwidth, of sum 1
 
-M is kept where it is more than a share `FAINTEST` of a beam's own, and made larger by what is left out.
+M is kept where it exceeds a share `FAINTEST` of a beam's own value, and is scaled up by the part that is left out.
 """
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class OneBeam:
 
 
 def _band(sines: np.ndarray, edges: np.ndarray, place: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """M as rows of a band, (B, 2 h + 1): column h + k of row b is M[b, b + k], 0 outside the fan."""
+    """Return M as rows of a band, (B, 2 h + 1): column h + k of row b is M[b, b + k], 0 outside the fan."""
     beams = len(sines)
     half = min(WIDEST, beams - 1)
     share = (np.arange(PARTS) + 0.5) / PARTS
@@ -110,7 +110,7 @@ def _pattern(gap: np.ndarray, place: np.ndarray, weight: np.ndarray) -> np.ndarr
 
 @dr.syntax
 def _mixed(plane, band, half, beams, bins, first, index):
-    """Sums over the beams beside each."""
+    """Return sums over the beams beside each."""
     row = index // bins
     column = index - row * bins
     low = dr.select(row > half, row - half, 0)

@@ -43,7 +43,7 @@ class FanPictures:
 
     @cached_property
     def _frames(self) -> Frames:
-        """In the beam domain."""
+        """Return in the beam domain."""
         return Frames(self._survey, self._directions[1], per_cell=self._survey.per_cell)
 
     def whole(self, progress: Progress | None = None, say: Say | None = None) -> xr.Dataset:
@@ -72,7 +72,7 @@ class FanPictures:
 
     def _framed(self, frames: Frames, pings: Sequence[int],
                 progress: Progress | None) -> tuple[np.ndarray, EnergyRecord]:
-        """Levels (ping, beam, sample) of frames made one after the other, and their truth."""
+        """Return levels (ping, beam, sample) of frames made one after the other, and their truth."""
         level = []
 
         def records() -> Iterator[EnergyRecord]:
@@ -87,7 +87,7 @@ class FanPictures:
         return np.stack(level), record
 
     def _of_elements(self, pings: Sequence[int], progress: Progress | None, say: Say | None) -> np.ndarray:
-        """Levels (ping, beam, sample) of beams formed of the elements' signals."""
+        """Return levels (ping, beam, sample) of beams formed of the elements' signals."""
         survey = self._survey
         signals = received_signals(PressureRecord(survey, seed=self._seed), pings, progress=progress, say=say)
         # each ping's beams are steered at the sound speed where it is
@@ -97,12 +97,12 @@ class FanPictures:
 
     @cached_property
     def _known(self) -> dict[str, Any]:
-        """What every picture says of the scene."""
+        """Return the attributes that every picture has of the scene."""
         return objects.known(*classes_of(self._survey.labels), self._survey.geometry,
                              self._survey.track.position)
 
     def _image(self, pings: Sequence[int], level: np.ndarray, record: EnergyRecord) -> xr.Dataset:
-        """The picture of some pings."""
+        """Return the picture of some pings."""
         survey = self._survey
         about = xr.Dataset(
             coords={**ping_coordinates(survey, pings), "time": ("sample", survey.time[survey.lead:])},

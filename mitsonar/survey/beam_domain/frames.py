@@ -31,7 +31,7 @@ from .truth import FrameTruth
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LaidPing:
-    """What of a ping its truth is made from."""
+    """Hold the echoes that the truth of a ping is made from."""
 
     scatterers: GridEchoes | None  # none where there are none
     targets: list[TargetEchoes]
@@ -113,7 +113,7 @@ class Frames:
 
     @property
     def beams(self) -> int:
-        """How many."""
+        """Return the number of beams."""
         return len(self._direction)
 
     def frame(self, ping: int, seed: int,

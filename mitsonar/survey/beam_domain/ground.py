@@ -40,7 +40,7 @@ TOGETHER = 1 << 19                 # scatterers that are looked at by way of the
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LitScatterers:
-    """Scatterers around a sonar, on the device."""
+    """Hold scatterers around a sonar, on the device."""
 
     scatterers: ThinnedSet
     legs: TableLegs  # to them
@@ -111,13 +111,13 @@ class Ground:
         return self._table_of(-float(self._survey.track.position[ping, 2]))
 
     def _table_of(self, depth: float) -> EigenrayTable:
-        """The table of a depth; the last one is kept."""
+        """Return the table of a depth; the last one is kept."""
         if self._table is None or self._table.depth != depth:
             self._table = EigenrayTable(self.ensonification.connector, depth=depth, farthest=self.farthest)
         return self._table
 
     def _energy(self, scatterers: ThinnedSet, legs: TableLegs, table: EigenrayTable, origin: np.ndarray) -> mi.Float:
-        """What comes back, without beams."""
+        """Return the energies of echoes of scatterers, without beams."""
         lit = scatterers.exists & legs.exists
         start = self._lib.Array3f64(*(dr.opaque(mi.Float64, float(v)) for v in origin))
         # materials that differ from place to place know places of the scene
@@ -130,7 +130,7 @@ class Ground:
         return dr.select(lit & (sin_grazing > GRAZING) & dr.isfinite(energy), dr.maximum(energy, 0), 0)
 
     def _partly_buried(self) -> mi.Bool | None:
-        """Which numbers are those of objects that reach below the bed, Bool by number; None where there are none."""
+        """Return for every label whether it is an object that reaches below the bed; None if there are none."""
         geometry, facets = self._survey.geometry, self._facets
         kinds = geometry.named.label_kinds()
         some = np.flatnonzero(facets.scattering & (kinds[facets.label] == OBJECT)).astype(np.uint32)
@@ -150,7 +150,7 @@ class Ground:
 
     def _state(self, scatterers: ThinnedSet, legs: TableLegs, table: EigenrayTable, origin: np.ndarray,
                active: mi.Bool) -> mi.UInt32:
-        """What hides scatterers."""
+        """Return the states of scatterers: free, or hidden by the bed or by an object."""
         launch, arrival = legs.launch_direction, legs.arrival_direction
         on_bed = dr.gather(mi.UInt32, self._kinds, scatterers.label) == SEABED
         state = dr.zeros(mi.UInt32, dr.width(scatterers.label))

@@ -19,7 +19,7 @@ SEPARABLE = 1e-6                   # of the largest weight, that a product of ro
 
 @dataclass(frozen=True, kw_only=True)
 class LineArray:
-    """An array seen as a line of columns."""
+    """Hold an array seen as a line of columns."""
 
     axis: np.ndarray  # (3,): unit vectors of the fan's plane, body frame
     normal: np.ndarray  # (3,): unit vectors of the fan's plane, body frame
@@ -31,7 +31,7 @@ class LineArray:
 
     @property
     def length(self) -> float:
-        """D, of the aperture [m]: a column more than from the first to the last."""
+        """Return d, of the aperture [m]: a column more than from the first to the last."""
         count = len(self.place)
         return float(np.ptp(self.place)) * count / max(count - 1, 1)
 
@@ -80,7 +80,7 @@ def refusal(array: Array, direction: np.ndarray, wavelength: float) -> str:
 
 
 def _axes(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Axis and normal of a fan's plane: the axis from the first beam to the last."""
+    """Return axis and normal of a fan's plane: the axis from the first beam to the last."""
     axis = direction[-1] - direction[0]
     axis = axis / np.linalg.norm(axis)
     normal = direction.mean(0)
@@ -89,7 +89,7 @@ def _axes(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _columns(array: Array, axis: np.ndarray, normal: np.ndarray) -> dict[str, np.ndarray]:
-    """Places and weights of columns and rows."""
+    """Return places and weights of columns and rows."""
     table = _table(array, axis, normal)
     if table is None or len(table[1]) == 1:
         place = (array.position - array.position.mean(0)) @ axis

@@ -1,10 +1,10 @@
-"""What transmit array, elements and rows make of directions: real and complex factors of an echo's pressure.
+"""Compute the factors of an echo's pressure by the patterns of transmit array, elements and rows.
 
     f = b_r(n') Σ_m v_m e^(i2π y_m p·n' / λ) · b_t(n) Σ_e w_e e^(i2π (r_e·n / λ - f_0 τ_e)) / Σ |w_e|
 
 b_t, b_r patterns of the elements, n direction sent, n' direction received in the frame that turns with the body; r_e
-about the transmit array's centre, w_e and τ_e weights and delays of its elements; the second sum is that of the rows.
-An array that is steered anew at every ping, by u, is heard along n - u.
+about the transmit array's centre, w_e and τ_e weights and delays of its elements; the first sum is that of the rows.
+For an array that is steered by u at every ping, n - u replaces n in the second sum.
 """
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .line import LineArray
 
 
 class Patterns:
-    """The factors of one survey."""
+    """Hold the factors of one survey."""
     # transmit_centre (3,) [m]
 
     transmit_axis: np.ndarray | None = None  # (3,) [-]
@@ -72,7 +72,7 @@ class Patterns:
 
 
 def _centre(array: Array) -> np.ndarray:
-    """Of the elements that work."""
+    """Return the mean position of the elements that work."""
     return array.position[array.working].mean(0)
 
 

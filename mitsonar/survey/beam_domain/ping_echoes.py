@@ -37,7 +37,7 @@ from .patterns import Patterns
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlacedEchoes:
-    """Echoes as they come back to where the sonar is at the transmission, without its beams, on the device."""
+    """Hold echoes as they come back to where the sonar is at the transmission, without its beams, on the device."""
 
     sent: mi.Vector3f  # (R,): unit, scene
     towards: mi.Vector3f  # (R,): unit, scene
@@ -65,7 +65,7 @@ class PlacedEchoes:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridEchoes:
-    """Some echoes, on the device."""
+    """Hold some echoes, on the device."""
 
     column: mi.Float  # (R,): samples after the record's start, the delay that Doppler makes of a sweep included
     sine: mi.Float  # (R,)
@@ -82,7 +82,7 @@ class GridEchoes:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TargetEchoes:
-    """Echoes with a phase of their own, of one instance or several."""
+    """Hold echoes with a phase of their own, of one instance or several."""
 
     echoes: GridEchoes
     label: np.ndarray  # (R,): numbers of the instances
@@ -156,7 +156,7 @@ class PingEchoes:
         return index, self.ground.hiding(origin, index, (echoes.x, echoes.y), echoes.launch_sine)
 
     def _density(self, ping: int) -> Density:
-        """How densely a ping needs scatterers."""
+        """Return the density of scatterers that a ping needs."""
         survey, reception = self.survey, self.reception(ping)
         if self._turning is None:
             axis, cell = reception.rotation @ self.line.axis, survey.wavelength / self.line.length
@@ -182,7 +182,7 @@ class PingEchoes:
                                   place=reception.rotation @ centre) for centre in centres[together:])
 
     def _steered_lobe(self, reception: Reception) -> TransmitLobe | None:
-        """Where a transmitting line that is steered ping by ping sends to."""
+        """Return the lobe of a transmitting line that is steered ping by ping; None if there is none."""
         axis = self.patterns.transmit_axis
         if axis is None or reception.steering is None:
             return None
@@ -200,7 +200,7 @@ class PingEchoes:
         return useful
 
     def _bent(self, ping: int, offset: dr.ArrayBase) -> tuple[mi.Float, mi.Float] | None:
-        """Curvatures of the waves from points, where beams look from an array off the body's origin."""
+        """Return curvatures of the waves from points, where beams look from an array off the body's origin."""
         if self._from_origin or not self.reception(ping).off_the_origin:
             return None
         level = mi.Float(dr.sqrt(dr.fma(offset.x, offset.x, offset.y * offset.y)))
@@ -238,7 +238,7 @@ class PingEchoes:
 
     @cached_property
     def _lobe_rays(self) -> LobeRays:
-        """Directions of points of the water: some in every resolution cell."""
+        """Return directions of points of the water: some in every resolution cell."""
         survey, transmit, axis = self.survey, self.survey.transmit, self.patterns.transmit_axis
         if axis is None:
             raise ValueError("the lobe of a transmitting line was asked for, and it is no line")
@@ -315,7 +315,7 @@ def _placed(echoes: Echoes) -> PlacedEchoes:
 
 
 class _RowDoppler:
-    """The Doppler factors of the grid's rows, and what is left of an echo's own."""
+    """Hold the Doppler factors of the grid's rows, and what is left of an echo's own."""
 
     def __init__(self, factors: np.ndarray | None):
         self._factors = None if factors is None else upload(mi.Float, (factors - 1).astype(np.float32))

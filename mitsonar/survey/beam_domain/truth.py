@@ -40,7 +40,7 @@ HARDLY = 1e-6                      # of the strongest bin's energy: a bed that b
 
 
 class FrameBins:
-    """Beams and bins."""
+    """Hold beams and bins."""
 
     def __init__(self, edges: np.ndarray, *, lead: int, bins: int, per_bin: int = 1):
         self.beams, self.bins, self._lead, self._per_bin = len(edges) - 1, bins, lead, per_bin
@@ -57,7 +57,7 @@ class FrameBins:
 
     @property
     def cells(self) -> int:
-        """How many bins of all beams."""
+        """Return the number of bins of all beams."""
         return self.beams * self.bins
 
     def cell_of(self, echoes: GridEchoes) -> tuple[mi.UInt32, mi.Bool]:
@@ -130,7 +130,7 @@ class FrameBins:
 
 @dr.syntax
 def _beam(table, edges, place, sine):
-    """The beam of finite sines, from the one in which their place of the table begins."""
+    """Return the beam of finite sines, from the one in which their place of the table begins."""
     beam = dr.gather(mi.UInt32, table, place)
     more = sine >= dr.gather(mi.Float, edges, beam)
     while more:
@@ -141,7 +141,7 @@ def _beam(table, edges, place, sine):
 
 @dataclass(frozen=True, kw_only=True)
 class _Plane:
-    """Energies (beams, bins) of one instance as the picture shows them, within a box."""
+    """Hold energies (beams, bins) of one instance as the picture shows them, within a box."""
 
     label: int
     first_beam: int
@@ -150,14 +150,14 @@ class _Plane:
 
     @property
     def where(self) -> tuple[slice, slice]:
-        """The box."""
+        """Return the box."""
         return (slice(self.first_beam, self.first_beam + self.energy.shape[0]),
                 slice(self.first_bin, self.first_bin + self.energy.shape[1]))
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Ground:
-    """What the device says of a frame: planes of the seabeds, places, counts, and what objects bring and hide."""
+    """Hold the sums of a frame: planes of seabeds and objects, places, counts, and planes that objects hide."""
 
     seabed: list[_Plane]
     place: np.ndarray
@@ -212,14 +212,14 @@ class FrameTruth:
                            seabed_place=ground.place))
 
     def _nothing(self, shape: tuple[int, int]) -> _Ground:
-        """A frame without scatterers."""
+        """Return a frame without scatterers."""
         return _Ground(seabed=[], objects=[], lost=[], layover=np.zeros(shape, np.uint8),
                        rays=np.zeros(shape, np.uint32), place=np.full((*shape, 3), np.nan, np.float32),
                        depth=np.full(shape, np.nan, np.float32))
 
     def _ground(self, echoes: GridEchoes, hidden: tuple[mi.UInt32, mi.UInt32], origin: np.ndarray,
                 depth_below: float, farthest: float) -> _Ground:
-        """What scatterers bring, and what objects hide of the seabed."""
+        """Sum the echoes of scatterers, and those of the seabed that objects hide."""
         bins = self._bins
         cell, inside = bins.cell_of(echoes)
         free = inside & (echoes.state == FREE)
@@ -250,7 +250,7 @@ class FrameTruth:
         return _Ground(seabed=seabed, place=place, depth=depth, layover=layover, rays=rays, objects=objects, lost=lost)
 
     def _planes(self, cell: np.ndarray, energy: np.ndarray, label: np.ndarray) -> Iterator[_Plane]:
-        """Energies of echoes, instance by instance."""
+        """Return energies of echoes, instance by instance."""
         for number in np.unique(label):
             mine = label == number
             row, bin = np.divmod(cell[mine].astype(np.int64), self._bins.bins)
@@ -260,7 +260,7 @@ class FrameTruth:
             yield self._shown(int(number), np.bincount(place, energy[mine], size[0] * size[1]).reshape(size), box)
 
     def _shown(self, label: int, energy: np.ndarray, box: tuple[int, int, int, int]) -> _Plane:
-        """What the picture makes of energies in a box."""
+        """Return the energies in a box as the picture shows them."""
         b0, b1, t0, t1 = self._blur.grown(box, self._bins.bins)
         if (b1 - b0, t1 - t0) != energy.shape:
             wide = np.zeros((b1 - b0, t1 - t0), np.float32)
@@ -269,7 +269,7 @@ class FrameTruth:
         return _Plane(label=label, first_beam=b0, first_bin=t0, energy=self._blur.shown(energy, b0))
 
     def _of_targets(self, targets: Sequence[TargetEchoes]) -> Iterator[_Plane]:
-        """Echoes with a phase, squared when those of an instance in a bin are added."""
+        """Return echoes with a phase, squared when those of an instance in a bin are added."""
         parts = []
         for target in targets:
             cell, inside = self._bins.cell_of(target.echoes)
@@ -309,5 +309,5 @@ class FrameTruth:
 
 
 def _columns(index: mi.UInt32, *columns: mi.Float | mi.UInt32) -> list[np.ndarray]:
-    """The entries of columns with these numbers, on the host."""
+    """Return the entries of columns with these numbers, on the host."""
     return [dr.gather(type(column), column, index).numpy() for column in columns]

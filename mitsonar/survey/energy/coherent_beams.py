@@ -28,7 +28,7 @@ FLAT_BAND = 0.75                   # c / 2B of the two thirds of a sampled band 
 
 
 class BeamsOfPings(Protocol):
-    """Beams that receive echoes.
+    """Hold beams that receive echoes.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class BeamsOfPings(Protocol):
 
 
 class CoherentBeams:
-    """The coherent echoes that beams of an array receive."""
+    """Hold the coherent echoes that beams of an array receive."""
 
     def __init__(self, survey: ArraySurvey, sound: SoundPaths, beams: BeamsOfPings, bins: EnergyBins, *, drift: float):
         self._sights, self._beams, self._bins = sound.sights, beams, bins
@@ -63,7 +63,7 @@ class CoherentBeams:
 
     @property
     def silent(self) -> bool:
-        """Return whether nothing in the scene has a phase of its own."""
+        """Return True if nothing in the scene has a phase of its own."""
         return not (self._smooth or self._targets)
 
     def sum(self, place: Place) -> CoherentSums:
@@ -73,7 +73,7 @@ class CoherentBeams:
             intensity=self._beams.shown(power.sum(1)), in_beam=np.asarray(power.any(1), np.uint32)))
 
     def _power(self, place: Place) -> np.ndarray:
-        """Squared pressures, (pings x beams, labels, bins) [µPa²]."""
+        """Return squared pressures, (pings x beams, labels, bins) [µPa²]."""
         shape = len(place.ping) * self._beams.count, self._labels, self._bins.count
         real_sum, imaginary_sum = np.zeros(shape), np.zeros(shape)
         for ping, label, echoes in self._echoes(place):

@@ -26,7 +26,7 @@ WORK = 1 << 21                     # samples of z at a time
 
 @dataclass(frozen=True, kw_only=True)
 class Arrivals:
-    """Echoes as the faces receive them, one an entry, on the host."""
+    """Hold echoes as the faces receive them, one an entry, on the host."""
 
     row: np.ndarray  # (R,): row of the group
     label: np.ndarray  # (R,): row of the group
@@ -39,12 +39,12 @@ class Arrivals:
 
     @property
     def pressure(self) -> np.ndarray:
-        """a_i, (R,) complex [µPa]."""
+        """Return a_i, (R,) complex [µPa]."""
         return self.real + 1j * self.imaginary.astype(float)
 
 
 class CoherentPulses:
-    """Sums of pulses, on the host."""
+    """Sum pulses on the host."""
 
     def __init__(self, survey: SidescanSurvey):
         sonar, window = survey.sonar, survey.window
@@ -112,7 +112,7 @@ class CoherentPulses:
         return slot, total, by_path
 
     def _means(self, samples: np.ndarray, parts: int) -> np.ndarray:
-        """Means over `parts` parts of every bin, (rows, bins, parts), of what is constant over each sample."""
+        """Return means over `parts` parts of every bin, (rows, bins, parts), of what is constant over each sample."""
         survey = self._survey
         edge = survey.window[0] + survey.bin_length / parts * np.arange(survey.bins * parts + 1)
         edge = (edge - self._start) / self._step

@@ -46,7 +46,7 @@ from .sound_paths import SoundPaths
 
 
 class TruthSums:
-    """Collect where the echoes of a block come from, and say it bin by bin."""
+    """Sum where the echoes of a block come from, bin by bin."""
 
     def __init__(self, geometry: Geometry, rows: Rows):
         self.hides, self._rows, self._lib = geometry.named.hides, rows, arrays_of(mi.Float)
@@ -114,7 +114,7 @@ def record(survey: Survey, rows: Rows, seed: int = 0,
 
 
 class EnergyBlock(Generic[RaysOf]):
-    """Blocks of pings, and what they share."""
+    """Make the record of blocks of pings."""
 
     def __init__(self, survey: Survey, rows: Rows[RaysOf], seed: int):
         geometry, self._lib = survey.geometry, arrays_of(mi.Float)
@@ -156,7 +156,7 @@ class EnergyBlock(Generic[RaysOf]):
         return hits
 
     def _bins_of(self, place: Place, rays: RaysOf) -> tuple[mi.UInt32, mi.Bool]:
-        """Bins that echoes of rays arrive in, and whether they do."""
+        """Return bins that echoes of rays arrive in, and whether they do."""
         hits = self._traced(place, rays)
         return self._rows.bins.of(received(place, rays, hits).delay, hits.valid)
 
@@ -177,7 +177,7 @@ class EnergyBlock(Generic[RaysOf]):
                            active=echoes.active & counted)
 
     def _read(self, sums: EchoSums, origins: OriginSums, place: Place) -> EnergyRecord:
-        """The sums in physical units, with what has a phase and with the truth."""
+        """Return the sums in physical units, with what has a phase and with the truth."""
         unit = 10 ** (self._rows.source_level_db / 10) * self._rows.bins.unit
         energy = sums.read(unit)
         coherent = None if self._coherent is None else self._coherent.sum(place)

@@ -19,7 +19,7 @@ from mitsonar.scene.tracing.launch import CELLS
 
 
 class EnergyBins:
-    """Time bins on the device."""
+    """Hold time bins on the device."""
     # start [s]; length [s]; sound_speed [m/s]; beam [sr]; absorption_db [dB/m]; end [s]; slant_range [m]; unit [1/m²]
 
     def __init__(self, *, start: float, length: float, count: int, sound_speed: float, beam: float,
@@ -38,7 +38,7 @@ class EnergyBins:
 
     @property
     def farthest(self) -> float:
-        """Slant range at which the record ends [m]."""
+        """Return slant range at which the record ends [m]."""
         return 0.5 * self.sound_speed * self.end
 
     def place(self, delay: mi.Float64) -> mi.Float64:
@@ -101,7 +101,7 @@ def aside_need(row: mi.UInt32, cell: mi.UInt32, bin: mi.UInt32, inside: mi.Bool,
 
 
 def _averaged(values: np.ndarray, reach: int) -> np.ndarray:
-    """Means of values (rows, bins) over the bins up to `reach` away."""
+    """Return means of values (rows, bins) over the bins up to `reach` away."""
     bins = values.shape[1]
     summed = np.concatenate([np.zeros((len(values), 1)), np.cumsum(values, 1)], 1)
     low, high = (np.clip(np.arange(bins) + end, 0, bins) for end in (-reach, reach + 1))

@@ -24,7 +24,7 @@ BEAM_EDGE = 0.25                   # two-way intensity at the edge of the main l
 
 
 class Lobes:
-    """A `BeamShape` of a side on the device."""
+    """Hold a `BeamShape` of a side on the device."""
     # size [wavelengths]
 
     def __init__(self, shape: BeamShape, size: float):
@@ -50,14 +50,14 @@ class Lobes:
         return dr.copysign(dr.sqrt(self._filled(s, dr.square(lobes))), lobes)
 
     def _filled(self, s, lobes):
-        """Intensities of lobes at sines s, with the floor."""
+        """Return intensities of lobes at sines s, with the floor."""
         if self._floor is None:
             return lobes
         floor = self._floor * dr.clip(1 + s, 0, 1) if self._shielded else self._floor
         return dr.fma(lobes, 1 - floor, floor)
 
     def _lobes(self, s):
-        """p of sines s."""
+        """Return p of sines s."""
         if self._table is None:
             return sinc(s * self._size)
         place = cast(DrJitArray, held(cast(Float, (s + 1) * self._per_sine), 0.0, cast(Float, self._end)))
@@ -67,7 +67,7 @@ class Lobes:
 
 
 class Face:
-    """The beam of a face on the device."""
+    """Hold the beam of a face on the device."""
     # wavelength [m]
 
     def __init__(self, face: Aperture, wavelength: float):
@@ -84,7 +84,7 @@ class Face:
 
 
 class FaceBeams:
-    """The beams of the transmitting and of the receiving face, the same on either side."""
+    """Hold the beams of the transmitting and of the receiving face, the same on either side."""
     # depression [rad]
 
     def __init__(self, sonar: Sidescan):
@@ -118,6 +118,6 @@ class FaceBeams:
 
 
 def _both(transmit: Lobes, receive: Lobes, s: DrJitArray, back_s: DrJitArray) -> DrJitArray:
-    """The product of intensities; one face that sends and receives in one direction is looked at once."""
+    """Return the product of intensities; one face that sends and receives in one direction is looked at once."""
     sent = transmit.intensity(s)
     return dr.square(sent) if receive is transmit and back_s is s else sent * receive.intensity(back_s)

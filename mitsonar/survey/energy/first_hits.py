@@ -1,7 +1,6 @@
-"""What the rows of an energy record receive of what rays hit first: the way back, the beam, the sonar equation.
+"""Compute the echoes that the rows of an energy record receive from the first hits of rays.
 
-It is all arithmetic on the device, without a loop. So gradients pass through it where hits carry them (`gradients`),
-and the sums of a record and the field that gradients are of have the same echoes.
+All of it is arithmetic on the device without a loop, so gradients pass through it where hits carry them (`gradients`).
 """
 from __future__ import annotations
 
@@ -22,7 +21,7 @@ from .rows import Rays, RowResponse, Rows
 
 
 class Binning(Protocol):
-    """Gives the bins of two-way times [s], and which of them count."""
+    """Return the bins of two-way times [s], and True for the times that count."""
 
     def __call__(self, delay: mi.Float64, valid: mi.Bool, /) -> tuple[mi.UInt32, mi.Bool]: ...
 
@@ -30,7 +29,7 @@ class Binning(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Echoes:
-    """Echoes of rays."""
+    """Hold echoes of rays."""
 
     units: mi.Float64  # (R,): energy, in units of the bins
     delay: mi.Float64  # (R,) [s]: from transmission to reception
@@ -40,15 +39,15 @@ class Echoes:
 
 
 class Losses(Protocol):
-    """What knows absorption: `DeviceWater`."""
+    """Compute absorption; `DeviceWater` does."""
 
     def loss_db(self, start: dr.ArrayBase, end: dr.ArrayBase, way: Way) -> mi.Float:
-        """Two-way absorption [dB], Float (R,), along ways between points, Array3f64 (R,) [m]."""
+        """Return two-way absorption [dB], Float (R,), along ways between points, Array3f64 (R,) [m]."""
         ...
 
 
 class FirstHits:
-    """Echoes of first hits."""
+    """Compute the echoes of first hits."""
 
     def __init__(self, rows: Rows, water: Losses, binning: Binning | None = None, *, smooth_patches: bool = False):
         self._rows, self._water, self._smooth_patches = rows, water, smooth_patches

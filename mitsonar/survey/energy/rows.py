@@ -26,7 +26,7 @@ from .sound_paths import SoundPaths
 
 @dataclass(frozen=True, kw_only=True)
 class Rays:
-    """Rays of a pass, on the device."""
+    """Hold rays of a pass, on the device."""
 
     ping: mi.UInt32  # (R,): number within the block
     direction: mi.Vector3f  # (R,): unit, scene coordinates
@@ -35,7 +35,7 @@ class Rays:
 
 @dataclass(frozen=True, kw_only=True)
 class RowResponse:
-    """How the rows of a record receive echoes."""
+    """Hold the response of the rows of a record to echoes."""
 
     row: mi.UInt32  # (R,): row of the block that an echo belongs to
     pattern: mi.Float  # (R,) [-]: two-way intensity pattern
@@ -48,7 +48,7 @@ _RaysIn = TypeVar("_RaysIn", bound=Rays, contravariant=True)
 
 
 class EchoSource(Protocol[_RaysIn]):
-    """Echoes other than those of what rays hit first."""
+    """Add echoes other than those of first hits."""
 
     def add(self, place: Place, rays: _RaysIn, hits: Hits, sums: EchoSums) -> None:
         """Add the echoes of a pass of rays to the sums."""
@@ -56,7 +56,7 @@ class EchoSource(Protocol[_RaysIn]):
 
 
 class CoherentSource(Protocol):
-    """Echoes that have a phase of their own."""
+    """Sum echoes that have a phase of their own."""
 
     def sum(self, place: Place) -> CoherentSums:
         """Sum them over a block of pings."""
@@ -64,7 +64,7 @@ class CoherentSource(Protocol):
 
 
 class Rows(Protocol[RaysOf]):
-    """The rows of an energy record.
+    """Hold the rows of an energy record.
 
     Attributes
     ----------
@@ -95,11 +95,7 @@ class Rows(Protocol[RaysOf]):
 
     def passes(self, place: Place, seed: int,
                bins_of: Callable[[Place, RaysOf], tuple[mi.UInt32, mi.Bool]]) -> Iterator[RaysOf]:
-        """Yield the rays of a block, pass by pass.
-
-        `bins_of` tells in which bins the echoes of rays arrive, and whether they do: for rows that first find out where
-        rays are needed.
-        """
+        """Yield the rays of a block, pass by pass; `bins_of` returns the bins of their echoes, and which arrive."""
         ...
 
     def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float) -> RaysOf:

@@ -79,7 +79,7 @@ FIRST_ASIDE = 0.25                 # of the rays of a first pass: what lies in s
 
 @dataclass(frozen=True)
 class Tables:
-    """Tables that the rays of rows are drawn through."""
+    """Hold tables that the rays of rows are drawn through."""
 
     phi: np.ndarray  # [rad]: quantiles
     aside: np.ndarray  # share of rays aside of the core in each cell
@@ -87,7 +87,7 @@ class Tables:
 
 @dataclass(frozen=True, kw_only=True)
 class SideRays(Rays):
-    """Rays of sides."""
+    """Hold rays of sides."""
 
     row: mi.UInt32  # (R,): side of a ping of the block
     side: mi.Float  # (R,): -1 port, 1 starboard
@@ -121,7 +121,7 @@ class SideLaunch:
         dr.eval(self._along, self._across, self._cores)
 
     def grids(self) -> tuple[tuple[int, int] | None, tuple[int, int]]:
-        """Strata (φ, u) of the first pass, None where there is none, and of the second, for one side."""
+        """Return strata (φ, u) of the first pass, None where there is none, and of the second, for one side."""
         survey = self._survey
         first = int(round(survey.rays * survey.first_pass / 2))
         return ray_grid(first) if first else None, ray_grid(max(1, survey.rays // 2 - first))
@@ -184,7 +184,7 @@ class SideLaunch:
 
     @cached_property
     def _along_one_way(self) -> DrJitArray:
-        """The tables of u that follow the beams of the faces one by one."""
+        """Return the tables of u that follow the beams of the faces one by one."""
         tables = np.stack([one_way_quantiles(self._survey.sonar, some) for some in self._shifts])
         along = upload(mi.Float, tables.astype(np.float32))
         dr.eval(along)
@@ -220,7 +220,7 @@ class SideLaunch:
                         solid_angle=solid_angle)
 
     def _rays(self, place, row, phi, phi_width, cell, xi_u, strata, quantiles, along, aside=None):
-        """Rays at angles φ, their u drawn through the tables `along` with numbers of [0, 1).
+        """Return rays at angles φ, their u drawn through the tables `along` with numbers of [0, 1).
 
         Where cells have shares `aside`, those of the numbers at either end of [0, 1) go aside of the core: there φ is
         the angle below the plane of the body, and the azimuth is even beyond |u| = core.
@@ -250,7 +250,7 @@ class SideLaunch:
                         aside=out, quantiles=quantiles, solid_angle=phi_width * width / mi.Float(strata.per_row))
 
     def _table_of(self, place, row):
-        """Number of the table of u that rays of a row are drawn through."""
+        """Return number of the table of u that rays of a row are drawn through."""
         if place.still:
             return mi.UInt32(0)
         return dr.gather(mi.UInt32, upload(mi.UInt32, self._group[place.ping]), row)
@@ -293,7 +293,7 @@ def drawn_across(lib: ModuleType, place: Place, strata: Strata, quantiles: np.nd
 
 
 def _within_u(lib, strata, key, i_phi, i_u, chance, share):
-    """Places of rays in [0, 1) within their strata of u.
+    """Return places of rays in [0, 1) within their strata of u.
 
     The rays of a tile in one stratum of u share it out, as those of a stratum of φ do. The outermost strata begin with
     what leaves aside of the beam, a `share` of the rays. A ray aside of the beam costs as much as a packet of rays that

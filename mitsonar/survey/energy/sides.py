@@ -45,11 +45,7 @@ FEWER_POINTS = 4                   # of the water than rays: there is no shape t
 
 
 class SideMultipath:
-    """Echoes of more than one bounce, from rays of their own; those of point targets from the rays of a pass.
-
-    Sound leaves for one end of such a path and comes back from the other. Either end is seen by one face, whose beam is
-    wider than the two-way beam that the rays of a pass are drawn for. Of those rays the few between would bring most.
-    """
+    """Add echoes of several bounces from rays of their own; those of point targets from the rays of a pass."""
 
     def __init__(self, survey: SidescanSurvey, sound: SoundPaths, beams: FaceBeams, bins: EnergyBins,
                  launch: SideLaunch, seed: int):
@@ -91,13 +87,13 @@ class SideMultipath:
                      path=self._paths.numbers(ghosts.code))
 
     def _seen(self, place: Place, rays: SideRays) -> mi.Float:
-        """The mean intensity of both faces towards rays."""
+        """Return the mean intensity of both faces towards rays."""
         body = place.body(rays.ping, rays.direction)
         return 0.5 * (self._beams.one_way(body, self._beams.transmit) + self._beams.one_way(body, self._beams.receive))
 
 
 class SideWater:
-    """Echoes of the water, from points along rays of their own."""
+    """Add echoes of the water, from points along rays of their own."""
 
     def __init__(self, survey: SidescanSurvey, sound: SoundPaths, beams: FaceBeams, bins: EnergyBins,
                  launch: SideLaunch, seed: int):
@@ -134,7 +130,7 @@ THREADS_OWN = 1 << 20              # words of an array of sums of which every th
 
 @final
 class Sides:
-    """Both sides of a sidescan; see `rows.Rows`."""
+    """Hold both sides of a sidescan; see `rows.Rows`."""
 
     per_ping, hidden_in_beam = 2, True
 
@@ -157,7 +153,7 @@ class Sides:
         self.pings_per_block = self._pings_per_block()
 
     def _pings_per_block(self) -> int:
-        """How many pings a block holds: bounded by rays and by the memory of sums and of tables of rays."""
+        """Return the pings of a block, bounded by rays and by the memory of sums and tables."""
         survey, pings = self._survey, self._survey.track.pings
         by_label = self.labels * (2 if survey.geometry.named.hides else 1)
         sums = 2 * survey.bins * (by_label + len(self.paths) - 1 + WORDS)
@@ -174,7 +170,7 @@ class Sides:
 
     def passes(self, place: Place, seed: int,
                bins_of: Callable[[Place, SideRays], tuple[mi.UInt32, mi.Bool]]) -> Iterator[SideRays]:
-        """Yield the rays that make the record, in one pass."""
+        """Yield the rays that make the record."""
         if self._first_grid is None:
             tables = self._even(place, self._launch.aside)
         else:
@@ -182,12 +178,12 @@ class Sides:
         yield self._launch.drawn(place, tables, self._second_grid, seed, Salt.SECOND_PASS)
 
     def _even(self, place, aside):
-        """Tables that suit a level bed, with one share of rays aside of the core."""
+        """Return tables that suit a level bed, with one share of rays aside of the core."""
         phi = self._launch.first_quantiles(place)
         return Tables(phi, np.full((len(phi), CELLS), aside))
 
     def _asked(self, place, grid, seed, bins_of):
-        """Tables that lead into bins which few rays reach, as the pings' scouts find out."""
+        """Return tables that lead into bins which few rays reach, as the pings' scouts find out."""
         asked = self._scouts[place.ping]
         known, new = self._found, np.array([one for one in np.unique(asked) if (seed, one) not in self._found], int)
         if len(new):

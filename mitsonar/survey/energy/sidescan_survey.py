@@ -1,4 +1,4 @@
-"""A sidescan's run over a scene: what is to be made."""
+"""Hold the data of a sidescan's run over a scene."""
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ from ..survey import Survey
 
 @dataclass(frozen=True, kw_only=True)
 class SidescanSurvey(Survey):
-    """A run of a sidescan."""
+    """Hold a run of a sidescan."""
 
     sonar: Sidescan
     window: tuple[float, float]  # [s]: two-way time recorded
@@ -19,16 +19,16 @@ class SidescanSurvey(Survey):
 
     @property
     def bin_length(self) -> float:
-        """Duration of a time bin [s]."""
+        """Return duration of a time bin [s]."""
         return (self.window[1] - self.window[0]) / self.bins
 
     @property
     def slant_range(self) -> np.ndarray:
-        """Slant range of the bins' centres [m], (bins,), at the sonar's sound speed."""
+        """Return slant range of the bins' centres [m], (bins,), at the sonar's sound speed."""
         return 0.5 * self.sonar.sound_speed * (self.window[0] + (np.arange(self.bins) + 0.5) * self.bin_length)
 
     @property
     def labels(self) -> dict[int, str]:
-        """Number → what it stands for: the scene's shapes and, where it scatters, the water."""
+        """Return number → what it stands for: the scene's shapes and, where it scatters, the water."""
         labels = self.geometry.labels
         return labels if self.volume is None else {**labels, 1 + max(labels): "water"}

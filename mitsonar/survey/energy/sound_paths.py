@@ -1,4 +1,4 @@
-"""What finds the ways of sound through a survey's scene, made once for a run."""
+"""Hold the tracers and connectors of a survey's scene, made once for a run."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from ..survey import Survey
 
 @dataclass(frozen=True, kw_only=True)
 class SoundPaths:
-    """Ways of sound from a sonar and back."""
+    """Hold ways of sound from a sonar and back."""
 
     water: DeviceWater
     tracer: Tracer  # to what rays meet first
@@ -24,7 +24,7 @@ class SoundPaths:
 
     @classmethod
     def of(cls, survey: Survey, farthest: float, frequency: float | None = None) -> SoundPaths:
-        """The ways of a survey out to a range [m]; without a frequency [Hz], none by way of the bed."""
+        """Return the ways of a survey out to a range [m]; without a frequency [Hz], none by way of the bed."""
         tracer = Tracer(survey.geometry, survey.water, max_range=farthest)
         connector = Connector(survey.geometry, survey.water)
         return cls(water=survey.water, tracer=tracer, connector=connector, free_rays=FreeRays(tracer),

@@ -19,13 +19,13 @@ SKIRTS = 4.3                       # as `Pulse.suggested_sampling_rate` has it f
 
 
 def band_of(pulse: Pulse) -> HeardBand:
-    """Return what targets are asked for: the pulse's band, and the skirts of its spectrum that samples keep."""
+    """Return the pulse's band, with the skirts of its spectrum that samples keep."""
     return HeardBand(frequency=pulse.frequency, low=pulse.frequency + pulse.band[0],
                      high=pulse.frequency + pulse.band[1], width=pulse.suggested_sampling_rate)
 
 
 def band_of_tone(frequency: float, length: float) -> HeardBand:
-    """The same of a tone, from its frequency [Hz] and length [s]."""
+    """Return the band of a tone from its frequency [Hz] and length [s]; see `band_of`."""
     return HeardBand(frequency=frequency, low=frequency - HALF_POWER / length, high=frequency + HALF_POWER / length,
                      width=SKIRTS / length)
 

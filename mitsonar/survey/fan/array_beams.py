@@ -58,7 +58,7 @@ class ArraySum:
 
 
 class LineSum:
-    """The same of elements on a line, from a table: F is one function of the sine along it."""
+    """Sum the elements of a line from a table: F is a function of the sine along it."""
     # axis (3,) [-]; place (E, 3) [wavelengths]; weight (E,) [-]; late (E,) [cycles]
 
     def __init__(self, axis: np.ndarray, place: np.ndarray, weight: np.ndarray, late: np.ndarray):
@@ -96,7 +96,7 @@ def along_a_line(place: np.ndarray) -> np.ndarray | None:
 
 @dr.syntax
 def _summed(table, weight, count, direction):
-    """F of `count` rows (x, t) of a table."""
+    """Return F of `count` rows (x, t) of a table."""
     real, imaginary = mi.Float(0), mi.Float(0)
     i = mi.UInt32(0)
     while i < count:
@@ -116,7 +116,7 @@ REACH = 3                          # samples to either side that the compressed 
 
 
 class ArrayBeams:
-    """A fan of beams."""
+    """Return the beams that receive directions, their patterns, and pictures of them."""
     # angle (B,) [rad]; direction (B,) [rad]
 
     def __init__(self, survey: ArraySurvey, angle: np.ndarray, direction: np.ndarray):
@@ -172,7 +172,7 @@ class ArrayBeams:
         return np.tensordot(self._mixing.T, self._smeared(cotangent), 1)
 
     def _smeared(self, mixed: np.ndarray) -> np.ndarray:
-        """What the compressed pulse makes of (B, ..., bins); symmetric."""
+        """Smear intensities (B, ..., bins) by the compressed pulse; the operation is symmetric."""
         padded = np.pad(mixed, [(0, 0)] * (mixed.ndim - 1) + [(REACH, REACH)])
         bins, total = mixed.shape[-1], self._spread[0] * padded[..., :mixed.shape[-1]]
         for k, weight in enumerate(self._spread[1:], 1):
@@ -180,7 +180,7 @@ class ArrayBeams:
         return total
 
     def _mixed(self) -> np.ndarray:
-        """M, (B, B)."""
+        """Return M, (B, B)."""
         if self.count == 1:
             return np.ones((1, 1))
         angle, receive = self._angle, self._receive
@@ -197,7 +197,7 @@ class ArrayBeams:
 
 
 def _elements(array: Array, wavelength: float, frequency: float = 0.0) -> ArraySum:
-    """The sum of an array's elements, 1 at most; their delays count where a frequency [Hz] is given."""
+    """Return the sum of an array's elements, 1 at most; their delays count where a frequency [Hz] is given."""
     return ArraySum(array.position / wavelength, array.weight / np.abs(array.weight).sum(), frequency * array.delay)
 
 
@@ -208,12 +208,12 @@ def _intensity(elements: ArraySum, direction: mi.Vector3f) -> mi.Float:
 
 
 def _even(values: np.ndarray) -> bool:
-    """Return whether values (N,) have equal steps."""
+    """Return True if values (N,) have equal steps."""
     return bool(np.allclose(values, np.linspace(values[0], values[-1], len(values)), rtol=0, atol=1e-7))
 
 
 def _axes(angle: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Axis and normal of a fan, unit vectors: û = n cos ψ + a sin ψ. A single beam needs no axis, which is 0."""
+    """Return axis and normal of a fan, unit vectors: û = n cos ψ + a sin ψ. A single beam needs no axis, which is 0."""
     if len(angle) == 1:
         return np.zeros(3), direction[0]
     normal, axis = np.linalg.lstsq(np.stack([np.cos(angle), np.sin(angle)], 1), direction, rcond=None)[0]

@@ -36,7 +36,7 @@ SLACK = 0.8, 1.25                  # of the record's ends: bent rays do not come
 
 @final
 class Beams:
-    """A fan of beams of an array; see `rows.Rows`."""
+    """Hold a fan of beams of an array; see `rows.Rows`."""
     # angle (B,) [rad]; direction (B,) [rad]
 
     pings_per_block = 1

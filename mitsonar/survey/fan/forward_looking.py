@@ -18,7 +18,7 @@ from .kind import ArraySensor, plan as plan, plan_elements as plan_elements, row
 
 
 class ForwardLookingSensor(ArraySensor, Protocol):
-    """What the sensor of a forward-looking sonar says, beside what one with arrays does.
+    """Define the sensor of a forward-looking sonar.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ def _pictures(survey: ArraySurvey, sensor: ForwardLookingSensor, seed: int) -> F
 
 
 def directions(survey: ArraySurvey, sensor: ForwardLookingSensor) -> tuple[np.ndarray, np.ndarray]:
-    """Angles (B,) [rad] and directions (B, 3) of the picture's beams, body frame."""
+    """Return angles (B,) [rad] and directions (B, 3) of the picture's beams, body frame."""
     return fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width, sensor.beam_steps)
 
 

@@ -28,7 +28,7 @@ MOST_PULSE_SAMPLES = 100_000       # 2 s of 20 kHz; a spectrum takes seconds by 
 
 
 class ArraySensor(Sensor, Protocol):
-    """What the sensor of a sonar with arrays says, beside what all do.
+    """Define the sensor of a sonar with arrays.
 
     Attributes
     ----------
@@ -153,23 +153,23 @@ def _pictures(survey: ArraySurvey, sensor: ArraySensor, seed: int) -> FanPicture
 
 
 def directions(survey: ArraySurvey, sensor: ArraySensor) -> tuple[np.ndarray, np.ndarray]:
-    """Angles (B,) [rad] and directions (B, 3) of the picture's beams, body frame."""
+    """Return angles (B,) [rad] and directions (B, 3) of the picture's beams, body frame."""
     return fan.fan_directions(survey.receive, sensor.beams, sensor.fan_width)
 
 
 def rows(level: np.ndarray) -> np.ndarray:
-    """Levels (ping, beam, sample) as rows of one picture, ping after ping."""
+    """Return levels (ping, beam, sample) as rows of one picture, ping after ping."""
     return level.reshape(-1, level.shape[-1])
 
 
 def _cell_size(sound_speed: float, pulse: Pulse, passage: Passage) -> float:
-    """Half the range resolution, but no more than beams resolve across: a fraction of the altitude."""
+    """Return half the range resolution, but no more than beams resolve across: a fraction of the altitude."""
     altitude = max(float(np.mean(passage.depth_below)), 1.0)
     return min(sound_speed / (4 * pulse.bandwidth), altitude * CELL_SHARE)
 
 
 def _ray_sources(settings: RunSettings, transmit: Array) -> RaySources:
-    """Where rays start, and which share of each element they stand for."""
+    """Return the sources of rays, with the share of each element that they stand for."""
     if settings.ray_sources == "elements":
         return RaySources.from_elements(transmit)
     if settings.ray_sources == "interpolated":

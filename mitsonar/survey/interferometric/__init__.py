@@ -1,1 +1,1 @@
-"""An interferometric sidescan: its plan, the signals of its rows, what it measures of them, and its picture."""
+"""Plan, simulate and measure an interferometric sidescan."""

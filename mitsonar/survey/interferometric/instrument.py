@@ -39,7 +39,7 @@ from .plan import SIDES, InterferometricSurvey, up_along
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Measurement:
-    """Of a ping; arrays (B,), port's bins from the last to the first, then starboard's."""
+    """Hold the measurement of a ping, arrays (B,): port's bins from the last to the first, then starboard's."""
 
     valid: np.ndarray  # coherent enough, and within the sector
     sector: np.ndarray  # 0 of port, 1 of starboard
@@ -77,7 +77,7 @@ def measured_rows(survey: InterferometricSurvey, signals: tuple[np.ndarray, np.n
 
 
 def _looks(survey: InterferometricSurvey) -> float:
-    """Independent samples in a window, 1 or more."""
+    """Return independent samples in a window, 1 or more."""
     return max(1.0, survey.window / (survey.sides[0].sampling_rate * survey.pulse_length))
 
 
@@ -89,7 +89,7 @@ WIDEST = 1.05                      # sine: rows that move see echoes from beyond
 
 
 def both_sides(survey: InterferometricSurvey) -> tuple[SideRows, SideRows]:
-    """Make what hears for either side; they share what they know of the scene."""
+    """Make the signals of either side; both share their tables of the scene."""
     port = SideRows(survey, 0)
     return port, SideRows(survey, 1, beside=port)
 
@@ -117,7 +117,7 @@ class SideRows:
         return self._heard(ping, seed)[0]
 
     def frame(self, ping: int, seed: int) -> tuple[np.ndarray, EnergyRecord]:
-        """Return the same, and the truth of the bins, arrays (1, ..., bins)."""
+        """Return the signals of a ping, and the truth of the bins, arrays (1, ..., bins)."""
         signals, laid = self._heard(ping, seed)
         return signals, laid.truth(self._echoes, ping, self._truth)
 
@@ -139,7 +139,7 @@ HIGHEST = np.deg2rad(1.0)          # depression of a sounding at least, by the b
 
 
 class Interferometer:
-    """See `swath.soundings.Instrument`."""
+    """Measure the pings of an interferometric sidescan; see `soundings.Instrument`."""
 
     sonar, backscatter = "interferometric", WORDS
 
@@ -205,7 +205,7 @@ class Interferometer:
         return Finding(variables=values, deviations=Deviations(time=sigma_time[None], angle=sigma_angle[None]))
 
     def _deviations(self, made: Measurement) -> tuple[np.ndarray, np.ndarray]:
-        """Standard deviations of angle [rad] and time [s]: (B,) each."""
+        """Return standard deviations of angle [rad] and time [s]: (B,) each."""
         survey = self._survey
         angle = made.sine_deviation / np.sqrt(np.maximum(1 - made.sine ** 2, 0.01))
         window = survey.window / survey.sides[0].sampling_rate / np.sqrt(12)
@@ -219,7 +219,7 @@ class Interferometer:
         return (below >= gate[0]) & (below <= gate[1])
 
     def _strength(self, made: Measurement, final: Located) -> np.ndarray:
-        """Strengths of the bed [dB] by the sonar equation, as the instrument knows its beams."""
+        """Return strengths of the bed [dB] by the sonar equation, as the instrument knows its beams."""
         survey = self._survey
         side = survey.sides[0]
         head, bed = side.sound_speed(0), survey.profile.at(np.nan_to_num(final.depth))

@@ -62,7 +62,7 @@ def picture(survey: InterferometricSurvey, sensor: InterferometricSensor, seed: 
 
 
 def rows(level: np.ndarray) -> np.ndarray:
-    """Levels (ping, side, range) as rows of one picture: port mirrored, then starboard."""
+    """Return levels (ping, side, range) as rows of one picture: port mirrored, then starboard."""
     return np.concatenate([level[:, 0, ::-1], level[:, 1]], -1)
 
 
@@ -77,7 +77,7 @@ def sounding_line(survey: InterferometricSurvey, seed: int, *, profile: SoundSpe
 
 
 def _depression(found: xr.Dataset) -> np.ndarray:
-    """Angles of soundings below the horizontal (B,) [rad], by the attitude that the motion sensors say."""
+    """Return angles of soundings below the horizontal (B,) [rad], by the attitude that the motion sensors say."""
     angle, forward = found["angle"].values[0], np.sin(found["transmit_angle"].values[0])
     starboard = np.sin(angle)
     down = np.sqrt(np.maximum(1 - starboard ** 2 - forward ** 2, 0))

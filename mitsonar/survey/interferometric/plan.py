@@ -32,7 +32,7 @@ SIDES = ("port", "starboard")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InterferometricSurvey(SoundedSurvey):
-    """A run of an interferometric sidescan."""
+    """Hold a run of an interferometric sidescan."""
 
     sides: tuple[ArraySurvey, ArraySurvey]  # (ArraySurvey, ArraySurvey): port and starboard
     bins: int  # of each side's record, which are as many soundings
@@ -42,12 +42,12 @@ class InterferometricSurvey(SoundedSurvey):
 
     @property
     def per_bin(self) -> int:
-        """Samples of a bin."""
+        """Return samples of a bin."""
         return (self.sides[0].samples - self.sides[0].lead) // self.bins
 
     @cached_property
     def relative_bandwidth(self) -> float:
-        """Of an even band that strays as the compressed pulse's, over the carrier."""
+        """Return the width of an even band with the compressed pulse's deviation, over the carrier."""
         side = self.sides[0]
         return float(np.sqrt(12) * rms_bandwidth(side.pulse, side.sampling_rate) / side.frequency)
 
@@ -58,19 +58,19 @@ class InterferometricSurvey(SoundedSurvey):
 
     @property
     def window(self) -> int:
-        """Samples that phases are averaged over."""
+        """Return samples that phases are averaged over."""
         per_bin, wanted = self.per_bin, int(np.ceil(self.looks * self.pulse_length * self.sides[0].sampling_rate))
         return per_bin + 2 * max(0, -(-(wanted - per_bin) // 2))
 
     @property
     def time(self) -> np.ndarray:
-        """Of the bins' middles (bins,) [s]."""
+        """Return the times of the bins' middles (bins,) [s]."""
         side = self.sides[0]
         return side.time[side.lead:].reshape(self.bins, -1).mean(1)
 
     @property
     def transmissions(self) -> Sequence[Transmission]:
-        """One a side, at once; soundings run from port's last bin to starboard's."""
+        """Return one a side, at once; soundings run from port's last bin to starboard's."""
         pings = self.track.pings
         return [Transmission(survey=side, delay=0.0, sines=np.zeros(pings),
                              beams=slice(k * self.bins, (k + 1) * self.bins)) for k, side in enumerate(self.sides)]
@@ -81,7 +81,7 @@ SWEEP = 4.0                        # duration times bandwidth from which on a pu
 
 
 class InterferometricSensor(SoundingSensor, Protocol):
-    """What the sensor of an interferometric sidescan has, beside what all that make soundings do.
+    """Define the sensor of an interferometric sidescan.
 
     Attributes
     ----------
@@ -131,14 +131,14 @@ def plan_elements(scene: mi.Scene, sensor: InterferometricSensor, settings: RunS
 
 
 def up_along(receive: Array) -> np.ndarray:
-    """The axis that rows stand along: up the face, unit, body frame."""
+    """Return the axis that rows stand along: up the face, unit, body frame."""
     across = np.cross(receive.normal[0], receive.along[0])
     return across * -np.sign(across[2])
 
 
 def _run(scene: mi.Scene, sensor: InterferometricSensor, settings: RunSettings, lead: float, transmit: Array,
          receive: Array, source_level_db: float) -> ArraySurvey:
-    """The run of some faces."""
+    """Return the run of some faces."""
     geometry = Geometry(scene)
     passage = sensor.route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1])
     speed = head_speed(sensor, passage.depth)

@@ -1,4 +1,4 @@
-"""Where the pings of a block are when they are sent, and how their echoes are received: look-ups on the device."""
+"""Look up on the device where the pings of a block are sent, and how their echoes are received."""
 from __future__ import annotations
 
 import copy
@@ -19,7 +19,7 @@ from .underway import Reception, Underway
 
 
 class Places:
-    """Where the pings of a survey are."""
+    """Make the places of blocks of pings."""
 
     def __init__(self, survey: Survey, tracer: Tracer, underway: Underway, per_ping: int):
         self._survey, self._tracer, self._underway, self._per_ping = survey, tracer, underway, per_ping

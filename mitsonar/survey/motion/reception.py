@@ -46,7 +46,7 @@ Curvatures = tuple["mi.Float", "mi.Float"]
 
 @dataclass(frozen=True, kw_only=True)
 class Arrival:
-    """Echoes as the array receives them, one each."""
+    """Hold echoes as the array receives them, one each."""
 
     delay: mi.Float64  # (R,) [s]: from the transmission on
     sent: mi.Vector3f  # (R,): unit, scene, where they left for as seen from the transmit array
@@ -82,12 +82,12 @@ class Reception:
 
     @property
     def off_the_origin(self) -> bool:
-        """Return whether an array lies off O."""
+        """Return True if an array lies off O."""
         return bool(max(np.linalg.norm(self._sender), np.linalg.norm(self._receiver)) > SMALL)
 
     @property
     def still(self) -> bool:
-        """Return whether the platform neither moves nor turns."""
+        """Return True if the platform neither moves nor turns."""
         return not (self._moves or self._turns)
 
     def receive(self, *, sent: mi.Vector3f, out_distance: mi.Float, out_time: mi.Float64, towards: mi.Vector3f,
@@ -145,7 +145,7 @@ class Reception:
 
 def _from(towards: mi.Vector3f, distance: mi.Float, place: mi.Vector3f,
           bent: Curvatures | None) -> tuple[mi.Float, mi.Vector3f, mi.Float | None]:
-    """How much longer the way is from a place, by (1) or (4), the unit vector along it, and what spreads there."""
+    """Return how much longer the way is from a place, by (1) or (4), the unit vector along it, and the spread."""
     if bent is not None:
         return _from_bent(towards, place, bent)
     way, length, longer, whole = detour(towards, distance, place)

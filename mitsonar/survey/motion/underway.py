@@ -36,14 +36,14 @@ APART = 0.05                       # of the beam that these lie apart at least
 
 @dataclass(frozen=True, kw_only=True)
 class Reception:
-    """When and from where echoes come back."""
+    """Hold times and directions of reception of echoes."""
 
     delay: mi.Float64  # (R,) [s]: from transmission to reception
     towards: Vector  # (R,)
 
 
 class Underway:
-    """The motion within the pings of a survey."""
+    """Hold the motion within the pings of a survey."""
 
     def __init__(self, travel: PingTravel):
         travel = travel.trimmed()
@@ -54,7 +54,7 @@ class Underway:
 
     @property
     def moves(self) -> bool:
-        """Return whether the sonar moves or turns within any ping."""
+        """Return True if the sonar moves or turns within any ping."""
         return self._displacement.shape[1] + self._turn.shape[1] > 0
 
     def motion(self, ping: np.ndarray) -> Motion | None:
@@ -62,17 +62,16 @@ class Underway:
         return Motion(self._displacement[ping], self._turn[ping], self._duration) if self.moves else None
 
     def drift(self, sound_speed: float) -> float:
-        """How far the sonar moves while sound goes a metre out and back, at most [-]."""
+        """Return the largest distance that the sonar moves while sound goes a metre out and back [-]."""
         time = self._duration * np.linspace(0.05, 1, 20)
         moved = np.linalg.norm(_evaluated(self._displacement, time), axis=-1)
         return float((moved / time).max(initial=0)) * 2 / sound_speed
 
     def along_shifts(self, rotation: np.ndarray, sound_speed: float,
                      width: float) -> tuple[np.ndarray, list[np.ndarray]]:
-        """By how much the cosine u of a direction along the body changes between transmission and reception.
+        """Return the shifts of the cosine u along the body between transmission and reception, by groups.
 
-        Rays are drawn to suit both. Pings and sides whose shifts are about the same make a group, which shares a table
-        that rays are drawn through.
+        Rays are drawn to suit both. Pings and sides of about the same shifts are a group, which shares a table of rays.
         """
         # rotation (P, 3, 3); sound_speed [m/s] -> group (P, 2), shifts (S,)
         if not self.moves:
@@ -97,7 +96,7 @@ class Underway:
 
 
     def aside_shifts(self, rotation: np.ndarray, sound_speed: float, depressions: Sequence[float]) -> np.ndarray:
-        """By how much the cosine u of directions ahead to the side changes between transmission and reception."""
+        """Return the shifts of the cosine u of directions ahead between transmission and reception."""
         # rotation (P, 3, 3); sound_speed [m/s]; depressions [rad] -> (...)
         if not self.moves:
             return np.zeros(1)
@@ -109,7 +108,7 @@ class Underway:
 
 
 class Motion:
-    """The motion of a block's pings: look-ups by a ping's number within the block."""
+    """Hold the motion of a block's pings: look-ups by a ping's number within the block."""
     # displacement (B, K, 3) [rad/s^k]; turn (B, K, 3) [rad/s^k]; duration [s]
 
     def __init__(self, displacement: np.ndarray, turn: np.ndarray, duration: float):
@@ -141,12 +140,12 @@ class Motion:
         return Reception(delay=delay, towards=towards)
 
     def _later(self, rows, towards, distance, sound_speed, time):
-        """The way to where the sonar is at a time, w, and how much later an echo arrives along it than at O."""
+        """Return the way to where the sonar is at a time, w, and how much later an echo arrives along it than at O."""
         way, _, longer, whole = detour(towards, distance, self._at(rows, time))
         return way, longer / (whole * sound_speed)
 
     def _at(self, rows, time):
-        """Polynomials of the rows at times [s]."""
+        """Return polynomials of the rows at times [s]."""
         time = dr.clip(time, 0, self._duration)
         value = rows[-1] * time
         for row in rows[-2::-1]:
@@ -155,7 +154,7 @@ class Motion:
 
 
 def _turned_back(v: Vector, rho: mi.Vector3f) -> Vector:
-    """Vectors turned by -|ρ| about ρ."""
+    """Return vectors turned by -|ρ| about ρ."""
     angle = dr.maximum(dr.norm(rho), 1e-6)
     sine, cosine = dr.sincos(0.5 * angle)
     axis = rho * (-sine / angle)
@@ -164,5 +163,5 @@ def _turned_back(v: Vector, rho: mi.Vector3f) -> Vector:
 
 
 def _evaluated(powers: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Polynomials (P, K, 3) at times (T,): (P, T, 3)."""
+    """Return polynomials (P, K, 3) at times (T,): (P, T, 3)."""
     return np.einsum("pkx,tk->ptx", powers, time[:, None] ** np.arange(1, powers.shape[1] + 1))

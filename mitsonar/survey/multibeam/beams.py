@@ -25,19 +25,19 @@ FINER = 8                          # steps of a side lobe
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Halves:
-    """Beams of a ping, compressed."""
+    """Hold beams of a ping, compressed."""
 
     port: np.ndarray  # (B, T) [µPa]: of either half of the receiving line
     starboard: np.ndarray  # (B, T) [µPa]: of either half of the receiving line
 
     @property
     def whole(self) -> np.ndarray:
-        """Beams of the whole line."""
+        """Return beams of the whole line."""
         return 0.5 * (self.port + self.starboard)
 
 
 def sector_beams(survey: SwathSurvey) -> list[SectorBeams]:
-    """Make what forms the beams of each sector."""
+    """Make the beams of each sector."""
     made: list[SectorBeams] = []
     for number, run in enumerate(survey.sectors):
         made.append(SectorBeams(run, number, survey.receive_flaws, beside=made[0] if made else None))
@@ -68,23 +68,23 @@ class SectorBeams:
         self._truth: tuple[np.ndarray, FrameTruth] | None = None
 
     def beam_width(self, sines: np.ndarray) -> np.ndarray:
-        """Widths of beams at sines (B,), at -3 dB [rad]."""
+        """Return widths of beams at sines (B,), at -3 dB [rad]."""
         return self.lobe_width / np.sqrt(np.maximum(1 - sines ** 2, 1e-3))
 
     def side_lobes(self, sines: np.ndarray, others: np.ndarray) -> np.ndarray:
-        """Power pattern (B, J) of beams at sines (B,) towards others (J,), 0 within their main lobes."""
+        """Return power pattern (B, J) of beams at sines (B,) towards others (J,), 0 within their main lobes."""
         gap, level = self._lobes
         return np.interp(np.abs(sines[:, None] - others), gap, level)
 
     @property
     def transmit_width(self) -> float:
-        """Of the transmission along the track, at -3 dB, steered straight down [rad]."""
+        """Return the transmission's width along the track at -3 dB, steered straight down [rad]."""
         transmit = self.run.survey.transmit
         return half_power_width(transmit.position @ transmit.along[0], transmit.weight) * self.run.survey.wavelength
 
     @property
     def time(self) -> np.ndarray:
-        """Of the samples after the transmission [s], (T,)."""
+        """Return the times of the samples after the transmission [s], (T,)."""
         return self.run.survey.time[self.run.survey.lead:]
 
     def halves(self, ping: int, seed: int) -> Halves:
@@ -106,7 +106,7 @@ class SectorBeams:
         return Halves(port=beams[0], starboard=beams[1]), laid
 
     def _truth_of(self, ping: int) -> FrameTruth:
-        """The truth's beams of a ping; the last ones are kept."""
+        """Return the truth's beams of a ping; the last ones are kept."""
         sines = self.run.sines[ping]
         if self._truth is None or not np.array_equal(self._truth[0], sines):
             survey, line = self.run.survey, self.line
@@ -118,7 +118,7 @@ class SectorBeams:
 
 
 def _flawed(halves: np.ndarray, flaws: float) -> np.ndarray:
-    """Weights (2, E) of elements that are off; each half is calibrated, so that it is right on its axis."""
+    """Return weights (2, E) of elements that are off; each half is calibrated, so that it is right on its axis."""
     if not flaws:
         return halves
     draw = np.random.default_rng([halves.shape[1], Salt.RECEIVER_FLAWS]).standard_normal((2, halves.shape[1]))
@@ -128,7 +128,7 @@ def _flawed(halves: np.ndarray, flaws: float) -> np.ndarray:
 
 
 def _side_lobes(place: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Power pattern of a line (N,) [wavelengths] against the gap of sines, peaks of its side lobes joined.
+    """Return power pattern of a line (N,) [wavelengths] against the gap of sines, peaks of its side lobes joined.
 
     It is 0 where it is above `MAIN_LOBE`, that of beams that hear the same bed, and nowhere more than that: two beams
     that are each other's grating lobe are not told apart.

@@ -87,7 +87,7 @@ class Strengths:
 
     def _patterns(self, sector: SectorBeams, ping: int, sines: np.ndarray,
                   distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Pressures of the faces' patterns towards soundings so far away, 1 on their axes: sent, and heard.
+        """Return pressures of the faces' patterns towards soundings so far away, 1 on their axes: sent, and heard.
 
         Beams are known across at the receiving line and along at the transmitting one; near the head either array sees
         a sounding in a direction of its own.
@@ -113,7 +113,7 @@ def _width(array: Array, wavelength: float, sine: np.ndarray | float) -> np.ndar
 
 
 class Multibeam:
-    """See `soundings.Instrument`."""
+    """Measure the pings of a multibeam; see `soundings.Instrument`."""
 
     sonar, backscatter = "multibeam", WORDS
 
@@ -150,7 +150,7 @@ class Multibeam:
         return Finding(variables=values)
 
     def _of_the_column(self, ping: int, made: Measurement) -> dict[str, np.ndarray]:
-        """Levels of all beams."""
+        """Return levels of all beams."""
         runs = self._survey.sectors
         angle = np.concatenate([np.arcsin(np.clip(run.sines[ping] * run.said[ping], -1, 1)) for run in runs])
         beams = [run.sines.shape[1] for run in runs]
@@ -165,7 +165,7 @@ class Multibeam:
 
 
 def _installation(survey: SwathSurvey) -> Installation:
-    """Where the arrays are on the platform."""
+    """Return the positions of the arrays on the platform."""
     offset = survey.voyage.trajectory.offset
     first = survey.sectors[0].survey
     return Installation(

@@ -59,13 +59,13 @@ def frames(survey: SwathSurvey, sensor: MultibeamSensor, seed: int) -> Iterator[
 
 
 def rows(level: np.ndarray) -> np.ndarray:
-    """Levels (ping, beam, sample) as rows of one picture, ping after ping."""
+    """Return levels (ping, beam, sample) as rows of one picture, ping after ping."""
     return level.reshape(-1, level.shape[-1])
 
 
 def sounding_line(survey: SwathSurvey, seed: int, *, profile: SoundSpeedProfile | None, column: bool,
                   snippets: int) -> SoundingLine:
-    """Make what makes the soundings of a line; arguments as of `mitsonar.soundings`."""
+    """Make the soundings of a line; arguments as of `mitsonar.soundings`."""
     return SoundingLine(survey, Multibeam(survey, seed, column=column, snippets=snippets), seed, profile=profile)
 
 
@@ -77,7 +77,7 @@ class _Pictures:
         self._sectors = sector_beams(survey)
 
     def of(self, pings: Sequence[int], progress: Callable[[float, float], None] | None) -> xr.Dataset:
-        """The picture of some pings."""
+        """Return the picture of some pings."""
         survey, levels = self._survey, []
 
         def records() -> Iterator[EnergyRecord]:
@@ -99,7 +99,7 @@ class _Pictures:
         return self._told(image, pings).assign_attrs(self._known, sonar="multibeam", preset=survey.preset)
 
     def _told(self, image: xr.Dataset, pings: Sequence[int]) -> xr.Dataset:
-        """Say of every beam where it looked, and which sector it listened to."""
+        """Add the direction, sector and frequency of every beam."""
         survey = self._survey
         sines = np.concatenate([run.sines[list(pings)] for run in survey.sectors], 1)
         sector = np.repeat(np.arange(len(survey.sectors)), [run.sines.shape[1] for run in survey.sectors])
@@ -115,7 +115,7 @@ class _Pictures:
 
     @property
     def _direction(self) -> np.ndarray:
-        """Of beams, body frame, where the body is level."""
+        """Return the directions of beams in a level body, body frame."""
         return np.stack([np.zeros_like(self._angle), np.sin(self._angle), np.cos(self._angle)], -1)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""What a multibeam echo sounder measures of a ping: a time, two angles and a level for every beam."""
+"""Measure a time, two angles and a level for every beam of a multibeam ping."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ FEWEST_SAMPLES = 16                # of a ping, that the bed can be found in
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Measurement:
-    """Of a ping; arrays (B,) unless said otherwise, NaN where there is no sounding."""
+    """Hold the measurement of a ping; arrays (B,) unless noted, NaN where there is no sounding."""
 
     valid: np.ndarray
     sent: np.ndarray  # [s]: transmission of the beam's sector by the line's clock, and from then to the reception
@@ -62,7 +62,7 @@ class SwathBeams:
 
     def _detected(self, sector: SectorBeams, halves: Halves, ping: int, pulse_length: float,
                   without: np.ndarray | None = None) -> Detections:
-        """The bed in a sector's beams."""
+        """Return the bed in a sector's beams."""
         survey, sines = sector.run.survey, sector.run.sines[ping]
         gate = self._survey.depth_gate
         speed = survey.sound_speed(ping)
@@ -74,7 +74,7 @@ class SwathBeams:
 
     def _of_main_lobes(self, detected: list[Detections], beams: list[tuple[Halves, np.ndarray]],
                        ping: int) -> list[Detections]:
-        """Detections without those that side lobes may have brought.
+        """Return detections without those that side lobes may have brought.
 
         A sector sends across the whole swath, and its beams receive by side lobes what another sector's beams look at.
         Beams at the edge of a bed took their slope from the beams beyond it, too: a sector that has such beams is
@@ -101,7 +101,7 @@ class SwathBeams:
         return checked
 
     def _said(self, number: int, found: Detections, ping: int) -> dict[str, np.ndarray]:
-        """Angles as the instrument has them, by the head's own sound speed."""
+        """Return angles as the instrument has them, by the head's own sound speed."""
         run = self._survey.sectors[number]
         beams = len(found.time)
         said = float(run.said[ping])
@@ -138,7 +138,7 @@ def _check_beams(survey: SwathSurvey) -> None:
 
 
 def _share(sines: np.ndarray, width: float) -> np.ndarray:
-    """Steps from beam to beam over the width of a beam, 1 at most (B,)."""
+    """Return steps from beam to beam over the width of a beam, 1 at most (B,)."""
     return np.minimum(np.gradient(sines) / width, 1.0) if len(sines) > 1 else np.ones(1)
 
 
@@ -149,6 +149,6 @@ def _pulse_length(sector: SectorBeams) -> float:
 
 
 def _within(found: Detections, sines: np.ndarray, speed: float, gate: tuple[float, float]) -> Detections:
-    """Detections of which those deeper than the gate are none."""
+    """Return detections of which those deeper than the gate are none."""
     depth = 0.5 * speed * found.time * np.sqrt(1 - np.minimum(sines ** 2, 1))
     return replace(found, valid=found.valid & (depth >= gate[0]) & (depth <= gate[1]))

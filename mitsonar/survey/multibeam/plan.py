@@ -42,7 +42,7 @@ WIDEST = np.sin(np.deg2rad(89.0))  # sine that beams are steered to at most
 
 @dataclass(frozen=True, kw_only=True)
 class Stabilised:
-    """Which motions the steering compensates."""
+    """Hold which motions the steering compensates."""
 
     roll: bool
     pitch: bool
@@ -51,7 +51,7 @@ class Stabilised:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Swath:
-    """What is steered, and how."""
+    """Compute the steering of beams and transmissions."""
 
     trajectory: Trajectory  # of the sonar
     mounting: np.ndarray  # (3,) [rad]: roll, pitch, heading of the head
@@ -80,12 +80,12 @@ class Swath:
         return np.sum(self._axes(times, times)[..., 0] * towards, -1)
 
     def _axes(self, times: np.ndarray, since: np.ndarray) -> np.ndarray:
-        """Head to scene at times (...): (..., 3, 3)."""
+        """Return head to scene at times (...): (..., 3, 3)."""
         _, attitude = self.trajectory.pose(times, np.broadcast_to(since, times.shape))
         return rotation_matrix(*np.moveaxis(attitude, -1, 0)) @ mounting_matrix(*self.mounting)
 
     def _frame(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """f̂, ŝ and d̂ at transmissions (P,), each (P, 3), scene."""
+        """Return f̂, ŝ and d̂ at transmissions (P,), each (P, 3), scene."""
         _, attitude = self.trajectory.pose(times)
         heading = attitude[:, 2]
         if self.stabilised.yaw:
@@ -101,7 +101,7 @@ SAMPLES = 3.0                      # to one over a pulse's bandwidth: 0.8 of the
 
 
 class MultibeamSensor(SoundingSensor, Protocol):
-    """What the sensor of a multibeam echo sounder has, beside what all that make soundings do.
+    """Define the sensor of a multibeam echo sounder.
 
     Attributes
     ----------

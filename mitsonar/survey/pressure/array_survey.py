@@ -1,7 +1,4 @@
-"""What a run of a sonar with arrays is: scene, water, pulse, arrays, and the record that is asked for. Data only.
-
-When the samples of a record are taken, and about which carrier.
-"""
+"""Hold the data of a run of a sonar with arrays: scene, water, pulse, arrays, and sampling of its record."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -23,7 +20,7 @@ from .sources import RaySources
 
 @dataclass(frozen=True, kw_only=True)
 class Sampling:
-    """The samples of a record in complex baseband."""
+    """Hold the samples of a record in complex baseband."""
 
     start: float  # [s]: time of sample 0, from the transmission on
     sampling_rate: float  # [Hz]: of the samples
@@ -37,7 +34,7 @@ class Sampling:
 
 @dataclass(frozen=True, kw_only=True)
 class ArraySurvey(Survey):
-    """A run of a sonar with arrays.
+    """Hold a run of a sonar with arrays.
 
     `rays` counts the rays of one source and ping. It matters only where rays find the scatterers, and for echoes that
     are drawn by chance.
@@ -64,40 +61,40 @@ class ArraySurvey(Survey):
 
     @cached_property
     def velocity(self) -> np.ndarray:
-        """At the transmissions, (P, 3) [m/s], scene frame."""
+        """Return the velocity at the transmissions, (P, 3) [m/s], scene frame."""
         return self.voyage.velocity
 
     @property
     def frequency(self) -> float:
-        """Of the carrier [Hz]."""
+        """Return the frequency of the carrier [Hz]."""
         return self.pulse.frequency
 
     @property
     def wavelength(self) -> float:
-        """Of the carrier, at the array at the first ping [m]."""
+        """Return the carrier's wavelength at the array at the first ping [m]."""
         return self.sound_speed(0) / self.frequency
 
     @property
     def radius(self) -> float:
-        """Distance of the farthest element, of either array, from the arrays' centre [m]."""
+        """Return distance of the farthest element, of either array, from the arrays' centre [m]."""
         return max(self.transmit.radius, self.receive.radius)
 
     @property
     def sampling(self) -> Sampling:
-        """When the record's samples are taken, about which carrier."""
+        """Return the sampling of the record, about its carrier."""
         return Sampling(start=self.start, sampling_rate=self.sampling_rate, frequency=self.frequency)
 
     @property
     def time(self) -> np.ndarray:
-        """Of the samples [s], (S,)."""
+        """Return the times of the samples [s], (S,)."""
         return self.start + np.arange(self.samples) / self.sampling_rate
 
     def sound_speed(self, ping: int) -> float:
-        """At the array [m/s]."""
+        """Return the sound speed at the array [m/s]."""
         return float(self.profile.at(-self.track.position[ping, 2]))
 
     def transmit_delay(self, ping: int) -> np.ndarray:
-        """Of the transmit elements at a ping, (E,) [s]: their own, and r_e·u / c about their middle, by `steering`."""
+        """Return the delays of transmit elements (E,) [s]: their own, and r_e·u / c by `steering`."""
         array = self.transmit
         if self.steering is None:
             return array.delay
@@ -109,7 +106,7 @@ class ArraySurvey(Survey):
         return 0 if self.sending is None else int(self.sending[ping])
 
     def transmit_weight(self, ping: int) -> np.ndarray:
-        """Of the transmit elements at a ping, (E,): magnitudes add to 1."""
+        """Return the weights of transmit elements (E,), whose magnitudes add to 1."""
         weight = self.transmit.weight
         if self.sending is not None:
             weight = np.where(np.arange(len(weight)) == self.sending[ping], weight, 0)

@@ -27,7 +27,7 @@ WORTH_SAYING = 2.0                 # [s] of CPU; less is a moment
 
 @dataclass(frozen=True, kw_only=True)
 class Cost:
-    """What pings of an array take."""
+    """Hold the work for the pings of an array."""
 
     pings: int  # how many pings, and receivers
     elements: int  # how many pings, and receivers
@@ -39,7 +39,7 @@ class Cost:
 
     @property
     def seconds(self) -> float:
-        """About so long, without loading and compiling."""
+        """Return the estimated time [s], without loading and compiling."""
         connecting = self.ensonifications * CONNECTED * self.cells
         carrying = self.pairs * (RETURNED + self.carried * self.elements) * ECHOING_SHARE * self.cells
         return self.pings * (connecting + carrying) / self.threads
@@ -82,7 +82,7 @@ def sentence(record: PressureRecord, pings: Sequence[int], *, threads: int, all_
 
 
 def _number(number: float) -> str:
-    """Say a large number, about."""
+    """Return a large number in words, rounded."""
     for size, word in ((1e9, "billion"), (1e6, "million")):
         if number >= size:
             return f"{number / size:.2g} {word}" if number < 100 * size else f"{number / size:.0f} {word}"
@@ -90,7 +90,7 @@ def _number(number: float) -> str:
 
 
 def _duration(seconds: float) -> str:
-    """Say a duration, about."""
+    """Return a duration in words, rounded."""
     if seconds < 1:
         return "under 1 s"
     for length, unit in ((3600, "h"), (60, "min")):

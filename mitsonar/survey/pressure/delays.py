@@ -54,7 +54,7 @@ Kind = TypeVar("Kind", bound="ElementDelays")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ElementDelays(ABC):
-    """A way to find delays, and to sum echoes with them. Subclasses say which: `vectors`, `eigenrays`, `guarded`."""
+    """Find delays and sum echoes with them; subclasses are `VectorDelays`, `EigenrayDelays`, `GuardedDelays`."""
 
     source: PingSource
     transmit: Array
@@ -69,7 +69,7 @@ class ElementDelays(ABC):
         """Sum the echoes of one transmit element at receive elements."""
 
     def stands_off(self, element: int) -> bool:
-        """Return whether a transmit element is not where the source is."""
+        """Return True if a transmit element is not where the source is."""
         return bool(np.any(self.transmit.position[element] != self.source.position))
 
     def moment(self, some: SortedEchoes, rows: slice) -> float:

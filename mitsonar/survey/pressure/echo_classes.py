@@ -27,7 +27,7 @@ SAME_PLACE = 1e-9                  # [m]
 
 @dataclass(frozen=True, kw_only=True)
 class SortedEchoes:
-    """Echoes, and what their classes do to them."""
+    """Hold echoes, and what their classes do to them."""
 
     echoes: Echoes
     late: Float64  # (R,) [s]: by how much they arrive later, in their phase as in their place
@@ -36,14 +36,14 @@ class SortedEchoes:
     moment: float = 0.0  # [s]: of the pulse that `late` is told for, of an element at the source
 
     def chosen(self, index: UInt32) -> SortedEchoes:
-        """The echoes with these numbers."""
+        """Return the echoes with these numbers."""
         return SortedEchoes(echoes=self.echoes.chosen(index), late=picked(self.late, index),
                             turn=None if self.turn is None else picked(self.turn, index),
                             sheet=None if self.sheet is None else picked(self.sheet, index), moment=self.moment)
 
 
 class EchoClasses(ABC):
-    """Classes of echoes."""
+    """Sort echoes into classes."""
 
     factors: np.ndarray  # (K,) [-]: two-way Doppler factors that stand for them
 
@@ -60,7 +60,7 @@ class EchoClasses(ABC):
 
 
 class OneClass(EchoClasses):
-    """All echoes, as if one factor were that of all."""
+    """Put all echoes into one class, as if they had one factor."""
 
     def __init__(self, factor: float = 1.0):
         self.factors = np.array([factor])
@@ -80,7 +80,7 @@ class OneClass(EchoClasses):
 
 
 class DopplerClasses(EchoClasses):
-    """Echoes sorted by their Doppler factors: each is in one class, rounding or not."""
+    """Sort echoes by Doppler factor, each into exactly one class."""
     # factors (K,) [-]; begin [s]
 
     def __init__(self, factors: np.ndarray, begin: float, pulse: Pulse, glide: Glide | None = None):

@@ -22,7 +22,7 @@ from .ping_source import opaque64
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EigenrayDelays(ElementDelays):
-    """Delays by exact eigenrays."""
+    """Find delays by exact eigenrays."""
 
     def add(self, responses: ImpulseResponses, some: SortedEchoes, element: int, *, weight: float,
             rows: slice = ALL_ROWS) -> None:

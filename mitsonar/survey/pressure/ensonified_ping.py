@@ -55,7 +55,7 @@ class EnsonifiedPing:
             self._kept = {number: blocks for number, blocks in before._kept.items() if number != BY_CHANCE}
 
     def _stands_as(self, other: "EnsonifiedPing") -> bool:
-        """Return whether the platform is where it was at another ping, and scatterers are found without chance."""
+        """Return True if the platform is where it was at another ping, and scatterers are found without chance."""
         track = self.survey.track
         return (self.survey.ensonification == "scatterers" and np.array_equal(self._rotation, other._rotation)
                 and np.array_equal(track.position[self.ping], track.position[other.ping]))

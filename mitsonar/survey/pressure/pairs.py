@@ -49,7 +49,7 @@ OfPair: TypeAlias = Callable[[Sequence[Float], Sequence[Float]], Float]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pairs:
-    """What `ImpulseResponses.add` asks of pairs of echoes and elements."""
+    """Hold fields, delays and gains of pairs of echoes and elements for `ImpulseResponses.add`."""
 
     hits: list[Float]  # (H,)
     elements: list[np.ndarray]  # (E,)
@@ -58,7 +58,7 @@ class Pairs:
 
 
 class ReceivedEchoes:
-    """Echoes on their way to the elements of one array."""
+    """Pair echoes with the elements of one array."""
     # wavelength [m]; towards (H,)
 
     def __init__(self, back: ReturnPaths, view: View, receive: Array, *, wavelength: float, method: Method,
@@ -71,7 +71,7 @@ class ReceivedEchoes:
 
     @property
     def ahead(self) -> Bool | None:
-        """Which echoes come from before the one rigid baffle of all elements; None where elements differ."""
+        """Return True for echoes from before the rigid baffle of all elements; None where elements differ."""
         if self.towards is None or self.baffle == self.receive.baffle:
             return None
         offset = opaque(mi.Float, self.view.offsets(self.receive)[0])
@@ -95,11 +95,11 @@ class ReceivedEchoes:
 
     @property
     def _alike(self) -> bool:
-        """Return whether what is left of the elements' patterns is the same towards all directions."""
+        """Return True if what is left of the elements' patterns is the same towards all directions."""
         return self.towards is None or (self.receive.pattern == "omni" and self.baffle == "none")
 
     def _smooth(self, line: Line, nearest: float, speed: float) -> bool:
-        """Return whether polynomials along a line are good enough."""
+        """Return True if polynomials along a line are good enough."""
         if line.error(nearest, speed) > LINE_ERROR:
             return False
         side = max(self.receive.length, self.receive.height) / self.wavelength
@@ -108,7 +108,7 @@ class ReceivedEchoes:
                                and 2 * half ** many / ((many + 1) * factorial(many)) < PATTERN_ERROR)
 
     def _each(self, difference: OfPair, elements: list[np.ndarray], fields: int) -> Pairs:
-        """Every pair by itself; so many of the elements' fields are those of the difference."""
+        """Return every pair by itself; so many of the elements' fields are those of the difference."""
         lib, receive, alike, baffle = arrays_of(mi.Float), self.receive, self._alike, self.baffle
         count = len(self.back.hit_fields)
         hits = [*self.back.hit_fields, lib.Float(dr.rcp(self.back.return_time))]
@@ -131,7 +131,7 @@ class ReceivedEchoes:
         return Pairs(hits=hits, elements=elements, delay=delay, gain=gain)
 
     def _along(self, line: Line, difference: OfPair) -> Pairs:
-        """By polynomials through what some points of a line hear."""
+        """Pair echoes with elements by polynomials through points of a line."""
         view, receive = self.view, self.receive
         fields = np.broadcast_arrays(*vector_element_fields(line.nodes, view.depth, view.profile))
         faces = [] if self._alike else [*(view.rotation @ receive.normal[0]), *(view.rotation @ receive.along[0])]
@@ -145,7 +145,7 @@ class ReceivedEchoes:
 
 
 def _one_face(array: Array) -> bool:
-    """Return whether all elements lie in one plane, look one way and are turned alike."""
+    """Return True if all elements lie in one plane, look one way and are turned alike."""
     plane = np.sum(array.position * array.normal, axis=-1)
     return bool(np.all(array.normal == array.normal[0]) and np.all(array.along == array.along[0])
                 and np.ptp(plane) < SAME_PLANE)

@@ -33,7 +33,7 @@ UPSIDE_DOWN = np.diag([1.0, 1.0, -1.0])
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class View:
-    """The platform and the water as legs see them: as they are, or mirrored at the surface."""
+    """Hold the platform and the water as legs see them: as they are, or mirrored at the surface."""
 
     medium: Medium  # the water, or the water unfolded about the surface
     state: SourceState  # of the source's depth
@@ -46,12 +46,12 @@ class View:
 
     @property
     def layers(self) -> LayerTable:
-        """Layers of the water that is seen."""
+        """Return layers of the water that is seen."""
         return self.medium.layers
 
     @property
     def profile(self) -> SoundSpeedProfile:
-        """Its sound speed."""
+        """Return the sound speed profile of the water that is seen."""
         return self.medium.profile
 
     @classmethod
@@ -85,7 +85,7 @@ class View:
 
 
 class PingSource:
-    """A source of rays at one ping."""
+    """Hold a source of rays at one ping."""
     # position (3,) [m]; centre (3,) [m]; rotation (3, 3); origin (3,) [m]; speed [m/s]
 
     def __init__(self, *, position: np.ndarray, centre: np.ndarray, rotation: np.ndarray, travel: PingTravel,
@@ -98,12 +98,12 @@ class PingSource:
 
     @cached_property
     def direct(self) -> View:
-        """The platform and the water as they are."""
+        """Return the platform and the water as they are."""
         return View.of(self.travel, self._water.direct, self.depth, self.position, self.rotation)
 
     @cached_property
     def mirrored(self) -> View:
-        """Their image above the surface."""
+        """Return their image above the surface."""
         return View.of(self.travel, self._water.folded, -self.depth, self.position, UPSIDE_DOWN @ self.rotation,
                        mirror=np.diag(UPSIDE_DOWN))
 

@@ -50,7 +50,7 @@ class PressureRecord:
 
     @cached_property
     def ensonification(self) -> Ensonification:
-        """Makes the echoes of the survey's scatterers."""
+        """Return makes the echoes of the survey's scatterers."""
         return ensonification_of(self.survey)
 
     def responses(self, ping: int, *, progress: Callable[[float, int], None] | None = None) -> np.ndarray:
@@ -131,7 +131,7 @@ class PressureRecord:
                         delays.add(sums, some, element, weight=float(weight * share), rows=rows)
 
     def _counts(self, echoes: Echoes) -> bool:
-        """Return whether echoes came by one of the paths asked for."""
+        """Return True if echoes came by one of the paths asked for."""
         return self.paths is None or echoes.path in self.paths
 
     def ensonified(self, ping: int) -> EnsonifiedPing:

@@ -67,7 +67,7 @@ def closing_speeds(survey: ArraySurvey, ping: int, *, fastest: float, accelerati
 
 @lru_cache(maxsize=1)
 def _lattice() -> np.ndarray:
-    """Directions (N, 3) that lie evenly on the sphere: of a Fibonacci lattice."""
+    """Return directions (N, 3) that lie evenly on the sphere: of a Fibonacci lattice."""
     number = np.arange(DIRECTIONS) + 0.5
     height, angle = 1 - 2 * number / DIRECTIONS, GOLDEN_ANGLE * number
     level = np.sqrt(1 - height ** 2)
@@ -152,7 +152,7 @@ def echoes_of_the_pulse(record: PressureRecord, ping: int, progress: Callable[[f
 
 
 class SentPiece(NamedTuple):
-    """A piece of the pulse, when it begins [s], and the Doppler factors (K,) that stand for its echoes."""
+    """Hold a piece of the pulse, when it begins [s], and the Doppler factors (K,) that stand for its echoes."""
 
     begin: float
     pulse: Pulse
@@ -172,7 +172,7 @@ def sent_pieces(survey: ArraySurvey, ping: int) -> list[SentPiece]:
 
 
 def _say_cost(say: Say | None, record: PressureRecord, pings: Sequence[int], *, all_transmit: bool = False) -> None:
-    """Say how much there is to do, where that is worth a sentence."""
+    """Report the expected cost, unless it is small."""
     if say is not None:
         words = sentence(record, pings, threads=dr.thread_count(), all_transmit=all_transmit)
         if words:
@@ -220,7 +220,7 @@ def ping_attributes(survey: ArraySurvey, pings: Sequence[int]) -> dict:
 
 
 def _fastest(survey: ArraySurvey, ping: int) -> tuple[float, float]:
-    """Speed of the fastest element [m/s], and its largest acceleration [m/s²], while echoes come in."""
+    """Return speed of the fastest element [m/s], and its largest acceleration [m/s²], while echoes come in."""
     travel = survey.travel(ping, np.zeros(3))
     moved, turned = ([float(travel.peak(powers, order)[0]) for order in (1, 2)]
                      for powers in (travel.displacement, travel.turn))
@@ -229,7 +229,7 @@ def _fastest(survey: ArraySurvey, ping: int) -> tuple[float, float]:
 
 
 def _nearest(survey: ArraySurvey, ping: int) -> float:
-    """Range from which on echoes matter [m]: of the record's beginning, or half of that of bed and surface."""
+    """Return range from which on echoes matter [m]: of the record's beginning, or half of that of bed and surface."""
     beginning = 0.5 * survey.sound_speed(ping) * survey.time[survey.lead]
     return max(beginning, 0.5 * min(float(survey.depth_below[ping]), -survey.track.position[ping, 2]), NEAREST)
 

@@ -10,7 +10,7 @@ from mitsonar.sonar.arrays.array import Array
 
 @dataclass(frozen=True, kw_only=True)
 class RaySources:
-    """Sources that rays are traced from, and how they stand for the transmit elements."""
+    """Hold sources that rays are traced from, and how they stand for the transmit elements."""
 
     position: np.ndarray  # (S, 3) [m]: body frame
     share: np.ndarray  # (S, T) [-]: share of a transmit element's echoes that the rays of each source bring

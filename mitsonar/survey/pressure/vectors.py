@@ -38,7 +38,7 @@ GUARD = 5e-10                      # [s] expected error of the vector approximat
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VectorDelays(ElementDelays):
-    """Delays by the vector approximation, or by the published one."""
+    """Find delays by the vector approximation, or by the published one."""
 
     method: Literal["vector", "paper"] = "vector"
 
@@ -88,9 +88,7 @@ class VectorDelays(ElementDelays):
         self.counts.count((echoes.count - left_out) * len(range(receive.elements)[rows]))
 
     def doubtful(self, echoes: Echoes) -> Bool:
-        """Say for which echoes the approximation may be off by more than GUARD at some element: Bool (R,), yet to be
-        evaluated.
-        """
+        """Return True for echoes whose error may exceed GUARD at an element: Bool (R,), not yet evaluated."""
         source = self.source
         error = source.way_back(echoes).expected_error(self._outermost(source.view(echoes.back)))
         if not echoes.single:
@@ -99,20 +97,20 @@ class VectorDelays(ElementDelays):
         return ~(error <= dr.opaque(arrays_of(mi.Float).Float, GUARD))
 
     def _outermost(self, view: View) -> list:
-        """Fields of the elements farthest out, transmitting and receiving."""
+        """Return fields of the elements farthest out, transmitting and receiving."""
         offsets = np.concatenate([view.offsets(array) for array in (self.transmit, self.receive)])
         outermost = np.unique([pick(column) for column in offsets.T for pick in (np.argmin, np.argmax)])
         return vector_element_fields(offsets[outermost], view.depth, view.profile)
 
     def _transmit_delay(self, echoes: Echoes, element: int, way_out: ReturnPaths) -> Float64:
-        """How much later than from the source scatterers are reached from a transmit element [s]."""
+        """Return the delay to scatterers from a transmit element, relative to the source [s]."""
         view = self.source.view(echoes.out)
         fields = vector_element_fields(view.offsets(self.transmit)[element][None], view.depth, view.profile)
         fields = [dr.opaque(mi.Float, float(field[0])) for field in np.broadcast_arrays(*fields)]
         return arrays_of(mi.Float).Float64(vector_difference(way_out.hit_fields, fields))
 
     def _transmitted(self, echoes: Echoes, element: int, weight: float, way_out: ReturnPaths | None) -> Float:
-        """What a transmit element's weight and pattern make of echoes; `way_out` is None for one at the source."""
+        """Return the factor of weight and pattern of a transmit element; `way_out` is None at the source."""
         transmit, factor = self.transmit, dr.opaque(arrays_of(mi.Float).Float, weight)
         if omni(transmit):
             return factor
@@ -125,7 +123,7 @@ class VectorDelays(ElementDelays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GuardedDelays(ElementDelays):
-    """Delays by the vector approximation, exact where it may be off by more than `vectors.GUARD`."""
+    """Find delays by the vector approximation, by eigenrays where it may be off by more than `GUARD`."""
 
     def add(self, responses: ImpulseResponses, some: SortedEchoes, element: int, *, weight: float,
             rows: slice = ALL_ROWS) -> None:
@@ -141,5 +139,5 @@ class GuardedDelays(ElementDelays):
 
     @property
     def _extended(self) -> bool:
-        """Return whether any element is not where the source is."""
+        """Return True if any element is not where the source is."""
         return any(np.any(array.position != self.source.position) for array in (self.transmit, self.receive))

@@ -32,7 +32,7 @@ def face_of(survey: ArraySurvey) -> Sidescan:
 
 
 class StepBeam:
-    """The beam of a head."""
+    """Return the response of the beam of a head."""
     # bin_length [s]
 
     count = 1

@@ -42,7 +42,7 @@ SIGNALS, ELEMENT_SIGNALS = 0.3, 0.98           # of the work, before that of the
 
 
 class SectorScanSensor(Sensor, Protocol):
-    """What the sensor of a rotating head says, beside what all do.
+    """Define the sensor of a rotating head.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ def picture(survey: ArraySurvey, sensor: SectorScanSensor, seed: int,
 
 
 def steps_of(survey: ArraySurvey, sensor: SectorScanSensor) -> Steps:
-    """The rows of the picture's energy record."""
+    """Return the rows of the picture's energy record."""
     limits.check_beams(survey, 1, pings=survey.track.pings)
     return Steps(survey, *sensor.film().window(head_speed(sensor, survey.passage.depth)))
 
@@ -134,18 +134,18 @@ def _check_scatterers(survey: ArraySurvey) -> None:
 
 def _by_elements(survey: ArraySurvey, bins: int, seed: int, progress: Callable[[float, float], None] | None,
                  say: Callable[[str], None] | None) -> np.ndarray:
-    """Powers (P, bins) [µPa²] of the signals of the head as an element."""
+    """Return powers (P, bins) [µPa²] of the signals of the head as an element."""
     signals = received_signals(PressureRecord(survey, seed=seed), range(survey.track.pings), progress=progress, say=say)
     return imaging.mean_power(matched_filter(signals.values[:, 0, 0], survey.pulse, survey.sampling_rate), bins)
 
 
 def rows(level: np.ndarray) -> np.ndarray:
-    """Levels (ping, range) as rows of one picture: as they are."""
+    """Return levels (ping, range) as rows of one picture: as they are."""
     return level
 
 
 def _face(sensor: SectorScanSensor, sound_speed: float) -> Array:
-    """The element of the head, which sends and receives."""
+    """Return the element of the head, which sends and receives."""
     length, height = (length_for_beam_width(width, sound_speed / sensor.pulse.frequency)
                       for width in sensor.beam_widths)
     return element_array([0.0, 0.0, 0.0], normal="forward", along="starboard", length=length, height=height,
@@ -153,7 +153,7 @@ def _face(sensor: SectorScanSensor, sound_speed: float) -> Array:
 
 
 def _turns(survey: ArraySurvey, sensor: SectorScanSensor) -> imaging.Turns:
-    """Where the head looks at its pings."""
+    """Return the directions of the head at its pings."""
     head, trajectory, time = sensor.head, survey.voyage.trajectory, survey.track.time
     if not isinstance(trajectory, HeadTrajectory):
         raise ValueError("the survey of a sector scan has the voyage of a head; make it by the sensor's own plan")
@@ -165,13 +165,13 @@ def _turns(survey: ArraySurvey, sensor: SectorScanSensor) -> imaging.Turns:
 
 
 def _mean_power(record: EnergyRecord, steps: Steps, signals: StepSignals) -> np.ndarray:
-    """Mean over speckle and noise, (P, bins) [µPa²]: of the rays' energies, and of signals that have a phase."""
+    """Return mean over speckle and noise, (P, bins) [µPa²]: of the rays' energies, and of signals that have a phase."""
     mean = steps.shown(record.intensity.astype(float))
     return mean if record.coherent is None else mean + signals.power(steps.bins.count, None)
 
 
 def _noise_db(survey: ArraySurvey, sensor: SectorScanSensor, sound_speed: float) -> float | None:
-    """Noise behind the matched filter [dB re 1 µPa]; None where there is none."""
+    """Return noise behind the matched filter [dB re 1 µPa]; None where there is none."""
     if survey.noise is None:
         return None
     spectra = [] if sensor.self_noise_db is None else [sensor.self_noise_db]

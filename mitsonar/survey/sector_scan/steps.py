@@ -42,7 +42,7 @@ WAYS = (-0.5, 0.0, 0.5)            # [rad] φ at which shifts are looked at
 
 @dataclass(frozen=True, kw_only=True)
 class StepRays(Rays):
-    """Rays of a head's pings."""
+    """Hold rays of a head's pings."""
 
     cell: mi.UInt32  # (R,): of the table of φ that the ray was drawn through, (pings, CELLS)
     head: mi.Vector3f  # (R,): their directions in the head's frame
@@ -91,7 +91,7 @@ COHERENT_PER_BLOCK = 32            # pings whose coherent echoes are summed toge
 
 @final
 class Steps:
-    """The pings of a head; see `rows.Rows`."""
+    """Hold the pings of a head; see `rows.Rows`."""
     # window [s]
 
     per_ping, hidden_in_beam = 1, True
@@ -110,7 +110,7 @@ class Steps:
         self.pings_per_block = self._pings_per_block()
 
     def _pings_per_block(self) -> int:
-        """How many pings a block holds: bounded by rays and by the memory of sums and of tables of rays."""
+        """Return the pings of a block, bounded by rays and by the memory of sums and tables."""
         survey, pings = self._survey, self._survey.track.pings
         sums = self.bins.count * (self.labels * (2 if survey.geometry.named.hides else 1) + WORDS)
         rays = sum(grid[0] * grid[1] for grid in self._grids)
@@ -120,7 +120,7 @@ class Steps:
 
     def passes(self, place: Place, seed: int,
                bins_of: Callable[[Place, StepRays], tuple[mi.UInt32, mi.Bool]]) -> Iterator[StepRays]:
-        """Yield the rays that make the record, in one pass."""
+        """Yield the rays that make the record."""
         quantiles = self._launch.first_quantiles(place)
         rays = self._launch.drawn(place, quantiles, self._grids[0], seed, Salt.FIRST_PASS)
         need = ray_need(rays.ping, rays.cell, *bins_of(place, rays), rows=place.rows, bins=self.bins)

@@ -1,1 +1,1 @@
-"""Sidescans."""
+"""Render sidescans: faces, rays of either side, and images."""

@@ -36,7 +36,7 @@ FAINT = 1e-7                       # two-way intensity of the beams' envelope be
 
 
 class CoherentSidescan:
-    """The coherent echoes of a sidescan."""
+    """Sum the coherent echoes of a sidescan."""
 
     def __init__(self, survey: SidescanSurvey, sound: SoundPaths, beams: FaceBeams, *, drift: float, shift: float):
         self._survey, self._sights, self._beams, self._shift = survey, sound.sights, beams, shift
@@ -53,7 +53,7 @@ class CoherentSidescan:
 
     @property
     def silent(self) -> bool:
-        """Return whether nothing in the scene has a phase of its own."""
+        """Return True if nothing in the scene has a phase of its own."""
         return not (self._smooth or self._targets or self._sights.mirror)
 
     def sum(self, place: Place) -> CoherentSums:
@@ -62,7 +62,7 @@ class CoherentSidescan:
         return joined([self._group(place, first, min(first + size, pings)) for first in range(0, pings, size)])
 
     def _group(self, place: Place, first: int, end: int) -> CoherentSums:
-        """The sums of the pings from `first` to before `end` of a block."""
+        """Return the sums of the pings from `first` to before `end` of a block."""
         found = [self._arrivals(place, first, *echoes) for echoes in self._echoes(place, first, end)]
         found = [arrivals for arrivals in found if len(arrivals.row)]
         rows = 2 * (end - first)
@@ -81,7 +81,7 @@ class CoherentSidescan:
                                            self._within_beams(position, rotation))
 
     def _within_beams(self, position: np.ndarray, rotation: np.ndarray) -> Callable[..., np.ndarray]:
-        """Which facets lie in the beams, for each ping: by the envelope of their side lobes along the platform."""
+        """Return a test of facets against the envelope of the side lobes along the platform, for each ping."""
         sonar = self._survey.sonar
         faces = ((sonar.transmit, 0.0), (sonar.receive, self._shift))
 
@@ -96,7 +96,7 @@ class CoherentSidescan:
         return choose
 
     def _overhead(self, place: Place, position: np.ndarray, rotation: np.ndarray, first: int) -> Iterator[tuple]:
-        """The echo of a flat surface, as the faces of either side receive it."""
+        """Return the echo of a flat surface, as the faces of either side receive it."""
         number = dr.arange(mi.UInt32, len(position))
         ping = number + dr.opaque(mi.UInt32, first)
         echoes, free = self._sights.overhead(place.sources, place.origin(ping), place.source(ping))
@@ -149,7 +149,7 @@ class CoherentSidescan:
         return self._within_record({name: column.numpy() for name, column in columns.items()}, echoes.path)
 
     def _within_record(self, columns: dict[str, np.ndarray], path: str) -> Arrivals:
-        """Those of a path that come back to the side they left from, while the record lasts, and are not zero."""
+        """Choose arrivals within the record that return to the side they left from, and are not zero."""
         half, window = 0.5 * self._survey.sonar.pulse_length, self._survey.window
         delay = columns["delay"]
         good = columns["same_side"] & (delay >= window[0] - half) & (delay < window[1] + half)

@@ -80,7 +80,7 @@ def main_lobe(sonar: Sidescan, farthest: float) -> SpeckleBeam:
 
 
 def _way(survey):
-    """Phase centres and axes of all pings, as quadratics through three moments of the record."""
+    """Return phase centres and axes of all pings, as quadratics through three moments of the record."""
     track, duration = survey.track, max(survey.window[1], 1e-6)
     times = track.time[:, None] + duration * TIMES
     position, attitude = survey.voyage.trajectory.pose(times, track.time[:, None])
@@ -125,7 +125,7 @@ def _lattices(course: np.ndarray) -> np.ndarray:
 
 
 class SidescanSensor(Sensor, Protocol):
-    """What a sidescan's sensor says, beside what all do.
+    """Define the sensor of a sidescan.
 
     Attributes
     ----------
@@ -208,7 +208,7 @@ def picture(survey: SidescanSurvey, sensor: SidescanSensor, seed: int,
 
 
 def rows(level: np.ndarray) -> np.ndarray:
-    """Levels (ping, side, range) as rows of one picture: port mirrored, then starboard."""
+    """Return levels (ping, side, range) as rows of one picture: port mirrored, then starboard."""
     return np.concatenate([level[:, 0, ::-1], level[:, 1]], -1)
 
 
@@ -224,14 +224,14 @@ def sonar_at(sensor: SidescanSensor, head_depth: float) -> Sidescan:
 
 
 def _self_noise_db(sensor: SidescanSensor) -> float | None:
-    """Noise of a receiver [dB re 1 µPa²/Hz], less what compression of the pulse gains."""
+    """Return noise of a receiver [dB re 1 µPa²/Hz], less what compression of the pulse gains."""
     if sensor.self_noise_db is None:
         return None
     return float(sensor.self_noise_db - _compression_db(sensor))
 
 
 def _compression_db(sensor: SidescanSensor) -> float:
-    """Gain of compression over noise [dB]: how much longer the pulse is when it is sent."""
+    """Return gain of compression over noise [dB]: how much longer the pulse is when it is sent."""
     return float(db_from_power(sensor.chirp_length / sensor.pulse_length))
 
 

@@ -47,7 +47,7 @@ ASIDE = 1e-3                       # [m] beside an edge of facets, where a ray t
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BedPoints:
-    """What lies below places, (N,) each."""
+    """Hold label and strength of the bed below places, (N,) each."""
 
     label: np.ndarray  # of the instance
     strength: np.ndarray  # by the material's law, for sound that comes from where it was sent
@@ -84,7 +84,7 @@ def bed_at(geometry: Geometry, x: np.ndarray, y: np.ndarray, *, above: float, ar
 
 
 def _down(x: np.ndarray, y: np.ndarray, above: float) -> mi.Ray3f:
-    """Rays straight down."""
+    """Return rays straight down."""
     place = (upload(mi.Float, np.nan_to_num(v).astype(np.float32)) for v in (x, y))
     return mi.Ray3f(mi.Point3f(*place, dr.opaque(mi.Float, -float(above))), mi.Vector3f(0, 0, -1))
 
@@ -106,7 +106,7 @@ def true_motion(survey: SoundedSurvey, *, earlier: float = 0.0) -> Motion:
 
 
 def said_motion(survey: SoundedSurvey, seed: int) -> Motion:
-    """Return the same as the motion sensors say it."""
+    """Return the motion with the errors of its sensors."""
     errors = survey.motion_errors
     true = true_motion(survey, earlier=errors.latency)
     added = errors.added(true.time, sonar_seed(seed, "motion sensors"))
@@ -114,7 +114,7 @@ def said_motion(survey: SoundedSurvey, seed: int) -> Motion:
 
 
 def _reference(trajectory: Trajectory) -> Trajectory:
-    """The way of the reference point, where the track leads."""
+    """Return the way of the reference point, where the track leads."""
     return replace(trajectory, offset=np.zeros(3))
 
 
@@ -125,7 +125,7 @@ DATED = 1e8                        # [s] from which a track's times are since 19
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Finding:
-    """What an instrument says of soundings beside their places."""
+    """Hold the variables of soundings beside their places."""
 
     variables: dict[str, np.ndarray | float]  # of the record, by its names
     deviations: Deviations | None = None  # of the measurement
@@ -163,7 +163,7 @@ class Instrument(Protocol):
         ...
 
     def finding(self, ping: int, made: Any, final: Located) -> Finding:
-        """Say what else there is of soundings with places."""
+        """Return the other variables of soundings with places."""
         ...
 
 
@@ -209,7 +209,7 @@ class SoundingLine:
         return with_uncertainty(made_up, self._accuracies, finding.deviations)
 
     def _closing(self, measured: Measured, true: Reduction) -> np.ndarray:
-        """Speed of the receivers towards the echoes (B,) [m/s]."""
+        """Return speed of the receivers towards the echoes (B,) [m/s]."""
         rough = true.located(measured)
         heard = np.nan_to_num(measured.transmit_time + measured.travel_time)
         arm = np.asarray(self._installation.receive_offset)
@@ -235,7 +235,7 @@ class SoundingLine:
                          strength=np.concatenate([part.strength for part in parts]))
 
     def _of_a_ping(self, ping: int, head_speed: float) -> dict[str, np.ndarray | float]:
-        """What is of the ping and of its sectors."""
+        """Return the variables of a ping and of its sectors."""
         survey = self._survey
         time = float(survey.track.time[ping])
         pose = self._said.at(np.array([time]))
@@ -254,13 +254,13 @@ class SoundingLine:
 
     @property
     def _start(self) -> str:
-        """Date of time 0: the track's, where that is recorded."""
+        """Return date of time 0: the track's, where that is recorded."""
         if not self._since:
             return START
         return datetime.fromtimestamp(self._since, timezone.utc).isoformat().replace("+00:00", "Z")
 
     def _of_the_line(self, profile: str, seed: int) -> xr.Dataset:
-        """What all pings share."""
+        """Return the variables and attributes that all pings share."""
         installation, motion, geometry = self._installation, self._said, self._survey.geometry
         water = self._survey.profile
         values = {"cast_depth": self._profile.depth, "cast_sound_speed": self._profile.sound_speed,
@@ -284,7 +284,7 @@ class SoundingLine:
 
 
 def _sounded(made: Any, measured: Measured, final: Located) -> dict[str, np.ndarray]:
-    """The soundings themselves."""
+    """Return the soundings themselves."""
     return {"valid": made.valid & final.found, "travel_time": measured.travel_time, "angle": measured.angle,
             "transmit_angle": measured.transmit_angle, "sector": made.sector, "depth": final.depth, "x": final.x,
             "y": final.y, "across_track": final.across_track, "along_track": final.along_track,
@@ -292,7 +292,7 @@ def _sounded(made: Any, measured: Measured, final: Located) -> dict[str, np.ndar
 
 
 def _accuracies(errors: MotionErrors) -> Accuracies:
-    """Of the sensors as the scene says them; nobody knows a bias."""
+    """Return the accuracies of the sensors from the scene; biases are unknown."""
     return Accuracies(angle=0.0, roll=errors.attitude_noise, pitch=errors.attitude_noise,
                       heading=errors.heading_noise, heave=errors.heave_noise, heave_share=0.0, draught=0.0,
                       position=errors.position_noise * float(np.sqrt(2)), latency=0.0, profile=0.0, head=0.0)

@@ -1,4 +1,4 @@
-"""What a run that makes soundings is; of a multibeam: a run of arrays for every sector, and where its beams look."""
+"""Define the surveys of runs that make soundings; a multibeam has a run of arrays for every sector."""
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
@@ -18,7 +18,7 @@ from ..voyage import Passage
 
 
 class SoundingSensor(Sensor, Protocol):
-    """What the sensor of an instrument that makes soundings has, beside what all do.
+    """Define the sensor of an instrument that makes soundings.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ def shared(run: ArraySurvey, passage: Passage, sensor: SoundingSensor, settings:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Transmission:
-    """One of a ping's transmissions, as its soundings need it."""
+    """Hold one of a ping's transmissions, as its soundings need it."""
 
     survey: ArraySurvey  # its track is at the times of the transmission
     delay: float  # [s]: after the ping's first
@@ -56,7 +56,7 @@ class Transmission:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SoundedSurvey(Survey, ABC):
-    """A run that makes soundings; abstract."""
+    """Hold a run that makes soundings; abstract."""
 
     head_speed_error: float  # [m/s]
     motion_errors: MotionErrors
@@ -66,12 +66,12 @@ class SoundedSurvey(Survey, ABC):
     @property
     @abstractmethod
     def transmissions(self) -> Sequence[Transmission]:
-        """Of a ping, in the order of their beams."""
+        """Return the transmissions of a ping, in the order of their beams."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SectorRun:
-    """A sector's transmissions of all pings."""
+    """Hold a sector's transmissions of all pings."""
 
     sector: Sector
     survey: ArraySurvey  # of its transmissions
@@ -82,13 +82,13 @@ class SectorRun:
 
     @property
     def beams(self) -> slice:
-        """Of all beams, those of this sector."""
+        """Return the slice of all beams that are this sector's."""
         return slice(self.first, self.first + self.sines.shape[1])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SwathSurvey(SoundedSurvey):
-    """A run of a multibeam echo sounder."""
+    """Hold a run of a multibeam echo sounder."""
 
     sectors: Sequence[SectorRun]  # in the order of their beams
     mounting: np.ndarray  # (3,) [rad]: roll, pitch, heading of the head
@@ -96,16 +96,16 @@ class SwathSurvey(SoundedSurvey):
 
     @property
     def beams(self) -> int:
-        """How many, of all sectors."""
+        """Return the number of beams of all sectors."""
         return sum(run.sines.shape[1] for run in self.sectors)
 
     @property
     def frequency(self) -> float:
-        """Of the first sector [Hz]."""
+        """Return the frequency of the first sector [Hz]."""
         return self.sectors[0].survey.frequency
 
     @property
     def transmissions(self) -> Sequence[Transmission]:
-        """Of a ping, in the order of their beams."""
+        """Return the transmissions of a ping, in the order of their beams."""
         return [Transmission(survey=run.survey, delay=run.sector.delay, sines=run.transmit_sines * run.said,
                              beams=run.beams) for run in self.sectors]

@@ -64,7 +64,7 @@ def common(survey: StripSurvey) -> xr.Dataset:
 
 
 def _targets(survey: StripSurvey) -> dict[str, np.ndarray]:
-    """Point targets of the scene."""
+    """Return point targets of the scene."""
     found = survey.geometry.targets()
     place = np.array([one.position for one in found], float).reshape(-1, 3)
     return {"target_x": place[:, 0], "target_y": place[:, 1], "target_depth": -place[:, 2],
@@ -74,7 +74,7 @@ def _targets(survey: StripSurvey) -> dict[str, np.ndarray]:
 
 
 def _variable(name: str, values: np.ndarray) -> tuple[tuple[str, ...], np.ndarray, dict[str, str]]:
-    """A variable of the record with its dimensions, unit and meaning."""
+    """Return a variable of the record with its dimensions, unit and meaning."""
     one = RAW_VARIABLES[name]
     return one.dims, values, {"units": one.unit, "long_name": one.meaning}
 

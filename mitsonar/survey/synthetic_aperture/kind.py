@@ -36,5 +36,5 @@ def picture(survey: StripSurvey, sensor: StripSensor, seed: int,
 
 
 def rows(level: np.ndarray) -> np.ndarray:
-    """Levels (bank, along track, across track) as rows of one picture, bank after bank."""
+    """Return levels (bank, along track, across track) as rows of one picture, bank after bank."""
     return level.reshape(-1, level.shape[-1])

@@ -1,7 +1,4 @@
-"""Planning of a synthetic aperture's run: the survey of its arrays, which of them sends, and the bed that it sees.
-
-What a run of a synthetic aperture is. Data only.
-"""
+"""Plan a synthetic aperture's run: its arrays, which of them sends, and the bed that it sees."""
 from __future__ import annotations
 
 import warnings
@@ -23,7 +20,7 @@ from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
 
 @dataclass(frozen=True, kw_only=True)
 class StripSurvey(ArraySurvey):
-    """A run of a synthetic aperture."""
+    """Hold a run of a synthetic aperture."""
 
     bank: np.ndarray  # number of the row that each receiver is in
     look: np.ndarray  # (3,) [-]: unit vector that the elements look along, body frame
@@ -39,7 +36,7 @@ ALONG, ACROSS = 9, 17              # soundings of the bed that a record sees
 
 
 class StripSensor(Sensor, Protocol):
-    """What the sensor of a synthetic aperture says, beside what all do.
+    """Define the sensor of a synthetic aperture.
 
     Attributes
     ----------
@@ -104,7 +101,7 @@ def _cell_size(sensor: StripSensor, settings: RunSettings, sound_speed: float) -
 
 
 def _bed_depth(survey: ArraySurvey, sensor: StripSensor) -> float:
-    """Mean depth of the bed within the record [m]: where rays along straight lines would meet a level bed."""
+    """Return mean depth of the bed within the record [m]: where rays along straight lines would meet a level bed."""
     track, below = survey.track, float(np.mean(survey.depth_below))
     speed = survey.sound_speed(0)
     nearest, farthest = (0.5 * speed * survey.time[i] for i in (survey.lead, -1))

@@ -61,7 +61,7 @@ def _blocks(survey: StripSurvey, cells: Scatterers, runs: tuple[np.ndarray, np.n
 
 def _within(survey: StripSurvey, line: MeanLine | None, point: np.ndarray, nearest: float,
             farthest: float) -> np.ndarray:
-    """Return whether points (N, 3) lie within range of the track and, of a straight one, in its beams."""
+    """Return True if points (N, 3) lie within range of the track and, of a straight one, in its beams."""
     place = survey.track.position
     if line is None:
         distance = np.min([np.linalg.norm(point - one, axis=1) for one in place], axis=0)

@@ -49,14 +49,14 @@ LOOKS = 24                         # pings of a circle that are asked what they 
 
 @dataclass(frozen=True, kw_only=True)
 class MeanLine:
-    """The straight line that a strip's pings lie about."""
+    """Hold the straight line that a strip's pings lie about."""
 
     middle: np.ndarray  # (3,) [m]: scene frame
     heading: float  # [rad]
 
     @classmethod
     def of(cls, track: Track) -> MeanLine | None:
-        """The mean line of a track; None where it is none."""
+        """Return the mean line of a track; None where it is none."""
         turns = np.angle(np.exp(1j * (track.heading - track.heading[0])))
         if np.ptp(turns) > STRAIGHT:
             return None
@@ -92,13 +92,13 @@ def strip_truth(survey: StripSurvey, x: np.ndarray, y: np.ndarray, depth: np.nda
 
 
 def _spacing(x: np.ndarray, y: np.ndarray) -> float:
-    """Distance of rows [m]."""
+    """Return distance of rows [m]."""
     return float(np.hypot(x[1, 0] - x[0, 0], y[1, 0] - y[0, 0])) if len(x) > 1 else np.inf
 
 
 def _abreast(survey: StripSurvey, line: MeanLine, x: np.ndarray, y: np.ndarray, depth: np.ndarray,
              seed: int) -> xr.Dataset:
-    """The truth of some rows of points, by a sidescan along the mean line."""
+    """Return the truth of some rows of points, by a sidescan along the mean line."""
     feet = line.feet(x, y)
     time = 2 * eigenray(survey.profile, -feet[..., 2].ravel(), depth.ravel(),
                         np.hypot(x - feet[..., 0], y - feet[..., 1]).ravel()).travel_time.reshape(x.shape)
@@ -125,7 +125,7 @@ def _abreast(survey: StripSurvey, line: MeanLine, x: np.ndarray, y: np.ndarray, 
 
 def _sidescan(survey: StripSurvey, line: MeanLine, place: np.ndarray, window: tuple[float, float], bins: int,
               spacing: float) -> SidescanSurvey:
-    """A sidescan that passes along the line, one ping at each place (A, 3)."""
+    """Return a sidescan that passes along the line, one ping at each place (A, 3)."""
     level = np.zeros(len(place))
     track = Track(time=np.arange(len(place), dtype=float), position=place, roll=level, pitch=level,
                   heading=np.full(len(place), line.heading))
@@ -143,7 +143,7 @@ def _sidescan(survey: StripSurvey, line: MeanLine, place: np.ndarray, window: tu
 
 
 def _from_all_sides(survey: StripSurvey, x: np.ndarray, y: np.ndarray) -> xr.Dataset:
-    """The truth of points that are looked at from all sides."""
+    """Return the truth of points that are looked at from all sides."""
     geometry, lib = survey.geometry, arrays_of(mi.Float)
     top = geometry.depth_range[0] - 1.0
     east, north = (upload(mi.Float, np.ravel(values).astype(np.float32)) for values in (x, y))
