@@ -266,8 +266,7 @@ def response_spectrum(*, delay: ArrayLike, amplitude: ArrayLike, frequency: floa
 
 
 def in_band_error_db(responses: np.ndarray, *, sampling_rate: float, offset: np.ndarray, exact: np.ndarray) -> float:
-    """Return the error [dB] of responses (E, samples) within a band: rms of the spectra's difference over rms of
-    `exact`.
+    """Return the error [dB] of responses within a band: the rms of the spectra's difference over that of `exact`.
 
     Parameters
     ----------

@@ -37,9 +37,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 import xarray as xr
 
-from mitsonar.propagation import eigenray, return_time
+from mitsonar.propagation.numpy_rays.eigenrays import eigenray
 from mitsonar.propagation.numpy_rays.paper_approximation import COEFFICIENT
-from mitsonar.water import SoundSpeedProfile
+from mitsonar.propagation.numpy_rays.return_times import return_time
+from mitsonar.water.profile import SoundSpeedProfile
 
 HEIGHTS = 9.5, 9.382419            # [m] of transmission and reception
 RANGE = 11.494591                  # [m] of the reception

@@ -122,7 +122,7 @@ plt.show()
 # * DI: the face looks 20 degrees down, and is loudest there. Across the track its pattern is again a sinc.
 
 # %%
-sonar = mitsonar.sonar.preset_tables()["towed_400khz"]                          # that of the scene
+sonar = mitsonar.sonar.presets()["towed_400khz"]                          # that of the scene
 wavelength = image.attrs["sound_speed"] / image.attrs["frequency"]
 length, height = (mitsonar.sonar.length_for_beam_width(np.deg2rad(sonar[name]), wavelength)
                   for name in ("beam_width_deg", "vertical_beam_width_deg"))

@@ -199,7 +199,7 @@ assert 0.05 < float(np.abs(wrong.where(far)).median()) < 1.0
 # %%
 mosaic = mitsonar.imaging.mosaic(image, 0.25, place="truth", gain="angle", nadir_deg=45)
 mosaic["level"] -= mosaic["level"].median()                                          # relative to the bed's
-mitsonar.io.records.geotiff.write(mosaic, folder / "mosaic.tif")
+mitsonar.io.geotiff.write(mosaic, folder / "mosaic.tif")
 
 # %%
 with rasterio.open(folder / "mosaic.tif") as tif:

@@ -23,9 +23,9 @@ import numpy as np
 PRESETS = "shallow_400khz", "shallow_300khz_three_sectors"
 SETTINGS = {"depth": 50, "slope_deg": 0, "range": 110}
 KINDS = {"soundings": False, "with the water": True}
-PARTS = {"echoes": ("survey.swath.beams", "lay"), "beams": ("signal.beam_grid.line_beams", "LineBeams.form_each"),
-         "detection": ("survey.swath.measuring", "detect"), "reduction": ("survey.swath.soundings", "errors"),
-         "bed": ("survey.swath.soundings", "bed_at"), "strengths": ("survey.swath.strength", "Strengths.of")}
+PARTS = {"echoes": ("survey.multibeam.beams", "lay"), "beams": ("signal.beam_grid.line_beams", "LineBeams.form_each"),
+         "detection": ("survey.multibeam.measuring", "detect"), "reduction": ("survey.soundings.line", "errors"),
+         "bed": ("survey.soundings.line", "bed_at"), "strengths": ("survey.multibeam.instrument", "Strengths.of")}
 
 
 def main(argv=None):

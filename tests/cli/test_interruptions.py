@@ -96,7 +96,7 @@ def spring():
         kill()
     except BaseException:
         pass
-from mitsonar.survey import energy; trap(energy, "gathered", spring)""")
+from mitsonar.survey.energy import energy; trap(energy, "gathered", spring)""")
     out, err = child.communicate(timeout=120)
     assert (child.returncode, out, err) == (130, "", "mitsonar: interrupted; no unfinished file is left\n")
     assert left(folder) == []

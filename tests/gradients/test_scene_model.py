@@ -157,7 +157,7 @@ def test_water_and_track_move_a_sidescan_as_differences_say(load, rng, key):
 
 def test_a_bed_that_is_never_met_has_no_gradient(load):
     """The film ends before the first return: there is nothing to move, and no outline to look at."""
-    text = sidescan().replace('name="range" value="34"', 'name="range" value="8"')
+    text = sidescan().replace('name="range" value="34.0"', 'name="range" value="8"')
     about = mitsonar.scene_model(load(text), [POSITIONS]).linearised({})
     assert not np.any(about.backward(np.ones_like(about.value))[POSITIONS])
 
@@ -167,7 +167,7 @@ def test_a_texture_moves_a_sidescan_both_ways(load, rng, tmp_path):
     places = np.linspace(0, 1, 12)
     strengths = (-25 + 3 * np.sin(6 * places[:, None] + 4 * places)).astype(np.float32)
     mi.Bitmap(strengths[..., None]).write(str(tmp_path / "strengths.exr"))
-    text = sidescan().replace('<float name="mu_db" value="-25"/>', """<texture name="mu_db" type="bitmap">
+    text = sidescan().replace('<float name="mu_db" value="-25.0"/>', """<texture name="mu_db" type="bitmap">
         <string name="filename" value="strengths.exr"/> <boolean name="raw" value="true"/> </texture>""")
     model, key = mitsonar.scene_model(load(text), ["bed.bsdf.mu_db.data"]), "bed.bsdf.mu_db.data"
     about = model.linearised({})
@@ -213,7 +213,7 @@ def test_models_of_one_scene_and_of_two_do_not_meet(load):
 def test_numbers_of_a_sediment_stay_in_their_range(load):
     def sediment(more: str = "") -> mi.Scene:
         return load(sidescan(rays=1000, pings=1).replace(
-            '<bsdf type="lambert"><float name="mu_db" value="-25"/></bsdf>', f'<bsdf type="sediment">{more}</bsdf>'))
+            '<bsdf type="lambert">\n<float name="mu_db" value="-25.0"/>\n</bsdf>', f'<bsdf type="sediment">{more}</bsdf>'))
 
     model = mitsonar.scene_model(sediment(), ["bed.bsdf.w2", "bed.bsdf.gamma"])
     for key, value in (("w2", -1), ("gamma", 5)):

@@ -92,7 +92,7 @@ def test_a_process_that_is_killed_while_it_writes_leaves_whole_pings(tmp_path):
         import os, signal, sys
         sys.path.insert(0, {str(ROOT / "tests" / "inputs")!r})
         from raw_record import one_by_one, raw_record
-        from mitsonar.io import ping_file, raw_echoes
+        from mitsonar.io.records import ping_file, raw_echoes
         record = raw_record(samples=400)
         flush = ping_file.PingFile._to_disk
         def die(file):                                 # after the numbers of the third ping, before its count

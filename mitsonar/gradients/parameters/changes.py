@@ -209,8 +209,7 @@ class Offset:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OnNodes:
-    """What is added to a parameter, from a grid of fewer nodes: ``bed.heights`` as ``bed.heights_nodes``, 0 at first.
-    """
+    """Add to a parameter what a grid of fewer nodes holds: ``bed.heights`` as ``bed.heights_nodes``, 0 at first."""
 
     key: str
     places: np.ndarray  # [m]: where the parameter's numbers lie, in their order

@@ -79,8 +79,7 @@ class Sidescan:
         return self.transmit == self.receive
 
     def along_intensity(self, u: Numbers, u_back: Numbers | None = None) -> Numbers:
-        """Return the two-way intensity pattern along the platform, of the cosine u, at reception of `u_back` if given.
-        """
+        """Return the two-way intensity pattern along the platform of cosines u, and `u_back` at reception."""
         sent = self.transmit.along(u, self.wavelength)
         if u_back is None and self.one_face:
             return (sent * sent) ** 2
