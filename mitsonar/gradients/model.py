@@ -1,12 +1,11 @@
-"""What a gradient is of: a record as a function of named parameters, and its linearisation.
+"""Protocols of a record as a function of named parameters, and of its linearisation.
 
     y = F(x)           the record, and the parameters                                    `ForwardModel.value`
     J = dF/dx          about one x                                                       `ForwardModel.linearised`
     J v,  Jᵀ w         how the record moves with the parameters; the gradient of w·y     `Linearised`
 
-Parameters are arrays by name, as `mi.traverse` names them (`bed.vertex_positions`) or as a parametrisation does.
-Records are flat. Whoever fits or checks asks for nothing else: what is behind, a sidescan's image, soundings' times,
-the signals of elements, makes no difference to them.
+Parameters are arrays by name, as in `mi.traverse` (`bed.vertex_positions`) or a parametrisation. Records are flat.
+Fits and checks use nothing else, whether the record is an image, travel times of soundings or signals of elements.
 """
 from __future__ import annotations
 
@@ -19,18 +18,18 @@ Values = Mapping[str, np.ndarray]  # parameters by name, float64, each of its ow
 
 
 class Linearised(Protocol):
-    """A record about one set of values.
+    """Record about one set of values.
 
     Attributes
     ----------
     value : (N,) float64
-        The record there.
+        Record at these values.
     """
 
     value: np.ndarray
 
     def forward(self, tangents: Values) -> np.ndarray:
-        """Return J v, (N,), of directions v; a parameter that is left out stands still.
+        """Return J v, (N,), for directions v; parameters that are left out do not move.
 
         Raises
         ------
@@ -51,21 +50,21 @@ class Linearised(Protocol):
 
 
 class ForwardModel(Protocol):
-    """A record as a function of parameters, with chance held fixed: the same rays and scatterers for all values.
+    """Record as a function of parameters; rays and scatterers are the same for all values.
 
     Attributes
     ----------
     start : dict[str, array]
-        Values that it begins with, float64.
+        Values at the start, float64.
     units : dict[str, str]
-        Of each parameter.
+        Unit of each parameter.
     """
 
     start: dict[str, np.ndarray]
     units: dict[str, str]
 
     def value(self, values: Values) -> np.ndarray:
-        """Return the record of values, (N,); a parameter that is left out is as at the start.
+        """Return the record (N,) for values; parameters that are left out have their start values.
 
         Raises
         ------
@@ -75,5 +74,5 @@ class ForwardModel(Protocol):
         ...
 
     def linearised(self, values: Values) -> Linearised:
-        """Return the record about values, with its Jacobian; arguments and errors as of `value`."""
+        """Return the record about values, with its Jacobian; arguments and errors are those of `value`."""
         ...

@@ -1,4 +1,4 @@
-"""The attached finish of traced hits: what the tracer found is detached, what is made of it carries gradients.
+"""Attach gradients to traced hits, which the tracer returns detached.
 
 A ray of one launch meets a surface at x_0. As the surface, the ray or the water move, the point slides:
 
@@ -8,16 +8,15 @@ A ray of one launch meets a surface at x_0. As the surface, the ray or the water
     1/R_w = (c sin θ_0 / c_0 - p g V cos θ) / (V sin θ),    V = ± A cos θ_0 / X
 
 dx -> the motion of the facet's point that was hit, n -> its normal, t -> the ray's direction there; dr, dT, dL, dA/A ->
-`RayShift`; κ is how fast the ray's tube widens along it, R_w the radius of the wavefront in the vertical plane. Angles
-are positive down; V has the sign of sin θ sin θ_0 dX/dp, which changes where rays cross (`side_of`). The point slides
-over the facet by x - x_0 - dx: its barycentric coordinates follow, and with them what is interpolated between corners,
-the normal that the surface scatters by and texture coordinates.
+`RayShift`; κ is the relative widening of the ray's tube along it, R_w the radius of the wavefront in the vertical
+plane. Angles are positive down; V has the sign of sin θ sin θ_0 dX/dp, which changes where rays cross (`side_of`). The
+point slides over the facet by x - x_0 - dx, which moves its barycentric coordinates, and with them interpolated normals
+and texture coordinates.
 
-On spheres, cylinders, disks and rectangles there are no corners: dx, and the normal where the point has slid to, are
-those of `attached_shapes`.
+Spheres, cylinders, disks and rectangles have no corners: dx, and the normal at the new point, are those of `shapes`.
 
-Edges are not here: a point that slides off its facet goes on in the facet's plane. What comes out of a shadow or goes
-into one is the part of `edge_terms`.
+Edges are not included: a point that slides off its facet goes on in the facet's plane. Points that come out of a shadow
+or go into one are the part of `edge_terms`.
 """
 from __future__ import annotations
 
@@ -42,19 +41,18 @@ GRAZING = 1e-4                     # sine below which nothing slides: its deriva
 
 @dataclass(frozen=True, kw_only=True)
 class Facets:
-    """Facets that hits lie on."""
+    """Hold the facets of hits."""
 
     on_mesh: mi.Bool  # (R,)
     shape: mi.UInt32  # (R,): registry index of what was hit
     face: dr.ArrayBase  # (R,): corners and label, see `Geometry`
     u: mi.Float  # (R,): barycentric coordinates of the hits
-    v: mi.Float  # (R,): barycentric coordinates of the hits
+    v: mi.Float
 
 
 def finished(hits: Hits, facets: Facets, geometry: AttachedGeometry, layers: LayerTable, sine0: mi.Float,
              distance: mi.Float, shift: RayShift | None, side: mi.Float | None = None) -> Hits:
     """Return the same hits with gradients."""
-    # sine0 (R,); distance (R,) [m]; side (R,)
     t, n, valid = hits.arrival_direction, hits.normal, hits.valid
     a, b, c = _corners(geometry.vertices, facets)
     e1, e2 = b - a, c - a
@@ -105,7 +103,7 @@ def _corners(vertices: mi.Float, facets: Facets) -> list[mi.Vector3f]:
 
 def side_of(hits: Hits, layers: LayerTable, speeds: mi.Float64, origin: dr.ArrayBase,
             direction: mi.Vector3f) -> mi.Float | None:
-    """Return the sign of V of detached hits of rays from points `origin` in launch directions; see `finished`."""
+    """Return the sign of V for detached hits of rays from points `origin` in launch directions; see `finished`."""
     sine0, drop = mi.Float64(-direction.z), mi.Float64(origin.z - hits.point.z)
     turned = hits.valid & ((sine0 * mi.Float64(-hits.arrival_direction.z) < 0) | (sine0 * drop < 0))
     if not dr.any(turned)[0]:
@@ -119,7 +117,7 @@ def side_of(hits: Hits, layers: LayerTable, speeds: mi.Float64, origin: dr.Array
 
 
 def _widening(hits: Hits, sine0: mi.Float, distance: mi.Float, gradient: mi.Float, side: mi.Float | None) -> mi.Float:
-    """κ: how fast the logarithm of the spreading area grows along the ray [1/m]."""
+    """Return κ, the derivative of the logarithm of the spreading area along the ray [1/m]."""
     length = dr.maximum(hits.arc_length, 1e-6)
     speed, parameter = mi.Float(hits.sound_speed), mi.Float(hits.ray_parameter)
     cosine0 = dr.sqrt(dr.maximum(1 - sine0 * sine0, 0))
@@ -139,7 +137,7 @@ def _widening(hits: Hits, sine0: mi.Float, distance: mi.Float, gradient: mi.Floa
 
 
 def _arrival(hits: Hits, parameter: mi.Float64, speed: mi.Float64, shift: RayShift | None) -> mi.Vector3f:
-    """Directions at the hits: cos θ = p c, and the ray's heading."""
+    """Return directions at the hits: cos θ = p c, and the ray's heading."""
     cosine = mi.Float(parameter * speed)
     across = dr.sqrt(dr.maximum(dr.square(hits.arrival_direction.x) + dr.square(hits.arrival_direction.y), 1e-12))
     heading = mi.Vector2f(hits.arrival_direction.x, hits.arrival_direction.y) / across
@@ -153,7 +151,7 @@ def _arrival(hits: Hits, parameter: mi.Float64, speed: mi.Float64, shift: RayShi
 
 def _normals(hits: Hits, facets: Facets, geometry: AttachedGeometry, edges: tuple[mi.Vector3f, mi.Vector3f],
              place: tuple[mi.Float, mi.Float], arrival: mi.Vector3f) -> tuple[mi.Vector3f, mi.Vector3f | None]:
-    """Normals of facets, and those that the surface scatters by."""
+    """Return normals of facets, and those that the surface scatters by."""
     there = facets.on_mesh & hits.valid
     across = dr.cross(*edges)
     facet = across * dr.rsqrt(dr.maximum(dr.squared_norm(across), 1e-30))
@@ -166,13 +164,13 @@ def _normals(hits: Hits, facets: Facets, geometry: AttachedGeometry, edges: tupl
 
 
 def _of_shapes(on: OnShapes, place: mi.Vector3f, side: mi.Vector3f) -> mi.Vector3f:
-    """How normals of shapes without facets turn, on the side of `side`: 0, with gradients."""
+    """Return the change of normals of shapes without facets, on the side of `side`: 0, with gradients."""
     normal = on.normal(place)
     return tangent(dr.select(dr.dot(dr.detach(normal), side) < 0, -normal, normal))
 
 
 def _texture(hits: Hits, facets: Facets, geometry: AttachedGeometry, du: mi.Float, dv: mi.Float) -> mi.Point2f:
-    """Texture coordinates, as they slide."""
+    """Return texture coordinates of the points that slide."""
     if geometry.texcoords is None:
         return hits.uv
     lib: Any = arrays_of(mi.Float)

@@ -1,4 +1,4 @@
-"""Corners of facets and the normals between them, attached to the arrays of their meshes.
+"""Attach corners of facets, and interpolated normals, to the arrays of their meshes.
 
 The numbers are those of `scene.geometry.Geometry`, to the last bit; only gradients come from here. Normals at nodes are
 those of `scene.vertex_normals`,
@@ -19,7 +19,7 @@ from .shapes import AttachedShapes
 
 
 class AttachedGeometry:
-    """A scene's facets with gradients."""
+    """Hold a scene's facets with gradients."""
 
     def __init__(self, geometry: Geometry):
         self.vertices: Any = geometry.vertices
@@ -45,13 +45,13 @@ class AttachedGeometry:
 
 
 def _put(table: mi.Float, values: mi.Float, first: int) -> None:
-    """Write vectors of three, one after the other, to rows of four from a first row on."""
+    """Write consecutive vectors of three to rows of four, from a first row on."""
     number = dr.arange(mi.UInt32, dr.width(values))
     dr.scatter(table, values, 4 * (number // 3 + first) + number % 3)
 
 
 def _normals(positions: mi.Float, faces: mi.UInt32) -> mi.Float:
-    """Normals at nodes, three by three."""
+    """Return the normals at nodes, flat (x, y, z)."""
     lib: Any = arrays_of(mi.Float)
     count = dr.width(faces) // 3
     corner = dr.gather(lib.Array3u, faces, dr.arange(mi.UInt32, count))

@@ -1,11 +1,11 @@
-"""The layers of a profile as functions of its node speeds, for gradients of what is looked up in them.
+"""Attach the layers of a profile to its node speeds.
 
     c_k = (1 - w) c_lo + w c_hi               w the place of layer k's upper side between two nodes of the profile
     g_k = (c_{k+1} - c_k) / h_k
     M_n(z_{k+1}) = M_n(z_k) + ∫ e^n dz,  e = c^-2 / r0 - 1,  n = 1..4
 
-as `propagation.layer_table` has them; the numbers are its own to the last bit, and only the derivatives come from the
-equations above. Depths and the reference r0 stand still: the series of `two_point` expands about the mean between two
+as in `propagation.layer_table`. The numbers are those of the table to the last bit, and only derivatives come from the
+equations above. Depths and the reference r0 are constant: the series of `two_point` expands about the mean between two
 depths, whatever r0 is.
 """
 from __future__ import annotations
@@ -21,18 +21,18 @@ from mitsonar.propagation.device_rays.layer_table import FAR, GAUSS, LayerTable
 
 
 class LayerPlaces(NamedTuple):
-    """Where the K layers of a table lie in the profile that it was made of, NumPy arrays (K,)."""
+    """Hold the places of the K layers of a table in its profile, NumPy arrays (K,)."""
 
-    top: np.ndarray  # [m]: of a layer
-    bottom: np.ndarray  # [m]: of a layer
-    upper: np.ndarray  # nodes of the profile that the layer lies between
-    lower: np.ndarray  # nodes of the profile that the layer lies between
+    top: np.ndarray  # [m]
+    bottom: np.ndarray  # [m]
+    upper: np.ndarray  # number of the node above
+    lower: np.ndarray  # number of the node below
     node_depth: np.ndarray  # [m]: of `upper`
     per_metre: np.ndarray  # [1/m]: one over the distance between the two nodes
 
 
 def layer_places(table: LayerTable) -> LayerPlaces:
-    """Tell where the layers of a table lie in its profile."""
+    """Return the places of the layers of a table in its profile."""
     top, bottom = table.layers.numpy().reshape(-1, 8)[:, [0, 3]].T
     depth = table.profile.depth
     upper = np.searchsorted(depth, (top + bottom) / 2) - 1
@@ -44,8 +44,7 @@ def layer_places(table: LayerTable) -> LayerPlaces:
 
 
 def attached_layers(table: LayerTable, speeds: Float64) -> LayerTable:
-    """Return the same table, attached to the speeds at the profile's nodes."""
-    # speeds (N,) [m/s]
+    """Return the same table, attached to the speeds (N,) [m/s] at the profile's nodes."""
     nodes = table.profile.depth.size
     if dr.width(speeds) != nodes:
         raise ValueError(f"layers: {dr.width(speeds)} sound speeds for the {nodes} nodes of the profile; give one for "

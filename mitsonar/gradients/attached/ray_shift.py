@@ -1,21 +1,18 @@
-"""How a ray of one launch moves where it meets the depth of its hit, as water, sonar and attitude change.
+"""Compute shifts of rays at the depths of their hits by changes of water, sonar and attitude.
 
     p = cos θ_0 / c_0                                     the ray's parameter, as it leaves the sonar
     X, T, S, A = f(p, z_0, z; c(z))                       range, time, arc and spreading at the depth z of the hit
 
-by the series of `propagation.two_point`, without its step of Newton: a launched ray needs none. z is detached, all else
-may be attached: source depth z_0, sound speeds, launch angle θ_0 and heading. The hit itself then slides along the ray
-(`finish`). Rays that turned, or for which the series is too slow, have a walk in its place (`walked_rays`), and
+by the series of `propagation.two_point`, without its step of Newton: a launched ray needs none. z is detached; source
+depth z_0, sound speeds, launch angle θ_0 and heading may be attached. The hit itself then slides along the ray
+(`finish`). Rays that turned, or for which the series is too slow, are walked instead (`walked_rays`), and
 
     A = X |D| |sin θ sin θ_0| / (p c_0²),    D = dX/dp at fixed depths,    dS = cos θ_1 dX - sin θ_0 dz_0
 
-θ_1 -> the flatter of both ends.
-
-Increments that are 0 and carry a gradient: what an attached value adds to a detached one.
+θ_1 -> the flatter of both ends. Increments are 0 and carry a gradient, so that a record has the same numbers with and
+without gradients, and every derivative is a term of its own:
 
     y = y_0 + tangent(f(x)),    tangent(f) = 0,  d tangent(f) = df
-
-So a record has the same numbers whether anybody asks for gradients or not, and every derivative is a term of its own.
 """
 from __future__ import annotations
 
@@ -50,7 +47,7 @@ CAUSTIC = 2 / MAX_TUBE_GAIN        # of the squared distance: spreading areas be
 
 @dataclass(frozen=True, kw_only=True)
 class RayShift:
-    """Increments at the depths of hits: 0, with gradients."""
+    """Hold increments at the depths of hits: 0, with gradients."""
 
     across: mi.Vector3f  # (R,) [m]: of the ray, level
     travel_time: mi.Float64  # (R,) [s]
@@ -64,8 +61,7 @@ class RayShift:
 
 def ray_shift(layers: LayerTable, speeds: mi.Float64, origin: dr.ArrayBase, direction: mi.Vector3f,
               hits: Hits) -> RayShift:
-    """Return how rays move at the depths of their hits."""
-    # speeds (K,) [m/s]; origin (R,) [m]; direction (R,)
+    """Return the shifts of rays at the depths of their hits."""
     wide = mi.Float64
     x, y, z = wide(direction.x), wide(direction.y), wide(direction.z)
     across = dr.sqrt(dr.maximum(x * x + y * y, 1e-24))
@@ -111,7 +107,7 @@ def ray_shift(layers: LayerTable, speeds: mi.Float64, origin: dr.ArrayBase, dire
 
 def _log_area(distance: mi.Float64, spread: mi.Float64, parameter: mi.Float64, speed: mi.Float64, speed0: mi.Float64,
               sine0: mi.Float64) -> mi.Float64:
-    """ln A of walked rays; NaN where it has no derivative."""
+    """Return ln A of walked rays; NaN where it has no derivative."""
     square, square0 = 1 - dr.square(parameter * speed), sine0 * sine0
     there = (dr.detach(square) > LEAST_SINE ** 2) & (dr.detach(square0) > LEAST_SINE ** 2) & (
         dr.detach(spread) != 0) & (dr.detach(distance) > 0)
@@ -121,7 +117,7 @@ def _log_area(distance: mi.Float64, spread: mi.Float64, parameter: mi.Float64, s
 
 @dataclass(frozen=True, kw_only=True)
 class _AtDepth:
-    """A launched ray at a depth; symbols of `two_point`."""
+    """Hold a launched ray at a depth; symbols are those of `two_point`."""
 
     range: mi.Float64
     time: mi.Float64
@@ -133,7 +129,7 @@ class _AtDepth:
 
 def _at_depth(table: LayerTable, parameter: mi.Float64, depth0: mi.Float64, moments0: list[mi.Float64],
               speed0: mi.Float64, depth: mi.Float64) -> _AtDepth:
-    """The series of `two_point` for a ray of this parameter, in float64."""
+    """Compute the series of `two_point` for a ray of this parameter, in float64."""
     speed, moments = table.at(depth)
     signed = depth - depth0
     height = dr.maximum(abs(signed), 1e-9)

@@ -1,9 +1,8 @@
-"""A scene as a field sees it now: geometry, water and track, with gradients where its arrays carry them.
+"""Read the present geometry, water and track of a scene, with gradients where its arrays carry them.
 
 Arrays that carry gradients are those of the plugins: vertices of meshes, ``sound_speed``, ``absorption_scale`` and
 ``absorption_offset`` of the water, ``position_offset`` and ``attitude_offset`` of the sonar; materials hold their own.
-
-Losses of a water whose absorption carries a gradient.
+Losses of a water whose absorption carries a gradient are
 
     A = s (A_0 + A[δ]),    dA = A ds / s + s A[dδ]
 
@@ -12,8 +11,8 @@ linear in absorption: A[δ] is that of a water that absorbs δ (`water.column`),
 
     dA / dδ_i = 2 L <hat_i>              L the way one way, <> the mean over depth between its ends
 
-What a change of sound speed does to absorption along a given way is left out: 1e-3 of the loss where a speed changes by
-1 m/s over a whole way.
+The effect of sound speed on absorption along a given way is left out: 1e-3 of the loss for a change of 1 m/s over a
+whole way.
 """
 from __future__ import annotations
 
@@ -43,8 +42,7 @@ from .track import AttachedTrack, Offsets
 
 
 class AttachedWater:
-    """See the module's text."""
-    # scale (1,) [-]; offset (K,) [dB/m]
+    """Compute losses with gradients by the scale (1,) [-] and the offset (K,) [dB/m] of absorption."""
 
     def __init__(self, water: DeviceWater, scale: mi.Float64, offset: mi.Float64):
         self._water, self._grows, self._more = water, None, None
@@ -55,7 +53,7 @@ class AttachedWater:
             self._more = _more(table, water.profile, offset * dr.detach(scale))
 
     def loss_db(self, start: dr.ArrayBase, end: dr.ArrayBase, way: Way) -> mi.Float:
-        """Two-way absorption [dB], Float (R,); see `DeviceWater.loss_db`."""
+        """Return the two-way absorption [dB], Float (R,); see `DeviceWater.loss_db`."""
         loss = self._water.loss_db(start, end, way)
         if self._grows is not None:
             loss = loss * self._grows
@@ -67,7 +65,7 @@ class AttachedWater:
 
 
 def _more(table: Absorption, profile: SoundSpeedProfile, offset: mi.Float64) -> Absorption:
-    """The same table, attached to what is added to absorption at the profile's nodes."""
+    """Return the table attached to an addition to absorption at the profile's nodes."""
     nodes = profile.depth
     inside = nodes[(nodes > table.depth[0]) & (nodes < table.depth[-1])]
     fine = np.unique(np.concatenate([table.depth, inside]))
@@ -98,7 +96,7 @@ def _put(table: mi.Float, column: int, values: mi.Float) -> None:
 
 
 class AttachedScene:
-    """What a sonar's record is made of, whenever it is asked for."""
+    """Read the scene of a sonar's record."""
 
     def __init__(self, picture: Picture, survey: Survey):
         self._sensor, self._survey, self._frequency = picture.sensor, survey, picture.rows.frequency
@@ -106,20 +104,20 @@ class AttachedScene:
         self._checked = survey.track.position, survey.geometry.vertices.numpy()
 
     def _offsets(self) -> tuple[np.ndarray, np.ndarray]:
-        """Offsets of position and attitude as they are now, (rows, 3)."""
+        """Return the present offsets of position and attitude, (rows, 3)."""
         position, attitude = (dr.detach(offset).numpy().reshape(-1, 3) for offset in (
             self._sensor.position_offset, self._sensor.attitude_offset))
         return position, attitude
 
     def _track(self) -> Track:
-        """The track as it is now."""
+        """Return the present track."""
         position, attitude = (now - start for now, start in zip(self._offsets(), self._start))
         if not np.any(position) and not np.any(attitude):
             return self._survey.track
         return self._survey.track.moved(position, attitude)
 
     def scenery(self, field: EnergyField) -> Scenery:
-        """Return the scene as it is now, without gradients."""
+        """Return the present scene, without gradients."""
         water, voyage = self._sensor.water, self._survey.voyage
         with dr.suspend_grad():
             survey = replace(
@@ -133,7 +131,7 @@ class AttachedScene:
         return scenery
 
     def _check(self, survey: Survey) -> None:
-        """Refuse a sonar that a fit has moved out of the water; at the start `survey` has been checked."""
+        """Refuse a sonar that a fit has moved out of the water; the start has been checked."""
         places = survey.track.position, survey.geometry.vertices.numpy()
         if not all(np.array_equal(now, before) for now, before in zip(places, self._checked)):
             placement.check(survey.geometry, survey.track)

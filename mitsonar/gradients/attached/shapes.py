@@ -1,4 +1,4 @@
-"""Spheres, cylinders, disks and rectangles that their ``to_world`` moves, turns and scales.
+"""Attach spheres, cylinders, disks and rectangles to their ``to_world``, which moves, turns and scales them.
 
     x = A x_o + t                       to_world; x_o on the unit shape of Mitsuba
     dx = dA x_o + dt                    of the material point that was hit
@@ -6,11 +6,7 @@
 
 n_o -> the normal of the unit shape: x_o of a sphere, (x_o, y_o, 0) of a cylinder from z_o = 0 to 1, (0, 0, 1) of a disk
 or a rectangle. A point that slides over the surface has another x_o, and so another normal and other texture
-coordinates.
-
-A sphere knows a centre and a radius only. Its A counts by its volume:
-
-    r³ = |det A|
+coordinates. A sphere has only a centre and a radius, which is that of its volume, r³ = |det A|.
 """
 from __future__ import annotations
 
@@ -32,12 +28,12 @@ LEAST_VOLUME = 1e-12               # [m³] of a unit cube by to_world: less has 
 
 
 def kind_of(shape: mi.Shape) -> int:
-    """Kind of a shape that its ``to_world`` moves; 0 of others."""
+    """Return the kind of a shape that its ``to_world`` moves, or 0."""
     return KINDS.get(shape.class_name(), 0)
 
 
 def as_taken(kind: int, matrix: np.ndarray, name: str) -> np.ndarray:
-    """Return the matrix (4, 4) that stands for one: of a sphere, one that scales all axes alike."""
+    """Return the matrix (4, 4) that a shape uses: for a sphere, one that scales all axes alike."""
     volume = np.linalg.det(matrix[:3, :3])
     if not np.allclose(matrix[3], (0, 0, 0, 1), atol=1e-6):
         raise ValueError(f"{name} has the last row {matrix[3].tolist()}; give 0, 0, 0, 1")
@@ -53,14 +49,14 @@ def as_taken(kind: int, matrix: np.ndarray, name: str) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True)
 class OnShapes:
-    """Which shapes points lie on, and how those stand."""
+    """Hold kinds and transforms of the shapes that points lie on."""
 
     kind: mi.UInt32  # (R,): 0 of points on nothing that is known here
     columns: tuple[mi.Vector3f, mi.Vector3f, mi.Vector3f, mi.Vector3f]  # (R,): a, b, c, t
 
     @property
     def known(self) -> mi.Bool:
-        """Of points on shapes that are known here."""
+        """True for points on shapes of these kinds."""
         return self.kind != 0
 
     def motion(self, point: mi.Vector3f) -> mi.Vector3f:
@@ -73,7 +69,7 @@ class OnShapes:
         return dr.select(self.known, dx, 0)
 
     def normal(self, point: mi.Vector3f) -> mi.Vector3f:
-        """Unit normals at attached points, on either side."""
+        """Return unit normals at attached points, on either side."""
         a, b, c, t = self.columns
         on_unit = _on_unit(a, b, c, t, point)
         flat, round_ = self.kind >= DISK, self.kind == SPHERE
@@ -84,7 +80,7 @@ class OnShapes:
         return dr.normalize(dr.select(there, across, mi.Vector3f(0, 0, 1)))
 
     def texture(self, point: mi.Vector3f) -> mi.Point2f:
-        """Texture coordinates at attached points, but for whole turns."""
+        """Return texture coordinates at attached points, up to whole turns."""
         on_unit = _on_unit(*self.columns, point)
         x, y, z = on_unit.x, on_unit.y, on_unit.z
         off = dr.maximum(dr.square(dr.detach(x)) + dr.square(dr.detach(y)), 1e-8)
@@ -100,8 +96,7 @@ class OnShapes:
 
 
 class AttachedShapes:
-    """A scene's spheres, cylinders, disks and rectangles, with gradients."""
-    # names [int, str]
+    """Hold a scene's spheres, cylinders, disks and rectangles with gradients; `names` by registry index."""
 
     def __init__(self, geometry: Geometry):
         known = [(number, shape) for number, shape in geometry.others if kind_of(shape)]
@@ -129,7 +124,7 @@ class AttachedShapes:
         self.matrices = {number: tables[number].reshape(4, 3).T.astype(float) for number in self.numbers}
 
     def on(self, number: mi.UInt32, active: mi.Bool) -> OnShapes:
-        """Tell how shapes stand, by registry indices (R,)."""
+        """Return kinds and transforms by registry indices (R,)."""
         active = active & (number < self._rows)
         kind = dr.gather(mi.UInt32, self._kinds, number, active)
         entries = [dr.gather(mi.Float, self._table, 12 * number + k, active) for k in range(12)]
@@ -138,7 +133,7 @@ class AttachedShapes:
 
 
 def _on_unit(a: mi.Vector3f, b: mi.Vector3f, c: mi.Vector3f, t: mi.Vector3f, point: mi.Vector3f) -> mi.Vector3f:
-    """x_o of points."""
+    """Return x_o of points."""
     normals = dr.cross(b, c), dr.cross(c, a), dr.cross(a, b)
     volume = dr.dot(a, normals[0])
     there = dr.detach(volume) != 0
@@ -148,7 +143,7 @@ def _on_unit(a: mi.Vector3f, b: mi.Vector3f, c: mi.Vector3f, t: mi.Vector3f, poi
 
 
 def _entries(matrix: Any, kind: int) -> list[mi.Float]:
-    """A matrix with gradients, column by column, as a shape takes it."""
+    """Return a matrix with gradients, column by column, as the shape uses it."""
     columns = [mi.Vector3f(*(matrix[row, column] for row in range(3))) for column in range(4)]
     if kind == SPHERE:
         volume = dr.dot(columns[0], dr.cross(columns[1], columns[2]))

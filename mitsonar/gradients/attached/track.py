@@ -1,4 +1,4 @@
-"""Where the sonar is and how it is turned, with gradients: offsets from its track, ping by ping.
+"""Attach place and attitude of the sonar to offsets from its track, ping by ping.
 
     o = o_0 + Δo,    R = R(heading + Δψ, pitch + Δθ, roll + Δφ)
 
@@ -29,15 +29,15 @@ STEP = 1e-5                        # [rad] of the differences that rotations are
 
 @dataclass(frozen=True, kw_only=True)
 class Offsets:
-    """Offsets from a track that carry gradients."""
+    """Hold offsets from a track; None without gradients."""
 
-    position: mi.Float64 | None  # none
-    attitude: mi.Float64 | None  # none
+    position: mi.Float64 | None
+    attitude: mi.Float64 | None
     rows: int
 
 
 class PingStates(Record):
-    """The medium at the sonar, a row a ping: depth, sound speed and moments, Float64 (B,)."""
+    """Hold the medium at the sonar, a row a ping: depth, sound speed and moments, Float64 (B,)."""
 
     depth: Float64
     speed: Float64
@@ -50,7 +50,7 @@ class PingStates(Record):
 
 
 class AttachedTrack:
-    """Places of pings with gradients."""
+    """Compute places of pings with gradients."""
 
     def __init__(self, drawn: Track, track: Track, offsets: Offsets, layers: LayerTable):
         self._offsets, self._layers = offsets, layers
@@ -64,7 +64,7 @@ class AttachedTrack:
         self._slopes = (np.stack(ahead) - np.stack(behind)) / (2 * STEP)                              # (3, P, 3, 3)
 
     def place(self, place: Place) -> Place:
-        """The same place with gradients."""
+        """Return the same place with gradients."""
         count = len(place.ping)
         position = self._position(place)
         z = -dr.gather(mi.Float64, upload(mi.Float64, np.ascontiguousarray(place.position[:, 2])),
@@ -77,7 +77,7 @@ class AttachedTrack:
         return place.attached(position, self._rotations(place, self._rotation, self._slopes, 4), sources)
 
     def _position(self, place: Place) -> mi.Float64 | None:
-        """Offsets of a block's pings as increments, four wide."""
+        """Return offsets of a block's pings as increments, four wide."""
         if self._offsets.position is None:
             return None
         index = dr.arange(mi.UInt32, 4 * len(place.ping))
@@ -86,12 +86,12 @@ class AttachedTrack:
         return dr.gather(mi.Float64, self._offsets.position, 3 * ping + axis, axis < 3)
 
     def _row_of(self, place: Place) -> mi.UInt32:
-        """Row of the offsets of a block's pings."""
+        """Return the row of the offsets of a block's pings."""
         rows = place.ping if self._offsets.rows > 1 else np.zeros_like(place.ping)
         return upload(mi.UInt32, rows.astype(np.uint32))
 
     def _rotations(self, place: Place, rotation: np.ndarray, slopes: np.ndarray, wide: int) -> mi.Float | None:
-        """Rotations of a block's pings, (B, 3, wide), their numbers as given and their gradients by the slopes."""
+        """Return rotations of a block's pings, (B, 3, wide), with gradients by the slopes."""
         if self._offsets.attitude is None:
             return None
         ping = place.ping
@@ -107,7 +107,7 @@ class AttachedTrack:
         return total
 
     def turned(self, place: Place, rays: Rays) -> Rays:
-        """Rays as the sonar is turned now."""
+        """Return rays turned with the sonar."""
         if not self._turns:
             return rays
         lib: Any = arrays_of(mi.Float)
@@ -123,7 +123,7 @@ class AttachedTrack:
         return replace(rays, direction=dr.normalize(turned))
 
     def drawn(self, place: Place, rays: Rays) -> Rays:
-        """Rays as they were drawn, of those that `turned` gives; detached."""
+        """Return detached rays as they were drawn: the inverse of `turned`."""
         if not self._turns:
             return rays
         lib: Any = arrays_of(mi.Float)

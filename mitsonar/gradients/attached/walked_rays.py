@@ -1,6 +1,6 @@
-"""Range, time and spread of rays that are walked arc by arc, as functions of profile, source depth and launch.
+"""Walk rays arc by arc: range, time and spread as functions of profile, source depth and launch.
 
-Of the launched ray, at a fixed depth z of its hit, however often it turned before:
+For the launched ray, at a fixed depth z of its hit, however often it turned before:
 
     dX = Σ_k ∂X/∂c_k dc_k + D dp - (p c0/s0) dz0,      D = dX/dp at fixed depths, both sums over its arcs
     dT = p dX - Σ_k φ_k dc_k - (s0/c0) dz0,            φ_k = ∫ hat_k / (c² s) dz   (Fermat)
@@ -8,8 +8,8 @@ Of the launched ray, at a fixed depth z of its hit, however often it turned befo
     dp = -(s0 ds0 / cos θ0 + p (Σ_k hat_k(z0) dc_k + g0 dz0)) / c0
 
 hat_k -> the share of node k in the speed at a depth; s0 -> the sine of the launch angle, positive down. Arcs as in
-`propagation.arc_derivatives`. No loop is differentiated: the walk is made again, forward with the tangents of the
-nodes it passes, backward with the weights of its end.
+`propagation.arc_derivatives`. No loop is differentiated: the walk is repeated, forward with the tangents of the nodes
+it passes, backward with the weights of its end.
 """
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ Visit = Callable[[UInt32, Float64, ArcDerivatives, SpreadDerivatives, Bool], Wal
 
 
 class _Nodes(Record):
-    """Between which nodes of the profile each layer lies."""
+    """Hold the nodes of the profile above and below each layer."""
 
     lib: ArrayTypes
     upper: UInt32            # UInt32 (L,)
@@ -56,7 +56,7 @@ class _Nodes(Record):
 
 
 class _Start(Record):
-    """Where rays begin, Float64 (R,)."""
+    """Hold the beginning of rays, Float64 (R,)."""
 
     depth: Float64
     sine: Float64
@@ -68,7 +68,7 @@ class _Start(Record):
 
 
 class _Sums(Record):
-    """Over the arcs of rays, Float64 (R,): dX/dp, d²X/dp², and what visits give."""
+    """Hold sums over the arcs of rays, Float64 (R,): dX/dp, d²X/dp², and the sums of visits."""
 
     spread: Float64
     by_parameter: Float64
@@ -79,19 +79,17 @@ class _Sums(Record):
 
 def walked(table: LayerTable, lib: ArrayTypes, speeds: Float64, z0: Float64, s0: Float64, z: Float64, x: Float64,
            active: Bool) -> Walked:
-    """Return range, travel time and spread of launched rays to a depth, with their gradients.
+    """Return range, travel time and spread [m²/s] of launched rays to a depth, with their gradients.
 
-    Relative errors of gradients are about 1e-10. By the depth of a source at a node they are those of the side that
-    the ray heads into.
+    Relative errors of gradients are about 1e-10. For a source at the depth of a node, the gradients by depth are those
+    of the side that the ray heads into.
     """
-    # speeds (K,) [m/s]; z0 (R,) [m]; s0 (R,); z (R,) [m]; x (R,) [m]; active (R,) -> range, travel_time, spread (R,)
-    # [m²/s]
     detached = LayerTable(**{**vars(table), "layers": dr.detach(table.layers)})
     return dr.custom(_Walked, detached, _nodes(detached), speeds, z0, s0, dr.detach(z), dr.detach(x), active)
 
 
 class _Walked(dr.CustomOp):
-    """The walk and its derivatives; see `walked`."""
+    """Walk rays, with derivatives; see `walked`."""
 
     def eval(self, table: LayerTable, nodes: _Nodes, speeds: Float64, z0: Float64, s0: Float64, z: Float64,
              x: Float64, active: Bool) -> Walked:
@@ -170,7 +168,7 @@ class _Walked(dr.CustomOp):
 
 def _followed(table: LayerTable, start: _Start, z: Float64, x: Float64, active: Bool,
               visit: Visit) -> _Sums:
-    """Follow rays to a depth, and give the sums over their arcs."""
+    """Follow rays to a depth, and return the sums over their arcs."""
     lib = table.lib
     F, last, p = lib.Float64, lib.Int32(table.last), start.parameter
     k = lib.Int32(start.layer)
@@ -204,12 +202,12 @@ def _followed(table: LayerTable, start: _Start, z: Float64, x: Float64, active: 
 
 
 def _nothing(layer: UInt32, place: Float64, arc: ArcDerivatives, wide: SpreadDerivatives, on: Bool) -> Walked:
-    """A visit that asks for nothing."""
+    """Return no sums for a visit."""
     return place * 0, place * 0, place * 0
 
 
 def _start(table: LayerTable, z0: Float64, s0: Float64) -> _Start:
-    """Tell where rays begin; a level launch is one that is a hair from it."""
+    """Return the beginning of rays; a level launch is replaced by a nearly level one."""
     sine = dr.select(abs(s0) > LEVEL_LAUNCH, s0, dr.select(s0 < 0, -LEVEL_LAUNCH, LEVEL_LAUNCH))
     layer = table.lib.UInt32(dr.maximum(first_layer(table, z0, s0), 0))
     z_k, c_k, g, _ = table.shape(layer)
@@ -224,7 +222,7 @@ def _sine(p: Float64, s1: Float64, c1: Float64, c2: Float64) -> Float64:
 
 
 def _fitted(gradient: Float64, like: Float64) -> Float64:
-    """One gradient for all rays where they share the number."""
+    """Return one summed gradient where all rays share the number."""
     shared = dr.width(like) == 1 and dr.width(gradient) > 1
     return cast(Float64, dr.sum(gradient)) if shared else gradient
 

@@ -1,19 +1,19 @@
-"""Whether gradients are what they say: forward, backward and differences of a record must be one.
+"""Check gradients: forward and backward derivatives and differences of a record must agree.
 
     w·(J v) = (Jᵀ w)·v                                  forward and backward               (asymmetry)
     w·(J v) = [w·F(x + h v) - ...] / h                  derivative and difference          (error)
     J (v_1 + v_2 + ...) = J v_1 + J v_2 + ...           together and alone
     D(h) = [f(-2h) - 8 f(-h) + 8 f(h) - f(2h)] / 12h = f' - h⁴ f⁽⁵⁾ / 30 + ...
 
-F -> `ForwardModel.value`, whose chance stands still; v -> smooth directions of one parameter alone, w -> slow weights
-of the record, f -> w·F, h -> the step. The error is the rms over both of derivative less difference, over the larger
+F -> `ForwardModel.value`, with fixed random numbers; v -> smooth directions of one parameter alone, w -> slow weights
+of the record, f -> w·F, h -> the step. The error is the rms over v and w of derivative less difference, over the larger
 rms of the two: 0 is right, 1 a gradient of zero, 2 a wrong sign.
 
-A large step bends, a small one drowns in rounding, and shadows or edges leave no good step. The step is halved from a
-large one on until D(h) and D(h/2) agree best; no gradient takes part. Where they do not agree, nothing is decided.
-Derivatives of few rays are grainy: they jump with every ray that passes from bin to bin or from facet to facet. So an
-error is held against how derivatives scatter within the step. Records that swing about zero, such as signals, are also
-looked at under a weight that swings as their derivative does.
+Large steps have errors of curvature, small ones of rounding, and shadows or edges leave no good step. The step is
+halved from a large one on until D(h) and D(h/2) agree best, without use of gradients. Where they do not agree, the
+check is undecided. Derivatives of few rays are grainy: they jump with every ray that passes from bin to bin or from
+facet to facet. Errors are therefore compared with the scatter of derivatives within the step. Records that swing about
+zero, such as signals, are also checked under a weight that swings as their derivative does.
 """
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ SHARE = 0.1                        # of a parameter's size: the first step where
 
 @dataclass(frozen=True, kw_only=True)
 class PartCheck:
-    """Verdict on a component or an index of a parameter of `size` numbers; figures as `NUMBERS` says, or NaN."""
+    """Verdict on a component or an index of a parameter of `size` numbers; figures are those of `NUMBERS`, or NaN."""
 
     key: str
     unit: str
@@ -90,16 +90,16 @@ class GradientCheck:
 
     @property
     def wrong(self) -> tuple[PartCheck, ...]:
-        """The parts that are off or disconnected."""
+        """Parts that are off or disconnected."""
         return tuple(row for row in self.rows if row.verdict in (OFF, DISCONNECTED))
 
     @property
     def undecided(self) -> tuple[PartCheck, ...]:
-        """The parts on which differences could not decide."""
+        """Parts on which differences could not decide."""
         return tuple(row for row in self.rows if row.verdict == UNDECIDED)
 
     def text(self) -> str:
-        """Return a table in words; what is said of many parts is said once."""
+        """Return the table as text; notes on several parts are written once."""
         def cells(row: PartCheck) -> tuple[str, ...]:
             error, asymmetry, disagreement = ("-" if np.isnan(share) else f"{share:.1e}"
                                               for share in (row.error, row.asymmetry, row.disagreement))
@@ -135,9 +135,9 @@ class GradientCheck:
 
 def check_parameters(model_of: Callable[[str], ForwardModel], keys: Sequence[str], *, refuse: bool = False,
                      progress: Callable[[float, float], object] | None = None, **options: Any) -> GradientCheck:
-    """Check parameters by models that `model_of` makes for one each; `options` as of `check_gradients`.
+    """Check parameters by models that `model_of` makes for one each; `options` are those of `check_gradients`.
 
-    Where a model cannot be made its parameter is called not differentiated; with `refuse` the error is raised.
+    A parameter without a model is reported as not differentiated; with `refuse` the error is raised.
     """
     rows, told = [], {}
     for number, key in enumerate(keys):
@@ -267,7 +267,7 @@ class _Line:
 
 
 class _Checker:
-    """Makes the rows of one model."""
+    """Make the rows of one model."""
 
     def __init__(self, model: ForwardModel, tolerance: float, seed: int):
         self._model, self._tolerance = model, tolerance
@@ -291,7 +291,7 @@ class _Checker:
             self._notes += (f"the record with derivatives differs from that without by {error:.1e}",)
 
     def products(self, part: _Part) -> _Products | PartCheck:
-        """Return the derivatives of a part, or what is wrong with them."""
+        """Return the derivatives of a part, or the error in them."""
         moves = [self._about.forward({part.key: direction}) for direction in part.directions]
         broken = sum(int(np.count_nonzero(~np.isfinite(move) & self._finite)) for move in moves)
         if broken:
@@ -309,7 +309,7 @@ class _Checker:
             [[np.sum(gradient * direction) for gradient in back] for direction in part.directions]))
 
     def row(self, part: _Part, products: _Products) -> PartCheck:
-        """Return what is found of a part."""
+        """Return the verdict on a part."""
         lines = [_Line(lambda distance, direction=direction: self._model.value(
             {part.key: part.start + distance * direction}), self._base, products.weights)
             for direction in part.directions]
@@ -343,7 +343,7 @@ class _Checker:
         return part.check(verdict, *self._notes, *notes, **numbers)
 
     def together(self, todo: Sequence[_Part]) -> list[PartCheck]:
-        """Say if all parameters that move at once do not move the record by the sum of what each does."""
+        """Check that all parameters together move the record by the sum of their single changes."""
         first: dict[str, np.ndarray] = {}
         for part in todo:
             first.setdefault(part.key, part.directions[0])
@@ -354,7 +354,7 @@ class _Checker:
                           "their derivatives are not the sum of each one's")
 
     def afterwards(self, todo: Sequence[_Part], products: Sequence[_Products | PartCheck]) -> list[PartCheck]:
-        """Say if a linearisation is another after the model was asked for other values."""
+        """Check that a linearisation is the same after the model was asked for other values."""
         for part, before in zip(todo, products, strict=True):
             if isinstance(before, _Products) and np.any(before.forward[0]):
                 after = before.summed(self._about.forward({part.key: part.directions[0]}))
@@ -369,7 +369,7 @@ class _Checker:
             PartCheck(key=name, unit="", size=0, verdict=OFF, error=error, notes=(note,))]
 
     def _wider(self, lines: Sequence[_Line], step: float, largest: float) -> Iterator[np.ndarray]:
-        """Differences of all directions at the larger steps that are tried."""
+        """Yield differences of all directions at larger steps."""
         for wider in [step * 4.0 ** power for power in range(1, WIDER + 1) if step * 4.0 ** power <= largest]:
             try:
                 yield np.stack([line.slope(wider) for line in lines])
@@ -377,7 +377,7 @@ class _Checker:
                 return
 
     def _scatter(self, part: _Part, products: _Products, step: float) -> float:
-        """Rms over directions and weights of how far derivatives within a step lie from a parabola."""
+        """Return the rms, over directions and weights, of derivatives within a step about a parabola."""
         places, left = np.array([-1.0, -0.5, 0.0, 0.5, 1.0]), []
         bends = np.stack([places ** power for power in range(3)], 1)
         for direction, here in zip(part.directions, products.forward, strict=True):
@@ -388,7 +388,7 @@ class _Checker:
         return _rms(np.concatenate(left))
 
     def _verdict(self, numbers: Mapping[str, float], zero: bool, moves: float, two_ways: bool) -> tuple[str, ...]:
-        """The verdict, and notes."""
+        """Return the verdict, and notes."""
         error, apart = numbers.get("error", 0.0), numbers.get("disagreement", 0.0)
         shaken = apart > self._tolerance
         words = ("differences do not converge: shadows or edges",) if shaken else ()
@@ -404,7 +404,7 @@ class _Checker:
 
 
 def _rms(values: np.ndarray) -> float:
-    """Over directions and weights: these are scaled alike, and one that nearly cancels shall not count for more."""
+    """Return the rms over directions and weights; these are scaled alike."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 

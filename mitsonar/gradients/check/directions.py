@@ -1,6 +1,6 @@
-"""Directions in which parameters are moved to check their gradients, and weights under which records are looked at.
+"""Draw directions in which parameters are moved to check their gradients, and weights of records.
 
-Both vary slowly: a record of many rays is smooth in a slow motion of what it sees, while a single node that moves alone
+Both vary slowly: a record of many rays is smooth in a slow motion of the scene, while a single node that moves alone
 shows the edges of facets and bins.
 """
 from __future__ import annotations
@@ -21,15 +21,15 @@ AXES = "xyzw"
 
 
 def generator(seed: int, key: str) -> np.random.Generator:
-    """What a parameter's directions are drawn with, whichever others are checked beside it."""
+    """Return the random generator of a parameter's directions, independent of other parameters."""
     return np.random.default_rng([seed, shape_key(key)])
 
 
 def parts(start: np.ndarray, count: int, random: np.random.Generator) -> list[tuple[str, np.ndarray]]:
-    """Names and directions of a parameter's parts; the largest component of a direction is 1, in the parameter's unit.
+    """Return names and directions of a parameter's parts; the largest component of a direction is 1.
 
     Up to four numbers are moved one by one, components of rows of vectors one after the other, a matrix (4, 4) as a
-    rigid body, which grows too, all else at once. In one sum, what is large would hide what is small.
+    rigid body that also grows, all else at once. In one sum, large changes would hide small ones.
     """
     shape = start.shape
     if shape == (4, 4):
@@ -51,7 +51,7 @@ def parts(start: np.ndarray, count: int, random: np.random.Generator) -> list[tu
 
 
 def _rigid(matrix: np.ndarray) -> list[tuple[str, np.ndarray]]:
-    """A body moved along the scene's axes, turned about its own, and grown from its origin."""
+    """Return directions of a body moved along the scene's axes, turned about its own, and grown from its origin."""
     moved, turned = np.zeros((3, 4, 4)), np.zeros((3, 4, 4))
     for axis in range(3):
         moved[axis, axis, 3] = 1.0
@@ -63,7 +63,7 @@ def _rigid(matrix: np.ndarray) -> list[tuple[str, np.ndarray]]:
 
 
 def _cosines(shape: tuple[int, ...], random: np.random.Generator) -> np.ndarray:
-    """Low-order cosines with random amplitudes, of largest size 1: Σ_k a_k Π_axis cos[π k (i + 1/2) / n]."""
+    """Draw low-order cosines with random amplitudes, of largest size 1: Σ_k a_k Π_axis cos[π k (i + 1/2) / n]."""
     orders = [min(ORDERS, n) for n in shape]
     field = random.standard_normal(orders)
     for axis, order in enumerate(orders):
@@ -75,7 +75,7 @@ def _cosines(shape: tuple[int, ...], random: np.random.Generator) -> np.ndarray:
 
 
 def _bumps(places: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Gaussian bumps about some of the places (N, 3), (N,), of largest size 1: Σ_k a_k exp[-|r - r_k|² / 2 s_k²]."""
+    """Draw Gaussian bumps about some of the places (N, 3), of largest size 1: Σ_k a_k exp[-|r - r_k|² / 2 s_k²]."""
     extent = np.linalg.norm(np.ptp(places, axis=0))
     centres = places[random.integers(len(places), size=BUMPS)]
     widths = extent * random.uniform(NARROWEST, WIDEST, BUMPS)
@@ -87,9 +87,9 @@ def _bumps(places: np.ndarray, random: np.random.Generator) -> np.ndarray:
 
 
 def slow_weights(record: np.ndarray, shape: Sequence[int], random: np.random.Generator) -> np.ndarray:
-    """A positive and a signed weight (2, N) of a record, slowly varying over its axes; 0 where that is not finite.
+    """Return a positive and a signed weight (2, N) of a record, slowly varying over its axes; 0 where it is not finite.
 
-    The near and loud does not hide the far and faint; weights times record sum to about 1.
+    Weights are larger where the record is faint; weights times record sum to about 1.
     """
     from scipy.ndimage import uniform_filter1d
 

@@ -1,11 +1,11 @@
-"""What records gain and lose where outlines move: the term that derivatives of energies at fixed directions leave out.
+"""Compute the change of records where outlines move, which derivatives of energies at fixed directions leave out.
 
     d/dx ∫ E dω = ∫ dE/dx dω + ∫ (E_- - E_+) v_n dl
 
-The second integral is along the lines of launch directions at which the energy E that comes back jumps: outlines of
-bodies and crests of beds, behind which there is shadow, folds between facets, and where meshes meet. E_- and E_+ are
-the energies on either side of a line, v_n its speed in the space of directions, towards the side of E_+ (Li et al.
-2018, Differentiable Monte Carlo ray tracing through edge sampling, ACM Trans. Graph. 37; Zhang et al. 2020, Path-space
+The second integral is along the lines of launch directions at which the returned energy E jumps: outlines of bodies and
+crests of beds with a shadow behind them, folds between facets, and lines where meshes meet. E_- and E_+ are the
+energies on either side of a line, v_n its speed in the space of directions, towards the side of E_+ (Li et al. 2018,
+Differentiable Monte Carlo ray tracing through edge sampling, ACM Trans. Graph. 37; Zhang et al. 2020, Path-space
 differentiable rendering, ACM Trans. Graph. 39).
 
 A point of a line that moves by dx moves in directions by m(dx), two numbers along and across the ray's vertical plane:
@@ -14,12 +14,12 @@ A point of a line that moves by dx moves in directions by m(dx), two numbers alo
     v_n dl = m(τ) x m(dx - dr) ds = g·(dx - dr) ds
 
 e -> unit, across the ray at its end in that plane, downwards; h -> unit, level, across the plane; A -> spreading area;
-τ -> the line per s; dr -> how the ray of one launch moves there (`ray_shift`). E_- and E_+ are those of two rays, a
-hair to either side. Outlines of spheres and cylinders slide over them as they move; across the view they move as the
-material does, n·dx. There energies fall to those of the limb as the root of how far inside a ray passes:
-E(0) = 2 E(h) - E(4 h). Where something hides the line both meet the same, and nothing jumps. What jumps within that
-hair must belong to the line (`_own`): near the limb of a round body several edges lie so close. Places and energies are
-detached; gradients come by dx and dr alone.
+τ -> the line per s; dr -> displacement of the ray of one launch there (`ray_shift`). E_- and E_+ are those of two rays
+close to either side. Outlines of spheres and cylinders slide over them as they move; across the view they move as the
+material does, n·dx. Energies there fall to those of the limb as the root of the ray's distance inside:
+E(0) = 2 E(h) - E(4 h). Where something hides the line, both rays meet the same, and nothing jumps. A jump between them
+must belong to the line (`_own`), because several edges lie close together near the limb of a round body. Places and
+energies are detached; gradients come by dx and dr alone.
 """
 from __future__ import annotations
 
@@ -53,27 +53,26 @@ ASIDE, ASIDE_PER_RANGE = 1e-4, 2e-6    # [m], [-] of the rays on either side, ov
 
 @dataclass(frozen=True, kw_only=True)
 class LinePoints:
-    """Points of lines in directions, detached."""
+    """Hold points of lines in directions, detached."""
 
     hits: Hits  # the points as if rays ended there
-    rays: Rays  # (N,): that lead there, and as they would have been drawn, before the sonar was turned
-    drawn: Rays  # (N,): that lead there, and as they would have been drawn, before the sonar was turned
-    covector: mi.Vector3f  # (N,): g, times what each point is worth
-    motion: list[tuple[mi.UInt32, mi.Vector3f]]  # (UInt32, Vector3f)
+    rays: Rays  # (N,): rays to the points
+    drawn: Rays  # (N,): the same before the sonar was turned
+    covector: mi.Vector3f  # (N,): g, times the worth of each point
+    motion: list[tuple[mi.UInt32, mi.Vector3f]]  # vertices, and their shares of g
     shape: mi.UInt32 | None = None  # (N,): registry index of the shape without facets that the points lie on
 
 
 @dataclass(frozen=True, kw_only=True)
 class EdgeTerms:
-    """The terms of a block's pings."""
+    """Hold the terms of a block's pings."""
 
     points: LinePoints
-    sides: list[Echoes]  # of a worth of one, on either side of the lines
-    worths: list[float]  # of each side, with its sign
+    sides: list[Echoes]  # echoes on either side of the lines
+    worths: list[float]  # weight of each side, with its sign
 
     def add(self, sums: mi.Float64, tents: TentBins, geometry: AttachedGeometry, across: mi.Vector3f | None) -> None:
         """Add the terms to sums (rows x bins,) [1/m²]: 0, with gradients."""
-        # across (N,)
         lib: Any = arrays_of(mi.Float)
         speed = mi.Float(0)
         for vertex, part in self.points.motion:
@@ -91,7 +90,7 @@ class EdgeTerms:
 
 def edge_terms(tracer: Tracer, rows: Rows, first_hits: FirstHits, place: Place, lines: JumpLines,
                samples: LineSamples, *, surface: int | None, drawn: Callable[[Place, Rays], Rays]) -> EdgeTerms:
-    """Trace both sides of points on lines."""
+    """Return the terms of points on lines, from rays on both sides."""
     ends = lines.ends[samples.line].astype(float)
     along = ends[:, 1] - ends[:, 0]
     middle = ends[:, 0] + samples.place[:, None] * along
@@ -106,7 +105,7 @@ def edge_terms(tracer: Tracer, rows: Rows, first_hits: FirstHits, place: Place, 
 
 def outline_terms(tracer: Tracer, rows: Rows, first_hits: FirstHits, place: Place, outlines: OutlinePoints, *,
                   surface: int | None, drawn: Callable[[Place, Rays], Rays]) -> EdgeTerms:
-    """Trace both sides of points on outlines of shapes without facets; parameters as of `edge_terms`."""
+    """Return the terms of points on outlines of shapes without facets; parameters are those of `edge_terms`."""
     points, aside = _points(tracer, place, outlines.ping, outlines.point, outlines.along, outlines.worth, drawn)
     points = replace(points, shape=upload(mi.UInt32, outlines.shape))
     found, own = [], mi.Bool(True)
@@ -120,7 +119,7 @@ def outline_terms(tracer: Tracer, rows: Rows, first_hits: FirstHits, place: Plac
 
 def _sides(tracer: Tracer, rows: Rows, first_hits: FirstHits, place: Place, points: LinePoints, aside: mi.Vector3f,
            surface: int | None) -> tuple[list[tuple[Hits, mi.PreliminaryIntersection3f]], list[Echoes]]:
-    """What rays a hair to either side meet, and their echoes."""
+    """Trace rays close to either side; return hits and echoes."""
     sources = tracer.sources(np.unique(-place.position[:, 2]))
     ping, met, sides = points.rays.ping, [], []
     origin, source = place.origin(ping), place.source(ping)
@@ -142,7 +141,7 @@ def _evaluated(points: LinePoints, sides: list[Echoes], worths: list[float], own
 
 
 def _facet(tracer: Tracer, met: mi.PreliminaryIntersection3f, valid: mi.Bool) -> mi.UInt32:
-    """Rows in `Geometry.faces` of what was hit; `NO_FACE` where that is none."""
+    """Return rows in `Geometry.faces` of the facets that were hit, or `NO_FACE`."""
     rows, row = tracer.geometry.rows, registry_index(met)
     mesh = valid & (dr.gather(mi.UInt32, rows, 4 * row + 2, valid) != 0)
     return dr.select(mesh, dr.gather(mi.UInt32, rows, 4 * row + 1, valid) + met.prim_index, NO_FACE)
@@ -150,10 +149,10 @@ def _facet(tracer: Tracer, met: mi.PreliminaryIntersection3f, valid: mi.Bool) ->
 
 def _own(points: Hits, kind: _Kind, lines: JumpLines, samples: LineSamples,
          met: list[tuple[Hits, mi.UInt32]]) -> mi.Bool:
-    """Return whether what jumps between two rays jumps at the line between them.
+    """Return True if the jump between two rays is at the line between them.
 
-    At a fold both meet its facets. At an outline, or where meshes meet, that which goes less far meets one of the
-    line's facets, or something just by it: facets of a limb are small and nearly level.
+    At a fold both rays meet its facets. At an outline, or where meshes meet, the shorter ray meets one of the line's
+    facets, or a point close to it: facets of a limb are small and nearly level.
     """
     faces = [upload(mi.UInt32, lines.faces[samples.line, k].astype(np.uint32)) for k in range(2)]
     beside = [hits.valid & (face != NO_FACE) & ((face == faces[0]) | (face == faces[1])) for hits, face in met]
@@ -162,7 +161,7 @@ def _own(points: Hits, kind: _Kind, lines: JumpLines, samples: LineSamples,
 
 
 def _nearer_is(points: Hits, met: list[Hits], mine: list[mi.Bool]) -> mi.Bool:
-    """Return whether of two rays that which goes less far meets something of the line's own, or just by it."""
+    """Return True if the shorter of two rays meets the line's own facets, or a point close to the line."""
     first, second = (dr.select(hits.valid, mi.Float(hits.arc_length), dr.inf) for hits in met)
     by = abs(dr.minimum(first, second) - mi.Float(points.arc_length)) < NEAR
     return dr.select(first < second, mine[0], mine[1]) | by
@@ -170,14 +169,14 @@ def _nearer_is(points: Hits, met: list[Hits], mine: list[mi.Bool]) -> mi.Bool:
 
 @dataclass(frozen=True, kw_only=True)
 class _Kind:
-    """What points of lines are: outlines, or where meshes meet; folds that show, or neither."""
+    """Mark points of lines: outlines or meetings of meshes; visible folds."""
 
     outline: mi.Bool
     fold: mi.Bool
 
 
 def _kind(tracer: Tracer, lines: JumpLines, samples: LineSamples, view: np.ndarray) -> _Kind:
-    """Tell outlines, whose facets lie on the same side of the line as seen along `view` (N, 3), from folds."""
+    """Separate outlines, whose facets lie on the same side of the line along `view` (N, 3), from folds."""
     ends, sides = lines.ends[samples.line].astype(float), lines.faces[samples.line]
     vertices = tracer.geometry.vertices.numpy().reshape(-1, 4)[:, :3].astype(float)
     corners = tracer.geometry.faces.numpy().reshape(-1, 4)[:, :3]
@@ -192,7 +191,7 @@ def _kind(tracer: Tracer, lines: JumpLines, samples: LineSamples, view: np.ndarr
 
 def _points(tracer: Tracer, place: Place, pings: np.ndarray, middle: np.ndarray, along: np.ndarray, worths: np.ndarray,
             drawn: Callable[[Place, Rays], Rays]) -> tuple[LinePoints, mi.Vector3f]:
-    """Points (N, 3) of lines in directions, and the small steps across the lines, towards E_+."""
+    """Return points (N, 3) of lines in directions, and small steps across the lines, towards E_+."""
     lib: Any = arrays_of(mi.Float)
     point = lib.Array3f64(*(upload(mi.Float64, middle[:, k]) for k in range(3)))
     tau = mi.Vector3f(*(upload(mi.Float, along[:, k].astype(np.float32)) for k in range(3)))
@@ -220,7 +219,7 @@ def _points(tracer: Tracer, place: Place, pings: np.ndarray, middle: np.ndarray,
 
 
 def _axes(way: Connection, chord: mi.Vector3f) -> tuple[mi.Vector3f, mi.Vector3f, mi.Vector3f, mi.Float, mi.Float]:
-    """Unit vectors across rays, downwards at launch and at the end, and level; 1 / V and κ [1/m]."""
+    """Return unit vectors across rays, downwards at launch and at the end, and level; 1 / V and κ [1/m]."""
     reach, length = mi.Float(way.horizontal_range), dr.maximum(dr.norm(chord), 1e-6)
     upright = reach < 1e-6 * length
     per_reach = dr.rcp(dr.select(upright, 1, reach))
@@ -234,7 +233,7 @@ def _axes(way: Connection, chord: mi.Vector3f) -> tuple[mi.Vector3f, mi.Vector3f
 
 def _motion(tracer: Tracer, lines: JumpLines, samples: LineSamples, point: np.ndarray,
             covector: np.ndarray) -> list[tuple[mi.UInt32, mi.Vector3f]]:
-    """Share covectors (N, 3) out among the vertices that move points (N, 3) of lines."""
+    """Distribute covectors (N, 3) over the vertices that move points (N, 3) of lines."""
     corners = lines.corners[samples.line]
     place, meets = samples.place[:, None], samples.line >= lines.edges
     parts = [(corners[:, 0], (1 - place) * covector), (corners[:, 1], place * covector)]
@@ -250,7 +249,7 @@ def _motion(tracer: Tracer, lines: JumpLines, samples: LineSamples, point: np.nd
 
 def _of_facets(vertices: np.ndarray, corners: np.ndarray, point: np.ndarray,
                covector: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """The same of points where two facets meet: g = λ_1 n_1 + λ_2 n_2, and n_i·dx = n_i·dx_i."""
+    """Distribute covectors of points where two facets meet: g = λ_1 n_1 + λ_2 n_2, and n_i·dx = n_i·dx_i."""
     triangles = vertices[corners]                                                            # (N, 2, 3, 3)
     e1, e2 = triangles[:, :, 1] - triangles[:, :, 0], triangles[:, :, 2] - triangles[:, :, 0]
     across = np.cross(e1, e2)

@@ -1,15 +1,13 @@
-"""Lines of a scene along which the energy of directions jumps, and how they move with its meshes.
+"""Find lines of a scene along which the energy of directions jumps, and their motion with its meshes.
 
     edge       of a mesh, from corner a to corner b:    dx = (1 - s) dx_a + s dx_b
     meeting    of two meshes that pass through each other, in the planes of two facets:    n_i·dx = n_i·dx_i
 
-s -> the place along the line, 0 to 1; n_i -> normals of the facets, dx_i -> how the facet's point moves that lies
-there. What a line's motion along itself is, makes no difference.
+s -> the place along the line, 0 to 1; n_i -> normals of the facets, dx_i -> motion of the facet's point there. Motion
+of a line along itself has no effect. A box that lies in the mud, for example, meets the bed along its outline.
 
-Lines along which meshes pass through each other: a box that lies in the mud meets the bed along its outline.
-
-Of two triangles in planes n_1·x = d_1 and n_2·x = d_2, the common line is x_0 + u t, t = n_1 x n_2; each of them covers
-an interval of u, between the places where its sides cross the other's plane, and what both cover is where they meet
+Two triangles in planes n_1·x = d_1 and n_2·x = d_2 have the common line x_0 + u t, t = n_1 x n_2. Each covers an
+interval of u, between the places where its sides cross the other's plane; they meet where the intervals overlap
 (Möller 1997, A fast triangle-triangle intersection test, Journal of Graphics Tools 2).
 """
 from __future__ import annotations
@@ -27,8 +25,7 @@ MOST_PAIRS = 1 << 20               # of facets, looked at together
 
 
 def meetings(geometry: Geometry, meshes: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Return where some of a scene's meshes meet others."""
-    # -> ends (L, 2, 3) [m], faces (L, 2)
+    """Return ends (L, 2, 3) [m] and faces (L, 2) of the lines where some of a scene's meshes meet others."""
     vertices, corners = geometry.vertices.numpy().reshape(-1, 4)[:, :3], geometry.faces.numpy().reshape(-1, 4)[:, :3]
     ends, faces = [np.zeros((0, 2, 3), np.float32)], [np.zeros((0, 2), np.uint32)]
     boxes = {}
@@ -49,7 +46,7 @@ def meetings(geometry: Geometry, meshes: list[int]) -> tuple[np.ndarray, np.ndar
 
 def _overlaps(one: tuple[np.ndarray, np.ndarray],
               other: tuple[np.ndarray, np.ndarray]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield the numbers of facets whose boxes overlap, some pairs at a time."""
+    """Yield pairs of facets whose boxes overlap, in blocks."""
     low, high = np.maximum(one[0].min(0), other[0].min(0)), np.minimum(one[1].max(0), other[1].max(0))
     if np.any(low > high):
         return
@@ -67,8 +64,7 @@ def _overlaps(one: tuple[np.ndarray, np.ndarray],
 
 
 def triangles_meet(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return which pairs of triangles pass through each other, and where."""
-    # one, other (N, 3, 3) [m] -> met (N,), ends (N, 2, 3) [m]
+    """Return which pairs of triangles (N, 3, 3) [m] meet, (N,), and the ends (N, 2, 3) [m] of their common lines."""
     normals = [np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) for t in (one, other)]
     along = np.cross(normals[0], normals[1])
     square = np.einsum("nk,nk->n", along, along)
@@ -91,7 +87,7 @@ def triangles_meet(one: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def _crossing(triangle: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Where two sides of triangles cross height 0, and whether they do."""
+    """Return the points where two sides of triangles cross height 0, and True if they do."""
     above = height >= 0
     count = above.sum(1)
     there = (count > 0) & (count < 3)
@@ -108,20 +104,17 @@ def _crossing(triangle: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, np.
 
 @dataclass(frozen=True, kw_only=True)
 class JumpLines:
-    """Lines, the edges first."""
+    """Hold lines, the edges first."""
 
     ends: np.ndarray  # (L, 2, 3) [m]
     faces: np.ndarray  # (L, 2): rows in `Geometry.faces` of the facets on either side, or that meet
     corners: np.ndarray  # (L, 2): rows in `Geometry.vertices` of an edge's ends
-    smooth: np.ndarray  # (L,): whether folds there show no facets
-    edges: int  # how many are edges
+    smooth: np.ndarray  # (L,): True where folds show no facets
+    edges: int  # number of edges
 
 
 class LineMaker:
-    """Find the lines that move with some of a scene's meshes, as they are now.
-
-    Edges are paired once: which facets a mesh has stays as it is.
-    """
+    """Find the present lines that move with some of a scene's meshes; edges are paired once."""
 
     def __init__(self, geometry: Geometry, meshes: list[int]):
         self._meshes = meshes

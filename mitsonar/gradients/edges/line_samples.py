@@ -1,10 +1,10 @@
-"""Points on lines at which the energy of directions jumps: more of them where more energy jumps.
+"""Draw points on lines at which the energy of directions jumps, more of them where more energy jumps.
 
     w = ℓ b j        of a piece of a line, seen from a ping: its length across the view [rad], beam, share that jumps
 
-Points are drawn stratified through the sums of w: each stands for Σw / (N w) of its piece. No choice of w biases what
-they add up to, as long as it is not 0 where something jumps. It is 0 at folds of smooth meshes, whose facets do not
-show, but where one of them is nearly seen from its edge.
+Points are drawn stratified through the sums of w: each stands for Σw / (N w) of its piece. No choice of w biases their
+sum, as long as it is not 0 where something jumps. It is 0 at folds of smooth meshes, whose facets do not show, except
+where one of the facets is nearly seen from its edge.
 """
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ HIDDEN = 0.1                       # of the weight of lines whose facets look aw
 
 @dataclass(frozen=True, kw_only=True)
 class LineSamples:
-    """Points on lines, NumPy arrays (N,)."""
+    """Hold points on lines, NumPy arrays (N,)."""
 
     ping: np.ndarray  # number within the block
     line: np.ndarray
@@ -43,8 +43,7 @@ class LineSamples:
 
 
 class LineSampler:
-    """Draw points on lines."""
-    # positions (P, 3) [m]; reach [m]
+    """Draw points on lines, from positions (P, 3) [m] up to a reach [m]."""
 
     def __init__(self, lines: JumpLines, tracer: Tracer, rows: Rows, positions: np.ndarray, reach: float, seed: int):
         self.lines, self.tracer = lines, tracer
@@ -68,7 +67,7 @@ class LineSampler:
         self._edges = dr.opaque(mi.UInt32, lines.edges)
 
     def drawn(self, place: Place, count: int) -> LineSamples:
-        """Draw so many points for every ping of a place."""
+        """Draw `count` points for every ping of a place."""
         pings, together = len(place.ping), max(1, TOGETHER // max(self.count, 1))
         found = []
         for start in range(0, pings, together):
@@ -80,7 +79,7 @@ class LineSampler:
                                    for name in ("ping", "line", "place", "worth")})
 
     def _chosen(self, ping: int, number: int, weights: np.ndarray, count: int) -> LineSamples:
-        """Points of one ping, `number` in the survey."""
+        """Return the points of one ping, `number` in the survey."""
         if not weights.sum() > 0:
             none = np.zeros(0)
             return LineSamples(ping=none.astype(np.uint32), line=none.astype(np.uint32), place=none, worth=none)
@@ -90,7 +89,7 @@ class LineSampler:
                            place=self._first[piece] + within * share, worth=worth * share)
 
     def _weights(self, place: Place, number: np.ndarray) -> np.ndarray:
-        """w of all pieces from pings with these numbers in the place, (B, pieces)."""
+        """Return w of all pieces, (B, pieces), from pings with these numbers in the place."""
         index = dr.arange(mi.UInt32, self.count * len(number))
         each = dr.opaque(mi.UInt32, self.count)
         ping = index // each
@@ -106,7 +105,7 @@ class LineSampler:
         return weight.numpy().astype(float).reshape(len(number), -1)
 
     def _jump(self, line: mi.UInt32, start: mi.Vector3f, along: mi.Vector3f, view: mi.Vector3f) -> mi.Float:
-        """About how much of the energy of directions jumps across lines: all of it at outlines."""
+        """Estimate the share of energy that jumps across lines: all of it at outlines."""
         aside = dr.cross(along, view)
         sines, sides, there = [], [], []
         for k in range(2):
@@ -124,7 +123,7 @@ class LineSampler:
         return dr.select(outline, 1, fold)
 
     def _facet(self, face: mi.UInt32, active: mi.Bool) -> tuple[mi.Vector3f, mi.Vector3f]:
-        """Normals and middles of facets."""
+        """Return normals and middles of facets."""
         lib: Any = arrays_of(mi.Float)
         corners = dr.gather(lib.Array4u, self._faces, face, active)
         rows = [dr.gather(lib.Array4f, self._vertices, corners[k], active) for k in range(3)]
@@ -134,7 +133,7 @@ class LineSampler:
 
 
 def _distance(points: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    """How far points (L, 3) are from the nearest of positions (P, 3)."""
+    """Return the distance of points (L, 3) from the nearest of positions (P, 3)."""
     from scipy.spatial import cKDTree
 
     return cKDTree(positions).query(points)[0] if len(points) else np.zeros(0)

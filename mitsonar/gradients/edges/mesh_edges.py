@@ -1,6 +1,6 @@
-"""Edges of meshes: lines at which what a ray meets jumps, be it an outline or a fold between two facets.
+"""Find edges of meshes: lines at which the hit of a ray jumps, outlines or folds between two facets.
 
-Edges are told by place: a corner that a mesh holds several times, once for each facet's normal, is one.
+Corners at the same place count as one, also where a mesh holds a corner once for each facet's normal.
 """
 from __future__ import annotations
 
@@ -15,16 +15,15 @@ NO_FACE = 0xFFFFFFFF               # in place of a facet
 
 @dataclass(frozen=True, kw_only=True)
 class MeshEdges:
-    """Edges of a scene's meshes."""
+    """Hold edges of a scene's meshes."""
 
     corners: np.ndarray  # (L, 2): rows in `Geometry.vertices`
     faces: np.ndarray  # (L, 2): rows in `Geometry.faces` of the facets on either side
-    smooth: np.ndarray  # (L,): whether the mesh is met by normals between its corners
+    smooth: np.ndarray  # (L,): True for meshes with interpolated normals
 
 
 def mesh_edges(vertices: np.ndarray, faces: np.ndarray, smooth: bool = False) -> MeshEdges:
-    """Return the edges of one mesh."""
-    # vertices (V, 3) [m]; faces (F, 3)
+    """Return the edges of one mesh with vertices (V, 3) [m] and faces (F, 3)."""
     found = _paired(faces, smooth)
     rim = np.unique(found.corners[found.faces[:, 1] == NO_FACE])
     if not len(rim):
@@ -36,7 +35,7 @@ def mesh_edges(vertices: np.ndarray, faces: np.ndarray, smooth: bool = False) ->
 
 
 def _paired(faces: np.ndarray, smooth: bool) -> MeshEdges:
-    """Edges by the numbers of their corners."""
+    """Return edges by the numbers of their corners."""
     ends = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64), 1)
     face = np.repeat(np.arange(len(faces)), 3)
     there = ends[:, 0] != ends[:, 1]

@@ -1,11 +1,11 @@
-"""Points on the outlines of spheres, cylinders, disks and rectangles, as each ping sees them.
+"""Draw points on the outlines of spheres, cylinders, disks and rectangles, as seen from each ping.
 
     n·d = 0                             n_o·A⁻¹d = 0 on the unit shape: where its side turns away
     z_o = 0 and 1, the rim of a disk, the sides of a rectangle: where the shape ends
 
-d -> the way that a bent ray arrives there. Cylinders have no lids. On a sphere x_o = cos α e(φ) - sin α a, with a from
-the sonar to the centre and e(φ) around it: tan α = e·A⁻¹d / a·A⁻¹d. On a cylinder n_o = ±(-d_y, d_x, 0) / |d_xy| of
-A⁻¹d, at every z_o. d hardly depends on where on the shape the point lies, and the equations are solved by turns.
+d -> the direction in which a bent ray arrives there. Cylinders have no lids. On a sphere x_o = cos α e(φ) - sin α a,
+with a from the sonar to the centre and e(φ) around it: tan α = e·A⁻¹d / a·A⁻¹d. On a cylinder
+n_o = ±(-d_y, d_x, 0) / |d_xy| of A⁻¹d, at every z_o. d hardly depends on the point, so that a few iterations suffice.
 """
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ CLEAR = 1 + 1e-4                   # times the shape's half-width: a sonar that 
 
 @dataclass(frozen=True, kw_only=True)
 class OutlinePoints:
-    """Points on outlines, NumPy arrays (N,)."""
+    """Hold points on outlines, NumPy arrays (N,)."""
 
     ping: np.ndarray  # number within the block
     shape: np.ndarray  # registry index
-    point: np.ndarray  # (N, 3) [m]: place, and the line there per unit of its length
-    along: np.ndarray  # (N, 3) [m]: place, and the line there per unit of its length
+    point: np.ndarray  # (N, 3) [m]
+    along: np.ndarray  # (N, 3) [m]: direction of the line, times its length
     worth: np.ndarray  # share of a line that each stands for
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Lines:
-    """Lines of shapes, one a row: ``rim`` -1 of an outline of sight, ``side`` which of a cylinder's two."""
+    """Hold lines of shapes: ``rim`` is -1 for an outline of sight, ``side`` selects one of a cylinder's two."""
 
     shape: np.ndarray
     kind: np.ndarray
@@ -57,8 +57,7 @@ class _Lines:
 
 
 class OutlineSampler:
-    """Draw points on outlines of shapes without facets."""
-    # reach [m]
+    """Draw points on outlines of shapes without facets, up to a reach [m]."""
 
     def __init__(self, shapes: AttachedShapes, numbers: Sequence[int], tracer: Tracer, rows: Rows, reach: float,
                  seed: int):
@@ -68,7 +67,7 @@ class OutlineSampler:
         self._size = np.linalg.norm(self._lines.matrix[:, :, :3], axis=(1, 2))
 
     def drawn(self, place: Place, count: int) -> OutlinePoints | None:
-        """Draw so many points for every ping of a place; None where no outline is seen."""
+        """Draw `count` points for every ping of a place; return None where no outline is seen."""
         pings = max(1, TOGETHER // max(PIECES * len(self._size), 1))
         found = [self._of(place, np.arange(first, min(first + pings, len(place.ping))), count)
                  for first in range(0, len(place.ping), pings)]
@@ -79,7 +78,7 @@ class OutlineSampler:
                                 for name in ("ping", "shape", "point", "along", "worth")})
 
     def _of(self, place: Place, pings: np.ndarray, count: int) -> OutlinePoints | None:
-        """Points of some pings of a place."""
+        """Return points for some pings of a place."""
         origin = np.asarray(place.position, float)
         away = np.linalg.norm(self._lines.matrix[None, :, :, 3] - origin[pings, None], axis=-1)
         which, line = np.nonzero(away - self._size < self._reach)
@@ -110,7 +109,7 @@ class OutlineSampler:
                              along=(ahead - back) / (2 * APART), worth=np.concatenate(worth))
 
     def _points(self, place: Place, ping: np.ndarray, line: np.ndarray, share: np.ndarray) -> np.ndarray:
-        """Points (N, 3) [m] at shares of lines; NaN where there is no outline."""
+        """Return points (N, 3) [m] at shares of lines; NaN where there is no outline."""
         lines = self._lines.chosen(line)
         matrix, inner = lines.matrix, np.linalg.inv(self._lines.matrix[:, :, :3])[line]
         origin = np.asarray(place.position, float)[ping]
@@ -141,7 +140,7 @@ def _lines(shapes: AttachedShapes, numbers: Sequence[int]) -> _Lines:
 
 
 def _around(start: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """a and e(φ) (N, 3) of a unit sphere."""
+    """Return a and e(φ) (N, 3) of a unit sphere."""
     a = -start / np.maximum(np.linalg.norm(start, axis=1, keepdims=True), 1e-12)
     first = np.cross(a, np.eye(3)[np.argmin(np.abs(a), axis=1)])
     first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-12)
@@ -150,7 +149,7 @@ def _around(start: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _straight(lines: _Lines, start: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Points on unit shapes (N, 3) where they end, or as straight rays from `start` see them turn away."""
+    """Return points on unit shapes (N, 3) where they end, or where straight rays from `start` see them turn away."""
     found, turn = np.full((len(share), 3), np.nan), 2 * np.pi * share
     circle = (lines.rim >= 0) & ((lines.kind == CYLINDER) | (lines.kind == DISK))
     found[circle] = np.stack([np.cos(turn), np.sin(turn), lines.rim], 1)[circle]
@@ -169,12 +168,12 @@ def _straight(lines: _Lines, start: np.ndarray, share: np.ndarray) -> np.ndarray
 
 
 def _sine(away: np.ndarray) -> np.ndarray:
-    """One over distances, (N, 1); NaN from within."""
+    """Return one over distances, (N, 1); NaN inside the shape."""
     return np.where(away < CLEAR, np.nan, 1 / np.maximum(away, CLEAR))[:, None]
 
 
 def _square(share: np.ndarray) -> np.ndarray:
-    """Points on the sides of the unit rectangle, (N, 3)."""
+    """Return points on the sides of the unit rectangle, (N, 3)."""
     corners = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0], [-1, -1, 0]])
     side, along = np.divmod(4 * np.mod(share, 1.0), 1.0)
     first = np.minimum(side.astype(int), 3)
@@ -182,7 +181,7 @@ def _square(share: np.ndarray) -> np.ndarray:
 
 
 def _turned(lines: _Lines, start: np.ndarray, share: np.ndarray, view: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """Points of outlines of sight for rays that arrive along `view` (N, 3); `before` tells the side."""
+    """Return points of outlines of sight for rays that arrive along `view` (N, 3), on the side of `before`."""
     a, e = _around(start, share)
     angle = np.arctan2(np.einsum("nk,nk->n", e, view), np.einsum("nk,nk->n", a, view))[:, None]
     flat = np.stack([-view[:, 1], view[:, 0]], 1)

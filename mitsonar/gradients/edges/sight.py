@@ -1,4 +1,4 @@
-"""How points are seen from pings: about where bent rays to them leave for and how they arrive, and how loud they are.
+"""Compute launch and arrival directions of bent rays to points, and the weight of lines there.
 
     cos θ = cos θ_0 c / c_0                     Snell: the view at a point
     w = ℓ b                                     of a piece of a line: its length across the view [rad], and beam
@@ -22,8 +22,7 @@ FAINT = 1e-3                       # of the strongest beam: what directions outs
 
 
 class Sight:
-    """See points from pings."""
-    # reach [m]
+    """Compute views and weights of points from pings, up to a reach [m]."""
 
     def __init__(self, tracer: Tracer, rows: Rows, reach: float):
         self._rows, self._water = rows, tracer.water
@@ -31,7 +30,7 @@ class Sight:
         self._reach = dr.opaque(mi.Float, reach)
 
     def ray(self, place: Place, ping: mi.UInt32, point: mi.Vector3f) -> tuple[mi.Vector3f, mi.Vector3f]:
-        """About where the bent rays to points leave for, and which way they arrive."""
+        """Return approximate launch and arrival directions of the bent rays to points."""
         lib: Any = arrays_of(mi.Float)
         wide, origin, source = lib.Array3f64(point), place.origin(ping), place.source(ping)
         launch = self._connector.launch_direction(place.sources, origin, source, wide)
@@ -44,7 +43,7 @@ class Sight:
 
     def weight(self, place: Place, ping: mi.UInt32, middle: mi.Vector3f, along: mi.Vector3f,
                jump: mi.Float | None = None) -> mi.Float:
-        """w of pieces from end to end `along`, times the share of the energy that jumps there."""
+        """Return w of pieces with ends `along`, times the share of energy that jumps there."""
         distance = dr.maximum(dr.norm(middle - mi.Vector3f(place.origin(ping))), 1e-6)
         launch, view = self.ray(place, ping, middle)
         length = dr.norm(dr.cross(along, view)) / distance
@@ -58,8 +57,7 @@ class Sight:
 
 def drawn_pieces(weights: np.ndarray, count: int, number: int, seed: int,
                  salt: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Draw so many points, stratified through the sums of weights (n,) that are not all 0, from a ping of this number.
-    """
+    """Draw `count` points, stratified through the sums of weights (n,) that are not all 0, for a ping number."""
     sums = np.cumsum(weights)
     lib: Any = arrays_of(mi.Float)
     key = seeded(upload(mi.UInt32, row_keys(np.array([number], np.uint64))), seed, salt)

@@ -1,16 +1,15 @@
-"""What a record does not see of a scene, and its derivatives do not know of, as shares.
+"""Compute shares of a scene that a record, or its derivatives, leave out.
 
-    bins in shadow                       of those between a row's first and last ray in the main lobe: none comes
+    bins in shadow                       of the bins between a row's first and last ray in the main lobe
     echoes of shapes that stand still    of all energy of first hits: of instances and of kinds other than meshes,
                                          spheres, cylinders, disks and rectangles
-    echoes that stand still              of all energy: of several bounces, of the water, of what has a phase; told by
-                                         `record_field`
+    echoes that stand still              of all energy: of several bounces, of the water, of echoes with phases; added
+                                         by `record_field`
     where A and B meet, left out         1 where a shape without facets may pass through another, and one moves
-    outlines left out                    1 where nobody asks for them: derivatives are of what is lit
+    outlines left out                    1 without `edges`: derivatives are then those of the lit parts
 
-Which shapes without facets may pass through others: where they meet, light and shadow move by lines nobody samples.
-
-Boxes along the axes tell, those of every facet of a mesh: a pair may be told that only comes near.
+Lines where shapes without facets pass through others are not sampled. Pairs are found by boxes along the axes, those of
+every facet of a mesh; a pair that only comes near may therefore be listed.
 """
 from __future__ import annotations
 
@@ -41,7 +40,7 @@ def may_meet(geometry: Geometry, numbers: Sequence[int], meshes: Sequence[int]) 
 
 
 def _touches(geometry: Geometry, first: int, count: int, low: np.ndarray, high: np.ndarray) -> bool:
-    """Return whether the box of any facet of a mesh overlaps a box."""
+    """Return True if the box of any facet of a mesh overlaps a box."""
     vertices, faces = geometry.mesh(first, count)
     corners = vertices[faces]
     return bool(np.any(np.all((corners.min(1) < high) & (corners.max(1) > low), axis=1)))
@@ -58,15 +57,15 @@ def _name(shape: mi.Shape) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Seen:
-    """What is seen in a block."""
+    """Hold rays and energies of a block."""
 
-    rays: np.ndarray  # within the main lobe
-    energy: float  # of all first hits, and of those on shapes that stand still, in units of their bins
-    standing: float  # of all first hits, and of those on shapes that stand still, in units of their bins
+    rays: np.ndarray  # number in each bin, within the main lobe
+    energy: float  # of all first hits, in units of their bins
+    standing: float  # of first hits on shapes that stand still
 
 
 def seen_in(energy: EnergyField, scenery: Scenery, block: Block, kept: list[Kept]) -> Seen:
-    """Tell what is seen in a block."""
+    """Count the rays and sum the energies of a block."""
     bins = energy.rows.bins.count
     rays = dr.zeros(mi.UInt32, len(block.ping) * energy.rows.per_ping * bins)
     total = rest = 0.0
@@ -85,7 +84,7 @@ def seen_in(energy: EnergyField, scenery: Scenery, block: Block, kept: list[Kept
 
 
 def shares(seen: list[Seen], *, outlines: bool) -> dict[str, float]:
-    """Return what is not seen of all blocks, by name; `outlines`: whether derivatives know of them."""
+    """Return the shares of all blocks that are left out, by name; `outlines`: derivatives include outlines."""
     lit = np.concatenate([one.rays for one in seen]) > 0
     within = np.maximum.accumulate(lit, 1) & np.maximum.accumulate(lit[:, ::-1], 1)[:, ::-1]
     told = {"bins in shadow": float(np.sum(within & ~lit) / max(np.sum(within), 1))}

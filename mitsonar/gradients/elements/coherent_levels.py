@@ -1,10 +1,9 @@
-"""Gradients of the coherent levels that `mi.render` gives, by elements of arrays and point targets.
+"""Compute gradients of the coherent levels from `mi.render`, by elements of arrays and point targets.
 
     L = 10 log |p|²,    dL = 10 / ln 10  d|p|² / |p|²
 
-Which way a gradient goes is decided by what carries one. Elements and point targets have phases: theirs are of the
-picture as it is, speckle and all (`coherent_picture`). All else moves mean levels (`level_products`). Both at once is
-refused; the sonar's offsets go with either.
+Elements and point targets have phases: their gradients are those of the picture with its speckle (`coherent_picture`).
+All other parameters move mean levels (`level_products`). Both at once are refused; offsets of the sonar go with either.
 """
 from __future__ import annotations
 
@@ -27,7 +26,7 @@ PER_INTENSITY = 10 / np.log(10)    # dB
 
 
 def is_coherent(scene: mi.Scene, sensor: Any) -> bool:
-    """Return whether gradients of a sonar's picture are those of the coherent one."""
+    """Return True if gradients of a sonar's picture are those of the coherent picture."""
     targets = {shape.id() for shape in scene.shapes() if hasattr(shape, "target_strength_db")}
     elements = {f"{sensor.id()}.{name}" for name in OF_ELEMENTS} | {f"{one}.{name}" for one in targets
                                                                    for name in OF_TARGETS}
@@ -46,10 +45,7 @@ def is_coherent(scene: mi.Scene, sensor: Any) -> bool:
 
 
 class CoherentLevels:
-    """Levels (rows, columns) [dB re 1 µPa] of a scene's picture, speckle and all, and how they move with attached keys.
-
-    Beams are formed of the elements' signals. ValueError if there are none of this kind of sonar.
-    """
+    """Hold levels (rows, columns) [dB re 1 µPa] of a scene's coherent picture, and their derivatives."""
 
     def __init__(self, scene: mi.Scene, sensor: Any, seed: int):
         self._parameters: Any = mi.traverse(scene)
@@ -67,14 +63,14 @@ class CoherentLevels:
         self.levels = level[self._order].reshape(self._shape).astype(np.float32)
 
     def forward(self) -> np.ndarray:
-        """Return dL, (rows, columns) [dB], of the tangents that are set at the leaves."""
+        """Return dL, (rows, columns) [dB], for the tangents that are set at the leaves."""
         with dr.resume_grad():
             tangents = {key: np.array(dr.grad(self._parameters[key]), float).reshape(self._start[key].shape)
                         for key in self._keys}
         return (self._about.forward(tangents) * self._slope)[self._order].reshape(self._shape)
 
     def backward(self, weights: np.ndarray) -> None:
-        """Send the gradient of Σ w L of weights (rows, columns) to the leaves."""
+        """Add the gradient of Σ w L, for weights (rows, columns), to the leaves."""
         spread = np.zeros(self._slope.size)
         spread[self._order] = np.ravel(weights)
         for key, gradient in self._about.backward(np.where(self._slope > 0, spread, 0) * self._slope).items():
@@ -84,7 +80,7 @@ class CoherentLevels:
 
 
 def _attached(scene: mi.Scene) -> list[str]:
-    """Names of what carries gradients in a scene, be they suspended or not."""
+    """Return the names of parameters with gradients, also while gradients are suspended."""
     parameters: Any = mi.traverse(scene)
     with dr.resume_grad():
         return [key for key, value in parameters.items() if dr.is_diff_v(value) and dr.grad_enabled(value)]

@@ -1,18 +1,12 @@
-"""Coherent pictures as a function of arrays, platform and point targets, speckle and all, and their Jacobian.
+"""Compute coherent pictures as a function of arrays, platform and point targets, and their Jacobian.
 
-    p = A s(x),    I = |p|²
+    p = A s(x),    I = |p|²,      A = B M D⁻¹,    Aᴴ = D⁻ᴴ Mᴴ Bᴴ
     dp = A J v,    dI = 2 Re(p* dp)
     Jᵀ Aᴴ w,       w = 2 p I'                         w -> weights of p, real and imaginary parts
 
-s, J -> signals of elements and their Jacobian (`elements`), A -> the linear way to the beams (`coherent_fan`). Beams
-are formed with the arrays as they are at the start.
-
-The linear way from signals of elements to the beams of a fan, and its transpose.
-
-    p = B M D⁻¹ s,    s' = D⁻ᴴ Mᴴ Bᴴ p'
-
-D -> the receivers' delays, which the beams undo; M -> the matched filter; B -> delay and sum at every range. Arrays are
-those of the start: what is changed in elements later is an error that the beams do not know of.
+s, J -> signals of elements and their Jacobian (`elements`), A -> linear map to the beams: D -> delays of the receivers,
+which beamforming undoes; M -> matched filter; B -> delay and sum at every range. Beams are formed with the arrays of
+the start. A later change of elements is therefore an error of the beams.
 """
 from __future__ import annotations
 
@@ -35,9 +29,9 @@ from .elements import ElementModel
 
 
 class CoherentFan:
-    """Beams of a ping, of directions (B, 3) in the body frame, as a function of the signals of its elements.
+    """Form beams of a ping in directions (B, 3), body frame, from element signals; `shape` holds beams and samples.
 
-    The survey's record leads by a pulse; beams are formed with a sound speed [m/s]. `shape` counts beams and samples.
+    The survey's record leads by a pulse; beams are formed with a sound speed [m/s].
     """
 
     def __init__(self, survey: ArraySurvey, direction: np.ndarray, speed: float):
@@ -52,12 +46,12 @@ class CoherentFan:
             attrs={"frequency": survey.frequency, "sampling_rate": survey.sampling_rate, "sound_speed": speed})
 
     def beams(self, signals: np.ndarray) -> np.ndarray:
-        """Return beams complex64 (B, S) [µPa] of signals (rx, S) [µPa]."""
+        """Return beams (B, S) [µPa], complex64, for signals (rx, S) [µPa]."""
         frame: Any = self._frame.copy(data=signals[None, None].astype(np.complex64))
         return fan.formed(frame, self._survey.pulse, self._direction)[0]
 
     def transposed(self, weights: np.ndarray) -> np.ndarray:
-        """Return weights of signals (rx, S) of those of beams (B, S): the conjugate transpose."""
+        """Return weights of signals (rx, S) for weights of beams (B, S): the conjugate transpose."""
         survey, delay = self._survey, self._survey.receive.delay
         summed = delay_and_sum_transposed(self._frame, self._direction, weights[None])[0, 0]
         found = transposed(lambda signals: matched_filter(signals, survey.pulse, survey.sampling_rate), summed)
@@ -70,7 +64,7 @@ PARTS = "intensity", "amplitude"
 
 
 class CoherentPicture:
-    """The picture of a sonar's beams as a `ForwardModel`, with its speckle, noise and targets."""
+    """Model the picture of a sonar's beams, with speckle, noise and targets, as a `ForwardModel`."""
 
     def __init__(self, scene: mi.Scene, keys: Sequence[str], *, pings: Sequence[int] | None = None, sensor: int = 0,
                  seed: int = 0, of: str = "intensity"):
@@ -94,7 +88,7 @@ class CoherentPicture:
         return f"CoherentPicture of {self.shape[0]} pings, {self.shape[1]} beams, {self.shape[2]} samples by {keys}"
 
     def value(self, values: Values) -> np.ndarray:
-        """Return the picture of values; see `ForwardModel.value`."""
+        """Return the picture for values; see `ForwardModel.value`."""
         return _shown(_beams(self._fans, self._elements.value(values), self._elements.shape), self._of)
 
     def linearised(self, values: Values) -> CoherentJacobian:
@@ -103,9 +97,9 @@ class CoherentPicture:
 
 
 class CoherentJacobian:
-    """A coherent picture about some values, as a `Linearised`; `beams` are complex (P, B, S) [µPa].
+    """Hold a coherent picture about some values, as a `Linearised`; `beams` are complex (P, B, S) [µPa].
 
-    `shape` is that of the elements' record, a fan is of each ping, and `of` as of `CoherentPicture`.
+    There is one fan for each ping; `shape` is that of the elements' record, and `of` as in `CoherentPicture`.
     """
 
     def __init__(self, elements: Linearised, shape: tuple[int, int, int, int], fans: Sequence[CoherentFan],
@@ -141,7 +135,7 @@ def _all_pings(scene: mi.Scene, sonar: Any) -> range:
 
 
 def _beams(fans: Sequence[CoherentFan], signals: np.ndarray, shape: tuple[int, int, int, int]) -> np.ndarray:
-    """Beams (P, B, S), complex128, of a record of signals."""
+    """Return beams (P, B, S), complex128, for a record of signals."""
     pings = np.ascontiguousarray(signals).view(complex).reshape(shape[:3])
     return np.stack([fan.beams(one) for fan, one in zip(fans, pings, strict=True)]).astype(complex)
 

@@ -1,14 +1,14 @@
-"""Signals of elements as a function of arrays, platform and point targets, and their Jacobian.
+"""Compute signals of elements as a function of arrays, platform and point targets, and their Jacobian.
 
-    y     what `mitsonar.element_signals` gives, the same bytes, real and imaginary parts one after the other
-    J v, Jᵀ w    exact in delays and phases of all echoes, over the fast sums: `element_levers`
+    y     the signals of `mitsonar.element_signals`, to the byte, real and imaginary parts one after the other
+    J v, Jᵀ w    exact in delays and phases of all echoes, over the fast sums: `levers`
 
-Signals of a ping are an operation of Dr.Jit, attached to what moves at it, and that to parameters. So losses of
-signals, or of beams and pictures that Dr.Jit makes of them, go back to elements, point targets and the track.
+The signals of a ping are an operation of Dr.Jit, attached to the motion at this ping, and the motion to parameters.
+Losses of signals, beams or pictures therefore propagate to elements, point targets and the track.
 
-Scatterers, rays and noise are those of the start for all values. Left out of the Jacobian, about 1/(k R) of it: how
-spreading, absorption, elements' patterns and strengths of scattering change; and what comes out of shadows or falls
-into them. Points of the water and bounces that are drawn by chance move with the sonar in y, and stand still in J.
+Scatterers, rays and noise are those of the start for all values. The Jacobian leaves out changes of spreading,
+absorption, element patterns and scattering strength, about 1/(k R) of it, and the edges of shadows. Points of the
+water and bounces that are drawn by chance move with the sonar in y, and stand still in J.
 """
 from __future__ import annotations
 
@@ -51,35 +51,36 @@ class ElementModel:
     Parameters
     ----------
     scene : mitsuba.Scene
-        As `mitsonar.load_file` gives it.
+        Scene from `mitsonar.load_file`.
     keys : sequence of str
-        Parameters, as `element_parameters` names them.
+        Names of parameters, as in `element_parameters`.
     pings : sequence of int
+        Numbers of the pings, counted from 0.
     sensor : int
         Number of the sensor.
     seed : int
-        Of noise, and of rays where they ensonify the scatterers.
+        Seed of noise, and of rays where rays ensonify the scatterers.
 
     Attributes
     ----------
     start, units : dict
-        Of the parameters.
+        Start values and units of the parameters.
     shape : (int, int, int, 2)
-        Of y: pings, receive elements, samples, real and imaginary part.
+        Shape of y: pings, receive elements, samples, real and imaginary part.
     left_out : tuple of str
-        What the Jacobian does not hold.
+        Effects that the Jacobian leaves out.
 
     Raises
     ------
     ValueError
-        If the sensor has no arrays, there is no such parameter or ping.
+        If the sensor has no arrays, or a parameter or ping does not exist.
     """
 
     left_out = LEFT_OUT
 
     @property
     def survey(self) -> ArraySurvey:
-        """The run at the start."""
+        """Survey with the start values."""
         return self._survey
 
     def __init__(self, scene: mi.Scene, keys: Sequence[str], *, pings: Sequence[int] = (0,), sensor: int = 0,
@@ -113,7 +114,7 @@ class ElementModel:
         return f"ElementModel of {self.shape[0]} pings, {self.shape[1]} receivers, {self.shape[2]} samples by {keys}"
 
     def value(self, values: Values) -> np.ndarray:
-        """Return the signals of values; see `ForwardModel.value`."""
+        """Return the signals for values; see `ForwardModel.value`."""
         run = self._run(values)
         return np.concatenate([_flat(run.kept(run.signals(ping))) for ping in self._pings])
 
@@ -131,7 +132,7 @@ class ElementModel:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Run:
-    """A run with some values: from pings to signals."""
+    """Compute the signals of pings with some values."""
 
     altered: Altered
     ensonification: Ensonification
@@ -142,11 +143,11 @@ class _Run:
         return self.altered.survey
 
     def record(self) -> PressureRecord:
-        """What sums the echoes."""
+        """Return the record that sums the echoes."""
         return _given(PressureRecord(self.survey, seed=self.seed), self.ensonification)
 
     def signals(self, ping: int, record: PressureRecord | None = None) -> np.ndarray:
-        """Signals of a ping before the receivers' own delays, and gains: (rx, samples)."""
+        """Return the signals (rx, samples) of a ping before the delays and gains of the receivers."""
         survey, record = self.survey, record or self.record()
         signals = amplitude_from_db(survey.source_level_db) * echoes_of_the_pulse(record, ping, lambda share: None)
         if survey.noise is not None:
@@ -154,16 +155,16 @@ class _Run:
         return signals
 
     def kept(self, signals: np.ndarray) -> np.ndarray:
-        """What receivers make of them, and the samples that are asked for: complex64."""
+        """Return the received signals with delays and gains, cut to the requested samples: complex64."""
         signals = self._late(signals) if self.survey.receive.delay.any() else signals
         return self._cut(signals if np.all(self.altered.gain == 1) else signals * self.altered.gain[:, None])
 
     def by_channel(self, signals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives of `kept` by the receivers' delays [1/s], and by their gains."""
+        """Return the derivatives of `kept` by the delays [1/s] and by the gains of the receivers."""
         return (self._cut(self._late(signals, rate=True) * self.altered.gain[:, None]), self._cut(self._late(signals)))
 
     def response_weights(self, weights: np.ndarray, ping: int, sent: SentPiece, factor: float) -> np.ndarray:
-        """The transpose of pulse and absorption: weights of a class's responses, of those of signals (rx, samples)."""
+        """Return weights of a class's responses for weights (rx, samples) of signals."""
         survey, pulse = self.survey, sent.pulse
         found = transposed(lambda response: received(response, pulse, survey.sampling_rate, factor), weights)
         if survey.absorption_db is not None:
@@ -172,7 +173,7 @@ class _Run:
         return found
 
     def weights(self, kept: np.ndarray) -> np.ndarray:
-        """The transpose of `kept`: of the weights (rx, kept samples) of what is asked for, those of the signals."""
+        """Return weights of signals for weights (rx, kept samples) of `kept`: its transpose."""
         survey = self.survey
         wide = np.zeros((len(kept), survey.samples), np.complex64)
         wide[:, survey.lead:] = kept * np.conj(self.altered.gain)[:, None]
@@ -195,7 +196,7 @@ def _given(record: Any, ensonification: Ensonification) -> Any:
 
 
 class _LeveredRecord(PressureRecord):
-    """A record whose sums bind the levers of echoes. `like` makes the sums, of how many sheets."""
+    """Sum echoes with their levers bound; `like` makes the sums for a number of sheets."""
 
     def __init__(self, survey: ArraySurvey, *, seed: int, targets: np.ndarray, like: Any = None):
         super().__init__(survey, seed=seed)
@@ -211,12 +212,12 @@ class _LeveredRecord(PressureRecord):
         return self._like(sheets)
 
     def taken_over(self, ensonified: EnsonifiedPing) -> None:
-        """Take the echoes of a ping that are known already."""
+        """Use the echoes of a ping that have been computed before."""
         self._ensonified = ensonified
 
 
 class ElementJacobian:
-    """Element signals about some values, as a `Linearised`."""
+    """Hold element signals about some values, as a `Linearised`."""
     # value (N,)
 
     def __init__(self, run: _Run, parameters: ElementParameters, shape: tuple[int, int, int, int]):
@@ -248,7 +249,7 @@ class ElementJacobian:
             return {key: dr.grad(leaf).numpy().reshape(start[key].shape) for key, leaf in leaves.items()}
 
     def attached(self, leaves: Mapping[str, Any]) -> list[mi.Float64]:
-        """Return the signals of every ping, flat, attached to parameters: flat Float64 by name."""
+        """Return the flat signals of every ping, attached to parameters (flat Float64 by name)."""
         return [dr.custom(_Signals, self, number, self._motion(leaves, number)) for number in range(self._shape[0])]
 
     def _motion(self, leaves: Mapping[str, Any], number: int) -> Motion:
@@ -262,7 +263,7 @@ class ElementJacobian:
         return mi.Float64(self.value.reshape(self._shape[0], -1)[number])
 
     def _forward(self, number: int, motion: Motion) -> np.ndarray:
-        """J v of a ping that moves so: flat."""
+        """Return J v of a ping for its motion, flat."""
         run, ping, survey = self._run, self._parameters.pings[number], self._run.survey
         found = np.zeros((survey.receive.elements, survey.samples), np.complex64)
         level = amplitude_from_db(survey.source_level_db)
@@ -282,7 +283,7 @@ class ElementJacobian:
         return _flat(total)
 
     def _backward(self, number: int, weights: np.ndarray) -> Motion:
-        """Jᵀ w of a ping by what moves at it, of weights (rx, samples) of its signals."""
+        """Return Jᵀ w of a ping, by its motion, for weights (rx, samples) of its signals."""
         ping, survey, parameters = self._parameters.pings[number], self._run.survey, self._parameters
         motion = self._motion({}, number)
         dr.enable_grad(motion)
@@ -324,7 +325,7 @@ class ElementJacobian:
 
 
 class _Signals(dr.CustomOp):
-    """Signals of a ping as a function of its motion."""
+    """Attach the signals of a ping to its motion."""
 
     def eval(self, jacobian: ElementJacobian, number: int, motion: Motion) -> mi.Float64:
         self._jacobian, self._number = jacobian, number
@@ -344,7 +345,7 @@ class _Signals(dr.CustomOp):
 def attached_signals(model: ElementModel, parameters: Any, pings: Sequence[int]) -> mi.TensorXf:
     """Return a model's signals [µPa], (ping, receiver, sample, real or imaginary), attached to parameters of its scene.
 
-    The model is of keys among the parameters, at their values now, and of these pings.
+    The keys of the model are among the parameters, at their present values, and its pings are `pings`.
     """
     leaves = {}
     for key in model.start:
@@ -356,5 +357,5 @@ def attached_signals(model: ElementModel, parameters: Any, pings: Sequence[int])
 
 
 def _flat(signals: np.ndarray) -> np.ndarray:
-    """Real and imaginary parts of complex numbers one after the other, float64."""
+    """Return complex numbers as flat float64, real and imaginary parts one after the other."""
     return np.ascontiguousarray(signals, complex).view(float).ravel()

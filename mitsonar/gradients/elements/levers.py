@@ -1,20 +1,20 @@
-"""How much later or stronger echoes come when elements, the platform or point targets move, for each pair.
+"""Compute changes of delay and strength of echoes when elements, the platform or point targets move, for each pair.
 
-An arrival is stationary in the way of its ray (Fermat), so that its time changes by the slowness at the ends alone. An
-echo is sent at r_t from a platform at rest, is met, and is heard at r_e of a platform that moves at v:
+An arrival is stationary in the path of its ray (Fermat): its time changes by the slowness at the ends alone. An echo is
+sent at r_t from a platform at rest, scattered, and received at r_e by a platform that moves at v:
 
     dτ = ρ [-u_t·dr_t - u_e·dr_e + (h_t + h_e)·dx] / c + f dt_t,     ρ = 1 / (1 + u_e·v / c)
 
-u_t, u_e -> unit vectors at the elements towards the echo, c -> sound speed there, dx -> move of what is met, dt_t ->
-delay of the transmitter, f -> the pulse's own time scale. In layered water a ray keeps its horizontal slowness, so that
-at what is met, where sound runs at c_x,
+u_t, u_e -> unit vectors at the elements towards the echo, c -> sound speed there, dx -> displacement of the scatterer,
+dt_t -> delay of the transmitter, f -> the pulse's own time scale. In layered water a ray keeps its horizontal slowness,
+so that at the scatterer, where the sound speed is c_x,
 
     h = (u_x, u_y, ± √((c/c_x)² - u_x² - u_y²))
 
-u_e is u at the array's centre turned by the curvature of the wavefront, as elements' patterns have it. Left out: what
-spreading, absorption, patterns and strengths of scattering change by, 1/(k R) of what the phase does. Over the echoes,
+u_e is u at the array's centre turned by the curvature of the wavefront, as in the patterns of elements. Left out are
+changes of spreading, absorption, patterns and scattering strength, 1/(k R) of the change of phase. Over the echoes,
 
-    J v     Σ_h a_h (dα_h - 2πi (f₀ + f) dτ_he) exp(-2πi f₀ τ_he) k       the fast sums, each echo as strong as it moves
+    J v     Σ_h a_h (dα_h - 2πi (f₀ + f) dτ_he) exp(-2πi f₀ τ_he) k       fast sums, each echo weighted by its change
     Jᵀ w    the same dτ and dα, differentiated by Dr.Jit pair by pair                            `signal.gathering`
 
 The factor -2πi (f₀ + f) is that of the spectrum, see `signal.impulses.Later`.
@@ -52,7 +52,7 @@ Motion: TypeAlias = dict[str, Any]     # of a ping, by `ElementParameters.motion
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ends:
-    """Point targets that a block's echoes come from: numbers (H,), and (c/c_x)² of the legs out and back (H,).
+    """Hold numbers (H,) of the point targets of a block's echoes, and (c/c_x)² (H,) of the legs out and back.
 
     The ratio is negative where the ray has turned up or down on its way.
     """
@@ -62,35 +62,35 @@ class Ends:
     back: Float
 
     def chosen(self, index: UInt32) -> Ends:
-        """Select some echoes."""
+        """Return the rows of some echoes."""
         return Ends(target=picked(self.target, index), out=picked(self.out, index), back=picked(self.back, index))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Levers:
-    """Levers of a block of echoes from one transmit element."""
+    """Hold levers of a block of echoes from one transmit element."""
 
     sender: int
-    out: View  # of the platform, by the legs there and back
-    back: View  # of the platform, by the legs there and back
+    out: View  # of the platform on the legs out and back
+    back: View
     hits: list[Float]  # (H,)
     offsets: np.ndarray  # (E, 3) [m]: of receive elements
     ends: Ends | None  # of echoes of point targets
 
     def chosen(self, index: UInt32) -> Levers:
-        """Select some echoes."""
+        """Return the rows of some echoes."""
         return Levers(sender=self.sender, out=self.out, back=self.back, hits=[picked(hit, index) for hit in self.hits],
                       offsets=self.offsets, ends=None if self.ends is None else self.ends.chosen(index))
 
 
 class TargetEnds:
-    """Tell which echoes are those of point targets at positions (K, 3) [m]."""
+    """Find the echoes of point targets at positions (K, 3) [m]."""
 
     def __init__(self, position: np.ndarray):
         self.position = position
 
     def of(self, echoes: Echoes, out: View, back: View, origin: np.ndarray) -> Ends | None:
-        """Return the ends of a block of echoes; None where it is not one of targets."""
+        """Return the ends of a block of echoes, or None if they are not those of targets."""
         if not len(self.position) or echoes.count > MOST_OF_TARGETS * len(self.position):
             return None
         start = origin * [1, 1, -1] if out.depth < 0 else origin
@@ -103,7 +103,7 @@ class TargetEnds:
                     back=self._ratio(echoes.back, back, which))
 
     def _ratio(self, leg: Any, view: View, which: np.ndarray) -> Float:
-        """(c/c_x)² of a leg, signed."""
+        """Return (c/c_x)² of a leg, negative where the ray has turned."""
         here, there = view.profile.at(view.depth), view.profile.at(-self.position[which, 2])
         turned = np.sign(leg.launch_direction.z.numpy()) * np.sign(leg.offset.z.numpy()) < 0
         ratio = (here / there) ** 2 * np.where(turned, -1, 1)
@@ -112,7 +112,7 @@ class TargetEnds:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LeveredDelays(GuardedDelays):
-    """Delays as the record's, whose sums know how far each echo moves with what."""
+    """Compute the delays of the record, with the levers of each echo."""
 
     targets: TargetEnds = field(default_factory=lambda: TargetEnds(np.zeros((0, 3))))
 
@@ -130,7 +130,7 @@ class LeveredDelays(GuardedDelays):
                                                     weight=weight, rows=rows)
 
     def levers(self, echoes: Echoes, element: int) -> Levers:
-        """Make the levers of echoes from one transmit element."""
+        """Return the levers of echoes from one transmit element."""
         source, lib = self.source, arrays_of(mi.Float)
         out, view, off = source.view(echoes.out), source.view(echoes.back), self.stands_off(element)
         sent, met = [lib.Float(part) for part in echoes.out.launch_direction], echoes.arrival
@@ -156,19 +156,19 @@ class LeveredDelays(GuardedDelays):
 
 
 class Quantity(NamedTuple):
-    """What changes of echoes: numbers that a motion gives to (own, shared), and the function of them."""
+    """Hold a changing property of echoes: the numbers (own, shared) from a motion, and a function of them."""
 
     given: Callable[[Levers, Motion], tuple[list, list]]
     factor: Callable[[Sequence[Float], Sequence[Float], Sequence[Float], Sequence[Float]], Float]
 
     def hits(self, levers: Levers) -> list[Float]:
-        """Fields of hits that the function reads."""
+        """Return the fields of hits that the function reads."""
         ends = levers.ends
         return [*levers.hits, *([] if ends is None else [ends.out, ends.back])]
 
 
 def _moves(levers: Levers, motion: Motion) -> tuple[list, list]:
-    """Moves of receive elements [m]; of the platform, the transmit element, its delay, and of targets (H,)."""
+    """Return displacements of receive elements [m]; those of platform, transmit element and targets, and its delay."""
     sender = mi.UInt32(levers.sender)
     place, back = _mirrored(levers.back, motion["place"]), _mirrored(levers.back, motion["rx"])
     sent = _mirrored(levers.out, motion["place"] + picked(motion["tx"], sender))
@@ -178,7 +178,7 @@ def _moves(levers: Levers, motion: Motion) -> tuple[list, list]:
 
 
 def _strengthens(levers: Levers, motion: Motion) -> tuple[list, list]:
-    """Relative change of what is sent, and what comes back of targets."""
+    """Return the relative change of the sent amplitude and of the target's echo."""
     stronger = picked(motion["tx_strength"], mi.UInt32(levers.sender))
     if levers.ends is not None:
         stronger = stronger + picked(motion["target_strength"], levers.ends.target)
@@ -186,7 +186,7 @@ def _strengthens(levers: Levers, motion: Motion) -> tuple[list, list]:
 
 
 def _later(hit: Sequence[Float], at: Sequence[Float], own: Sequence[Float], shared: Sequence[Float]) -> Float:
-    """dτ [s] of a hit at an element with an offset."""
+    """Return dτ [s] of a hit at an element with an offset."""
     seen = seen_from(cast(Any, hit[:3]), cast(Any, at[:3]), hit[3])
     common = dot(hit[5:8], shared[:3]) + dot(hit[8:11], shared[3:6])
     if len(shared) > 7:
@@ -196,13 +196,13 @@ def _later(hit: Sequence[Float], at: Sequence[Float], own: Sequence[Float], shar
 
 
 def _at_target(seen: Sequence[Float], ratio: Float) -> list[Float]:
-    """h, from vectors towards the target and (c/c_x)²."""
+    """Return h for vectors towards the target and (c/c_x)²."""
     steep = dr.sqrt(dr.maximum(abs(ratio) - dr.fma(seen[0], seen[0], seen[1] * seen[1]), 0))
     return [seen[0], seen[1], dr.mulsign(steep, seen[2] * ratio)]
 
 
 def _mirrored(view: View, vector: Any) -> Any:
-    """Vectors of the scene as a view sees them."""
+    """Return vectors of the scene in the frame of a view."""
     return type(vector)(vector.x, vector.y, -vector.z) if view.depth < 0 else vector
 
 
@@ -211,26 +211,26 @@ STRENGTHS = Quantity(_strengthens, lambda hit, at, own, shared: shared[0])
 
 
 class Tangents(ImpulseResponses):
-    """Sum how responses change as a motion changes a quantity. The kernel of delays is `signal.impulses.Later`."""
+    """Sum the changes of responses when a motion changes a quantity; delays take the kernel `signal.impulses.Later`."""
 
     def __init__(self, like: type, quantity: Quantity, motion: Motion, **how: Any):
         super().__init__(like, **how)
         self._quantity, self._motion = quantity, motion
 
     def bound(self, levers: Levers) -> _BoundTangents:
-        """Return what echoes of these levers are added to."""
+        """Return the sums for echoes with these levers."""
         return _BoundTangents(levers, self._quantity, self._motion, self)
 
 
 class Gradients(NamedTuple):
-    """Sum the gradient of a number by a motion, of weights of responses; it is added to the gradients of `motion`."""
+    """Gather the gradient by a motion for weights of responses, and add it to the gradients of `motion`."""
 
     weights: GatheredWeights
     quantity: Quantity
     motion: Motion
 
     def bound(self, levers: Levers) -> _BoundGradients:
-        """Return what echoes of these levers are gathered by."""
+        """Return the gathering for echoes with these levers."""
         return _BoundGradients(levers, self.quantity, self.motion, self.weights)
 
 
@@ -242,7 +242,7 @@ class _BoundTangents(NamedTuple):
 
     def add(self, *, hit_fields: Sequence[Float], element_fields: Sequence[Float | np.ndarray], difference: OfPair,
             gain: OfPair | None = None, rows: np.ndarray, **echoes: Any) -> None:
-        """Add the echoes of hits, each as strong as it moves; see `ImpulseResponses.add`."""
+        """Add the echoes of hits, each weighted by its change; see `ImpulseResponses.add`."""
         n, m, hits, rows = len(hit_fields), len(element_fields), self.quantity.hits(self.levers), np.ravel(rows)
         own, shared = ([mi.Float(part) for part in parts] for parts in self.quantity.given(self.levers, self.motion))
         dr.make_opaque(own, shared)
@@ -266,7 +266,7 @@ class _BoundGradients(NamedTuple):
 
     def add(self, *, hit_fields: Sequence[Float], element_fields: Sequence[Float | np.ndarray], difference: OfPair,
             gain: OfPair | None = None, rows: np.ndarray, **echoes: Any) -> None:
-        """Gather what the echoes of hits are at elements; arguments as of `ImpulseResponses.add`."""
+        """Gather the gradients of echoes at elements; arguments are those of `ImpulseResponses.add`."""
         n, m, rows = len(hit_fields), len(element_fields), np.ravel(rows)
         pairs = EchoPairs(hit_fields=[*hit_fields, *self.quantity.hits(self.levers)], rows=rows,
                           element_fields=[*element_fields, *self.levers.offsets[rows].T],

@@ -1,18 +1,18 @@
-"""Parameters of element signals by name: their values at the start, runs with others, and the motions that they cause.
+"""Hold parameters of element signals by name: start values, surveys with other values, and the motions they cause.
 
 =====================  =========  ==============  ==============================================================
-name                   shape      unit            what it is
+name                   shape      unit            meaning
 =====================  =========  ==============  ==============================================================
-`S.tx_position`        (T, 3)     m               of transmit elements, body frame
-`S.rx_position`        (E, 3)     m               of receive elements
-`S.tx_weight`          (T,)       1               of what they send; magnitudes are made to add to 1
-`S.tx_delay`           (T,)       s               by which they send later
-`S.rx_delay`           (E,)       s               by which receivers' signals are later
-`S.rx_gain`            (E, 2)     1               real and imaginary part of what receivers make of their signals
-`S.position_offset`    (P, 3)     m               of the platform at each ping, scene coordinates
-`S.attitude_offset`    (P, 3)     rad             of heading, pitch and roll
-`N.position`           (3,)       m               of the point target N
-`N.target_strength_db` ()         dB re 1 m²      of one that scatters alike at all frequencies and directions
+`S.tx_position`        (T, 3)     m               transmit elements, body frame
+`S.rx_position`        (E, 3)     m               receive elements, body frame
+`S.tx_weight`          (T,)       1               transmit weights; their magnitudes are scaled to add to 1
+`S.tx_delay`           (T,)       s               transmit delays
+`S.rx_delay`           (E,)       s               receive delays
+`S.rx_gain`            (E, 2)     1               real and imaginary part of the receivers' gains
+`S.position_offset`    (P, 3)     m               offset of the platform at each ping, scene coordinates
+`S.attitude_offset`    (P, 3)     rad             offset of heading, pitch and roll
+`N.position`           (3,)       m               position of the point target N
+`N.target_strength_db` ()         dB re 1 m²      strength of a target alike at all frequencies and directions
 =====================  =========  ==============  ==============================================================
 
 S -> id of the sensor, P -> pings of the model.
@@ -48,7 +48,7 @@ ANGLE_STEP = 1e-5                  # [rad] of differences of rotations, in float
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Altered:
-    """A run with other values; `gain` (E,), complex, is that of the receivers' channels."""
+    """Hold a survey with other values; `gain` (E,), complex, is that of the receivers' channels."""
 
     survey: ArraySurvey
     targets: list[Target]
@@ -56,10 +56,9 @@ class Altered:
 
 
 class ElementParameters:
-    """Parameters of the element signals of a run, by keys as above, of a sensor and some pings.
+    """Parameters of element signals by the keys above, for one sensor and some pings.
 
-    `offsets` of places (P, 3) [m] and attitudes (P, 3) [rad] are what the survey's track holds already. ValueError if
-    there is no such key, or one is asked for twice.
+    `offsets` of position (P, 3) [m] and attitude (P, 3) [rad] are already part of the survey's track.
     """
 
     def __init__(self, survey: ArraySurvey, keys: Sequence[str], *, sensor: str, pings: Sequence[int],
@@ -84,7 +83,7 @@ class ElementParameters:
         self.units = {key: UNITS[key.rpartition(".")[2]] for key in keys}
 
     def _known(self) -> dict[str, np.ndarray]:
-        """Values of all parameters that there are."""
+        """Return the values of all existing parameters."""
         transmit, receive = self.survey.transmit, self.survey.receive
         of_sensor = {"tx_position": transmit.position, "rx_position": receive.position, "tx_weight": transmit.weight,
                      "tx_delay": transmit.delay, "rx_delay": receive.delay,
@@ -98,10 +97,7 @@ class ElementParameters:
         return known
 
     def checked(self, values: Values, whole: bool = True) -> dict[str, np.ndarray]:
-        """Return values as float64 arrays, with those of the start, or zeros, for what is left out.
-
-        ValueError if a name is unknown, a shape does not fit, or a number is not finite.
-        """
+        """Return values as float64 arrays, with start values, or zeros, for parameters that are left out."""
         for name in values:
             if name not in self.start:
                 raise ValueError(f"{name!r} is none of the model's parameters{meant(name, list(self.start))}; it has "
@@ -119,7 +115,7 @@ class ElementParameters:
     # ---- runs with other values
 
     def altered(self, values: Mapping[str, np.ndarray]) -> Altered:
-        """Return the run with values as `checked` returns them; ValueError if no array or track can be made of them."""
+        """Return the survey with values from `checked`; ValueError if no array or track can be made of them."""
         survey = self.survey
         transmit = _replaced(survey.transmit, position=self._of(values, "tx_position"),
                              weight=self._of(values, "tx_weight"), delay=self._of(values, "tx_delay"))
@@ -151,9 +147,9 @@ class ElementParameters:
         return any(name.rpartition(".")[2] in names for name in self.start)
 
     def motion(self, tangents: Mapping[str, Any], survey: ArraySurvey, number: int) -> Motion:
-        """Return what moves at a ping, by its number among the model's, of a survey as `altered` gives it.
+        """Return the motion at a ping, by its number in the model, for a survey from `altered`.
 
-        It is linear in the tangents, flat Float64, and attached to them.
+        The motion is linear in the tangents, flat Float64, and attached to them.
         """
         lib: Any = arrays_of(mi.Float)
         V, ping, transmit, receive = lib.Array3f64, self.pings[number], survey.transmit, survey.receive
@@ -198,7 +194,7 @@ def _replaced(array: Array, **parts: np.ndarray | None) -> Array:
 
 
 def _displaced(track: Track, pings: list[int], place: np.ndarray | None, turn: np.ndarray | None) -> Track:
-    """A track that is off its own at some pings."""
+    """Return a track that is displaced and turned at some pings."""
     position = np.array(track.position)
     angles = {name: np.array(getattr(track, name)) for name in ("heading", "pitch", "roll")}
     if place is not None:
@@ -210,7 +206,7 @@ def _displaced(track: Track, pings: list[int], place: np.ndarray | None, turn: n
 
 
 def _rotations(track: Track, ping: int) -> list[np.ndarray]:
-    """The rotation (3, 3) of a ping, body to scene, and its derivatives by heading, pitch and roll."""
+    """Return the rotation (3, 3) of a ping, body to scene, and its derivatives by heading, pitch and roll."""
     angles = np.array([track.roll[ping], track.pitch[ping], track.heading[ping]])
     return [rotation_matrix(*angles),
             *((rotation_matrix(*(angles + step)) - rotation_matrix(*(angles - step))) / (2 * ANGLE_STEP)

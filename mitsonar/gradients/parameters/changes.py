@@ -1,10 +1,9 @@
-"""Other numbers for a parameter: heights of a mesh, the pose of an object, decibels, nodes, an offset.
+"""Replace a parameter by other numbers: heights of a mesh, the pose of an object, decibels, nodes, an offset.
 
     y = g(x),    dy = G dx,    Gᵀ w                      `BoundChange.inner`, `.push`, `.pull`
 
-y -> the parameter as the model has it; x -> what stands for it.
-
-Vertices, or the transform of a shape, that move and turn as one.
+y -> the parameter of the model; x -> the numbers that replace it. Vertices, or the transform of a shape, that move and
+turn as one:
 
     v' = c + t + R (v - c)              of vertices v (V, 3)
     A' = R A,  o' = c + t + R (o - c)   of a transform (4, 4) with the columns A and the origin o
@@ -21,7 +20,7 @@ from .node_weights import node_weights
 
 
 class Rigid:
-    """What moves as one."""
+    """Move and turn vertices, or a transform, as one body."""
     # start (V, 3) [m]; centre (3,) [m]
 
     def __init__(self, key: str, start: np.ndarray):
@@ -35,19 +34,19 @@ class Rigid:
         self._arms = rows - self.carried * self.centre
 
     def rows(self, array: np.ndarray) -> np.ndarray:
-        """The vectors (N, 3) of an array: vertices, or three columns and the origin."""
+        """Return the vectors (N, 3) of an array: vertices, or three columns and the origin."""
         return array[:3].T if self._matrix else array
 
     def array(self, rows: np.ndarray, *, tangent: bool = False) -> np.ndarray:
-        """The array of vectors (N, 3); of a tangent the last row of a transform stands still."""
+        """Return the array of vectors (N, 3); the last row of a transform's tangent is zero."""
         return np.vstack([rows.T, (0, 0, 0, 0.0 if tangent else 1.0)]) if self._matrix else rows
 
     def arms(self, rotation: np.ndarray) -> np.ndarray:
-        """R (v - c) and R A, (N, 3)."""
+        """Return R (v - c) and R A, (N, 3)."""
         return self._arms @ rotation.T
 
     def moved(self, rotation: np.ndarray, shift: np.ndarray) -> np.ndarray:
-        """The array, moved and turned."""
+        """Return the array after rotation and shift."""
         return self.array(self.arms(rotation) + self.carried * (self.centre + shift))
 
 
@@ -57,46 +56,47 @@ SMALL = 1e-4                       # [rad], below which series are better than q
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BoundChange:
-    """A parameter by other numbers."""
+    """Hold a change of one parameter."""
 
     name: str  # of x
-    unit: str  # of x
-    start: np.ndarray  # x, where y is as the model begins
+    unit: str
+    start: np.ndarray  # x at the start of the model
     inner: Callable[[np.ndarray], np.ndarray]  # y of x
     push: Callable[[np.ndarray, np.ndarray], np.ndarray]  # G dx of x and dx
-    pull: Callable[[np.ndarray, np.ndarray], np.ndarray]  # G dx of x and dx
+    pull: Callable[[np.ndarray, np.ndarray], np.ndarray]  # Gᵀ w of x and w
 
 
 class Change(Protocol):
-    """Other numbers for the parameter of a name.
+    """Replacement of the parameter with a name by other numbers.
 
     Attributes
     ----------
     key : str
+        Name of the parameter.
     """
 
     @property
     def key(self) -> str: ...
 
     def bound(self, start: np.ndarray, unit: str) -> BoundChange:
-        """Return it for a parameter with a start and a unit.
+        """Return the change for a parameter with these start values and unit.
 
         Raises
         ------
         ValueError
-            If the parameter is none of its kind.
+            If the parameter is not of the kind that the change needs.
         """
         ...
 
 
 @dataclass(frozen=True)
 class Heights:
-    """The z (V,) [m] of the vertices of a mesh, whose x and y stay: ``bed.vertex_positions`` as ``bed.heights``."""
+    """Heights z (V,) [m] of the vertices of a mesh with x and y fixed: ``bed.vertex_positions`` as ``bed.heights``."""
 
     key: str
 
     def bound(self, start: np.ndarray, unit: str) -> BoundChange:
-        """Return it for vertices (V, 3); see `Change.bound`."""
+        """Return the change for vertices (V, 3); see `Change.bound`."""
         _check_vertices(self.key, start)
 
         def inner(x: np.ndarray) -> np.ndarray:
@@ -114,17 +114,17 @@ class Heights:
 
 @dataclass(frozen=True)
 class Pose:
-    """Six numbers of a rigid object: how far east, north, up [m], and a rotation vector [rad], about its centre.
+    """Six numbers of a rigid object: displacement east, north, up [m], and a rotation vector [rad], about its centre.
 
-    ``crate.vertex_positions`` or ``ball.to_world`` as ``crate.pose`` and ``ball.pose``, zeros at the start. Of vertices
-    the centre is that of the box around them, of a transform its origin (see `rigid`); the vector's direction is the
-    axis, in scene coordinates, and its length the angle.
+    ``crate.vertex_positions`` or ``ball.to_world`` as ``crate.pose`` and ``ball.pose``, zeros at the start. The centre
+    is that of the box around the vertices, or the origin of a transform. The rotation vector points along the axis, in
+    scene coordinates, and its length is the angle.
     """
 
     key: str
 
     def bound(self, start: np.ndarray, unit: str) -> BoundChange:
-        """Return it for vertices (V, 3) or a transform (4, 4); see `Change.bound`."""
+        """Return the change for vertices (V, 3) or a transform (4, 4); see `Change.bound`."""
         body = Rigid(self.key, start)
 
         def inner(x: np.ndarray) -> np.ndarray:
@@ -145,7 +145,7 @@ class Pose:
 
 
 def _rotation(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """R and J (3, 3) of a rotation vector θ [rad]: R = exp [θ], d(R p) = (J dθ) × (R p).
+    """Return R and J (3, 3) of a rotation vector θ [rad]: R = exp [θ], d(R p) = (J dθ) × (R p).
 
     J = I + (1 - cos φ)/φ² [θ] + (φ - sin φ)/φ³ [θ]², φ = |θ|, R = I + [θ] J (Chirikjian, 2012, Stochastic Models,
     Information Theory, and Lie Groups 2, eq. 10.86).
@@ -160,36 +160,36 @@ def _rotation(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class InDecibels:
-    """A parameter above zero as 10 log y [dB]: ``mu`` as ``mu_in_db``."""
+    """Parameter above zero as 10 log y [dB]: ``mu`` as ``mu_in_db``."""
 
     key: str
 
     def bound(self, start: np.ndarray, unit: str) -> BoundChange:
-        """Return it for a parameter above zero; see `Change.bound`."""
+        """Return the change for a parameter above zero; see `Change.bound`."""
         return _logarithm(self.key, start, f"{self.key}_in_db", f"dB re 1 {unit}" if unit not in ("", "1") else "dB",
                           DECIBELS)
 
 
 @dataclass(frozen=True)
 class Log:
-    """A parameter above zero as ln y: ``mu`` as ``mu_log``."""
+    """Parameter above zero as ln y: ``mu`` as ``mu_log``."""
 
     key: str
 
     def bound(self, start: np.ndarray, unit: str) -> BoundChange:
-        """Return it for a parameter above zero; see `Change.bound`."""
+        """Return the change for a parameter above zero; see `Change.bound`."""
         return _logarithm(self.key, start, f"{self.key}_log", "Np", 1.0)
 
 
 @dataclass(frozen=True)
 class Offset:
-    """A number that is added to all of a parameter: ``bed.heights`` as ``bed.heights_offset``, 0 at the start."""
+    """Number that is added to all of a parameter: ``bed.heights`` as ``bed.heights_offset``, 0 at the start."""
 
     key: str
-    by_column: bool = False  # A number for each column (of vertices
+    by_column: bool = False  # one number for each column
 
     def bound(self, start: np.ndarray, unit: str) -> BoundChange:
-        """Return it for any parameter, or one with columns; see `Change.bound`."""
+        """Return the change for any parameter, or one with columns; see `Change.bound`."""
         if self.by_column and start.ndim != 2:
             raise ValueError(f"{self.key} has the shape {start.shape}, and no columns; leave by_column out")
         count = start.shape[1] if self.by_column else 1
@@ -217,7 +217,7 @@ class OnNodes:
     cubic: bool = False  # cubic B-splines, which are smooth to the second derivative, instead of linear weights
 
     def bound(self, start: np.ndarray, unit: str) -> BoundChange:
-        """Return it for a parameter with a number a place; see `Change.bound`."""
+        """Return the change for a parameter with one number per place; see `Change.bound`."""
         places = np.asarray(self.places, float)
         if places.ndim != 2 or len(places) != start.size:
             raise ValueError(f"{self.key} has {start.size} numbers, and its places the shape {places.shape}; give one "
@@ -238,7 +238,7 @@ class OnNodes:
 
 
 def _logarithm(key: str, start: np.ndarray, name: str, unit: str, scale: float) -> BoundChange:
-    """x = scale ln y."""
+    """Return the change x = scale ln y."""
     if not (start > 0).all():
         raise ValueError(f"{key} has numbers that are not above zero, and they have no logarithm")
 
@@ -252,7 +252,7 @@ def _logarithm(key: str, start: np.ndarray, name: str, unit: str, scale: float) 
 
 
 def _sibling(key: str, name: str) -> str:
-    """Another parameter's name of the same object."""
+    """Return the name of another parameter of the same object."""
     owner, dot, _ = key.rpartition(".")
     return f"{owner}{dot}{name}"
 

@@ -1,8 +1,8 @@
-"""Weights of a regular grid's nodes at places: linear, or cubic B-splines.
+"""Compute weights of a regular grid's nodes at places: linear, or cubic B-splines.
 
     y(s) = Σ_j B(s/h - j) x_j,     h -> ``spacing``
 
-B -> a hat, or the cubic B-spline (Unser, 1999, eq. 3). They sum to one at every place.
+B -> a hat, or the cubic B-spline (Unser, 1999, eq. 3). The weights add to one at every place.
 """
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ MOST = 10_000_000                  # nodes
 
 
 def node_weights(places: np.ndarray, spacing: float, cubic: bool) -> tuple[sparse.csr_array, tuple[int, ...]]:
-    """Return the weights of nodes at places, (n, nodes), and how many nodes each axis has."""
-    # places [m]; spacing [m]
+    """Return the weights of nodes at places, (n, nodes), and the number of nodes along each axis."""
     from scipy import sparse
 
     if not (np.isfinite(spacing) and spacing > 0):
@@ -46,7 +45,7 @@ def node_weights(places: np.ndarray, spacing: float, cubic: bool) -> tuple[spars
 
 
 def _along(at: np.ndarray, count: int, cubic: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (n, k) and weights (n, k) along one axis, at places counted in nodes."""
+    """Return nodes (n, k) and weights (n, k) along one axis, at places in units of the spacing."""
     ahead = 1 if cubic else 0
     first = np.clip(np.floor(at).astype(np.int64), ahead, count - 2 - ahead)
     t = at - first

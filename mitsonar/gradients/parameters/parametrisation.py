@@ -1,8 +1,8 @@
-"""A model by other parameters than its own: chain rule forward and backward.
+"""Replace parameters of a model by others, by the chain rule forward and backward.
 
     F(g(x)),    J G dx,    Gᵀ Jᵀ w
 
-g -> `changes`. Several follow one another: the heights of a mesh, then those heights by fewer nodes:
+g -> `changes`. Changes can follow one another, such as heights of a mesh and then those heights on fewer nodes:
 
     parametrised(model, Heights("bed.vertex_positions"), OnNodes(key="bed.heights", places=xy, spacing=4.0))
 """
@@ -17,7 +17,7 @@ from .changes import BoundChange, Change
 
 
 def parametrised(model: ForwardModel, *changes: Change) -> ForwardModel:
-    """Return a model by other parameters; each change is of a parameter of what the changes before it made.
+    """Return a model with other parameters; each change may name a parameter that an earlier change made.
 
     Raises
     ------
@@ -30,7 +30,7 @@ def parametrised(model: ForwardModel, *changes: Change) -> ForwardModel:
 
 
 class Parametrised:
-    """A model with one parameter by other numbers."""
+    """Replace one parameter of a model by other numbers."""
 
     def __init__(self, model: ForwardModel, change: Change):
         key = change.key
@@ -50,7 +50,7 @@ class Parametrised:
             self.shape: tuple[int, ...] = tuple(getattr(model, "shape"))
 
     def value(self, values: Values) -> np.ndarray:
-        """Return the record of values; see `ForwardModel.value`."""
+        """Return the record for values; see `ForwardModel.value`."""
         return self._model.value(self._inner(self._checked(values)))
 
     def linearised(self, values: Values) -> ParametrisedLine:
@@ -72,13 +72,13 @@ class Parametrised:
         return found
 
     def _inner(self, values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """The model's own parameters."""
+        """Return the parameters of the inner model."""
         return {self._key if name == self._change.name else name:
                 self._change.inner(value) if name == self._change.name else value for name, value in values.items()}
 
 
 class ParametrisedLine:
-    """A `Parametrised` model about some values: see `model.Linearised`."""
+    """Hold a `Parametrised` model about some values, as a `Linearised`."""
 
     def __init__(self, line: Linearised, key: str, change: BoundChange, at: np.ndarray):
         self._line, self._key, self._change, self._at = line, key, change, at

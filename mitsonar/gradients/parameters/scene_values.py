@@ -1,8 +1,8 @@
-"""Parameters of a scene as NumPy arrays, and as leaves that gradients begin at.
+"""Read and write parameters of a scene as NumPy arrays, and attach them as leaves of gradients.
 
-What is written goes through `mi.traverse` and its `update`, so that whatever a plugin keeps of a parameter is made
-anew. Arrays of vectors have a row a vector; all else has the shape that Mitsuba gives it. The ``to_world`` of a sphere,
-cylinder, disk or rectangle is a matrix (4, 4), whose last row stays 0, 0, 0, 1.
+Values are written through `mi.traverse` and its `update`, so that plugins rebuild anything derived from a parameter.
+Arrays of vectors have one vector per row; all others have Mitsuba's shape. The ``to_world`` of a sphere, cylinder, disk
+or rectangle is a matrix (4, 4), whose last row stays 0, 0, 0, 1.
 """
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ UNITS = {POSE: "1 and m", "vertex_positions": "m", "position_offset": "m", "atti
 
 
 def differentiable(scene: mi.Scene) -> list[str]:
-    """Names of the parameters of a scene that gradients may be asked for."""
+    """Return the names of a scene's parameters with gradients."""
     parameters: Any = mi.traverse(scene)
     still, moving = _still(scene, parameters), _transforms(scene)
     return [key for key in parameters.keys() if parameters.flags(key) & mi.ParamFlags.NonDifferentiable.value == 0
@@ -44,12 +44,12 @@ def _is_transform(value: Any) -> bool:
 
 
 def _transforms(scene: mi.Scene) -> dict[str, int]:
-    """Names of the poses that echoes follow, with the kind of their shapes: of those that are not made of facets."""
+    """Return the names of differentiable poses, of shapes without facets, with the kinds of the shapes."""
     return {f"{shape.id()}.{POSE}": kind_of(shape) for shape in scene.shapes() if kind_of(shape) and shape.id()}
 
 
 def _still(scene: mi.Scene, parameters: Any) -> dict[str, str]:
-    """Names of parameters that Mitsuba calls differentiable and that echoes do not follow, with the reason."""
+    """Return the parameters that Mitsuba calls differentiable and echoes do not follow, with the reason."""
     shapes = {shape.id(): shape for shape in scene.shapes()}
     found = {}
     for key in parameters.keys():
@@ -68,7 +68,7 @@ def _still(scene: mi.Scene, parameters: Any) -> dict[str, str]:
 
 
 def check_followed(scene: mi.Scene) -> None:
-    """Refuse gradients of what levels do not follow: they would be zero."""
+    """Refuse parameters with gradients that levels do not follow: these gradients would be zero."""
     parameters: Any = mi.traverse(scene)
     for key, reason in _still(scene, parameters).items():
         value = parameters[key]
@@ -77,7 +77,7 @@ def check_followed(scene: mi.Scene) -> None:
 
 
 class SceneValues:
-    """Some parameters of a scene."""
+    """Read and write some parameters of a scene."""
     # start [str, array]; units [str, str]
 
     def __init__(self, scene: mi.Scene, keys: Sequence[str]):
@@ -111,7 +111,7 @@ class SceneValues:
         return array.reshape(-1, 3) if key.rpartition(".")[2] in VECTORS else array
 
     def write(self, values: Values) -> None:
-        """Put values into the scene; those left out are as at the start."""
+        """Write values into the scene; parameters that are left out have their start values."""
         checked, self._holder = self.checked(values), None
         for key in self.keys:
             new = checked.get(key, self.start[key])
@@ -120,7 +120,7 @@ class SceneValues:
         self._parameters.update()
 
     def checked(self, values: Values) -> dict[str, np.ndarray]:
-        """Arrays of the right names and shapes, or `ValueError`."""
+        """Return arrays with checked names and shapes, or raise ValueError."""
         found = {}
         for key, value in values.items():
             if key not in self.start:
@@ -134,15 +134,15 @@ class SceneValues:
         return found
 
     def _put(self, key: str, value: Any) -> Any:
-        """A value as the scene takes it: of a matrix, the transform."""
+        """Return a value in the scene's type: for a matrix, the transform."""
         return type(self._parameters[key])(value) if key in self._kinds else value
 
     def direction(self, key: str, array: np.ndarray) -> Any:
-        """A direction as Mitsuba's own kind of value."""
+        """Return a direction in Mitsuba's type."""
         return mi.Matrix4f(array) if key in self._kinds else self.value(key, array)
 
     def value(self, key: str, array: np.ndarray) -> Any:
-        """An array as Mitsuba's own kind of value; of a transform, its matrix."""
+        """Return an array in Mitsuba's type: for a transform, its matrix."""
         kind = type(self._parameters[key])
         if key in self._kinds:
             return mi.Matrix4f(as_taken(self._kinds[key], array, key))
@@ -156,7 +156,7 @@ class SceneValues:
         return kind(np.ascontiguousarray(array.ravel(), wide))
 
     def attached(self) -> AttachedValues:
-        """Return the parameters as leaves, in the scene."""
+        """Return the parameters as leaves in the scene."""
         leaves = {}
         for key in self.keys:
             leaf = self.value(key, self._array(key))
@@ -167,19 +167,19 @@ class SceneValues:
         return found
 
     def is_read(self, key: str) -> bool:
-        """Return whether it is the vertices of a mesh with attributes of its own, which textures may read."""
+        """Return True for the vertices of a mesh with attributes of its own, which textures may read."""
         mesh, _, name = key.rpartition(".")
         own = (other.removeprefix(f"{mesh}.") for other in self._parameters.keys() if other.startswith(f"{mesh}."))
         return name == "vertex_positions" and any(
             other.startswith(("vertex_", "face_")) and other not in OF_EVERY_MESH for other in own)
 
     def give_up(self, holder: AttachedValues) -> None:
-        """Have a holder's leaves put in anew when they are next asked for."""
+        """Mark a holder's leaves as to be written again at the next call of `hold`."""
         if self._holder is holder:
             self._holder = None
 
     def hold(self, holder: AttachedValues, leaves: Mapping[str, Any]) -> None:
-        """Put leaves into the scene, unless they are there; nothing else in it carries gradients then."""
+        """Write leaves into the scene, unless they are there; nothing else in it carries gradients then."""
         if self._holder is holder:
             return
         while _attached:
@@ -194,7 +194,7 @@ class SceneValues:
         _attached.append(self)
 
     def let_go(self) -> None:
-        """Leave values without gradients in the scene: another model's products would end at them in an error."""
+        """Detach the values in the scene: products of another model would fail at them."""
         self._holder = None
         for key in self.keys:
             if dr.grad_enabled(self._parameters[key]):
@@ -203,27 +203,26 @@ class SceneValues:
 
 
 class AttachedValues:
-    """Leaves of a scene's parameters."""
+    """Hold leaves of a scene's parameters."""
     # leaves [str, Dr.Jit array]
 
     def __init__(self, values: SceneValues, leaves: Mapping[str, Any]):
         self._values, self._leaves = values, dict(leaves)
 
     def hold(self) -> None:
-        """Be in the scene, whatever has been written into it since."""
+        """Write the leaves into the scene again."""
         self._values.hold(self, self._leaves)
 
     def directions(self, tangents: Values) -> dict[str, np.ndarray]:
-        """Directions of all leaves, 0 where none is given."""
+        """Return directions of all leaves, 0 where none is given."""
         checked = self._values.checked(tangents)
         return {key: checked.get(key, np.zeros_like(start)) for key, start in self._values.start.items()}
 
     def set_tangents(self, directions: Mapping[str, np.ndarray]) -> None:
-        """Let the leaves move in these directions, and what their plugins made of them.
+        """Set the tangents of the leaves, and propagate them to copies in plugins.
 
-        A texture keeps a copy of its data, and a law that is called for it may be looked into by calls alone: Dr.Jit
-        wants tangents to be there before. That uses up the way from the leaf to the copy, which is made anew. The same
-        holds for a mesh whose attributes a texture reads.
+        A texture keeps a copy of its data, and Dr.Jit needs the tangents of the copy before a law is called. This uses up
+        the graph from the leaf to the copy, which is made anew. The same holds for a mesh that a texture reads.
         """
         copied = [key for key, leaf in self._leaves.items() if dr.is_tensor_v(leaf) or self._values.is_read(key)]
         if copied:
@@ -242,11 +241,11 @@ class AttachedValues:
             self._values.give_up(self)
 
     def clear(self) -> None:
-        """Forget gradients."""
+        """Clear the gradients."""
         dr.clear_grad(self._leaves)
 
     def gradients(self) -> dict[str, np.ndarray]:
-        """What has come back to the leaves."""
+        """Return the gradients of the leaves, and clear them."""
         found = {}
         for key, leaf in self._leaves.items():
             array = np.array(dr.grad(leaf), float)

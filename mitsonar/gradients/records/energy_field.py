@@ -1,13 +1,13 @@
-"""An energy record as a field that gradients pass through.
+"""Compute an energy record as a function of the scene, with gradients.
 
-The stages are those of `survey.energy`; two of them differ:
+The stages are those of `survey.energy`; three of them differ:
 
-    trace      once, detached: what rays hit, and the eigenrays there                        `EnergyField.kept`
-    finish     as often as derivatives are asked for, attached                               `finish`
+    trace      once, detached: hits of rays, and their eigenrays                             `EnergyField.kept`
+    finish     for every derivative, attached                                                `finish`
     sum        into bins without steps                                                       `tent_bins`
 
-Rays belong to the field: they are drawn when it is made, and stay the same, fixed in the sonar's frame, however the
-scene changes afterwards. So values at two places differ by the change alone.
+Rays are drawn when the field is made, and stay fixed in the sonar's frame however the scene changes afterwards. Values
+at two places therefore differ by the change alone.
 """
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ FEWEST_POINTS, POINTS_PER_RAY = 256, 1 / 8         # of lines at which energies 
 
 @dataclass(frozen=True, kw_only=True)
 class Block:
-    """A block of pings with its rays, which stay."""
+    """Hold a block of pings with its rays."""
 
     ping: np.ndarray  # (B,)
     rays: list[Rays]  # pass by pass, on the device
@@ -53,7 +53,7 @@ class Block:
 
 @dataclass(frozen=True, kw_only=True)
 class Kept:
-    """What a pass of rays hits, detached; the rays are as they were drawn, not turned with the sonar."""
+    """Hold detached hits of a pass of rays; the rays are as drawn, not turned with the sonar."""
 
     rays: Rays
     hits: Hits
@@ -63,7 +63,7 @@ class Kept:
 
 @dataclass(frozen=True, kw_only=True)
 class Samplers:
-    """What draws points on lines of meshes and on outlines of other shapes; None where there are none."""
+    """Draw points on lines of meshes and on outlines of other shapes; None where there are none."""
 
     tracer: Tracer
     lines: LineSampler | None
@@ -71,7 +71,7 @@ class Samplers:
 
 
 class EnergyField:
-    """The energy record of a survey as a function of what is in the scene."""
+    """Compute the energy record of a survey as a function of the scene."""
 
     def __init__(self, survey: Survey, rows: Rows, seed: int):
         self.rows, self._seed = rows, seed
@@ -83,13 +83,13 @@ class EnergyField:
             self.blocks = list(self._drawn(survey))
 
     def of_rows(self, rows: Rows) -> EnergyField:
-        """Return the same rays, received by other rows: those that a render of the changed scene would plan."""
+        """Return the same rays received by the rows that a render of the changed scene would plan."""
         other = copy.copy(self)
         other.rows, other._tents = rows, TentBins(rows.bins)
         return other
 
     def _drawn(self, survey: Survey) -> Iterator[Block]:
-        """Draw the rays of every block, where they are needed as the scene is now."""
+        """Yield every block with its rays, drawn for the present scene."""
         rows, places = self.rows, self.at(survey)
 
         def bins_of(place: Place, rays: Rays) -> tuple[mi.UInt32, mi.Bool]:
@@ -105,14 +105,14 @@ class EnergyField:
             yield Block(ping=ping, rays=rays)
 
     def at(self, survey: Survey) -> Scenery:
-        """The scene and the track of a survey that may have changed."""
+        """Return the scene and the track of a survey that may have changed."""
         # tables end below all hits: beyond their ends nothing moves
         deepest = max(survey.geometry.depth_range[1], -float(survey.track.position[:, 2].min())) + BELOW
         water = DeviceWater(survey.profile, survey.absorption, survey.volume, deepest=deepest)
         return Scenery(survey, Tracer(survey.geometry, water, max_range=self._range), self.rows)
 
     def kept(self, scenery: Scenery, block: Block) -> list[Kept]:
-        """Trace a block's rays; nothing carries a gradient."""
+        """Trace a block's rays, without gradients."""
         place, found = scenery.of(block.ping), []
         with dr.suspend_grad():
             for rays in block.rays:
@@ -127,8 +127,7 @@ class EnergyField:
         return found
 
     def sampler(self, scenery: Scenery, lines: JumpLines | None, outlined: Sequence[int]) -> Samplers:
-        """Return what draws points on lines, and on outlines of the shapes without facets with these registry indices.
-        """
+        """Return samplers of points on lines, and on outlines of the shapes without facets `outlined`."""
         with dr.suspend_grad():
             tracer = Tracer(scenery.tracer.geometry, scenery.water, max_range=self._range, tolerance=FINE)
             of_lines = of_shapes = None
@@ -139,7 +138,7 @@ class EnergyField:
             return Samplers(tracer=tracer, lines=of_lines, shapes=of_shapes)
 
     def edges(self, scenery: Scenery, block: Block, samplers: Samplers) -> list[EdgeTerms]:
-        """Trace either side of points on lines at which energies jump, detached; none where no line is seen."""
+        """Trace either side of points on lines at which energies jump, detached; none where no line is in view."""
         place, rays = scenery.of(block.ping), sum(dr.width(rays.direction) for rays in block.rays)
         count = max(FEWEST_POINTS, int(rays / len(block.ping) * POINTS_PER_RAY))
         surface, found = scenery.surface if scenery.mirrors else None, []
@@ -157,14 +156,14 @@ class EnergyField:
         return found
 
     def echoes(self, scenery: Scenery, block: Block, kept: Kept) -> Echoes:
-        """Return the echoes of a pass of rays, detached."""
+        """Return the detached echoes of a pass of rays."""
         place = scenery.of(block.ping)
         rays = scenery.turned(place, kept.rays)
         first_hits = FirstHits(self.rows, scenery.water, self._tents.of, smooth_patches=True)
         return first_hits.echoes(place, rays, kept.hits)
 
     def sums(self, scenery: Scenery, block: Block, kept: list[Kept], edges: Sequence[EdgeTerms] = ()) -> mi.Float64:
-        """Energies (rows x bins,) [1/m²] of a block, attached where the scene is."""
+        """Return energies (rows x bins,) [1/m²] of a block, attached where the scene is."""
         place = scenery.attached(block.ping)
         total = dr.zeros(mi.Float64, place.rows * self.rows.bins.count)
         first_hits = FirstHits(self.rows, scenery.losses, self._tents.of, smooth_patches=True)
@@ -193,7 +192,7 @@ class EnergyField:
 
 
 class Scenery:
-    """A survey's scene, water and track as a field sees them at one moment."""
+    """Hold a survey's scene, water and track at one moment."""
 
     def __init__(self, survey: Survey, tracer: Tracer, rows: Rows):
         self.survey, self.tracer = survey, tracer
@@ -214,22 +213,22 @@ class Scenery:
 
     @property
     def moves(self) -> bool:
-        """Return whether rays themselves carry gradients: by water or track."""
+        """True if rays themselves carry gradients, by water or track."""
         return self.track is not None
 
     def of(self, ping: np.ndarray) -> Place:
-        """Where pings (B,) are, detached."""
+        """Return the detached place of pings (B,)."""
         return self._places.of(ping)
 
     def attached(self, ping: np.ndarray) -> Place:
-        """Where pings (B,) are, attached where the track or the water is."""
+        """Return the place of pings (B,), attached where the track or the water is."""
         place = self.of(ping)
         return place if self.track is None else self.track.place(place)
 
     def turned(self, place: Place, rays: Rays) -> Rays:
-        """Rays as the sonar is turned in a place."""
+        """Return rays turned with the sonar."""
         return rays if self.track is None else self.track.turned(place, rays)
 
     def drawn(self, place: Place, rays: Rays) -> Rays:
-        """Rays as they were drawn, of what `turned` gives."""
+        """Return rays as they were drawn: the inverse of `turned`."""
         return rays if self.track is None else self.track.drawn(place, rays)

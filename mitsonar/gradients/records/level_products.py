@@ -1,9 +1,9 @@
-"""Gradients of the levels that `mi.render` gives: products with the Jacobian of the picture in decibels.
+"""Compute gradients of the levels from `mi.render`: products with the Jacobian of the picture in decibels.
 
     L = 10 log I,    dL = 10 / ln 10  dI / I
 
-I -> the mean intensities of `record_field`, noise included. A picture with speckle moves as its mean does: speckle is a
-factor that belongs to the ground. Bins without any echo stand still.
+I -> mean intensities of `record_field`, with noise. Speckle is a factor that belongs to the ground, so a picture with
+speckle moves as its mean does. Bins without any echo do not move.
 """
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PER_INTENSITY = 10 / np.log(10)    # dB
 
 
 class LevelProducts:
-    """The levels of a scene's picture, and how they move with what carries gradients in it."""
+    """Multiply by the Jacobian of the levels of a scene's picture."""
 
     def __init__(self, scene: mi.Scene, sensor: Any, integrator: Any, seed: int):
         with dr.resume_grad():
@@ -36,19 +36,19 @@ class LevelProducts:
         self._shape, self._order = order.shape, order.ravel()
 
     def forward(self) -> np.ndarray:
-        """Return dL, (rows, columns) [dB], of the tangents that are set at the leaves."""
+        """Return dL, (rows, columns) [dB], for the tangents that are set at the leaves."""
         moved = self._about.pushed(lambda: None) * self._slope
         return moved[self._order].reshape(self._shape)
 
     def backward(self, weights: np.ndarray) -> None:
-        """Send the gradient of Σ w L of weights (rows, columns) to the leaves."""
+        """Add the gradient of Σ w L, for weights (rows, columns), to the leaves."""
         spread = np.zeros(self._slope.size)
         spread[self._order] = np.ravel(weights)
         self._about.pull(spread * self._slope)
 
 
 def wants_gradients(scene: mi.Scene) -> bool:
-    """Return whether anything in a scene carries a gradient, be they suspended or not."""
+    """Return True if any parameter of a scene carries a gradient, also while gradients are suspended."""
     parameters: Any = mi.traverse(scene)
     with dr.resume_grad():
         return any(dr.grad_enabled(value) for _, value in parameters.items() if dr.is_diff_v(value))

@@ -1,9 +1,8 @@
-"""What of a sonar's picture gradients can be of: its rows, and the linear way from their energies to intensities.
+"""Map energies of a sonar's rows to the intensities of its picture, linearly.
 
     I = P L E,    dI = P L dE,    Eᵀ = Lᵀ Pᵀ Iᵀ
 
-P -> what the pulse makes of neighbouring bins; L -> what the sides of a sidescan hear of each other. Both are
-symmetric.
+P -> smearing by the pulse over neighbouring bins; L -> leakage between the sides of a sidescan. Both are symmetric.
 """
 from __future__ import annotations
 
@@ -31,7 +30,7 @@ from mitsonar.units import power_from_db
 
 
 class Picture(Protocol):
-    """A sonar's picture.
+    """Differentiable part of a sonar image: its rows, and the linear map from energies to intensities.
 
     Attributes
     ----------
@@ -39,7 +38,7 @@ class Picture(Protocol):
     sensor : mitsuba.Sensor
     rows : Rows
     noise : float [µPa²]
-        The part of `still` that is noise, in every bin.
+        Noise in every bin, included in `still`.
     """
 
     survey: Survey
@@ -48,20 +47,20 @@ class Picture(Protocol):
     noise: float
 
     def shown(self, energy: np.ndarray) -> np.ndarray:
-        """Return what the picture shows of energies (ping, row, bin) [µPa²]."""
+        """Return the picture of energies (ping, row, bin) [µPa²]."""
         ...
 
     def transposed(self, cotangent: np.ndarray) -> np.ndarray:
-        """Return the transpose of `shown`, of weights (ping, row, bin)."""
+        """Return the transpose of `shown` for weights (ping, row, bin)."""
         ...
 
     def still(self, survey: Survey, seed: int) -> np.ndarray:
-        """Return what stands still (N,) [µPa²]: noise, and echoes other than those of first hits."""
+        """Return the constant part (N,) [µPa²]: noise, and echoes other than those of first hits."""
         ...
 
 
 class SidescanPicture:
-    """The picture of a sidescan; see `Picture`."""
+    """Map energies to the picture of a sidescan; see `Picture`."""
 
     def __init__(self, survey: SidescanSurvey, sensor: Any):
         self.survey: Survey = survey
@@ -72,7 +71,7 @@ class SidescanPicture:
         self.noise = 0.0 if noise is None else float(power_from_db(noise))
 
     def shown(self, energy: np.ndarray) -> np.ndarray:
-        """Return what the picture shows of energies."""
+        """Return the picture of energies."""
         return leaked(mean_intensity(energy, self._shares), self.sensor.recorder)
 
     def transposed(self, cotangent: np.ndarray) -> np.ndarray:
@@ -93,11 +92,11 @@ class SidescanPicture:
 
 
 class FanPicture:
-    """The mean intensities of a fan of beams; see `Picture`. Noise is left out.
+    """Map energies to the mean intensities of a fan of beams, without noise; see `Picture`.
 
         <|y|²> = Σ_r E_r |R(t - t_r)|²,    R the compressed pulse, 1 at its peak
 
-    so that a bin's mean is what beams mix, smeared over range, times Σ_k |R(k / f_s)|².
+    A bin's mean is therefore the mixture of the beams, smeared over range, times Σ_k |R(k / f_s)|².
     """
     # directions (B,) [rad]
 
@@ -109,7 +108,7 @@ class FanPicture:
         self._gain = _compressed_energy(survey)
 
     def shown(self, energy: np.ndarray) -> np.ndarray:
-        """Return what the picture shows of energies."""
+        """Return the picture of energies."""
         return self._gain * np.moveaxis(self._beams.shown(np.moveaxis(energy, 0, 1)), 0, 1)
 
     def transposed(self, cotangent: np.ndarray) -> np.ndarray:
@@ -117,12 +116,12 @@ class FanPicture:
         return self._gain * np.moveaxis(self._beams.shown_transposed(np.moveaxis(cotangent, 0, 1)), 0, 1)
 
     def still(self, survey: Survey, seed: int) -> np.ndarray:
-        """Return what has a phase of its own."""
+        """Return echoes with a phase of their own."""
         return _with_phase(survey, self.rows, seed)
 
 
 def _compressed_energy(survey: ArraySurvey) -> float:
-    """Energy of the compressed pulse [samples], of a peak of 1."""
+    """Return the energy of the compressed pulse [samples], relative to its peak."""
     length = 2 ** int(np.ceil(np.log2(4 * survey.pulse.duration * survey.sampling_rate + 64)))
     sent = survey.pulse.spectrum(survey.sampling_rate, length)
     compressed = np.abs(np.fft.ifft(np.abs(sent) ** 2)) ** 2
@@ -130,7 +129,7 @@ def _compressed_energy(survey: ArraySurvey) -> float:
 
 
 class StepPicture:
-    """The mean intensities of a sector scan; see `Picture`. Noise is left out."""
+    """Map energies to the mean intensities of a sector scan, without noise; see `Picture`."""
 
     def __init__(self, survey: ArraySurvey, sensor: Any):
         self.survey: Survey = survey
@@ -139,7 +138,7 @@ class StepPicture:
         self.noise = 0.0
 
     def shown(self, energy: np.ndarray) -> np.ndarray:
-        """Return what the picture shows of energies."""
+        """Return the picture of energies."""
         return self._steps.shown(energy)
 
     def transposed(self, cotangent: np.ndarray) -> np.ndarray:
@@ -147,26 +146,26 @@ class StepPicture:
         return self._steps.shown(cotangent)
 
     def still(self, survey: Survey, seed: int) -> np.ndarray:
-        """Return what has a phase of its own."""
+        """Return echoes with a phase of their own."""
         return _with_phase(survey, self.rows, seed)
 
 
 def _with_phase(survey: Survey, rows: Rows, seed: int) -> np.ndarray:
-    """Intensities (N,) [µPa²] of what has a phase of its own, as pictures show them."""
+    """Return intensities (N,) [µPa²] of echoes with a phase of their own, as shown in pictures."""
     shape = survey.track.pings, rows.per_ping, rows.bins.count
     coherent = energy.record(survey, rows, seed).coherent if has_phases(survey) else None
     return np.zeros(int(np.prod(shape))) if coherent is None else coherent.intensity.astype(float).ravel()
 
 
 def has_phases(survey: Survey) -> bool:
-    """Return whether anything in a scene has an echo of a phase of its own."""
+    """Return True if any echo of a scene has a phase of its own."""
     geometry = survey.geometry
     smooth = any(getattr(shape.bsdf(), "smooth", False) for shape in geometry.scene.shapes())
     return bool(geometry.targets()) or smooth or geometry.surface_mirrors
 
 
 def picture_of(scene: mi.Scene, sensor: Any, integrator: Any, rays: int | None = None) -> Picture:
-    """Plan what gradients can be of; of so many rays a ping at most."""
+    """Return the differentiable picture of a sensor, with at most `rays` rays per ping."""
     kind_of(sensor)
     if sensor.kind not in PICTURES:
         raise ValueError(f"gradients are of {', '.join(PICTURES)}, and this sensor is a {sensor.kind}; give the scene "

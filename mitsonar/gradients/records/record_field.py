@@ -1,13 +1,12 @@
-"""The mean intensities that a sonar's picture shows, as a field that gradients pass through.
+"""Compute the mean intensities of a sonar's picture, with gradients.
 
     I = P L [Σ_r E_r] + I_other + N        [µPa²], (ping, row, bin)
 
-E_r -> the first-hit echoes of rays that stay the same (`energy_field`), P L -> pulse and sides (`pictures`), I_other ->
-echoes of several bounces, of the water and of what has a phase, N -> noise; the last two are those at the start, and
-stand still. Seabeds are met, and lit, by normals between their nodes, in values and in gradients: of facets, neither
-would be smooth.
+E_r -> first-hit echoes of rays that stay the same (`energy_field`), P L -> pulse and sides (`pictures`), I_other ->
+echoes of several bounces, of the water and with phases, N -> noise; the last two are constant. Seabeds have normals
+that are interpolated between nodes, in values and in gradients: with facets neither would be smooth.
 
-Gradients are those of Dr.Jit, of arrays in the scene: whoever owns the leaves asks for products (`About`).
+Gradients are those of Dr.Jit by arrays in the scene; the owner of the leaves asks `About` for products.
 """
 from __future__ import annotations
 
@@ -31,7 +30,7 @@ MOST_KEPT = 8_000_000              # rays of which hits are kept between product
 
 
 class RecordField:
-    """A sonar's record as a field."""
+    """Compute a sonar's record and its derivatives."""
     # still (N,) [µPa²]; still_echoes [µPa²]
 
     def __init__(self, picture: Picture, seed: int, *, edges: bool = True):
@@ -48,7 +47,7 @@ class RecordField:
             self.still_echoes = max(float(np.sum(self.still - picture.noise)), 0.0)
 
     def value(self, picture: Picture | None = None) -> np.ndarray:
-        """Return the record of the scene as it is, (N,) [µPa²]."""
+        """Return the record (N,) [µPa²] of the present scene."""
         picture = self._picture if picture is None else picture
         shape = _shape(picture)
         if shape != self.shape:
@@ -61,11 +60,11 @@ class RecordField:
         return self._linear(picture, sums) + self.still
 
     def about(self) -> About:
-        """Return the record about the scene as it is, with products by its Jacobian."""
+        """Return the record about the present scene, with products by its Jacobian."""
         return About(self)
 
     def samplers(self, scenery: Scenery) -> Samplers | None:
-        """Return what draws points on lines that move with what carries gradients; None where none does."""
+        """Return samplers of points on lines that move with attached parameters, or None if none moves."""
         if not self.outlines:
             return None
         geometry, attached = scenery.tracer.geometry, self.scene.attached(scenery)
@@ -81,24 +80,24 @@ class RecordField:
         return self.energy.sampler(scenery, lines if len(lines.ends) else None, outlined)
 
     def shown(self, energy: list[np.ndarray]) -> np.ndarray:
-        """What the picture shows of blocks of energies [1/m²]."""
+        """Return the picture of blocks of energies [1/m²]."""
         return self.linear(energy) + self.still
 
     def linear(self, energy: list[np.ndarray]) -> np.ndarray:
-        """The same without what stands still."""
+        """Return the picture of blocks of energies without its constant part."""
         return self._linear(self._picture, energy)
 
     def _linear(self, picture: Picture, energy: list[np.ndarray]) -> np.ndarray:
-        """Return what a picture shows of blocks of energies, without what stands still."""
+        """Return another picture of blocks of energies, without its constant part."""
         return picture.shown(np.concatenate(energy).reshape(self.shape) * self.energy.unit).ravel()
 
     def transposed(self, cotangent: np.ndarray) -> np.ndarray:
-        """The transpose of `linear`."""
+        """Return the transpose of `linear`."""
         return (self._picture.transposed(cotangent.reshape(self.shape)) * self.energy.unit).ravel()
 
 
 class About:
-    """A record about the scene as it is."""
+    """Hold a record about the present scene."""
     # value (N,) [µPa²]
 
     def __init__(self, field: RecordField):
@@ -114,7 +113,7 @@ class About:
 
     @property
     def told(self) -> dict[str, float]:
-        """What the record and its derivatives do not see, as shares."""
+        """Shares of echoes and bins that the record and its derivatives leave out."""
         found = [seen_in(self._energy, self._scenery, block, kept) for block, kept, _ in self._each(edges=False)]
         told, echoes = shares(found, outlines=self._field.outlines), self._field.still_echoes
         told |= {f"where {one} and {other} meet, left out": 1.0 for one, other in self._unsampled}
@@ -131,12 +130,12 @@ class About:
         return kept, self._energy.edges(self._scenery, block, self._samplers)
 
     def _each(self, edges: bool = True) -> Iterator[tuple[Block, list[Kept], list[EdgeTerms]]]:
-        """Blocks with their hits, traced anew where they are not kept; those may go without edges."""
+        """Yield blocks with their hits, traced anew where they are not kept; edges are optional then."""
         for number, block in enumerate(self._energy.blocks):
             yield block, *(self._traced(block, edges) if self._kept is None else self._kept[number])
 
     def pushed(self, set_tangents: Callable[[], None]) -> np.ndarray:
-        """Return J v, (N,): `set_tangents` sets v at the leaves, and is called for every block."""
+        """Return J v, (N,); `set_tangents` sets v at the leaves, and is called for every block."""
         found = []
         for block, kept, edges in self._each():
             set_tangents()
@@ -147,7 +146,7 @@ class About:
         return self._field.linear(found)
 
     def pull(self, cotangent: np.ndarray) -> None:
-        """Send Jᵀ w of weights (N,) to the leaves."""
+        """Add Jᵀ w for weights (N,) to the leaves."""
         weights, first = self._field.transposed(cotangent), 0
         for block, kept, edges in self._each():
             sums = self._energy.sums(self._field.scene.attached(self._scenery), block, kept, edges)
@@ -160,7 +159,7 @@ class About:
 
 
 def _shape(picture: Picture) -> tuple[int, int, int]:
-    """Return how many pings, rows and bins a picture has."""
+    """Return the numbers of pings, rows and bins of a picture."""
     return picture.survey.track.pings, picture.rows.per_ping, picture.rows.bins.count
 
 

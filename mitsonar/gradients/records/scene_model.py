@@ -1,7 +1,6 @@
-"""A scene's record as a function of what is in the scene: the `ForwardModel` of a sonar's mean intensities.
+"""Model a sonar's mean intensities as a function of the scene: a `ForwardModel` over `record_field`.
 
-Parameters are what `mi.traverse(scene)` names. The model writes them into the scene: nobody else should meanwhile. What
-the record is: `record_field`.
+Parameters are named as in `mi.traverse(scene)`. The model writes them into the scene, so nothing else may do so.
 """
 from __future__ import annotations
 
@@ -17,22 +16,22 @@ from .record_field import RecordField
 
 
 class SceneModel:
-    """The mean intensities of a sonar's record, as a function of parameters.
+    """Mean intensities of a sonar's record as a function of parameters.
 
     Parameters
     ----------
     scene : mitsuba.Scene
     keys : sequence of str
-        Names of `mi.traverse(scene)` of parameters that can vary.
+        Names, in `mi.traverse(scene)`, of the parameters that vary.
     picture : Picture
-        Of the sonar: what is to be made.
+        Picture of the sonar.
     seed : int
-        Of ray directions.
+        Seed of ray directions.
     edges : bool
-        Whether derivatives know that outlines move, and with them what is lit.
+        Include moving outlines, and the lit area that moves with them, in derivatives.
     plan : function, optional
-        Returns the picture that a render of the scene as it is now would plan. Records of other values are then those
-        of its bins and beams, so that a check sees what a render moves and a gradient holds. Default: they stay.
+        Returns the picture that a render of the present scene would plan. Records of other values then have its bins
+        and beams, so that a check includes changes that a gradient leaves out. Default: bins and beams stay.
 
     Attributes
     ----------
@@ -60,7 +59,7 @@ class SceneModel:
                 + ", ".join(f"{key} {start.shape}" for key, start in self.start.items()))
 
     def value(self, values: Values) -> np.ndarray:
-        """Return the record of values, (N,) [µPa²]; see `ForwardModel.value`."""
+        """Return the record (N,) [µPa²] for values; see `ForwardModel.value`."""
         self._values.write(values)
         return self._field.value(None if self._plan is None else self._plan())
 
@@ -71,7 +70,7 @@ class SceneModel:
 
 
 class SceneLinearised:
-    """A `SceneModel` about the values that its scene has now: see `model.Linearised`."""
+    """Hold a `SceneModel` about the values that its scene has now, as a `Linearised`."""
     # told [str, float]
 
     def __init__(self, values: SceneValues, field: RecordField):
@@ -81,7 +80,7 @@ class SceneLinearised:
 
     @property
     def told(self) -> dict[str, float]:
-        """What the record and its derivatives do not see, as shares."""
+        """Shares of echoes and bins that the record and its derivatives leave out."""
         return self._about.told
 
     def forward(self, tangents: Values) -> np.ndarray:

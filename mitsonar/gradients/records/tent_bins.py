@@ -1,9 +1,9 @@
-"""Time bins without steps: an echo is shared between the two bins whose centres it lies between.
+"""Sum echoes into time bins without steps: each echo is shared between the two bins whose centres it lies between.
 
     a = (t - t_0) / Δt - 1/2,    k = ⌊a⌋,    E_k += (1 - (a - k)) E,    E_{k+1} += (a - k) E
 
-t -> ``delay``, t_0 and Δt those of the bins. k is detached. Where the echoes of a surface follow each other evenly, a
-bin holds as much as a bin with steps does: the tent has the same area.
+t -> ``delay``, t_0 and Δt those of the bins; k is detached. For evenly spaced echoes a bin holds the same energy as a
+bin with steps, because the tent has the same area.
 """
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from mitsonar.survey.energy.first_hits import Echoes
 
 
 class TentBins:
-    """Bins of a record whose sums move smoothly with its echoes."""
+    """Sum echoes into bins whose sums move smoothly with them."""
 
     def __init__(self, bins: EnergyBins):
         self._bins, self._count = bins, float(bins.count)
         self._unit = upload(mi.Float64, bins.unit)
 
     def of(self, delay: mi.Float64, valid: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:
-        """Return the bins of two-way times [s], and which of them reach into any: up to half a bin beyond the ends."""
+        """Return the bins of two-way times [s], and True for times that lie up to half a bin beyond the ends."""
         place = dr.detach(self._bins.place(delay))
         inside = valid & (place > -0.5) & (place < self._count + 0.5)
         return mi.UInt32(held(place, 0.0, self._count - 1)), inside

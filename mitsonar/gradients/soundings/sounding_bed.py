@@ -1,4 +1,4 @@
-"""A seabed of depths at the nodes of a grid, linear between them, and where a place lies in it."""
+"""Interpolate a seabed linearly between depths at the nodes of a grid."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -8,28 +8,29 @@ import numpy as np
 
 
 class BedShares(NamedTuple):
-    """Nodes about N places and their shares in the depth there."""
+    """Hold the nodes around N places and their shares in the depth there."""
 
     node: np.ndarray  # (N, 4): flat numbers
-    share: np.ndarray  # (N, 4): of sum 1, and their slopes [1/m]
-    by_x: np.ndarray  # (N, 4): of sum 1, and their slopes [1/m]
-    by_y: np.ndarray  # (N, 4): of sum 1, and their slopes [1/m]
+    share: np.ndarray  # (N, 4): their sum is 1
+    by_x: np.ndarray  # (N, 4) [1/m]: slopes of the shares
+    by_y: np.ndarray  # (N, 4) [1/m]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BedGrid:
-    """Depths at the nodes of a grid; beyond its edges the bed is as at the edge.
+    """Depths at the nodes of a grid; beyond its edges the depth is that at the edge.
 
     Parameters
     ----------
     x, y : array (nx,), (ny,) [m]
-        Increasing; one node: the bed is the same all along that axis.
+        Increasing positions. With a single node the bed is constant along that axis.
     depth : array (ny, nx) [m]
+        Depths, positive down.
 
     Raises
     ------
     ValueError
-        If a number is not finite, places do not increase or the shape of the depths is another.
+        If a number is not finite, positions do not increase, or the shape of `depth` does not fit.
     """
 
     x: np.ndarray
@@ -47,7 +48,7 @@ class BedGrid:
                              f"and x; got the shape {self.depth.shape}.")
 
     def shares(self, x: np.ndarray, y: np.ndarray) -> BedShares:
-        """Tell where places (N,) lie."""
+        """Return nodes and shares at places (N,)."""
         (i, u, du), (j, v, dv) = _place(self.x, x), _place(self.y, y)
         i2, j2 = np.minimum(i + 1, self.x.size - 1), np.minimum(j + 1, self.y.size - 1)
         width = self.x.size
@@ -59,7 +60,7 @@ class BedGrid:
 
 
 def _place(nodes: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Node before, share of the node after, and its slope."""
+    """Return the node before, the share of the node after, and its slope."""
     if nodes.size == 1:
         return np.zeros(len(at), int), np.zeros(len(at)), np.zeros(len(at))
     k = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, nodes.size - 2)

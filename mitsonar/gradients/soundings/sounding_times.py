@@ -1,7 +1,7 @@
-"""Times of soundings at known beam angles, as a function of the water and of the bed.
+"""Compute travel times of soundings at known beam angles, as a function of the water and of the bed.
 
-Of a ray of horizontal slowness p, which Snell's law keeps, from (x, y, z0) in the direction e of the plane to where it
-meets the bed b(x, y), at depth z with the sine of grazing s and the speed c, b' being the bed's slope along e:
+A ray of horizontal slowness p, which Snell's law keeps, goes from (x, y, z0) in the horizontal direction e to the bed
+b(x, y), at depth z with the sine of grazing s and the speed c; b' is the bed's slope along e:
 
     t = 2 T(p, z),      z = b((x, y) + e X(p, z))
     dt = 2 [-Σ φ_k dc_k + a Σ β_j db_j + (p + a b') (Σ ξ_k dc_k + (dX/dp) dp)],     a = 1 / (c s (1 - b' p c / s))
@@ -32,7 +32,7 @@ MOST_NUMBERS = 100_000_000         # of a Jacobian by the profile: 0.8 GB
 
 
 class Landing(NamedTuple):
-    """Where N beams meet the bed; see the equations for the symbols."""
+    """Hold the points where N beams meet the bed; symbols are those of the equations above."""
 
     slowness: np.ndarray
     depth: np.ndarray
@@ -44,7 +44,7 @@ class Landing(NamedTuple):
 
 
 class _Over(NamedTuple):
-    """Beams at depths, and the bed below or above them there: `miss` is how much deeper it is."""
+    """Hold beams at depths, and the bed below or above them; `miss` is the bed's depth less the beam's."""
 
     leg: Leg
     distance: np.ndarray
@@ -55,22 +55,22 @@ class _Over(NamedTuple):
 
 
 class SoundingTimes:
-    """A `ForwardModel` of soundings' two-way times.
+    """Two-way times of soundings as a `ForwardModel`.
 
     Parameters
     ----------
     beams : SoundingBeams
     profile : SoundSpeedProfile
-        The water to begin with; its nodes' speeds are the parameter ``sound_speed``.
+        Profile at the start; the speeds at its nodes are the parameter ``sound_speed``.
     bed : BedGrid
-        The bed to begin with; its depths are the parameter ``bed_depth``.
+        Bed at the start; its depths are the parameter ``bed_depth``.
     free : tuple of str
-        Which of ``sound_speed``, ``bed_depth`` and ``roll_offset`` may change; the others stay as they are.
+        Parameters that may change, of ``sound_speed``, ``bed_depth`` and ``roll_offset``.
 
     Raises
     ------
     ValueError
-        If a name of `free` is unknown, or the Jacobian would have too many numbers.
+        If a name in `free` is unknown, or the Jacobian would have too many numbers.
     """
 
     def __init__(self, beams: SoundingBeams, profile: SoundSpeedProfile, bed: BedGrid,
@@ -113,20 +113,20 @@ class SoundingTimes:
         return LinearisedTimes(2 * landing.time, jacobian, shapes)
 
     def places(self, values: Values) -> np.ndarray:
-        """Return where beams meet the bed: x, y, depth, (N, 3) [m]."""
+        """Return the points x, y, depth, (N, 3) [m], where beams meet the bed."""
         landing = self._landed(*self._given(values))
         return np.stack([self.beams.x + self.beams.east * landing.distance,
                          self.beams.y + self.beams.north * landing.distance, landing.depth], -1)
 
     def _given(self, values: Values) -> tuple[SoundSpeedProfile, np.ndarray, float]:
-        """Profile, depths of the bed and roll of values."""
+        """Return profile, bed depths and roll for values."""
         numbers = dict(self._all)
         for name, value in values.items():
             numbers[name] = fitting(self.start, name, value)
         return (SoundSpeedProfile(self.profile.depth, numbers[SPEED]), numbers[BED].ravel(), float(numbers[ROLL][0]))
 
     def _landed(self, profile: SoundSpeedProfile, depths: np.ndarray, roll: float) -> Landing:
-        """Follow the beams to the bed: Newton's method on the depth."""
+        """Trace the beams to the bed by Newton's method on the depth."""
         beams = self.beams
         p = beams.slowness
         if roll:                                       # a beam turned over the vertical goes the other way: p < 0
@@ -156,7 +156,7 @@ class SoundingTimes:
         return Landing(p, z, over.leg.time, over.distance, per_depth, p + per_depth * over.slope, over.shares)
 
     def _over(self, starts: Starts, p: np.ndarray, z: np.ndarray, depths: np.ndarray, some: np.ndarray) -> _Over:
-        """Follow some beams down to depths, and look at the bed there."""
+        """Trace some beams to depths, and interpolate the bed there."""
         p, z, beams = p[some], z[some], self.beams
         east, north = beams.east[some], beams.north[some]
         leg = starts[some].to_depth(np.abs(p), z)
@@ -169,7 +169,7 @@ class SoundingTimes:
 
 
 class LinearisedTimes:
-    """Times about values; see `Linearised`."""
+    """Hold times about values, as a `Linearised`."""
     # value (N,) [s]; jacobian (N, size)
 
     def __init__(self, value: np.ndarray, jacobian: dict[str, np.ndarray | sparse.csr_array],
@@ -194,7 +194,7 @@ class LinearisedTimes:
 
 
 def fitting(like: Values, name: str, value: np.ndarray) -> np.ndarray:
-    """Return a parameter's value as numbers; refuse a name or a shape that is not there."""
+    """Return a parameter's value as float64; refuse an unknown name or another shape."""
     if name not in like:
         raise ValueError(f"sounding times: {name} is no parameter; there are {', '.join(like)}.")
     value = np.asarray(value, float)
