@@ -221,8 +221,8 @@ class AttachedValues:
     def set_tangents(self, directions: Mapping[str, np.ndarray]) -> None:
         """Set the tangents of the leaves, and propagate them to copies in plugins.
 
-        A texture keeps a copy of its data, and Dr.Jit needs the tangents of the copy before a law is called. This uses up
-        the graph from the leaf to the copy, which is made anew. The same holds for a mesh that a texture reads.
+        A texture keeps a copy of its data, and Dr.Jit needs the tangents of the copy before a law is called. This uses
+        up the graph from the leaf to the copy, which is made anew. The same holds for a mesh that a texture reads.
         """
         copied = [key for key, leaf in self._leaves.items() if dr.is_tensor_v(leaf) or self._values.is_read(key)]
         if copied:

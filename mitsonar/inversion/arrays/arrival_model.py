@@ -1,12 +1,12 @@
-"""When echoes of point targets arrive at elements of a moving array, and what that changes with.
+"""Compute arrival times of echoes of point targets at elements of a moving array, and their derivatives.
 
     t = T(x_t, X) + T(X, x_e(t)),     x_t = x + R (r_t + l),     x_e(t) = x + D(t) + w t + A(t) R (r_e + l)
     dt = ((h_out - h_back)·dX - s_t·dx_t + s_e·(dx_e + t dw)) / (1 - s_e·v_e) + dd_e
 
 T -> time of the exact eigenray, s -> its slowness at elements, h at the target, along the travel; x, R -> place and
-attitude of the ping; D, A -> the platform's way on since (`sonar.trajectory`), w -> what its velocity is off; l ->
+attitude of the ping; D, A -> motion of the platform since (`sonar.trajectory`), w -> error of its velocity; l ->
 ``lever_arm`` of both arrays, body frame; d_e -> ``rx_delay`` of the receivers' channels. Rays are stationary (Fermat),
-so that nothing else counts. What is measured with a replica of another Doppler factor is off by κ (∂t/∂x)·w, κ ->
+so that no other terms occur. Times measured with a replica of another Doppler factor are off by κ (∂t/∂x)·w, κ ->
 `coupling` [s].
 """
 from __future__ import annotations
@@ -33,14 +33,14 @@ STEP = 1e-6                        # [s], [rad] of differences of the platform's
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Arrivals:
-    """Times, and their derivatives."""
+    """Hold times and their derivatives."""
 
     time: np.ndarray  # (P, K, E) [s]: since each transmission
     jacobian: dict[str, np.ndarray]  # (P, K, E, ...): by each parameter, its own numbers last
 
 
 class ArrivalModel:
-    """Arrival times as a `ForwardModel`."""
+    """Compute arrival times as a `ForwardModel`."""
     # receive (E, 3) [m]; transmit (3,) [m]; targets (K, 3) [m]; duration [s]
 
     def __init__(self, track: Track, receive: np.ndarray, transmit: np.ndarray, targets: np.ndarray,
@@ -82,7 +82,7 @@ class ArrivalModel:
         return ArrivalJacobian(self.arrivals(values), self.start)
 
     def coupled(self, coupling: float) -> ArrivalModel:
-        """Return the same model, with times that are off by a ``coupling`` [s] for Doppler factors that are off."""
+        """Return the same model, with errors of time by a ``coupling`` [s] to errors of the Doppler factor."""
         other = copy.copy(self)
         other._coupling = coupling
         return other
@@ -93,7 +93,7 @@ class ArrivalModel:
         return 1 / (1 + slower[..., 0].mean(-1))
 
     def checked(self, values: Values) -> dict[str, np.ndarray]:
-        """Return values of all parameters, those left out as at the start."""
+        """Return values of all parameters, with start values for those left out."""
         for name, value in values.items():
             if name not in self.start:
                 raise ValueError(f"{name!r} is none of the model's parameters{meant(name, list(self.start))}; it has "
@@ -120,7 +120,7 @@ class ArrivalModel:
         return Arrivals(time=time, jacobian={name: jacobian[name] for name in self.start})
 
     def _of_ping(self, ping: int, at: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Times (K, E) of a ping, and their derivatives."""
+        """Return times (K, E) of a ping, and their derivatives."""
         track, way = self._track, self._ways[ping]
         place = track.position[ping] + at["position_offset"][ping]
         angles = np.array([track.roll[ping], track.pitch[ping], track.heading[ping]])
@@ -133,7 +133,7 @@ class ArrivalModel:
         out, leaves, meets = self._ray(place + rotation @ sender, targets)           # (K,), (K, 3), (K, 3)
 
         def elements(time: np.ndarray) -> tuple[np.ndarray, tuple]:
-            """Where elements are at times (K, E), and how the array is turned then."""
+            """Return positions of elements at times (K, E), and the rotation of the array then."""
             moved, turned = np.stack(np.broadcast_arrays(*way.moved(time)), -1), way.turned(time)
             carried = rotated(tuple((arms @ rotation.T).T), turned)
             moved = moved + time[..., None] * at["velocity_offset"][ping]
@@ -160,7 +160,7 @@ class ArrivalModel:
         return time + at["rx_delay"], jacobian
 
     def _ray(self, begin: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Times (...), and slowness (..., 3) [s/m] at the beginning and at the end of rays between points (..., 3)."""
+        """Return times (...), and slowness (..., 3) [s/m] at both ends of rays between points (..., 3)."""
         apart = end[..., :2] - begin[..., :2]
         across = np.hypot(apart[..., 0], apart[..., 1])
         upper, lower = np.broadcast_arrays(-begin[..., 2], -end[..., 2])
@@ -173,7 +173,7 @@ class ArrivalModel:
 
 
 class ArrivalJacobian:
-    """Arrival times about some values, as a `Linearised`."""
+    """Hold arrival times about some values, as a `Linearised`."""
     # value (N,) [s]
 
     def __init__(self, arrivals: Arrivals, start: dict[str, np.ndarray]):
@@ -232,6 +232,6 @@ SUMMED = {name: {"rx": (0, 1), "": (0, 1, 2), "ping": (1, 2), "target": (0, 2)}[
 
 
 def _spread(name: str, tangent: np.ndarray) -> np.ndarray:
-    """A tangent over (ping, target, element, axis)."""
+    """Return a tangent over (ping, target, element, axis)."""
     return {"rx": tangent, "": tangent, "ping": tangent[:, None, None] if tangent.ndim == 2 else tangent,
             "target": tangent[:, None] if tangent.ndim == 2 else tangent}[OF[name]]

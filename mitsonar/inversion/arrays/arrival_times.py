@@ -1,8 +1,8 @@
-"""When echoes of point targets arrive, measured in element signals: by their envelopes, and by their phases.
+"""Measure arrival times of echoes of point targets in element signals, by envelopes and by phases.
 
-Compressed, an echo of the delay τ is a χ(t - τ) e^(-i2πf₀τ), χ real at its peak. The peak of |·| tells τ to
+A compressed echo of the delay τ is a χ(t - τ) e^(-i2πf₀τ), χ real at its peak. The peak of |·| determines τ to
 
-    1 / (2π β √(2 S))          and the phase there, but for whole cycles, to          1 / (2π f₀ √(2 S))
+    1 / (2π β √(2 S))          and the phase there, up to whole cycles, to          1 / (2π f₀ √(2 S))
 
 β -> rms bandwidth, S -> signal to noise and reverberation at the peak (Woodward 1953, Probability and Information
 Theory, ch. 6; Quazi 1981, IEEE Trans. ASSP 29, 527).
@@ -24,7 +24,7 @@ FEWEST = 8                         # samples of a window
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasuredArrivals:
-    """Peaks of echoes, not a number where there is none."""
+    """Hold peaks of echoes, NaN where there is none."""
 
     time: np.ndarray  # (P, K, E) [s]: of envelopes
     peak: np.ndarray  # (P, K, E): a e^(-i2πf₀τ)
@@ -33,12 +33,12 @@ class MeasuredArrivals:
     frequency: float  # [Hz]
 
     def phase_time(self, near: np.ndarray) -> np.ndarray:
-        """Return the delays of the phases that are nearest to some: (P, K, E) [s]."""
+        """Return the delays of the phases that are nearest to given delays: (P, K, E) [s]."""
         cycles = -np.angle(self.peak) / (2 * np.pi)
         return (cycles + np.round(near * self.frequency - cycles)) / self.frequency
 
     def deviation(self, by: float) -> np.ndarray:
-        """Return the deviation [s] of a time that is told by a frequency [Hz]: `bandwidth`, or the carrier."""
+        """Return the deviation [s] of a time measured at a frequency [Hz]: `bandwidth`, or the carrier."""
         return 1 / (2 * np.pi * by * np.sqrt(2 * self.noise_ratio))
 
 

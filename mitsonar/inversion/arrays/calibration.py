@@ -1,12 +1,12 @@
-"""Calibration of an array from the echoes of point targets: where elements are, how late and how strong they hear.
+"""Calibrate an array from the echoes of point targets: positions, delays and gains of elements.
 
     x̂ = argmin Σ ρ((t - t(x)) / σ_t) + |(x - x₀) / σ_x|²            `fit` on arrival times, ρ Huber's
 
-t -> first the times of envelopes, then those of phases, whose cycles the former fix; σ_t -> what peaks have by their
-noise, or what residuals have where that is more. What is believed beforehand, σ_x,
-settles what arrivals cannot tell: the array as a whole may be moved and turned against platform and targets. Directions
-whose singular value is below 1 are told by it more than by the data. A channel's phase and its delay are one at one
-carrier, and stand in ``rx_delay``. Gains are ratios of elements, so that a level that is off does not matter.
+t -> first the times of envelopes, then those of phases, whose cycles the former fix; σ_t -> deviations of peaks by
+their noise, or those of residuals where these are more. The prior deviations σ_x settle what arrivals leave open: the
+array as a whole may be moved and turned against platform and targets. Directions whose singular value is below 1 are
+determined by the prior more than by the data. A channel's phase and its delay are the same at one carrier, and stand
+in ``rx_delay``. Gains are ratios of elements, so that an error of the level has no effect.
 
 References
 ----------
@@ -50,22 +50,22 @@ RIGID = ("shift forward", "shift to starboard", "shift down", "roll", "pitch", "
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Calibration(Answer):
-    """What arrivals say of an array.
+    """Calibrated array, with uncertainties.
 
     Attributes
     ----------
     gain, gain_uncertainty : (E,) [-]
-        Of the receivers' channels, about a mean of 1.
+        Gains of the receivers' channels, about a mean of 1.
     rigid : dict of (float, float)
-        Deviations [m] or [rad], before and after, of what moves or turns the receive array as a whole: `RIGID`.
+        Prior and posterior deviations [m] or [rad] of shifts and turns of the whole receive array: `RIGID`.
     residual : (float, float) [s]
-        Of arrivals by phase, after the envelopes and at the end: medians of magnitudes over 0.6745.
+        Residuals of arrivals by phase, after the envelopes and at the end: medians of magnitudes over 0.6745.
     used, asked : int
-        Arrivals that were measured, and that were looked for.
+        Numbers of measured and of expected arrivals.
     ambiguous : float [-]
         Share of the phases that are more than a quarter of a cycle off.
     slipped : int
-        Echoes of a target at a ping that were used, and whose envelopes say another cycle.
+        Number of used echoes, of a target at a ping, whose envelopes indicate another cycle.
     left_out : (P,) bool
         Pings that were left out because of that.
     """
@@ -82,16 +82,16 @@ class Calibration(Answer):
 
     @property
     def singular_values(self) -> np.ndarray:
-        """Deviations before over those of data alone, by direction, falling."""
+        """Prior deviations over those of data alone, by direction, falling."""
         return self.observability.singular_values
 
     @property
     def effective(self) -> float:
-        """Number of unknowns that data tell."""
+        """Number of unknowns that the data determine."""
         return self.observability.effective
 
     def sentences(self) -> list[str]:
-        """Say what was observable."""
+        """Return sentences about what the data determined."""
         said = [f"{self.used} of {self.asked} arrivals were measured; {self.effective:.0f} of "
                 f"{len(self.singular_values)} unknowns are told by them, the others by what was believed."]
         for name, (before, after) in self.rigid.items():
@@ -111,7 +111,7 @@ class Calibration(Answer):
         return said
 
     def to_dataset(self) -> xr.Dataset:
-        """Return it as a dataset, by the names of `Fit.to_dataset`: each parameter with its start and deviations."""
+        """Return a dataset with the names of `Fit.to_dataset`: each parameter with its start and deviations."""
         variables = {}
         for name, one in self.parameters.items():
             last = () if name == "rx_delay" else ("angle",) if name == "attitude_offset" else ("axis",)
@@ -132,14 +132,15 @@ def calibrated(signals: xr.DataArray, targets: np.ndarray, profile: SoundSpeedPr
     Parameters
     ----------
     signals : DataArray (ping, tx, rx, sample)
-        As `mitsonar.element_signals` gives them: with the array and the track as they are believed.
+        Signals from `mitsonar.element_signals`, with the assumed array and track.
     targets : (K, 3) [m]
-        Where point targets are believed, scene coordinates, z up. Their echoes have no phase of their own.
+        Assumed positions of point targets, scene coordinates, z up. Their echoes have no phase of their own.
     profile : SoundSpeedProfile
+        Sound-speed profile of the water.
     transmit : (3,) [m]
-        The transmit element, or the middle of the transmit array, body frame.
+        Transmit element, or the middle of the transmit array, body frame.
     believed : dict or None
-        Deviations of parameters, see `BELIEVED`, numbers or arrays of their shape; 0 holds one still.
+        Prior deviations of parameters, see `BELIEVED`, numbers or arrays of their shape; 0 fixes a parameter.
 
     Returns
     -------
@@ -174,7 +175,7 @@ def found(model: ArrivalModel, heard: MeasuredArrivals, believed: dict[str, np.n
                          "deviations that hold them, and targets that stand out and apart")
 
     def fitted(kind: str, near: Fit | None, seen: np.ndarray, directions: int = 1) -> Fit:
-        """The most probable values by envelopes or phases, from a fit or the start on."""
+        """Return the most probable values by envelopes or phases, starting from a fit or the start."""
         before = models[kind].value({} if near is None else near.values)
         likelihood = TimesLikelihood(heard, kind, seen, before)
         return fit(models[kind], likelihood, priors, method=TrustRegion(whole=True), directions=directions,
@@ -212,9 +213,9 @@ def found(model: ArrivalModel, heard: MeasuredArrivals, believed: dict[str, np.n
 
 
 class TimesLikelihood:
-    """Arrivals of envelopes, or of the phases nearest to what is predicted: see `Likelihood`.
+    """Compare arrivals of envelopes, or of the phases nearest to the predicted times; see `Likelihood`.
 
-    Deviations are those of the peaks, or of residuals about times that were predicted before where these are more.
+    Deviations are those of the peaks, or those of residuals about earlier predictions where these are more.
     """
 
     def __init__(self, heard: MeasuredArrivals, kind: str, seen: np.ndarray, before: np.ndarray):
@@ -230,7 +231,7 @@ class TimesLikelihood:
         return self._about(predicted).terms(predicted)
 
     def residual(self, predicted: np.ndarray) -> np.ndarray:
-        """Return by how much the times that count are late [s]."""
+        """Return the delays [s] of the counted times over the predicted ones."""
         return (self._times(predicted) - predicted)[self.counted]
 
     def _about(self, predicted: np.ndarray) -> Gaussian:
@@ -243,7 +244,7 @@ class TimesLikelihood:
 
 
 def _model(signals: xr.DataArray, targets: np.ndarray, profile: SoundSpeedProfile, transmit: np.ndarray):
-    """The model of arrivals, the pulse, and the times of the samples."""
+    """Return the model of arrivals, the pulse, and the times of the samples."""
     needed = ("x", "y", "z", "roll", "pitch", "heading", "ping_time", "rx_x", "rx_y", "rx_z", "time")
     missing = [name for name in needed if name not in signals.coords]
     missing += [name for name in ("pulse", "sampling_rate") if name not in signals.attrs]
@@ -259,14 +260,14 @@ def _model(signals: xr.DataArray, targets: np.ndarray, profile: SoundSpeedProfil
 
 
 def _couplings(pulse: Pulse) -> dict[str, float]:
-    """κ of `arrival_model` [s]: peaks of a sweep of rate k stand (η - 1) f₀/k too early; its middle tells the phase."""
+    """Return κ of `arrival_model` [s]: peaks of a sweep of rate k are (η - 1) f₀/k too early."""
     sweeps = pulse.numbers is not None and "bandwidth" in pulse.numbers
     rate = (pulse.band[1] - pulse.band[0]) / pulse.duration if sweeps else np.inf
     return {"envelope": pulse.frequency / rate, "phase": 0.5 * pulse.duration}
 
 
 def _deviations(model: ArrivalModel, believed: Mapping[str, float | np.ndarray]) -> dict[str, np.ndarray]:
-    """Deviations before, of all parameters in their shapes."""
+    """Return prior deviations of all parameters, in their shapes."""
     unknown = [name for name in believed if name not in UNITS]
     if unknown:
         raise ValueError(f"{unknown[0]!r} is no parameter of a calibration; there are {', '.join(UNITS)}")
@@ -284,18 +285,18 @@ def _deviations(model: ArrivalModel, believed: Mapping[str, float | np.ndarray])
 
 
 def _slipped(heard: MeasuredArrivals, predicted: np.ndarray) -> np.ndarray:
-    """At which pings (P, K) envelopes of a target are nearly half a cycle off where phases have been fitted."""
+    """Return pings (P, K) at which envelopes of a target are nearly half a cycle off the fitted phases."""
     off = np.ma.masked_invalid(heard.time - predicted)
     return np.ma.filled(np.abs(np.ma.median(off, axis=2)) * heard.frequency > SLIPPED, False)
 
 
 def _spread(residual: np.ndarray) -> float:
-    """Deviation of residuals, which outliers do not move."""
+    """Return a deviation of residuals that outliers do not change."""
     return float(np.median(np.abs(residual))) / 0.6745
 
 
 def _gains(heard: MeasuredArrivals) -> tuple[np.ndarray, np.ndarray]:
-    """Gains of elements about a mean of 1, and their deviations, from the levels of all echoes."""
+    """Return gains of elements about a mean of 1, and their deviations, from the levels of all echoes."""
     level = np.log(np.abs(heard.peak)).reshape(-1, heard.peak.shape[-1])
     level = level[np.isfinite(level).all(1)]
     level = level - level.mean(1, keepdims=True)
@@ -306,7 +307,7 @@ def _gains(heard: MeasuredArrivals) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _rigid(arms: FittedParameter, singular: np.ndarray) -> dict[str, tuple[float, float]]:
-    """Deviations before and after of shifts and turns of the receive array as a whole."""
+    """Return prior and posterior deviations of shifts and turns of the receive array as a whole."""
     place, axes, told = arms.start - arms.start.mean(0), np.eye(3), {}
     for which, name in enumerate(RIGID):
         move = np.broadcast_to(axes[which], place.shape) if which < 3 else np.cross(axes[which - 3], place)

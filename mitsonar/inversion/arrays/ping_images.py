@@ -1,10 +1,10 @@
-"""What each ping of a strip adds to its focused image, and how that turns as the ping is moved sideways.
+"""Compute the contribution of each ping of a strip to its focused image, and its phase when the ping moves sideways.
 
     I(x; s) = Σ_p A_p(x) exp(iθ_p(x) s_p),     θ = 2πf₀ ∂τ/∂s = -4π (f₀/c) n_p·(x - x_p) / |x - x_p|
 
-A -> images of one ping each, by the house's back-projection along the ``trajectory`` that is believed; s -> `sway`, how
-much farther to starboard the sonar was at a ping; n -> starboard, level. Envelopes are not moved: s must be small
-against the resolution in range, or images be made again.
+A -> images of one ping each, by back-projection along the assumed ``trajectory``; s -> `sway`, displacement to
+starboard at a ping; n -> starboard, level. Envelopes are not moved: s must be small against the resolution in range, or
+images be made again.
 """
 from __future__ import annotations
 
@@ -30,16 +30,17 @@ class PingImages:
     Attributes
     ----------
     images : complex64 (P, N)
-        A, of points that some ping sees.
+        A, for points that some ping sees.
     rates : float32 (P, N) [rad/m]
-        θ.
+        Rates θ of phase with sway.
     points : (N,) int
         Numbers of the points in the grid.
     grid : Grid
+        Grid of the image.
     time : (P,) [s]
-        Of the transmissions.
+        Times of the transmissions.
     along : (P,) [m]
-        How far along the strip the sonar is then, about the middle.
+        Position of the sonar along the strip, about the middle.
     """
 
     images: np.ndarray
@@ -59,16 +60,16 @@ class PingImages:
         raw : Dataset
             Raw echoes.
         grid : Grid or None
-            None: `grids.default_grid`.
+            Points of the image; None: `grids.default_grid`.
         trajectory : Dataset or None
-            That is believed; None: the record's own.
+            Assumed trajectory; None: the record's own.
         **how
-            Windows and the profile, as of `synthetic_aperture.focusing.focus`.
+            Windows and the profile, as in `synthetic_aperture.focusing.focus`.
 
         Raises
         ------
         ValueError
-            As `focus`, or if images of all pings take more than 1 GiB.
+            See `focus`; or if images of all pings take more than 1 GiB.
         """
         check_raw(raw)
         believed = raw if trajectory is None else trajectory
@@ -106,7 +107,7 @@ class PingImages:
 
     @property
     def period(self) -> float:
-        """Sway [m] that turns the phases of what is brightest by a whole turn: half a wavelength, seen level."""
+        """Sway [m] that turns the phases of the brightest points by a whole turn: half a wavelength, seen level."""
         power = np.sum(np.abs(self.images) ** 2, 0, dtype=float)
         return float(2 * np.pi * power.sum() / (power @ np.abs(self.rates).mean(0, dtype=float)))
 
@@ -122,13 +123,13 @@ class PingImages:
         return whole.reshape(self.grid.depth.shape)
 
     def part(self, chosen: np.ndarray) -> PingImages:
-        """Return the same of some of the points (N,)."""
+        """Return the image of some of the points (N,)."""
         return PingImages(images=self.images[:, chosen], rates=self.rates[:, chosen], points=self.points[chosen],
                           grid=self.grid, time=self.time, along=self.along)
 
 
 class _Alone(Focuser):
-    """A focuser that keeps the pings apart."""
+    """Focus pings without adding them."""
 
     def __init__(self, *arguments: Any, **how: Any):
         super().__init__(*arguments, **how)
@@ -141,7 +142,7 @@ class _Alone(Focuser):
         self._alone[start] = (image.real.numpy() + 1j * image.imaginary.numpy() - before).astype(np.complex64)
 
     def images(self) -> tuple[np.ndarray, np.ndarray]:
-        """Images (P, N) in the order of the pings, and the weight (N,) of them all."""
+        """Return images (P, N) in the order of the pings, and the weight (N,) of them all."""
         return np.stack([self._alone[start] for start in sorted(self._alone)]), self._images[0].weight.numpy()
 
 

@@ -1,11 +1,11 @@
-"""Sway of a synthetic aperture, ping by ping: from the sharpness of its image, and from the phases of point targets.
+"""Estimate the sway of a synthetic aperture, ping by ping, from the sharpness of its image or from point targets.
 
     L(s) = -ln(⟨|I|⁴⟩ / ⟨|I|²⟩²),   ∂L/∂s_p = -Σ θ_p Im(g* A_p e^(iθ_p s_p)),   g = 4 (1/⟨|I|²⟩ - |I|²/⟨|I|⁴⟩) I / N
 
-Symbols as of `ping_images`. L falls as an image gets sharper. Pings that were swayed alike, or ever more along the
-strip, are not told from a scene that is elsewhere or squinted at: the mean and the trend of sway are no part of the
-answer. Half a wavelength more at one ping is not told from none; so sway is taken to change by less than a quarter of
-one from ping to ping. A scene of speckle alone is as sharp with any sway.
+Symbols are those of `ping_images`. L falls as an image gets sharper. A common sway, or one that grows along the strip,
+cannot be separated from a scene that is elsewhere or seen at a squint. Mean and trend of sway are therefore no part of
+the answer. Sway at a ping is determined modulo half a wavelength, and taken to change by less than a quarter of one
+from ping to ping. A scene of speckle alone is as sharp with any sway.
 
 References
 ----------
@@ -39,21 +39,21 @@ class Sway:
     Attributes
     ----------
     sway : (P,) [m]
-        How much farther to starboard than believed the sonar was, without mean and trend.
+        Displacement of the sonar to starboard of the assumed trajectory, without mean and trend.
     uncertainty : (P,) [m]
-        Half the difference of what two halves of the scene say, rms over neighbouring pings.
+        Half the difference of the sways of two halves of the scene, rms over neighbouring pings.
     contrast : (float, float)
-        ⟨|I|⁴⟩ / ⟨|I|²⟩² before and after; 2 of speckle.
+        ⟨|I|⁴⟩ / ⟨|I|²⟩² before and after; it is 2 for speckle.
     curvature : (P,) [1/m²]
         Eigenvalues of L's second derivative at the answer, falling.
     patterns : (P, P)
-        Their sways, one a row.
+        Sways of these eigenvalues, one a row.
     half_wavelength : float [m]
-        That sways of single pings are told modulo.
+        Sways of single pings are determined modulo this length.
     before, after : complex64 (along_track, across_track)
-        Images with the trajectory as it was believed, and with the sway.
+        Images with the assumed trajectory, and with the sway.
     trajectory : Dataset
-        With the sway.
+        Trajectory with the sway.
     """
 
     sway: np.ndarray
@@ -68,7 +68,7 @@ class Sway:
 
     @property
     def null_share(self) -> tuple[float, float]:
-        """How much of a common shift, and of a trend, lies in directions of less than a thousandth of the curvature."""
+        """Shares of a common shift, and of a trend, in directions of less than a thousandth of the curvature."""
         count = len(self.sway)
         flat = self.patterns[np.abs(self.curvature) < 1e-3 * self.curvature[0]]
         parts = np.stack([np.ones(count), np.linspace(-1, 1, count)])
@@ -77,7 +77,7 @@ class Sway:
         return shift, trend
 
     def sentences(self) -> list[str]:
-        """Say what was observable."""
+        """Return sentences about what the data determined."""
         said = ["Mean and trend of the sway are not observable by sharpness: they shift and turn the image; and single "
                 f"pings are told modulo {1e3 * self.half_wavelength:.3g} mm. Navigation needs a second source."]
         if np.log(self.contrast[1] / self.contrast[0]) < LEAST_GAIN:
@@ -89,7 +89,7 @@ class Sway:
         return said
 
     def to_dataset(self) -> xr.Dataset:
-        """Return sway by the names of `Fit.to_dataset`, and the trajectory with it, which `focus` takes."""
+        """Return sway by the names of `Fit.to_dataset`, and the trajectory with it, for `focus`."""
         metres, still = {"units": "m"}, np.zeros(len(self.sway))
         found = xr.Dataset({"sway": ("ping", self.sway, metres), "sway_start": ("ping", still, metres),
                             "sway_deviation": ("ping", self.uncertainty, metres),
@@ -113,7 +113,7 @@ def sharpness(pings: PingImages, sway: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def without_trend(sway: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """Take mean and trend (along the strip) out of a sway (..., P)."""
+    """Remove mean and trend (along the strip) from a sway (..., P)."""
     line = np.linalg.qr(np.stack([np.ones(len(along)), along], 1))[0]
     return sway - (sway @ line) @ line.T
 
@@ -130,15 +130,15 @@ def sharpened(raw: xr.Dataset, grid: Grid | None = None, *, trajectory: xr.Datas
     grid : Grid or None
         Points whose sharpness counts.
     trajectory : Dataset or None
-        That is believed; None: the record's own.
+        Assumed trajectory; None: the record's own.
     correlation : float [pings]
-        Over which sway is expected to be alike, at first; then each ping is free.
+        Length over which sway is expected to be alike, at first; then each ping is free.
     rounds : int
-        Images are made anew with what was found, so often.
+        Number of times that images are made anew with the sway.
     say : callable(text) or None
-        Told of each round.
+        Called with a text in each round.
     **how
-        As of `synthetic_aperture.focusing.focus`: profile, windows, aperture; without a window over the aperture.
+        Options of `synthetic_aperture.focusing.focus`: profile, windows, aperture; without a window over the aperture.
 
     Returns
     -------
@@ -147,7 +147,7 @@ def sharpened(raw: xr.Dataset, grid: Grid | None = None, *, trajectory: xr.Datas
     Raises
     ------
     ValueError
-        As `PingImages.of`, or if correlation or rounds are below 0 or 1.
+        See `PingImages.of`; or if correlation or rounds are below 0 or 1.
     """
     if not (np.isfinite(correlation) and correlation >= 0):
         raise ValueError(f"correlation is {correlation} pings; give a number of at least 0")
@@ -178,7 +178,7 @@ def sharpened(raw: xr.Dataset, grid: Grid | None = None, *, trajectory: xr.Datas
 
 
 def sway_of_targets(pings: PingImages, targets: np.ndarray) -> np.ndarray:
-    """Return the sway (P,) [m] that the phases of point targets tell, without mean and trend.
+    """Return the sway (P,) [m] from the phases of point targets, without mean and trend.
 
     Phases are unwrapped from ping to ping: sway must change by less than an eighth of a wavelength between them, level
     and abreast. A target off its pixel adds a trend, which is taken out, and a bend that is small where it is near.
@@ -207,7 +207,7 @@ def _times(raw: xr.Dataset) -> np.ndarray:
 
 
 def _sharpest(pings: PingImages, correlation: float, start: np.ndarray | None = None) -> np.ndarray:
-    """The sway of the least L: smooth over some pings first, then free; without mean and trend."""
+    """Return the sway of the least L: smooth over some pings first, then free; without mean and trend."""
     from scipy.optimize import minimize
     count = len(pings.time)
     sway = np.zeros(count) if start is None else start
@@ -226,7 +226,7 @@ def _sharpest(pings: PingImages, correlation: float, start: np.ndarray | None = 
 
 
 def _curvature(pings: PingImages) -> tuple[np.ndarray, np.ndarray]:
-    """Eigenvalues of L's second derivative, falling, and their sways, one a row."""
+    """Return eigenvalues of L's second derivative, falling, and their sways, one a row."""
     steps = STEP * np.eye(len(pings.time))
     second = np.stack([(sharpness(pings, step)[1] - sharpness(pings, -step)[1]) / (2 * STEP) for step in steps])
     values, vectors = np.linalg.eigh(0.5 * (second + second.T))
@@ -234,7 +234,7 @@ def _curvature(pings: PingImages) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _doubt(pings: PingImages) -> np.ndarray:
-    """Half of what the sways of two halves of the scene differ by, in range, rms over neighbouring pings."""
+    """Return half the difference of the sways of two halves of the scene, in range, rms over neighbouring pings."""
     column = pings.points % pings.grid.depth.shape[1]
     power = np.abs(pings.images.sum(0)) ** 2
     order = np.argsort(column, kind="stable")

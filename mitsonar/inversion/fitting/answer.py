@@ -1,4 +1,4 @@
-"""The answer of a fit: values, what they may be off, and what was and was not observable."""
+"""Hold the answer of a fit: values, uncertainties, and the observed and unobserved parts."""
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -24,19 +24,21 @@ class FittedParameter:
     Attributes
     ----------
     value, start : array
+        Fitted value, and the value at the start.
     uncertainty, prior_deviation : array
-        Deviations after the record was seen, and before.
+        Posterior and prior deviations.
     resolved : array
-        1 - posterior / prior variance: 0 is not seen at all, 1 wholly.
+        1 - posterior / prior variance: 0 is not determined by the record, 1 wholly.
     seen, unseen : (k, ...) array
-        Patterns that the record tells best, and those that are least known after it.
+        Patterns that the record determines best, and those that are least known after it.
     unit : str
+        Unit of the values.
     labels : array of int, optional
         The likeliest class of each number.
     probabilities : (..., K) array, optional
-        Of each class.
+        Probability of each class.
     classes : tuple of float, optional
-        Their values.
+        Values of the classes.
     """
 
     value: np.ndarray
@@ -53,32 +55,32 @@ class FittedParameter:
 
     @classmethod
     def still(cls, start: np.ndarray, unit: str) -> FittedParameter:
-        """Return one that stood still."""
+        """Return a parameter that was not fitted."""
         none, nothing = np.zeros(start.shape), np.zeros((0, *start.shape))
         return cls(value=start, start=start, uncertainty=none, prior_deviation=none, resolved=none, seen=nothing,
                    unseen=nothing, unit=unit)
 
     def over(self, shape: tuple[int, ...], unit: str) -> FittedParameter:
-        """Return the same over another shape of as many numbers, in a unit."""
+        """Return the parameter in another shape with as many numbers, and in another unit."""
         return replace(self, unit=unit, **{name: getattr(self, name).reshape(shape) for name in (
             "value", "start", "uncertainty", "prior_deviation", "resolved")})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Answer:
-    """Parameters that were fitted."""
+    """Hold fitted parameters by name."""
 
     parameters: dict[str, FittedParameter]  # [str, FittedParameter]
     observability: Observability  # over all unknowns together, in the order of `parameters`
 
     @property
     def values(self) -> dict[str, np.ndarray]:
-        """The answer, by name."""
+        """Fitted values, by name."""
         return {name: one.value for name, one in self.parameters.items()}
 
     @property
     def start(self) -> dict[str, np.ndarray]:
-        """Where it began, by name."""
+        """Start values, by name."""
         return {name: one.start for name, one in self.parameters.items()}
 
     @property
@@ -94,16 +96,16 @@ class Answer:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Fit(Answer):
-    """What a fit found.
+    """Result of a fit.
 
     Attributes
     ----------
     predicted : (N,) array
-        The record that the answer makes.
+        Record of the fitted values.
     deviance, cost, step : (iterations + 1,) arrays
-        Deviance over what noise would have; misfit with priors; how far unknowns moved [prior deviations].
+        Deviance over that of noise; misfit with priors; change of the unknowns [prior deviations].
     stopped : str
-        Why it stopped.
+        Reason of the end.
     unknowns : (n,) array
         z of the answer, from which another fit may begin.
     """
@@ -117,16 +119,16 @@ class Fit(Answer):
 
     @property
     def iterations(self) -> int:
-        """Steps that were made."""
+        """Number of steps."""
         return self.cost.size - 1
 
     @property
     def unseen(self) -> int:
-        """How many of the least known patterns the record does not tell at all."""
+        """Number of the least known patterns that the record does not determine at all."""
         return int((self.observability.unseen_resolved < HIDDEN).sum())
 
     def sentences(self) -> list[str]:
-        """Say what was done, and what was observable."""
+        """Return sentences about the fit, and about what the record determined."""
         look = self.observability
         total = look.deviation.size
         said = [f"{self.iterations} step{'s' * (self.iterations != 1)}: {self.stopped}", self.told()]
@@ -152,14 +154,14 @@ class Fit(Answer):
         return told_of(name, one.resolved, one.uncertainty, one.unit)
 
     def told(self) -> str:
-        """Say how many numbers the record tells."""
+        """Return a sentence on the number of parameters that the record determines."""
         look = self.observability
         return (f"the record tells {'' if look.complete else 'at least '}{look.effective:.1f} of "
                 f"{look.deviation.size} numbers"
                 f"{'' if look.complete else f', in the {look.singular_values.size} directions that were looked at'}")
 
     def to_dataset(self) -> xr.Dataset:
-        """Return all of it as a dataset; `mitsonar.write` makes a netCDF file of it."""
+        """Return a dataset of the fit, which `mitsonar.write` writes as netCDF."""
         import xarray as xr
 
         variables = {"deviance": ("iteration", self.deviance, {"long_name": "deviance over that of noise"}),
@@ -179,7 +181,7 @@ class Fit(Answer):
 
 
 def told_of(name: str, resolved: np.ndarray, deviation: np.ndarray, unit: str) -> str:
-    """Say how many numbers of a parameter a record told, and to what."""
+    """Return a sentence on how many numbers of a parameter a record determined, and to what deviation."""
     told = resolved > TOLD
     if not told.any():
         return (f"{name}: none of its {told.size} numbers is told to better than {np.sqrt(1 - TOLD):.1f} of its "
@@ -198,7 +200,7 @@ def named(name: str, dims: tuple[str, ...], one: FittedParameter) -> dict[str, t
 
 
 def _variables(name: str, one: FittedParameter) -> Iterator[tuple[str, tuple]]:
-    """A parameter's variables of a dataset."""
+    """Return a parameter's variables of a dataset."""
     dims = tuple(f"{name}_{axis}" for axis in range(one.value.ndim))
     yield from named(name, dims, one).items()
     for kind, dim, patterns in (("seen", "pattern", one.seen), ("unseen", "unseen", one.unseen)):

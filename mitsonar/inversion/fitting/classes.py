@@ -1,4 +1,4 @@
-"""Values that are one of a few: a pull to known classes, and what is made of an answer.
+"""Pull values to known classes, and classify the answer.
 
     p(x) = Σ_k share_k N(x; value_k, spread²),      P(k | x) ∝ share_k N(x; value_k, spread² + deviation²)
 
@@ -23,11 +23,11 @@ class Classes:
     Parameters
     ----------
     values : tuple of float
-        In the parameter's unit; two at least.
+        Value of each class in the parameter's unit; two at least.
     spread : float
         Deviation within a class.
     shares : tuple of float, optional
-        How often each is met; default: all alike.
+        Frequency of each class; default: all alike.
 
     Raises
     ------
@@ -49,12 +49,12 @@ class Classes:
                              "zero for each")
 
     def spread_at(self, iteration: int) -> float:
-        """Return the spread that an iteration pulls with: from the widest gap down to `spread`."""
+        """Return the spread of the pull at an iteration: from the widest gap down to `spread`."""
         gap = float(np.diff(np.sort(self.values)).max())
         return max(self.spread, gap * NARROWING ** iteration)
 
     def terms(self, numbers: np.ndarray, spread: float) -> Terms:
-        """Give -2 ln p of numbers (n,), with its slope and the weight of a step."""
+        """Return -2 ln p of numbers (n,), with its slope and the weight of a step."""
         logs = self._logs(numbers, spread ** 2)
         most = logs.max(1)
         middle = self._probabilities(logs) @ np.array(self.values)
@@ -63,11 +63,11 @@ class Classes:
                      weight=np.full(numbers.shape, spread ** -2))
 
     def probabilities(self, numbers: np.ndarray, deviation: np.ndarray) -> np.ndarray:
-        """Return those of each class, (n, K), for numbers with deviations (n,)."""
+        """Return the probability of each class, (n, K), for numbers with deviations (n,)."""
         return self._probabilities(self._logs(numbers, self.spread ** 2 + deviation[:, None] ** 2))
 
     def _logs(self, numbers: np.ndarray, variance: float | np.ndarray) -> np.ndarray:
-        """Logarithms of shares times densities, (n, K), less what all have."""
+        """Return logarithms of shares times densities, (n, K), without their common part."""
         shares = np.ones(len(self.values)) if self.shares is None else np.array(self.shares)
         apart = numbers[:, None] - np.array(self.values)
         return np.log(shares / shares.sum()) - 0.5 * apart ** 2 / variance

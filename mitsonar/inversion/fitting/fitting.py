@@ -1,4 +1,4 @@
-"""Fit parameters of a model to a record: the most probable values, what they may be off, and what could be seen.
+"""Fit parameters of a model to a record: the most probable values, their uncertainties, and their observability.
 
     Φ(x) = ½ Σ D(y, F(x)) - ln p(x),       steps -> `steps`
 
@@ -35,28 +35,30 @@ def fit(model: ForwardModel, likelihood: Likelihood, priors: Mapping[str, Prior]
     Parameters
     ----------
     model : ForwardModel
+        Model of the record.
     likelihood : Likelihood
-        With the record.
+        Likelihood, which holds the record.
     priors : dict[str, Prior]
-        Of the parameters that are fitted; others stay as at the start.
+        Priors of the fitted parameters; others have their start values.
     method : Method, optional
-        Default: `TrustRegion`.
+        Method of the steps; default: `TrustRegion`.
     stopping : Stopping, optional
+        Conditions at which the fit ends.
     earlier : sequence of FitStage
         Coarser fits that come first, one after the other.
     first : int, optional
-        As of `FitStage`.
+        Number of unknowns that move; see `FitStage`.
     directions : int
-        In which to look at what the record tells; three products with the Jacobian each.
+        Number of directions of the uncertainty; each takes three products with the Jacobian.
     seed : int
-        Of those directions.
+        Seed of those directions.
     begin : callable, optional
-        That gives the unknowns z (n,) to begin with; asked where no state is gone on with. Default: the priors' means.
+        Returns the unknowns z (n,) at the start, unless a saved state is resumed. Default: the priors' means.
     state_file : str or path, optional
-        Written after each step, and gone on with where it is there: the answer is the same. It stays when the fit is
-        done.
+        File of the state, written after each step. A fit resumes from an existing file with the same answer. The file
+        stays when the fit is done.
     about : str
-        What tells this fit from others with the same record and priors.
+        Text that separates this fit from others with the same record and priors.
     progress : callable, optional
         Called with steps done and their total.
 
@@ -105,7 +107,7 @@ def fit(model: ForwardModel, likelihood: Likelihood, priors: Mapping[str, Prior]
 
 
 def _mark(unknowns: Unknowns, stages: Sequence[FitStage], about: str, seed: int) -> str:
-    """What tells this fit from others."""
+    """Return the fingerprint of this fit."""
     mark = f"{about}\n{stages[-1].method!r}\n{seed}"
     for number, one in enumerate(reversed(stages)):
         if number:
@@ -115,7 +117,7 @@ def _mark(unknowns: Unknowns, stages: Sequence[FitStage], about: str, seed: int)
 
 
 def _begun(misfit: Misfit, z: np.ndarray, seed: int) -> State:
-    """The state at the start, where the model is checked."""
+    """Return the state at the start, after a check of the model."""
     from mitsonar.device.chance import Salt
 
     first = misfit.about(np.asarray(z, float), 0)
@@ -125,7 +127,7 @@ def _begun(misfit: Misfit, z: np.ndarray, seed: int) -> State:
 
 def _parameters(model: ForwardModel, unknowns: Unknowns, state: State, look: Observability) \
         -> dict[str, FittedParameter]:
-    """What the answer says of each parameter."""
+    """Return the fitted parameters."""
     values, begin = unknowns.values(state.z), unknowns.values(np.zeros(unknowns.size))
     found = {}
     for name, part in unknowns.parts.items():

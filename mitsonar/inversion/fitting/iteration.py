@@ -1,4 +1,4 @@
-"""Where a fit is between two steps, when it stops, and what makes its steps."""
+"""Hold the state of a fit between two steps, the conditions of its end, and the interface of its steps."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
@@ -14,7 +14,7 @@ from .misfit import Cost, Misfit
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class State:
-    """A fit between two steps: all that the next step depends on."""
+    """Hold a fit between two steps: all that the next step depends on."""
 
     z: np.ndarray
     deviance: np.ndarray  # of the record
@@ -26,12 +26,12 @@ class State:
 
     @classmethod
     def at(cls, z: np.ndarray, cost: Cost) -> State:
-        """Begin at z."""
+        """Return the state at the start z."""
         return cls(z=z, deviance=np.array([cost.deviance]), cost=np.array([cost.total]), step=np.zeros(1))
 
     @property
     def iteration(self) -> int:
-        """Steps that were made."""
+        """Number of steps."""
         return self.cost.size - 1
 
     @property
@@ -41,17 +41,17 @@ class State:
 
     @property
     def within(self) -> int:
-        """Steps that were made in the present stage."""
+        """Number of steps in the present stage."""
         return self.iteration - int(self.begins[-1])
 
     def onward(self, cost: Cost) -> State:
-        """Go on to the next stage, whose misfit of the same z is another."""
+        """Return the state at the next stage, whose misfit of the same z is another."""
         return replace(self, deviance=np.append(self.deviance[:-1], cost.deviance),
                        cost=np.append(self.cost[:-1], cost.total), radius=0.0, stuck=False,
                        begins=np.append(self.begins, self.iteration))
 
     def moved(self, z: np.ndarray, cost: Cost, **changes: Any) -> State:
-        """Go on to another z."""
+        """Return the state at another z."""
         length = float(np.sqrt(np.mean((z - self.z) ** 2)))
         return replace(self, z=z, deviance=np.append(self.deviance, cost.deviance),
                        cost=np.append(self.cost, cost.total), step=np.append(self.step, length), **changes)
@@ -59,17 +59,17 @@ class State:
 
 @dataclass(frozen=True, kw_only=True)
 class Stopping:
-    """When a fit is done.
+    """Conditions at which a fit ends.
 
     Parameters
     ----------
     iterations : int
-        Steps at most.
+        Greatest number of steps.
     noise : float, optional
-        Stop once the record's deviance is this share of what it is at the truth (discrepancy principle; Morozov, 1966):
-        what is fitted beyond is noise. Where it is from the start, stop once a step lowers it by no more than its own
-        deviation, √(2 N). None: go on to the most probable values. Deviations are those about the values that are
-        reached.
+        Stop once the record's deviance is this share of its expectation at the truth (discrepancy principle; Morozov,
+        1966), because further changes fit noise. If the start is below it, stop once a step lowers the deviance by no
+        more than its own deviation, √(2 N). None: continue to the most probable values. Uncertainties are those about
+        the values at the end.
     fall : float
         Stop when Φ falls by less than this share of it.
 
@@ -91,7 +91,7 @@ class Stopping:
                 raise ValueError(f"a fit stops at {name} {value:g}; give a number that is not below zero")
 
     def reason(self, misfit: Misfit, state: State) -> str:
-        """Say why a fit stops here; empty where it goes on."""
+        """Return the reason to stop here, or an empty text."""
         reduced = state.deviance[-1] / misfit.likelihood.expected
         settled = misfit.settled(state.iteration)
         # a fall is of one Φ: the last two costs are both of the classes' pull at the end
@@ -109,25 +109,25 @@ class Stopping:
 
 
     def _reached(self, state: State, expected: float) -> bool:
-        """Return whether the last step reached the noise, or did no more than chance does.
+        """Return True if the last step reached the noise, or changed no more than chance does.
 
-        A record of more looks than was said lies below its noise from the start, where a step that helps tells it.
+        A record with more looks than stated lies below its noise from the start.
         """
         before, now = state.deviance[-2:]
         return before > (self.noise or 0) * expected or before - now <= np.sqrt(2 * expected)
 
 
 class Method(Protocol):
-    """What makes the steps of a fit."""
+    """Make the steps of a fit."""
 
     def step(self, misfit: Misfit, state: State) -> State:
-        """Return the state after a step; where no step lowers Φ, the same one, stuck."""
+        """Return the state after a step; if no step lowers Φ, return the same state, stuck."""
         ...
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FitStage:
-    """A fit that another goes on from, of the same unknowns."""
+    """Hold an earlier stage of a fit, with the same unknowns."""
 
     model: ForwardModel  # with the same parameters
     likelihood: Likelihood  # with its record
