@@ -1,10 +1,10 @@
-"""Mitsuba plugins of mitsonar: thin adapters from XML to the physics, one folder a kind.
+"""Mitsuba plugins of mitsonar: thin adapters from XML to the physics, one folder for each kind of plugin.
 
-`install` has Mitsuba register them for every JIT variant, and again after each change of variant: a plugin's base class
-exists only once a variant is set, so its module is imported then, and reloaded when the variant changes.
+`install` registers the plugins for every JIT variant, and again after each change of variant: a plugin's base class
+exists only once a variant is set, so its module is imported then and reloaded when the variant changes.
 
-Threads register one after the other, under `LOCK`. Nobody may import Mitsuba for the first time while holding it: the
-one who does so installs, and asks for the lock.
+Threads register one after the other, under `LOCK`. No thread may hold it while it imports Mitsuba for the first time,
+because that import calls `install`, which waits for the lock.
 """
 import importlib
 import sys
@@ -33,9 +33,9 @@ _registered = None                  # the variant
 
 
 def install() -> None:
-    """Register every plugin for the present variant, if there is one, and for those set from now on."""
+    """Register every plugin for the current variant, if there is one, and for every variant set later."""
     global _installed
-    import mitsuba as mi  # where this is the first import, it installs by itself (see mitsonar/__init__)
+    import mitsuba as mi  # the first import of Mitsuba calls `install` itself (see mitsonar/__init__)
 
     with LOCK:
         if _installed:
@@ -47,7 +47,7 @@ def install() -> None:
 
 
 def register(variant: str | None) -> None:
-    """Register every plugin for a variant, unless that is done: whoever set the variant may not have come to it yet."""
+    """Register every plugin for a variant, unless this has been done."""
     global _registered
     with LOCK:
         if variant == _registered:

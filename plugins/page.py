@@ -1,7 +1,7 @@
-"""The reference page `plugins/README.md`: how a scene is written, every plugin, every attribute.
+"""Make the reference page `plugins/README.md`: how to write a scene, every plugin and every attribute.
 
-All but the first chapter is made of what the plugins declare and of the texts that their modules begin with. A test
-compares the page with what `markdown` gives.
+All but the first chapter comes from the plugins' declarations and module docstrings. A test compares the page with the
+result of `markdown`.
 """
 import inspect
 import re
@@ -52,7 +52,7 @@ KINDS = {"sensor": "Sonars", "medium": "Water", "film": "Record", "integrator": 
 
 
 def markdown() -> str:
-    """Make the page."""
+    """Return the text of the page."""
     parts = [HEAD]
     for kind, heading in KINDS.items():
         parts.append(f"## {heading}\n")
@@ -79,7 +79,7 @@ def _plugin(kind: str, plugin: str) -> Iterator[str]:
 
 
 def _groups(plugins: Iterable[str]) -> list[Group]:
-    """The groups that plugins declare, each once."""
+    """Return the groups that plugins declare, each once."""
     return list({one.title: one for plugin in plugins for one in reference.declared(plugin)
                  if isinstance(one, Group)}.values())
 
@@ -98,14 +98,14 @@ def _folder(plugin: str) -> str:
 
 
 def _text(manual: str) -> Iterator[str]:
-    """What follows the first line of a module's text."""
+    """Yield the text of a module after its first line."""
     rest = inspect.cleandoc(manual).partition("\n")[2].strip()
     if rest:
         yield f"{_markdown(rest)}\n"
 
 
 def _markdown(text: str) -> str:
-    """A docstring's marks as those of Markdown: literals, and blocks of code."""
+    """Return a docstring with its literals and code blocks in Markdown."""
     def fenced(block: re.Match) -> str:
         return f"```{block[1]}\n{inspect.cleandoc(block[2]).rstrip()}\n```\n"
 
@@ -127,7 +127,7 @@ def _expected(one: Attribute) -> str:
 
 
 def _presets(own: list[Attribute]) -> Iterator[str]:
-    """A table for every attribute that names a preset: which values each brings."""
+    """Yield a table of the presets' values for every attribute that names a preset."""
     tables = {one.default.by: one.default.table for one in own if isinstance(one.default, FromTable)}
     for by, table in tables.items():
         names = [one.name for one in flat(tuple(own)) if isinstance(one.default, FromTable) and one.default.by == by]

@@ -1,4 +1,4 @@
-"""The plugins and their attributes in words, from what their modules declare and say of themselves."""
+"""Describe the plugins and their attributes, from the declarations and docstrings of their modules."""
 import re
 import sys
 from types import ModuleType
@@ -13,43 +13,43 @@ OF_MITSUBA = (File("filename", text="what a plugin of Mitsuba's own reads: a mes
 
 
 def plugins() -> list[str]:
-    """Names of all plugins, by their kinds."""
+    """Return the names of all plugins, ordered by kind."""
     return [name.rpartition(".")[2] for name in PLUGINS]
 
 
 def kind_of(plugin: str) -> str:
-    """The element that a plugin is written as: "sensor", "bsdf", ..."""
+    """Return the XML element of a plugin: "sensor", "bsdf", ..."""
     folder = _name(plugin).partition(".")[0]
     return {"media": "medium"}.get(folder, folder.removesuffix("s"))
 
 
 def title(plugin: str) -> str:
-    """What a plugin is, in one line."""
+    """Return a one-line description of a plugin."""
     return re.sub(r" \(`\w+`\)|`", "", manual(_name(plugin)).partition("\n")[0])
 
 
 def manual(module: str) -> str:
-    """The text that a module of the plugins begins with, such as "sensors.platform"."""
+    """Return the docstring of a plugins' module, such as "sensors.platform"."""
     return _module(module).__doc__ or ""
 
 
 def declared(plugin: str) -> tuple[Attribute | Group, ...]:
-    """What a plugin declares."""
+    """Return the attributes and groups that a plugin declares."""
     return _module(_name(plugin)).ATTRIBUTES
 
 
 def attributes(plugin: str) -> list[Attribute]:
-    """All attributes of a plugin under their whole names, in the order of their declaration; raises as `declared`."""
+    """Return all attributes of a plugin under their full names, in the order of declaration."""
     return list(flat(declared(plugin)))
 
 
 def input_files(kind: str) -> dict[str, File]:
-    """The attributes, by name, that name files which an object of a type reads; of Mitsuba's own types too."""
+    """Return the attributes, by name, that name input files of an object type, including Mitsuba's own types."""
     return {one.name: one for one in (attributes(kind) if kind in plugins() else OF_MITSUBA) if isinstance(one, File)}
 
 
 def expected(attribute: Attribute) -> str:
-    """What must be written for an attribute, with numbers of a few digits."""
+    """Return the expected value of an attribute in words, with its numbers rounded to four digits."""
     def rounded(number: re.Match) -> str:
         return f"{float(number[0]):.4g}" if float(number[0]) < 1e4 else f"{float(number[0]):.0f}"
 
@@ -57,12 +57,12 @@ def expected(attribute: Attribute) -> str:
 
 
 def plain(text: str) -> str:
-    """Markdown without its marks."""
+    """Return Markdown text without its marks."""
     return re.sub(r"[`*]", "", text)
 
 
 def _name(plugin: str) -> str:
-    """Folder and module of a plugin."""
+    """Return the folder and module of a plugin."""
     found = next((name for name in PLUGINS if name.rpartition(".")[2] == plugin), None)
     if found is None:
         raise ValueError(f"there is no plugin {plugin!r}{meant(plugin, plugins())}; there are {', '.join(plugins())}")

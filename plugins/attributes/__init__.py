@@ -1,15 +1,15 @@
-"""The attributes of plugins: each module declares what its plugin takes, once, in a tuple called ``ATTRIBUTES``.
+"""Attributes of plugins: each module declares the attributes of its plugin once, in a tuple called ``ATTRIBUTES``.
 
-`Attributes` reads a scene by that tuple. The sentences about what is wrong, ``mitsonar describe``, the reference page
-(`mitsonar.plugins.page`) and the input files of a sweep come from it too::
+`Attributes` reads a scene by that tuple. Error messages, ``mitsonar describe``, the reference page
+(`mitsonar.plugins.page`) and the input files of a sweep use it too::
 
     ATTRIBUTES = (
         Number("range", default=100.0, above=0, maximum=100_000, unit="m", text="end of the slant range window"),
         File("cast", default=None, text="file of a cast"),
     )
 
-Without a default an attribute must be written; with None it is optional. ``otherwise`` says in words what is taken
-where the default does not say it by itself. Texts are Markdown, without a full stop at their end.
+An attribute without a default is required; one with the default None is optional. ``otherwise`` describes the default
+in words where its value does not. Texts are Markdown, without a full stop at their end.
 """
 from .declaration import REQUIRED, Attribute, FromTable, Nested, SameAs, Unfit
 from .groups import Group, flat

@@ -1,4 +1,4 @@
-"""What a plugin declares of an attribute, of whatever kind."""
+"""Declare an attribute of a plugin: the base class of all kinds of attributes."""
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
@@ -10,7 +10,7 @@ NESTED = ("Object", "Reference", "ResolvedReference")          # Mitsuba's types
 
 
 class _Required:
-    """The default of an attribute that has none."""
+    """Mark an attribute without a default."""
 
     def __repr__(self) -> str:
         return "REQUIRED"
@@ -20,7 +20,7 @@ REQUIRED = _Required()
 
 
 class Unfit(Exception):
-    """A value is not what the attribute expects."""
+    """Report a value that does not fit its attribute."""
 
     def __init__(self, *, got: str = "", expected: str = "", hint: str = "", sentence: str = "") -> None:
         super().__init__(sentence)
@@ -29,7 +29,7 @@ class Unfit(Exception):
 
 @dataclass(frozen=True, kw_only=True)
 class FromTable:
-    """A default that is looked up: of a preset, by the attribute that names the preset."""
+    """Hold a default that depends on a preset, looked up by the attribute that names the preset."""
 
     table: Mapping[str, Mapping[str, Any]]  # values by preset and attribute
     by: str  # name of the attribute that holds the preset
@@ -37,39 +37,39 @@ class FromTable:
 
 @dataclass(frozen=True)
 class SameAs:
-    """A default that is the value of another attribute, declared before."""
+    """Hold a default that is the value of an attribute declared before."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class Attribute(ABC):
-    """What a plugin takes under a name."""
+    """Declare one attribute of a plugin."""
 
     name: str
     _: KW_ONLY
     default: Any = REQUIRED  # as it would be written in a scene
-    otherwise: str = ""  # what is taken where it is not written, in words
-    text: str  # what it means
+    otherwise: str = ""  # the default in words
+    text: str  # meaning
     only: tuple[str, tuple[str, ...]] | None = None
-    types: ClassVar[tuple[str, ...]] = ()  # mitsuba's types of properties that are taken
+    types: ClassVar[tuple[str, ...]] = ()  # accepted types of Mitsuba's properties
 
     @property
     @abstractmethod
     def expected(self) -> str:
-        """What must be written, in words."""
+        """Return a description of the expected value."""
 
     @abstractmethod
     def read(self, value: Any, written_as: str) -> Any:
-        """Return what the plugin gets of a property's value, which has one of the types; raise `Unfit` otherwise."""
+        """Return the plugin's value for a property of one of the types; raise `Unfit` if the property does not fit."""
 
     def taken(self, default: Any) -> Any:
-        """Return what the plugin gets where the default is taken, which is not None."""
+        """Return the plugin's value for a default other than None."""
         return default
 
     @property
     def shown_default(self) -> str:
-        """What is taken where nothing is written, in words; empty if nothing."""
+        """Return the default in words; empty without a default."""
         if self.otherwise:
             return self.otherwise
         if self.default is REQUIRED:
@@ -83,9 +83,9 @@ class Attribute(ABC):
 
 @dataclass(frozen=True)
 class Nested(Attribute):
-    """Nested objects of a kind, such as "medium", whatever they are called: the first one, or all of them.
+    """Declare nested objects of a kind, such as "medium", whatever their names: the first one, or all of them.
 
-    The name is that of Mitsuba's class in small letters. What is nested and not declared is left to Mitsuba.
+    The name is that of Mitsuba's class in lower case. Nested objects that are not declared are left to Mitsuba.
     """
 
     many: bool = False
@@ -101,7 +101,7 @@ class Nested(Attribute):
 
 
 def in_unit(unit: str) -> str:
-    """Return a unit in brackets, as it follows a noun."""
+    """Return a unit in brackets, with a space before it."""
     return f" [{unit}]" if unit else ""
 
 

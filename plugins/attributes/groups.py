@@ -1,4 +1,4 @@
-"""Groups of attributes that several plugins declare, and the way through a whole declaration."""
+"""Group attributes that several plugins declare, and iterate over whole declarations."""
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -7,21 +7,21 @@ from .declaration import Attribute
 
 @dataclass(frozen=True, kw_only=True)
 class Group:
-    """Attributes that several plugins share, or one has several times under names that begin differently."""
+    """Hold attributes that several plugins share, or that one plugin has several times under different prefixes."""
 
-    title: str  # of the chapter that the reference page has for them
-    module: str  # of the package, whose text that chapter begins with
+    title: str  # of their chapter in the reference page
+    module: str  # whose docstring begins that chapter
     attributes: tuple[Attribute, ...]
-    prefixes: tuple[str, ...] = ("",)  # what stands in front of every name
+    prefixes: tuple[str, ...] = ("",)
 
     def named(self, prefix: str) -> tuple[Attribute, ...]:
-        """The attributes under their whole names."""
+        """Return the attributes under their full names."""
         return tuple(replace(one, name=prefix + one.name, only=one.only and (prefix + one.only[0], one.only[1]))
                      for one in self.attributes)
 
 
 def flat(declared: tuple[Attribute | Group, ...]) -> Iterator[Attribute]:
-    """Go through all attributes of a declaration, those of its groups under their whole names."""
+    """Yield all attributes of a declaration, those of its groups under their full names."""
     for one in declared:
         if isinstance(one, Group):
             for prefix in one.prefixes:

@@ -1,4 +1,4 @@
-"""Files that a plugin reads: where they lie, and why one cannot be read."""
+"""Find the files that a plugin reads, and report why one cannot be read."""
 import os
 from typing import Any
 
@@ -6,13 +6,13 @@ import mitsuba as mi
 
 
 def resolved(name: str) -> str:
-    """Return the path of what a scene names, beside the scene or in the current folder; a name of nothing as it is."""
-    resolver: Any = mi.file_resolver           # of which Mitsuba's stubs say only that it is an object
+    """Return the path of a name in a scene, beside the scene or in the current folder; unknown names stay as they are."""
+    resolver: Any = mi.file_resolver           # an object in Mitsuba's stubs
     return str(resolver().resolve(name))
 
 
 def found_file(attribute: str, name: str) -> str:
-    """Return the path of a file that a scene names, looked for beside the scene, then in the current folder."""
+    """Return the path of a readable file that a scene names, beside the scene or in the current folder."""
     path = resolved(name)
     if not os.path.isfile(path):
         if os.path.isdir(path):

@@ -1,4 +1,4 @@
-"""Attributes that are numbers."""
+"""Declare attributes that are numbers."""
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -11,12 +11,12 @@ from .declaration import REQUIRED, Attribute, FromTable, Unfit, in_unit, shown
 
 @dataclass(frozen=True)
 class Number(Attribute):
-    """A finite number within bounds, written as a float or an integer."""
+    """Declare a finite number within bounds, written as a float or an integer."""
 
-    minimum: float | None = None  # bounds, inclusive and exclusive
-    maximum: float | None = None  # bounds, inclusive and exclusive
-    above: float | None = None  # bounds, inclusive and exclusive
-    below: float | None = None  # bounds, inclusive and exclusive
+    minimum: float | None = None  # inclusive
+    maximum: float | None = None
+    above: float | None = None  # exclusive
+    below: float | None = None
     unit: str = ""
     types = ("Float", "Integer")
     noun: ClassVar[str] = "a number"
@@ -42,7 +42,7 @@ class Number(Attribute):
 
 @dataclass(frozen=True)
 class Integer(Number):
-    """A whole number; a float is refused even where it is whole."""
+    """Declare a whole number; a float is refused even if it is whole."""
 
     types = ("Integer",)
     noun = "an integer"
@@ -53,7 +53,7 @@ class Integer(Number):
 
 @dataclass(frozen=True)
 class Angle(Number):
-    """Degrees, under a name that ends in ``_deg``; the plugin gets radians."""
+    """Declare an angle in degrees, under a name that ends in ``_deg``; the plugin gets radians."""
 
     unit: str = "degrees"
 
@@ -63,7 +63,7 @@ class Angle(Number):
 
 @dataclass(frozen=True)
 class Point(Attribute):
-    """A point or vector; the plugin gets a float64 array (3,)."""
+    """Declare a point or vector; the plugin gets a float64 array (3,)."""
 
     unit: str = "m"
     types = ("Vector",)
@@ -78,7 +78,7 @@ class Point(Attribute):
 
 @dataclass(frozen=True)
 class Transform(Attribute):
-    """A transform; the plugin gets a float64 matrix (4, 4), the identity where none is written."""
+    """Declare a transform; the plugin gets a float64 matrix (4, 4), by default the identity."""
 
     default: Any = None
     types = ("Transform",)
@@ -93,9 +93,9 @@ class Transform(Attribute):
 
 @dataclass(frozen=True)
 class Numbers(Attribute):
-    """Finite numbers written in a string, such as "1, 2, 3e2"; the plugin gets a float64 array.
+    """Declare finite numbers in a string, such as "1, 2, 3e2"; the plugin gets a float64 array.
 
-    Empty text is not given; where a preset has the numbers, it is no number.
+    Empty text counts as not written, except beside a preset with numbers: there it is an empty list.
     """
 
     count: int | None = None
@@ -116,7 +116,7 @@ class Numbers(Attribute):
         return np.array(default, dtype=np.float64)
 
     def _numbers(self, value: Any) -> list[float]:
-        """Numbers in what is written; none where nothing is."""
+        """Return the numbers in a written value; an empty list if it is blank."""
         if isinstance(value, str) and not value.strip() and self.default is not REQUIRED:
             return []
         try:
@@ -130,10 +130,10 @@ class Numbers(Attribute):
 
 @dataclass(frozen=True)
 class Range(Numbers):
-    """A number, or two from which one is drawn: "low, high"; the plugin gets two."""
+    """Declare a number, or two to draw from, "low, high"; the plugin gets two."""
 
-    minimum: float = -np.inf  # bounds of both
-    maximum: float = np.inf  # bounds of both
+    minimum: float = -np.inf  # of both numbers
+    maximum: float = np.inf
     whole: bool = False
 
     @property

@@ -1,8 +1,8 @@
-"""Reading of a plugin's attributes as its module declares them, for every plugin's constructor.
+"""Read a plugin's attributes as its module declares them, for every plugin's constructor.
 
-Mitsuba hands a plugin a dictionary-like ``mi.Properties`` and checks neither type nor range: a word where a number
-belongs passes silently. `Attributes` reads all that is declared, and answers anything else than what was expected by
-one sentence: which plugin, which attribute, what was expected, what was got::
+Mitsuba's ``mi.Properties`` checks neither type nor range: a word in the place of a number passes silently.
+`Attributes` reads everything that is declared; any other input raises an error that names the plugin, the attribute,
+the expected value and the one that was found::
 
     class Seabed(mi.Mesh):
         def __init__(self, props):
@@ -22,7 +22,7 @@ from .declaration import NESTED, REQUIRED, Attribute, FromTable, Nested, SameAs,
 from .groups import Group, flat
 from .numbers import Transform
 
-# what Mitsuba's own shapes take beside what a plugin declares
+# attributes of Mitsuba's own shapes, accepted beside the declared ones
 OF_MITSUBA = ("to_world", "flip_normals", "face_normals", "silhouette_sampling_weight")
 TAGS = {"Bool": "boolean", "Integer": "integer", "Float": "float", "Vector": "point", "Transform": "transform",
         "Color": "rgb", "Spectrum": "spectrum", "String": "string", "Any": "array"}
@@ -40,18 +40,18 @@ class Attributes:
         self._refuse_unknown()
 
     def __getattr__(self, name: str) -> Any:
-        """Value of an attribute: as written, or its default."""
+        """Return the value of an attribute: as written, or its default."""
         try:
             return self.__dict__["_values"][name]
         except KeyError:
             raise AttributeError(f"{name} is not declared") from None
 
     def given(self, *names: str) -> list[str]:
-        """Tell which of ``names`` are written in the scene."""
+        """Return those of ``names`` that are written in the scene."""
         return [name for name in names if name in self._props]
 
     def error(self, sentence: str | Exception) -> ValueError:
-        """Make (not raise) a `ValueError` that names the plugin, for checks across attributes."""
+        """Return a `ValueError` that names the plugin, for checks across attributes."""
         name = f' "{self._props.id()}"' if self._props.id() else ""
         return ValueError(shortened(f"{self._props.plugin_name()}{name}: {' '.join(str(sentence).split())}"))
 
@@ -92,7 +92,7 @@ class Attributes:
         return None if default is None else one.taken(default)
 
     def _without_effect(self, name: str, only: tuple[str, tuple[str, ...]]) -> str:
-        """Why an attribute may not be written: another one has a value with which it does not count."""
+        """Return the error message for an attribute that has no effect with the value of another."""
         other, values = only
         takes = [one.name for one in self._declared.values() if one.only is not None and one.only[0] == other
                  and self._values[other] in one.only[1]]
@@ -116,10 +116,7 @@ class Attributes:
         return found if one.many else found[0] if found else None
 
     def _refuse_unknown(self) -> None:
-        """Refuse attributes that are not declared.
-
-        Nested objects are left alone: the base class takes those it knows, Mitsuba itself reports the others.
-        """
+        """Refuse undeclared attributes; undeclared nested objects are left to the base class and to Mitsuba."""
         for name in self._props.keys():
             if name in self._declared or name in OF_MITSUBA or self._props.type(name).name in NESTED:
                 continue

@@ -1,4 +1,4 @@
-"""Attributes that are a number, or something that stands for many: a table, a texture."""
+"""Declare attributes that are a table, or a number in place of a table or a texture."""
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,7 @@ from .numbers import Number
 
 @dataclass(frozen=True)
 class Table(Attribute):
-    """A table such as <spectrum name=... value="0:1490.5, 10:1485"/>; the plugin gets two float64 arrays (N,)."""
+    """Declare a table such as <spectrum name=... value="0:1490.5, 10:1485"/>; the plugin gets two arrays (N,)."""
 
     unit: str = ""
     types = ("Spectrum", "String")
@@ -36,7 +36,7 @@ class Table(Attribute):
 
 @dataclass(frozen=True)
 class NumberOrTable(Table):
-    """A number, which the plugin gets as a table of one row at 0, or a table."""
+    """Declare a table, or a number, which the plugin gets as a table of one row at 0."""
 
     types = ("Spectrum", "String", "Float", "Integer")
 
@@ -54,7 +54,7 @@ class NumberOrTable(Table):
 
 @dataclass(frozen=True)
 class NumberOrTexture(Number):
-    """A finite number within bounds, which the plugin gets as a float, or a nested texture, as it is."""
+    """Declare a finite number within bounds, or a nested texture, which the plugin gets as it is."""
 
     types = ("Float", "Integer", *NESTED)
 

@@ -1,4 +1,4 @@
-"""Attributes that are words: true or false, text, names of files."""
+"""Declare attributes that are words: true or false, text, names of files."""
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,7 @@ from .input_files import found_file
 
 @dataclass(frozen=True)
 class Boolean(Attribute):
-    """True or false."""
+    """Declare a value of true or false."""
 
     types = ("Bool",)
 
@@ -25,7 +25,7 @@ class Boolean(Attribute):
 
 @dataclass(frozen=True)
 class Text(Attribute):
-    """A string."""
+    """Declare a string."""
 
     types = ("String",)
 
@@ -39,7 +39,7 @@ class Text(Attribute):
 
 @dataclass(frozen=True)
 class Choice(Text):
-    """One of some words."""
+    """Declare one of a list of words."""
 
     choices: tuple[str, ...] = ()
 
@@ -55,7 +55,7 @@ class Choice(Text):
 
 @dataclass(frozen=True)
 class Preset(Choice):
-    """The name of one of a sonar's own presets."""
+    """Declare the name of a preset of the sonar's own kind."""
 
     def read(self, value: Any, written_as: str) -> str:
         others = [kind for kind in TABLES if value in presets(kind)]
@@ -66,7 +66,7 @@ class Preset(Choice):
 
 @dataclass(frozen=True)
 class File(Text):
-    """The name of a file, looked for beside the scene first; the plugin gets its path. Empty means not given."""
+    """Declare the name of a file, looked for beside the scene first; the plugin gets its path. Empty: not given."""
 
     @property
     def expected(self) -> str:
@@ -83,13 +83,13 @@ class File(Text):
             raise Unfit(sentence=str(error)) from None
 
     def names_of_files(self, value: str) -> tuple[str, ...]:
-        """Names in a written value of what must be there; empty where it names none."""
+        """Return the names of input files in a written value."""
         return (value,) if value else ()
 
 
 @dataclass(frozen=True)
 class TextOrFile(File):
-    """Text that holds a certain sign, or else the name of a file. Empty means not given."""
+    """Declare text that contains a certain sign, or else the name of a file. Empty means not given."""
 
     sign: str = ":"
 
@@ -106,7 +106,7 @@ class TextOrFile(File):
 
 @dataclass(frozen=True)
 class Files(File):
-    """A folder, or names of files divided by commas; the plugin gets the text."""
+    """Declare a folder, or names of files separated by commas; the plugin gets the text."""
 
     @property
     def expected(self) -> str:

@@ -1,4 +1,4 @@
-"""Which of several sediments lies at a place: a texture of class numbers, with borders that are no steps."""
+"""Map places to sediments: a texture of class numbers whose borders are gradual."""
 from typing import Any
 
 import drjit as dr
@@ -25,17 +25,17 @@ TEXTURES = "sediment_class", "second_class", "second_share"
 
 
 class ClassMap:
-    """Return the numbers of classes."""
+    """Return the class numbers at surface interactions."""
 
     def __init__(self, textures: dict[str, mi.Texture], *, scale: float, count: int, border: float) -> None:
         self.textures, self._scale, self._count = textures, scale, count
         self._lib = arrays_of(mi.Float)
         self._shift = _pixel(textures["sediment_class"]) * border
-        # each column: how far the coordinates u and v go for a displacement by w along a side of the pixels
+        # each column: change of u and v for a displacement by w along a side of the pixels
         self._moves = [[dr.opaque(mi.Float, float(part)) for part in row] for row in self._shift]
 
     def at(self, si: mi.SurfaceInteraction3f, active: mi.Bool | bool) -> mi.UInt32:
-        """Return the number of the class at interactions, UInt32 (R,)."""
+        """Return the class number at interactions, UInt32 (R,)."""
         if self._shift.any():
             si = self._displaced(si)
         number = self._read("sediment_class", si, active, self._scale)
@@ -49,7 +49,7 @@ class ClassMap:
         return mi.UInt32(held(dr.round(self.textures[name].eval_1(si, active) * scale), 0, self._count - 1))
 
     def _displaced(self, si):
-        """The interactions as they are a little aside, and on the other side where that is off the picture."""
+        """Return the interactions displaced a little, mirrored at the edge of the image."""
         d = displacement(self._lib, si.p.x, si.p.y)
         uv = [self._mirrored(place, row[0] * d[0] + row[1] * d[1]) for place, row in zip((si.uv.x, si.uv.y),
                                                                                      self._moves)]
@@ -65,7 +65,7 @@ class ClassMap:
 
 
 def class_map_of(attributes: Attributes, names: list[str]) -> ClassMap | None:
-    """Return the map of classes of these names; None where there is none."""
+    """Return the map of the classes of these names, or None."""
     written = attributes.given("class_scale", "class_border", "second_class", "second_share")
     if attributes.sediment_class is None:
         if written:
@@ -87,7 +87,7 @@ def class_map_of(attributes: Attributes, names: list[str]) -> ClassMap | None:
 
 
 def _pixel(texture):
-    """Sides of a pixel (u and v, columns) in texture coordinates; zeros of a texture that has none."""
+    """Return the sides of a pixel (u and v, columns) in texture coordinates; zeros for a texture without pixels."""
     parameters: Any = mi.traverse(texture)
     if "to_uv" not in parameters or "data" not in parameters:
         return np.zeros((2, 2))

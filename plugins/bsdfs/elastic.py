@@ -1,7 +1,7 @@
-"""Solid seabed (`elastic`): as `sediment`, of cobble and rock, which bear shear waves.
+"""Solid seabed (`elastic`): like `sediment`, but of cobble or rock, which carry shear waves.
 
 The model is that of APL-UW TM 2-00: small slopes and volume, see `mitsonar.scattering.ElasticSediment`. Textures are
-clipped to the valid range, and shear to below 0.866 of the speed of compressional waves.
+clipped to the valid range, and the shear speed to below 0.866 of the compressional speed.
 
 .. code-block:: xml
 
@@ -47,7 +47,7 @@ class ElasticBed(SedimentBed):
         self.fluctuations = [Parameter(column[:1] if np.ptp(column) == 0 else column) for column in every.T]
 
     def _below(self, value, number, active):
-        """The half-space under the surface."""
+        """Return the half-space under the surface."""
         shear = dr.minimum(value["shear_speed_ratio"], 0.999 * FASTEST_SHEAR * value["sound_speed_ratio"])
         density, compressional, shearing = (parameter.of_class(number, active) for parameter in self.fluctuations)
         return Elastic(arithmetic=self.arithmetic, shear_speed_ratio=shear,

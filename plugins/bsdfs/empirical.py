@@ -1,6 +1,6 @@
 """Seabed of measured backscatter strength (`empirical`): a table against grazing angle, from a CSV file.
 
-From one angle to another the strength is the mean of both in dB, see `mitsonar.scattering.laws.empirical`.
+The strength from one angle to another is the mean of both in dB, see `mitsonar.scattering.laws.empirical`.
 
 .. code-block:: xml
 
@@ -47,13 +47,13 @@ class Empirical(Material):
 
     def scattering_strength(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
                             sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
-        """σ of the law: the root of the backscatter strengths at both angles."""
+        """Return σ of the law: the geometric mean of the backscatter strengths at both angles."""
         place = _place(self.log_frequencies, dr.log(frequency))
         both = self._half_db(wi, place) + self._half_db(wo, place)
         return dr.select(active, dr.exp(float(np.log(10) / 10) * both) * self._below(wi) * self._below(wo), 0)
 
     def _half_db(self, w, columns):
-        """Half the backscatter strength [dB] at a direction's grazing angle, not below the first of the table."""
+        """Return half the backscatter strength [dB] at a direction's grazing angle, held below the first angle."""
         width = len(self.log_frequencies)
         row, rest = _place(self.angles, dr.atan2(w.z, dr.sqrt(w.x * w.x + w.y * w.y)))
         column, part = columns
@@ -66,7 +66,7 @@ class Empirical(Material):
         return 0.5 * found
 
     def _below(self, w):
-        """Fall of the root of σ_b below the first angle of the table."""
+        """Return the decrease of the root of σ_b below the first angle of the table."""
         return dr.clip(w.z * float(1 / np.sin(self.table.angles[0])), 0, 1)
 
     def to_string(self) -> str:
@@ -74,7 +74,7 @@ class Empirical(Material):
 
 
 def _place(nodes, value):
-    """Index of the node before each value, and how far it lies towards the next, 0..1; held beyond both ends."""
+    """Return the index of the node before each value, and how far it lies towards the next, 0..1, held beyond."""
     count = len(nodes)
     if count == 1:
         return mi.UInt32(0), mi.Float(0)

@@ -1,7 +1,7 @@
-"""Smooth surface of a fluid-like material (`impedance`): reflects as its density and sound speed ask, by angle.
+"""Smooth surface of a fluid-like material (`impedance`): its reflection depends on density, sound speed and angle.
 
-Its echo is coherent, highlights and corners included. What lies behind the surface is deep enough that nothing comes
-back from its far side. The water has 1025 kg/m³ and the sound speed it has at the surface.
+Its echo is coherent, highlights and corners included. The material is taken as infinitely thick: nothing returns from
+its far side. The water has a density of 1025 kg/m³ and the sound speed at the surface.
 
 .. code-block:: xml
 
@@ -35,7 +35,7 @@ class Impedance(Smooth):
 
     def reflection(self, si: mi.SurfaceInteraction3f, sin_grazing: mi.Float, frequency: mi.Float,
                    sound_speed: mi.Float, active: mi.Bool | bool = True) -> tuple[mi.Float, mi.Float]:
-        """R of a fluid half-space."""
+        """Return R of a fluid half-space."""
         density_ratio, own_speed, loss = self._numbers
         return fluid_reflection(sin_grazing, density_ratio, own_speed / sound_speed, loss)
 

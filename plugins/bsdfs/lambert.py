@@ -1,8 +1,8 @@
 """Lambert bottom (`lambert`): σ = μ sin θ_i sin θ_s, in the facet's own frame.
 
-`mi.traverse` names ``strength``, µ itself, or the texture's decibels, ``mu_db.data``.
+In `mi.traverse` its parameter is ``strength``, µ itself, or ``mu_db.data``, the decibels of a texture.
 
-Of a texture, decibels above -4.97 count as that; it is best ``raw``.
+Decibels of a texture are clipped at -4.97; write the texture with ``raw`` true.
 
 .. code-block:: xml
 
@@ -49,7 +49,7 @@ class Lambert(Material):
         if isinstance(self.mu_db, mi.Texture):
             return
         strength = dr.detach(self.strength).numpy()
-        # rounding of float32 may lead above the strongest
+        # float32 may round up above the strongest
         if len(strength) != 1 or not 0 <= strength[0] <= lambert.STRONGEST * (1 + 1e-6):
             raise ValueError(f"lambert: strength is {strength.tolist()}; give one number from 0 to "
                              f"{lambert.STRONGEST:.4g}, µ of σ = µ sin θ_i sin θ_s.")
@@ -57,7 +57,7 @@ class Lambert(Material):
 
     def scattering_strength(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
                             sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
-        """σ of the law; neither frequency nor sound speed plays a part."""
+        """Return σ of the law, which depends on neither frequency nor sound speed."""
         sin_i, sin_s = mi.Frame3f.cos_theta(wi), mi.Frame3f.cos_theta(wo)
         if isinstance(self.mu_db, mi.Texture):
             strength = dr.exp(float(np.log(10) / 10) * self.mu_db.eval_1(si, mi.Bool(active)))

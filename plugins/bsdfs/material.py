@@ -1,7 +1,7 @@
-"""What the materials of surfaces share: a law of scattering as a Mitsuba bsdf.
+"""Base class of the materials: a scattering law as a Mitsuba bsdf.
 
-A law says σ(in, out), the power scattered per area and solid angle over the incident intensity. What Mitsuba calls the
-value of a bsdf is f_r cos θ_o = σ / sin θ_i, θ_i the grazing angle that a ray comes in at.
+A law is σ(in, out), the power scattered per area and solid angle over the incident intensity. The value of Mitsuba's
+bsdf is f_r cos θ_o = σ / sin θ_i, with the grazing angle θ_i of the incoming ray.
 """
 from typing import Any
 
@@ -13,7 +13,7 @@ from mitsonar.scattering.surfaces.patches import LARGEST_SHAPE, SMALLEST_SHAPE, 
 
 from ..attributes import Attributes, Number, NumberOrTexture
 
-SHOWN_AT = 100e3, 1500.0           # [Hz], [m/s]: what Mitsuba's own integrators see of laws that depend on them
+SHOWN_AT = 100e3, 1500.0           # [Hz], [m/s]: for Mitsuba's own integrators
 
 PATCHES = (
     Number("patchiness", default=None, minimum=SMALLEST_SHAPE, maximum=LARGEST_SHAPE,
@@ -32,9 +32,9 @@ COHERENCE = NumberOrTexture(
 
 
 class Material(mi.BSDF):
-    """A surface that scatters by a law; subclasses say which, and how to draw directions from it.
+    """Surface that scatters by a law; a subclass defines the law and the sampling of its directions.
 
-    Directions are local: unit vectors away from the surface, z along its normal on the side the sound is.
+    Directions are local unit vectors away from the surface, with z along its normal on the side of the sound.
     """
 
     textured = False
@@ -50,24 +50,22 @@ class Material(mi.BSDF):
         self.m_flags = flags
 
     def check(self, frequency: float, sound_speed: float) -> None:
-        """Refuse what the law does not hold for, before a run."""
-        # frequency, sound_speed [m/s]
+        """Refuse frequencies [Hz] and sound speeds [m/s] outside the validity of the law, before a run."""
 
     def scattering_strength(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
                             sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
-        """Return σ [-]."""
-        # wi, wo (R,); frequency, sound_speed [m/s]; active (R,)
-        # Mitsuba's classes have a metaclass of their own, so they cannot be abstract ones
+        """Return σ [-] for directions wi, wo (R,), a frequency [Hz] and a sound speed [m/s]."""
+        # not abstract: Mitsuba's classes have a metaclass of their own
         raise NotImplementedError(f"{type(self).__name__} lacks the method scattering_strength")
 
     def patchy_strength(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
                         sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
-        """Return σ [-] where it is met: that of the law times what the patch there is to the mean."""
+        """Return σ [-] of the law times the strength of the local patch relative to the mean."""
         strength = self.scattering_strength(si, wi, wo, frequency, sound_speed, active)
         return strength if self.patches is None else strength * self.patches.at(si.p.x, si.p.y, active)
 
     def coherence_at(self, si: mi.SurfaceInteraction3f, active: mi.Bool | bool = True) -> mi.Float:
-        """Return the coherence of what scatters at interactions between any two passes, 0 to 1."""
+        """Return the coherence between any two passes of the scatterers at interactions, 0 to 1."""
         if isinstance(self.coherence, mi.Texture):
             return dr.clip(self.coherence.eval_1(si, mi.Bool(active)), 0, 1)
         return dr.full(mi.Float, self.coherence, dr.width(si.p))
@@ -75,14 +73,13 @@ class Material(mi.BSDF):
     def coherent_reflection(self, si: mi.SurfaceInteraction3f, sin_grazing: mi.Float, frequency: mi.Float,
                             sound_speed: mi.Float, lowest_wavenumber: mi.Float,
                             active: mi.Bool | bool = True) -> tuple[mi.Float, mi.Float]:
-        """Return what is reflected in one phase, in the convention e^(+iωt)."""
-        # sin_grazing, frequency, sound_speed [m/s]; lowest_wavenumber (R,) [rad/m]; active (R,) -> real, imaginary
-        # (R,)
+        """Return the real and imaginary parts (R,) of the coherent reflection coefficient, for e^(+iωt)."""
+        # frequency [Hz]; sound_speed [m/s]; lowest_wavenumber (R,) [rad/m]
         raise NotImplementedError(f"{type(self).__name__} lacks the method coherent_reflection")
 
     def drawn_direction(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, frequency: mi.Float, sound_speed: mi.Float,
                         sample1: mi.Float, sample2: mi.Point2f, active: mi.Bool | bool = True) -> mi.Vector3f:
-        """Draw a direction that sound goes on in: Vector3f (R,), from Float and Point2f in [0, 1)."""
+        """Draw the direction of a scattered ray, Vector3f (R,), from Float and Point2f samples in [0, 1)."""
         return mi.warp.square_to_cosine_hemisphere(sample2)
 
     def direction_density(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
@@ -91,7 +88,7 @@ class Material(mi.BSDF):
         density: Any = mi.warp.square_to_cosine_hemisphere_pdf(wo)
         return dr.select(active & (wo.z > 0), density, 0)
 
-    # ---- what Mitsuba asks: lets any of its integrators show the scene
+    # ---- Mitsuba's own interface: any of its integrators can show the scene
     def eval(self, ctx: mi.BSDFContext, si: mi.SurfaceInteraction3f, wo: mi.Vector3f,
              active: mi.Bool | bool = True) -> mi.Spectrum:
         sine = mi.Frame3f.cos_theta(si.wi)
@@ -113,7 +110,7 @@ class Material(mi.BSDF):
         below = mi.Frame3f.cos_theta(si.wi) < 0
         wi, _ = _upright(si.wi, si.wi)
         wo = self.drawn_direction(si, wi, *_shown(), sample1, sample2, active)
-        sample: Any = mi.BSDFSample3f()            # whose fields Mitsuba's stubs know as those of another variant
+        sample: Any = mi.BSDFSample3f()            # Mitsuba's stubs give its fields the types of another variant
         sample.wo = dr.select(below, mi.Vector3f(wo.x, wo.y, -wo.z), wo)
         sample.pdf = self.pdf(ctx, si, sample.wo, active)
         sample.eta = 1.0
@@ -130,7 +127,7 @@ class Material(mi.BSDF):
 
 
 def patches_of(attributes: Attributes) -> Patches | None:
-    """Return the patches that the attributes of `PATCHES` say; None where there are none."""
+    """Return the patches of the attributes in `PATCHES`, or None."""
     if attributes.patchiness is None:
         if written := attributes.given("patch_size", "patch_border"):
             raise attributes.error(f"{written[0]} is given without patchiness; give both or neither.")
@@ -147,6 +144,6 @@ def _shown():
 
 
 def _upright(wi, wo):
-    """Directions turned so that `wi` lies above the surface."""
+    """Return directions turned so that `wi` lies above the surface."""
     sign = dr.select(mi.Frame3f.cos_theta(wi) < 0, mi.Float(-1), mi.Float(1))
     return mi.Vector3f(wi.x, wi.y, wi.z * sign), mi.Vector3f(wo.x, wo.y, wo.z * sign)

@@ -1,4 +1,4 @@
-"""A parameter of a law at a place: one number, a number for each class of a map, or a texture."""
+"""Hold a parameter of a law: one number, a number for each class of a map, or a texture."""
 from typing import Any
 
 import drjit as dr
@@ -9,9 +9,7 @@ from mitsonar.device.arrays import upload
 
 
 class Parameter:
-    """Return a parameter at surface interactions."""
-    # value (C,)
-
+    """Return a parameter at surface interactions, from a value, values (C,) of C classes, or a texture."""
     def __init__(self, value: float | np.ndarray | mi.Texture, low: float = -np.inf, high: float = np.inf,
                  least: float = -np.inf) -> None:
         self.textured = isinstance(value, mi.Texture)
@@ -22,7 +20,7 @@ class Parameter:
         self.keep()
 
     def check(self, name: str) -> None:
-        """Refuse numbers that were changed into what cannot be."""
+        """Refuse changed numbers that are not finite or out of bounds."""
         if self.textured:
             return
         numbers = dr.detach(self.value).numpy()
@@ -33,22 +31,22 @@ class Parameter:
             raise ValueError(f"{name} is {numbers.tolist()}; give numbers from {self.least:g} to {self.high:g}.")
 
     def keep(self) -> None:
-        """Have numbers stay variables of kernels, after they were changed too."""
+        """Keep the numbers variables of kernels, not literals."""
         if not self.textured:
             dr.make_opaque(self.value)
 
     def traverse(self, name: str, callback: mi.TraversalCallback, *, followed: bool = True) -> None:
-        """Show the value to `mi.traverse`; `followed`: whether derivatives know all that is made of it."""
+        """Show the value to `mi.traverse`; `followed` is True if derivatives follow everything made of the value."""
         callback.put(name, self.value, mi.ParamFlags.Differentiable if followed else mi.ParamFlags.NonDifferentiable)
 
     def at(self, si: mi.SurfaceInteraction3f, number: mi.UInt32, active: mi.Bool | bool) -> mi.Float:
-        """Value at interactions `si`, Float; `number`, UInt32, is that of each one's class."""
+        """Return the value at interactions of the class `number`, Float (R,)."""
         if self.textured:
             return dr.clip(self.value.eval_1(si, active), self.low, self.high)
         return self.of_class(number, active)
 
     def of_class(self, number: mi.UInt32, active: mi.Bool | bool) -> mi.Float:
-        """Value of classes, of a parameter that is no texture."""
+        """Return the value of classes, for a parameter without a texture."""
         if self.classes == 1:
             return self.value
         return dr.gather(mi.Float, self.value, number, active)

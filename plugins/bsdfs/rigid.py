@@ -1,6 +1,6 @@
 """Smooth rigid surface (`rigid`): an immovable wall, R = 1 at all angles.
 
-Its echo is coherent and carries a phase: Kirchhoff's integral over the facets, corners included.
+Its echo is coherent and has a phase, computed by Kirchhoff's integral over the facets, corners included.
 
 .. code-block:: xml
 
@@ -24,7 +24,7 @@ class Rigid(Smooth):
 
     def reflection(self, si: mi.SurfaceInteraction3f, sin_grazing: mi.Float, frequency: mi.Float,
                    sound_speed: mi.Float, active: mi.Bool | bool = True) -> tuple[mi.Float, mi.Float]:
-        """R, the same at all angles."""
+        """Return R, the same at all angles."""
         return dr.full(mi.Float, 1.0, dr.width(sin_grazing)), dr.zeros(mi.Float, dr.width(sin_grazing))
 
     def to_string(self) -> str:

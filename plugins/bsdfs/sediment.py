@@ -1,17 +1,18 @@
-"""Fluid sediment (`sediment`): rough surface by small slopes, and volume; any frequency, both directions free.
+"""Fluid sediment (`sediment`): small-slope scattering from a rough surface, plus volume scattering.
 
-Sediments are the 23 of APL-UW TR 9407, or made of free parameters; see `mitsonar.scattering.Sediment`. A frequency that
-a sediment does not hold at is refused.
+The law holds for any pair of directions. A sediment is one of the 23 of APL-UW TR 9407, or is made of free parameters;
+see `mitsonar.scattering.Sediment`. A frequency outside a sediment's validity is refused.
 
-Textures of parameters are clipped to the valid range, and best ``raw``, those of classes also ``filter_type`` nearest;
-``mesh_attribute`` takes what facets or nodes of a mesh carry: in PLY files, a property of faces called ``sediment_1``
-is ``face_sediment``.
+Textures of parameters are clipped to the valid range. Write them with ``raw`` true, and textures of classes also with
+``filter_type`` nearest. A ``mesh_attribute`` texture reads values from the faces or vertices of a mesh: the face
+property ``sediment_1`` of a PLY file is ``face_sediment``.
 
-Classes go over into one another patch by patch, see `mitsonar.scattering.surfaces.borders`: those of a picture across
-``class_border``, others by ``second_class`` and ``second_share``, as `bathymetry` makes them.
+Neighbouring classes blend patch by patch, see `mitsonar.scattering.surfaces.borders`: classes of an image over the
+width ``class_border``, others by ``second_class`` and ``second_share``, which `bathymetry` makes.
 
-With ``mesh_resolution`` the law leaves out what the mesh shows, so that it does not count twice. Facets that are smooth
-to the sound (2 k h < 1, h of what is left) are off by some dB near nadir.
+With ``mesh_resolution`` the law leaves out the roughness that the mesh itself resolves, so that it does not count
+twice. Near nadir, facets that are smooth to the sound (2 k h < 1, with h the rms height of the remaining roughness) are
+off by some dB.
 
 .. code-block:: xml
 
@@ -50,7 +51,7 @@ SHARES = 0.1, 0.9                  # bounds of the share of draws that goes to t
 
 
 def own(name: str, bounds: dict, text: str, *, unit: str = "", or_none: bool = False) -> NumberOrTexture:
-    """Declare a parameter that stands in place of the sediment's own; `or_none` if it may be 0, for none of it."""
+    """Declare a parameter in place of the sediment's own; `or_none` allows 0."""
     low, high = bounds[name]
     least = {"minimum": low} if or_none else {"above": low}
     return NumberOrTexture(name, default=None, otherwise="its own", maximum=high, unit=unit, text=text, **least)
@@ -118,7 +119,7 @@ class SedimentBed(Material):
     def traverse(self, callback: mi.TraversalCallback) -> None:
         super().traverse(callback)
         for name, parameter in self.parameters.items():
-            # the table of what a mesh leaves over is made of one gamma, without derivatives
+            # the table of the roughness that a mesh leaves is made for one gamma, without derivatives
             parameter.traverse(name, callback, followed=name != "gamma" or not self.mesh_resolution)
         for name, texture in ({} if self.classes is None else self.classes.textures).items():
             callback.put(name, texture, mi.ParamFlags.NonDifferentiable)
@@ -130,7 +131,7 @@ class SedimentBed(Material):
         self._tabulate()
 
     def check(self, frequency: float, sound_speed: float) -> None:
-        """Refuse frequencies at which the law does not hold for every sediment; what textures bring is not known."""
+        """Refuse frequencies outside the validity of any of the sediments; values of textures are not checked."""
         for sediment in self.sediments:
             if {"w2", "gamma"} & set(self.varying):
                 sediment = replace(sediment, w2=LEAST["w2"])
@@ -140,7 +141,7 @@ class SedimentBed(Material):
 
     def scattering_strength(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
                             sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
-        """σ of surface and volume."""
+        """Return σ of surface and volume."""
         below, w2, gamma = self._at(si, active)
         sin_i, sin_s = _sines(wi, wo)
         x, y = wi.x + wo.x, wi.y + wo.y
@@ -155,12 +156,12 @@ class SedimentBed(Material):
     def coherent_reflection(self, si: mi.SurfaceInteraction3f, sin_grazing: mi.Float, frequency: mi.Float,
                             sound_speed: mi.Float, lowest_wavenumber: mi.Float,
                             active: mi.Bool | bool = True) -> tuple[mi.Float, mi.Float]:
-        """R of the flat half-space times exp(-2 (k h sin θ)²), h² = 2π w2 K^(2 - γ) / (γ - 2) of what is rough."""
+        """Return R exp(-2 (k h sin θ)²) of a half-space, h² = 2π w2 K^(2 - γ) / (γ - 2) of the roughness above K."""
         below, w2, gamma = self._at(si, active)
         lowest = dr.maximum(lowest_wavenumber, self.cut) if self.mesh_resolution else lowest_wavenumber
         height = (2 * np.pi) * w2 * dr.exp((2 - gamma) * dr.log(lowest)) / (gamma - 2)
         kept = dr.exp(-2 * height * dr.square(_wavenumber(frequency, sound_speed) * sin_grazing))
-        # the half-spaces are those of e^(-iωt)
+        # half-spaces use the convention e^(-iωt)
         flat = below.reflection(dr.clip(sin_grazing, 0, 1))
         return dr.select(active, flat.real * kept, 0), dr.select(active, -flat.imag * kept, 0)
 
@@ -181,7 +182,7 @@ class SedimentBed(Material):
         return dr.select(active & (wo.z > 0), density, 0)
 
     def _lobe(self, si, wi, frequency, sound_speed, active):
-        """Width and exponent of the lobe that directions are drawn from, and its share of the draws."""
+        """Return the width and exponent of the lobe that directions are drawn from, and its share of the draws."""
         below, w2, gamma = self._at(si, active)
         sine, _ = _sines(wi, wi)
         width = lobe_width(self.log_lobe, sine, _wavenumber(frequency, sound_speed), w2, gamma)
@@ -191,13 +192,13 @@ class SedimentBed(Material):
         return width, 0.5 * gamma - 1, share
 
     def _at(self, si, active):
-        """Parameters at interactions: what lies below, w2 and γ."""
+        """Return the parameters at interactions: the half-space, w2 and γ."""
         number = mi.UInt32(0) if self.classes is None else self.classes.at(si, active)
         value = {name: parameter.at(si, number, active) for name, parameter in self.parameters.items()}
         return self._below(value, number, active), value["w2"], value["gamma"]
 
     def _below(self, value, number, active):
-        """The half-space under the surface, of parameters by name and the number of each class."""
+        """Return the half-space under the surface."""
         return Fluid(arithmetic=self.arithmetic, **{name: value[name] for name in FLUID})
 
     def to_string(self) -> str:
@@ -205,7 +206,7 @@ class SedimentBed(Material):
 
 
 def _made(attributes, law, name, fixed):
-    """The sediment of a name, with what is written in place of its own."""
+    """Return the sediment of a name with the written values in place of its own."""
     try:
         return law.of(name, **fixed)
     except ValueError as error:
@@ -213,7 +214,7 @@ def _made(attributes, law, name, fixed):
 
 
 def _named(attributes, law):
-    """Names of the sediments."""
+    """Return the names of the sediments."""
     texture, classes = attributes.sediment_class, attributes.classes
     if isinstance(texture, float):
         raise attributes.error("sediment_class is a number; give a texture of class numbers, or one sediment by name.")
@@ -230,7 +231,7 @@ def _named(attributes, law):
 
 
 def _sines(wi, wo):
-    """Sines of the grazing angles; a hit on an edge may look from below by rounding."""
+    """Return the sines of both grazing angles; rounding at an edge may place a direction below the surface."""
     return dr.maximum(mi.Frame3f.cos_theta(wi), 0), dr.maximum(mi.Frame3f.cos_theta(wo), 0)
 
 

@@ -1,7 +1,7 @@
-"""What perfectly smooth materials share: no scattering of their own, a reflection coefficient for their facets' echoes.
+"""Base class of perfectly smooth materials: a reflection coefficient for coherent echoes, and no scattering.
 
-Their facets echo coherently (`mitsonar.echoes.smooth.targets`): highlights where a surface is met at right angles,
-mirrors, corners. Rough sound, as rays of energy, they neither scatter nor send on.
+Facets echo coherently (`mitsonar.echoes.smooth.targets`): highlights at normal incidence, mirrors, corners. They
+neither scatter nor reflect the rays of energy that stand for sound from rough surfaces.
 """
 import drjit as dr
 import mitsuba as mi
@@ -10,7 +10,7 @@ from .material import Material
 
 
 class Smooth(Material):
-    """A smooth surface; subclasses say how it reflects."""
+    """Smooth surface; a subclass defines its reflection coefficient."""
 
     smooth = reflects = True
 
@@ -19,18 +19,17 @@ class Smooth(Material):
 
     def scattering_strength(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
                             sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
-        """None in any direction."""
+        """Return zero for all directions."""
         return dr.zeros(mi.Float, dr.width(wi))
 
     def coherent_reflection(self, si: mi.SurfaceInteraction3f, sin_grazing: mi.Float, frequency: mi.Float,
                             sound_speed: mi.Float, lowest_wavenumber: mi.Float,
                             active: mi.Bool | bool = True) -> tuple[mi.Float, mi.Float]:
-        """R: nothing is rough."""
+        """Return the reflection coefficient, which no roughness reduces."""
         return self.reflection(si, sin_grazing, frequency, sound_speed, active)
 
     def reflection(self, si: mi.SurfaceInteraction3f, sin_grazing: mi.Float, frequency: mi.Float,
                    sound_speed: mi.Float, active: mi.Bool | bool = True) -> tuple[mi.Float, mi.Float]:
-        """Return the reflection coefficient in the convention e^(+iωt)."""
-        # sin_grazing, frequency, sound_speed [m/s]; active (R,) -> real, imaginary (R,)
-        # Mitsuba's classes have a metaclass of their own, so they cannot be abstract ones
+        """Return the reflection coefficient in the convention e^(+iωt), as real and imaginary parts (R,)."""
+        # not abstract: Mitsuba's classes have a metaclass of their own
         raise NotImplementedError(f"{type(self).__name__} lacks the method reflection")

@@ -1,8 +1,8 @@
-"""Sea surface seen from below (`windy_sea`): bubbles, facets and ripples that the wind makes.
+"""Sea surface seen from below (`windy_sea`): bubbles, facets and ripples made by the wind.
 
-The law is `mitsonar.scattering.laws.sea_surface`, after APL-UW TR 9407 (1994); it holds from 10 to 100 kHz and is
-extrapolated beyond. Without wind the surface is a mirror that turns pressure over and scatters nothing. The shape
-`sea_surface` has this material where none is nested.
+The law is `mitsonar.scattering.laws.sea_surface`, after APL-UW TR 9407 (1994). It is valid from 10 to 100 kHz and
+extrapolated beyond. Without wind the surface is a mirror that inverts the pressure and scatters nothing. This material
+is the default of the shape `sea_surface`.
 
 .. code-block:: xml
 
@@ -35,14 +35,14 @@ class WindySea(Material):
 
     def scattering_strength(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
                             sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
-        """σ of the law."""
+        """Return σ of the law."""
         if self.mirror:
             return dr.zeros(mi.Float, dr.width(wo))
         return dr.select(active, sea_surface.strength(dr, self.roughness, wi, wo, frequency, sound_speed), 0)
 
     def drawn_direction(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, frequency: mi.Float, sound_speed: mi.Float,
                         sample1: mi.Float, sample2: mi.Point2f, active: mi.Bool | bool = True) -> mi.Vector3f:
-        """Draw from the lobe of facets, and now and then from a cosine for bubbles and ripples."""
+        """Draw from the lobe of facets, or for a small share of rays from a cosine for bubbles and ripples."""
         if self.mirror:
             return mi.Vector3f(-wi.x, -wi.y, wi.z)
         facet = mi.Vector3f(*sea_surface.facet_direction(dr, self.roughness.slope_variance, wi, sample2.x, sample2.y))
@@ -50,7 +50,7 @@ class WindySea(Material):
 
     def direction_density(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
                           sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
-        """Density of that mixture; a mirror has none."""
+        """Return the density of that mixture; 0 for a mirror."""
         if self.mirror:
             return dr.zeros(mi.Float, dr.width(wo))
         share = sea_surface.FACET_SHARE
