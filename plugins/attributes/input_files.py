@@ -6,7 +6,7 @@ import mitsuba as mi
 
 
 def resolved(name: str) -> str:
-    """Return the path of a name in a scene, beside the scene or in the current folder; unknown names stay as they are."""
+    """Return the path of a name, beside the scene or in the current folder; unknown names stay as they are."""
     resolver: Any = mi.file_resolver           # an object in Mitsuba's stubs
     return str(resolver().resolve(name))
 
