@@ -213,7 +213,8 @@ def test_models_of_one_scene_and_of_two_do_not_meet(load):
 def test_numbers_of_a_sediment_stay_in_their_range(load):
     def sediment(more: str = "") -> mi.Scene:
         return load(sidescan(rays=1000, pings=1).replace(
-            '<bsdf type="lambert">\n<float name="mu_db" value="-25.0"/>\n</bsdf>', f'<bsdf type="sediment">{more}</bsdf>'))
+            '<bsdf type="lambert">\n<float name="mu_db" value="-25.0"/>\n</bsdf>',
+            f'<bsdf type="sediment">{more}</bsdf>'))
 
     model = mitsonar.scene_model(sediment(), ["bed.bsdf.w2", "bed.bsdf.gamma"])
     for key, value in (("w2", -1), ("gamma", 5)):
