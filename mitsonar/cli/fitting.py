@@ -6,7 +6,7 @@ from pathlib import Path
 from .arguments import Commands, number, parameters, set_up, whole
 from .completion import FILES, SCENES, complete_with
 from .progress import Progress
-from .words import Signals, announce
+from .words import InterruptSignals, announce
 
 OPTIONS = ("looks", "length", "model_error", "sensor", "seed", "iterations", "noise", "method", "directions", "state",
            "truth", "deviation", "strength", "farthest", "class", "cast", "nodes", "cell", "under_way", "profile")
@@ -99,8 +99,8 @@ def _fit(arguments):
     if arguments.parameters:
         options["parameters"] = parameters(arguments)
     set_up(arguments.threads)
-    if arguments.state is not None and Signals.active is not None:
-        Signals.active.left = Path(arguments.state)
+    if arguments.state is not None and InterruptSignals.active is not None:
+        InterruptSignals.active.left = Path(arguments.state)
     with Progress("steps", "fitting", at_most=True) as progress:
         solved = solve(arguments.what, arguments.inputs, options, progress)
     for sentence in solved.sentences:

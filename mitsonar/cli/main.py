@@ -32,7 +32,7 @@ from . import (
 )
 from .arguments import Parser
 from .completion import SHELLS, Completion
-from .words import Signals, mute, warn
+from .words import InterruptSignals, mute, warn
 
 # in the order of the help
 GROUPS = (rendering, focusing, sounding, recorded, describing, sweep, results, raster, exporting, gridding, planning,
@@ -41,7 +41,7 @@ GROUPS = (rendering, focusing, sounding, recorded, describing, sweep, results, r
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
-    with Signals() as signals:
+    with InterruptSignals() as signals:
         try:
             arguments = _parser().parse_args(argv)
             with warnings.catch_warnings():

@@ -9,7 +9,7 @@ from .words import announce, warn
 if TYPE_CHECKING:
     from mitsonar.io.tracks.navigation import Frame
     from mitsonar.planning.areas import Corners
-    from mitsonar.planning.bed import Bed
+    from mitsonar.planning.bed import PlannedBed
     from mitsonar.water.profile import SoundSpeedProfile
 
 LAYER = 10.0                       # [m] that --cast-error is in unless told
@@ -195,7 +195,7 @@ def _used(arguments, profile: "SoundSpeedProfile") -> "SoundSpeedProfile | None"
     return surface_layer_error(profile, arguments.cast_error, layer)
 
 
-def _bed(arguments, corners: "Corners | None") -> "tuple[Bed, Frame]":
+def _bed(arguments, corners: "Corners | None") -> "tuple[PlannedBed, Frame]":
     """The bed, and where its origin lies."""
     from mitsonar.imaging.maps.georeference import named_system
     from mitsonar.io.grids import bathymetry, rasters

@@ -6,7 +6,7 @@ from mitsonar.io.scene_files import scenes
 from .arguments import Commands, add_scene, number, parameters, set_up, whole
 from .completion import FILES, complete_with
 from .progress import Progress
-from .words import Signals, announce, warn
+from .words import InterruptSignals, announce, warn
 
 LINES = (".all", ".gsf", ".kmall", ".kmwcd", ".nc", ".wcd")        # that are read in place of a scene
 
@@ -95,8 +95,8 @@ def _simulated(arguments, place, progress):
 
     began: list[int] = []
     made = pings_from(0)
-    if Signals.active is not None:
-        Signals.active.left = part
+    if InterruptSignals.active is not None:
+        InterruptSignals.active.left = part
     ping_file.fill(lambda number: made if number == 0 else pings_from(number), part, count=total[0],
                    check=lambda first: survey_lines.check_asked(place, arguments.start, first),
                    progress=lambda done, all_of_them: progress(done - began[-1], all_of_them - began[-1]))

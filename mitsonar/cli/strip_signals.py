@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from .progress import Progress, duration
-from .words import Signals, announce, warn
+from .words import InterruptSignals, announce, warn
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -44,8 +44,8 @@ def write_strip(arguments: argparse.Namespace, scene: mi.Scene) -> None:
     counts: list[int] = []
     start = raw_echoes.written(arguments.output)
     planned = raw_pings(scene, arguments.seed, sensor=arguments.sensor, count=counts.append)
-    if Signals.active is not None:
-        Signals.active.left = raw_echoes.part_of(check_writable(arguments.output))
+    if InterruptSignals.active is not None:
+        InterruptSignals.active.left = raw_echoes.part_of(check_writable(arguments.output))
     with Progress() as progress:
         def pings_from(number: int) -> Iterator[xr.Dataset]:
             made = planned if number == 0 else raw_pings(scene, arguments.seed, sensor=arguments.sensor, start=number)

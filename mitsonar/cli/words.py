@@ -5,22 +5,22 @@ import sys
 from pathlib import Path
 
 
-class Signals:
+class InterruptSignals:
     """Let Ctrl-C and a request to terminate end the command by the same way, and remember which of them came."""
 
-    active: "Signals | None" = None            # those of the command that runs
+    active: "InterruptSignals | None" = None            # those of the command that runs
 
     def __enter__(self):
         self.received, self.before = None, {}
         self.left: Path | None = None          # an unfinished file that the same command goes on with
-        Signals.active = self
+        InterruptSignals.active = self
         for number in (signal.SIGINT, signal.SIGTERM):
             if signal.getsignal(number) is not signal.SIG_IGN:                 # whoever started us wants it ignored
                 self.before[number] = signal.signal(number, self._stop)
         return self
 
     def __exit__(self, *_):
-        Signals.active = None
+        InterruptSignals.active = None
         for number, handler in self.before.items():
             signal.signal(number, handler)
 
@@ -44,7 +44,7 @@ class Signals:
 
 def end_if_interrupted() -> None:
     """Interrupt the command once more if it goes on after a signal: libraries may swallow what that raised."""
-    if Signals.active is not None and Signals.active.received:
+    if InterruptSignals.active is not None and InterruptSignals.active.received:
         raise KeyboardInterrupt
 
 

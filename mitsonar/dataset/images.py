@@ -9,7 +9,7 @@ from mitsonar.imaging.focused import bin_dims
 from mitsonar.imaging.maps.raster import bearings, cartesian
 from mitsonar.io.records.records import SonarImage
 
-from .labels.frames import FORMS, Form, Frame, frames
+from .labels.frames import FORMS, Form, LabelFrame, frames
 from .labels.writing import groups_of
 from .sources import Source, class_order, find_sources, frames_of
 from .split import deal, read_shares
@@ -92,7 +92,7 @@ class Images:
             return self._some(self.sources[number])
         return _read(self.sources[number], self.form, self.cell)
 
-    def pictures(self, number: int) -> tuple[SonarImage, list[Frame]]:
+    def pictures(self, number: int) -> tuple[SonarImage, list[LabelFrame]]:
         """Return the record of an image, as recorded, and the pictures that are made of it.
 
         Parameters

@@ -12,7 +12,7 @@ from mitsonar.imaging.maps.raster import LEVELS
 from mitsonar.units import NOTHING_DB
 
 from .labels.annotations import HIGHLIGHT, annotations
-from .labels.frames import Frame
+from .labels.frames import LabelFrame
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,7 +31,7 @@ class LabelledImages(Protocol):
 
     def __getitem__(self, number: int, /) -> "xr.Dataset": ...
 
-    def pictures(self, number: int, /) -> "tuple[xr.Dataset, list[Frame]]": ...
+    def pictures(self, number: int, /) -> "tuple[xr.Dataset, list[LabelFrame]]": ...
 
 
 class TorchImages(torch.utils.data.Dataset):

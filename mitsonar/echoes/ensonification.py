@@ -28,7 +28,7 @@ from mitsonar.scene.tracing.water import DeviceWater
 
 from .bounces.surface_ghosts import ArrayGhosts
 from .point_targets import PointTargets
-from .record import Echoes, Leg
+from .record import Echoes, EchoLeg
 from .scatterers.element_beams import ElementBeams
 from .scatterers.pieces import NEGLIGIBLE, Pieces, pieces_in_beams, pieces_in_reach
 from .scatterers.scatterers import Cells, Scatterers
@@ -222,7 +222,7 @@ class Ensonification:
             reached &= sin_grazing > GRAZING
         root = dr.sqrt(dr.maximum(energy, 0))
         reached &= (root > 0) & dr.isfinite(root)
-        leg = Leg.along(way, origin, cells.point)
+        leg = EchoLeg.along(way, origin, cells.point)
         yield from Echoes(out=leg, back=leg, between=dr.zeros(mi.Float64, dr.width(reached)), energy=energy, path=path,
                           amplitude=(root * cells.amplitude[0], root * cells.amplitude[1])).where(reached)
         if path == "b":

@@ -31,7 +31,7 @@ TARGET_RADIUS = 0.02               # [m] about a point target within which nothi
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Row:
+class _TargetRow:
     """The taps of a target from number `first` on, and its axes in the scene, (3, 3)."""
 
     first: int
@@ -56,7 +56,7 @@ class PointTargets:
                     taps = EchoTaps.of(target.scattering, band, speed)
                     own = np.sqrt(taps.share * taps.strength)
                     turn = np.eye(3) if target.rotation is None else target.rotation
-                    self._rows.append(_Row(first=count, taps=taps, rotation=turn))
+                    self._rows.append(_TargetRow(first=count, taps=taps, rotation=turn))
                 else:
                     own = 10 ** (np.array([target.strength_at(band.frequency, speed)]) / 20)
             count += len(own)

@@ -20,7 +20,7 @@ from mitsonar.scene.tracing.hits import Hits
 
 
 @dataclass(frozen=True, kw_only=True)
-class Leg:
+class EchoLeg:
     """Exact eigenrays from a source to points, on the device."""
 
     offset: Vector64  # (R,) [m]: point minus source, scene coordinates
@@ -31,7 +31,7 @@ class Leg:
     folded: bool = False  # by way of the flat surface
 
     @classmethod
-    def along(cls, way: Connection | Hits, origin: dr.ArrayBase, point: dr.ArrayBase, folded: bool = False) -> Leg:
+    def along(cls, way: Connection | Hits, origin: dr.ArrayBase, point: dr.ArrayBase, folded: bool = False) -> EchoLeg:
         """The legs of ways; `origin` is the image's where they are folded."""
         launch = way.launch_direction
         if folded:
@@ -45,9 +45,9 @@ class Leg:
         launch = self.launch_direction
         return type(launch)(launch.x, launch.y, -launch.z) if self.folded else launch
 
-    def chosen(self, index: UInt32) -> Leg:
+    def chosen(self, index: UInt32) -> EchoLeg:
         """The legs with these numbers, UInt32."""
-        return Leg(folded=self.folded, **{name: dr.gather(type(value), value, index)
+        return EchoLeg(folded=self.folded, **{name: dr.gather(type(value), value, index)
                                           for name, value in vars(self).items() if name != "folded"})
 
 
@@ -55,8 +55,8 @@ class Leg:
 class Echoes:
     """Echoes of one block, on the device, as they leave their last scatterers."""
 
-    out: Leg  # to what sound met first, and to where it comes from last
-    back: Leg  # to what sound met first, and to where it comes from last
+    out: EchoLeg  # to what sound met first, and to where it comes from last
+    back: EchoLeg  # to what sound met first, and to where it comes from last
     between: Float64  # (R,) [s]: from the one to the other
     energy: Float  # (R,): |e|² [-], on the average over the cells' chance
     amplitude: tuple[Float, Float]  # (Float, Float): real and imaginary part of e [-]

@@ -8,7 +8,7 @@ from .detection.detection import Detections as Detections, Head as Head, detect 
 from .detection.sounding_beams import SoundingBeams as SoundingBeams
 from .gridding import gridded as gridded, residual as residual
 from .reduction import errors as errors, resounding as resounding, smile as smile, uncertainty as uncertainty
-from .reduction.attitude import Motion as Motion, Pose as Pose
+from .reduction.attitude import PlatformMotion as PlatformMotion, PlatformPose as PlatformPose
 from .reduction.reduction import (
     Installation as Installation,
     Located as Located,

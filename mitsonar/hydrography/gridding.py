@@ -35,7 +35,7 @@ FINE = 1 << 20                     # steps of a squared distance
 
 
 @dataclass(frozen=True, kw_only=True)
-class Grid:
+class SoundingGrid:
     """Lay out square cells, rows from north to south; edges are whole numbers of cells from 0."""
 
     cell: float  # [m]
@@ -45,7 +45,7 @@ class Grid:
     columns: int
 
     @classmethod
-    def over(cls, bounds: tuple[float, float, float, float], cell: float) -> Grid:
+    def over(cls, bounds: tuple[float, float, float, float], cell: float) -> SoundingGrid:
         """Cover west, south, east, north [m]."""
         west, south, east, north = bounds
         first, top = int(np.floor(west / cell)), int(np.ceil(north / cell))
@@ -71,10 +71,10 @@ class Grid:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Cells:
+class GridCells:
     """Sum up samples in the cells of a grid; `see` all first, then `add` them, then `means` or `nearest`."""
 
-    grid: Grid
+    grid: SoundingGrid
     blend: str  # one of `BLENDS`
     mixed: bool  # values are averaged
     _seen: np.ndarray = field(init=False)
@@ -167,7 +167,7 @@ def gridded(lines: xr.Dataset | Sequence[xr.Dataset], cell: float, *, rule: Rule
     """
     some = [lines] if isinstance(lines, xr.Dataset) else list(lines)
     _check(some, cell, rule, least)
-    grid = _Grid.over(_bounds(some) if bounds is None else bounds, cell)
+    grid = _CellGrid.over(_bounds(some) if bounds is None else bounds, cell)
     total, squares, best = (np.zeros(grid.count) for _ in range(3))
     if rule == "shoalest":
         best[:] = np.inf
@@ -221,7 +221,7 @@ def residual(grid: xr.Dataset, bed: Callable[[np.ndarray, np.ndarray], np.ndarra
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Grid:
+class _CellGrid:
     """Square cells, rows from north to south; west and north are in cells from 0."""
 
     cell: float
@@ -231,7 +231,7 @@ class _Grid:
     columns: int
 
     @classmethod
-    def over(cls, bounds: tuple[float, float, float, float], cell: float) -> _Grid:
+    def over(cls, bounds: tuple[float, float, float, float], cell: float) -> _CellGrid:
         west, south, east, north = (float(one) for one in bounds)
         if not (np.isfinite([west, south, east, north]).all() and west < east and south < north):
             raise ValueError(f"a grid has the bounds {bounds}; give west, south, east, north, in order.")
@@ -283,7 +283,7 @@ def _places(soundings: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return good, x[good] + east, y[good] + north
 
 
-def _points(some: list[xr.Dataset], grid: _Grid, rule: Rule) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def _points(some: list[xr.Dataset], grid: _CellGrid, rule: Rule) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Cells, depths and uncertainties of the soundings, line by line."""
     for soundings in some:
         good, x, y = _places(soundings)

@@ -23,7 +23,7 @@ DIMS = ("ping", "side", "range")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Measured:
+class MeasuredRows:
     """What is measured of pings, arrays (ping, side, bin), and NaN where no sounding is valid unless said otherwise."""
 
     power: np.ndarray  # [µPa²]: of all bins
@@ -38,7 +38,7 @@ class Measured:
     uncertainty: np.ndarray  # [m]
 
 
-def image(made: Measured, record: EnergyRecord, *, track: Track, time: np.ndarray, sound_speed: float,
+def image(made: MeasuredRows, record: EnergyRecord, *, track: Track, time: np.ndarray, sound_speed: float,
           depth_below: np.ndarray, labels: Mapping[int, str], class_of: Mapping[int, int],
           attrs: Mapping[str, Any]) -> xr.Dataset:
     """Make the dataset of a run."""

@@ -20,7 +20,7 @@ ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Bed:
+class PlannedBed:
     """Depths (Y, X) [m] below the surface on an even grid of x and y [m], and where they are surveyed ones."""
 
     x: np.ndarray
@@ -46,11 +46,11 @@ class Bed:
         place = self.places(x, y)
         return map_coordinates(self.depth, place.reshape(2, -1), order=1, mode="nearest").reshape(place.shape[1:])
 
-    def window(self, west: float, south: float, east: float, north: float) -> Bed:
+    def window(self, west: float, south: float, east: float, north: float) -> PlannedBed:
         """Return the part within bounds [m], with a node beyond each where there is one; at least two of either."""
         (left, right), (low, high) = (_span(axis, *ends) for axis, ends in ((self.x, (west, east)),
                                                                             (self.y, (south, north))))
-        return Bed(x=self.x[left:right], y=self.y[low:high], depth=self.depth[low:high, left:right],
+        return PlannedBed(x=self.x[left:right], y=self.y[low:high], depth=self.depth[low:high, left:right],
                    known=self.known[low:high, left:right])
 
 
@@ -60,7 +60,7 @@ def _span(axis, low, high):
     return first, last
 
 
-def bed_of(x: np.ndarray, y: np.ndarray, heights: np.ndarray) -> Bed:
+def bed_of(x: np.ndarray, y: np.ndarray, heights: np.ndarray) -> PlannedBed:
     """Return the bed of a survey's heights (Y, X) [m], z up and NaN without a depth; `ValueError` if it is all land."""
     from scipy.ndimage import distance_transform_edt
 
@@ -75,7 +75,7 @@ def bed_of(x: np.ndarray, y: np.ndarray, heights: np.ndarray) -> Bed:
     if not known.all():
         nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
         depth = depth[tuple(nearest)]
-    return Bed(x=x, y=y, depth=depth, known=known)
+    return PlannedBed(x=x, y=y, depth=depth, known=known)
 
 
 def _coarser(x, y, heights, factor):
@@ -90,17 +90,17 @@ def _coarser(x, y, heights, factor):
     return *middle, mean
 
 
-def flat_bed(depth: float, west: float, south: float, east: float, north: float) -> Bed:
+def flat_bed(depth: float, west: float, south: float, east: float, north: float) -> PlannedBed:
     """Return a level bed of a depth [m] about bounds [m], with at most half a million nodes."""
     longer, narrow = max(east - west, north - south), min(east - west, north - south)
     step = max(np.sqrt(longer * narrow / 5e5), longer / 1e5, min(0.1 * depth, longer / 100, narrow / 20))
     margin = 2 * step
     x, y = (np.arange(low - margin, high + margin + step, step) for low, high in ((west, east), (south, north)))
     shape = y.size, x.size
-    return Bed(x=x, y=y, depth=np.full(shape, depth, np.float32), known=np.ones(shape, bool))
+    return PlannedBed(x=x, y=y, depth=np.full(shape, depth, np.float32), known=np.ones(shape, bool))
 
 
-def heading_along_contours(bed: Bed, area: np.ndarray, width: float) -> float | None:
+def heading_along_contours(bed: PlannedBed, area: np.ndarray, width: float) -> float | None:
     """Return the heading [rad] along the contours of the nodes that count, None where there is none.
 
     It is clockwise from north, 0 to π. Relief shorter than a swath's ``width`` [m] is smoothed away.

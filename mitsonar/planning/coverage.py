@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .area import LineFrame
-from .bed import Bed
+from .bed import PlannedBed
 from .lines import MOST_SAMPLES, Edges, Segment, swath_edges
 from .rays import SwathRays
 
@@ -51,7 +51,7 @@ class SwathSonar:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Track:
+class PlannedTrack:
     """A segment with its swath at stations s (S,) [m]: depth under the sonar [m] and pings a second there."""
 
     segment: Segment
@@ -88,8 +88,8 @@ class Gap:
     area: float
 
 
-def track(bed: Bed, rays: SwathRays, sonar: SwathSonar, frame: LineFrame, segment: Segment, sound_speed: float,
-          step: float) -> Track:
+def track(bed: PlannedBed, rays: SwathRays, sonar: SwathSonar, frame: LineFrame, segment: Segment, sound_speed: float,
+          step: float) -> PlannedTrack:
     """Return a segment with its swath, at stations about a ``step`` [m] apart; ``sound_speed`` [m/s] is at the head."""
     length = segment.end - segment.begin
     s = np.linspace(segment.begin, segment.end, int(np.clip(np.ceil(length / step) + 1, 2, 4000)))
@@ -101,10 +101,11 @@ def track(bed: Bed, rays: SwathRays, sonar: SwathSonar, frame: LineFrame, segmen
     with np.errstate(divide="ignore"):
         rate = np.minimum(sonar.rate, sound_speed / (2 * slant))
     depth = bed.depth_at(*frame.place(s, np.full(s.size, segment.offset)))
-    return Track(segment=segment, s=s, edges=edges, depth=depth, rate=rate)
+    return PlannedTrack(segment=segment, s=s, edges=edges, depth=depth, rate=rate)
 
 
-def coverage(bed: Bed, rays: SwathRays, sonar: SwathSonar, frame: LineFrame, tracks: Sequence[Track], speed: float,
+def coverage(bed: PlannedBed, rays: SwathRays, sonar: SwathSonar, frame: LineFrame, tracks: Sequence[PlannedTrack],
+             speed: float,
              wanted: np.ndarray) -> Coverage:
     """Count what all swaths see of the wanted nodes (Y, X) of a bed, at a speed [m/s]."""
     row, column = np.nonzero(wanted)
@@ -154,7 +155,7 @@ def _sounded(bed, rays, sonar, frame, one, speed, s, r):
     return spread[i, j]
 
 
-def gaps(bed: Bed, found: Coverage) -> list[Gap]:
+def gaps(bed: PlannedBed, found: Coverage) -> list[Gap]:
     """List the gaps, the largest first: nodes that touch, by sides or corners, are one."""
     from scipy import ndimage
 

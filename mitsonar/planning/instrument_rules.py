@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 
 from mitsonar.hydrography.detection.sounding_beams import slowness_to
-from mitsonar.hydrography.reduction.attitude import Motion
+from mitsonar.hydrography.reduction.attitude import PlatformMotion
 from mitsonar.hydrography.reduction.legs import Starts
 from mitsonar.hydrography.reduction.resounding import heads_of, installation_of, measured_of, parts_of, profile_of
 
@@ -30,7 +30,7 @@ ALIKE = 0.8                        # of the worse residual, above which a file d
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rules:
+class InstrumentRules:
     """Rules by which soundings were reduced."""
 
     node: bool = True  # the head's sound speed was the profile's node at the arrays
@@ -64,7 +64,7 @@ class Rules:
         return f"{1e3 * off:.3g} mm" if np.isfinite(off) else "more than any ray"
 
 
-def rules_of(soundings: xr.Dataset) -> Rules:
+def rules_of(soundings: xr.Dataset) -> InstrumentRules:
     """Find the rules by which a line was reduced."""
     last = soundings["ping_time"].values + np.nanmax(
         np.where(soundings["valid"].values, soundings["travel_time"].values, 0.0), axis=1, initial=0.0)
@@ -77,17 +77,17 @@ def rules_of(soundings: xr.Dataset) -> Rules:
     for rules in product((True, False), (True, False)):
         residual[rules] = _rms(np.concatenate([fitted for _, fitted in time_residuals(some, *rules)] or [np.zeros(0)]))
     if not np.isfinite(min(residual.values())):
-        return Rules(residual={})
+        return InstrumentRules(residual={})
     node, under_way = min(residual, key=lambda rules: residual[rules])
     node |= residual[node, under_way] > ALIKE * residual[True, under_way]
     under_way |= residual[node, under_way] > ALIKE * residual[node, True]
-    return Rules(node=node, under_way=under_way, residual=residual)
+    return InstrumentRules(node=node, under_way=under_way, residual=residual)
 
 
 def time_residuals(soundings: xr.Dataset, node: bool, under_way: bool) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return residuals of times, ping by ping."""
     # -> (B,) [m]
-    motion, measured, profile = Motion.of(soundings), measured_of(soundings), profile_of(soundings)
+    motion, measured, profile = PlatformMotion.of(soundings), measured_of(soundings), profile_of(soundings)
     found = []
     for number, pings in heads_of(soundings):
         installed = installation_of(soundings, number)

@@ -20,7 +20,7 @@ import numpy as np
 from mitsonar.device.files import FilePath, replacing
 from mitsonar.io.tracks.navigation import Frame
 
-from .plan import Plan, SurveyLine
+from .plan import SurveyLine, SurveyPlan
 
 FORMATS = (".csv", ".geojson", ".gpx")
 _GPX = "http://www.topografix.com/GPX/1/1"
@@ -38,7 +38,7 @@ def check(path: FilePath, frame: Frame | None = None) -> str:
     return suffix
 
 
-def write(plan: Plan, path: FilePath, frame: Frame) -> None:
+def write(plan: SurveyPlan, path: FilePath, frame: Frame) -> None:
     """Write the lines of a plan."""
     kind = check(path, frame)
     text = {".csv": _csv, ".geojson": _geojson, ".gpx": _gpx}[kind](plan, frame)

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .area import LineFrame
-from .bed import Bed
+from .bed import PlannedBed
 from .rays import SwathRays
 
 MOST_LINES = 2000
@@ -66,7 +66,7 @@ class Edges:
         return self.port + self.starboard
 
 
-def swath_edges(bed: Bed, rays: SwathRays, frame: LineFrame, offset: float, s: np.ndarray) -> Edges:
+def swath_edges(bed: PlannedBed, rays: SwathRays, frame: LineFrame, offset: float, s: np.ndarray) -> Edges:
     """Return a swath's edges at stations s (S,) [m] of a line."""
     farthest = float(rays.reach.max())
     number = int(np.clip(2 * farthest / min(bed.step), 32, MOST_SAMPLES))
@@ -112,7 +112,8 @@ def _refuse_hopeless(sailed, left):
         refuse_many(left / spacing, spacing)
 
 
-def fitted_segments(bed: Bed, rays: SwathRays, lattice: Lattice, overlap: float, shortest: float) -> list[Segment]:
+def fitted_segments(bed: PlannedBed, rays: SwathRays, lattice: Lattice, overlap: float,
+                    shortest: float) -> list[Segment]:
     """Lay lines whose neighbouring swaths overlap by a share of the width or more, but for a few stations of each."""
     s, u, inside = lattice.s, lattice.u, lattice.inside
     last = np.where(inside.any(axis=1), u[u.size - 1 - np.argmax(inside[:, ::-1], axis=1)], -np.inf)

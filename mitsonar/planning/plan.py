@@ -18,12 +18,12 @@ from mitsonar.units import KNOT
 from mitsonar.water.profile import SoundSpeedProfile
 
 from .area import Area, LineFrame, corners, inside, inside_rows
-from .bed import Bed, heading_along_area, heading_along_contours
-from .coverage import Coverage, Gap, SwathSonar, Track, coverage, gaps, track
+from .bed import PlannedBed, heading_along_area, heading_along_contours
+from .coverage import Coverage, Gap, PlannedTrack, SwathSonar, coverage, gaps, track
 from .errors import CastError, cast_error
 from .lines import Lattice, even_segments, fitted_segments, in_sailing_order, refuse_many
 from .rays import SwathRays, swath_rays
-from .turns import Turn, turn
+from .turns import VesselTurn, turn
 
 SPACINGS = ("line", "shoalest", "mean")
 MOST_STATIONS = 1000               # of a lattice along lines,
@@ -72,19 +72,19 @@ class SurveyLine:
     start: np.ndarray  # (2,) [m]: x and y
     end: np.ndarray  # (2,) [m]: x and y
     length: float  # [m]: from start to end
-    track: Track  # its swath, along the heading of the plan
-    turn: Turn | None  # way to the next line's run-in
+    track: PlannedTrack  # its swath, along the heading of the plan
+    turn: VesselTurn | None  # way to the next line's run-in
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Plan:
+class SurveyPlan:
     """Hold a plan."""
 
     lines: tuple[SurveyLine, ...]
     frame: LineFrame
     contours: bool | None  # whether the heading follows contours (True) or the area's longer axis (False)
     area: Area | None  # none
-    bed: Bed  # about the area
+    bed: PlannedBed  # about the area
     sonar: SwathSonar  # it was made with
     layout: Layout  # it was made with
     rays: SwathRays  # it was made with
@@ -108,8 +108,9 @@ class Plan:
         return float(some.min()), float(some.mean(dtype=float)), float(some.max())
 
 
-def plan(bed: Bed, profile: SoundSpeedProfile, sonar: SwathSonar, layout: Layout | None = None, *,
-         area: Area | None = None, used: SoundSpeedProfile | None = None, order: SurveyOrder = ORDERS["1a"]) -> Plan:
+def plan(bed: PlannedBed, profile: SoundSpeedProfile, sonar: SwathSonar, layout: Layout | None = None, *,
+         area: Area | None = None, used: SoundSpeedProfile | None = None,
+         order: SurveyOrder = ORDERS["1a"]) -> SurveyPlan:
     """Plan the lines of a survey."""
     layout = layout or Layout()
     least = sonar.head_depth + 1.0 if layout.least_depth is None else layout.least_depth
@@ -146,13 +147,14 @@ def plan(bed: Bed, profile: SoundSpeedProfile, sonar: SwathSonar, layout: Layout
     depths = dict.fromkeys((float(some.min()), mean, float(some.max())))
     refraction = [] if used is None else [cast_error(profile, used, sonar.head_depth, depth, 0.5 * sonar.swath, order)
                                           for depth in depths if depth > sonar.head_depth]
-    return Plan(lines=_lines(tracks, frame, layout), frame=frame, contours=contours, area=area, bed=bed, sonar=sonar,
+    return SurveyPlan(lines=_lines(tracks, frame, layout), frame=frame, contours=contours, area=area, bed=bed,
+                      sonar=sonar,
                 layout=layout, rays=rays, coverage=found, gaps=tuple(gaps(bed, found)), refraction=tuple(refraction),
                 order=order, unknown=np.count_nonzero(asked & ~bed.known) / np.count_nonzero(asked),
                 shoal=1 - np.count_nonzero(deep) / np.count_nonzero(asked), least_depth=least)
 
 
-def _nodes(bed: Bed, area: Area | None, sonar: SwathSonar) -> tuple[np.ndarray, Bed]:
+def _nodes(bed: PlannedBed, area: Area | None, sonar: SwathSonar) -> tuple[np.ndarray, PlannedBed]:
     """Return which nodes lie in the area, and the bed about it."""
     if area is None:
         return _without_specks(bed.known), bed
@@ -186,7 +188,7 @@ def _without_specks(known: np.ndarray) -> np.ndarray:
     return kept if (kept & known).any() else known
 
 
-def _heading(bed: Bed, wanted: np.ndarray, width: float, layout: Layout,
+def _heading(bed: PlannedBed, wanted: np.ndarray, width: float, layout: Layout,
              area: Area | None) -> tuple[float, bool | None]:
     """Return the heading, and whether it follows contours."""
     if layout.heading is not None:
@@ -197,14 +199,14 @@ def _heading(bed: Bed, wanted: np.ndarray, width: float, layout: Layout,
     return heading_along_area(_outline(bed, wanted) if area is None else np.concatenate(corners(area))), False
 
 
-def _outline(bed: Bed, inside: np.ndarray) -> np.ndarray:
+def _outline(bed: PlannedBed, inside: np.ndarray) -> np.ndarray:
     """Return the first and the last node inside of every row: places (N, 2) [m] with the hull of all."""
     row = np.flatnonzero(inside.any(axis=1))
     first, last = np.argmax(inside[row], axis=1), inside.shape[1] - 1 - np.argmax(inside[row, ::-1], axis=1)
     return np.concatenate([np.stack([bed.x[column], bed.y[row]], -1) for column in (first, last)])
 
 
-def _lattice(bed: Bed, deep: np.ndarray, shoal: np.ndarray, area: Area | None, frame: LineFrame,
+def _lattice(bed: PlannedBed, deep: np.ndarray, shoal: np.ndarray, area: Area | None, frame: LineFrame,
              width: float, spacing: float) -> Lattice:
     """Lay nodes along and across the lines over the area but its shoals, about as close as those of the bed.
 
@@ -225,7 +227,7 @@ def _lattice(bed: Bed, deep: np.ndarray, shoal: np.ndarray, area: Area | None, f
                    inside_rows(area, frame, *inner) & ~_at(bed, shoal, frame, *inner))
 
 
-def _at(bed: Bed, grid: np.ndarray, frame: LineFrame, along: np.ndarray, across: np.ndarray) -> np.ndarray:
+def _at(bed: PlannedBed, grid: np.ndarray, frame: LineFrame, along: np.ndarray, across: np.ndarray) -> np.ndarray:
     """Look nodes of a lattice (S, U) up in a grid (Y, X) of true and false; false beyond it."""
     row, column = np.rint(bed.places(*frame.place(along[:, None], across))).astype(int)
     there = (row >= 0) & (row < bed.y.size) & (column >= 0) & (column < bed.x.size)
@@ -234,7 +236,7 @@ def _at(bed: Bed, grid: np.ndarray, frame: LineFrame, along: np.ndarray, across:
     return found
 
 
-def _lines(tracks: Sequence[tuple[Track, bool]], frame: LineFrame, layout: Layout) -> tuple[SurveyLine, ...]:
+def _lines(tracks: Sequence[tuple[PlannedTrack, bool]], frame: LineFrame, layout: Layout) -> tuple[SurveyLine, ...]:
     """Put lines together with their run-ins, and the turns between."""
     ends = []
     for one, ahead in tracks:

@@ -17,7 +17,7 @@ from mitsonar.io.tracks.navigation import Frame
 from mitsonar.sonar.preset_tables import presets
 from mitsonar.units import KNOT
 
-from .plan import Plan, SurveyLine
+from .plan import SurveyLine, SurveyPlan
 
 ROOM = 1.25                        # of the window, in slant ranges of the farthest beam
 FIRST_PINGS = 200
@@ -36,7 +36,7 @@ class BedFile:
     cast: str | None = None
 
 
-def write(plan: Plan, path: FilePath, frame: Frame, files: BedFile) -> None:
+def write(plan: SurveyPlan, path: FilePath, frame: Frame, files: BedFile) -> None:
     """Write the scene of a plan."""
     check(path)
     root = _scene(plan, frame, files, os.path.dirname(os.path.abspath(path)))
@@ -51,7 +51,7 @@ def check(path: FilePath) -> None:
         raise ValueError(f"cannot write the scene {path}: its name must end in .xml.")
 
 
-def _scene(plan: Plan, frame: Frame, files: BedFile, folder: str) -> ElementTree.Element:
+def _scene(plan: SurveyPlan, frame: Frame, files: BedFile, folder: str) -> ElementTree.Element:
     origin = np.asarray(frame.origin) if files.bathymetry is not None else np.zeros(2)
     lines = {line.number: ends for line in plan.lines if (ends := _over_bed(plan, line)) is not None}
     if not lines:
@@ -88,7 +88,7 @@ def _scene(plan: Plan, frame: Frame, files: BedFile, folder: str) -> ElementTree
     return root
 
 
-def _sensor(root: ElementTree.Element, plan: Plan, files: BedFile, folder: str) -> None:
+def _sensor(root: ElementTree.Element, plan: SurveyPlan, files: BedFile, folder: str) -> None:
     sonar = plan.sonar
     sensor = ElementTree.SubElement(root, "sensor", {"type": "multibeam", "id": "sonar"})
     preset = sonar.name if sonar.name in presets("multibeam") else DEFAULT_PRESET
@@ -113,13 +113,13 @@ def _sensor(root: ElementTree.Element, plan: Plan, files: BedFile, folder: str) 
     _add(film, "float", "range", f"{min(ROOM * _farthest(plan), sonar.max_range):.1f}")
 
 
-def _farthest(plan: Plan) -> float:
+def _farthest(plan: SurveyPlan) -> float:
     """Return the farthest slant range of all lines [m]."""
     reach = max(max(float(line.track.edges.port.max()), float(line.track.edges.starboard.max())) for line in plan.lines)
     return float(np.hypot(reach, plan.depths[2]))
 
 
-def _over_bed(plan: Plan, line: SurveyLine) -> np.ndarray | None:
+def _over_bed(plan: SurveyPlan, line: SurveyLine) -> np.ndarray | None:
     """Return the ends (2, 2) of a line's longest piece over known bed; None where there is none."""
     along = _between(plan, np.stack([line.start, line.end]))
     edges = np.flatnonzero(np.diff(np.r_[False, _known(plan, along), False].astype(int))).reshape(-1, 2)
@@ -129,14 +129,14 @@ def _over_bed(plan: Plan, line: SurveyLine) -> np.ndarray | None:
     return along[[begin, end - 1]] if end - begin > 1 else None
 
 
-def _between(plan: Plan, places: np.ndarray) -> np.ndarray:
+def _between(plan: SurveyPlan, places: np.ndarray) -> np.ndarray:
     """Return places (P, 2) every half node along the straight ways between places."""
     ways = [np.linspace(one, other, 2 + int(2 * np.hypot(*(other - one)) / min(plan.bed.step)))
             for one, other in zip(places, places[1:])]
     return np.concatenate(ways)
 
 
-def _known(plan: Plan, places: np.ndarray) -> np.ndarray:
+def _known(plan: SurveyPlan, places: np.ndarray) -> np.ndarray:
     """Return where the bed is known all around, and deeper than the sonar's head."""
     from scipy.ndimage import map_coordinates
 

@@ -17,7 +17,7 @@ from mitsonar.units import KNOT
 
 from .errors import CastError
 from .line_files import on_earth
-from .plan import Plan
+from .plan import SurveyPlan
 
 MOST_GAPS = 20                     # listed in the file
 MOST_LINES = 60                    # listed in the text
@@ -66,7 +66,7 @@ class _Words(string.Formatter):
         return super().format_field(value, format_spec)
 
 
-def summary(plan: Plan, frame: Frame) -> dict[str, Any]:
+def summary(plan: SurveyPlan, frame: Frame) -> dict[str, Any]:
     """Return the numbers of a plan."""
     layout, sonar, covered = plan.layout, plan.sonar, plan.coverage
     surveyed = sum(line.length for line in plan.lines)
@@ -103,7 +103,7 @@ def summary(plan: Plan, frame: Frame) -> dict[str, Any]:
         "refraction": [_refraction(error) for error in plan.refraction]}
 
 
-def _line(plan: Plan, number: int, frame: Frame) -> dict[str, Any]:
+def _line(plan: SurveyPlan, number: int, frame: Frame) -> dict[str, Any]:
     line = plan.lines[number]
     width = line.track.edges.width
     return {"line": line.number, "heading_deg": _degrees(line.heading), "length_m": line.length,

@@ -26,21 +26,21 @@ _ROUNDING = 9                      # digits to which ways are as long as each ot
 _Parts = tuple[float, float, float]
 
 
-class Turn(NamedTuple):
+class VesselTurn(NamedTuple):
     """Way from one line to the next: its length [m], and places along it (N, 2) [m]."""
 
     length: float
     path: np.ndarray
 
 
-def turn(begin: np.ndarray, heading: float, end: np.ndarray, end_heading: float, radius: float) -> Turn:
+def turn(begin: np.ndarray, heading: float, end: np.ndarray, end_heading: float, radius: float) -> VesselTurn:
     """Return the shortest way between two places (2,) [m] with headings [rad], clockwise from north.
 
     ``radius`` [m] is that of the arcs; 0: straight from place to place.
     """
     way = np.asarray(end, float) - begin
     if radius <= 0:
-        return Turn(float(np.hypot(*way)), np.stack([begin, end]))
+        return VesselTurn(float(np.hypot(*way)), np.stack([begin, end]))
     start, goal = 0.5 * pi - heading, 0.5 * pi - end_heading
     signs, lengths = min(_words(complex(*way) / radius, start, goal), key=lambda word: round(sum(word[1]), _ROUNDING))
     whole = sum(lengths)
@@ -50,7 +50,7 @@ def turn(begin: np.ndarray, heading: float, end: np.ndarray, end_heading: float,
         part = np.clip(left, 0.0, length)
         place += np.exp(1j * angle) * (1j * sign * (1 - np.exp(1j * sign * part)) if sign else part)
         left, angle = left - length, angle + sign * length
-    return Turn(whole * radius, np.stack([np.real(place), np.imag(place)], -1) * radius + begin)
+    return VesselTurn(whole * radius, np.stack([np.real(place), np.imag(place)], -1) * radius + begin)
 
 
 def _words(way: complex, start: float, goal: float) -> Iterator[tuple[_Parts, _Parts]]:

@@ -28,7 +28,7 @@ from scipy import ndimage
 from mitsonar.device.files import FilePath, check_writable, replacing
 from mitsonar.units import khz_from_hertz
 
-from .images.grid import ONLY_SIDE, Grid
+from .images.grid import ONLY_SIDE, PlotGrid
 
 
 def title(dataset: xr.Dataset) -> str:
@@ -38,7 +38,7 @@ def title(dataset: xr.Dataset) -> str:
     return f"{dataset.attrs.get('sonar', 'sonar')}{words}"
 
 
-def subtitle(dataset: xr.Dataset, grid: Grid, more_db: Mapping[str, float] | None = None) -> str:
+def subtitle(dataset: xr.Dataset, grid: PlotGrid, more_db: Mapping[str, float] | None = None) -> str:
     """Say how many pings and how far, how long the bins are, the altitude, and gains [dB] of parts of it by name."""
     pings = dataset.sizes["ping"]
     parts = [f"{pings} ping{'s' * (pings != 1)}" + f" over {in_metres(grid.along[-1] - grid.along[0])}" * grid.moving,
@@ -164,7 +164,7 @@ def sheet(width: float, height: float, colour: str = "white") -> Figure:
     return figure
 
 
-def picture(grid: Grid, image: np.ndarray, title: str, *, subtitle: str = "", colours: Colormap = COPPER,
+def picture(grid: PlotGrid, image: np.ndarray, title: str, *, subtitle: str = "", colours: Colormap = COPPER,
             limits: tuple[float, float] | None = None, bar: str = "",
             bar_extend: Literal["neither", "both", "min", "max"] = "both",
             keys: Sequence[Artist] = ()) -> tuple[Figure, Axes]:
@@ -271,7 +271,7 @@ def _metres(grid, axes):
         axes.axvline(0, color=INK, linewidth=0.5, alpha=0.35)
 
 
-def scale_bar(grid: Grid, axes: Axes) -> None:
+def scale_bar(grid: PlotGrid, axes: Axes) -> None:
     """Draw bars of round lengths across and along the track below the picture, and say how their scales differ."""
     figure = axes.figure
     pixel_x, pixel_y = ((edges[-1] - edges[0]) / size

@@ -28,7 +28,7 @@ KINDS = {"Rectangle": 1, "Disk": 2, "Cylinder": 3, "Sphere": 4}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Grid:
+class SurfaceGrid:
     """Facets of one shape."""
 
     vertices: np.ndarray  # (V, 3) [-]: normals of the true surface, unit
@@ -40,7 +40,7 @@ class Grid:
     to_object: np.ndarray  # (3, 4): from the scene to the shape's own frame
 
 
-def grid_of(shape: mi.Shape, sagitta: float = FINEST_SAGITTA) -> Grid:
+def grid_of(shape: mi.Shape, sagitta: float = FINEST_SAGITTA) -> SurfaceGrid:
     """Cut a shape into facets."""
     # sagitta [m]
     kind = KINDS.get(shape.class_name())
@@ -68,7 +68,8 @@ def grid_of(shape: mi.Shape, sagitta: float = FINEST_SAGITTA) -> Grid:
     faces = np.stack([np.stack([a, b, c], -1), np.stack([a, c, d], -1)], 2).reshape(-1, 3)
     to_object = np.linalg.inv(to_world)
     normal = normal.reshape(-1, 3) @ to_object[:3, :3]                  # inverse transpose
-    return Grid(vertices=point.reshape(-1, 3) @ to_world[:3, :3].T + to_world[:3, 3], faces=faces.astype(np.uint32),
+    return SurfaceGrid(vertices=point.reshape(-1, 3) @ to_world[:3, :3].T + to_world[:3, 3],
+                       faces=faces.astype(np.uint32),
                 normals=normal / np.linalg.norm(normal, axis=1, keepdims=True), kind=kind, size=size,
                 texcoords=np.stack([s, t], -1).reshape(-1, 2), to_object=to_object[:3])
 
@@ -93,7 +94,7 @@ def _surface(kind, s, t):
 class Grids:
     """Which facet of a grid a point of its shape lies in, on the device."""
 
-    def __init__(self, rows: list[tuple[int, Grid, int]], size: int):
+    def __init__(self, rows: list[tuple[int, SurfaceGrid, int]], size: int):
         self.lib = arrays_of(mi.Float)
         size = max([size, *(index + 1 for index, *_ in rows)])
         table, to_object = np.zeros((size, 4), np.uint32), np.zeros((size, 3, 4))

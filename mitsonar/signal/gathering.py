@@ -34,7 +34,7 @@ OfNumbers: TypeAlias = Callable[[Sequence[Float], Sequence[Float], Sequence[Floa
 
 
 @dataclass(frozen=True)
-class Change:
+class DelayChange:
     """A linear function F of numbers x of each element, `own` of them, and of `shared` numbers of all elements.
 
     ``factor(hit_fields, element_fields, own, shared)`` gives dα.
@@ -87,7 +87,7 @@ class GatheredWeights:
         self._row, self._last = dr.opaque(lib.UInt32, self.span), dr.opaque(lib.UInt32, self.span - kernel.taps)
         self._sheet = dr.opaque(lib.UInt32, self.span * self.elements)
 
-    def gather(self, pairs: EchoPairs, change: Change) -> tuple[np.ndarray, np.ndarray]:
+    def gather(self, pairs: EchoPairs, change: DelayChange) -> tuple[np.ndarray, np.ndarray]:
         """Return Σ Re u ∂F/∂x over hits: float64 (rows, own), and over all pairs (shared,)."""
         lib = self.lib
         U, together = lib.UInt32, ROWS if len(pairs.rows) >= ROWS else 1
@@ -133,7 +133,7 @@ class GatheredWeights:
         return (totals.reshape(teams * together, change.own)[:len(pairs.rows)],
                 np.array([part.numpy().sum(dtype=float) for part in common]))
 
-    def of_pairs(self, pairs: EchoPairs, change: Change) -> np.ndarray:
+    def of_pairs(self, pairs: EchoPairs, change: DelayChange) -> np.ndarray:
         """Return Re u ∂F/∂x of every pair, float64 (own + shared, count, rows): for few of them."""
         lib = self.lib
         hits, fields, rows = self._opaque(pairs)
@@ -149,7 +149,7 @@ class GatheredWeights:
             dr.eval(slopes)
         return np.stack([slope.numpy().astype(float).reshape(pairs.count, -1) for slope in slopes])
 
-    def _slopes(self, change: Change, hit: list[Float], here: list[Float], u: Float) -> list[Float]:
+    def _slopes(self, change: DelayChange, hit: list[Float], here: list[Float], u: Float) -> list[Float]:
         """Derivatives of u F by its numbers, those of elements first."""
         with dr.resume_grad():
             numbers = [dr.zeros(self.lib.Float, dr.width(u)) for _ in range(change.own + change.shared)]

@@ -30,7 +30,7 @@ FILES = {"sidescan": "sidescan.kind", "array": "fan.kind", "forward_looking": "f
          "synthetic_aperture": "synthetic_aperture.kind"}
 
 
-class _Files(Mapping[str, Any]):
+class _KindFiles(Mapping[str, Any]):
     """Import the modules of kinds by name when they are first used."""
 
     def __init__(self, *names: str):
@@ -69,7 +69,7 @@ class Kind(Protocol):
         ...
 
 
-KINDS: Mapping[str, Kind] = _Files("sidescan", "array", "forward_looking", "sector_scan", "multibeam",
+KINDS: Mapping[str, Kind] = _KindFiles("sidescan", "array", "forward_looking", "sector_scan", "multibeam",
                                    "synthetic_aperture", "interferometric")
 
 
@@ -81,7 +81,7 @@ class FrameKind(Kind, Protocol):
         ...
 
 
-FRAMES: Mapping[str, FrameKind] = _Files("array", "forward_looking", "multibeam")
+FRAMES: Mapping[str, FrameKind] = _KindFiles("array", "forward_looking", "multibeam")
 
 
 class SounderKind(Kind, Protocol):
@@ -93,7 +93,7 @@ class SounderKind(Kind, Protocol):
         ...
 
 
-SOUNDERS: Mapping[str, SounderKind] = _Files("multibeam", "interferometric")
+SOUNDERS: Mapping[str, SounderKind] = _KindFiles("multibeam", "interferometric")
 
 
 def sounder_kind_of(sensor: Any) -> SounderKind:

@@ -9,7 +9,7 @@ from mitsonar.io.tracks.navigation import Frame, Navigation, Waypoints
 from mitsonar.scene.geometry import Geometry
 from mitsonar.sonar.motion.motion import RandomMotion
 from mitsonar.sonar.motion.track import Track
-from mitsonar.sonar.motion.trajectory import Circled, Recorded, Sailed, Smooth, Trajectory, Voyage
+from mitsonar.sonar.motion.trajectory import Circled, Recorded, Sailed, SmoothCurve, Trajectory, Voyage
 from mitsonar.sonar.motion.waypoints import Course
 
 from . import placement
@@ -119,7 +119,7 @@ class Route:
             self.speed * time, course.marks, record.z)
 
         def sailed(z):
-            return Trajectory(lead=Sailed(course=course, speed=self.speed, height=Smooth(time, z)))
+            return Trajectory(lead=Sailed(course=course, speed=self.speed, height=SmoothCurve(time, z)))
 
         length = self.speed * time[-1]
         _warn_of_cut("course", length, course.length, course.length / self.speed, interval, pings)
@@ -145,7 +145,8 @@ class Route:
             # it follows the seabed, not the z that was recorded, and heaves as recorded
             lifted = placement.lifted(geometry, trajectory.track(time), self.altitude)
             trajectory = Trajectory(lead=Recorded.through(
-                recorded, height=Smooth(time, lifted.position[:, 2]), heave=Smooth(record.time, record.heave)))
+                recorded, height=SmoothCurve(time, lifted.position[:, 2]), heave=SmoothCurve(record.time,
+                                                                                             record.heave)))
         return Voyage.of(trajectory, time), (sailed, planned)
 
     def _count(self, lasting, interval, what):

@@ -17,7 +17,7 @@ from mitsonar.io.scene_files import scenes
 
 from .cluster import Cluster
 from .local import Local, shares
-from .manifest import LOCK, MANIFEST, Entry, Manifest, key, remove_leftovers
+from .manifest import LOCK, MANIFEST, Manifest, ManifestEntry, key, remove_leftovers
 from .plan import Plan, Render, load_plan
 from .versions import versions
 
@@ -155,7 +155,7 @@ def run(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int
                    redrawn=runner.redrawn)
 
 
-def standing(plan: Plan, folder: str, entries: Mapping[str, Entry], made_by: Mapping[str, str], *,
+def standing(plan: Plan, folder: str, entries: Mapping[str, ManifestEntry], made_by: Mapping[str, str], *,
              verify: bool = False) -> Standing:
     """Find out what is missing: all that the manifest does not call done, or whose files are not there as it says."""
     missing, changed, damaged, seconds, sizes = array.array("l"), 0, 0, [], []

@@ -27,7 +27,7 @@ FLUSH_SECONDS = 5.0
 LEFTOVER = re.compile(r"\..+\.([0-9a-f]+-)?[0-9a-f]{8}\.(exr|png)", re.I)  # as `device.files.replacing` does
 
 
-class Entry(NamedTuple):
+class ManifestEntry(NamedTuple):
     """What the manifest says of one output: what it was made of, and how that went."""
 
     key: bytes
@@ -101,7 +101,7 @@ def full(path: str, error: OSError) -> str:
     return f"cannot write {path}: {what}; the sweep stopped and keeps what is done: free some space and run it again"
 
 
-def read(path: FilePath) -> tuple[dict[str, Entry], int, int]:
+def read(path: FilePath) -> tuple[dict[str, ManifestEntry], int, int]:
     """Read a manifest."""
     entries, damaged, whole = {}, 0, 0
     if not os.path.exists(path):
@@ -131,7 +131,8 @@ def _entry(record):
     if not (isinstance(size, int) and (preview is None or isinstance(preview, str))):
         raise ValueError
     classes = record.get("classes")
-    return record["output"], Entry(key=key(record["parameters"], record["seed"], record["inputs"], record["versions"]),
+    return record["output"], ManifestEntry(key=key(record["parameters"], record["seed"], record["inputs"],
+                                                   record["versions"]),
                                    status=record["status"], bytes=size, preview=preview,
                                    seconds=float(record["seconds"]), sha256=record.get("sha256"),
                                    redrawn=int(record.get("redrawn", 0)),

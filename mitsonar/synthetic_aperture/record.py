@@ -25,13 +25,13 @@ from typing import Literal
 import numpy as np
 import xarray as xr
 
-__all__ = ["IMAGE_VARIABLES", "RAW_VARIABLES", "Variable", "check_image", "check_raw"]
+__all__ = ["IMAGE_VARIABLES", "RAW_VARIABLES", "StripVariable", "check_image", "check_raw"]
 
 Group = Literal["signal", "ping", "array", "motion", "water", "target", "image", "place", "truth"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Variable:
+class StripVariable:
     """A variable of a record.
 
     Attributes
@@ -56,12 +56,12 @@ class Variable:
     needed: bool = False
 
 
-def _some(group: Group, dims: tuple[str, ...], needed: bool, *rows: tuple[str, str, str, str]) -> list[Variable]:
-    return [Variable(name=name, dims=dims, dtype=dtype, unit=unit, meaning=meaning, group=group, needed=needed)
+def _some(group: Group, dims: tuple[str, ...], needed: bool, *rows: tuple[str, str, str, str]) -> list[StripVariable]:
+    return [StripVariable(name=name, dims=dims, dtype=dtype, unit=unit, meaning=meaning, group=group, needed=needed)
             for name, dtype, unit, meaning in rows]
 
 
-RAW_VARIABLES: dict[str, Variable] = {one.name: one for one in [
+RAW_VARIABLES: dict[str, StripVariable] = {one.name: one for one in [
     *_some("signal", ("ping", "rx", "sample"), True, ("signal", "c8", "µPa", "what the receivers hear")),
     *_some("signal", ("sample",), True, ("time", "f8", "s", "of the samples, after the ping's transmission")),
     *_some("ping", ("ping",), True,
@@ -109,7 +109,7 @@ BETWEEN = {"frequency": (1.0, 1e9), "sampling_rate": (1.0, 1e9), "source_level_d
 UNIT = 1e-3                        # that the length of look may be off
 CHECKED = "signal", "array"        # groups whose numbers must be finite; others are checked where they are used
 
-IMAGE_VARIABLES: dict[str, Variable] = {one.name: one for one in [
+IMAGE_VARIABLES: dict[str, StripVariable] = {one.name: one for one in [
     *_some("image", ("bank", "along_track", "across_track"), True,
            ("image", "c8", "m", "complex strength"),
            ("level", "f4", "dB re 1 m²", "20 log10 of its magnitude")),
@@ -187,7 +187,7 @@ def check_image(record: xr.Dataset) -> None:
     _check(record, IMAGE_VARIABLES, "a focused image")
 
 
-def _check(record: xr.Dataset, table: dict[str, Variable], what: str) -> None:
+def _check(record: xr.Dataset, table: dict[str, StripVariable], what: str) -> None:
     for one in table.values():
         if one.name not in record.variables:
             if one.needed:

@@ -25,9 +25,9 @@ from . import (
     volume,
     water,
 )
-from .case import Case, Line, Panel, Row, Table
+from .case import Case, Compared, Curve, Panel, Table
 
-__all__ = ["CASES", "Case", "Line", "Panel", "Row", "Table", "validate"]
+__all__ = ["CASES", "Case", "Curve", "Panel", "Compared", "Table", "validate"]
 
 CASES = {
     "water": water.CASE,

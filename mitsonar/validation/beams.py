@@ -13,7 +13,7 @@ from mitsonar.sonar.arrays.beam_patterns import beam_pattern, directivity_index_
 from mitsonar.sonar.arrays.shading import taper_loss_db, window_weights
 from mitsonar.sonar.faces.directivity import Aperture
 
-from .case import Case, Line, Panel, Row, Table, root_of, worst
+from .case import Case, Compared, Curve, Panel, Table, root_of, worst
 
 SPEED, WAVELENGTH = 1500.0, 0.015
 WINDOWS = {  # over 16 elements: highest side lobe [dB], full -3 dB width in (d/λ) sin ψ, taper loss [dB]
@@ -38,11 +38,11 @@ def _towards(sine):
 def _continuous():
     line = Aperture(length=100 * WAVELENGTH)
     lobe = float(db(line.along(4.493409 / (100 * np.pi), WAVELENGTH)))
-    yield Row("line: first side lobe", lobe, -13.261459, 1e-5, "dB")
+    yield Compared("line: first side lobe", lobe, -13.261459, 1e-5, "dB")
     half = root_of(lambda u: line.along(u, WAVELENGTH) ** 2 - 0.5, 1e-4, 8e-3)
-    yield Row("line: full -3 dB width times L/λ", 200 * half, 0.88589294, 1e-6, "rad")
+    yield Compared("line: full -3 dB width times L/λ", 200 * half, 0.88589294, 1e-6, "rad")
     half = root_of(lambda u: line.along(u, WAVELENGTH) ** 4 - 0.5, 1e-4, 8e-3)
-    yield Row("line, two-way: full -3 dB width times L/λ", 200 * half, 0.63783340, 1e-6, "rad")
+    yield Compared("line, two-way: full -3 dB width times L/λ", 200 * half, 0.63783340, 1e-6, "rad")
     piston = _piston(30.0)
 
     def circle(sine):
@@ -50,8 +50,8 @@ def _continuous():
 
     lobe: Any = minimize_scalar(lambda sine: -circle(sine), bounds=(4.2 / 30, 6.5 / 30), method="bounded",
                            options={"xatol": 1e-7})
-    yield Row("circular piston, ka 30: first side lobe", -lobe.fun, -17.570150, 1e-5, "dB")
-    yield Row("circular piston, ka 30: -3 dB at ka sin ψ =",
+    yield Compared("circular piston, ka 30: first side lobe", -lobe.fun, -17.570150, 1e-5, "dB")
+    yield Compared("circular piston, ka 30: -3 dB at ka sin ψ =",
               30 * root_of(lambda sine: circle(sine) + 10 * np.log10(2), 0.01, 0.1), 1.61633995, 1e-6, "-")
 
 
@@ -63,10 +63,11 @@ def _discrete():
     for elements, degrees, expected in ((16, 5, -8.570309), (16, 20, -20.912533), (64, 1, -5.029421)):
         line = line_array(elements, WAVELENGTH / 2)
         got = db(beam_pattern(line, _towards(np.sin(np.radians(degrees))), WAVELENGTH))
-        yield Row(f"line of {elements}, half a wavelength, {degrees} degrees off", float(got), expected, 1e-6, "dB")
+        yield Compared(f"line of {elements}, half a wavelength, {degrees} degrees off", float(got), expected, 1e-6,
+                       "dB")
     line = line_array(16, 0.75 * WAVELENGTH).steered(_towards(0.5), SPEED)
     sine = np.sin(np.radians(-56.44269))
-    yield Row("grating lobe of 0.75 wavelengths steered to 30 degrees",
+    yield Compared("grating lobe of 0.75 wavelengths steered to 30 degrees",
               float(db(beam_pattern(line, _towards(sine), WAVELENGTH, SPEED))), 0.0, 1e-5, "dB")
 
 
@@ -76,24 +77,24 @@ def _shaded():
         line = line_array(16, WAVELENGTH / 2).shaded(window)
         level = db(beam_pattern(line, _towards(sine), WAVELENGTH))
         beyond = np.flatnonzero(np.diff(level) > 0)[0]
-        yield Row(f"{window}: highest side lobe", float(level[beyond:].max()), lobe, 0.01, "dB")
+        yield Compared(f"{window}: highest side lobe", float(level[beyond:].max()), lobe, 0.01, "dB")
         edge = root_of(lambda sine, line=line: float(db(beam_pattern(line, _towards(sine), WAVELENGTH)))
                        + 10 * np.log10(2), 0, 0.3)
-        yield Row(f"{window}: full -3 dB width in (d/λ) sin ψ", edge, width, 2e-6, "-")
-        yield Row(f"{window}: taper loss", float(taper_loss_db(window_weights(window, 16))), loss, 1e-4, "dB")
+        yield Compared(f"{window}: full -3 dB width in (d/λ) sin ψ", edge, width, 2e-6, "-")
+        yield Compared(f"{window}: taper loss", float(taper_loss_db(window_weights(window, 16))), loss, 1e-4, "dB")
 
 
 def _gains():
     down = np.array([0.0, 0.0, 1.0])
     for (elements, pitch), expected in LINES.items():
         got = directivity_index_db(line_array(elements, pitch * WAVELENGTH), down, WAVELENGTH)
-        yield Row(f"directivity, {elements} omnidirectional at {pitch:g} wavelengths", got, expected, 1e-5, "dB")
+        yield Compared(f"directivity, {elements} omnidirectional at {pitch:g} wavelengths", got, expected, 1e-5, "dB")
     got = [directivity_index_db(_piston(ka), down, WAVELENGTH) for ka in PISTONS]
     yield worst("directivity of circular pistons, ka 1 to 10", got, list(PISTONS.values()), 1e-4, "dB")
     for (length, height), expected in RECTANGLES.items():
         face = element_array([[0, 0, 0]], length=length * WAVELENGTH, height=height * WAVELENGTH,
                              pattern="rectangular", baffle="hard")
-        yield Row(f"directivity of a face of {length:g} x {height:g} wavelengths",
+        yield Compared(f"directivity of a face of {length:g} x {height:g} wavelengths",
                   directivity_index_db(face, down, WAVELENGTH), expected, 1e-3, "dB")
 
 
@@ -110,16 +111,16 @@ def _run(quick):
             worst("line of 16 against |sin Nu/(N sin u)|", np.abs(plain), np.abs(closed), 1e-12, "-"),
             worst("circular piston against 2 J1(x)/x", np.abs(circle), np.abs(2 * j1(x) / x), 1e-9, "-"),
             *_shaded(), *_gains())
-    shaded = [Line(window, degrees, np.maximum(db(beam_pattern(
+    shaded = [Curve(window, degrees, np.maximum(db(beam_pattern(
         line_array(16, WAVELENGTH / 2).shaded(window), _towards(sine), WAVELENGTH)), -60)) for window in WINDOWS]
     floor = 1e-3
     return Table(rows, (
         Panel("line of 16 elements", "angle [deg]", "dB", (
-            Line("closed form", degrees, db(np.maximum(np.abs(closed), floor))),
-            Line("computed", degrees[::6], db(np.maximum(np.abs(plain), floor))[::6], "."))),
+            Curve("closed form", degrees, db(np.maximum(np.abs(closed), floor))),
+            Curve("computed", degrees[::6], db(np.maximum(np.abs(plain), floor))[::6], "."))),
         Panel("circular piston, ka 30", "angle [deg]", "dB", (
-            Line("closed form", degrees, db(np.maximum(np.abs(2 * j1(x) / x), floor))),
-            Line("computed", degrees[::6], db(np.maximum(np.abs(circle), floor))[::6], "."))),
+            Curve("closed form", degrees, db(np.maximum(np.abs(2 * j1(x) / x), floor))),
+            Curve("computed", degrees[::6], db(np.maximum(np.abs(circle), floor))[::6], "."))),
         Panel("windows over 16 elements", "angle [deg]", "dB", tuple(shaded))))
 
 

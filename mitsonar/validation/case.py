@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 
 @dataclass(frozen=True)
-class Row:
+class Compared:
     """Hold one number that was computed, and the number it should be."""
 
     label: str
@@ -39,7 +39,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Line:
+class Curve:
     """Hold a curve of a panel; ``style`` is "-" for what is expected and "." for what was got."""
 
     label: str
@@ -55,7 +55,7 @@ class Panel:
     title: str
     x_label: str
     y_label: str
-    lines: tuple[Line, ...]
+    lines: tuple[Curve, ...]
     logarithmic: str = ""
 
 
@@ -63,7 +63,7 @@ class Panel:
 class Table:
     """Hold the result of a case: rows, panels that show them (at least one of each), and notes on what is missing."""
 
-    rows: tuple[Row, ...]
+    rows: tuple[Compared, ...]
     panels: tuple[Panel, ...]
     notes: tuple[str, ...] = ()
 
@@ -94,11 +94,12 @@ def root_of(function: Callable[[float], float], low: float, high: float) -> floa
     return float(cast(float, brentq(function, low, high)))
 
 
-def worst(label: str, got: npt.ArrayLike, expected: npt.ArrayLike, allowed: float, unit: str) -> Row:
+def worst(label: str, got: npt.ArrayLike, expected: npt.ArrayLike, allowed: float, unit: str) -> Compared:
     """Make the row of the number that errs most among arrays of them, told with how many they are."""
     # got, expected [unit]; allowed [unit]
     got, expected = (np.ravel(one) for one in np.broadcast_arrays(np.asarray(got, float), expected))
     error = np.abs(got - expected)
     k = int(np.argmax(np.where(np.isfinite(error), error, np.inf)))
-    return Row(f"{label} (worst of {got.size})" if got.size > 1 else label, float(got[k]), float(expected[k]), allowed,
+    return Compared(f"{label} (worst of {got.size})" if got.size > 1 else label, float(got[k]), float(expected[k]),
+                    allowed,
                unit)

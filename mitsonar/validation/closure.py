@@ -6,7 +6,7 @@ from mitsonar.sonar.faces.directivity import HALF_POWER
 from mitsonar.water.profile import SoundSpeedProfile
 
 from . import scenes
-from .case import Case, Line, Panel, Row, Table, worst
+from .case import Case, Compared, Curve, Panel, Table, worst
 from .rays import SUMMER
 from .sediments import KHZ, SIX, holding
 from .sonar_equation import FlatBed
@@ -80,7 +80,7 @@ def _run(quick):
     rows, panels = [], []
     for name, levels in EXAMPLE.items():
         got = _example(name, 1_000_000 if quick else 4_000_000)
-        rows += [Row(f"printed example, {name}, {r} m: level", float(one), levels[r], ALLOWED, "dB")
+        rows += [Compared(f"printed example, {name}, {r} m: level", float(one), levels[r], ALLOWED, "dB")
                  for r, one in zip(levels, got)]
     for water, profile in WATERS.items():
         for khz in KHZ:
@@ -97,7 +97,7 @@ def _run(quick):
                 angles = f"{np.degrees(grazing.max()):.0f} to {np.degrees(grazing.min()):.0f} degrees"
                 rows.append(worst(f"{water} water, {khz} kHz, {name}, {angles}", got, strength, ALLOWED, "dB"))
                 some = np.unique(np.searchsorted(-grazing, np.linspace(-grazing[0], -grazing[-1], POINTS)))
-                lines += [Line(name, np.degrees(grazing), strength), Line(name, np.degrees(grazing[some]), got[some],
+                lines += [Curve(name, np.degrees(grazing), strength), Curve(name, np.degrees(grazing[some]), got[some],
                                                                           ".")]
             if lines:
                 panels.append(Panel(f"{water} water, {khz} kHz", "grazing angle [deg]", "backscatter strength [dB]",

@@ -7,7 +7,7 @@ from mitsonar.water.noise import ambient_noise_db
 from mitsonar.water.profile import SoundSpeedProfile
 
 from . import scenes
-from .case import Case, Line, Panel, Row, Table, root_of
+from .case import Case, Compared, Curve, Panel, Table, root_of
 from .sonar_equation import FlatBed
 
 SONAR_DEPTH, BED_DEPTH, SPEED = 20.0, 40.0, 1500.0         # [m], [m/s]
@@ -63,13 +63,15 @@ def _run(quick):
         tail = recorded[r > 0.95 * r[-1]]
         last = noise + np.mean(expected[r > 0.95 * r[-1]])
         got, wanted = crossing
-        rows += [Row(f"{name}: range at which reverberation is as strong as noise", got, wanted, 0.01 * wanted, "m"),
-                 Row(f"{name}: level of the last bins", float(10 * np.log10(np.mean(tail))), float(10 * np.log10(last)),
+        rows += [Compared(f"{name}: range at which reverberation is as strong as noise", got, wanted, 0.01 * wanted,
+                          "m"),
+                 Compared(f"{name}: level of the last bins", float(10 * np.log10(np.mean(tail))),
+                          float(10 * np.log10(last)),
                      0.1, "dB")]
         panels.append(Panel(name, "slant range [m]", "dB re 1 µPa", (
-            Line("chain", r, 10 * np.log10(recorded), "."), Line("reverberation", r, 10 * np.log10(expected)),
-            Line("noise", r[[0, -1]], [10 * np.log10(noise)] * 2),
-            Line("crossover", [crossing[1]] * 2, 10 * np.log10([0.3 * noise, 10 * noise])))))
+            Curve("chain", r, 10 * np.log10(recorded), "."), Curve("reverberation", r, 10 * np.log10(expected)),
+            Curve("noise", r[[0, -1]], [10 * np.log10(noise)] * 2),
+            Curve("crossover", [crossing[1]] * 2, 10 * np.log10([0.3 * noise, 10 * noise])))))
     return Table(tuple(rows), tuple(panels))
 
 

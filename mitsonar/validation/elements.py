@@ -7,7 +7,7 @@ from mitsonar.scattering.laws.strength import backscatter_strength_db
 from mitsonar.water.profile import SoundSpeedProfile
 
 from . import scenes
-from .case import Case, Line, Panel, Row, Table, worst
+from .case import Case, Compared, Curve, Panel, Table, worst
 from .rays import SUMMER
 from .sonar_equation import FlatBed
 
@@ -55,8 +55,8 @@ def _run(quick):
         strength = law(grazing)
         name = f"{water} water, {sediment}, ensonified by {ensonified_by}"
         rows += [worst(f"{name}, gates", strength + error, strength, ALLOWED, "dB"),
-                 Row(f"{name}, their mean", float(np.mean(error)), 0.0, ALLOWED_MEAN, "dB")]
-        lines += [Line(name, np.degrees(grazing), strength), Line(name, np.degrees(grazing), strength + error, ".")]
+                 Compared(f"{name}, their mean", float(np.mean(error)), 0.0, ALLOWED_MEAN, "dB")]
+        lines += [Curve(name, np.degrees(grazing), strength), Curve(name, np.degrees(grazing), strength + error, ".")]
     return Table(tuple(rows), (Panel("100 kHz, gates of two-way time", "grazing angle [deg]",
                                      "backscatter strength [dB]", tuple(lines)),))
 

@@ -5,7 +5,7 @@ from mitsonar.propagation.numpy_rays.eigenrays import eigenray
 from mitsonar.water.profile import SoundSpeedProfile
 
 from . import scenes
-from .case import Case, Line, Panel, Row, Table
+from .case import Case, Compared, Curve, Panel, Table
 from .rays import SUMMER
 
 SONAR_DEPTH, TARGET = 10.0, (4.0, 30.0, -15.0)     # [m]
@@ -48,12 +48,12 @@ def _run(quick):
         for name, arrival, expected in ways:
             near = np.abs(time - arrival) < 20 / RATE
             k = np.flatnonzero(near)[np.argmax(level[near])]
-            rows += [Row(f"{water} water, {name}: time", 1e3 * float(time[k]), 1e3 * arrival, 1.01e3 * STEP, "ms"),
-                     Row(f"{water} water, {name}: level", float(level[k]), expected, 0.02, "dB")]
+            rows += [Compared(f"{water} water, {name}: time", 1e3 * float(time[k]), 1e3 * arrival, 1.01e3 * STEP, "ms"),
+                     Compared(f"{water} water, {name}: level", float(level[k]), expected, 0.02, "dB")]
         shown = level > -150
         panels.append(Panel(f"{water} water", "two-way time [ms]", "response [dB re 1 m]", (
-            Line("chain", 1e3 * time[shown], level[shown], "."),
-            *(Line(name, [1e3 * arrival] * 2, [-150, expected]) for name, arrival, expected in ways))))
+            Curve("chain", 1e3 * time[shown], level[shown], "."),
+            *(Curve(name, [1e3 * arrival] * 2, [-150, expected]) for name, arrival, expected in ways))))
     return Table(tuple(rows), tuple(panels))
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from mitsonar.propagation.numpy_rays.eigenrays import eigenray, eigenrays
 from mitsonar.water.profile import SoundSpeedProfile
 
-from .case import Case, Line, Panel, Row, Table, worst
+from .case import Case, Compared, Curve, Panel, Table, worst
 
 GRADIENTS = (-5.0, -0.5, -0.05, -1e-6, 1e-6, 0.05, 0.5, 4.0)         # [1/s]
 SIX_NODES = SoundSpeedProfile([0, 5, 12, 25, 40, 60], [1508, 1507.5, 1499, 1491, 1489.5, 1490.5])
@@ -53,8 +53,9 @@ def _printed():
     for gradient, angle, back, time in TURNED:
         water = SoundSpeedProfile([0.0, 200.0], [1500.0, 1500.0 + 200 * gradient])
         ray = eigenray(water, 0.0, 0.0, back)
-        yield Row(f"turned ray, {gradient:g} 1/s: time", float(ray.travel_time), time, 2e-15 * max(1, 10 * time), "s")
-        yield Row(f"turned ray, {gradient:g} 1/s: launch angle", float(np.degrees(ray.launch_angle)), angle, 1e-11,
+        yield Compared(f"turned ray, {gradient:g} 1/s: time", float(ray.travel_time), time, 2e-15 * max(1, 10 * time),
+                       "s")
+        yield Compared(f"turned ray, {gradient:g} 1/s: launch angle", float(np.degrees(ray.launch_angle)), angle, 1e-11,
                   "deg")
 
 
@@ -96,8 +97,9 @@ def _run(quick):
     across, time, spreading = _traced(4000 if quick else 100_000)
     rows = (*_closed_forms(), *_printed(),
             worst("traced hit, summer cast: time", time, 0.0, 1e-9, "s"),
-            Row("traced hit, summer cast: time, median", float(np.median(np.abs(time))), 0.0, 1e-12, "s"),
-            Row("traced hit, summer cast: spreading, 99 % of hits", float(np.quantile(np.abs(spreading), 0.99)), 0.0,
+            Compared("traced hit, summer cast: time, median", float(np.median(np.abs(time))), 0.0, 1e-12, "s"),
+            Compared("traced hit, summer cast: spreading, 99 % of hits", float(np.quantile(np.abs(spreading), 0.99)),
+                     0.0,
                 0.005, "dB"))
     depth = np.linspace(0, 60, 241)
     reach = np.linspace(1, 270, 400)
@@ -105,13 +107,13 @@ def _run(quick):
     some = slice(None, None, max(1, len(across) // 2000))
     return Table(rows, (
         Panel("two of the waters", "sound speed [m/s]", "depth [m]",
-              (Line("six nodes", SIX_NODES.at(depth), -depth), Line("summer cast", SUMMER.at(depth), -depth))),
+              (Curve("six nodes", SIX_NODES.at(depth), -depth), Curve("summer cast", SUMMER.at(depth), -depth))),
         Panel("six nodes, 3 m to 60 m deep", "horizontal range [m]", "spreading less that of a straight line [dB]",
-              (Line("eigenray", reach, 10 * np.log10(ray.spreading_area / (reach ** 2 + 57 ** 2))),
-               Line("printed", [one[2] for one in SIX_NODE_RAYS if one[0] == 3],
+              (Curve("eigenray", reach, 10 * np.log10(ray.spreading_area / (reach ** 2 + 57 ** 2))),
+               Curve("printed", [one[2] for one in SIX_NODE_RAYS if one[0] == 3],
                     [one[7] - 10 * np.log10(one[2] ** 2 + 57 ** 2) for one in SIX_NODE_RAYS if one[0] == 3], "."))),
         Panel("traced hits, summer cast, rough bed", "horizontal range [m]", "error of the time [s]",
-              (Line("", across[some], np.maximum(np.abs(time[some]), 1e-18), "."),), "y")))
+              (Curve("", across[some], np.maximum(np.abs(time[some]), 1e-18), "."),), "y")))
 
 
 CASE = Case(title="Rays: time, length, angles and spreading", run=_run, text=(

@@ -8,7 +8,7 @@ from mitsonar.scattering.laws.elastic_sediment import ElasticSediment
 from mitsonar.scattering.laws.sediment import Sediment
 from mitsonar.scattering.laws.strength import LambertSeabed, backscatter_strength_db, bistatic_strength_db
 
-from .case import Case, Line, Panel, Row, Table, worst
+from .case import Case, Compared, Curve, Panel, Table, worst
 
 SIX = ("sandy gravel", "coarse sand", "medium sand", "fine sand", "silt", "clay")
 KHZ = (30, 100, 300)
@@ -142,7 +142,8 @@ def _kept(quick):
         shares = [scattered_share(partial(law.scattering_strength, frequency=1e3 * khz, sound_speed=SPEED),
                                   np.radians(angle))
                   for khz in frequencies for angle in degrees]
-        yield Row(f"{name}: share of power scattered is {max(shares):.3f}, beyond 1", max(0.0, max(shares) - 1), 0.0,
+        yield Compared(f"{name}: share of power scattered is {max(shares):.3f}, beyond 1", max(0.0, max(shares) - 1),
+                       0.0,
                   1e-3, "-")
 
 
@@ -150,16 +151,16 @@ def _run(quick):
     fine = np.radians(np.linspace(1, 90, 400))
     panels, (pairs, refusals) = [], holding()
     for khz in KHZ:
-        lines = [Line(sediment, np.degrees(fine), backscatter_strength_db("sediment", fine, 1e3 * khz,
+        lines = [Curve(sediment, np.degrees(fine), backscatter_strength_db("sediment", fine, 1e3 * khz,
                                                                           sediment=sediment))
                  for sediment in SIX if (sediment, khz) in pairs]
-        lines += [Line(sediment, DEGREES, strengths, ".") for (sediment, one), strengths in STRENGTHS.items()
+        lines += [Curve(sediment, DEGREES, strengths, ".") for (sediment, one), strengths in STRENGTHS.items()
                   if one == khz]
         panels.append(Panel(f"fluid, {khz} kHz", "grazing angle [deg]", "backscatter strength [dB]", tuple(lines)))
     for khz in (20, 300):
         lines = [line for (name, one), strengths in SOLIDS.items() if one == khz for line in (
-            Line(name, np.degrees(fine), backscatter_strength_db("elastic", fine, 1e3 * khz, sediment=name)),
-            Line(name, SOLID_DEGREES, strengths, "."))]
+            Curve(name, np.degrees(fine), backscatter_strength_db("elastic", fine, 1e3 * khz, sediment=name)),
+            Curve(name, SOLID_DEGREES, strengths, "."))]
         panels.append(Panel(f"with shear, {khz} kHz", "grazing angle [deg]", "backscatter strength [dB]", tuple(lines)))
     return Table((*_printed(), *_kept(quick)), tuple(panels), refusals)
 

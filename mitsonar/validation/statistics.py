@@ -4,7 +4,7 @@ from scipy.special import gamma, kv
 from scipy.stats import kstest
 
 from . import scenes
-from .case import Case, Line, Panel, Row, Table
+from .case import Case, Compared, Curve, Panel, Table
 
 LOG_MEAN_DB, LOG_SPREAD_DB = -2.506816, 5.570043   # of exponential intensity in decibels: mean and standard deviation
 KNOWN_MEAN, ESTIMATED_MEAN = 1.628, 1.28           # √n D at 1 % (Kolmogorov; Lilliefors for a mean that is estimated)
@@ -73,8 +73,9 @@ def _rows(name, intensity, moment, distribution, critical, bias=0.0):
     """Second moment, its error three standard ones and a bias, and the Kolmogorov-Smirnov distance."""
     root = np.sqrt(intensity.size)
     allowed = 3 * float(np.std(intensity ** 2)) / root + bias * moment
-    yield Row(f"{name}: second moment (n = {intensity.size})", float(np.mean(intensity ** 2)), moment, allowed, "-")
-    yield Row(f"{name}: √n times the largest distance of distributions", float(
+    yield Compared(f"{name}: second moment (n = {intensity.size})", float(np.mean(intensity ** 2)), moment, allowed,
+                   "-")
+    yield Compared(f"{name}: √n times the largest distance of distributions", float(
         root * kstest(intensity, distribution).statistic), 0.0, critical, "-")
 
 
@@ -82,8 +83,8 @@ def _panel(title, intensity, distribution):
     level = np.linspace(-25, 12, 200)
     got = np.quantile(intensity, np.linspace(0.005, 0.995, 60))
     return Panel(title, "intensity over its mean [dB]", "share below", (
-        Line("closed form", level, distribution(10 ** (level / 10))),
-        Line("chain", 10 * np.log10(got), np.linspace(0.005, 0.995, 60), ".")))
+        Curve("closed form", level, distribution(10 ** (level / 10))),
+        Curve("chain", 10 * np.log10(got), np.linspace(0.005, 0.995, 60), ".")))
 
 
 def _exponential(intensity):
@@ -93,13 +94,15 @@ def _exponential(intensity):
 def _run(quick):
     rows, panels = [], []
     intensity = _sidescan(40 if quick else 200)
-    rows += [Row("sidescan, Rayleigh: mean", float(intensity.mean()), 1.0, 3 / np.sqrt(intensity.size), "-"),
+    rows += [Compared("sidescan, Rayleigh: mean", float(intensity.mean()), 1.0, 3 / np.sqrt(intensity.size), "-"),
              *_rows("sidescan, Rayleigh", intensity, 2.0, "expon", KNOWN_MEAN)]
     level = 10 * np.log10(intensity)
     error = LOG_SPREAD_DB / np.sqrt(level.size)
-    rows += [Row("sidescan, Rayleigh: mean level less level of the mean", float(level.mean()), LOG_MEAN_DB, 3 * error,
+    rows += [Compared("sidescan, Rayleigh: mean level less level of the mean", float(level.mean()), LOG_MEAN_DB,
+                      3 * error,
                  "dB"),
-             Row("sidescan, Rayleigh: standard deviation of the level", float(level.std()), LOG_SPREAD_DB, 4 * error,
+             Compared("sidescan, Rayleigh: standard deviation of the level", float(level.std()), LOG_SPREAD_DB,
+                      4 * error,
                  "dB")]
     panels.append(_panel("sidescan, Rayleigh", intensity, _exponential))
     intensity = _element(2 if quick else 8)
@@ -111,7 +114,7 @@ def _run(quick):
         def distribution(one, shape=shape):
             return k_distribution(one, shape)
 
-        rows += [Row(f"patchy bed, ν = {shape:g}: mean", float(intensity.mean()), 1.0,
+        rows += [Compared(f"patchy bed, ν = {shape:g}: mean", float(intensity.mean()), 1.0,
                      3 * float(intensity.std()) / np.sqrt(intensity.size), "-"),
                  *_rows(f"patchy bed, ν = {shape:g}", intensity, 2 * (1 + 1 / shape), distribution, KNOWN_MEAN, 0.03)]
         panels.append(_panel(f"patchy bed, ν = {shape:g}", intensity, distribution))

@@ -5,7 +5,7 @@ from mitsonar.scattering.laws.sea_surface import bubble_loss_db
 from mitsonar.scattering.laws.strength import backscatter_strength_db
 
 from . import scenes
-from .case import Case, Line, Panel, Row, Table, worst
+from .case import Case, Compared, Curve, Panel, Table, worst
 from .closure import WATERS
 from .sonar_equation import FlatBed
 
@@ -72,15 +72,16 @@ def _run(quick):
             grazing, got, strength, first, nearest, half = _return(water, wind, 1_000_000 if quick else 3_000_000)
             name = f"{water} water, wind {wind:g} m/s"
             angles = f"{np.degrees(grazing.max()):.0f} to {np.degrees(grazing.min()):.0f} degrees"
-            rows += [Row(f"{name}: bin of the first return", 1e3 * first, 1e3 * nearest, 1e3 * half, "ms"),
+            rows += [Compared(f"{name}: bin of the first return", 1e3 * first, 1e3 * nearest, 1e3 * half, "ms"),
                      worst(f"{name}: strength, {angles}", got, strength, 0.2, "dB")]
             some = np.unique(np.searchsorted(-grazing, np.linspace(-grazing[0], -grazing[-1], 60)))
-            lines += [Line(name, np.degrees(grazing), strength), Line(name, np.degrees(grazing[some]), got[some], ".")]
+            lines += [Curve(name, np.degrees(grazing), strength), Curve(name, np.degrees(grazing[some]), got[some],
+                                                                        ".")]
     angle = np.radians(np.linspace(2, 90, 300))
     laws = [line for (khz, wind), strengths in STRENGTHS.items() for line in (
-        Line(f"{khz} kHz, {wind} m/s", np.degrees(angle), backscatter_strength_db(
+        Curve(f"{khz} kHz, {wind} m/s", np.degrees(angle), backscatter_strength_db(
             "sea_surface", angle, 1e3 * khz, wind_speed=float(wind))),
-        Line(f"{khz} kHz, {wind} m/s", DEGREES, strengths, "."))]
+        Curve(f"{khz} kHz, {wind} m/s", DEGREES, strengths, "."))]
     return Table(tuple(rows), (
         Panel("law", "grazing angle [deg]", "strength [dB]", tuple(laws)),
         Panel(f"read back from a sidescan, {KHZ} kHz", "grazing angle [deg]", "strength [dB]", tuple(lines))))

@@ -7,7 +7,7 @@ from scipy.special import j1
 from mitsonar.scattering.bodies.spheres import sphere_target_strength_db
 
 from . import scenes
-from .case import Case, Line, Panel, Row, Table
+from .case import Case, Compared, Curve, Panel, Table
 
 WAVELENGTH, SPEED, FREQUENCY = 0.015, 1500.0, 100e3
 K = 2 * np.pi / WAVELENGTH
@@ -138,12 +138,12 @@ def _tilted(quick):
     for name, (body, closed_form, tilts) in TILTED.items():
         tilts = tilts[:1] if quick else tilts
         got = [strength_db(body(np.radians(tilt))) for tilt in tilts]
-        rows += [Row(f"rigid {name}, {tilt:g} degrees", one, float(closed_form(np.radians(tilt))), ALLOWED, "dB")
+        rows += [Compared(f"rigid {name}, {tilt:g} degrees", one, float(closed_form(np.radians(tilt))), ALLOWED, "dB")
                  for tilt, one in zip(tilts, got)]
         fine = np.linspace(0, 1.2 * max(tilts), 400)
         expected = closed_form(np.radians(fine))
         panels.append(Panel(f"rigid {name}", "tilt [deg]", "target strength [dB re 1 m²]", (
-            Line("closed form", fine, np.maximum(expected, expected[0] - 40)), Line("chain", tilts, got, "."))))
+            Curve("closed form", fine, np.maximum(expected, expected[0] - 40)), Curve("chain", tilts, got, "."))))
     return rows, panels
 
 
@@ -157,18 +157,18 @@ def _run(quick):
         cases = list(table)[1:2] if quick else list(table)
         got = [_sphere(ka, surface) for ka in cases]
         expected = [20 * np.log10(0.5 * ka / K) + table[ka] for ka in cases]
-        rows += [Row(f"{surface} sphere, ka {ka}", one, wanted, ALLOWED, "dB")
+        rows += [Compared(f"{surface} sphere, ka {ka}", one, wanted, ALLOWED, "dB")
                  for ka, one, wanted in zip(cases, got, expected)]
-        rows += [Row(f"exact series of a {surface} sphere, ka {ka}", float(sphere_target_strength_db(
+        rows += [Compared(f"exact series of a {surface} sphere, ka {ka}", float(sphere_target_strength_db(
             ka / K, FREQUENCY, SPEED, surface=surface)), wanted, 1e-5, "dB") for ka, wanted in zip(cases, expected)]
-        spheres += [Line(surface, cases, expected), Line(surface, cases, got, ".")]
+        spheres += [Curve(surface, cases, expected), Curve(surface, cases, got, ".")]
     a, b = DIHEDRAL
-    rows.append(Row("dihedral, two bounces", strength_db(_dihedral(), 2), 10 * np.log10(2) + 20 * np.log10(
+    rows.append(Compared("dihedral, two bounces", strength_db(_dihedral(), 2), 10 * np.log10(2) + 20 * np.log10(
         a * b / WAVELENGTH), ALLOWED, "dB"))
-    rows.append(Row("trihedral of squares, three bounces", strength_db(_trihedral(), 3),
+    rows.append(Compared("trihedral of squares, three bounces", strength_db(_trihedral(), 3),
                     10 * np.log10(3) + 20 * np.log10(SQUARE ** 2 / WAVELENGTH), ALLOWED, "dB"))
     for name, end_on in (("end", True), ("side", False)):
-        rows.append(Row(f"ellipsoid of facets with normals, {name} on", *_ellipsoid(end_on), ALLOWED, "dB"))
+        rows.append(Compared(f"ellipsoid of facets with normals, {name} on", *_ellipsoid(end_on), ALLOWED, "dB"))
     return Table(tuple(rows), (*panels, Panel("spheres", "ka", "target strength [dB re 1 m²]", tuple(spheres), "x")))
 
 

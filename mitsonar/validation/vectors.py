@@ -7,7 +7,7 @@ from mitsonar.propagation.numpy_rays.eigenrays import eigenray
 from mitsonar.propagation.numpy_rays.return_times import approximate, return_time
 from mitsonar.water.profile import SoundSpeedProfile
 
-from .case import Case, Line, Panel, Row, Table, worst
+from .case import Case, Compared, Curve, Panel, Table, worst
 from .published import effective_speed, table_1
 from .rays import SIX_NODES, SUMMER
 
@@ -29,12 +29,13 @@ def _published():
     table = table_1()
     for method in ("traced", "equation 2"):
         one = table.sel(found_by=method)
-        yield Row(f"Table 1, {method}: effective speed", float(one.effective_speed), float(one.printed_speed), 6e-7,
+        yield Compared(f"Table 1, {method}: effective speed", float(one.effective_speed), float(one.printed_speed),
+                       6e-7,
                   "m/s")
-        yield Row(f"Table 1, {method}: time", float(one.return_time), float(one.printed_time), 6e-10, "s")
+        yield Compared(f"Table 1, {method}: time", float(one.return_time), float(one.printed_time), 6e-10, "s")
     late = table.return_time.sel(found_by="equation 2") - table.return_time.sel(found_by="traced")
-    yield Row("Table 1: equation 2 is late by", 1e9 * float(late), 23.0995, 0.002, "ns")
-    yield Row("published coefficient", effective_speed().mean_coefficient, 0.503, 6e-4, "-")
+    yield Compared("Table 1: equation 2 is late by", 1e9 * float(late), 23.0995, 0.002, "ns")
+    yield Compared("published coefficient", effective_speed().mean_coefficient, 0.503, 6e-4, "-")
 
 
 def _times():
@@ -85,7 +86,7 @@ def _run(quick):
         for offset, error in zip(OFFSETS, guarded):
             rows.append(worst(f"random hits, {name}, element {offset:g} m off", error, 0.0, 0.6e-9, "s"))
         panels.append(Panel(name, "offset of the element [m]", "rms error of the time back [ns]", tuple(
-            Line(label, OFFSETS, [1e9 * np.sqrt(np.mean(one ** 2)) for one in some], "-") for label, some in (
+            Curve(label, OFFSETS, [1e9 * np.sqrt(np.mean(one ** 2)) for one in some], "-") for label, some in (
                 ("published formula", paper), ("vector, without its guard", bare), ("vector", guarded))), "xy"))
     return Table(tuple(rows), tuple(panels))
 

@@ -4,7 +4,7 @@ import numpy as np
 from mitsonar.water.volume import volume_reverberation_db
 
 from . import scenes
-from .case import Case, Line, Panel, Row, Table, worst
+from .case import Case, Compared, Curve, Panel, Table, worst
 
 SONAR_DEPTH, BED_DEPTH, SPEED, ABSORPTION = 150.0, 600.0, 1500.0, 0.0334        # [m], [m], [m/s], [dB/m]
 STRENGTH_DB, LAYER, LAYER_DB = -80.0, (165.0, 172.0), -65.0                     # [dB re 1/m], depths [m]
@@ -48,23 +48,23 @@ def _layered(sonar, slant_range, width):
 
 def _run(quick):
     asked, level = PRINTED
-    rows = [Row("printed example", float(volume_reverberation_db(**asked, sound_speed=SPEED)), level, 1e-6, "dB")]
+    rows = [Compared("printed example", float(volume_reverberation_db(**asked, sound_speed=SPEED)), level, 1e-6, "dB")]
     rays, pings = (800_000, 60) if quick else (1_600_000, 200)
     r, got, sonar, width = _levels({"volume_strength_db": STRENGTH_DB}, rays, pings)
     expected = (sonar.source_level_db - 20 * np.log10(r) - 2 * ABSORPTION * r + STRENGTH_DB
                 + 10 * np.log10(sonar.solid_angle() * 0.5 * SPEED * sonar.pulse_length))
     rows += [worst("water alike everywhere: level", got, expected, ALLOWED, "dB"),
-             Row("water alike everywhere: mean over bins", float(np.mean(got - expected)), 0.0, 0.02, "dB")]
-    panels = [Panel("-80 dB everywhere", "slant range [m]", "dB re 1 µPa", (Line("closed form", r, expected),
-                                                                          Line("chain", r, got, ".")))]
+             Compared("water alike everywhere: mean over bins", float(np.mean(got - expected)), 0.0, 0.02, "dB")]
+    panels = [Panel("-80 dB everywhere", "slant range [m]", "dB re 1 µPa", (Curve("closed form", r, expected),
+                                                                          Curve("chain", r, got, ".")))]
     r, got, sonar, width = _levels({"layers": f"bubbles {LAYER[0]} {LAYER[1]} {LAYER_DB}"}, rays, pings)
     some = np.flatnonzero(r > 1.3 * (LAYER[0] - SONAR_DEPTH))
     expected = _layered(sonar, r[some], width)
     rows += [worst("layer: level", got[some], expected, ALLOWED, "dB"),
-             Row("layer: mean over bins", float(np.mean(got[some] - expected)), 0.0, 0.03, "dB")]
+             Compared("layer: mean over bins", float(np.mean(got[some] - expected)), 0.0, 0.03, "dB")]
     panels.append(Panel(f"{LAYER_DB:g} dB from {LAYER[0]:g} to {LAYER[1]:g} m, sonar at {SONAR_DEPTH:g} m",
                         "slant range [m]", "dB re 1 µPa",
-                        (Line("integral", r[some], expected), Line("chain", r[some], got[some], "."))))
+                        (Curve("integral", r[some], expected), Curve("chain", r[some], got[some], "."))))
     return Table(tuple(rows), tuple(panels))
 
 

@@ -6,7 +6,7 @@ from mitsonar.water.absorption import absorption_db
 from mitsonar.water.noise import ambient_noise_db, thermal_noise_db
 from mitsonar.water.seawater import sound_speed
 
-from .case import Case, Line, Panel, Row, Table, worst
+from .case import Case, Compared, Curve, Panel, Table, worst
 
 LATITUDE = 45.0
 SPEEDS = {                         # temperature [deg C], salinity, depth [m] -> m/s by formula
@@ -59,7 +59,7 @@ def _speeds():
            for bar, t, s in WONG_ZHU]
     yield worst("sound speed, chen-millero, as Wong and Zhu print it", got, list(WONG_ZHU.values()), 6e-4, "m/s")
     state, printed = MACKENZIE
-    yield Row("sound speed, mackenzie, as printed", float(sound_speed(*state, formula="mackenzie")), printed, 6e-4,
+    yield Compared("sound speed, mackenzie, as printed", float(sound_speed(*state, formula="mackenzie")), printed, 6e-4,
               "m/s")
 
 
@@ -80,11 +80,11 @@ def _noises():
 def _run(quick):
     khz = np.geomspace(5, 1000, 200)
     losses = [line for formula, table in ABSORPTION.items() for line in (
-        Line(formula, khz, 1e3 * absorption_db(1e3 * khz, formula=formula)),
-        Line(formula, KHZ, table[10, 35, 0, 8.0], "."))]
+        Curve(formula, khz, 1e3 * absorption_db(1e3 * khz, formula=formula)),
+        Curve(formula, KHZ, table[10, 35, 0, 8.0], "."))]
     noises = [line for wind, levels in NOISE.items() for line in (
-        Line(f"wind {wind} m/s", khz, ambient_noise_db(1e3 * khz, wind)),
-        Line(f"wind {wind} m/s", NOISE_KHZ, levels, "."))]
+        Curve(f"wind {wind} m/s", khz, ambient_noise_db(1e3 * khz, wind)),
+        Curve(f"wind {wind} m/s", NOISE_KHZ, levels, "."))]
     return Table((*_speeds(), *_absorptions(), *_noises()), (
         Panel("10 deg C, 35, surface, pH 8", "frequency [kHz]", "absorption [dB/km]", tuple(losses), "xy"),
         Panel("ambient noise", "frequency [kHz]", "dB re 1 µPa²/Hz", tuple(noises), "x")))

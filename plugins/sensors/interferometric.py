@@ -25,7 +25,7 @@ Waves are plane over the rows, however near they come from.
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.hydrography.detection.row_angles import Rows, sector_of
+from mitsonar.hydrography.detection.row_angles import ReceiverRows, sector_of
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.array_makers import element_array
 from mitsonar.sonar.faces.directivity import length_for_beam_width
@@ -121,7 +121,7 @@ def _faces(attributes: Attributes, wavelength: float) -> tuple[tuple[Array, Arra
     length = length_for_beam_width(attributes.beam_width_deg, wavelength)
     transmit, receive = [], []
     try:
-        Rows(place=place, sector=sector_of(tilt))
+        ReceiverRows(place=place, sector=sector_of(tilt))
         for side in (-1.0, 1.0):
             mirror = np.array([1.0, side, 1.0])
             normal = mirror * [0.0, np.cos(tilt), np.sin(tilt)]

@@ -23,7 +23,7 @@ from dataclasses import replace
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.sonar.motion.rotating_head import MOUNTS, Head, Sweep
+from mitsonar.sonar.motion.rotating_head import MOUNTS, HeadSweep, RotatingHead
 from mitsonar.sonar.preset_tables import presets
 from mitsonar.sonar.pulses.pulses import cw, lfm
 from mitsonar.units import hertz_from_khz
@@ -88,7 +88,7 @@ class SectorScan(SonarSensor):
         self.picture = attributes.picture
         self.beam_widths = attributes.beam_width_deg, attributes.vertical_beam_width_deg
         self.pulse = _pulse(attributes, self.frequency)
-        self.head = Head(mount=attributes.mount, tilt=attributes.tilt_deg, sweep=_sweep(attributes),
+        self.head = RotatingHead(mount=attributes.mount, tilt=attributes.tilt_deg, sweep=_sweep(attributes),
                          turns_on=attributes.turns_while_listening)
         if not attributes.given("pings"):
             self.route = replace(self.route, pings=self.head.sweep.pings_per_turn)
@@ -108,7 +108,7 @@ def _sweep(attributes):
         raise attributes.error(f"step_deg is {np.rad2deg(step):g} and sector_deg {np.rad2deg(sector):g}; a step cannot "
                                "be wider than the sector, take a smaller one.")
     whole = sector >= 2 * np.pi * (1 - 1e-12)
-    return Sweep(first=-0.5 * sector if first is None else first, step=step, sector=sector,
+    return HeadSweep(first=-0.5 * sector if first is None else first, step=step, sector=sector,
                  back_and_forth=not whole if attributes.back_and_forth is None else attributes.back_and_forth)
 
 

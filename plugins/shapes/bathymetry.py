@@ -145,7 +145,8 @@ def _relief(attributes):
     if not attributes.relief:
         return None
     try:
-        return bathymetry.Relief(seed=attributes.relief_seed, w2=attributes.relief_w2, gamma=attributes.relief_gamma)
+        return bathymetry.SurveyRelief(seed=attributes.relief_seed, w2=attributes.relief_w2,
+                                       gamma=attributes.relief_gamma)
     except ValueError as error:
         raise attributes.error(error) from None
 

@@ -52,14 +52,14 @@ class Scene:
 
     def vector(self, difference):
         """Hits and elements as the vector approximation wants them, in water of one speed, at rest."""
-        from mitsonar.propagation.returns.straight_vectors import Leg, hit_fields
+        from mitsonar.propagation.returns.straight_vectors import StraightLeg, hit_fields
         from mitsonar.propagation.returns.travel import REST
         from mitsonar.propagation.returns.vector_approximation import vector_element_fields
         from mitsonar.water import SoundSpeedProfile
 
         none = np.zeros_like(self.range)
         x, y, z = -self.hits / self.range
-        leg = Leg(self.range, none + SPEED, np.hypot(x, y), np.abs(z), none)
+        leg = StraightLeg(self.range, none + SPEED, np.hypot(x, y), np.abs(z), none)
         hits = hit_fields(leg, (x, y, z), none, none, REST, SPEED)
         elements = vector_element_fields(self.elements.T, 20.0, SoundSpeedProfile([0.0, 100.0], [SPEED, SPEED]))
         return dict(hit_fields=_uploaded(hits), element_fields=np.broadcast_arrays(*elements), difference=difference)

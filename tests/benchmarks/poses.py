@@ -116,7 +116,7 @@ def fitted(name, looks, given, folder):
     import mitsuba as mi
 
     from mitsonar.inversion.images.image_fit import Stage
-    from mitsonar.inversion.images.pose import STAGES, Turned, fit_pose
+    from mitsonar.inversion.images.pose import STAGES, TurnedModel, fit_pose
     from mitsonar.verbs.gradients import scene_model
 
     middle, off = SCENES[name][2:]
@@ -128,7 +128,7 @@ def fitted(name, looks, given, folder):
         for key in STRENGTHS:
             stronger(parameters, key)
     truth = np.array(off)
-    moved = Turned(VERTICES).bound(np.array(parameters[VERTICES]).reshape(-1, 3), "m").inner(truth)
+    moved = TurnedModel(VERTICES).bound(np.array(parameters[VERTICES]).reshape(-1, 3), "m").inner(truth)
     parameters[VERTICES] = mi.Float(moved.ravel().astype(np.float32))
     parameters.update()
     image = looked(data, looks, 700 + 50 * given.seed)

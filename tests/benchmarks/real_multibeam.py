@@ -72,12 +72,12 @@ def under_way(one):
 def anew(one, held, node):
     """Return places (sounding, 3) of `resounded` less the file's, from the ping's own place."""
     from mitsonar.hydrography.reduction.resounding import resounded
-    from mitsonar.planning.instrument_rules import Rules
+    from mitsonar.planning.instrument_rules import InstrumentRules
 
     when, sent = one["motion_time"].values, float(one["ping_time"][0])
     one = one.assign({f"motion_{name}": one[f"motion_{name}"] + float(one[f"ping_{name}"][0]) - np.interp(
         sent, when, one[f"motion_{name}"].values) for name in ("x", "y", "depth")})
-    new = resounded(one, **Rules(node=node, under_way=not held, residual={}).arguments(one))
+    new = resounded(one, **InstrumentRules(node=node, under_way=not held, residual={}).arguments(one))
     valid = one["valid"].values[0]
     return np.stack([(new[name].values - one[name].values)[0][valid] for name in (
         "depth", "across_track", "along_track")], -1)

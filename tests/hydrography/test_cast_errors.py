@@ -9,7 +9,7 @@ Rays are exact. The head's own speed is right, and c' begins at the next node: h
 import numpy as np
 import pytest
 
-from mitsonar.hydrography.reduction.attitude import Motion
+from mitsonar.hydrography.reduction.attitude import PlatformMotion
 from mitsonar.hydrography.reduction.legs import Starts
 from mitsonar.hydrography.reduction.reduction import Installation, Measured, located
 from mitsonar.hydrography.survey_orders import ORDERS, survey_order
@@ -39,7 +39,7 @@ def test_errors_are_those_that_the_reduction_of_soundings_makes():
     used = SoundSpeedProfile([0, 3, 9, 40], [1515.0, 1514.0, 1508.0, 1493.0])
     water = Starts(profile=true, depth=np.full(ANGLES.shape, 2.0))
     time = water.to_depth(np.sin(ANGLES) / true.at(2.0), np.full(ANGLES.shape, 50.0)).time
-    rest = Motion(time=0.0, x=0.0, y=0.0, depth=2.0, roll=0.0, pitch=0.0, heading=0.0)
+    rest = PlatformMotion(time=0.0, x=0.0, y=0.0, depth=2.0, roll=0.0, pitch=0.0, heading=0.0)
     measured = Measured(ping_time=0.0, transmit_time=0.0, travel_time=2 * time, angle=ANGLES, transmit_angle=0.0,
                         head_sound_speed=true.at(2.0))
     found = located(measured, rest, Installation(), used)

@@ -14,7 +14,7 @@ from soundings_line import soundings_line
 from mitsonar.hydrography.record import variable
 from mitsonar.hydrography.reduction.resounding import resounded
 from mitsonar.io import survey_lines
-from mitsonar.planning.instrument_rules import Rules, rules_of, time_residuals
+from mitsonar.planning.instrument_rules import InstrumentRules, rules_of, time_residuals
 
 RULES = [(node, under_way) for node in (True, False) for under_way in (True, False)]
 
@@ -30,7 +30,7 @@ def line():
 
 @pytest.mark.parametrize("node, under_way", RULES)
 def test_the_rule_that_made_the_places_is_found(line, node, under_way):
-    made = resounded(line, **Rules(node=node, under_way=under_way, residual={}).arguments(line))
+    made = resounded(line, **InstrumentRules(node=node, under_way=under_way, residual={}).arguments(line))
     made = made.assign(head_sound_speed=line["head_sound_speed"])                  # what the file says of its sensor
     rules = rules_of(made)
     assert (rules.node, rules.under_way) == (node, under_way)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mitsonar.hydrography.reduction import legs
-from mitsonar.hydrography.reduction.legs import COEFFICIENTS, Column, Starts
+from mitsonar.hydrography.reduction.legs import COEFFICIENTS, LayerColumn, Starts
 from mitsonar.water import SoundSpeedProfile
 
 REFERENCE = Path(__file__).resolve().parents[2] / "../shared/reference/eigenrays.json"
@@ -49,7 +49,7 @@ def test_rays_run_for_a_time_are_as_deep_as_that_time_takes(monkeypatch):
 
 def test_many_nodes_cost_no_more_than_few(monkeypatch):
     start, slowness, end = rays(2000)
-    Column.of(FINE, 10, 397)
+    LayerColumn.of(FINE, 10, 397)
     start.to_depth(slowness, end)
     spent = []
     for few in (legs.FEW, 10**6):
@@ -58,7 +58,7 @@ def test_many_nodes_cost_no_more_than_few(monkeypatch):
         start.to_depth(slowness, end)
         spent.append(process_time() - begin)
     assert spent[0] < spent[1] / 2
-    assert Column.of(FINE, 10, 20).table.shape == (11, 4, COEFFICIENTS)
+    assert LayerColumn.of(FINE, 10, 20).table.shape == (11, 4, COEFFICIENTS)
 
 
 @pytest.mark.skipif(not REFERENCE.is_file(), reason="the shared reference of eigenrays is not here")

@@ -4,13 +4,13 @@ import pytest
 from sounded_line import SUMMER
 
 from mitsonar.hydrography.detection.bottom_backscatter import mean_absorption, transmission_loss_db
-from mitsonar.hydrography.reduction.attitude import Motion
+from mitsonar.hydrography.reduction.attitude import PlatformMotion
 from mitsonar.hydrography.reduction.reduction import Installation, Measured, located
 from mitsonar.propagation.numpy_rays.eigenrays import eigenray
 from mitsonar.water import SoundSpeedProfile
 from mitsonar.water.column import AbsorptionColumn
 
-REST = Motion(time=0.0, x=0, y=0, depth=5.0, roll=0, pitch=0, heading=0)
+REST = PlatformMotion(time=0.0, x=0, y=0, depth=5.0, roll=0, pitch=0, heading=0)
 ANGLES = np.linspace(-1.15, 1.15, 24)
 
 

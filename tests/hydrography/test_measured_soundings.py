@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitsonar.hydrography.reduction.attitude import Motion
+from mitsonar.hydrography.reduction.attitude import PlatformMotion
 from mitsonar.hydrography.reduction.reduction import Installation, Measured, located
 from mitsonar.water import SoundSpeedProfile
 
@@ -58,7 +58,8 @@ def moved(datagrams, water_line):
             "roll", "pitch", "heave", "heading"))]))
     time, roll, pitch, heave, heading = np.concatenate(parts, axis=1)
     time, first = np.unique(time, return_index=True)
-    return Motion(time=time, x=0 * time, y=0 * time, depth=heave[first] - water_line, roll=np.radians(roll[first]),
+    return PlatformMotion(time=time, x=0 * time, y=0 * time, depth=heave[first] - water_line,
+                          roll=np.radians(roll[first]),
                   pitch=np.radians(pitch[first]), heading=np.radians(heading[first]))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mitsonar.planning.area import LineFrame
-from mitsonar.planning.bed import Bed, flat_bed
+from mitsonar.planning.bed import PlannedBed, flat_bed
 from mitsonar.planning.coverage import SwathSonar
 from mitsonar.planning.lines import swath_edges
 from mitsonar.planning.rays import swath_rays
@@ -24,7 +24,7 @@ def sloping(tangent, middle=50.0):
     """A bed that falls to the east."""
     x, y = np.arange(-400, 401, 5.0), np.arange(-50, 51, 5.0)
     depth = np.broadcast_to(middle + tangent * x, (y.size, x.size))
-    return Bed(x=x, y=y, depth=depth.copy(), known=np.ones(depth.shape, bool))
+    return PlannedBed(x=x, y=y, depth=depth.copy(), known=np.ones(depth.shape, bool))
 
 
 def edges_over(bed, profile, head=0.0, **limits):

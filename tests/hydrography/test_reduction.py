@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from sounded_line import ARMS, HEAD, SUMMER, rocking, sounded, swath
 
-from mitsonar.hydrography.reduction.attitude import Motion, mounted
+from mitsonar.hydrography.reduction.attitude import PlatformMotion, mounted
 from mitsonar.hydrography.reduction.reduction import Installation, Measured, located
 from mitsonar.water import SoundSpeedProfile
 
@@ -78,7 +78,7 @@ def walked(profile, start, slowness, time, steps=4000):
 @pytest.mark.parametrize("angle", [-1.1, -0.4, 0.0, 0.9])
 def test_sonar_at_rest_sounds_where_a_ray_walked_in_small_steps_ends(angle):
     # Steps of 45 mm cross the kinks of the profile without stopping: 1e-6 of a step is what each costs.
-    rest = Motion(time=0.0, x=10, y=20, depth=4.0, roll=0, pitch=0, heading=np.pi / 2)
+    rest = PlatformMotion(time=0.0, x=10, y=20, depth=4.0, roll=0, pitch=0, heading=np.pi / 2)
     measured = Measured(ping_time=0.0, transmit_time=0.0, travel_time=0.24, angle=angle, transmit_angle=0.0,
                         head_sound_speed=1501.0)
     found = located(measured, rest, Installation(), SUMMER, node=False)
@@ -128,7 +128,7 @@ def test_water_of_one_speed_has_no_node_to_join_and_is_taken_as_it_is(line):
 
 
 def test_beams_look_up_and_turned_rays_are_no_soundings():
-    deep = Motion(time=0.0, x=0, y=0, depth=60.0, roll=0.9, pitch=0, heading=0)
+    deep = PlatformMotion(time=0.0, x=0, y=0, depth=60.0, roll=0.9, pitch=0, heading=0)
     angles = np.array([-1.2, 1.2])                # port side up: from the vertical, -1.2 - 0.9 and 1.2 - 0.9 rad
     measured = Measured(ping_time=0.0, transmit_time=0.0, travel_time=0.04, angle=angles, transmit_angle=0.0,
                         head_sound_speed=1470.0)
@@ -142,7 +142,7 @@ def test_beams_look_up_and_turned_rays_are_no_soundings():
 
 
 def test_cones_that_do_not_meet_and_missing_numbers_are_no_soundings():
-    rest = Motion(time=0.0, x=0, y=0, depth=2.0, roll=0, pitch=0, heading=0)
+    rest = PlatformMotion(time=0.0, x=0, y=0, depth=2.0, roll=0, pitch=0, heading=0)
     measured = Measured(ping_time=0.0, transmit_time=0.0, travel_time=[0.1, 0.1, np.nan], angle=[1.3, 0.2, 0.2],
                         transmit_angle=[1.3, 0.1, 0.1], head_sound_speed=1500.0)
     assert located(measured, rest, Installation(), SUMMER).found.tolist() == [False, True, False]
@@ -152,7 +152,7 @@ def test_interpolated_motion_errs_as_splines_do():
     # 5/384 d^4 ω^4 A: 5 degrees in 6 s at 10 Hz err by 1.4e-7 rad, 0.02 mm at 140 m; straight lines by 17 mm.
     time, omega = np.arange(-2, 30, 0.1), 2 * np.pi / 6
     swing = np.radians(5) * np.sin(omega * time)
-    motion = Motion(time=time, x=0 * time, y=0 * time, depth=0 * time, roll=swing, pitch=0 * time,
+    motion = PlatformMotion(time=time, x=0 * time, y=0 * time, depth=0 * time, roll=swing, pitch=0 * time,
                     heading=(6.2 + 0.1 * time) % (2 * np.pi))
     asked = np.linspace(0, 28, 5001)
     error = np.abs(motion.at(asked).roll - np.radians(5) * np.sin(omega * asked)).max()
@@ -163,7 +163,7 @@ def test_interpolated_motion_errs_as_splines_do():
 def test_motion_of_a_long_line_is_joined_once():
     # An hour at 100 Hz, asked for ping by ping: the first question takes some 0.2 s, a later one microseconds.
     time = np.arange(0, 3600, 0.01)
-    motion = Motion(**dict.fromkeys(("time", "x", "y", "depth", "roll", "pitch", "heading"), time))
+    motion = PlatformMotion(**dict.fromkeys(("time", "x", "y", "depth", "roll", "pitch", "heading"), time))
     motion.at(np.array([1.0]))
     start = perf_counter()
     for ping in range(20):
@@ -186,4 +186,4 @@ def test_mountings_turn_as_tracks_do():
 def test_motion_is_refused(change, message):
     good = {name: np.arange(2.0) for name in ("time", "x", "y", "depth", "roll", "pitch", "heading")}
     with pytest.raises(ValueError, match=message):
-        Motion(**{**good, **change})
+        PlatformMotion(**{**good, **change})

@@ -6,7 +6,7 @@ Martin, 1992), good to some per cent for γ over 0.8 and N of 10 and more: 2000 
 import numpy as np
 import pytest
 
-from mitsonar.hydrography.detection.row_angles import Rows, sector_of
+from mitsonar.hydrography.detection.row_angles import ReceiverRows, sector_of
 
 SECTOR = sector_of(np.deg2rad(30.0))
 PLACES = {"two": [0.0, 0.5], "three": [0.0, 0.6, 3.0], "four": [0.0, 0.5, 1.5, 4.0], "ten": list(0.5 * np.arange(10))}
@@ -27,7 +27,7 @@ def echoes(place, sine, ratio=None, seed=0):
 
 
 def found(place, signals, **more):
-    rows = Rows(place=np.array(place), sector=SECTOR)
+    rows = ReceiverRows(place=np.array(place), sector=SECTOR)
     return rows.angles(signals, **{"per_bin": LOOKS, "window": LOOKS, "looks": LOOKS, **more})
 
 
@@ -113,4 +113,4 @@ def test_windows_are_about_the_middle_of_their_bins():
     ([0.0, np.nan], "two or more places that rise")])
 def test_rows_that_cannot_tell_angles_apart_are_refused(place, words):
     with pytest.raises(ValueError, match=words):
-        Rows(place=np.array(place), sector=SECTOR)
+        ReceiverRows(place=np.array(place), sector=SECTOR)

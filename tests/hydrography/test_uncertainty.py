@@ -9,7 +9,7 @@ import pytest
 from sounded_line import recorded, rocking, sounded, swath
 
 from mitsonar.hydrography.record import variable
-from mitsonar.hydrography.reduction.attitude import Motion
+from mitsonar.hydrography.reduction.attitude import PlatformMotion
 from mitsonar.hydrography.reduction.errors import disturbed
 from mitsonar.hydrography.reduction.reduction import Installation, located
 from mitsonar.hydrography.reduction.uncertainty import Accuracies, budget, with_uncertainty
@@ -26,7 +26,7 @@ FALL = 0.25
 def at_rest(fall):
     """One ping at rest over a bed that falls to starboard, its receive array tilted by 0.3 rad."""
     time = np.linspace(-1, 1, 5)
-    rest = Motion(time=time, x=0 * time, y=0 * time, depth=0 * time + 5, roll=0 * time, pitch=0 * time,
+    rest = PlatformMotion(time=time, x=0 * time, y=0 * time, depth=0 * time + 5, roll=0 * time, pitch=0 * time,
                   heading=0 * time + 1)
     across = np.linspace(-120, 80, 41)[None]
     sent = np.zeros(across.shape)

@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 
 from mitsonar.hydrography.record import variable
-from mitsonar.hydrography.reduction.attitude import Motion
+from mitsonar.hydrography.reduction.attitude import PlatformMotion
 from mitsonar.hydrography.reduction.reduction import Installation, Measured
 from mitsonar.propagation.numpy_rays.eigenrays import eigenray
 from mitsonar.water import SoundSpeedProfile
@@ -22,16 +22,16 @@ class Line:
     """What was measured, by what, and where the soundings are: places (..., 3) east, north, depth."""
 
     measured: Measured
-    motion: Motion
+    motion: PlatformMotion
     installation: Installation
     profile: SoundSpeedProfile
     places: np.ndarray
 
 
-def rocking(time: np.ndarray, still: bool = False) -> Motion:
+def rocking(time: np.ndarray, still: bool = False) -> PlatformMotion:
     """A vessel under way at 5.8 m/s, rocking in 4.8, 6.3 and 9 s."""
     rock = 0.0 if still else 1.0
-    return Motion(time=time, x=3 * time, y=5 * time, depth=5 + rock * 0.5 * np.sin(time),
+    return PlatformMotion(time=time, x=3 * time, y=5 * time, depth=5 + rock * 0.5 * np.sin(time),
                   roll=rock * 0.1 * np.sin(1.3 * time), pitch=rock * 0.05 * np.cos(time),
                   heading=1 + rock * 0.03 * np.sin(0.7 * time))
 
@@ -40,7 +40,7 @@ ARMS = Installation(transmit_offset=(4, 0.5, 0.3), receive_offset=(-3, -0.8, 0.3
                     transmit_mounting=(0.01, 0.005, 0.02), receive_mounting=(0.02, -0.01, -0.015))
 
 
-def sounded(places: np.ndarray, sent: np.ndarray, motion: Motion, installation: Installation = ARMS,
+def sounded(places: np.ndarray, sent: np.ndarray, motion: PlatformMotion, installation: Installation = ARMS,
             profile: SoundSpeedProfile = SUMMER, head: float = HEAD) -> Line:
     """Measure places (..., 3) exactly: fixed points of the reception's time, by `eigenray`."""
     out = motion.at(sent)
@@ -67,7 +67,8 @@ def _leg(start, end, profile):
     return ray.travel_time, np.stack([across * way[..., 0], across * way[..., 1], down], -1)
 
 
-def swath(motion: Motion, sent: np.ndarray, across: np.ndarray, along: np.ndarray, depth: np.ndarray) -> np.ndarray:
+def swath(motion: PlatformMotion, sent: np.ndarray, across: np.ndarray, along: np.ndarray,
+          depth: np.ndarray) -> np.ndarray:
     """Places (..., 3) across and along track of a vessel when it sends."""
     pose = motion.at(sent)
     sine, cosine = np.sin(pose.heading), np.cos(pose.heading)

@@ -11,7 +11,7 @@ import pytest
 
 from mitsonar.inversion.images.image_fit import Stage
 from mitsonar.inversion.images.image_record import saturated
-from mitsonar.inversion.images.pose import PosePrior, Turned, fit_pose, searched
+from mitsonar.inversion.images.pose import PosePrior, TurnedModel, fit_pose, searched
 from mitsonar.inversion.images.scene_fit import _model
 from scenes import SCENE, looked, model
 
@@ -33,7 +33,7 @@ def box(folder, **parameters):
 def test_a_box_is_found_where_it_lies_and_how_it_is_turned(tmp_path):
     data = box(tmp_path, rays=15000, speckle="true")
     parameters = mi.traverse(data)
-    moved = Turned(BOX).bound(np.array(parameters[BOX]).reshape(-1, 3), "m").inner(TRUE)
+    moved = TurnedModel(BOX).bound(np.array(parameters[BOX]).reshape(-1, 3), "m").inner(TRUE)
     parameters[BOX] = mi.Float(moved.ravel().astype(np.float32))
     parameters.update()
     fit = fit_pose(model(box(tmp_path, rays=3000), BOX), looked(data, 4), BOX, looks=4, farthest=21,
@@ -64,7 +64,7 @@ def test_a_ball_is_found_where_it_lies(tmp_path):
 def test_motions_and_their_transpose_are_those_of_differences():
     draw = np.random.default_rng(0)
     start, z, v, w = draw.standard_normal((8, 3)), *draw.standard_normal((2, 6)), draw.standard_normal((8, 3))
-    turned = Turned(BOX).bound(start, "m")
+    turned = TurnedModel(BOX).bound(start, "m")
     up, down = (turned.inner(z + sign * 1e-4 * v) for sign in (1, -1))
     pushed = turned.push(z, v)
     assert pushed == pytest.approx((up - down) / 2e-4, abs=1e-6)

@@ -9,7 +9,7 @@ import rasterio
 from rasterio.transform import from_origin
 
 from mitsonar.io.grids import bathymetry
-from mitsonar.io.grids.bathymetry import Relief, fill_holes
+from mitsonar.io.grids.bathymetry import SurveyRelief, fill_holes
 from mitsonar.scattering import Fractal, RoughnessSpectrum
 
 X, Y = np.meshgrid(np.linspace(-1, 1, 81), np.linspace(-1, 1, 61))
@@ -82,26 +82,26 @@ def test_holes_through_the_reader(path):
     assert (~bathymetry.read(path).valid).sum() == 150
     assert bathymetry.read(path, holes="filled").valid.all()
     assert (~bathymetry.read(path, holes="filled", holes_max=10.0).valid).sum() == 150
-    finer = bathymetry.read(path, holes="filled", resolution=0.5, relief=Relief(), size=(100, 100),
+    finer = bathymetry.read(path, holes="filled", resolution=0.5, relief=SurveyRelief(), size=(100, 100),
                             centre=(500255, 5000270))
     assert finer.valid.all() and finer.spacing == (0.5, 0.5)
 
 
 def test_relief_continues_the_file_s_spectrum(path):
     crop = {"crop": (500040, 5000040, 500120, 5000120)}
-    grid = bathymetry.read(path, resolution=0.5, relief=Relief(seed=1), **crop)
+    grid = bathymetry.read(path, resolution=0.5, relief=SurveyRelief(seed=1), **crop)
     plain = bathymetry.read(path, resolution=0.5, **crop)
     assert np.array_equal(grid.x, plain.x) and np.array_equal(grid.y, plain.y)     # the same nodes as without
     assert grid.roughness.gamma == pytest.approx(3.25, abs=0.2) and plain.roughness is None
     highest = np.pi / 2
     assert abs(10 * np.log10(grid.roughness.at(highest) / LAW.at(highest))) < 1.5
     # A part of the part shows the same relief, to the tail of its correlation.
-    part = bathymetry.read(path, resolution=0.5, relief=Relief(seed=1), crop=(500060, 5000070, 500090, 5000100),
+    part = bathymetry.read(path, resolution=0.5, relief=SurveyRelief(seed=1), crop=(500060, 5000070, 500090, 5000100),
                            local_origin=grid.local_origin)
     there = np.ix_(np.isin(np.round(grid.y, 3), np.round(part.y, 3)), np.isin(np.round(grid.x, 3), np.round(part.x, 3)))
     added = grid.heights - plain.heights
     assert np.abs(grid.heights[there] - part.heights).max() < 5e-3 * added.std()
-    other = bathymetry.read(path, resolution=0.5, relief=Relief(seed=2), **crop)
+    other = bathymetry.read(path, resolution=0.5, relief=SurveyRelief(seed=2), **crop)
     assert np.std(other.heights - grid.heights) > 0.5 * added.std()
 
 
@@ -112,34 +112,34 @@ def test_relief_of_a_survey_in_degrees(tmp_path):
     with rasterio.open(tmp_path / "bed.tif", "w", driver="GTiff", height=400, width=400, count=1, dtype="float32",
                        crs="EPSG:4326", transform=from_origin(3, 0.5, 2 / metres, 2 / metres)) as raster:
         raster.write(bed.astype(np.float32), 1)
-    grid = bathymetry.read(tmp_path / "bed.tif", relief=Relief(), resolution=0.5, size=(50, 50))
+    grid = bathymetry.read(tmp_path / "bed.tif", relief=SurveyRelief(), resolution=0.5, size=(50, 50))
     assert grid.crs == "EPSG:32631" and grid.roughness.gamma == pytest.approx(3.25, abs=0.3)
 
 
 def test_relief_of_a_spectrum_that_is_given(path):
     part = {"size": (60, 60), "centre": (500100, 5000100), "resolution": 0.5}
-    smooth = bathymetry.read(path, relief=Relief(w2=0.0, gamma=3.0), **part)
-    rough = bathymetry.read(path, relief=Relief(w2=1e-3, gamma=3.0), **part)
-    faint = bathymetry.read(path, relief=Relief(w2=1e-5, gamma=3.0), **part)
+    smooth = bathymetry.read(path, relief=SurveyRelief(w2=0.0, gamma=3.0), **part)
+    rough = bathymetry.read(path, relief=SurveyRelief(w2=1e-3, gamma=3.0), **part)
+    faint = bathymetry.read(path, relief=SurveyRelief(w2=1e-5, gamma=3.0), **part)
     assert rough.roughness.gamma == 3.0 and rough.roughness.w2 == 1e-3
     ratio = np.std(rough.heights - smooth.heights) / np.std(faint.heights - smooth.heights)
     assert ratio == pytest.approx(10, rel=1e-3)
-    assert bathymetry.read(path, relief=Relief(gamma=3.0), **part).roughness.gamma == 3.0
+    assert bathymetry.read(path, relief=SurveyRelief(gamma=3.0), **part).roughness.gamma == 3.0
 
 
 def test_holes_stay_holes_under_relief(path):
-    grid = bathymetry.read(path, resolution=0.5, relief=Relief(), size=(100, 100), centre=(500255, 5000270))
+    grid = bathymetry.read(path, resolution=0.5, relief=SurveyRelief(), size=(100, 100), centre=(500255, 5000270))
     area = (~grid.valid).sum() * 0.25
     assert 9 * 14 * 4 < area < 12 * 17 * 4
 
 
 @pytest.mark.parametrize("options, said", [
-    ({"relief": Relief()}, "relief needs a resolution finer than the survey's 2 m; none is given"),
-    ({"relief": Relief(), "resolution": 2.0}, "finer than the survey's 2 m; it is 2 m"),
-    ({"relief": Relief(), "resolution": 0.001}, "nodes are more than 2e"),
+    ({"relief": SurveyRelief()}, "relief needs a resolution finer than the survey's 2 m; none is given"),
+    ({"relief": SurveyRelief(), "resolution": 2.0}, "finer than the survey's 2 m; it is 2 m"),
+    ({"relief": SurveyRelief(), "resolution": 0.001}, "nodes are more than 2e"),
     ({"holes_max": 9.0}, 'holes_max is 9 m, but holes are cut; write holes "filled" too'),
     ({"holes": "bridged"}, 'holes is "bridged"; it must be "cut" or "filled"'),
-    ({"relief": Relief(), "resolution": 0.5, "crop": (500245, 5000265, 500250, 5000270)}, "only holes|no depth"),
+    ({"relief": SurveyRelief(), "resolution": 0.5, "crop": (500245, 5000265, 500250, 5000270)}, "only holes|no depth"),
 ])
 def test_refusals(path, options, said):
     with pytest.raises(ValueError, match=said):
@@ -148,9 +148,9 @@ def test_refusals(path, options, said):
 
 def test_relief_s_numbers_are_checked():
     with pytest.raises(ValueError, match="relief_w2 is given without relief_gamma"):
-        Relief(w2=1e-4)
+        SurveyRelief(w2=1e-4)
     with pytest.raises(ValueError, match="gamma is 5.0; it must be between 2 and 4"):
-        Relief(gamma=5.0)
+        SurveyRelief(gamma=5.0)
 
 
 def test_a_survey_without_a_whole_patch_has_no_spectrum(tmp_path):
@@ -158,4 +158,4 @@ def test_a_survey_without_a_whole_patch_has_no_spectrum(tmp_path):
     heights[::10, ::10] = np.nan
     np.save(tmp_path / "bed.npy", heights)
     with pytest.raises(ValueError, match="no 32 x 32 nodes of it are without holes; give relief_w2 and relief_gamma"):
-        bathymetry.read(tmp_path / "bed.npy", spacing=2.0, resolution=1.0, relief=Relief())
+        bathymetry.read(tmp_path / "bed.npy", spacing=2.0, resolution=1.0, relief=SurveyRelief())

@@ -8,7 +8,7 @@ import pytest
 from drjit.auto import Float
 
 from mitsonar.device.arrays import upload
-from mitsonar.propagation.returns.line_difference import Line, polynomial
+from mitsonar.propagation.returns.line_difference import LineChange, polynomial
 
 C = 1500.0
 
@@ -23,14 +23,14 @@ def line_of(half, count=33):
                                                   (1.0, 5.0, 7)])
 def test_the_polynomial_keeps_its_bound(half, nearest, count, rng):
     offsets = line_of(half)
-    line = Line.through(offsets, count)
+    line = LineChange.through(offsets, count)
     direction = rng.normal(size=(500, 3))
     place = direction / np.linalg.norm(direction, axis=1, keepdims=True) * rng.uniform(nearest, 60, (500, 1))
 
     def later(at):
         return (np.linalg.norm(place - at, axis=-1) - np.linalg.norm(place, axis=-1)) / C
 
-    coefficients = Line.coefficients([upload(Float, later(node).astype(np.float32)) for node in line.nodes])
+    coefficients = LineChange.coefficients([upload(Float, later(node).astype(np.float32)) for node in line.nodes])
     rounding = 4e-7 * 1.1 * half / C
     for offset, u in zip(offsets, line.place):
         found = polynomial(coefficients, dr.opaque(Float, float(u))).numpy()
@@ -40,7 +40,7 @@ def test_the_polynomial_keeps_its_bound(half, nearest, count, rng):
 def test_what_is_no_line_or_too_near_has_no_polynomial():
     bent = line_of(0.1)
     bent[7, 2] += 1e-6
-    assert Line.through(bent) is None
-    assert Line.through(np.zeros((20, 3))) is None
-    assert Line.through(line_of(0.5)).error(0.9, C) == np.inf
-    assert Line.through(line_of(0.08)).error(6.0, C) < 1e-11 < Line.through(line_of(0.5)).error(1.8, C)
+    assert LineChange.through(bent) is None
+    assert LineChange.through(np.zeros((20, 3))) is None
+    assert LineChange.through(line_of(0.5)).error(0.9, C) == np.inf
+    assert LineChange.through(line_of(0.08)).error(6.0, C) < 1e-11 < LineChange.through(line_of(0.5)).error(1.8, C)

@@ -9,7 +9,7 @@ ECHOES, RATE, FREQUENCY = 500, 20e3, 100e3
 
 def test_weights_of_echoes_are_the_transpose_of_their_sums(variant, rng):
     from mitsonar.signal.accumulation import ImpulseResponses, centre
-    from mitsonar.signal.gathering import Change, EchoPairs, GatheredWeights
+    from mitsonar.signal.gathering import DelayChange, EchoPairs, GatheredWeights
     from mitsonar.signal.impulses import BandLimited, Later
     delay, offsets = rng.uniform(0.0, 0.01, ECHOES), rng.uniform(-2e-4, 2e-4, 6)
     phase, sample, fraction = centre(upload(mi.Float64, delay), start=0.0, frequency=FREQUENCY, sampling_rate=RATE)
@@ -26,7 +26,7 @@ def test_weights_of_echoes_are_the_transpose_of_their_sums(variant, rng):
         gathered = GatheredWeights(mi.Float, weights, kernel=kernel, sampling_rate=RATE, frequency=FREQUENCY)
         pairs = EchoPairs(**echoes)
         # each element has a number of its own, which counts as often as its place; one number is shared
-        change_of = Change(lambda hit, at, own, shared: hit[0] * (own[0] + at[0] * own[1] + shared[0]), 2, 1)
+        change_of = DelayChange(lambda hit, at, own, shared: hit[0] * (own[0] + at[0] * own[1] + shared[0]), 2, 1)
         each, common = gathered.gather(pairs, change_of)
         wanted = np.real(np.conj(weights) * moved).sum((0, 2))[::-1]
         size = np.linalg.norm(weights) * np.linalg.norm(moved)

@@ -3,7 +3,14 @@ import numpy as np
 import pytest
 
 from mitsonar.sonar.motion.motion import RandomMotion
-from mitsonar.sonar.motion.rotating_head import MOUNTS, Head, HeadTrajectory, Sweep, attitude_of, turned_voyage
+from mitsonar.sonar.motion.rotating_head import (
+    MOUNTS,
+    HeadSweep,
+    HeadTrajectory,
+    RotatingHead,
+    attitude_of,
+    turned_voyage,
+)
 from mitsonar.sonar.motion.track import Track, rotation_matrix
 from mitsonar.sonar.motion.trajectory import Recorded, Trajectory, Voyage
 
@@ -11,11 +18,11 @@ PING = np.arange(10)
 
 
 def sweep(first=0.0, step=1.0, sector=3.0, back_and_forth=False):
-    return Sweep(first=first, step=step, sector=sector, back_and_forth=back_and_forth)
+    return HeadSweep(first=first, step=step, sector=sector, back_and_forth=back_and_forth)
 
 
 def head(mount="down", tilt=0.0, turns_on=True, **how):
-    return Head(mount=mount, tilt=tilt, sweep=sweep(**how), turns_on=turns_on)
+    return RotatingHead(mount=mount, tilt=tilt, sweep=sweep(**how), turns_on=turns_on)
 
 
 def test_a_sector_begins_anew():

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from mitsonar.sonar import Track
 from mitsonar.sonar.motion.motion import RandomMotion, strum_frequency
-from mitsonar.sonar.motion.trajectory import PingTravel, Recorded, Sailed, Smooth, Trajectory, Voyage
+from mitsonar.sonar.motion.trajectory import PingTravel, Recorded, Sailed, SmoothCurve, Trajectory, Voyage
 from mitsonar.sonar.motion.waypoints import Course
 
 
@@ -192,7 +192,7 @@ def test_a_lever_arm_turns_with_the_body():
 
 def test_a_turn_is_an_arc():
     course = Course(np.array([[0, 0], [0, 100], [100, 100]]), turn_radius=12.0)
-    lead = Sailed(course=course, speed=2.0, height=Smooth(np.array([0.0]), np.array([-5.0])))
+    lead = Sailed(course=course, speed=2.0, height=SmoothCurve(np.array([0.0]), np.array([-5.0])))
     begin, elapsed = (100 - 12) / 2.0 + 1.0, np.linspace(0, 0.4, 21)
     moved, turned = after(Trajectory(lead=lead), begin, elapsed)
     angle = 2.0 / 12 * (1.0 + elapsed)
@@ -207,7 +207,7 @@ def test_a_turn_is_an_arc():
 def test_a_turn_begins_and_ends_without_a_kink(speed):
     """Where leg and arc meet, the polynomials of a ping follow arms of 1 m to 3 µm, 2 ns of sound."""
     course = Course(np.array([[0, 0], [0, 60], [60, 60]]), turn_radius=10.0)
-    trajectory = Trajectory(lead=Sailed(course=course, speed=speed, height=Smooth(np.zeros(1), np.full(1, -5.0))))
+    trajectory = Trajectory(lead=Sailed(course=course, speed=speed, height=SmoothCurve(np.zeros(1), np.full(1, -5.0))))
     elapsed = np.linspace(0, 0.3, 31)
     for bend in (50.0, 50 + 5 * np.pi):
         for ping in bend / speed + np.arange(-0.8, 0.6, 0.1):
@@ -219,7 +219,7 @@ def test_a_turn_begins_and_ends_without_a_kink(speed):
 
 def test_nobody_turns_in_a_corner_while_echoes_come_in():
     course = Course(np.array([[0, 0], [0, 10], [10, 10]]))
-    lead = Sailed(course=course, speed=2.0, height=Smooth(np.array([0.0]), np.array([-5.0])))
+    lead = Sailed(course=course, speed=2.0, height=SmoothCurve(np.array([0.0]), np.array([-5.0])))
     moved, turned = after(Trajectory(lead=lead), 4.9, np.array([0.0, 0.1, 0.4]))
     np.testing.assert_allclose(moved, [[0, 0, 0], [0, 0.2, 0], [0, 0.8, 0]], atol=1e-12)
     np.testing.assert_allclose(turned, np.tile(np.eye(3), (3, 1, 1)), atol=1e-12)

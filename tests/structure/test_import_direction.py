@@ -115,3 +115,44 @@ def test_files_stay_readable():
         found += [f"{path.relative_to(ROOT)}:{number}: {len(line)} characters" for number, line in enumerate(lines, 1)
                   if len(line) > 120]
     assert ALL_PYTHON and not found, "\n".join(found)
+
+
+KINDS = {"sidescan", "fan", "sector_scan", "multibeam", "interferometric", "synthetic_aperture"}
+
+
+def test_no_kind_of_sonar_imports_another():
+    """What two kinds need stands in the ways that they share; an array's own plan is one of those."""
+    found = []
+    for path in SOURCES:
+        here = name_of(path).split(".")
+        if here[1:2] == ["survey"] and len(here) > 3 and here[2] in KINDS:
+            found += [f"{name_of(path)} imports {module}" for module in imports_of(path)
+                      if module.split(".")[:2] == ["mitsonar", "survey"] and len(module.split(".")) > 2
+                      and module.split(".")[2] in KINDS - {here[2], "fan"}]
+    assert not found, "\n".join(found)
+
+
+def test_plots_compute_no_rays_and_files_know_no_survey():
+    for room, forbidden in (("plots", {"propagation", "survey", "echoes"}),
+                            ("io", {"propagation", "signal", "scene", "echoes", "survey"})):
+        for path in SOURCES:
+            if room_of(name_of(path)) == room:
+                rooms = {room_of(module) for module in imports_of(path) if module.split(".")[0] == "mitsonar"}
+                assert not rooms & forbidden, name_of(path)
+
+
+def test_no_folder_is_crowded():
+    """The commands are a list of like things; so are the cases of validation."""
+    folders = {path.parent for path in SOURCES}
+    crowded = [str(folder.relative_to(ROOT)) for folder in folders if len(list(folder.glob("*.py"))) > 17]
+    assert sorted(crowded) == ["mitsonar/cli", "mitsonar/validation"]
+
+
+def test_every_class_of_the_package_has_a_name_of_its_own():
+    homes = {}
+    for path in SOURCES:
+        if path.is_relative_to(ROOT / "mitsonar"):
+            for node in ast.parse(path.read_text(encoding="utf-8")).body:
+                if isinstance(node, ast.ClassDef):
+                    homes.setdefault(node.name.lstrip("_"), []).append(name_of(path))
+    assert not {name: modules for name, modules in homes.items() if len(modules) > 1}

@@ -4,7 +4,7 @@ import pytest
 
 from mitsonar.sonar.pulses.pulses import lfm
 from mitsonar.synthetic_aperture.focusing.grids import default_grid, ground_grid, slant_grid, strip_grid
-from mitsonar.synthetic_aperture.focusing.motion import Motion
+from mitsonar.synthetic_aperture.focusing.motion import ApertureMotion
 from tests.inputs.raw_strip import circle, line_array, raw_strip, straight
 
 PULSE = lfm(100e3, 20e3, 1e-3)
@@ -65,7 +65,7 @@ def test_grids_that_cannot_be_are_refused(make, words):
 def test_polynomials_follow_the_body_within_a_ping():
     """1 µm was asked for; splines through 200 samples a second are what they follow."""
     raw = record(straight(2.0, sway=(0.05, 1.0), yaw=(0.03, 1.5), heave=(0.05, 2.0)))
-    motion, point, window = Motion(raw), np.array([0.5, 0.0, 0.2]), (0.02, 0.2)
+    motion, point, window = ApertureMotion(raw), np.array([0.5, 0.0, 0.2]), (0.02, 0.2)
     degree = motion.degree(window, point)
     found = motion.moving(1.3, window, point, degree)
     s = np.linspace(-1, 1, 41)

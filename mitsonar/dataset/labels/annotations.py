@@ -14,7 +14,7 @@ from scipy import ndimage
 
 from mitsonar.imaging.objects import object_bins
 
-from .frames import Frame, Tile
+from .frames import LabelFrame, Tile
 
 HIGHLIGHT, SHADOW, WHOLE = "highlight", "shadow", "whole"
 ENDINGS = {HIGHLIGHT: "", SHADOW: " shadow", WHOLE: " with shadow"}      # of a category's name, after the class
@@ -64,7 +64,8 @@ def category(class_name: str, kind: str) -> str:
     return class_name + ENDINGS[kind]
 
 
-def annotations(dataset: xr.Dataset, frames: Sequence[Frame], *, threshold: float = 0.5, above_noise_db: float = 0.0,
+def annotations(dataset: xr.Dataset, frames: Sequence[LabelFrame], *, threshold: float = 0.5,
+                above_noise_db: float = 0.0,
                 smallest: int = 1, whole: bool = False) -> list[list[Annotation]]:
     """Find what the objects of a dataset make of its pictures.
 

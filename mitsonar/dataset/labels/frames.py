@@ -17,7 +17,7 @@ from scipy import ndimage
 
 from mitsonar.device.files import FilePath
 from mitsonar.imaging.focused import GROUND, EvenGrid, even_grid, to_starboard
-from mitsonar.imaging.maps.raster import Sweep, bearings, looks_down, sweeps
+from mitsonar.imaging.maps.raster import RasterSweep, bearings, looks_down, sweeps
 from mitsonar.imaging.maps.raster_map import in_order
 
 Form = Literal["polar", "cartesian"]
@@ -26,7 +26,7 @@ BORDERS = {"left": np.s_[:, :1], "right": np.s_[:, -1:], "top": np.s_[:1], "bott
 
 
 @dataclass(frozen=True, kw_only=True)
-class Part:
+class FramePart:
     """Columns of a picture that belong together: a side of a sidescan, or all."""
 
     name: str  # ``port``, ``starboard``, or empty where there are no sides
@@ -36,12 +36,12 @@ class Part:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Frame(ABC):
+class LabelFrame(ABC):
     """One picture of a record: a `Waterfall`, a `PolarFrame`, a `CartesianFrame` or a `FocusedFrame`."""
 
     name: str = ""  # what tells it from other pictures of its record, such as ``ping0003``
     ping: int | None  # which ping of an array, or the first of a turn
-    parts: tuple[Part, ...]  # from left to right
+    parts: tuple[FramePart, ...]  # from left to right
     height: int
     width: int
 
@@ -73,11 +73,11 @@ class Frame(ABC):
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Waterfall(Frame):
+class Waterfall(LabelFrame):
     """All pings of a sidescan, or of a sonar with a row a ping."""
 
     def lay(self, values: np.ndarray) -> np.ndarray:
-        """See `Frame.lay`."""
+        """See `LabelFrame.lay`."""
         if values.ndim == 2:
             return values[::-1]
         return np.concatenate([values[::-1, side, ::-1] if part.near == "right" else values[::-1, side]
@@ -86,13 +86,13 @@ class Waterfall(Frame):
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class PolarFrame(Frame):
+class PolarFrame(LabelFrame):
     """A fan, a column per beam."""
 
     columns: np.ndarray  # beams, or pings of a rotating head, in the order of the columns
 
     def lay(self, values: np.ndarray) -> np.ndarray:
-        """See `Frame.lay`."""
+        """See `LabelFrame.lay`."""
         own = values[self.ping] if values.ndim == 3 else values
         laid = own[self.columns].T
         return laid if self.parts[0].near == "top" else laid[::-1]
@@ -100,30 +100,30 @@ class PolarFrame(Frame):
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class CartesianFrame(Frame):
+class CartesianFrame(LabelFrame):
     """A fan in metres."""
 
-    sweep: Sweep  # where its bins lie
+    sweep: RasterSweep  # where its bins lie
 
     def lay(self, values: np.ndarray) -> np.ndarray:
-        """See `Frame.lay`."""
+        """See `LabelFrame.lay`."""
         own = self.sweep.own(values)
         if values.dtype == bool and not own.any():                         # most objects are in few frames
             return np.zeros((self.height, self.width), bool)
         return self.sweep.map.labels(own)
 
     def levels(self, level: np.ndarray) -> np.ndarray:
-        """See `Frame.levels`."""
+        """See `LabelFrame.levels`."""
         return self.sweep.levels(level)
 
     def seen(self) -> np.ndarray:
-        """See `Frame.seen`."""
+        """See `LabelFrame.seen`."""
         inside = np.zeros(self.height * self.width, bool)
         inside[self.sweep.map.inside] = True
         return inside.reshape(self.height, self.width)
 
     def edge(self, near: bool) -> np.ndarray:
-        """See `Frame.edge`."""
+        """See `LabelFrame.edge`."""
         inside = self.seen()
         edge = inside & ~np.asarray(ndimage.binary_erosion(inside), bool)
         if not near:
@@ -132,7 +132,7 @@ class CartesianFrame(Frame):
         return edge
 
     def metres(self, row: int, column: int) -> dict[str, float]:
-        """See `Frame.metres`: x grows by ``cell_x`` a column, y by ``cell_y`` a row."""
+        """See `LabelFrame.metres`: x grows by ``cell_x`` a column, y by ``cell_y`` a row."""
         grid = self.sweep.grid
         down = grid.cell if self.parts[0].near == "top" else -grid.cell
         found = {"cell_x": grid.cell, "cell_y": down, "left": grid.x[0] + (column - 0.5) * grid.cell,
@@ -142,7 +142,7 @@ class CartesianFrame(Frame):
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class FocusedFrame(Frame):
+class FocusedFrame(LabelFrame):
     """A focused image."""
 
     rows: slice  # that bring its points into the picture's order
@@ -163,21 +163,21 @@ class FocusedFrame(Frame):
         along, across = (_axis(known[dim][where]) for dim, where in drawn.items())
         near_left = abs(across[0]) < abs(across[0] + (known["across_track"].size - 1) * across[1])
         height, width = (values.size for values in known.values())
-        return cls(ping=None, parts=(Part(name="", start=0, stop=width, near="left" if near_left else "right"),),
+        return cls(ping=None, parts=(FramePart(name="", start=0, stop=width, near="left" if near_left else "right"),),
                    height=height, width=width, rows=drawn["along_track"], columns=drawn["across_track"], along=along,
                    across=across, grid=even_grid(image.isel(drawn)))
 
     def lay(self, values: np.ndarray) -> np.ndarray:
-        """See `Frame.lay`; of banks the first."""
+        """See `LabelFrame.lay`; of banks the first."""
         own = values if values.ndim == 2 else values[0]
         return own[self.rows, self.columns]
 
     def edge(self, near: bool) -> np.ndarray:
-        """See `Frame.edge`; a grid ends on all sides."""
+        """See `LabelFrame.edge`; a grid ends on all sides."""
         return super().edge(True)
 
     def metres(self, row: int, column: int) -> dict[str, float]:
-        """See `Frame.metres`: ``across_track`` grows by ``cell_x`` a column, ``along_track`` by ``cell_y`` a row.
+        """See `LabelFrame.metres`: ``across_track`` grows by ``cell_x`` a column, ``along_track`` by ``cell_y`` a row.
 
         Of an even grid also where the element's corner lies in the scene, ``x`` and ``y``, and the steps there:
         ``x_column``, ``y_column`` of a column, ``x_row``, ``y_row`` of a row.
@@ -203,7 +203,7 @@ class Tile:
 
 
 def frames(dataset: xr.Dataset, name: FilePath = "the dataset", form: Form = "polar",
-           cell: float | None = None) -> list[Frame]:
+           cell: float | None = None) -> list[LabelFrame]:
     """Return the pictures of a dataset."""
     # cell [m]
     dims, shape = dataset["level"].dims, dataset["level"].shape
@@ -218,19 +218,19 @@ def frames(dataset: xr.Dataset, name: FilePath = "the dataset", form: Form = "po
         columns = [where.start + in_order(bearing[where])[0] for where in pings]
         return _in_beams(dataset, columns, [where.start for where in pings], "turn")
     if dims == ("ping", "range"):
-        return [Waterfall(ping=None, parts=(Part(name="", start=0, stop=shape[1], near="left"),), height=shape[0],
+        return [Waterfall(ping=None, parts=(FramePart(name="", start=0, stop=shape[1], near="left"),), height=shape[0],
                           width=shape[1])]
     if dims != ("ping", "side", "range"):
         raise ValueError(f"{name} has levels over {', '.join(map(str, dims))}; pictures are made of (ping, side, "
                          "range), (ping, range) and (ping, beam, range).")
     bins = shape[2]
-    parts = tuple(Part(name=str(side), start=number * bins, stop=(number + 1) * bins,
+    parts = tuple(FramePart(name=str(side), start=number * bins, stop=(number + 1) * bins,
                        near="right" if str(side) == "port" else "left")
                   for number, side in enumerate(dataset["side"].values))
     return [Waterfall(ping=None, parts=parts, height=shape[0], width=shape[1] * bins)]
 
 
-def tiles(frame: Frame, size: tuple[int, int] | None = None, overlap: float = 0.0) -> list[Tile]:
+def tiles(frame: LabelFrame, size: tuple[int, int] | None = None, overlap: float = 0.0) -> list[Tile]:
     """Cut a picture into tiles of one size; the last of a row or column is moved inwards to end at the edge."""
     height, width = (frame.height, frame.width) if size is None else (min(size[0], frame.height),
                                                                       min(size[1], frame.width))
@@ -238,14 +238,14 @@ def tiles(frame: Frame, size: tuple[int, int] | None = None, overlap: float = 0.
             for row in _starts(frame.height, height, overlap) for column in _starts(frame.width, width, overlap)]
 
 
-def _in_beams(dataset, columns, pings, kind) -> list[Frame]:
+def _in_beams(dataset, columns, pings, kind) -> list[LabelFrame]:
     near, height = "top" if looks_down(dataset) else "bottom", dataset.sizes["range"]
     return [PolarFrame(name=f"{kind}{number if kind == 'turn' else ping:04d}", ping=ping, columns=own, height=height,
-                       width=own.size, parts=(Part(name="", start=0, stop=own.size, near=near),))
+                       width=own.size, parts=(FramePart(name="", start=0, stop=own.size, near=near),))
             for number, (ping, own) in enumerate(zip(pings, columns, strict=True))]
 
 
-def _in_metres(dataset, name, cell) -> list[Frame]:
+def _in_metres(dataset, name, cell) -> list[LabelFrame]:
     try:
         found = sweeps(dataset, cell)
     except ValueError as error:
@@ -253,7 +253,7 @@ def _in_metres(dataset, name, cell) -> list[Frame]:
     kind, near = "ping" if "beam" in dataset.dims else "turn", "top" if looks_down(dataset) else "bottom"
     return [CartesianFrame(
         name=f"{kind}{number:04d}", ping=sweep.pings.start, sweep=sweep, height=sweep.grid.y.size,
-        width=sweep.grid.x.size, parts=(Part(name="", start=0, stop=sweep.grid.x.size, near=near),))
+        width=sweep.grid.x.size, parts=(FramePart(name="", start=0, stop=sweep.grid.x.size, near=near),))
         for number, sweep in enumerate(found)]
 
 

@@ -17,7 +17,7 @@ from mitsonar.imaging.gain import Tvg, display_gain
 from mitsonar.plots.images.gain import display_window
 from mitsonar.units import HARDLY_DB
 
-from .frames import CartesianFrame, Frame
+from .frames import CartesianFrame, LabelFrame
 
 UNIT = "dB re 1 µPa"               # of a level that does not say
 SILENCE_DB = -1000.0               # stands for it in means of powers
@@ -34,7 +34,7 @@ class Greys:
     words: str  # what was added to the level, for people
     unit: str = UNIT  # of the level
 
-    def draw(self, frame: Frame) -> np.ndarray:
+    def draw(self, frame: LabelFrame) -> np.ndarray:
         """Draw one picture of the record: uint8 (height, width), 0 also where no echo arrives."""
         return _scaled(frame.levels(self.level), self.window)
 
@@ -47,7 +47,7 @@ def grey(dataset: xr.Dataset, *, tvg: Tvg = "seabed",
     return _scaled(found.level, found.window), found.window, found.words
 
 
-def greys(dataset: xr.Dataset, frames: Sequence[Frame], *, tvg: Tvg = "seabed",
+def greys(dataset: xr.Dataset, frames: Sequence[LabelFrame], *, tvg: Tvg = "seabed",
           window: tuple[float, float] | None = None) -> Greys:
     """Prepare the pictures of a dataset, all with the same black and white."""
     level = dataset["level"].isel(bank=0, missing_dims="ignore").values.astype(float)

@@ -23,7 +23,7 @@ from mitsonar.scene.tracing.launch import Strata
 
 from ..paths import Paths
 from ..point_targets import TARGET_RADIUS, PointTargets
-from ..record import Leg
+from ..record import EchoLeg
 from ..sights.bed_planes import first_zone
 from ..sonar_equation import (
     along_legs,
@@ -96,7 +96,7 @@ class ConnectedEnds:
             worth = returned(strength, spreading_area=way.spreading_area,
                              speed_ratio=speed_ratio(way.sound_speed, sonar.speed))
             target = TargetEnds(valid=way.free, point=point, label=label, worth=worth,
-                                leg=Leg.along(way, place, point, folded=folded),
+                                leg=EchoLeg.along(way, place, point, folded=folded),
                                 loss_db=self._water.one_way_db(sonar.origin, point, way, folded),
                                 code=Paths.extended(code, mi.Bool(False)))
             seen[1 + folded] = computed(target)
@@ -128,7 +128,7 @@ class ConnectedEnds:
             energy = echo_energy(solid_angle=ends.solid_angle, strength=strength, sin_grazing=sine,
                                  spreading_area=way.spreading_area,
                                  speed_ratio=speed_ratio(hits.sound_speed, sonar.speed))
-            back = replace(ends, leg=Leg.along(way, place, hits.point, folded=folded),
+            back = replace(ends, leg=EchoLeg.along(way, place, hits.point, folded=folded),
                            loss_db=self._water.one_way_db(sonar.origin, hits.point, way, folded))
             ghosts = Ghosts.of(energy, ends, back, ends.between, code, active)
             yield ghosts

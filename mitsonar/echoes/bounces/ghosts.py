@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import mitsuba as mi
 
-from ..record import Leg
+from ..record import EchoLeg
 from .path_ends import Ends, TargetEnds
 
 
@@ -16,8 +16,8 @@ class Ghosts:
 
     energy: mi.Float  # (R,): e² but for absorption and patterns [-]
     loss_db: mi.Float  # (R,): absorption over the whole path
-    out: Leg
-    back: Leg
+    out: EchoLeg
+    back: EchoLeg
     between: mi.Float64  # (R,) [s]
     code: mi.UInt32  # (R,): see `paths`
     label: mi.UInt32  # (R,): of what the echo comes back from last

@@ -45,7 +45,7 @@ from mitsonar.scene.tracing.launch import Strata
 from mitsonar.scene.tracing.tracer import Sources
 
 from ..paths import Paths
-from ..record import Leg
+from ..record import EchoLeg
 from ..sonar_equation import GRAZING, lit_patch, solid_angle_of
 from .chosen_partners import ChosenPartners
 from .connected_ends import ConnectedEnds
@@ -74,7 +74,7 @@ class TracedEnds:
         return computed(Ends(
             hits=replace(hits.without_way(), valid=valid), solid_angle=solid_angle, patch=patch,
             between=dr.zeros(mi.Float64, dr.width(solid_angle)), loss_db=loss_db,
-            code=Paths.extended(mi.UInt32(1), hits.label == self._surface), leg=Leg.along(hits, origin, hits.point),
+            code=Paths.extended(mi.UInt32(1), hits.label == self._surface), leg=EchoLeg.along(hits, origin, hits.point),
             first_label=hits.label, first_smooth=dr.zeros(mi.Bool, dr.width(solid_angle))))
 
     def folded(self, ends: Ends, origin: dr.ArrayBase) -> Ends:
@@ -86,7 +86,7 @@ class TracedEnds:
         return computed(replace(
             ends, hits=replace(hits, valid=hits.valid & way.free & (sine > GRAZING),
                                arrival_direction=way.arrival_direction),
-            leg=Leg.along(way, image_of(origin), hits.point, folded=True), code=code,
+            leg=EchoLeg.along(way, image_of(origin), hits.point, folded=True), code=code,
             solid_angle=solid_angle_of(ends.patch, spreading_area=way.spreading_area, sin_grazing=sine),
             loss_db=self._water.one_way_db(origin, hits.point, way, folded=True)))
 

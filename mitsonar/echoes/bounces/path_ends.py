@@ -15,7 +15,7 @@ from mitsonar.device.arrays import picked
 from mitsonar.scene.tracing.hits import Hits
 from mitsonar.scene.tracing.tracer import Sources
 
-from ..record import Leg
+from ..record import EchoLeg
 
 Kept = TypeVar("Kept")             # the type of record that goes in comes out
 
@@ -40,7 +40,7 @@ class Ends:
     between: mi.Float64  # (R,) [s]: from the first hit on
     loss_db: mi.Float  # (R,): so far, one way
     code: mi.UInt32  # (R,): see `paths`
-    leg: Leg  # to the first hit
+    leg: EchoLeg  # to the first hit
     first_label: mi.UInt32  # (R,): of what the ray met first
     first_smooth: mi.Bool  # (R,): of what the ray met first
 
@@ -65,7 +65,8 @@ class Ends:
 
     def chosen(self, index: mi.UInt32) -> Ends:
         """The ends with these numbers."""
-        values: dict[str, Any] = {name: value.chosen(index) if isinstance(value, (Hits, Leg)) else picked(value, index)
+        values: dict[str, Any] = {name: value.chosen(index) if isinstance(value, (Hits, EchoLeg)) else picked(value,
+                                                                                                              index)
                                   for name, value in vars(self).items()}
         return Ends(**values)
 
@@ -77,7 +78,7 @@ class TargetEnds:
     valid: mi.Bool
     point: dr.ArrayBase
     label: mi.UInt32
-    leg: Leg
+    leg: EchoLeg
     worth: mi.Float
     loss_db: mi.Float
     code: mi.UInt32

@@ -21,7 +21,7 @@ from mitsonar.scene.tracing.launch import Strata
 from mitsonar.scene.tracing.tracer import Sources, Tracer
 
 from ..paths import Paths
-from ..record import Echoes, Leg
+from ..record import Echoes, EchoLeg
 from ..scatterers.scatterers import Cells
 from ..sights.sights import Sights
 from ..sonar_equation import absorbed, along_legs
@@ -110,7 +110,7 @@ class ArrayGhosts:
                                 uniform(self.lib, bits))
         energy = drawn.energy * absorbed(drawn.loss_db)
         yield from self._made(energy, self._drawn(energy, hashed_pair(self.lib, index, row_key)),
-                              Leg.along(drawn.way, origin, drawn.point), None, drawn.active, "v")
+                              EchoLeg.along(drawn.way, origin, drawn.point), None, drawn.active, "v")
 
     def _drawn(self, energy, bits):
         root = dr.sqrt(dr.maximum(energy, 0))

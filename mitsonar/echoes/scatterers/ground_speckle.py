@@ -131,7 +131,7 @@ class GroundSpeckle:
         words = dr.gather(lib.Array4u, place, row >> 1)
         of_gate = dr.gather(lib.Array2u, self._of_gate, gate)
         print_, water = self._footprint(row, gate, table, of_gate.y)
-        cells = _Cells(
+        cells = _SpeckleCells(
             length=self._longest / mi.Float(U(1) << of_gate.x), width=self._length,
             first=words.x << of_gate.x, second=words.y,
             key=hashed(lib, self._seed ^ U(Salt.GROUND_SPECKLE), words.z + LATTICES * U(water) + (of_gate.x << 8)))
@@ -202,7 +202,7 @@ class GroundSpeckle:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Cells:
+class _SpeckleCells:
     """Cells of a lattice: length along x and width along y [m], the numbers of that at the anchor, and their key."""
 
     length: Float

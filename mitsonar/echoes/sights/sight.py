@@ -8,7 +8,7 @@ import mitsuba as mi
 
 from mitsonar.scene.tracing.connection import Connection
 
-from ..record import Leg
+from ..record import EchoLeg
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,7 +16,7 @@ class Sight:
     """How points are seen, one an entry."""
 
     way: Connection
-    leg: Leg
+    leg: EchoLeg
     gain: mi.Float  # (R,) [1/m²]: g
     factor: tuple[mi.Float, mi.Float] | None = None  # (Float, Float)
     later: mi.Float64 | None = None  # (R,) [s]: how much later than along the leg sound is there

@@ -44,7 +44,7 @@ from mitsonar.scene.tracing.connection import Connection, Connector
 from mitsonar.scene.tracing.hits import Hits
 from mitsonar.scene.tracing.tracer import Sources, registry_index
 
-from ..record import Echoes, Leg
+from ..record import Echoes, EchoLeg
 from ..sonar_equation import leg_gain, mirrored_overhead, speed_ratio
 from .bed_planes import BedPlanes, Planes, first_zone
 from .sight import Sight
@@ -93,7 +93,7 @@ class BedMirror:
         gain = leg_gain(spreading_area=way.spreading_area, speed_ratio=ratio,
                         loss_db=water.loss_db(origin, image, way))
         return Sight(way=replace(way, free=free, arrival_direction=direction, sound_speed=speed),
-                     leg=Leg.along(way, origin, image), gain=gain, factor=(real, imaginary), later=later)
+                     leg=EchoLeg.along(way, origin, image), gain=gain, factor=(real, imaginary), later=later)
 
     def _upward(self, plane: Planes) -> tuple[dr.ArrayBase, mi.Float64]:
         """Normals of planes, Array3f64 (R,), and their parts upwards."""
@@ -180,7 +180,7 @@ class Sights:
         gain = leg_gain(spreading_area=way.spreading_area, speed_ratio=ratio,
                         loss_db=self.water.loss_db(origin, point, way, folded))
         start = type(origin)(origin.x, origin.y, -origin.z) if folded else origin
-        return Sight(way=way, leg=Leg.along(way, start, point, folded=folded), gain=gain)
+        return Sight(way=way, leg=EchoLeg.along(way, start, point, folded=folded), gain=gain)
 
     def ways(self, bounces: int = 1) -> Iterator[tuple[bool, bool, float]]:
         """How an echo of so many bounces may go by the mirror besides: there or not, back or not, and its sign."""

@@ -36,7 +36,7 @@ from mitsonar.scene.shadows.occlusion import LIFT
 from mitsonar.scene.tracing.hits import Hits
 from mitsonar.scene.tracing.tracer import Sources
 
-from ..record import Echoes, Leg
+from ..record import Echoes, EchoLeg
 from ..scatterers.cells import divisions
 from ..sights.sight import path_of, product
 from ..sights.sights import Sights
@@ -77,7 +77,7 @@ class _Tube:
     pressure: mi.Float             # at the footprint
     reflected: tuple[mi.Float, mi.Float]    # product of reflection coefficients so far
     between: mi.Float64            # from the first facet on [s]
-    out: Leg
+    out: EchoLeg
 
     def chosen(self, index: mi.UInt32) -> _Tube:
         """The tubes with these numbers."""
@@ -87,7 +87,7 @@ class _Tube:
 def _picked(value: Any, index: mi.UInt32) -> Any:
     if isinstance(value, (list, tuple)):
         return type(value)(_picked(part, index) for part in value)
-    return value.chosen(index) if isinstance(value, Leg) else dr.gather(type(value), value, index)
+    return value.chosen(index) if isinstance(value, EchoLeg) else dr.gather(type(value), value, index)
 
 
 class SmoothTargets:
@@ -119,7 +119,7 @@ class SmoothTargets:
         # origins (P, 3) [m]; source (P,); choose (F, 3) -> place, label (R,)
         if not self:
             return
-        place = _Places(self.lib, np.asarray(origins, float), source)
+        place = _TargetPlaces(self.lib, np.asarray(origins, float), source)
         yield from self._single(sources, place, choose)
         for there, back, sign in self.sights.ways():
             if there <= back:                        # the others are these the other way round
@@ -374,7 +374,7 @@ def _sent(place, label, out, back, between, amplitude, path, active):
                echoes.chosen(index).evaluated())
 
 
-class _Places:
+class _TargetPlaces:
     """Where sound leaves from: look-ups by number."""
 
     def __init__(self, lib, origins, source):

@@ -67,7 +67,7 @@ class _Start(Record):
     parameter: Float64
 
 
-class _Sums(Record):
+class _WalkSums(Record):
     """Hold sums over the arcs of rays, Float64 (R,): dX/dp, d²X/dp², and the sums of visits."""
 
     spread: Float64
@@ -85,10 +85,10 @@ def walked(table: LayerTable, lib: ArrayTypes, speeds: Float64, z0: Float64, s0:
     of the side that the ray heads into.
     """
     detached = LayerTable(**{**vars(table), "layers": dr.detach(table.layers)})
-    return dr.custom(_Walked, detached, _nodes(detached), speeds, z0, s0, dr.detach(z), dr.detach(x), active)
+    return dr.custom(_WalkedRay, detached, _nodes(detached), speeds, z0, s0, dr.detach(z), dr.detach(x), active)
 
 
-class _Walked(dr.CustomOp):
+class _WalkedRay(dr.CustomOp):
     """Walk rays, with derivatives; see `walked`."""
 
     def eval(self, table: LayerTable, nodes: _Nodes, speeds: Float64, z0: Float64, s0: Float64, z: Float64,
@@ -167,7 +167,7 @@ class _Walked(dr.CustomOp):
 
 
 def _followed(table: LayerTable, start: _Start, z: Float64, x: Float64, active: Bool,
-              visit: Visit) -> _Sums:
+              visit: Visit) -> _WalkSums:
     """Follow rays to a depth, and return the sums over their arcs."""
     lib = table.lib
     F, last, p = lib.Float64, lib.Int32(table.last), start.parameter
@@ -198,7 +198,7 @@ def _followed(table: LayerTable, start: _Start, z: Float64, x: Float64, active: 
     begun = lib.Bool(active) & (x > 0) & (k >= 0) & (k <= last)
     state = looped((begun, k, F(start.depth), F(start.sine), zero, F(zero), F(zero), F(zero), F(zero), F(zero)),
                    going, body)
-    return _Sums(spread=state[5], first=state[6], second=state[7], third=state[8], by_parameter=state[9])
+    return _WalkSums(spread=state[5], first=state[6], second=state[7], third=state[8], by_parameter=state[9])
 
 
 def _nothing(layer: UInt32, place: Float64, arc: ArcDerivatives, wide: SpreadDerivatives, on: Bool) -> Walked:

@@ -172,7 +172,8 @@ def check_gradients(model: ForwardModel, keys: Sequence[str] | None = None, *, d
     empty = [PartCheck(key=key, unit=model.units.get(key, ""), size=0, verdict=UNSEEN, notes=("it is empty",))
              for key in chosen if np.size(model.start[key]) == 0]
     checker = _Checker(model, tolerance, seed)
-    todo = [_Part(key, name, moves, np.asarray(model.start[key], float), model.units.get(key, "")) for key in chosen
+    todo = [_CheckedPart(key, name, moves, np.asarray(model.start[key], float), model.units.get(key,
+                                                                                                "")) for key in chosen
             for name, moves in parts(np.asarray(model.start[key], float), directions, generator(seed, key))]
     products = [checker.products(part) for part in todo]                   # before the model is anywhere else
     extra, rows = checker.together(todo), []
@@ -184,7 +185,7 @@ def check_gradients(model: ForwardModel, keys: Sequence[str] | None = None, *, d
                          tolerance=tolerance, told=checker.told)
 
 
-class _Part(NamedTuple):
+class _CheckedPart(NamedTuple):
     """What is moved of one parameter, and its directions (D, ...)."""
 
     key: str
@@ -217,7 +218,7 @@ class _Products(NamedTuple):
         return self.weights @ np.where(np.any(self.weights != 0, axis=0), move, 0.0)
 
 
-class _Line:
+class _SearchLine:
     """Weighted sums of a record along one direction."""
 
     def __init__(self, record: Callable[[float], np.ndarray], base: np.ndarray, weights: np.ndarray):
@@ -290,7 +291,7 @@ class _Checker:
         if self._another:
             self._notes += (f"the record with derivatives differs from that without by {error:.1e}",)
 
-    def products(self, part: _Part) -> _Products | PartCheck:
+    def products(self, part: _CheckedPart) -> _Products | PartCheck:
         """Return the derivatives of a part, or the error in them."""
         moves = [self._about.forward({part.key: direction}) for direction in part.directions]
         broken = sum(int(np.count_nonzero(~np.isfinite(move) & self._finite)) for move in moves)
@@ -308,9 +309,9 @@ class _Checker:
         return _Products(weights, np.stack([weights @ np.where(used, move, 0.0) for move in moves]), np.array(
             [[np.sum(gradient * direction) for gradient in back] for direction in part.directions]))
 
-    def row(self, part: _Part, products: _Products) -> PartCheck:
+    def row(self, part: _CheckedPart, products: _Products) -> PartCheck:
         """Return the verdict on a part."""
-        lines = [_Line(lambda distance, direction=direction: self._model.value(
+        lines = [_SearchLine(lambda distance, direction=direction: self._model.value(
             {part.key: part.start + distance * direction}), self._base, products.weights)
             for direction in part.directions]
         try:
@@ -342,7 +343,7 @@ class _Checker:
                                                      "shadows or edges at this one; more rays tell more"]
         return part.check(verdict, *self._notes, *notes, **numbers)
 
-    def together(self, todo: Sequence[_Part]) -> list[PartCheck]:
+    def together(self, todo: Sequence[_CheckedPart]) -> list[PartCheck]:
         """Check that all parameters together move the record by the sum of their single changes."""
         first: dict[str, np.ndarray] = {}
         for part in todo:
@@ -353,7 +354,7 @@ class _Checker:
         return self._same("all together", self._about.forward(first), alone,
                           "their derivatives are not the sum of each one's")
 
-    def afterwards(self, todo: Sequence[_Part], products: Sequence[_Products | PartCheck]) -> list[PartCheck]:
+    def afterwards(self, todo: Sequence[_CheckedPart], products: Sequence[_Products | PartCheck]) -> list[PartCheck]:
         """Check that a linearisation is the same after the model was asked for other values."""
         for part, before in zip(todo, products, strict=True):
             if isinstance(before, _Products) and np.any(before.forward[0]):
@@ -368,7 +369,7 @@ class _Checker:
         return [] if error <= self._tolerance else [
             PartCheck(key=name, unit="", size=0, verdict=OFF, error=error, notes=(note,))]
 
-    def _wider(self, lines: Sequence[_Line], step: float, largest: float) -> Iterator[np.ndarray]:
+    def _wider(self, lines: Sequence[_SearchLine], step: float, largest: float) -> Iterator[np.ndarray]:
         """Yield differences of all directions at larger steps."""
         for wider in [step * 4.0 ** power for power in range(1, WIDER + 1) if step * 4.0 ** power <= largest]:
             try:
@@ -376,7 +377,7 @@ class _Checker:
             except ValueError:                                         # moved to where no record can be made
                 return
 
-    def _scatter(self, part: _Part, products: _Products, step: float) -> float:
+    def _scatter(self, part: _CheckedPart, products: _Products, step: float) -> float:
         """Return the rms, over directions and weights, of derivatives within a step about a parabola."""
         places, left = np.array([-1.0, -0.5, 0.0, 0.5, 1.0]), []
         bends = np.stack([places ** power for power in range(3)], 1)

@@ -35,7 +35,7 @@ from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.scene.tracing.connection import Connection, Connector
 from mitsonar.scene.tracing.hits import Hits
 from mitsonar.scene.tracing.tracer import Tracer, registry_index
-from mitsonar.survey.energy.first_hits import Echoes, FirstHits
+from mitsonar.survey.energy.first_hits import FirstHits, HitEchoes
 from mitsonar.survey.energy.rows import Rays, Rows
 from mitsonar.survey.motion.places import Place
 
@@ -68,7 +68,7 @@ class EdgeTerms:
     """Hold the terms of a block's pings."""
 
     points: LinePoints
-    sides: list[Echoes]  # echoes on either side of the lines
+    sides: list[HitEchoes]  # echoes on either side of the lines
     worths: list[float]  # weight of each side, with its sign
 
     def add(self, sums: mi.Float64, tents: TentBins, geometry: AttachedGeometry, across: mi.Vector3f | None) -> None:
@@ -118,7 +118,7 @@ def outline_terms(tracer: Tracer, rows: Rows, first_hits: FirstHits, place: Plac
 
 
 def _sides(tracer: Tracer, rows: Rows, first_hits: FirstHits, place: Place, points: LinePoints, aside: mi.Vector3f,
-           surface: int | None) -> tuple[list[tuple[Hits, mi.PreliminaryIntersection3f]], list[Echoes]]:
+           surface: int | None) -> tuple[list[tuple[Hits, mi.PreliminaryIntersection3f]], list[HitEchoes]]:
     """Trace rays close to either side; return hits and echoes."""
     sources = tracer.sources(np.unique(-place.position[:, 2]))
     ping, met, sides = points.rays.ping, [], []
@@ -134,7 +134,7 @@ def _sides(tracer: Tracer, rows: Rows, first_hits: FirstHits, place: Place, poin
     return met, sides
 
 
-def _evaluated(points: LinePoints, sides: list[Echoes], worths: list[float], own: mi.Bool) -> EdgeTerms:
+def _evaluated(points: LinePoints, sides: list[HitEchoes], worths: list[float], own: mi.Bool) -> EdgeTerms:
     terms = EdgeTerms(points=points, sides=[replace(side, active=side.active & own) for side in sides], worths=worths)
     dr.eval(terms)
     return terms
@@ -147,7 +147,7 @@ def _facet(tracer: Tracer, met: mi.PreliminaryIntersection3f, valid: mi.Bool) ->
     return dr.select(mesh, dr.gather(mi.UInt32, rows, 4 * row + 1, valid) + met.prim_index, NO_FACE)
 
 
-def _own(points: Hits, kind: _Kind, lines: JumpLines, samples: LineSamples,
+def _own(points: Hits, kind: _EdgeKind, lines: JumpLines, samples: LineSamples,
          met: list[tuple[Hits, mi.UInt32]]) -> mi.Bool:
     """Return True if the jump between two rays is at the line between them.
 
@@ -168,14 +168,14 @@ def _nearer_is(points: Hits, met: list[Hits], mine: list[mi.Bool]) -> mi.Bool:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Kind:
+class _EdgeKind:
     """Mark points of lines: outlines or meetings of meshes; visible folds."""
 
     outline: mi.Bool
     fold: mi.Bool
 
 
-def _kind(tracer: Tracer, lines: JumpLines, samples: LineSamples, view: np.ndarray) -> _Kind:
+def _kind(tracer: Tracer, lines: JumpLines, samples: LineSamples, view: np.ndarray) -> _EdgeKind:
     """Separate outlines, whose facets lie on the same side of the line along `view` (N, 3), from folds."""
     ends, sides = lines.ends[samples.line].astype(float), lines.faces[samples.line]
     vertices = tracer.geometry.vertices.numpy().reshape(-1, 4)[:, :3].astype(float)
@@ -186,7 +186,7 @@ def _kind(tracer: Tracer, lines: JumpLines, samples: LineSamples, view: np.ndarr
     side = np.einsum("nik,nk->ni", middle - ends[:, :1], across)
     meets = samples.line >= lines.edges
     outline = meets | ~there.all(1) | (side[:, 0] * side[:, 1] > 0)
-    return _Kind(outline=mi.Bool(outline), fold=mi.Bool(~outline & ~lines.smooth[samples.line]))
+    return _EdgeKind(outline=mi.Bool(outline), fold=mi.Bool(~outline & ~lines.smooth[samples.line]))
 
 
 def _points(tracer: Tracer, place: Place, pings: np.ndarray, middle: np.ndarray, along: np.ndarray, worths: np.ndarray,

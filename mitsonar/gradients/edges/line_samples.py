@@ -23,7 +23,7 @@ from mitsonar.survey.motion.places import Place
 
 from .jump_lines import JumpLines
 from .mesh_edges import NO_FACE
-from .sight import Sight, drawn_pieces
+from .sight import EdgeSight, drawn_pieces
 
 FINE = 1 / 300                     # [rad] of a piece: narrow beams see parts of lines
 MOST_PIECES = 64                   # of a line
@@ -47,7 +47,7 @@ class LineSampler:
 
     def __init__(self, lines: JumpLines, tracer: Tracer, rows: Rows, positions: np.ndarray, reach: float, seed: int):
         self.lines, self.tracer = lines, tracer
-        self._seed, self._sight = seed, Sight(tracer, rows, reach)
+        self._seed, self._sight = seed, EdgeSight(tracer, rows, reach)
         self._vertices, self._faces = tracer.geometry.vertices, tracer.geometry.faces
         length = np.linalg.norm(lines.ends[:, 1] - lines.ends[:, 0], axis=1)
         away = _distance(lines.ends.mean(1), positions)

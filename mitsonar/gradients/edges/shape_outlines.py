@@ -22,7 +22,7 @@ from mitsonar.survey.energy.rows import Rows
 from mitsonar.survey.motion.places import Place
 
 from ..attached.shapes import CYLINDER, DISK, RECTANGLE, SPHERE, AttachedShapes
-from .sight import Sight, drawn_pieces
+from .sight import EdgeSight, drawn_pieces
 
 PIECES = 64                        # of every line
 TURNS = 4                          # by which points on outlines of sight are found
@@ -62,7 +62,7 @@ class OutlineSampler:
     def __init__(self, shapes: AttachedShapes, numbers: Sequence[int], tracer: Tracer, rows: Rows, reach: float,
                  seed: int):
         self.tracer, self._seed, self._reach = tracer, seed, reach
-        self._sight = Sight(tracer, rows, reach)
+        self._sight = EdgeSight(tracer, rows, reach)
         self._lines = _lines(shapes, numbers)
         self._size = np.linalg.norm(self._lines.matrix[:, :, :3], axis=(1, 2))
 

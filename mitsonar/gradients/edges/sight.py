@@ -21,7 +21,7 @@ from mitsonar.survey.motion.places import Place
 FAINT = 1e-3                       # of the strongest beam: what directions outside are drawn by
 
 
-class Sight:
+class EdgeSight:
     """Compute views and weights of points from pings, up to a reach [m]."""
 
     def __init__(self, tracer: Tracer, rows: Rows, reach: float):

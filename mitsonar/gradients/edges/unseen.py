@@ -56,7 +56,7 @@ def _name(shape: mi.Shape) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Seen:
+class SeenPieces:
     """Hold rays and energies of a block."""
 
     rays: np.ndarray  # number in each bin, within the main lobe
@@ -64,7 +64,7 @@ class Seen:
     standing: float  # of first hits on shapes that stand still
 
 
-def seen_in(energy: EnergyField, scenery: Scenery, block: Block, kept: list[Kept]) -> Seen:
+def seen_in(energy: EnergyField, scenery: Scenery, block: Block, kept: list[Kept]) -> SeenPieces:
     """Count the rays and sum the energies of a block."""
     bins = energy.rows.bins.count
     rays = dr.zeros(mi.UInt32, len(block.ping) * energy.rows.per_ping * bins)
@@ -80,10 +80,10 @@ def seen_in(energy: EnergyField, scenery: Scenery, block: Block, kept: list[Kept
             if scenery.facets.shapes is not None:
                 still &= ~scenery.facets.shapes.on(one.facets.shape, still & one.hits.valid).known
             rest += float(dr.sum(dr.select(still, units, 0))[0])
-    return Seen(rays=rays.numpy().reshape(-1, bins), energy=total, standing=rest)
+    return SeenPieces(rays=rays.numpy().reshape(-1, bins), energy=total, standing=rest)
 
 
-def shares(seen: list[Seen], *, outlines: bool) -> dict[str, float]:
+def shares(seen: list[SeenPieces], *, outlines: bool) -> dict[str, float]:
     """Return the shares of all blocks that are left out, by name; `outlines`: derivatives include outlines."""
     lit = np.concatenate([one.rays for one in seen]) > 0
     within = np.maximum.accumulate(lit, 1) & np.maximum.accumulate(lit[:, ::-1], 1)[:, ::-1]

@@ -38,7 +38,7 @@ from mitsonar.survey.pressure.signals import LEAD, SentPiece, echoes_of_the_puls
 from mitsonar.units import amplitude_from_db
 
 from ..model import Values
-from .levers import DELAYS, STRENGTHS, Gradients, LeveredDelays, Motion, Quantity, Tangents, TargetEnds
+from .levers import DELAYS, STRENGTHS, Gradients, LeveredDelays, LeverTargetEnds, Motion, Quantity, Tangents
 from .parameters import MOVING, OF_PINGS, RECEIVING, STRENGTHENING, Altered, ElementParameters
 
 LEFT_OUT = ("spreading, absorption, patterns and scattering strengths as they change with place", "edges of shadows",
@@ -200,7 +200,7 @@ class _LeveredRecord(PressureRecord):
 
     def __init__(self, survey: ArraySurvey, *, seed: int, targets: np.ndarray, like: Any = None):
         super().__init__(survey, seed=seed)
-        self._targets, self._like = TargetEnds(targets), like
+        self._targets, self._like = LeverTargetEnds(targets), like
 
     def delays(self, source: PingSource) -> LeveredDelays:
         survey = self.survey
@@ -250,7 +250,8 @@ class ElementJacobian:
 
     def attached(self, leaves: Mapping[str, Any]) -> list[mi.Float64]:
         """Return the flat signals of every ping, attached to parameters (flat Float64 by name)."""
-        return [dr.custom(_Signals, self, number, self._motion(leaves, number)) for number in range(self._shape[0])]
+        return [dr.custom(_SignalOperation, self, number, self._motion(leaves,
+                                                                      number)) for number in range(self._shape[0])]
 
     def _motion(self, leaves: Mapping[str, Any], number: int) -> Motion:
         motion = self._parameters.motion(leaves, self._run.survey, number)
@@ -324,7 +325,7 @@ class ElementJacobian:
         return record
 
 
-class _Signals(dr.CustomOp):
+class _SignalOperation(dr.CustomOp):
     """Attach the signals of a ping to its motion."""
 
     def eval(self, jacobian: ElementJacobian, number: int, motion: Motion) -> mi.Float64:

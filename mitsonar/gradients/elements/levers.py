@@ -35,7 +35,7 @@ from mitsonar.echoes.record import Echoes
 from mitsonar.propagation.returns.straight_vectors import dot
 from mitsonar.propagation.returns.travel import rotated
 from mitsonar.signal.accumulation import ImpulseResponses, OfPair
-from mitsonar.signal.gathering import Change, EchoPairs, GatheredWeights
+from mitsonar.signal.gathering import DelayChange, EchoPairs, GatheredWeights
 from mitsonar.survey.pressure.delays import ALL_ROWS
 from mitsonar.survey.pressure.doppler import time_scale
 from mitsonar.survey.pressure.echo_classes import SortedEchoes
@@ -51,7 +51,7 @@ Motion: TypeAlias = dict[str, Any]     # of a ping, by `ElementParameters.motion
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Ends:
+class LeverEnds:
     """Hold numbers (H,) of the point targets of a block's echoes, and (c/c_x)² (H,) of the legs out and back.
 
     The ratio is negative where the ray has turned up or down on its way.
@@ -61,9 +61,9 @@ class Ends:
     out: Float
     back: Float
 
-    def chosen(self, index: UInt32) -> Ends:
+    def chosen(self, index: UInt32) -> LeverEnds:
         """Return the rows of some echoes."""
-        return Ends(target=picked(self.target, index), out=picked(self.out, index), back=picked(self.back, index))
+        return LeverEnds(target=picked(self.target, index), out=picked(self.out, index), back=picked(self.back, index))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,7 +75,7 @@ class Levers:
     back: View
     hits: list[Float]  # (H,)
     offsets: np.ndarray  # (E, 3) [m]: of receive elements
-    ends: Ends | None  # of echoes of point targets
+    ends: LeverEnds | None  # of echoes of point targets
 
     def chosen(self, index: UInt32) -> Levers:
         """Return the rows of some echoes."""
@@ -83,13 +83,13 @@ class Levers:
                       offsets=self.offsets, ends=None if self.ends is None else self.ends.chosen(index))
 
 
-class TargetEnds:
+class LeverTargetEnds:
     """Find the echoes of point targets at positions (K, 3) [m]."""
 
     def __init__(self, position: np.ndarray):
         self.position = position
 
-    def of(self, echoes: Echoes, out: View, back: View, origin: np.ndarray) -> Ends | None:
+    def of(self, echoes: Echoes, out: View, back: View, origin: np.ndarray) -> LeverEnds | None:
         """Return the ends of a block of echoes, or None if they are not those of targets."""
         if not len(self.position) or echoes.count > MOST_OF_TARGETS * len(self.position):
             return None
@@ -99,7 +99,7 @@ class TargetEnds:
         which = away.argmin(1)
         if not np.all(away[np.arange(len(which)), which] < SAME_PLACE):
             return None
-        return Ends(target=upload(mi.UInt32, which.astype(np.uint32)), out=self._ratio(echoes.out, out, which),
+        return LeverEnds(target=upload(mi.UInt32, which.astype(np.uint32)), out=self._ratio(echoes.out, out, which),
                     back=self._ratio(echoes.back, back, which))
 
     def _ratio(self, leg: Any, view: View, which: np.ndarray) -> Float:
@@ -114,7 +114,7 @@ class TargetEnds:
 class LeveredDelays(GuardedDelays):
     """Compute the delays of the record, with the levers of each echo."""
 
-    targets: TargetEnds = field(default_factory=lambda: TargetEnds(np.zeros((0, 3))))
+    targets: LeverTargetEnds = field(default_factory=lambda: LeverTargetEnds(np.zeros((0, 3))))
 
     def add(self, responses: ImpulseResponses, some: SortedEchoes, element: int, *, weight: float,
             rows: slice = ALL_ROWS) -> None:
@@ -275,7 +275,8 @@ class _BoundGradients(NamedTuple):
         index = upload(mi.UInt32, rows.astype(np.uint32))
         with dr.resume_grad():
             own, shared = self.quantity.given(self.levers, self.motion)
-            change = Change(lambda hit, at, own, shared: self.quantity.factor(hit[n:], at[m:], own, shared), len(own),
+            change = DelayChange(lambda hit, at, own, shared: self.quantity.factor(hit[n:], at[m:], own, shared),
+                                 len(own),
                             len(shared))
             if self.levers.ends is None:
                 each, common = self.weights.gather(pairs, change)

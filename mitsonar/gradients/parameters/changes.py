@@ -19,7 +19,7 @@ import numpy as np
 from .node_weights import node_weights
 
 
-class Rigid:
+class RigidChange:
     """Move and turn vertices, or a transform, as one body."""
     # start (V, 3) [m]; centre (3,) [m]
 
@@ -125,7 +125,7 @@ class Pose:
 
     def bound(self, start: np.ndarray, unit: str) -> BoundChange:
         """Return the change for vertices (V, 3) or a transform (4, 4); see `Change.bound`."""
-        body = Rigid(self.key, start)
+        body = RigidChange(self.key, start)
 
         def inner(x: np.ndarray) -> np.ndarray:
             return body.moved(_rotation(x[3:])[0], x[:3])

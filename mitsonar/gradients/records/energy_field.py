@@ -24,7 +24,7 @@ from mitsonar.propagation.device_rays.layer_table import LayerTable
 from mitsonar.scene.tracing.hits import Hits
 from mitsonar.scene.tracing.tracer import Tracer, registry_index
 from mitsonar.scene.tracing.water import DeviceWater
-from mitsonar.survey.energy.first_hits import Echoes, FirstHits, Losses, received
+from mitsonar.survey.energy.first_hits import FirstHits, HitEchoes, Losses, received
 from mitsonar.survey.energy.rows import Rays, Rows
 from mitsonar.survey.motion.places import Place, Places
 from mitsonar.survey.survey import Survey
@@ -155,7 +155,7 @@ class EnergyField:
                                            drawn=scenery.drawn))
         return found
 
-    def echoes(self, scenery: Scenery, block: Block, kept: Kept) -> Echoes:
+    def echoes(self, scenery: Scenery, block: Block, kept: Kept) -> HitEchoes:
         """Return the detached echoes of a pass of rays."""
         place = scenery.of(block.ping)
         rays = scenery.turned(place, kept.rays)

@@ -17,7 +17,7 @@ from mitsonar.survey.kinds import kind_of
 
 from ..parameters.scene_values import check_followed
 from .pictures import picture_of
-from .record_field import About, RecordField
+from .record_field import FieldLinearised, RecordField
 
 PER_INTENSITY = 10 / np.log(10)    # dB
 
@@ -29,7 +29,7 @@ class LevelProducts:
         with dr.resume_grad():
             check_followed(scene)
         field = RecordField(picture_of(scene, sensor, integrator), sensor.own_seed(seed))
-        self._about: About = field.about()
+        self._about: FieldLinearised = field.about()
         intensity = self._about.value
         self._slope = np.divide(PER_INTENSITY, intensity, out=np.zeros_like(intensity), where=intensity > 0)
         order = kind_of(sensor).rows(np.arange(intensity.size).reshape(field.shape))

@@ -6,7 +6,7 @@ E_r -> first-hit echoes of rays that stay the same (`energy_field`), P L -> puls
 echoes of several bounces, of the water and with phases, N -> noise; the last two are constant. Seabeds have normals
 that are interpolated between nodes, in values and in gradients: with facets neither would be smooth.
 
-Gradients are those of Dr.Jit by arrays in the scene; the owner of the leaves asks `About` for products.
+Gradients are those of Dr.Jit by arrays in the scene; the owner of the leaves asks `FieldLinearised` for products.
 """
 from __future__ import annotations
 
@@ -59,9 +59,9 @@ class RecordField:
             sums = [_array(energy.sums(scenery, block, energy.kept(scenery, block))) for block in energy.blocks]
         return self._linear(picture, sums) + self.still
 
-    def about(self) -> About:
+    def about(self) -> FieldLinearised:
         """Return the record about the present scene, with products by its Jacobian."""
-        return About(self)
+        return FieldLinearised(self)
 
     def samplers(self, scenery: Scenery) -> Samplers | None:
         """Return samplers of points on lines that move with attached parameters, or None if none moves."""
@@ -96,7 +96,7 @@ class RecordField:
         return (self._picture.transposed(cotangent.reshape(self.shape)) * self.energy.unit).ravel()
 
 
-class About:
+class FieldLinearised:
     """Hold a record about the present scene."""
     # value (N,) [µPa²]
 

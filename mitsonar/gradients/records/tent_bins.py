@@ -12,7 +12,7 @@ import mitsuba as mi
 
 from mitsonar.device.arrays import held, upload
 from mitsonar.survey.energy.energy_bins import EnergyBins
-from mitsonar.survey.energy.first_hits import Echoes
+from mitsonar.survey.energy.first_hits import HitEchoes
 
 
 class TentBins:
@@ -28,7 +28,7 @@ class TentBins:
         inside = valid & (place > -0.5) & (place < self._count + 0.5)
         return mi.UInt32(held(place, 0.0, self._count - 1)), inside
 
-    def add(self, sums: mi.Float64, echoes: Echoes) -> None:
+    def add(self, sums: mi.Float64, echoes: HitEchoes) -> None:
         """Add echoes to sums (rows x bins,) [1/m²], relative to 10^(SL/10)."""
         energy = echoes.units * dr.gather(mi.Float64, self._unit, echoes.bin, echoes.active)
         place = self._bins.place(echoes.delay) - 0.5

@@ -18,7 +18,7 @@ import numpy as np
 from scipy import sparse
 
 from mitsonar.hydrography.detection.sounding_beams import SoundingBeams
-from mitsonar.hydrography.reduction.legs import Leg, Starts
+from mitsonar.hydrography.reduction.legs import RayLeg, Starts
 from mitsonar.propagation.numpy_rays.profile_derivatives import passage_derivatives
 from mitsonar.water.profile import SoundSpeedProfile
 
@@ -46,7 +46,7 @@ class Landing(NamedTuple):
 class _Over(NamedTuple):
     """Hold beams at depths, and the bed below or above them; `miss` is the bed's depth less the beam's."""
 
-    leg: Leg
+    leg: RayLeg
     distance: np.ndarray
     shares: BedShares
     miss: np.ndarray

@@ -34,7 +34,7 @@ LEAST_SCORE = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
-class Echoes:
+class BottomEchoes:
     """Sums over short blocks of samples."""
 
     power: np.ndarray  # (B, N) [µPa²]: mean over a block of (|a|² + |b|²)/2 and of Re(a b*)
@@ -45,21 +45,21 @@ class Echoes:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Track:
+class BottomTrack:
     """The bed, roughly."""
 
     time: np.ndarray  # (B,) [s]
     seen: np.ndarray  # (B,): whether there is an echo at all
 
 
-def reduced(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, pulse_length: float) -> Echoes:
+def reduced(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, pulse_length: float) -> BottomEchoes:
     """Sum powers and products of both halves over blocks of about a pulse's length."""
     step = float(time[1] - time[0])
     size = int(np.clip(round(pulse_length / step), 1, max(1, len(time) // 200)))
     blocks = len(time) // size
     a, b = (_as_pairs(half[:, :blocks * size], blocks) for half in halves)
     power = (np.einsum("bnk,bnk->bn", a, a) + np.einsum("bnk,bnk->bn", b, b)) / (2 * size)
-    return Echoes(power=power, common=np.einsum("bnk,bnk->bn", a, b) / size, start=float(time[0]) - step / 2,
+    return BottomEchoes(power=power, common=np.einsum("bnk,bnk->bn", a, b) / size, start=float(time[0]) - step / 2,
                   step=size * step, echoes=_independent(size, step / pulse_length))
 
 
@@ -74,15 +74,15 @@ def _independent(size: int, spacing: float) -> float:
     return size ** 2 / float(np.exp(-np.pi * lags ** 2).sum())
 
 
-def noise_level(echoes: Echoes) -> float:
+def noise_level(echoes: BottomEchoes) -> float:
     """Estimate the noise [µPa²] in the whole beam from the quietest tenth of all blocks."""
     whole = (echoes.power + echoes.common) / 2
     quiet = np.partition(whole, whole.size // 10, axis=None)[whole.size // 10]
     return float(quiet / (special.gammaincinv(echoes.echoes, 0.1) / echoes.echoes))
 
 
-def track(echoes: Echoes, sines: np.ndarray, widths: np.ndarray, noise: float,
-          gate: tuple[float, float]) -> Track:
+def track(echoes: BottomEchoes, sines: np.ndarray, widths: np.ndarray, noise: float,
+          gate: tuple[float, float]) -> BottomTrack:
     """Track the bed through the beams."""
     # sines (B,); widths (B,) [rad]; noise [µPa²]; gate [s]
     together = -(-len(sines) // ROWS)
@@ -99,10 +99,11 @@ def track(echoes: Echoes, sines: np.ndarray, widths: np.ndarray, noise: float,
     seen = ndimage.uniform_filter1d(score[rows, chosen], SMOOTHED, mode="nearest") > LEAST_SCORE
     group = np.repeat(rows, count)
     own = np.cos(np.arcsin(np.clip(sines, -0.9999, 0.9999)))
-    return Track(time=np.clip(guess[group] * np.cos(angle)[group] / own, *gate), seen=seen[group])
+    return BottomTrack(time=np.clip(guess[group] * np.cos(angle)[group] / own, *gate), seen=seen[group])
 
 
-def _scores(echoes: Echoes, power: np.ndarray, common: np.ndarray, angle: np.ndarray, width: np.ndarray, noise: float,
+def _scores(echoes: BottomEchoes, power: np.ndarray, common: np.ndarray, angle: np.ndarray, width: np.ndarray,
+            noise: float,
             gate: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
     """Return the scores (G, Z), and log(t cos θ) of the cells (Z,)."""
     cosine, blocks = np.cos(angle), power.shape[1]

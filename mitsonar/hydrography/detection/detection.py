@@ -24,7 +24,7 @@ from .amplitude_detection import (
     refined_centre,
     slopes,
 )
-from .bottom_track import CELL, Echoes, Track, noise_level, reduced, track
+from .bottom_track import CELL, BottomEchoes, BottomTrack, noise_level, reduced, track
 from .phase_detection import by_phase, no_phase
 from .quality import GAUSSIAN_WIDTH, angle_deviation, quality_factor
 from .windows import Windows, windows_about
@@ -138,7 +138,8 @@ def detect(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, sines: np
     rough = track(sums, sines, widths, noise, gate)
     if without is not None:
         rough = replace(rough, seen=rough.seen & ~without)
-    fan = _Fan(halves=halves, time=time, angle=np.arcsin(sines), rms=widths / GAUSSIAN_WIDTH, noise=noise, head=head)
+    fan = _DetectionFan(halves=halves, time=time, angle=np.arcsin(sines), rms=widths / GAUSSIAN_WIDTH, noise=noise,
+                        head=head)
     brightest, amplitude, incidence = _amplitudes(fan, rough)
     phase = (by_phase(halves, time, amplitude.time, np.tan(incidence), sines, widths, head.baseline, head.pulse_length)
              if head.baseline else no_phase(amplitude.time))
@@ -172,7 +173,7 @@ def detect(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, sines: np
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Fan:
+class _DetectionFan:
     """A ping's beams, the beams' angles and rms widths (B,) [rad], and the noise [µPa²]."""
 
     halves: tuple[np.ndarray, np.ndarray]
@@ -183,7 +184,7 @@ class _Fan:
     head: Head
 
 
-def _amplitudes(fan: _Fan, rough: Track) -> tuple[np.ndarray, AmplitudeDetections, np.ndarray]:
+def _amplitudes(fan: _DetectionFan, rough: BottomTrack) -> tuple[np.ndarray, AmplitudeDetections, np.ndarray]:
     """Detect by amplitude about a track; give where beams are brightest there (B,) [s], and the incidence (B,) too."""
     pulse = fan.head.pulse_length
     incidence = incidences(np.log(rough.time), fan.angle, rough.seen, fan.angle)
@@ -200,7 +201,7 @@ def _amplitudes(fan: _Fan, rough: Track) -> tuple[np.ndarray, AmplitudeDetection
     return fan.time[windows.place_of_greatest(intensity)], amplitude, incidence
 
 
-def _aside(fan: _Fan, centre: np.ndarray, incidence: np.ndarray) -> np.ndarray:
+def _aside(fan: _DetectionFan, centre: np.ndarray, incidence: np.ndarray) -> np.ndarray:
     """Return how far an amplitude's times (B,) [s] are off as its echo comes from beside the axis.
 
     The phase between both halves tells where the echo has its middle. What speckle moves that by is 0 here: it is in
@@ -218,7 +219,7 @@ def _aside(fan: _Fan, centre: np.ndarray, incidence: np.ndarray) -> np.ndarray:
 
 
 def _finite(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray,
-            pulse_length: float) -> tuple[tuple[np.ndarray, np.ndarray], Echoes]:
+            pulse_length: float) -> tuple[tuple[np.ndarray, np.ndarray], BottomEchoes]:
     """Return the halves as complex64 without what is not finite, and their sums over blocks."""
     port, starboard = (np.ascontiguousarray(half, np.complex64) for half in halves)
     sums = reduced((port, starboard), time, pulse_length)

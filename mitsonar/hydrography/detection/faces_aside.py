@@ -15,7 +15,7 @@ import numpy as np
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Seen:
+class AsideSeen:
     """Echoes as the body's origin would see them, (B,) each."""
 
     travel_time: np.ndarray  # [s]: both ways
@@ -33,7 +33,7 @@ class AsideFace:
     axis: np.ndarray  # (3,): a, up along the face, and b
     normal: np.ndarray  # (3,): a, up along the face, and b
 
-    def seen(self, sine: np.ndarray, time: np.ndarray, sound_speed: float) -> Seen:
+    def seen(self, sine: np.ndarray, time: np.ndarray, sound_speed: float) -> AsideSeen:
         """Return echoes of sines (B,) and times (B,) [s] from the centre, at a sound speed [m/s]."""
         sine = np.clip(sine, -1, 1)
         towards = sine[:, None] * self.axis + np.sqrt(1 - sine ** 2)[:, None] * self.normal
@@ -44,5 +44,5 @@ class AsideFace:
             distance = np.linalg.norm(place, axis=1)
             forward, starboard, down = place.T / distance
         side = np.sign(self.normal[1]) or 1.0
-        return Seen(travel_time=2 * distance / sound_speed, angle=np.arcsin(np.clip(starboard, -1, 1)),
+        return AsideSeen(travel_time=2 * distance / sound_speed, angle=np.arcsin(np.clip(starboard, -1, 1)),
                     transmit_angle=np.arcsin(np.clip(forward, -1, 1)), depression=np.arctan2(down, side * starboard))

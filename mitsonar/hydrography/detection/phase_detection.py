@@ -56,7 +56,7 @@ def by_phase(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, centre: np
     """Detect by the zero crossing."""
     # halves (B, T); time (T,) [s]; centre (B,) [s]; slope (B,); sines (B,); widths (B,) [rad]; baseline [wavelengths];
     # pulse_length [s]
-    beams = _Beams(halves=halves, time=time, sines=sines, spread=widths * np.sqrt(1 - sines ** 2),
+    beams = _PhaseBeams(halves=halves, time=time, sines=sines, spread=widths * np.sqrt(1 - sines ** 2),
                    turn=np.full(len(centre), 2 * np.pi * baseline), spacing=SIDE_BY_SIDE * pulse_length)
     incidence = np.arctan(np.where(np.abs(slope) < 0.02, 0.02, slope))
     half = centre * np.abs(np.tan(incidence)) * widths * 1.5 * REACHES[0]
@@ -74,7 +74,7 @@ def by_phase(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, centre: np
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Beams:
+class _PhaseBeams:
     """What is fitted to: both halves, times, sines, widths [sine], 2π d, and the time between echoes apart [s]."""
 
     halves: tuple[np.ndarray, np.ndarray]
@@ -84,15 +84,15 @@ class _Beams:
     turn: np.ndarray
     spacing: float
 
-    def samples(self, centre: np.ndarray, half: np.ndarray) -> _Samples:
+    def samples(self, centre: np.ndarray, half: np.ndarray) -> _PhaseSamples:
         """Take the samples about a time of every beam."""
         windows = windows_about(self.time, centre, half + self.spacing)
         port, starboard = (windows.taken(record).astype(complex) for record in self.halves)
-        return _Samples(product=starboard * np.conj(port), power=(np.abs(port) ** 2 + np.abs(starboard) ** 2) / 2,
+        return _PhaseSamples(product=starboard * np.conj(port), power=(np.abs(port) ** 2 + np.abs(starboard) ** 2) / 2,
                         instants=self.time[windows.sample], windows=windows)
 
 
-def _settled(beams: _Beams, centre: np.ndarray, incidence: np.ndarray,
+def _settled(beams: _PhaseBeams, centre: np.ndarray, incidence: np.ndarray,
              half: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Centre the widest window on the crossing; give its time, the incidence, and whether it rests."""
     samples = beams.samples(centre, half)
@@ -112,7 +112,7 @@ def _settled(beams: _Beams, centre: np.ndarray, incidence: np.ndarray,
     return found, incidence, ok
 
 
-def _measured(beams: _Beams, found: np.ndarray, incidence: np.ndarray, reach: float, least: float,
+def _measured(beams: _PhaseBeams, found: np.ndarray, incidence: np.ndarray, reach: float, least: float,
               settled: np.ndarray) -> PhaseDetections:
     """Measure the crossing in one window, and how well it is known."""
     tangent = np.abs(np.tan(incidence))
@@ -161,7 +161,7 @@ def no_phase(time: np.ndarray) -> PhaseDetections:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Samples:
+class _PhaseSamples:
     product: np.ndarray
     power: np.ndarray
     instants: np.ndarray
@@ -169,7 +169,7 @@ class _Samples:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Fit:
+class _PhaseFit:
     """Crossing of the phase [sine], its slope, its variance there [rad²] of samples each for itself, and counts."""
 
     crossing: np.ndarray
@@ -180,7 +180,7 @@ class _Fit:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Turned:
+class _TurnedPhase:
     """Samples (W,) turned back by a line of the slope expected, and that line's best offset (B,) [rad]."""
 
     x: np.ndarray
@@ -189,8 +189,8 @@ class _Turned:
     offset: np.ndarray
 
 
-def _turned(samples: _Samples, found: np.ndarray, incidence: np.ndarray, sines: np.ndarray, reach: np.ndarray,
-            turn: np.ndarray) -> _Turned:
+def _turned(samples: _PhaseSamples, found: np.ndarray, incidence: np.ndarray, sines: np.ndarray, reach: np.ndarray,
+            turn: np.ndarray) -> _TurnedPhase:
     """Find the offset of a line of slope ``turn`` about a time of every beam; nothing needs to be unwrapped."""
     beam = samples.windows.beam
     x = _offsets(samples.instants, found, incidence, sines, beam)
@@ -199,10 +199,10 @@ def _turned(samples: _Samples, found: np.ndarray, incidence: np.ndarray, sines: 
     phase = turn[beam] * x
     product = np.where(inside, samples.product, 0.0) * (np.cos(phase) - 1j * np.sin(phase))
     offset = np.angle(samples.windows.summed(product))
-    return _Turned(x=x, inside=inside, product=product * np.exp(-1j * offset)[beam], offset=offset)
+    return _TurnedPhase(x=x, inside=inside, product=product * np.exp(-1j * offset)[beam], offset=offset)
 
 
-def _fitted(samples: _Samples, turned: _Turned, turn: np.ndarray, block: int) -> _Fit:
+def _fitted(samples: _PhaseSamples, turned: _TurnedPhase, turn: np.ndarray, block: int) -> _PhaseFit:
     """Fit the line's offset and slope, by one step from the line of slope ``turn``."""
     windows, beam, x, product = samples.windows, samples.windows.beam, turned.x, turned.product
     size, across = np.abs(product), np.imag(product)
@@ -223,7 +223,7 @@ def _fitted(samples: _Samples, turned: _Turned, turn: np.ndarray, block: int) ->
         variance = windows.summed(windows.smoothed(pull, length) ** 2) / length
         power = windows.summed(np.where(turned.inside, samples.power, 0.0))
         coherence = np.hypot(windows.summed(np.real(product)), e0) / power
-    return _Fit(crossing=crossing, turn=turn + slope, variance=variance, coherence=np.nan_to_num(coherence),
+    return _PhaseFit(crossing=crossing, turn=turn + slope, variance=variance, coherence=np.nan_to_num(coherence),
                 count=windows.summed(turned.inside.astype(float)))
 
 

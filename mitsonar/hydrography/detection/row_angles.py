@@ -26,7 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["RowAngles", "Rows", "sector_of"]
+__all__ = ["RowAngles", "ReceiverRows", "sector_of"]
 
 PER_PERIOD = 8                     # sines tried in the shortest period of (1)
 STEPS = 4                          # of Newton's method
@@ -66,7 +66,7 @@ class RowAngles:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Rows:
+class ReceiverRows:
     """Rows of receivers.
 
     Parameters

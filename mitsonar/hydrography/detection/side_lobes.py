@@ -18,14 +18,14 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from .bottom_track import Echoes
+from .bottom_track import BottomEchoes
 
 MARGIN = 4.0
 AROUND = 5                         # widths of a beam over which beams decide together
 HIGHEST = 0.01                     # of the pattern: nearer side lobes hear much the same bed near normal incidence
 
 
-def mean_between(echoes: Echoes, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+def mean_between(echoes: BottomEchoes, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
     """Return the mean intensities (J, B) [µPa²] of J beams between times (B,) [s]."""
     whole = (echoes.power + echoes.common) / 2
     total = np.concatenate([np.zeros((len(whole), 1)), np.cumsum(whole, axis=1)], axis=1)

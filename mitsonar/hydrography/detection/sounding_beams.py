@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 
 from ..record import check
-from ..reduction.attitude import Motion
+from ..reduction.attitude import PlatformMotion
 from ..reduction.legs import Starts
 from ..reduction.resounding import heads_of, installation_of, measured_of, parts_of, profile_of
 
@@ -90,7 +90,7 @@ class SoundingBeams:
 def beams_of(soundings: xr.Dataset, under_way: bool = True) -> SoundingBeams:
     """Take the beams of the valid soundings out of a line."""
     check(soundings)
-    motion, measured, profile = Motion.of(soundings), measured_of(soundings), profile_of(soundings)
+    motion, measured, profile = PlatformMotion.of(soundings), measured_of(soundings), profile_of(soundings)
     shape = soundings["valid"].shape
     start, bed = np.full((*shape, 3), np.nan), np.stack([soundings[name].values for name in ("x", "y", "depth")], -1)
     for number, pings in heads_of(soundings):

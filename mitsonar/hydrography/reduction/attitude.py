@@ -25,7 +25,7 @@ Angles = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Pose:
+class PlatformPose:
     """A place and an attitude.
 
     Attributes
@@ -65,7 +65,7 @@ def mounted(vector: np.ndarray, angles: Angles) -> Angles:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Motion:
+class PlatformMotion:
     """Samples of the motion sensors.
 
     Parameters
@@ -108,11 +108,11 @@ class Motion:
                              f"{self.time[back[0]]:.9g} s; sort the samples and drop repeated times.")
 
     @classmethod
-    def of(cls, soundings: xr.Dataset) -> Motion:
+    def of(cls, soundings: xr.Dataset) -> PlatformMotion:
         """Take the motion out of a line of soundings."""
         return cls(**{one.name: soundings[f"motion_{one.name}"].values for one in fields(cls)})
 
-    def at(self, time: np.ndarray) -> Pose:
+    def at(self, time: np.ndarray) -> PlatformPose:
         """Return the pose at times (...) [s]; NaN where the time is."""
         time = np.asarray(time, float)
         inside = np.clip(time, self.time[0], self.time[-1])
@@ -120,7 +120,7 @@ class Motion:
             values = self._rows[0] + 0 * inside[..., None]
         else:
             values = self._spline(inside) + (time - inside)[..., None] * self._spline(inside, 1)
-        return Pose(place=values[..., :3], roll=values[..., 3], pitch=values[..., 4], heading=values[..., 5])
+        return PlatformPose(place=values[..., :3], roll=values[..., 3], pitch=values[..., 4], heading=values[..., 5])
 
     @property
     def _rows(self) -> np.ndarray:

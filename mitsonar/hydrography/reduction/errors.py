@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from mitsonar.water.profile import SoundSpeedProfile
 
-from .attitude import Motion
+from .attitude import PlatformMotion
 from .reduction import Installation, Located, Measured, located
 
 __all__ = ["Errors", "Reduction", "disturbed", "errors"]
@@ -44,7 +44,7 @@ class Reduction:
         False of the truth: the true profile holds the head's speed already.
     """
 
-    motion: Motion
+    motion: PlatformMotion
     installation: Installation
     profile: SoundSpeedProfile
     head_speed: ArrayLike | None = None
@@ -113,7 +113,7 @@ def errors(measured: Measured, true: Reduction, used: Reduction, bed: Bed, *,
                               error_refraction=refraction - detection, error_motion=motion - refraction)
 
 
-def disturbed(motion: Motion, *, latency: float = 0.0, **added: ArrayLike) -> Motion:
+def disturbed(motion: PlatformMotion, *, latency: float = 0.0, **added: ArrayLike) -> PlatformMotion:
     """Make the motion that sensors tell out of the true one.
 
     Parameters
@@ -129,7 +129,7 @@ def disturbed(motion: Motion, *, latency: float = 0.0, **added: ArrayLike) -> Mo
     ValueError
         If a name is none of these.
     """
-    names = {one.name for one in fields(Motion)} - {"time"}
+    names = {one.name for one in fields(PlatformMotion)} - {"time"}
     unknown = sorted(set(added) - names)
     if unknown:
         raise ValueError(f"a motion has no {unknown[0]}; give {', '.join(sorted(names))} or latency.")

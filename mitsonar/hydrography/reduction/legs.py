@@ -55,7 +55,7 @@ def crossed(slowness: np.ndarray, thickness: np.ndarray, upper_speed: np.ndarray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Column:
+class LayerColumn:
     """The layers between some nodes of a profile."""
 
     first: int  # number of the topmost of the nodes
@@ -64,7 +64,7 @@ class Column:
 
     @staticmethod
     @lru_cache(maxsize=64)
-    def of(profile: SoundSpeedProfile, first: int, last: int) -> Column:
+    def of(profile: SoundSpeedProfile, first: int, last: int) -> LayerColumn:
         """Make the table of the layers between two nodes, by their numbers."""
         depth, speed = profile.depth[first:last + 1], profile.sound_speed[first:last + 1]
         fastest = float(speed.max())
@@ -76,7 +76,7 @@ class Column:
         to_coefficients = np.linalg.inv(np.polynomial.chebyshev.chebvander(place, COEFFICIENTS - 1))
         table = np.ascontiguousarray(np.einsum("cm,qmk->kqc", to_coefficients, sums))
         table.flags.writeable = False
-        return Column(first=first, fastest=fastest, table=table)
+        return LayerColumn(first=first, fastest=fastest, table=table)
 
     def knows(self, slowness: np.ndarray) -> np.ndarray:
         """Return whether rays are steep enough for the table."""
@@ -95,7 +95,7 @@ BLOCK = 2048                       # rays at a time: their layers stay in the pr
 FEW = 24                           # layers that are crossed one by one; more by the table of `columns`
 
 
-class Leg(NamedTuple):
+class RayLeg(NamedTuple):
     """Rays from their starts to a depth each: (N,), NaN where a ray turns before.
 
     ``stretch`` is x / p and ``slope`` dx/dp [m²/s]; ``sine`` and ``speed`` are those at the end.
@@ -109,7 +109,7 @@ class Leg(NamedTuple):
     speed: np.ndarray
 
     @classmethod
-    def joined(cls, blocks: list[Leg]) -> Leg:
+    def joined(cls, blocks: list[RayLeg]) -> RayLeg:
         """Put blocks of rays one after another."""
         return cls(*map(np.concatenate, zip(*blocks)))
 
@@ -145,10 +145,10 @@ class Starts:
         return Starts(profile=SoundSpeedProfile(-self.profile.depth[::-1], self.profile.sound_speed[::-1]),
                       depth=-self.depth, head_speed=self.head_speed)
 
-    def to_depth(self, slowness: np.ndarray, depth: np.ndarray) -> Leg:
+    def to_depth(self, slowness: np.ndarray, depth: np.ndarray) -> RayLeg:
         """Follow rays of horizontal slowness (N,) [s/m] down to depths (N,) [m]."""
         parts = range(0, len(depth), BLOCK)
-        return Leg.joined([self[i:i + BLOCK]._cross(slowness[i:i + BLOCK], depth[i:i + BLOCK]) for i in parts])
+        return RayLeg.joined([self[i:i + BLOCK]._cross(slowness[i:i + BLOCK], depth[i:i + BLOCK]) for i in parts])
 
     def depth_after(self, slowness: np.ndarray, time: np.ndarray) -> np.ndarray:
         """Follow rays that start downwards for a time (N,) [s]: depth (N,) [m], NaN of a ray that turned by then."""
@@ -183,28 +183,28 @@ class Starts:
         """Depth (N,) of the cast's next node below the head's; infinite where there is none."""
         return np.r_[self.profile.depth, np.inf][np.searchsorted(self.profile.depth, self.depth + SAME_DEPTH)]
 
-    def _cross(self, slowness: np.ndarray, depth: np.ndarray) -> Leg:
+    def _cross(self, slowness: np.ndarray, depth: np.ndarray) -> RayLeg:
         first, last = self._nodes(depth)
         if last - first > FEW:
-            column = Column.of(self.profile, first, last - 1)
+            column = LayerColumn.of(self.profile, first, last - 1)
             known = column.knows(slowness) & np.isfinite(depth) & np.isfinite(self.depth)
             if known.all():
                 return self._cross_column(column, slowness, depth)
-            legs = np.full((len(Leg._fields), len(depth)), np.nan)
+            legs = np.full((len(RayLeg._fields), len(depth)), np.nan)
             legs[:, known] = self[known]._cross_column(column, slowness[known], depth[known])
             legs[:, ~known] = self[~known]._cross_layers(slowness[~known], depth[~known])
-            return Leg(*legs)
+            return RayLeg(*legs)
         return self._cross_layers(slowness, depth)
 
-    def _cross_layers(self, slowness: np.ndarray, depth: np.ndarray) -> Leg:
+    def _cross_layers(self, slowness: np.ndarray, depth: np.ndarray) -> RayLeg:
         """Cross layer by layer."""
         edges, speed = self._edges(depth)
         sums = [one.sum(1) for one in crossed(slowness[:, None], np.diff(edges), speed[:, :-1], speed[:, 1:])]
         with np.errstate(invalid="ignore"):
             sine = np.sqrt(1 - (slowness * speed[:, -1])**2)
-        return Leg(sums[0], sums[1], sums[2], sums[3], sine, speed[:, -1])
+        return RayLeg(sums[0], sums[1], sums[2], sums[3], sine, speed[:, -1])
 
-    def _cross_column(self, column: Column, slowness: np.ndarray, depth: np.ndarray) -> Leg:
+    def _cross_column(self, column: LayerColumn, slowness: np.ndarray, depth: np.ndarray) -> RayLeg:
         """Cross a piece of a layer, whole layers by the table, and another piece."""
         nodes, near = self.profile.depth, SAME_DEPTH if self.head_speed is not None else 0.0
         upper = np.searchsorted(nodes, self.depth + near)
@@ -218,7 +218,7 @@ class Starts:
         sums += column.between(slowness, np.where(whole, upper, column.first), np.where(whole, lower, column.first))
         with np.errstate(invalid="ignore"):
             sine = np.sqrt(1 - (slowness * speed[:, -1])**2)
-        return Leg(sums[0], sums[1], sums[2], sums[3], sine, speed[:, -1])
+        return RayLeg(sums[0], sums[1], sums[2], sums[3], sine, speed[:, -1])
 
     def _run(self, slowness: np.ndarray, time: np.ndarray) -> np.ndarray:
         fastest = max(float(self.profile.sound_speed.max()), float(np.max(self.speed, initial=0)))

@@ -34,7 +34,7 @@ FLATTEST = 1e-4                    # least sine of a ray that is followed: flatt
 
 
 @dataclass(frozen=True, kw_only=True)
-class Head:
+class RayHead:
     """The arrays in one ping, level axes along the heading: forward, starboard, down."""
 
     depth: float  # [m]: of the middle between the arrays
@@ -44,7 +44,7 @@ class Head:
     receive: np.ndarray  # (3,): unit vectors along the arrays at the transmission
 
 
-def head_of(line: xr.Dataset, ping: int) -> Head:
+def head_of(line: xr.Dataset, ping: int) -> RayHead:
     """Return where the arrays of a ping are, and how they lie."""
     one = _with_head(line[[name for name in (*HELD, *SEVERAL) if name in line]].isel(ping=ping))
     held = float(one["ping_roll"]), float(one["ping_pitch"]), 0.0
@@ -53,7 +53,7 @@ def head_of(line: xr.Dataset, ping: int) -> Head:
     speed = float(one["head_sound_speed"])
     if not speed > 0:
         speed = float(np.interp(0.0, one["cast_depth"].values, one["cast_sound_speed"].values))
-    return Head(depth=float(np.nan_to_num(one["ping_depth"])) + float(middle[2]), across=float(middle[1]),
+    return RayHead(depth=float(np.nan_to_num(one["ping_depth"])) + float(middle[2]), across=float(middle[1]),
                 sound_speed=speed, transmit=along[0], receive=along[1])
 
 
@@ -76,7 +76,7 @@ def _mounting(line: xr.Dataset, name: str) -> np.ndarray:
     return _turned(np.eye(3)[("transmit", "receive").index(name)], *line[f"{name}_mounting"].values)
 
 
-def receiving_axes(line: xr.Dataset, ping: int, head: Head, time: np.ndarray) -> np.ndarray:
+def receiving_axes(line: xr.Dataset, ping: int, head: RayHead, time: np.ndarray) -> np.ndarray:
     """Return the directions of the receive array when echoes return."""
     # time (N,) [s] -> (N, 3)
     when = float(line["ping_time"][ping]) + time
@@ -95,7 +95,8 @@ def receiving_axes(line: xr.Dataset, ping: int, head: Head, time: np.ndarray) ->
     return axes
 
 
-def launches(head: Head, angle: ArrayLike, transmit_angle: ArrayLike, receive: np.ndarray | None = None) -> np.ndarray:
+def launches(head: RayHead, angle: ArrayLike, transmit_angle: ArrayLike,
+             receive: np.ndarray | None = None) -> np.ndarray:
     """Return the directions of beams at the head."""
     # angle, transmit_angle (N,) [rad]; receive (N, 3) -> (N, 3)
     received, sent = np.sin(np.asarray(angle, float)), np.sin(np.nan_to_num(np.asarray(transmit_angle, float)))
@@ -109,7 +110,7 @@ def launches(head: Head, angle: ArrayLike, transmit_angle: ArrayLike, receive: n
     return along + rest[:, None] * normal / np.linalg.norm(normal, axis=1)[:, None]
 
 
-def used_profile(line: xr.Dataset, head: Head) -> SoundSpeedProfile:
+def used_profile(line: xr.Dataset, head: RayHead) -> SoundSpeedProfile:
     """Return the profile that the soundings of a ping were made with: the cast, and the head's own speed as its node.
 
     Below the cast's last node, where there is none to go to, rays see the cast at once
@@ -168,7 +169,7 @@ def layer_sums(profile: SoundSpeedProfile, depth: float, slowness: np.ndarray,
     return edges, np.cumsum(np.hstack([before, ways]), axis=1), np.cumsum(np.hstack([before, times]), axis=1)
 
 
-def refraction_error(used: SoundSpeedProfile, water: SoundSpeedProfile, head: Head, bed: float,
+def refraction_error(used: SoundSpeedProfile, water: SoundSpeedProfile, head: RayHead, bed: float,
                      angle: np.ndarray) -> np.ndarray:
     """Return by ray theory what a wrong profile does to soundings of a level bed.
 

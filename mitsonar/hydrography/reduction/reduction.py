@@ -26,8 +26,8 @@ from numpy.typing import ArrayLike
 
 from mitsonar.water.profile import SoundSpeedProfile
 
-from .attitude import Motion, Pose, mounted
-from .legs import Leg, Starts
+from .attitude import PlatformMotion, PlatformPose, mounted
+from .legs import RayLeg, Starts
 
 STEPS = 24
 CLOSE = 1e-5                       # [m]: the next step is shorter than the square of this over the range
@@ -140,7 +140,7 @@ class Located:
         return np.isfinite(self.depth)
 
 
-def located(measured: Measured, motion: Motion, installation: Installation, profile: SoundSpeedProfile, *,
+def located(measured: Measured, motion: PlatformMotion, installation: Installation, profile: SoundSpeedProfile, *,
             head_speed: ArrayLike | None = None, node: bool = True, under_way: bool = True) -> Located:
     """Return the places of soundings.
 
@@ -217,7 +217,7 @@ class _Legs:
     time: np.ndarray
 
     @classmethod
-    def of(cls, measured: Measured, motion: Motion, installation: Installation, profile: SoundSpeedProfile,
+    def of(cls, measured: Measured, motion: PlatformMotion, installation: Installation, profile: SoundSpeedProfile,
            node: np.ndarray | None, head: np.ndarray, under_way: bool) -> _Legs:
         sent, received = (motion.at(measured.transmit_time + part * measured.travel_time) for part in (0, 1))
         if not under_way:
@@ -294,7 +294,7 @@ def _share(sides: list[_Side], step: np.ndarray, z: np.ndarray, time: np.ndarray
 
 
 def _step(sides: list[_Side], time: np.ndarray, x: np.ndarray, y: np.ndarray, z: np.ndarray,
-          slow: list[Plane]) -> tuple[np.ndarray, list[Plane], list[Leg]]:
+          slow: list[Plane]) -> tuple[np.ndarray, list[Plane], list[RayLeg]]:
     """One step of Newton's: of B and z (3, N), of both slownesses, and the legs before the step."""
     equations, answers, legs, rest = [], [], [], time.copy()
     timing = np.zeros((3, len(z)))
@@ -306,7 +306,7 @@ def _step(sides: list[_Side], time: np.ndarray, x: np.ndarray, y: np.ndarray, z:
             vertical = np.sqrt(1 / side.starts.speed**2 - p * p)
             per_depth = leg.speed / leg.sine
             bend = (1 / leg.slope - 1 / leg.stretch) / np.where(p > 1e-12, p * p, np.inf)
-            turn = _Turn(1 / leg.stretch + bend * qx * qx, bend * qx * qy, 1 / leg.stretch + bend * qy * qy)
+            turn = _AttitudeTurn(1 / leg.stretch + bend * qx * qx, bend * qx * qy, 1 / leg.stretch + bend * qy * qy)
             a, b, down = side.axis.T
             normal = turn.of((a - down * qx / vertical, b - down * qy / vertical))
             equations.append(np.stack([*normal, -(normal[0] * qx + normal[1] * qy) * per_depth]))
@@ -323,7 +323,7 @@ def _step(sides: list[_Side], time: np.ndarray, x: np.ndarray, y: np.ndarray, z:
 
 
 @dataclass(frozen=True, eq=False)
-class _Turn:
+class _AttitudeTurn:
     """The symmetric Q of N legs."""
 
     xx: np.ndarray
@@ -344,7 +344,7 @@ def _solved_three(rows: list[np.ndarray], answers: list[np.ndarray]) -> np.ndarr
         return sum(k * cross for k, cross in zip(answers, crosses)) / (a * crosses[0]).sum(0)
 
 
-def _answer(sides: list[_Side], slow: list[tuple[np.ndarray, np.ndarray]], ends: list[Leg], todo: np.ndarray,
+def _answer(sides: list[_Side], slow: list[tuple[np.ndarray, np.ndarray]], ends: list[RayLeg], todo: np.ndarray,
             place: list[np.ndarray], z: np.ndarray) -> np.ndarray:
     """The rows of `Located` of soundings that are found; lengths and sines change by the last step's 1e-5 m alone."""
     out, back = ends
@@ -360,7 +360,7 @@ def _answer(sides: list[_Side], slow: list[tuple[np.ndarray, np.ndarray]], ends:
                      area, sides[0].starts.depth])
 
 
-def _about(reference: Pose, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _about(reference: PlatformPose, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Across and along track (2, N) of places about a pose."""
     east, north = x - reference.place[..., 0], y - reference.place[..., 1]
     sine, cosine = np.sin(reference.heading), np.cos(reference.heading)

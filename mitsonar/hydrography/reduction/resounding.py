@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from mitsonar.water.profile import SoundSpeedProfile
 
 from ..record import VARIABLES, check, variable
-from .attitude import Motion
+from .attitude import PlatformMotion
 from .reduction import Installation, Located, Measured, located
 
 __all__ = ["heads_of", "installation_of", "measured_of", "parts_of", "placed", "profile_of", "resounded"]
@@ -55,7 +55,7 @@ def resounded(soundings: xr.Dataset, profile: SoundSpeedProfile | None = None, h
     check(soundings)
     profile = profile_of(soundings) if profile is None else profile
     head = soundings["head_sound_speed"].values if head_speed is None else _speeds(head_speed, soundings)
-    motion, measured = Motion.of(soundings), measured_of(soundings)
+    motion, measured = PlatformMotion.of(soundings), measured_of(soundings)
     rows = {one.name: np.full(soundings["valid"].shape, np.nan) for one in fields(Located)}
     for number, pings in heads_of(soundings):
         for part, some in parts_of(soundings, pings):

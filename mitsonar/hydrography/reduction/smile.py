@@ -65,7 +65,7 @@ def smile_of_profile(true: SoundSpeedProfile, used: SoundSpeedProfile, head_dept
     ValueError
         If the bed is not below the head.
     """
-    ways = _Ways.to(true, head_depth, bed_depth, across, (used,))
+    ways = _SmileWays.to(true, head_depth, bed_depth, across, (used,))
     off = used.at(ways.depth) - ways.speed
     p, s, c = ways.slowness[..., None], ways.sines, ways.speed
     deeper = ways.end_speed * ways.end_sine * ways.integral((1 - 2 * (p * c) ** 2) / (c * c * s**3) * off)
@@ -94,7 +94,7 @@ def smile_of_head(true: SoundSpeedProfile, error: float, head_depth: float, bed_
     ValueError
         If the bed is not below the head.
     """
-    ways = _Ways.to(true, head_depth, bed_depth, across)
+    ways = _SmileWays.to(true, head_depth, bed_depth, across)
     slope = ways.integral(ways.speed / ways.sines**3)
     change = error / true.at(head_depth)
     deeper = ways.end_speed * ways.end_sine * ways.slowness**2 * slope * change
@@ -103,7 +103,7 @@ def smile_of_head(true: SoundSpeedProfile, error: float, head_depth: float, bed_
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Ways:
+class _SmileWays:
     """Rays from a head to a level bed, and points (Q,) of depth to integrate along them; sines are (..., Q)."""
 
     across: np.ndarray
@@ -115,7 +115,7 @@ class _Ways:
 
     @classmethod
     def to(cls, profile: SoundSpeedProfile, head_depth: float, bed_depth: float, across: ArrayLike,
-           others: tuple[SoundSpeedProfile, ...] = ()) -> _Ways:
+           others: tuple[SoundSpeedProfile, ...] = ()) -> _SmileWays:
         if not head_depth < bed_depth:
             raise ValueError(f"the bed at {bed_depth:g} m is not below the head at {head_depth:g} m; give depths that "
                              "increase downwards.")

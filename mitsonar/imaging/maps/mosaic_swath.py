@@ -20,7 +20,7 @@ PLACES = ("flat", "truth")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Ground:
+class MosaicGround:
     """Hold samples of the ground of some pings of one side."""
 
     place: np.ndarray  # (K, G, 2) [m]: on the map
@@ -29,7 +29,7 @@ class Ground:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Swath:
+class MosaicSwath:
     """Lay out one record."""
 
     record: xr.Dataset
@@ -40,7 +40,7 @@ class Swath:
     steepest: float  # [rad]: from nadir
 
     @classmethod
-    def of(cls, record: xr.Dataset, crs: str | None, place: str, steepest: float) -> "Swath":
+    def of(cls, record: xr.Dataset, crs: str | None, place: str, steepest: float) -> "MosaicSwath":
         """Lay out a record; see `map_places` for errors."""
         found = map_places(record, crs)
         time, scene = (np.asarray(record["ping_time"].values, float),
@@ -79,7 +79,7 @@ class Swath:
         (west, south), (east, north) = self.position.min(0) - around, self.position.max(0) + around
         return float(west), float(south), float(east), float(north)
 
-    def ground(self, some: slice, step: float) -> Iterator[tuple[int, Ground]]:
+    def ground(self, some: slice, step: float) -> Iterator[tuple[int, MosaicGround]]:
         """Sample the ground of some pings in steps [m]; side 0 is port."""
         ground_range = step * (np.arange(int(self.reach / step)) + 0.5)
         sample = self._flat if self.place == "flat" else self._true
@@ -127,5 +127,5 @@ class Swath:
         moved = np.einsum("pij,pgj->pgi", self.derivative[some], offset)
         there = there & (np.hypot(moved[..., 0], moved[..., 1]) <= self.around)      # false of NaN
         place = np.where(there[..., None], moved + self.position[some][:, None], np.nan)
-        return Ground(place=place, ground_range=ground_range,
+        return MosaicGround(place=place, ground_range=ground_range,
                       bin=np.where(there, number, 0).astype(np.int64))

@@ -18,12 +18,12 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 
-from mitsonar.hydrography.gridding import BLENDS, Cells, Grid
+from mitsonar.hydrography.gridding import BLENDS, GridCells, SoundingGrid
 from mitsonar.units import db_from_power, power_from_db
 
 from ..gain import AngleGain, display_gain
 from .georeference import FARTHEST, named_system, system
-from .mosaic_swath import PLACES, Ground, Swath
+from .mosaic_swath import PLACES, MosaicGround, MosaicSwath
 
 Gain = Literal["seabed", "target", "angle"] | None
 LEVELS = ("level", "mean_level")   # whose values are powers
@@ -33,16 +33,16 @@ FINEST = 0.6                       # cells between samples: below 1/√2 none is
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Line:
+class MosaicLine:
     """Say what of a record is laid out, and what is added to its levels."""
 
-    swath: Swath
+    swath: MosaicSwath
     quantity: str
     gain: Gain  # of levels
     angles: AngleGain | None  # of the whole record, for the gain by angle
 
     @classmethod
-    def of(cls, swath: Swath, quantity: str, gain: Gain) -> "Line":
+    def of(cls, swath: MosaicSwath, quantity: str, gain: Gain) -> "MosaicLine":
         """Lay out a quantity of a record."""
         by_angle = gain == "angle" and quantity in LEVELS
         return cls(swath=swath, quantity=quantity, gain=gain, angles=AngleGain.of(swath.record) if by_angle else None)
@@ -61,7 +61,7 @@ class Line:
         return power_from_db(values + display_gain(record, gain)[0][:, None])
 
 
-def samples(line: Line, cell: float, fill: float, *,
+def samples(line: MosaicLine, cell: float, fill: float, *,
             with_values: bool) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray | None]]:
     """Sample a record's ground, dense enough for cells [m]; pings farther apart than ``fill`` [m] leave a hole."""
     # -> place (N, 2) [m], ground_range (N,) [m], values (N,)
@@ -84,7 +84,7 @@ def samples(line: Line, cell: float, fill: float, *,
                 yield place[there][real], ranges[real], own[real]
 
 
-def _between(ground: Ground, cell: float, fill: float) -> Iterator[tuple[np.ndarray, bool]]:
+def _between(ground: MosaicGround, cell: float, fill: float) -> Iterator[tuple[np.ndarray, bool]]:
     """Places between each ping and the next, (K - 1, G, 2), and whether they show the former of the two."""
     if len(ground.place) == 1:
         yield ground.place, True
@@ -243,12 +243,12 @@ def mosaic(records: xr.Dataset | Sequence[xr.Dataset], cell: float | None = None
     options = {"place": place, "blend": blend, "gain": gain, "nadir_deg": nadir_deg}
     check(lines, quantity, options)
     crs = common_system(lines, crs)
-    swaths = [Swath.of(line, crs, place, float(np.deg2rad(nadir_deg))) for line in lines]
+    swaths = [MosaicSwath.of(line, crs, place, float(np.deg2rad(nadir_deg))) for line in lines]
     cell = _cell(swaths, cell)
     fill = _fill(swaths, cell, fill)
     mixed = lines[0][quantity].dtype.kind == "f"
-    cells = Cells(grid=_grid(swaths, cell), blend=blend, mixed=mixed)
-    _sum_up(cells, [Line.of(swath, quantity, gain) for swath in swaths], fill)
+    cells = GridCells(grid=_grid(swaths, cell), blend=blend, mixed=mixed)
+    _sum_up(cells, [MosaicLine.of(swath, quantity, gain) for swath in swaths], fill)
     made = {**options, "blend": blend if mixed else "nearest", "gain": gain if quantity in LEVELS else None}
     about = {"crs": crs, "cell": cell, "fill": fill, **made, "names": lines[0].attrs.get(NAMES.get(quantity, "")),
              "files": [line.attrs.get("file") for line in lines]}
@@ -309,7 +309,7 @@ def _grid(swaths, cell):
     if not work <= MOST_SAMPLES:
         raise ValueError(f"so many pings and ranges in cells of {cell:g} m take {work:.2g} samples, more than "
                          f"{MOST_SAMPLES:.2g}; take larger cells.")
-    return Grid.over((west, south, east, north), cell)
+    return SoundingGrid.over((west, south, east, north), cell)
 
 
 def _trimmed(chart, quantity):

@@ -28,7 +28,7 @@ SONAR = ("x", "y", "z")            # places of the sonar, whose names the pictur
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sweep:
+class RasterSweep:
     """One frame: the pings of a record that make it, and where their bins lie in it."""
 
     pings: slice  # one ping of an array
@@ -109,7 +109,7 @@ def cartesian(dataset: xr.Dataset, cell: float | None = None, *, names: Iterable
     return _dataset(record, pictures, grid, pings)
 
 
-def sweeps(dataset: xr.Dataset, cell: float | None = None) -> list[Sweep]:
+def sweeps(dataset: xr.Dataset, cell: float | None = None) -> list[RasterSweep]:
     """Return the frames of a record; arguments and errors as of `cartesian`."""
     record = _transposed(dataset)
     return list(_sweeps(record, *_layout(record, cell)))
@@ -164,7 +164,7 @@ def _layout(record, cell) -> tuple[FanGrid, list[slice]]:
     return fan_grid(bearing, slant_range, chosen, downwards), pings
 
 
-def _sweeps(record, grid, pings) -> Iterator[Sweep]:
+def _sweeps(record, grid, pings) -> Iterator[RasterSweep]:
     """The frames; one map serves all whose bearings are the same."""
     bearing, _ = bearings(record)
     slant_range = np.asarray(record["range"].values, float)
@@ -173,7 +173,7 @@ def _sweeps(record, grid, pings) -> Iterator[Sweep]:
         own = bearing if "beam" in record["level"].dims else bearing[where]
         if known is None or known[0] != own.tobytes():
             known = own.tobytes(), fan_map(own, slant_range, grid)
-        yield Sweep(pings=where, grid=grid, map=known[1])
+        yield RasterSweep(pings=where, grid=grid, map=known[1])
 
 
 def _facing(dataset) -> tuple[str, str]:

@@ -58,13 +58,13 @@ class Misfit:
             return NO_RECORD
         return cost if np.isfinite(cost.total) else NO_RECORD
 
-    def about(self, z: np.ndarray, iteration: int, *, record_alone: bool = False) -> About:
+    def about(self, z: np.ndarray, iteration: int, *, record_alone: bool = False) -> MisfitLinearised:
         """Linearise at z, with the pull of classes or without; no other values may be asked of the model meanwhile."""
         values = self.unknowns.values(z)
         line = self.model.linearised(values)
         terms = self.likelihood.terms(line.value)
         classes = [] if record_alone else self._class_terms(values, iteration)
-        return About(self, z, line, terms, classes, self._cost(z, terms, classes))
+        return MisfitLinearised(self, z, line, terms, classes, self._cost(z, terms, classes))
 
     def classed(self) -> list[slice]:
         """Return the parts of x that have classes."""
@@ -89,7 +89,7 @@ class Misfit:
         return Cost(total=total, deviance=float(terms.deviance.sum()))
 
 
-class About:
+class MisfitLinearised:
     """Φ about one z: the linear problem of a step."""
     # predicted (N,)
 

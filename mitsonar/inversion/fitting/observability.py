@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .misfit import About
+from .misfit import MisfitLinearised
 
 PRODUCTS = 3                       # a direction, of the randomised way
 BLOCK = 2048                       # bins of a record that are looked at together
@@ -46,7 +46,7 @@ class Observability:
         return float((square / (1 + square)).sum())
 
 
-def observe(about: About, directions: int, seed: int) -> Observability:
+def observe(about: MisfitLinearised, directions: int, seed: int) -> Observability:
     """Look at what a record tells about some z."""
     size = about.z.size
     complete = size <= PRODUCTS * (directions + SPARE)
@@ -62,7 +62,7 @@ def observe(about: About, directions: int, seed: int) -> Observability:
                          unseen=about.between_bounds(unseen), unseen_resolved=share)
 
 
-def _whole(about: About) -> tuple[np.ndarray, np.ndarray]:
+def _whole(about: MisfitLinearised) -> tuple[np.ndarray, np.ndarray]:
     """All singular values, and right vectors in rows."""
     matrix = about.matrix()
     # the same values, without the record's length; block by block, so that only a block is copied
@@ -73,7 +73,7 @@ def _whole(about: About) -> tuple[np.ndarray, np.ndarray]:
     return full, right
 
 
-def _ranged(about: About, directions: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def _ranged(about: MisfitLinearised, directions: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """The largest singular values, and right vectors in rows."""
     from mitsonar.device.chance import Salt
 
@@ -85,7 +85,7 @@ def _ranged(about: About, directions: int, seed: int) -> tuple[np.ndarray, np.nd
     return values[:directions], (turned @ right.T)[:directions]
 
 
-def _unseen(about: About, told: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _unseen(about: MisfitLinearised, told: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Leading patterns of the posterior covariance of q, and the shares of them that are told."""
     from scipy.sparse.linalg import LinearOperator, eigsh
 

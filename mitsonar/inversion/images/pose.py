@@ -19,7 +19,7 @@ import xarray as xr
 from scipy.spatial.transform import Rotation
 
 from mitsonar.device.files import FilePath
-from mitsonar.gradients.parameters.changes import DECIBELS, BoundChange, Log, Rigid
+from mitsonar.gradients.parameters.changes import DECIBELS, BoundChange, Log, RigidChange
 from mitsonar.gradients.parameters.parametrisation import parametrised
 from mitsonar.gradients.records.scene_model import SceneModel
 
@@ -72,7 +72,7 @@ class PosePrior:
 
 
 @dataclass(frozen=True)
-class Turned:
+class TurnedModel:
     """How far a mesh or another shape is moved and turned: `NAMES`, all 0 at the start: ``box.vertex_positions`` as
     ``pose``."""
 
@@ -80,7 +80,7 @@ class Turned:
 
     def bound(self, start: np.ndarray, unit: str) -> BoundChange:
         """Return it for vertices (V, 3) or a transform (4, 4); see `Change.bound`."""
-        body = Rigid(self.key, start)
+        body = RigidChange(self.key, start)
 
         def moved(pose: np.ndarray) -> np.ndarray:
             return body.moved(Rotation.from_euler("ZYX", pose[3:]).as_matrix(), pose[:3])
@@ -151,7 +151,7 @@ def fit_pose(model: SceneModel, image: xr.Dataset, key: str, *, looks: float = 1
     if track and model.start[track].shape != (model.shape[0], 3):
         raise ValueError(f"{track} has the shape {model.start[track].shape}; give the key of the offsets of "
                          f"{model.shape[0]} pings in three directions")
-    changed = parametrised(model, Turned(key), *(Log(name) for name in strengths))
+    changed = parametrised(model, TurnedModel(key), *(Log(name) for name in strengths))
     deviation = np.array([*prior.place, *prior.angles], float)
     priors = {"pose": Prior(deviation=deviation)}
     priors |= {f"{name}_log": Prior(deviation=prior.level_db / DECIBELS) for name in strengths}

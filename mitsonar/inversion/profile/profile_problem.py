@@ -104,7 +104,7 @@ PATCH = 2                          # nodes to the side of a patch of the bed on 
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _State:
+class _ProfileState:
     """Values, their times' residuals and Jacobian."""
 
     speed: np.ndarray
@@ -144,7 +144,7 @@ class ProfileProblem:
     def dense(self) -> int:
         return self.start.depth.size + self.rolls
 
-    def first(self) -> _State:
+    def first(self) -> _ProfileState:
         """Begin with the start, and the head's speed pulled to its sensor."""
         speed = np.array(self.start.sound_speed)
         return self.at(speed, self.bed.depth.ravel(), 0.0)
@@ -154,17 +154,17 @@ class ProfileProblem:
         numbers = speed, bed.reshape(self.bed.depth.shape), np.array([roll])
         return dict(list(zip(self.names, numbers))[:3 if self.rolls else 2])
 
-    def at(self, speed: np.ndarray, bed: np.ndarray, roll: float) -> _State:
+    def at(self, speed: np.ndarray, bed: np.ndarray, roll: float) -> _ProfileState:
         """Linearise about values."""
         speed_name, bed_name, roll_name = self.names
         line = self.model.linearised(self.values(speed, bed, roll))
         dense = line.jacobian[speed_name]
         if self.rolls:
             dense = np.hstack([dense, line.jacobian[roll_name]])
-        return _State(speed=speed, bed=bed, roll=roll, rest=self.beams.travel_time - line.value, by_dense=dense,
+        return _ProfileState(speed=speed, bed=bed, roll=roll, rest=self.beams.travel_time - line.value, by_dense=dense,
                       by_bed=line.jacobian[bed_name])
 
-    def cost(self, state: _State, noise: float) -> float:
+    def cost(self, state: _ProfileState, noise: float) -> float:
         """Return Φ."""
         ratio = np.abs(state.rest) / noise
         data = np.where(ratio <= OUTLIER, ratio ** 2, OUTLIER * (2 * ratio - OUTLIER)).sum()
@@ -175,12 +175,12 @@ class ProfileProblem:
             self.prior.head_deviation ** 2)
         return float(data + dense @ own @ dense + sensor ** 2 + bed @ (self.bed_precision @ bed))
 
-    def _off(self, state: _State) -> tuple[np.ndarray, np.ndarray]:
+    def _off(self, state: _ProfileState) -> tuple[np.ndarray, np.ndarray]:
         """How far values are from what is believed."""
         dense = state.speed - self.start.sound_speed
         return np.append(dense, state.roll) if self.rolls else dense, state.bed - self.bed_middle
 
-    def normal(self, state: _State, noise: float) -> tuple[np.ndarray, np.ndarray, Any, np.ndarray]:
+    def normal(self, state: _ProfileState, noise: float) -> tuple[np.ndarray, np.ndarray, Any, np.ndarray]:
         """Weigh residuals, and give the data's normal matrix of the dense unknowns, D⁻¹ Eᵀ, D's solver, the weights."""
         from scipy.sparse.linalg import splu
 
@@ -210,7 +210,8 @@ class ProfileProblem:
                 break
         return self.answer(state, trusted, np.array(misfits), stopped)
 
-    def stepped(self, state: _State, noise: float, radius: float) -> tuple[_State | None, float, float, float]:
+    def stepped(self, state: _ProfileState, noise: float, radius: float) -> tuple[_ProfileState | None, float, float,
+                                                                                  float]:
         """Go one step of SciPy's trust region over speeds and roll, the bed going with them; None: none fits better."""
         nodes = self.start.depth.size
         dense, cross, solver, weight = self.normal(state, noise)
@@ -249,13 +250,13 @@ class ProfileProblem:
         moved = float(np.sqrt(np.max((step ** 2 / np.diag(after))[:nodes])))
         return new, moved, cost - self.cost(new, noise), LONGER * float(np.linalg.norm(step / scale))
 
-    def noise_found(self, state: _State) -> float:
+    def noise_found(self, state: _ProfileState) -> float:
         """Estimate the deviation of the times: by the median, which few outliers do not move."""
         count, unknown = len(self.beams), self.dense + self.bed_precision.shape[0]
         rest = max(count - unknown, count // 2)
         return float(np.median(np.abs(state.rest)) / 0.6745 * np.sqrt(count / rest))
 
-    def answer(self, state: _State, noise: float, misfits: np.ndarray, stopped: str) -> ProfileFit:
+    def answer(self, state: _ProfileState, noise: float, misfits: np.ndarray, stopped: str) -> ProfileFit:
         """Say what came out, and how well it is known."""
         nodes = self.start.depth.size
         dense, cross, solver, weight = self.normal(state, noise)
@@ -285,13 +286,13 @@ class ProfileProblem:
             bed_depths=np.array([low, middle, high]), bed=state.bed.reshape(self.bed.depth.shape), roll=state.roll,
             soundings=len(self.beams), noise=noise, misfit=misfits, head_depth=self.head_depth, stopped=stopped)
 
-    def _scatter(self, state: _State, weight: np.ndarray, given: np.ndarray) -> np.ndarray:
+    def _scatter(self, state: _ProfileState, weight: np.ndarray, given: np.ndarray) -> np.ndarray:
         """Covariance of the push on the dense unknowns as residuals make it that go together on a patch of the bed."""
         rows = (state.by_dense - state.by_bed @ given) * (weight * state.rest)[:, None]
         sums = self._patches(state) @ rows
         return sums.T @ sums
 
-    def _patches(self, state: _State) -> Any:
+    def _patches(self, state: _ProfileState) -> Any:
         """Which soundings are on which patch of the bed: sparse (P, N) of ones."""
         from scipy import sparse
 
@@ -299,7 +300,7 @@ class ProfileProblem:
         _, patch = np.unique((j // PATCH) * self.bed.x.size + i // PATCH, return_inverse=True)
         return sparse.csr_array((np.ones(len(patch)), (patch, np.arange(len(patch)))))
 
-    def _directions(self, state: _State) -> float:
+    def _directions(self, state: _ProfileState) -> float:
         """How far apart the directions are from which a place of the bed was seen; nothing matters of a known bed.
 
         Along one line the direction changes with the place, and evenly: on each patch what a plane through the

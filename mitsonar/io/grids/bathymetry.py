@@ -185,7 +185,7 @@ class Bathymetry:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Relief:
+class SurveyRelief:
     """Ask for relief below a survey's resolution.
 
     Parameters
@@ -225,7 +225,7 @@ def read(path: FilePath, *, crop: Sequence[float] | None = None, centre: Sequenc
          size: Sequence[float] | None = None, frame: str = "projected", resolution: float | None = None,
          vertical: str = "auto", band: int = 1, variable: str | None = None, spacing: float | None = None,
          nodata: float | None = None, crs: str | None = None, local_origin: Sequence[float] | None = None,
-         holes: str = "cut", holes_max: float | None = None, relief: Relief | None = None) -> Bathymetry:
+         holes: str = "cut", holes_max: float | None = None, relief: SurveyRelief | None = None) -> Bathymetry:
     """Read a bathymetry grid.
 
     Parameters
@@ -287,7 +287,7 @@ def read(path: FilePath, *, crop: Sequence[float] | None = None, centre: Sequenc
     if resolution is not None and not resolution > 0:
         raise ValueError(f"{path}: resolution is {resolution} m; it must be above 0.")
     try:
-        part = rasters.Part(crop=crop, centre=centre, size=size, frame=frame)
+        part = rasters.RasterPart(crop=crop, centre=centre, size=size, frame=frame)
         with raster_files.opened(path, spacing=spacing, variable=variable, crs=crs, nodata=nodata,
                                  resolution=None if relief else resolution) as (raster, source):
             rasters.check(raster, band)

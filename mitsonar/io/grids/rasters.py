@@ -134,7 +134,7 @@ def utm(x: float, y: float, source: "CRS") -> "CRS":
 
 
 @dataclass(frozen=True, kw_only=True)
-class Part:
+class RasterPart:
     """Which part of a raster to read: a ``crop``, a ``size`` about a ``centre``, or all of it.
 
     ``crop`` is west, south, east, north; ``frame`` tells whether it and ``centre`` are in the file's own coordinates
@@ -178,7 +178,7 @@ class Part:
         return east - self.size[0] / 2, north - self.size[1] / 2, east + self.size[0] / 2, north + self.size[1] / 2
 
 
-def window(grid: "DatasetReader | WarpedVRT | FinerGrid", part: Part,
+def window(grid: "DatasetReader | WarpedVRT | FinerGrid", part: RasterPart,
            source: "CRS | None") -> "tuple[np.ndarray, np.ndarray, Window]":
     """Return the coordinates of the columns and rows that ``part`` holds, and their window in the grid.
 

@@ -1,7 +1,7 @@
 """What readers of survey lines find in a file, and the record it makes: blocks of pings, padded alike.
 
-A reader gives a `Line` once and a `Ping` after the other; `dataset` puts them together. Angles are radians, metres are
-metres and times are seconds of the line by then; a reader converts at its border.
+A reader gives a `AssembledLine` once and a `Ping` after the other; `dataset` puts them together. Angles are radians,
+metres are metres and times are seconds of the line by then; a reader converts at its border.
 
 Casts of survey lines, as the record takes them.
 """
@@ -41,7 +41,7 @@ SECTOR = ("frequency", "delay", "angle", "pulse_length", "bandwidth", "source_le
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Line:
+class AssembledLine:
     """Hold what pings share."""
 
     sonar: str
@@ -66,7 +66,7 @@ class Line:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Column:
+class LineColumn:
     """Hold the water column of a ping."""
 
     angle: np.ndarray  # (C,) [Hz]
@@ -86,11 +86,11 @@ class Ping:
     head: int  # number of the receiving head, from 0
     sectors: dict[str, np.ndarray]  # (S,)
     soundings: dict[str, np.ndarray]  # (B,): by the names of the record's variables
-    column: Column | None = field(default=None)
+    column: LineColumn | None = field(default=None)
 
 
 @np.errstate(invalid="ignore", over="ignore")      # of numbers that are none, in what is not valid
-def dataset(line: Line, pings: Sequence[Ping]) -> xr.Dataset:
+def dataset(line: AssembledLine, pings: Sequence[Ping]) -> xr.Dataset:
     """Put pings together."""
     values: dict[str, np.ndarray] = {
         "cast_depth": line.cast_depth, "cast_sound_speed": line.cast_sound_speed,

@@ -8,7 +8,7 @@ import xarray as xr
 
 from mitsonar.hydrography.record import VARIABLES
 
-from .lines import Line, pings
+from .lines import LineToWrite, pings
 
 ONLY_SOUNDINGS = ("cast, motion, arrays, sectors, water column, snippets and beams without a sounding are not in it: "
                   "write a .nc to keep them")
@@ -16,7 +16,7 @@ ONLY_SOUNDINGS = ("cast, motion, arrays, sectors, water column, snippets and bea
 Cloud = dict[str, np.ndarray]              # variables of soundings by name, each (soundings,)
 
 
-def cloud(line: Line, block: xr.Dataset, at: int) -> Iterator[Cloud]:
+def cloud(line: LineToWrite, block: xr.Dataset, at: int) -> Iterator[Cloud]:
     """Return the soundings of a block's pings that have a place, valid or not."""
     names = [str(name) for name, value in block.variables.items() if value.dims == ("ping", "beam")]
     for number, ping in enumerate(pings(line, block)):
@@ -29,7 +29,7 @@ def cloud(line: Line, block: xr.Dataset, at: int) -> Iterator[Cloud]:
         yield one
 
 
-def of_soundings(line: Line) -> list[str]:
+def of_soundings(line: LineToWrite) -> list[str]:
     """Name the variables that a line has of its soundings, snippets left out, in the record's order."""
     return [name for name, one in VARIABLES.items() if one.dims == ("ping", "beam") and one.group != "snippet"
             and name in line.first.variables]

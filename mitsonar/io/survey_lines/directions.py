@@ -10,16 +10,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from .lines import Line, Ping, rotation
+from .lines import LineToWrite, Ping, rotation
 
 
-def array_axes(line: Line, head: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+def array_axes(line: LineToWrite, head: int | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Return the directions (3,) of the transmit and the receive array in the body, of one of several heads."""
     receive = line.receivers[1][head or 0]
     return rotation(*line.array("transmit_mounting"))[:, 0], rotation(*receive)[:, 1]
 
 
-def level(line: Line, ping: Ping) -> np.ndarray:
+def level(line: LineToWrite, ping: Ping) -> np.ndarray:
     """Return the directions (B, 3) of a ping's beams: forward, starboard, down of the level ship."""
     along, across = array_axes(line, int(ping["head"]) if "head" in ping else None)
     skew = float(along @ across)
@@ -30,7 +30,7 @@ def level(line: Line, ping: Ping) -> np.ndarray:
     return away @ rotation(float(ping["ping_roll"]), float(ping["ping_pitch"]), 0.0).T
 
 
-def from_vertical(line: Line, ping: Ping, angle: np.ndarray) -> np.ndarray:
+def from_vertical(line: LineToWrite, ping: Ping, angle: np.ndarray) -> np.ndarray:
     """Return angles of receiving beams from the vertical, positive to port, of beams at `angle` to the array [rad]."""
     _, across = array_axes(line, int(ping["head"]) if "head" in ping else None)
     tilt = np.arcsin((rotation(float(ping["ping_roll"]), float(ping["ping_pitch"]), 0.0) @ across)[2])

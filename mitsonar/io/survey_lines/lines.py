@@ -49,7 +49,7 @@ class Written:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Line:
+class LineToWrite:
     """Hold what all pings of a line share."""
 
     first: xr.Dataset  # its first block
@@ -90,7 +90,7 @@ def check_asked(place: Place | None, start: str | None) -> None:
 
 
 def line_of(blocks: Blocks, *, place: Place | None = None,
-            start: str | None = None) -> tuple[Line, Iterator[xr.Dataset]]:
+            start: str | None = None) -> tuple[LineToWrite, Iterator[xr.Dataset]]:
     """Open a line of soundings that comes block by block."""
     # place [degrees]
     check_asked(place, start)          # before a ping is made
@@ -115,11 +115,11 @@ def line_of(blocks: Blocks, *, place: Place | None = None,
             raise ValueError(f"the line's origin is {first.attrs['origin']!r}; give easting and northing.") from None
         frame, placed = Frame(crs=str(crs), origin=(float(east), float(north))), ""
     since = _seconds(first.attrs.get("start") if start is None else start)
-    line = Line(first=first, start=since, frame=frame, placed=placed)
+    line = LineToWrite(first=first, start=since, frame=frame, placed=placed)
     return line, _alike(first, some)
 
 
-def pings(line: Line, block: xr.Dataset) -> Iterator[Ping]:
+def pings(line: LineToWrite, block: xr.Dataset) -> Iterator[Ping]:
     """Return a block's pings one by one, without padding and with their places on Earth.
 
     Each has the record's variables, beams without an angle and sectors without a frequency left out. More are ``beam``
@@ -180,7 +180,7 @@ def rotation(roll: float, pitch: float, heading: float) -> np.ndarray:
                      [-sp, cp * sr, cp * cr]])
 
 
-def lost(line: Line, held: Iterable[str]) -> tuple[str, ...]:
+def lost(line: LineToWrite, held: Iterable[str]) -> tuple[str, ...]:
     """Name the variables of a line that a format does not hold."""
     known = {*held, *_NEVER_LOST}
     return tuple(name for name in VARIABLES if name in line.first.variables and name not in known)

@@ -23,7 +23,7 @@ STIFFNESS = 1e-6                   # of splines where there are no samples, rela
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Motion:
+class MotionSamples:
     """Hold the streams and what they lie in."""
 
     zone: Zone
@@ -41,7 +41,7 @@ class Motion:
         return values | {"time": float(time)}
 
 
-    def sunk(self, time: np.ndarray, depth: np.ndarray, offset: np.ndarray) -> Motion:
+    def sunk(self, time: np.ndarray, depth: np.ndarray, offset: np.ndarray) -> MotionSamples:
         """Return the motion whose transmit array is as deep at pings as their soundings say."""
         # time, depth (P,) [m]; offset (3,) [m]
         streams = self.streams
@@ -58,7 +58,7 @@ class Motion:
 
 
 def motion_of(attitude: np.ndarray, positions: np.ndarray, start: float, *, waterline: float,
-              mounting: np.ndarray | None = None, antenna: np.ndarray | None = None) -> Motion:
+              mounting: np.ndarray | None = None, antenna: np.ndarray | None = None) -> MotionSamples:
     """Make the streams."""
     # attitude (M, 5) [m]; positions (P, 3) [degrees]; start [s]; waterline [m]; mounting (3,) [rad]; antenna (3,) [m]
     positions = positions[(np.abs(positions[:, 2]) <= 90) & (np.abs(positions[:, 1]) <= 360)]
@@ -76,7 +76,7 @@ def motion_of(attitude: np.ndarray, positions: np.ndarray, start: float, *, wate
     x, y = zone.places(positions[:, 1], positions[:, 2])
     fixes, antenna = np.column_stack([positions[:, 0] - start, x, y]), np.zeros(3) if antenna is None else antenna
     x, y = _carried(time, fixes, antenna, roll, pitch, heading)
-    return Motion(zone=zone, fixes=fixes, antenna=antenna, streams={
+    return MotionSamples(zone=zone, fixes=fixes, antenna=antenna, streams={
         "time": time, "x": x, "y": y, "roll": roll, "pitch": pitch, "heading": heading,
         "depth": attitude[:, 4] - waterline})
 

@@ -32,8 +32,8 @@ from mitsonar.version import __version__
 
 from ..records.netcdf import BESIDE, full_disk_told, has_room, packing, store
 from ..records.records import encoded
-from .lines import Blocks, Line, Place, Written, line_of
-from .passage import Passage, passage_of
+from .lines import Blocks, LineToWrite, Place, Written, line_of
+from .passage import LinePassage, passage_of
 
 BACKSCATTER = "Sonar/Beam_group1/backscatter_r"
 
@@ -42,14 +42,14 @@ TIME = "nanoseconds since 1970-01-01 00:00:00Z"
 RECEIVE_ONLY, TRANSMIT_ONLY = 0, 1
 
 
-def root_attributes(line: Line) -> dict[str, str]:
+def root_attributes(line: LineToWrite) -> dict[str, str]:
     """Return the attributes that the convention wants of a file."""
     return {"Conventions": f"CF-1.7, SONAR-netCDF4-{VERSION}, ACDD-1.3", "keywords": line.sonar,
             "sonar_convention_authority": "ICES", "sonar_convention_name": "SONAR-netCDF4",
             "sonar_convention_version": VERSION, "summary": line.provenance()}
 
 
-def add_groups(file: h5netcdf.File, line: Line, passage: Passage) -> None:
+def add_groups(file: h5netcdf.File, line: LineToWrite, passage: LinePassage) -> None:
     """Add the convention's groups to a file that holds a record in its root."""
     _environment(file, line, passage)
     _platform(file, line, passage)

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .lines import Line
+from .lines import LineToWrite
 from .motion import smoothed
 
 WINDOW = 2.0                               # [s] between the knots of the way that a speed over ground is of
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Passage:
+class LinePassage:
     """Hold the samples of the motion sensors, each an array (M,)."""
 
     time: np.ndarray  # [s]: since 1970
@@ -39,7 +39,7 @@ class Passage:
         return float(np.arctan2(east, north) % (2 * np.pi)), float(np.hypot(north, east))
 
 
-def passage_of(line: Line) -> Passage:
+def passage_of(line: LineToWrite) -> LinePassage:
     """Take a line's passage from its motion, from 1970 on: files count no earlier time."""
     early = line.start + line.array("motion_time") < 0
     kept = ~early if not early.all() else np.arange(early.size) == early.size - 1
@@ -53,6 +53,6 @@ def passage_of(line: Line) -> Passage:
     if time.size > 1:                  # differences of noisy places are no speed
         velocity[:, :2] = smoothed(time, np.stack([north, east], -1), WINDOW).derivative()(time)
         velocity[:, 2] = np.gradient(depth, time)
-    return Passage(time=np.maximum(line.start + time, 0.0), latitude=latitude, longitude=longitude, depth=depth,
+    return LinePassage(time=np.maximum(line.start + time, 0.0), latitude=latitude, longitude=longitude, depth=depth,
                    roll=roll, pitch=pitch, heading=heading + convergence, heave=draught - depth, velocity=velocity,
                    draught=draught)

@@ -1,2 +1,2 @@
 from .amplitudes import read_amplitudes as read_amplitudes
-from .xtf import Written as Written, write as write
+from .xtf import XtfWritten as XtfWritten, write as write

@@ -61,7 +61,7 @@ HUNDREDTHS, TENTHS_OF_MILLISECONDS = 100, 10_000       # of a second
 
 
 @dataclass(frozen=True, kw_only=True)
-class Passage:
+class XtfPassage:
     """Hold what all headers of a file's pings share, each an array (P,)."""
 
     time: np.ndarray  # [s]: since 1970
@@ -78,7 +78,7 @@ class Passage:
     geographic: bool
 
 
-def passage_of(record: xr.Dataset, start: float, geographic: bool) -> Passage:
+def passage_of(record: xr.Dataset, start: float, geographic: bool) -> XtfPassage:
     """Take a record's passage."""
     # start [s]
     from mitsonar.imaging.maps.georeference import origin, system  # which needs xarray, and tracks are read without
@@ -97,7 +97,7 @@ def passage_of(record: xr.Dataset, start: float, geographic: bool) -> Passage:
     if time.size > 1:
         speed = np.linalg.norm([np.gradient(scene[:, axis], time) for axis in (0, 1)], axis=0)
     altitude = np.asarray(record["altitude"].values, float)
-    return Passage(time=start + time, number=np.asarray(record["ping"].values), x=x, y=y,
+    return XtfPassage(time=start + time, number=np.asarray(record["ping"].values), x=x, y=y,
                    heading=np.mod(deg_from_radians(heading), 360.0), scene=scene,
                    pitch=deg_from_radians(np.asarray(record["pitch"].values, float)),
                    roll=deg_from_radians(np.asarray(record["roll"].values, float)),
@@ -106,7 +106,7 @@ def passage_of(record: xr.Dataset, start: float, geographic: bool) -> Passage:
                    sound_speed=float(record.attrs["sound_speed"]), geographic=geographic)
 
 
-def navigation(passage: Passage) -> Mapping[str, np.ndarray | float]:
+def navigation(passage: XtfPassage) -> Mapping[str, np.ndarray | float]:
     """Return the fields of the navigation packets, one a ping."""
     times = clock(passage.time, TENTHS_OF_MILLISECONDS)
     return {"MagicNumber": MAGIC, "HeaderType": NAVIGATION, "NumBytesThisRecord": 64, **_dated(times),
@@ -115,7 +115,7 @@ def navigation(passage: Passage) -> Mapping[str, np.ndarray | float]:
             "Heading": passage.heading}
 
 
-def ping_headers(passage: Passage, channels: int, length: int) -> Mapping[str, np.ndarray | float]:
+def ping_headers(passage: XtfPassage, channels: int, length: int) -> Mapping[str, np.ndarray | float]:
     """Return the fields of the ping headers, of `channels` channels in packets of `length` bytes."""
     times = clock(passage.time, HUNDREDTHS)
     since = np.rint(1e3 * (passage.time - passage.time[0]))

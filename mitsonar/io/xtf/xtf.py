@@ -32,7 +32,7 @@ from mitsonar.imaging.gain import Tvg
 from mitsonar.imaging.maps.georeference import origin, system
 from mitsonar.version import __version__
 
-from .pings import Passage, navigation, passage_of, ping_headers, structure
+from .pings import XtfPassage, navigation, passage_of, ping_headers, structure
 from .samples import Scale, scale_of
 
 MOST_RECORDS = 3                   # two channels each; the header has room for six
@@ -130,7 +130,7 @@ def channels_of(record: xr.Dataset, tvg: Tvg) -> Channels:
                     near=begin - silent * step if begin - silent * step > 1e-6 * step else 0.0)
 
 
-def file_header(channels: Sequence[Channels], passage: Passage, name: str) -> bytes:
+def file_header(channels: Sequence[Channels], passage: XtfPassage, name: str) -> bytes:
     """Return the header of 1024 bytes of a file of that name."""
     header = pyxtf.XTFFileHeader()
     header.RecordingProgramName, header.RecordingProgramVersion = b"mitsonar", _ascii(__version__, 7)
@@ -162,7 +162,7 @@ def notes(channels: Sequence[Channels]) -> Iterator[str]:
            f"{channels[0].record.attrs.get('crs') or 'no coordinate system'}")
 
 
-def note(text: str, passage: Passage) -> bytes:
+def note(text: str, passage: XtfPassage) -> bytes:
     """Return a packet of notes, dated as the first ping."""
     first = navigation(passage)
     packet = pyxtf.XTFNotesHeader()
@@ -173,7 +173,7 @@ def note(text: str, passage: Passage) -> bytes:
     return bytes(packet)
 
 
-def channel_header(channels: Channels, number: int, passage: Passage) -> Mapping[str, np.ndarray | float]:
+def channel_header(channels: Channels, number: int, passage: XtfPassage) -> Mapping[str, np.ndarray | float]:
     """Return the fields of the headers of one of a file's channels, one a ping."""
     far = channels.near + channels.count * channels.step
     duration = 2 * (far - channels.near) / passage.sound_speed
@@ -195,7 +195,7 @@ PACKET = NAVIGATION_BYTES = 64     # bytes: of which lengths are multiples; of a
 
 
 @dataclass(frozen=True, kw_only=True)
-class Written:
+class XtfWritten:
     """Say what went into a file.
 
     Attributes
@@ -217,7 +217,7 @@ class Written:
 
 
 def write(records: xr.Dataset | Sequence[xr.Dataset], path: FilePath, *, tvg: Tvg = "seabed", start: float = 0.0,
-          geographic: bool | None = None) -> Written:
+          geographic: bool | None = None) -> XtfWritten:
     """Write a sidescan record, or several of one track, as an XTF file; whole or not at all.
 
     Parameters
@@ -272,7 +272,7 @@ def write(records: xr.Dataset | Sequence[xr.Dataset], path: FilePath, *, tvg: Tv
         for packets, full in _packets(channels, passage, length):
             stream.write(packets.tobytes())
             saturated += full
-    return Written(scales=tuple(each.scale for each in channels), geographic=passage.geographic, saturated=saturated,
+    return XtfWritten(scales=tuple(each.scale for each in channels), geographic=passage.geographic, saturated=saturated,
                    left_out=tuple(str(name) for name in lines[0].data_vars if name != "level"))
 
 

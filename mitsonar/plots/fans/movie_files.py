@@ -42,7 +42,7 @@ def movie_file(path: FilePath, fps: float, colours: Colormap) -> Iterator[MovieF
     kind = check_movie(path)
     if kind == "":
         with _folder(path) as folder:
-            yield _Pictures(folder)
+            yield _MoviePictures(folder)
         return
     if kind == ".gif" and fps > FASTEST_GIF:
         raise ValueError(f"{fps:g} frames a second are more than the {FASTEST_GIF} that viewers of GIF files show; "
@@ -100,7 +100,7 @@ def _mask() -> int:
 
 
 @final
-class _Pictures(MovieFile):
+class _MoviePictures(MovieFile):
     """frame_00000.png, frame_00001.png, ..."""
 
     def __init__(self, folder: Path) -> None:

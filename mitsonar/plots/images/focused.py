@@ -24,7 +24,7 @@ from mitsonar.units import db_from_power, power_from_db
 
 from .. import canvas
 from ..canvas import in_metres, title
-from .grid import WIDEST, Grid, edges_around, stretches
+from .grid import WIDEST, PlotGrid, edges_around, stretches
 from .label_key import label_key
 
 GROUND = ("along_track", "across_track")
@@ -36,9 +36,9 @@ BRIGHTEST, LEAST_DB, MOST_DB = 99.9, 18.0, 28.0        # percentile that is whit
 
 @dataclass(frozen=True, kw_only=True)
 class Sheet:
-    """A view of an image that is being drawn: the grid of its elements, and its variables as `Grid.mean` takes them."""
+    """Hold a view of an image: the grid of its elements, and its variables as `PlotGrid.mean` takes them."""
 
-    grid: Grid
+    grid: PlotGrid
     rows: xr.Dataset
     image: xr.Dataset
     words: str
@@ -103,7 +103,7 @@ def _view(image: xr.Dataset, what: str) -> tuple[Callable[[Sheet], Figure], str]
                      f"{', '.join(known)}.")
 
 
-def _grid(image: xr.Dataset) -> Grid:
+def _grid(image: xr.Dataset) -> PlotGrid:
     """Elements of one scale along and across, as large as fits; whole ones to a point where points are few."""
     along, across = (edges_around(image[dim].values if dim in image.coords else np.arange(image.sizes[dim]), 1.0)
                      for dim in GROUND)
@@ -112,7 +112,7 @@ def _grid(image: xr.Dataset) -> Grid:
     point = wide / image.sizes[GROUND[1]]
     if scale * point > 1:
         scale = np.floor(scale * point) / point
-    return Grid(across=across, along=along, moving=True, width=max(round(scale * wide), 1),
+    return PlotGrid(across=across, along=along, moving=True, width=max(round(scale * wide), 1),
                 height=int(np.clip(round(scale * long), LOWEST, TALLEST)))
 
 

@@ -20,7 +20,7 @@ FLATTEST, TALLEST = 0.4, 1.6  # height / width: beyond these the along-track sca
 
 
 @dataclass(frozen=True, kw_only=True)
-class Grid:
+class PlotGrid:
     """The picture elements of a dataset and the shares of the bins in them."""
 
     across: np.ndarray  # edges of the columns [m]: (2N + 2,) port, the gap under the sonar, starboard; or (N + 1,)
@@ -76,7 +76,7 @@ def with_sides(dataset: xr.Dataset) -> xr.Dataset:
     return dataset.expand_dims(side=[ONLY_SIDE]) if no_sides else dataset
 
 
-def make_grid(dataset: xr.Dataset) -> Grid:
+def make_grid(dataset: xr.Dataset) -> PlotGrid:
     """Lay out the picture of a dataset whose pings have both sides of a sidescan, or one row (`with_sides`)."""
     sides = dataset["side"].values.tolist() if "side" in dataset.coords else []
     if sides not in (["port", "starboard"], [ONLY_SIDE]) or not {"ping", "range"} <= set(dataset.dims):
@@ -96,7 +96,7 @@ def make_grid(dataset: xr.Dataset) -> Grid:
     width = bins * (WIDEST // bins) if bins < WIDEST else WIDEST  # whole picture elements to a bin, where they are many
     square = width * (along[-1] - along[0]) / (across[-1] - across[0])
     height = square if moving else dataset.sizes["ping"]
-    return Grid(across=across, along=along, moving=moving, width=width,
+    return PlotGrid(across=across, along=along, moving=moving, width=width,
                 height=int(np.clip(round(height), max(FLATTEST * width, LOWEST), TALLEST * width)))
 
 

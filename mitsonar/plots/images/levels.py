@@ -17,7 +17,7 @@ from mitsonar.imaging.gain import Tvg, display_gain
 from mitsonar.units import HARDLY_DB, db_from_power, power_from_db
 
 from .gain import display_window
-from .grid import Grid
+from .grid import PlotGrid
 
 ABOVE_NOISE_DB = 6.0  # above the noise: of a mean echo in the water column
 STEP_DB, MOST_DB = 5.0, 100.0  # of the water column's gain
@@ -26,7 +26,7 @@ STEPS, MOST_STEEP_DB = 10, 15.0  # of the bed's strip below the sonar, each 7 % 
 DARK, BRIGHT = 0.5, 0.8  # shares of the way from black to white: raised from below the first to the second
 
 
-def shown_levels(dataset: xr.Dataset, grid: Grid, tvg: Tvg
+def shown_levels(dataset: xr.Dataset, grid: PlotGrid, tvg: Tvg
                  ) -> tuple[np.ndarray, tuple[float, float], str, dict[str, float]]:
     """Return a sidescan's levels with their gain for display."""
     # -> image [dB], limits [dB], more_db [dB]

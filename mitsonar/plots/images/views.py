@@ -28,7 +28,7 @@ from ..fans.fans import fan_picture, is_scan, turn_of
 from ..lines.line_views import LINE_VIEWS, draw_line, is_line
 from ..onto import moved, sheets_for
 from .focused import FOCUSED_VIEWS, draw_focused, is_focused
-from .grid import Grid, make_grid, stretches, with_sides
+from .grid import PlotGrid, make_grid, stretches, with_sides
 from .label_key import label_key
 from .levels import in_the_water, shown_levels
 from .truth import TRUTH
@@ -36,31 +36,31 @@ from .truth import TRUTH
 WIDEST = 98.0                      # per cent of errors that the colours tell apart
 
 
-def _phase(dataset: xr.Dataset, grid: Grid) -> Figure:
+def _phase(dataset: xr.Dataset, grid: PlotGrid) -> Figure:
     cosine = grid.mean(dataset, lambda part: np.cos(part["phase"].values))
     sine = grid.mean(dataset, lambda part: np.sin(part["phase"].values))
     return _map(dataset, grid, np.arctan2(sine, cosine), "phase between the outer rows", "phase [rad]", "twilight",
                 (-np.pi, np.pi))
 
 
-def _coherence(dataset: xr.Dataset, grid: Grid) -> Figure:
+def _coherence(dataset: xr.Dataset, grid: PlotGrid) -> Figure:
     image = grid.mean(dataset, lambda part: part["coherence"].values)
     return _map(dataset, grid, image, "coherence of the rows", "coherence", "inferno", (0.0, 1.0))
 
 
-def _angle(dataset: xr.Dataset, grid: Grid) -> Figure:
+def _angle(dataset: xr.Dataset, grid: PlotGrid) -> Figure:
     image = np.rad2deg(grid.mean(dataset, lambda part: part["angle"].values))
     return _map(dataset, grid, image, "angle of the echoes", "below the horizontal [degrees]", "viridis", (0.0, 90.0))
 
 
-def _error(dataset: xr.Dataset, grid: Grid) -> Figure:
+def _error(dataset: xr.Dataset, grid: PlotGrid) -> Figure:
     image = grid.mean(dataset, lambda part: np.where(part["valid"].values, part["error"].values, np.nan))
     known = np.abs(image[np.isfinite(image)])
     most = max(float(np.percentile(known, WIDEST)) if known.size else 0.0, 1e-3)
     return _map(dataset, grid, image, "error of the depth", "measured less true [m]", "RdBu_r", (-most, most))
 
 
-def _map(dataset: xr.Dataset, grid: Grid, image: np.ndarray, what: str, bar: str, colours: str,
+def _map(dataset: xr.Dataset, grid: PlotGrid, image: np.ndarray, what: str, bar: str, colours: str,
          limits: tuple[float, float]) -> Figure:
     return canvas.picture(grid, image, f"{title(dataset)}: {what}", subtitle=subtitle(dataset, grid),
                           colours=colormaps[colours].with_extremes(bad="#000000"), limits=limits, bar=bar)[0]

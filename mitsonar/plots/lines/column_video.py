@@ -42,7 +42,7 @@ def column_video(line: xr.Dataset, path: FilePath, *, fps: float | None = None, 
                          "the line is made.")
     box = (min(fan.box[0] for fan in sample), max(fan.box[1] for fan in sample), max(fan.box[2] for fan in sample))
     window = limits or column_window(*(fan.image for fan in sample))
-    frame = _Frame(line, sample, window, colours)
+    frame = _VideoFrame(line, sample, window, colours)
     with movie_file(path, _fps(line) if fps is None else fps, colours) as movie:
         for first in range(0, pings, BLOCK):
             some = line.isel(ping=slice(first, first + BLOCK)).load()
@@ -68,7 +68,7 @@ def _fps(line: xr.Dataset) -> float:
     return float(np.clip(1 / np.median(apart), SLOWEST_FPS, FASTEST_FPS)) if apart.size else SLOWEST_FPS
 
 
-class _Frame:
+class _VideoFrame:
     """A sheet on which fans are shown one after the other."""
 
     def __init__(self, line: xr.Dataset, sample: list[ColumnFan], window: tuple[float, float],

@@ -6,7 +6,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from mitsonar.hydrography.reduction.ray_paths import (
-    Head,
+    RayHead,
     head_of,
     launches,
     ray_places,
@@ -55,7 +55,7 @@ def _of_ping(one: xr.Dataset, ping: int) -> np.ndarray:
         raise ValueError(f"ping {ping} has no valid sounding, so there are no rays to draw; choose another.") from None
 
 
-def ray_lines(beams: xr.Dataset, head: Head, profile: SoundSpeedProfile) -> tuple[np.ndarray, np.ndarray]:
+def ray_lines(beams: xr.Dataset, head: RayHead, profile: SoundSpeedProfile) -> tuple[np.ndarray, np.ndarray]:
     """Return the rays from the head to the soundings of some beams of one ping."""
     # -> across, depth (N, POINTS) [m]
     time = beams["travel_time"].values[0]

@@ -17,7 +17,7 @@ from mitsonar.hydrography.reduction.ray_paths import (
     ATTITUDE,
     HELD,
     SEVERAL,
-    Head,
+    RayHead,
     head_of,
     launches,
     layer_sums,
@@ -67,7 +67,7 @@ class Curtain:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Beams:
+class _ColumnBeams:
     """Samples of a ping that has some, beams from port to starboard."""
 
     towards: np.ndarray            # (B, 3) unit vectors
@@ -118,7 +118,7 @@ def _sampled(line: xr.Dataset) -> list[str]:
     return [*_SAMPLED, *(name for name in SEVERAL if name in line)]
 
 
-def _beams(line: xr.Dataset, ping: int, head: Head) -> _Beams:
+def _beams(line: xr.Dataset, ping: int, head: RayHead) -> _ColumnBeams:
     one = line[_sampled(line)].isel(ping=ping)
     level = one["column_level_db"].values
     start, rate, angle = (one[f"column_{name}"].values.astype(float) for name in ("start", "rate", "angle"))
@@ -134,11 +134,11 @@ def _beams(line: xr.Dataset, ping: int, head: Head) -> _Beams:
     last = level.shape[1] - known[:, ::-1].argmax(1)
     absorption = one["sector_absorption_db"].values
     absorption = absorption[np.isfinite(absorption) & (absorption >= 0)]
-    return _Beams(towards=towards[order], start=start, rate=rate, level=level, ends=start + last / rate,
+    return _ColumnBeams(towards=towards[order], start=start, rate=rate, level=level, ends=start + last / rate,
                   absorption=float(absorption.mean()) if absorption.size else 0.0)
 
 
-def _gain(time: np.ndarray, beams: _Beams, head: Head, tvg: Tvg) -> tuple[np.ndarray, str]:
+def _gain(time: np.ndarray, beams: _ColumnBeams, head: RayHead, tvg: Tvg) -> tuple[np.ndarray, str]:
     """The gain [dB] at two-way times (...), and its formula."""
     away = xr.Dataset(coords={"range": 0.5 * head.sound_speed * time.ravel()},
                       attrs={"absorption_db": beams.absorption})
@@ -146,7 +146,7 @@ def _gain(time: np.ndarray, beams: _Beams, head: Head, tvg: Tvg) -> tuple[np.nda
     return gain.reshape(time.shape), words
 
 
-def _held_gain(beams: _Beams, head: Head, tvg: Tvg) -> tuple[np.ndarray, str]:
+def _held_gain(beams: _ColumnBeams, head: RayHead, tvg: Tvg) -> tuple[np.ndarray, str]:
     """The gain (B, S) of the samples, held from where noise hides the bed, and its formula."""
     time = beams.start[:, None] + np.arange(beams.level.shape[1]) / beams.rate[:, None]
     gain, words = _gain(time, beams, head, tvg)
@@ -159,7 +159,7 @@ def _held_gain(beams: _Beams, head: Head, tvg: Tvg) -> tuple[np.ndarray, str]:
     return np.minimum(gain, gain[:, held:held + 1]), f"{words} to {0.5 * head.sound_speed * time[0, held]:.2g} m"
 
 
-def _box(one: xr.Dataset, head: Head, beams: _Beams, edges: np.ndarray, ways: np.ndarray,
+def _box(one: xr.Dataset, head: RayHead, beams: _ColumnBeams, edges: np.ndarray, ways: np.ndarray,
          times: np.ndarray) -> Box:
     """How far the picture goes to port, to starboard and below the head [m]."""
     within = times <= 0.5 * beams.ends[:, None]
@@ -186,7 +186,7 @@ def _averaged(power: np.ndarray, width: int) -> np.ndarray:
     return np.where(known, total / np.maximum(count, 1e-9), np.nan)
 
 
-def _row(x: np.ndarray, places: np.ndarray, times: np.ndarray, beams: _Beams, power: np.ndarray) -> np.ndarray:
+def _row(x: np.ndarray, places: np.ndarray, times: np.ndarray, beams: _ColumnBeams, power: np.ndarray) -> np.ndarray:
     """Powers at places x of one depth, which beams' rays pass at some places after two-way times."""
     there = np.flatnonzero(np.isfinite(places) & np.isfinite(times))
     if there.size < 2:
@@ -242,7 +242,7 @@ def curtain(line: xr.Dataset, tvg: Tvg = "recorder") -> Curtain:
                    nadir=db_from_power(nadir), largest=db_from_power(largest), bottom=_bottom(line, heads), gain=words)
 
 
-def _reach(line: xr.Dataset, heads: list[Head]) -> tuple[float, float]:
+def _reach(line: xr.Dataset, heads: list[RayHead]) -> tuple[float, float]:
     """How far the curtain goes, and how long its longest samples are [m]."""
     rate, start = line["column_rate"].values, line["column_start"].values
     known = np.isfinite(start) & (rate > 0)
@@ -257,7 +257,8 @@ def _reach(line: xr.Dataset, heads: list[Head]) -> tuple[float, float]:
     return max(reach, 1e-3), 0.5 * speed / float(rate[known].min())
 
 
-def _by_row(beams: _Beams, chosen: np.ndarray, head: Head, edges: np.ndarray, tvg: Tvg) -> tuple[np.ndarray, str]:
+def _by_row(beams: _ColumnBeams, chosen: np.ndarray, head: RayHead, edges: np.ndarray, tvg: Tvg) -> tuple[np.ndarray,
+                                                                                                          str]:
     """Mean power over the samples of each row of the largest of some beams, with its gain, and the gain's formula."""
     rows, words = edges.size - 1, ""
     samples = np.arange(beams.level.shape[1])
@@ -277,7 +278,7 @@ def _by_row(beams: _Beams, chosen: np.ndarray, head: Head, edges: np.ndarray, tv
     return np.where(np.isfinite(best), best, np.nan), words
 
 
-def _bottom(line: xr.Dataset, heads: list[Head]) -> np.ndarray:
+def _bottom(line: xr.Dataset, heads: list[RayHead]) -> np.ndarray:
     steep = np.abs(line["across_track"].values) / np.maximum(line["depth"].values, 1e-3)
     there = line["valid"].values.astype(bool) & np.isfinite(steep) & np.isfinite(line["travel_time"].values)
     nearest = np.where(there, steep, np.inf).argmin(1)

@@ -14,7 +14,7 @@ from matplotlib.transforms import IdentityTransform
 from mitsonar.device.files import FilePath, check_writable
 from mitsonar.io.tracks.navigation import Frame
 from mitsonar.planning.area import corners
-from mitsonar.planning.plan import Plan, SurveyLine
+from mitsonar.planning.plan import SurveyLine, SurveyPlan
 
 from .. import canvas
 
@@ -23,7 +23,7 @@ LINE, SWATH, TURN, GAP, BORDER = "#101010", "#ffffff", "#c490f0", "#e01414", "#f
 MOST_NODES = 1500                  # along a side of the relief that is drawn
 
 
-def survey_plan(plan: Plan, path: FilePath, frame: Frame, *, title: str = "", subtitle: str = "") -> None:
+def survey_plan(plan: SurveyPlan, path: FilePath, frame: Frame, *, title: str = "", subtitle: str = "") -> None:
     """Draw the map of a plan."""
     canvas.file_format(path)
     check_writable(path)
@@ -47,7 +47,7 @@ def survey_plan(plan: Plan, path: FilePath, frame: Frame, *, title: str = "", su
     canvas.save(figure, path)
 
 
-def _extent(plan: Plan) -> tuple[float, float, float, float]:
+def _extent(plan: SurveyPlan) -> tuple[float, float, float, float]:
     """Return the bounds of the area, the swaths, the lines and the turns, with a margin."""
     row, column = np.nonzero(plan.coverage.wanted)
     places = [np.array([[plan.bed.x[column.min()], plan.bed.y[row.min()]],
@@ -63,7 +63,7 @@ def _extent(plan: Plan) -> tuple[float, float, float, float]:
     return float(low[0] - margin), float(low[1] - margin), float(high[0] + margin), float(high[1] + margin)
 
 
-def _relief(plan: Plan, axes: Axes) -> None:
+def _relief(plan: SurveyPlan, axes: Axes) -> None:
     """Draw depths as colours, shaded from the north-west."""
     bed = plan.bed
     every = max(1, max(bed.depth.shape) // MOST_NODES)
@@ -87,7 +87,7 @@ def _relief(plan: Plan, axes: Axes) -> None:
     canvas.colour_bar(drawn, axes, "depth [m]", "neither").ax.invert_yaxis()
 
 
-def _gaps(plan: Plan, axes: Axes) -> None:
+def _gaps(plan: SurveyPlan, axes: Axes) -> None:
     gap, bed = plan.coverage.gap, plan.bed
     if not gap.any():
         return
@@ -97,7 +97,7 @@ def _gaps(plan: Plan, axes: Axes) -> None:
                 extent=(bed.x[0] - half[0], bed.x[-1] + half[0], bed.y[0] - half[1], bed.y[-1] + half[1]))
 
 
-def _borders(plan: Plan, axes: Axes) -> None:
+def _borders(plan: SurveyPlan, axes: Axes) -> None:
     """Draw the area's border and the edges of all swaths."""
     if plan.area is not None:
         axes.add_collection(LineCollection(corners(plan.area), colors=BORDER, linewidths=1.6, zorder=4))
@@ -109,14 +109,14 @@ def _borders(plan: Plan, axes: Axes) -> None:
     axes.add_collection(LineCollection(edges, colors=SWATH, linewidths=0.5, alpha=0.75, zorder=3))
 
 
-def _ways(plan: Plan, axes: Axes) -> None:
+def _ways(plan: SurveyPlan, axes: Axes) -> None:
     """Draw run-ins and turns."""
     ways = [np.stack([line.run_in, line.start]) for line in plan.lines]
     ways += [line.turn.path for line in plan.lines if line.turn is not None]
     axes.add_collection(LineCollection(ways, colors=TURN, linewidths=0.9, linestyles="dashed", zorder=4))
 
 
-def _numbered(plan: Plan, axes: Axes, size: float) -> None:
+def _numbered(plan: SurveyPlan, axes: Axes, size: float) -> None:
     """Draw lines, their directions in the middle, and their numbers at the start; fewer where lines lie close."""
     ends = [np.stack([line.start, line.end]) for line in plan.lines]
     axes.add_collection(LineCollection(ends, colors=LINE, linewidths=1.2, zorder=5, capstyle="butt"))
@@ -163,7 +163,7 @@ def _coordinates(axes: Axes, frame: Frame) -> None:
         spine.set_edgecolor(canvas.FAINT)
 
 
-def _key(plan: Plan, axes: Axes) -> None:
+def _key(plan: SurveyPlan, axes: Axes) -> None:
     keys = [Line2D([], [], color="#bdb7ae", linewidth=1.6, marker=">", label="line, numbered at its start"),
             Line2D([], [], color=SWATH, linewidth=0.8, label="edge of a swath"),
             Line2D([], [], color=TURN, linewidth=1.0, linestyle="dashed", label="run-in, turn"),

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from mitsonar.device.types import Numbers, Triple
 from mitsonar.water.profile import SoundSpeedProfile
 
-from ..returns.straight_vectors import Leg, library, shared_element_fields
+from ..returns.straight_vectors import StraightLeg, library, shared_element_fields
 from ..returns.travel import Travel
 
 COEFFICIENT = 0.503
@@ -46,7 +46,7 @@ def published_time(travel_time: Numbers, effective_speed: Numbers, vector: Tripl
 
 def paper_centre_return(travel_time: Numbers, displacement: Triple, travel: Travel,
                         speed_at: Callable[[Numbers], Numbers],
-                        elapsed: Numbers | None = None) -> tuple[Numbers, Leg, Triple, Numbers]:
+                        elapsed: Numbers | None = None) -> tuple[Numbers, StraightLeg, Triple, Numbers]:
     """Find when and from where the echo meets the array's centre."""
     # travel_time (H,) [s]; displacement (H,) [m]; elapsed (H,) [s] -> return_time (H,) [s], direction (H,), rise (H,)
     # [m]
@@ -62,7 +62,7 @@ def paper_centre_return(travel_time: Numbers, displacement: Triple, travel: Trav
     x, y, z = (component + v * time for component, v in zip(start, velocity))
     across = xp.sqrt(x * x + y * y)
     length = xp.sqrt(across * across + z * z)
-    return time, Leg(length, speed, across / length, abs(z) / length, 0 * length), (
+    return time, StraightLeg(length, speed, across / length, abs(z) / length, 0 * length), (
         x / length, y / length, z / length), climb
 
 

@@ -72,7 +72,7 @@ def ray_derivatives(profile: SoundSpeedProfile, source_depth: ArrayLike, target_
             rays = some[start:start + size]
             source, target = sign * ends[0][rays], sign * ends[1][rays]
             sines = np.abs(np.sin([launch[rays], arrival[rays]]))
-            sums = _Sums(water, parameter[rays], np.where(source <= target, sines, sines[::-1]))
+            sums = _LayerSums(water, parameter[rays], np.where(source <= target, sines, sines[::-1]))
             sums.follow(np.minimum(source, target), np.maximum(source, target), sign * turning[rays])
             integrals[:, rays], spread[rays] = sums.integrals[..., ::sign], sums.spread
     speed = profile.at(ends[0])
@@ -108,7 +108,7 @@ def passage_derivatives(profile: SoundSpeedProfile, parameter: np.ndarray, upper
     for start in range(0, len(parameter), size):
         some = slice(start, start + size)
         p, ends = parameter[some], (upper[some], lower[some])
-        sums = _Sums(profile, p, np.sqrt(np.maximum([1 - (p * profile.at(depth)) ** 2 for depth in ends], 0)))
+        sums = _LayerSums(profile, p, np.sqrt(np.maximum([1 - (p * profile.at(depth)) ** 2 for depth in ends], 0)))
         sums.follow(*ends, np.full(len(p), np.nan))
         by_speed[:, some], spread[some] = sums.integrals, sums.spread
     return PassageDerivatives(-by_speed[0], by_speed[1], spread)
@@ -127,7 +127,7 @@ def hats(profile: SoundSpeedProfile, depth: np.ndarray) -> np.ndarray:
     return shares
 
 
-class _Sums:
+class _LayerSums:
     """Sums over the arcs of rays, direct or turned below both ends.
 
     ``integrals`` are ∫ hat / (c² s) dz and p ∫ hat / s³ dz, (2, N, K), and ``spread`` is dX/dp (N,).

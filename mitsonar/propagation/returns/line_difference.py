@@ -24,7 +24,7 @@ NODES = 5, 6, 7                    # N, the least that does
 STRAIGHT_WITHIN = 1e-9             # [m]
 
 
-class Line:
+class LineChange:
     """Elements on a straight line."""
     # offsets (E, 3) [m]; place (E,) [-]; nodes (N, 3) [m]
 
@@ -36,7 +36,7 @@ class Line:
         self.nodes = self.middle + _places(count)[:, None] * self.half
 
     @classmethod
-    def through(cls, offsets: ArrayLike, count: int = NODES[0]) -> Line | None:
+    def through(cls, offsets: ArrayLike, count: int = NODES[0]) -> LineChange | None:
         """Return the line that elements (E, 3) [m] lie on, the outermost first and last; None if they do not."""
         offsets = np.asarray(offsets, float)
         if not np.any(offsets[-1] - offsets[0]):

@@ -29,7 +29,7 @@ from mitsonar.device.types import Numbers, Triple
 from .travel import Travel, rotated
 
 
-class Leg(NamedTuple):
+class StraightLeg(NamedTuple):
     """The equivalent straight vector of a leg, every field (H,)."""
 
     length: Numbers          # R [m]
@@ -76,7 +76,7 @@ def straight_delay(along: Numbers, square: Numbers, inverse_length: Numbers, spe
     return q / divisor, divisor / multiply_add(inverse_length * speed, q, divisor)
 
 
-def hit_fields(leg: Leg, direction: Triple, rise: Numbers, elapsed: Numbers, travel: Travel,
+def hit_fields(leg: StraightLeg, direction: Triple, rise: Numbers, elapsed: Numbers, travel: Travel,
                origin_speed: Numbers) -> list[Numbers]:
     """Make what a difference needs of the hits, in float64; round to float32 afterwards."""
     # direction (H,); rise (H,) [m]; elapsed (H,) [s]; origin_speed (H,) [m/s] -> (H,)

@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 from mitsonar.device.types import Numbers, Triple
 
-from .straight_vectors import Leg, dot, library, select, straight_delay
+from .straight_vectors import StraightLeg, dot, library, select, straight_delay
 from .travel import Travel
 from .vector_approximation import LEVEL, corrections
 
 
 def matched_leg(range_per_parameter: Numbers, second: Numbers, third: Numbers, ray_parameter: Numbers,
-                speed: Numbers) -> Leg:
+                speed: Numbers) -> StraightLeg:
     """Match a straight vector to a leg."""
     # range_per_parameter, second, third (H,); ray_parameter (H,) [s/m]; speed (H,) [m/s]
     y, p, xp = range_per_parameter, ray_parameter, library(ray_parameter)
@@ -22,12 +22,13 @@ def matched_leg(range_per_parameter: Numbers, second: Numbers, third: Numbers, r
     g = select(matched, third - e * e / xp.maximum(y, 1e-30), 0.0)
     speed = xp.sqrt(e / xp.maximum(y + p * p * e, 1e-30))
     u = xp.sqrt(y / xp.maximum(e, 1e-30))
-    return Leg(y / speed, speed, p * speed, u * speed, 0.5 * g * p**3 / (speed * speed))
+    return StraightLeg(y / speed, speed, p * speed, u * speed, 0.5 * g * p**3 / (speed * speed))
 
 
-def centre_return(leg: Leg, travel_time: Numbers, bearing: tuple[Numbers, Numbers], upwards: Numbers, travel: Travel,
+def centre_return(leg: StraightLeg, travel_time: Numbers, bearing: tuple[Numbers, Numbers], upwards: Numbers,
+                  travel: Travel,
                   slice_to: Callable[[Numbers], tuple[Numbers, Numbers]],
-                  elapsed: Numbers | None = None) -> tuple[Numbers, Leg, Triple, Numbers]:
+                  elapsed: Numbers | None = None) -> tuple[Numbers, StraightLeg, Triple, Numbers]:
     """Follow the platform to where the echo meets the array's centre, and match the leg to there."""
     # travel_time (H,) [s]; bearing (H,) [-]; upwards (H,) [-]; elapsed (H,) [s] -> return_time (H,) [s], direction
     # (H,), rise (H,) [m]
@@ -66,7 +67,8 @@ def centre_return(leg: Leg, travel_time: Numbers, bearing: tuple[Numbers, Number
     there = matched_leg(*_two_layers(leg, p, layer, height, excess), p, 1.0)
     # a level ray has no layer to match; it only moves
     level = leg.vertical <= 2 * LEVEL
-    there = Leg(select(level, leg.length + dot(n, place), there.length), leg.speed * select(level, 1.0, there.speed),
+    there = StraightLeg(select(level, leg.length + dot(n, place), there.length), leg.speed * select(level, 1.0,
+                                                                                                    there.speed),
                 select(level, leg.horizontal, there.horizontal), select(level, leg.vertical, there.vertical),
                 there.third)
     still = across < 1e-9
@@ -75,7 +77,7 @@ def centre_return(leg: Leg, travel_time: Numbers, bearing: tuple[Numbers, Number
     return travel_time + delay, there, direction, upwards * height
 
 
-def _two_layers(leg: Leg, p: Numbers, layer: Numbers, height: Numbers,
+def _two_layers(leg: StraightLeg, p: Numbers, layer: Numbers, height: Numbers,
                 excess: Numbers) -> tuple[Numbers, Numbers, Numbers]:
     """Y, E and G, speeds in units of c_m, of the leg's layer and the slice above it; to third order of the leg."""
     xp = library(p)

@@ -8,7 +8,7 @@ Beyond the array's own band, |ν| <= max |x_n| (1 + f/f0) ds/λ, Ŵ rolls off; i
 for what was spread over rows, once for what is read from them.
 
 An aperture of a part of the line has a narrower band, about its own middle ν_c. Turned back by e^{2πi ν_c u} its beams
-need fewer rows, every ``stride``-th (`Rows`); the turn is made good where they are read.
+need fewer rows, every ``stride``-th (`ResponseRows`); the turn is made good where they are read.
 """
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ WIDE = 0.2, 0.7                    # the same for lines so short that a fading p
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rows:
+class ResponseRows:
     """Rows of beams, over which transforms run."""
 
     step: float  # ds
     period: int  # of them
     before: int  # beams lie at most so many rows before an echo, and less than ``period - before`` rows after it
 
-    def every(self, stride: int) -> Rows:
+    def every(self, stride: int) -> ResponseRows:
         """Return every `stride`-th of them."""
-        return Rows(step=self.step * stride, period=self.period // stride, before=self.before // stride)
+        return ResponseRows(step=self.step * stride, period=self.period // stride, before=self.before // stride)
 
     @property
     def numbers(self) -> np.ndarray:
@@ -52,7 +52,8 @@ class LineResponse:
     # position (E,) [m]; weight (E,) [-]; wavenumber (F,) [1/m]; taken (U,); used (U,); values (F, U); spectrum (U,)
     # [-]
 
-    def __init__(self, position: np.ndarray, weight: np.ndarray, wavenumber: np.ndarray, rows: Rows, stride: int = 1):
+    def __init__(self, position: np.ndarray, weight: np.ndarray, wavenumber: np.ndarray, rows: ResponseRows,
+                 stride: int = 1):
         farthest = float(np.abs(position).max())
         lowest, highest = _extent(position, weight) if stride > 1 else (-farthest, farthest)
         self.middle = -int(round(0.5 * (lowest + highest) * wavenumber.max() * rows.step * rows.period))
@@ -91,7 +92,7 @@ class LineResponse:
         power *= np.real(wanted[:, :1]) / power.mean(axis=1, keepdims=True)
         return power[:, self.used] / self.spectrum.astype(np.float32)
 
-    def _pattern(self, weight: np.ndarray, rows: Rows) -> np.ndarray:
+    def _pattern(self, weight: np.ndarray, rows: ResponseRows) -> np.ndarray:
         """Return W_f(m ds) of weights (E,) as they are, turned back, m in order of an FFT: complex64 (F, period)."""
         (position, wavenumber), number = self._line, rows.numbers
         farthest = np.abs(wavenumber).max() * rows.step * np.abs(number).max()
@@ -119,7 +120,7 @@ def _extent(position: np.ndarray, weight: np.ndarray) -> tuple[float, float]:
     return float(there.min()), float(there.max())
 
 
-def _taper(rows: Rows, fade: int) -> np.ndarray:
+def _taper(rows: ResponseRows, fade: int) -> np.ndarray:
     """What lets a pattern fade at both ends of a period, float32 (period,), in order of an FFT."""
     place = rows.numbers + rows.before + 0.5 * (rows.period % 2)
     left = np.minimum(place, rows.period - place)

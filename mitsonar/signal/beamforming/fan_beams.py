@@ -29,7 +29,7 @@ def fft_beams(signals: xr.DataArray, facing: str | ArrayLike, *, widest: float =
               window: Shading = None) -> xr.DataArray:
     """Form a narrow-band fan by an FFT over the elements."""
     # facing (3,); widest [rad]
-    fan = _Fan(signals, facing, widest, window)
+    fan = _BeamFan(signals, facing, widest, window)
     recording, elements = fan.recording, len(fan.weights)
     size = fft.next_fast_len(2 * elements) if size is None else size
     if not size >= elements:
@@ -48,7 +48,7 @@ def fan_beams(signals: xr.DataArray, facing: str | ArrayLike, *, beams: int | No
               window: Shading = None) -> xr.DataArray:
     """Form a wide-band fan by a chirp-z transform over the elements, frequency by frequency."""
     # facing (3,); widest [rad]
-    fan = _Fan(signals, facing, widest, window)
+    fan = _BeamFan(signals, facing, widest, window)
     recording, elements = fan.recording, len(fan.weights)
     beams = 2 * elements + 1 if beams is None else beams
     if not beams >= 1:
@@ -68,7 +68,7 @@ def fan_beams(signals: xr.DataArray, facing: str | ArrayLike, *, beams: int | No
     return fan.labelled(values, sines, "fan_beams")
 
 
-class _Fan:
+class _BeamFan:
     """A uniform line, the side it looks to, and the shading of its elements."""
 
     def __init__(self, signals: xr.DataArray, facing: str | ArrayLike, widest: float, window: Shading):

@@ -28,7 +28,7 @@ WHOLE = 1e-6                       # of a step: a sector that lacks less of it h
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sweep:
+class HeadSweep:
     """The bearings of a head's pings."""
 
     first: float  # [rad]: bearing of the first ping
@@ -72,12 +72,12 @@ class Sweep:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Head:
+class RotatingHead:
     """A head and how it turns."""
 
     mount: str  # where it points
     tilt: float  # [rad]: of the beam, out of the plane it turns in, towards where the head points
-    sweep: Sweep
+    sweep: HeadSweep
     turns_on: bool  # whether it turns on while echoes come in
 
     @property
@@ -100,7 +100,7 @@ class Head:
 class HeadTrajectory(Trajectory):
     """Follow a head on its platform; its attitude is that of the beam."""
 
-    head: Head
+    head: RotatingHead
     times: np.ndarray  # (P,) [s]: of the pings' transmissions
     interval: float  # [s]: from the last ping to the one that would follow
     reach: np.ndarray = field(default_factory=lambda: np.zeros(3))  # (3,) [m]
@@ -147,7 +147,7 @@ def attitude_of(rotation: np.ndarray) -> np.ndarray:
     return np.stack([roll, pitch, heading], -1)
 
 
-def turned_voyage(voyage: Voyage, head: Head, interval: float) -> Voyage:
+def turned_voyage(voyage: Voyage, head: RotatingHead, interval: float) -> Voyage:
     """Return the voyage of a head on a platform, whose pings are the platform's, by rule an interval [s] apart.
 
     Its track has the attitude of the beam at each transmission.

@@ -36,7 +36,7 @@ MOST_TURN = 2.0                    # [rad] that a platform may turn while the ec
 MOST_SWINGS = 2.0                  # of a strum while the echoes of a ping come in
 
 
-class Smooth:
+class SmoothCurve:
     """A spline through numbers at given times, with straight ends."""
     # time (N,) [s]; values (N, ...)
 
@@ -70,16 +70,17 @@ class Lead(ABC):
 class Recorded(Lead):
     """A track as it was recorded, or laid."""
 
-    position: Smooth  # (3) [rad]
-    attitude: Smooth  # (3) [rad]
-    height: Smooth | None = None  # [m]: takes the place of z
-    heave: Smooth | None = None  # [m]: added to z
+    position: SmoothCurve  # (3) [rad]
+    attitude: SmoothCurve  # (3) [rad]
+    height: SmoothCurve | None = None  # [m]: takes the place of z
+    heave: SmoothCurve | None = None  # [m]: added to z
 
     @classmethod
-    def through(cls, track: Track, **heights: Smooth) -> Recorded:
+    def through(cls, track: Track, **heights: SmoothCurve) -> Recorded:
         """Join the poses of a track."""
         attitude = np.stack([track.roll, track.pitch, np.unwrap(track.heading)], -1)
-        return cls(position=Smooth(track.time, track.position), attitude=Smooth(track.time, attitude), **heights)
+        return cls(position=SmoothCurve(track.time, track.position), attitude=SmoothCurve(track.time, attitude),
+                   **heights)
 
     def at(self, times: np.ndarray, since: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         position = self.position.at(times)
@@ -98,7 +99,7 @@ class Sailed(Lead):
 
     course: Course
     speed: float  # [m/s]
-    height: Smooth  # [m]
+    height: SmoothCurve  # [m]
 
     def at(self, times: np.ndarray, since: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if self.course.has_arcs:

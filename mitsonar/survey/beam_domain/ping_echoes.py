@@ -27,7 +27,7 @@ from mitsonar.echoes.scatterers.element_beams import ElementBeams
 from mitsonar.echoes.scatterers.thinned_scatterers import Density, TransmitLobe
 from mitsonar.signal.beam_grid.residual_doppler import residual_doppler
 
-from ..motion.reception import Arrival, Reception
+from ..motion.reception import EndArrival, Reception
 from ..pressure.array_survey import ArraySurvey
 from .ground import FREE, HIDDEN_BY_OBJECT, Ground
 from .line import LineArray
@@ -267,7 +267,7 @@ class PingEchoes:
         return self._on_grid(arrival, self._row_doppler[1].rest(arrival), placed, factor,
                              self.survey.track.position[ping])
 
-    def _on_grid(self, arrival: Arrival, rest: mi.Float | None, placed: PlacedEchoes, factor,
+    def _on_grid(self, arrival: EndArrival, rest: mi.Float | None, placed: PlacedEchoes, factor,
                  origin: np.ndarray) -> GridEchoes:
         """Return echoes with their carrier's phase, weighed by a factor; `rest` is what their row leaves of Doppler."""
         survey, pulse = self.survey, self.survey.pulse
@@ -320,7 +320,7 @@ class _RowDoppler:
     def __init__(self, factors: np.ndarray | None):
         self._factors = None if factors is None else upload(mi.Float, (factors - 1).astype(np.float32))
 
-    def rest(self, arrival: Arrival) -> mi.Float | None:
+    def rest(self, arrival: EndArrival) -> mi.Float | None:
         """Return the factor of echoes over that of their row, minus 1; None where nothing moves."""
         if self._factors is None:
             return None

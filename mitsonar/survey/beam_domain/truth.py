@@ -140,7 +140,7 @@ def _beam(table, edges, place, sine):
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Plane:
+class _TruthPlane:
     """Hold energies (beams, bins) of one instance as the picture shows them, within a box."""
 
     label: int
@@ -156,16 +156,16 @@ class _Plane:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Ground:
+class _TruthGround:
     """Hold the sums of a frame: planes of seabeds and objects, places, counts, and planes that objects hide."""
 
-    seabed: list[_Plane]
+    seabed: list[_TruthPlane]
     place: np.ndarray
     depth: np.ndarray
     layover: np.ndarray
     rays: np.ndarray
-    objects: list[_Plane]
-    lost: list[_Plane]
+    objects: list[_TruthPlane]
+    lost: list[_TruthPlane]
 
 
 class FrameTruth:
@@ -211,14 +211,14 @@ class FrameTruth:
             truth=BinTruth(label=label, share=share, hidden=dark, object_shadow=object_shadow, layover=ground.layover,
                            seabed_place=ground.place))
 
-    def _nothing(self, shape: tuple[int, int]) -> _Ground:
+    def _nothing(self, shape: tuple[int, int]) -> _TruthGround:
         """Return a frame without scatterers."""
-        return _Ground(seabed=[], objects=[], lost=[], layover=np.zeros(shape, np.uint8),
+        return _TruthGround(seabed=[], objects=[], lost=[], layover=np.zeros(shape, np.uint8),
                        rays=np.zeros(shape, np.uint32), place=np.full((*shape, 3), np.nan, np.float32),
                        depth=np.full(shape, np.nan, np.float32))
 
     def _ground(self, echoes: GridEchoes, hidden: tuple[mi.UInt32, mi.UInt32], origin: np.ndarray,
-                depth_below: float, farthest: float) -> _Ground:
+                depth_below: float, farthest: float) -> _TruthGround:
         """Sum the echoes of scatterers, and those of the seabed that objects hide."""
         bins = self._bins
         cell, inside = bins.cell_of(echoes)
@@ -247,9 +247,10 @@ class FrameTruth:
                 lost = list(self._planes(dr.gather(mi.UInt32, cell, number).numpy(),
                                          dr.gather(mi.Float, echoes.energy, number).numpy(),
                                          dr.gather(mi.UInt32, hider, some).numpy()))
-        return _Ground(seabed=seabed, place=place, depth=depth, layover=layover, rays=rays, objects=objects, lost=lost)
+        return _TruthGround(seabed=seabed, place=place, depth=depth, layover=layover, rays=rays, objects=objects,
+                            lost=lost)
 
-    def _planes(self, cell: np.ndarray, energy: np.ndarray, label: np.ndarray) -> Iterator[_Plane]:
+    def _planes(self, cell: np.ndarray, energy: np.ndarray, label: np.ndarray) -> Iterator[_TruthPlane]:
         """Return energies of echoes, instance by instance."""
         for number in np.unique(label):
             mine = label == number
@@ -259,16 +260,16 @@ class FrameTruth:
             place = (row - box[0]) * size[1] + (bin - box[2])
             yield self._shown(int(number), np.bincount(place, energy[mine], size[0] * size[1]).reshape(size), box)
 
-    def _shown(self, label: int, energy: np.ndarray, box: tuple[int, int, int, int]) -> _Plane:
+    def _shown(self, label: int, energy: np.ndarray, box: tuple[int, int, int, int]) -> _TruthPlane:
         """Return the energies in a box as the picture shows them."""
         b0, b1, t0, t1 = self._blur.grown(box, self._bins.bins)
         if (b1 - b0, t1 - t0) != energy.shape:
             wide = np.zeros((b1 - b0, t1 - t0), np.float32)
             wide[box[0] - b0:box[1] - b0, box[2] - t0:box[3] - t0] = energy
             energy = wide
-        return _Plane(label=label, first_beam=b0, first_bin=t0, energy=self._blur.shown(energy, b0))
+        return _TruthPlane(label=label, first_beam=b0, first_bin=t0, energy=self._blur.shown(energy, b0))
 
-    def _of_targets(self, targets: Sequence[TargetEchoes]) -> Iterator[_Plane]:
+    def _of_targets(self, targets: Sequence[TargetEchoes]) -> Iterator[_TruthPlane]:
         """Return echoes with a phase, squared when those of an instance in a bin are added."""
         parts = []
         for target in targets:
@@ -285,7 +286,7 @@ class FrameTruth:
             real, imaginary = (np.bincount(which, part[mine]) for part in (np.real(pressure), np.imag(pressure)))
             yield from self._planes(key, real ** 2 + imaginary ** 2, np.full(len(key), number))
 
-    def _shadows(self, ground: _Ground, total: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _shadows(self, ground: _TruthGround, total: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Share of the seabed's echo that objects hide, and whose shadow a bin lies in; see `imaging.truth.shadows`."""
         hidden, whose = np.zeros(total.shape, np.float32), np.zeros(total.shape, np.uint32)
         if not ground.lost:

@@ -25,7 +25,7 @@ WORK = 1 << 21                     # samples of z at a time
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arrivals:
+class PulseArrivals:
     """Hold echoes as the faces receive them, one an entry, on the host."""
 
     row: np.ndarray  # (R,): row of the group
@@ -58,7 +58,7 @@ class CoherentPulses:
         self._samples = int(np.ceil((window[1] + sonar.pulse_length - self._start) / self._step)) + 2
         self.pings_at_once = max(1, WORK // (2 * self._samples))
 
-    def sum(self, blocks: Sequence[Arrivals], rows: int) -> CoherentSums:
+    def sum(self, blocks: Sequence[PulseArrivals], rows: int) -> CoherentSums:
         """Sum blocks of arrivals in so many rows; arrays (rows, ..., bins)."""
         arrivals, survey = joined(blocks), self._survey
         slot, pressure, path_intensity = self._pulses(arrivals, rows)
@@ -82,7 +82,7 @@ class CoherentPulses:
             path_intensity=np.zeros((rows, paths, survey.bins)) if paths > 1 else None)
         return CoherentSums(record=record, label_power=np.zeros((rows, len(survey.labels), survey.bins), np.float32))
 
-    def _pulses(self, arrivals: Arrivals, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    def _pulses(self, arrivals: PulseArrivals, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Sum the pulses of echoes."""
         # -> slot (R,), pressure [µPa], path_intensity [µPa²]
         survey, samples, paths = self._survey, self._samples, len(self._survey.paths)
@@ -124,13 +124,13 @@ class CoherentPulses:
         sums += np.diff(share, axis=1)
         return (sums * (parts * self._step / survey.bin_length)).reshape(len(samples), survey.bins, parts)
 
-    def _bin(self, arrivals: Arrivals) -> np.ndarray:
+    def _bin(self, arrivals: PulseArrivals) -> np.ndarray:
         """Bins that the middles of pulses lie in; those from just outside the record count in its first or last."""
         survey = self._survey
         bin = np.floor((arrivals.delay - survey.window[0]) / survey.bin_length).astype(np.int64)
         return np.clip(bin, 0, survey.bins - 1)
 
-    def _by_instance(self, arrivals: Arrivals, bin: np.ndarray, slot: np.ndarray,
+    def _by_instance(self, arrivals: PulseArrivals, bin: np.ndarray, slot: np.ndarray,
                      rows: int) -> tuple[np.ndarray, np.ndarray]:
         """Powers of the instances in every bin, and depth of the strongest, of those with their middles there."""
         # -> label_power [µPa²], depth [m]

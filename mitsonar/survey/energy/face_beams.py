@@ -66,7 +66,7 @@ class Lobes:
         return dr.fma(place - mi.Float(below), high - low, low)
 
 
-class Face:
+class SideFace:
     """Hold the beam of a face on the device."""
     # wavelength [m]
 
@@ -88,8 +88,8 @@ class FaceBeams:
     # depression [rad]
 
     def __init__(self, sonar: Sidescan):
-        self.transmit = Face(sonar.transmit, sonar.wavelength)
-        self.receive = self.transmit if sonar.one_face else Face(sonar.receive, sonar.wavelength)
+        self.transmit = SideFace(sonar.transmit, sonar.wavelength)
+        self.receive = self.transmit if sonar.one_face else SideFace(sonar.receive, sonar.wavelength)
         self.depression = dr.opaque(mi.Float, sonar.depression_angle)
 
     def across(self, body: mi.Vector3f) -> mi.Float:
@@ -103,7 +103,7 @@ class FaceBeams:
         return (_both(self.transmit.along, self.receive.along, u, back_u),
                 _both(self.transmit.across, self.receive.across, v, back_v))
 
-    def one_way(self, body: mi.Vector3f, face: Face) -> mi.Float:
+    def one_way(self, body: mi.Vector3f, face: SideFace) -> mi.Float:
         """Return the intensity of one face, `transmit` or `receive`, towards body directions."""
         return mi.Float(face.intensity(body.x, self.across(body)))
 

@@ -16,7 +16,7 @@ from mitsonar.scene.tracing.hits import Hits
 from mitsonar.scene.tracing.water import Way
 
 from ..motion.places import Place
-from ..motion.underway import Reception
+from ..motion.underway import PingReception
 from .rows import Rays, RowResponse, Rows
 
 
@@ -28,7 +28,7 @@ class Binning(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Echoes:
+class HitEchoes:
     """Hold echoes of rays."""
 
     units: mi.Float64  # (R,): energy, in units of the bins
@@ -53,7 +53,7 @@ class FirstHits:
         self._rows, self._water, self._smooth_patches = rows, water, smooth_patches
         self._binning: Binning = rows.bins.of if binning is None else binning
 
-    def echoes(self, place: Place, rays: Rays, hits: Hits) -> Echoes:
+    def echoes(self, place: Place, rays: Rays, hits: Hits) -> HitEchoes:
         """Return the echoes of hits, as the rows receive them."""
         bins, reception = self._rows.bins, received(place, rays, hits)
         response = self._rows.response(place, rays, reception.towards)
@@ -65,10 +65,11 @@ class FirstHits:
         energy = echo_energy(solid_angle=rays.solid_angle, pattern=response.pattern, strength=strength,
                              sin_grazing=sin_grazing, spreading_area=hits.spreading_area,
                              speed_ratio=speed_ratio(hits.sound_speed, speed), loss=loss)
-        return Echoes(units=mi.Float64(energy) * mi.Float64(units), delay=reception.delay, response=response, bin=bin,
+        return HitEchoes(units=mi.Float64(energy) * mi.Float64(units), delay=reception.delay, response=response,
+                         bin=bin,
                       active=inside & dr.isfinite(energy))
 
 
-def received(place: Place, rays: Rays, hits: Hits) -> Reception:
+def received(place: Place, rays: Rays, hits: Hits) -> PingReception:
     """Return when and from where the echoes of hits come back."""
     return place.receive(rays.ping, rays.direction, hits.point - place.origin(rays.ping), 2 * hits.travel_time)

@@ -38,7 +38,7 @@ from .plan import SIDES, InterferometricSurvey, up_along
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Measurement:
+class RowMeasurement:
     """Hold the measurement of a ping, arrays (B,): port's bins from the last to the first, then starboard's."""
 
     valid: np.ndarray  # coherent enough, and within the sector
@@ -57,7 +57,7 @@ class Measurement:
         return np.stack([values[:half][::-1], values[half:]])
 
 
-def measured_rows(survey: InterferometricSurvey, signals: tuple[np.ndarray, np.ndarray]) -> Measurement:
+def measured_rows(survey: InterferometricSurvey, signals: tuple[np.ndarray, np.ndarray]) -> RowMeasurement:
     """Compare the rows of both sides, signals (rows, samples) [µPa] each."""
     per_bin = survey.per_bin
     found, levels = [], []
@@ -70,7 +70,7 @@ def measured_rows(survey: InterferometricSurvey, signals: tuple[np.ndarray, np.n
         return _joined(*(getattr(one, name) for one in found))
 
     coherence = both("coherence")
-    return Measurement(
+    return RowMeasurement(
         valid=both("inside") & (coherence >= survey.least_coherence), time=_joined(survey.time, survey.time),
         sector=np.repeat(np.arange(2, dtype=np.int32), survey.bins), sine=both("sine"), coherence=coherence,
         sine_deviation=both("deviation"), phase=both("phase"), power=both("power"), level=_joined(*levels))
@@ -156,12 +156,12 @@ class Interferometer:
         self.absorption_db = np.full(2, float(mean_absorption(survey.absorption, top, bottom)))
         self._width = _beam_width(survey)
 
-    def measure(self, ping: int) -> Measurement:
+    def measure(self, ping: int) -> RowMeasurement:
         """Measure a ping."""
         port, starboard = (side.signals(ping, self._seed) for side in self.sides)
         return measured_rows(self._survey, (port, starboard))
 
-    def measured(self, ping: int, made: Measurement, head_speed: float,
+    def measured(self, ping: int, made: RowMeasurement, head_speed: float,
                  closing: np.ndarray | None = None) -> Measured:
         """Return times and angles as a sound speed at the head [m/s] makes them of the phases."""
         survey, beams = self._survey, len(made.time)
@@ -184,7 +184,7 @@ class Interferometer:
                         travel_time=column("travel_time"), angle=column("angle"),
                         transmit_angle=column("transmit_angle"), head_sound_speed=np.full(beams, head_speed))
 
-    def finding(self, ping: int, made: Measurement, final: Located) -> Finding:
+    def finding(self, ping: int, made: RowMeasurement, final: Located) -> Finding:
         """Return quality, footprints and strengths."""
         survey = self._survey
         speed = survey.sides[0].sound_speed(ping)
@@ -204,7 +204,7 @@ class Interferometer:
             "backscatter_db": np.where(there, self._strength(made, final), np.nan)}
         return Finding(variables=values, deviations=Deviations(time=sigma_time[None], angle=sigma_angle[None]))
 
-    def _deviations(self, made: Measurement) -> tuple[np.ndarray, np.ndarray]:
+    def _deviations(self, made: RowMeasurement) -> tuple[np.ndarray, np.ndarray]:
         """Return standard deviations of angle [rad] and time [s]: (B,) each."""
         survey = self._survey
         angle = made.sine_deviation / np.sqrt(np.maximum(1 - made.sine ** 2, 0.01))
@@ -218,7 +218,7 @@ class Interferometer:
         below = 0.5 * speed * time * np.sin(depression)
         return (below >= gate[0]) & (below <= gate[1])
 
-    def _strength(self, made: Measurement, final: Located) -> np.ndarray:
+    def _strength(self, made: RowMeasurement, final: Located) -> np.ndarray:
         """Return strengths of the bed [dB] by the sonar equation, as the instrument knows its beams."""
         survey = self._survey
         side = survey.sides[0]

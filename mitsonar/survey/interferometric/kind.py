@@ -51,7 +51,7 @@ def picture(survey: InterferometricSurvey, sensor: InterferometricSensor, seed: 
     record = gathered(records(), pings=pings, rows=2)
     classes, class_of = classes_of(survey.labels)
     image = imaging.image(
-        imaging.Measured(**{name: np.stack([one[name] for one in measured]) for name in measured[0]}), record,
+        imaging.MeasuredRows(**{name: np.stack([one[name] for one in measured]) for name in measured[0]}), record,
         track=survey.track, time=survey.time, sound_speed=side.sound_speed(0), depth_below=survey.depth_below,
         labels=survey.labels, class_of=class_of,
         attrs={"seed": int(seed), "preset": survey.preset, "frequency": float(side.frequency),

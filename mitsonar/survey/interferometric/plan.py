@@ -12,7 +12,7 @@ from typing import Protocol
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.hydrography.detection.row_angles import Rows, sector_of
+from mitsonar.hydrography.detection.row_angles import ReceiverRows, sector_of
 from mitsonar.scene import materials
 from mitsonar.scene.geometry import Geometry
 from mitsonar.signal.matched_filtering import compression, rms_bandwidth
@@ -36,7 +36,7 @@ class InterferometricSurvey(SoundedSurvey):
 
     sides: tuple[ArraySurvey, ArraySurvey]  # (ArraySurvey, ArraySurvey): port and starboard
     bins: int  # of each side's record, which are as many soundings
-    rows: Rows  # those of either side
+    rows: ReceiverRows  # those of either side
     looks: float  # range cells that phases are averaged over, at least
     least_coherence: float  # of a valid sounding
 
@@ -115,7 +115,8 @@ def plan(scene: mi.Scene, sensor: InterferometricSensor, settings: RunSettings,
     _, bins = sensor.film().window(head_speed(sensor, port.passage.depth))
     return InterferometricSurvey(
         **shared(port, port.passage, sensor, settings), sides=(port, starboard), bins=bins, looks=sensor.looks,
-        rows=Rows(place=place / port.wavelength, sector=sector_of(sensor.tilt)), least_coherence=sensor.least_coherence)
+        rows=ReceiverRows(place=place / port.wavelength, sector=sector_of(sensor.tilt)),
+                                 least_coherence=sensor.least_coherence)
 
 
 def plan_elements(scene: mi.Scene, sensor: InterferometricSensor, settings: RunSettings,

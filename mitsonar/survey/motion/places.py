@@ -15,7 +15,7 @@ from mitsonar.device.types import DrJitArray, UInt32, Vector
 from mitsonar.scene.tracing.tracer import Sources, Tracer
 
 from ..survey import Survey
-from .underway import Reception, Underway
+from .underway import PingReception, Underway
 
 
 class Places:
@@ -107,11 +107,11 @@ class Place:
         x, y, z = (dr.gather(self._lib.Array4f, self._rotation, 3 * ping + i) for i in range(3))
         return mi.Vector3f(*(r[0] * body.x + r[1] * body.y + r[2] * body.z for r in (x, y, z)))
 
-    def receive(self, ping: mi.UInt32, towards: Vector, offset: dr.ArrayBase, delay: mi.Float64) -> Reception:
+    def receive(self, ping: mi.UInt32, towards: Vector, offset: dr.ArrayBase, delay: mi.Float64) -> PingReception:
         """Return how echoes are received from points `offset` [m] away.
 
         `delay` [s] is the two-way time, and `towards` where the return leg comes from, of a sonar that stands still.
         """
         if self.motion is None:
-            return Reception(delay=delay, towards=towards)
+            return PingReception(delay=delay, towards=towards)
         return self.motion.receive(ping, towards, mi.Float(dr.norm(offset)), delay, self.medium(ping)[1])

@@ -45,7 +45,7 @@ Curvatures = tuple["mi.Float", "mi.Float"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arrival:
+class EndArrival:
     """Hold echoes as the array receives them, one each."""
 
     delay: mi.Float64  # (R,) [s]: from the transmission on
@@ -92,7 +92,7 @@ class Reception:
 
     def receive(self, *, sent: mi.Vector3f, out_distance: mi.Float, out_time: mi.Float64, towards: mi.Vector3f,
                 back_distance: mi.Float, back_time: mi.Float64, out_bent: Curvatures | None = None,
-                back_bent: Curvatures | None = None) -> Arrival:
+                back_bent: Curvatures | None = None) -> EndArrival:
         """Return when and from where echoes arrive."""
         # sent, towards (R,); out_distance, back_distance (R,) [m]; out_time (R,) [s]; back_time (R,) [s]; out_bent,
         # back_bent (Float, Float) [1/m]
@@ -128,7 +128,7 @@ class Reception:
             along, ahead = (dr.opaque(mi.Float, part) for part in self._off)
             seen = sine * along + dr.sqrt(dr.maximum(1 - sine * sine, 0)) * ahead
             sine = sine + (along - sine * seen) / dr.maximum(back_distance, NEAREST)                     # (3)
-        return Arrival(delay=delay, sent=sent, towards=heard, sine=sine,
+        return EndArrival(delay=delay, sent=sent, towards=heard, sine=sine,
                        doppler=(closing + sent_closing) / (c - sent_closing), spread=spread)
 
     def doppler_of_sines(self, sines: np.ndarray, sink: float) -> np.ndarray:

@@ -35,7 +35,7 @@ APART = 0.05                       # of the beam that these lie apart at least
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reception:
+class PingReception:
     """Hold times and directions of reception of echoes."""
 
     delay: mi.Float64  # (R,) [s]: from transmission to reception
@@ -57,9 +57,9 @@ class Underway:
         """Return True if the sonar moves or turns within any ping."""
         return self._displacement.shape[1] + self._turn.shape[1] > 0
 
-    def motion(self, ping: np.ndarray) -> Motion | None:
+    def motion(self, ping: np.ndarray) -> PingMotion | None:
         """Return the motion of a block of pings (B,) on the device; None where there is none."""
-        return Motion(self._displacement[ping], self._turn[ping], self._duration) if self.moves else None
+        return PingMotion(self._displacement[ping], self._turn[ping], self._duration) if self.moves else None
 
     def drift(self, sound_speed: float) -> float:
         """Return the largest distance that the sonar moves while sound goes a metre out and back [-]."""
@@ -107,7 +107,7 @@ class Underway:
                 - (moved[..., 1] / (0.5 * sound_speed * time))[..., None])
 
 
-class Motion:
+class PingMotion:
     """Hold the motion of a block's pings: look-ups by a ping's number within the block."""
     # displacement (B, K, 3) [rad/s^k]; turn (B, K, 3) [rad/s^k]; duration [s]
 
@@ -120,7 +120,7 @@ class Motion:
         dr.eval(self._table)
 
     def receive(self, ping: mi.UInt32, towards: Vector, distance: mi.Float, delay: mi.Float64,
-                sound_speed: mi.Float) -> Reception:
+                sound_speed: mi.Float) -> PingReception:
         """Return when and from where echoes come back."""
         # ping (R,); towards (R,); distance (R,) [m]; delay (R,) [s]; sound_speed (R,) [m/s]
         moves, turns = self._powers
@@ -137,7 +137,7 @@ class Motion:
             towards, delay = dr.normalize(way), delay + mi.Float64(later)
         if turns:
             towards = _turned_back(towards, self._at(rows[moves:], time))
-        return Reception(delay=delay, towards=towards)
+        return PingReception(delay=delay, towards=towards)
 
     def _later(self, rows, towards, distance, sound_speed, time):
         """Return the way to where the sonar is at a time, w, and how much later an echo arrives along it than at O."""

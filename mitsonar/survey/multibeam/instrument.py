@@ -28,7 +28,7 @@ from mitsonar.units import db_from_power
 from ..soundings.line import Finding
 from ..soundings.survey import SwathSurvey
 from .beams import SectorBeams
-from .measuring import Measurement, SwathBeams
+from .measuring import BeamMeasurement, SwathBeams
 
 WORDS = ("mean intensity over the footprint, less noise; corrected for source level, spreading and absorption along "
          "the bent path, patterns of transmitting and receiving faces, and the area that pulse and beams let sound at "
@@ -47,12 +47,12 @@ class Strengths:
         self.absorption_db = np.array([float(mean_absorption(run.survey.absorption, top, bottom))
                                        for run in survey.sectors])
 
-    def of(self, ping: int, made: Measurement, final: Located, samples: int) -> dict[str, np.ndarray]:
+    def of(self, ping: int, made: BeamMeasurement, final: Located, samples: int) -> dict[str, np.ndarray]:
         """Return strengths, and snippets of so many samples, 0 for none, by the record's names."""
         rows = [self._of_a_sector(number, ping, made, final, samples) for number in range(len(self._sectors))]
         return {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
 
-    def _of_a_sector(self, number: int, ping: int, made: Measurement, final: Located,
+    def _of_a_sector(self, number: int, ping: int, made: BeamMeasurement, final: Located,
                      samples: int) -> dict[str, np.ndarray]:
         sector, run = self._sectors[number], self._survey.sectors[number]
         survey, mine = run.survey, run.beams
@@ -112,7 +112,7 @@ def _width(array: Array, wavelength: float, sine: np.ndarray | float) -> np.ndar
     return pattern_integral(array, wavelength) / np.sqrt(np.maximum(1 - np.square(sine), 1e-3))
 
 
-class Multibeam:
+class MultibeamInstrument:
     """Measure the pings of a multibeam; see `soundings.Instrument`."""
 
     sonar, backscatter = "multibeam", WORDS
@@ -123,11 +123,11 @@ class Multibeam:
         self._strengths = Strengths(survey, self._beams.sectors)
         self.installation, self.absorption_db = _installation(survey), self._strengths.absorption_db
 
-    def measure(self, ping: int) -> Measurement:
+    def measure(self, ping: int) -> BeamMeasurement:
         """Measure a ping."""
         return self._beams.measure(ping)
 
-    def measured(self, ping: int, made: Measurement, head_speed: float,
+    def measured(self, ping: int, made: BeamMeasurement, head_speed: float,
                  closing: np.ndarray | None = None) -> Measured:
         """Return times and angles; beams have been steered with the head's own sound speed, whatever that is."""
         said = self._survey.sectors[0].survey.sound_speed(ping) + self._survey.head_speed_error
@@ -139,7 +139,7 @@ class Multibeam:
                         travel_time=made.travel_time, angle=angle, transmit_angle=made.transmit_angle,
                         head_sound_speed=np.full(beams, said))
 
-    def finding(self, ping: int, made: Measurement, final: Located) -> Finding:
+    def finding(self, ping: int, made: BeamMeasurement, final: Located) -> Finding:
         """Return detection, strengths and, where they are kept, snippets and water column."""
         values: dict[str, np.ndarray | float] = {"detection": made.method, "quality": made.quality,
                                                  **self._strengths.of(ping, made, final, self._snippets)}
@@ -149,7 +149,7 @@ class Multibeam:
             values.update(self._of_the_column(ping, made))
         return Finding(variables=values)
 
-    def _of_the_column(self, ping: int, made: Measurement) -> dict[str, np.ndarray]:
+    def _of_the_column(self, ping: int, made: BeamMeasurement) -> dict[str, np.ndarray]:
         """Return levels of all beams."""
         runs = self._survey.sectors
         angle = np.concatenate([np.arcsin(np.clip(run.sines[ping] * run.said[ping], -1, 1)) for run in runs])

@@ -27,7 +27,7 @@ from ..sensor import RunSettings
 from ..soundings.line import SoundingLine
 from ..soundings.survey import SwathSurvey
 from .beams import sector_beams
-from .instrument import Multibeam
+from .instrument import MultibeamInstrument
 from .plan import MultibeamSensor, plan
 
 
@@ -46,13 +46,13 @@ def picture(survey: SwathSurvey, sensor: MultibeamSensor, seed: int,
     """Render the picture of the water column, with its truth; see `mitsonar.render`."""
     pings = range(survey.track.pings)
     limits.check_beams(survey.sectors[0].survey, survey.beams, pings=len(pings))
-    image = _Pictures(survey, seed).of(pings, progress)
+    image = _SwathPictures(survey, seed).of(pings, progress)
     return image.assign_attrs(unseen=objects.unseen(image))
 
 
 def frames(survey: SwathSurvey, sensor: MultibeamSensor, seed: int) -> Iterator[xr.Dataset]:
     """Yield the pictures of pings one by one; see `mitsonar.frames`."""
-    pictures = _Pictures(survey, seed)
+    pictures = _SwathPictures(survey, seed)
     for ping in range(survey.track.pings):
         image = pictures.of([ping], None)
         yield image.assign_attrs(unseen=objects.unseen(image, warn=False))
@@ -66,10 +66,11 @@ def rows(level: np.ndarray) -> np.ndarray:
 def sounding_line(survey: SwathSurvey, seed: int, *, profile: SoundSpeedProfile | None, column: bool,
                   snippets: int) -> SoundingLine:
     """Make the soundings of a line; arguments as of `mitsonar.soundings`."""
-    return SoundingLine(survey, Multibeam(survey, seed, column=column, snippets=snippets), seed, profile=profile)
+    return SoundingLine(survey, MultibeamInstrument(survey, seed, column=column, snippets=snippets), seed,
+                        profile=profile)
 
 
-class _Pictures:
+class _SwathPictures:
     """Make pictures of pings."""
 
     def __init__(self, survey: SwathSurvey, seed: int):

@@ -19,7 +19,7 @@ FEWEST_SAMPLES = 16                # of a ping, that the bed can be found in
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Measurement:
+class BeamMeasurement:
     """Hold the measurement of a ping; arrays (B,) unless noted, NaN where there is no sounding."""
 
     valid: np.ndarray
@@ -50,7 +50,7 @@ class SwathBeams:
         self.sectors = sector_beams(survey)
         self._lengths = [_pulse_length(sector) for sector in self.sectors]
 
-    def measure(self, ping: int) -> Measurement:
+    def measure(self, ping: int) -> BeamMeasurement:
         """Measure a ping."""
         beams = [(sector.halves(ping, self._seed), sector.time) for sector in self.sectors]
         detected = [self._detected(sector, halves, ping, length)
@@ -58,7 +58,7 @@ class SwathBeams:
         detected = self._of_main_lobes(detected, beams, ping)
         rows = [self._said(number, found, ping) for number, found in enumerate(detected)]
         columns = {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
-        return Measurement(halves=beams, pulse_length=self._lengths, **columns)
+        return BeamMeasurement(halves=beams, pulse_length=self._lengths, **columns)
 
     def _detected(self, sector: SectorBeams, halves: Halves, ping: int, pulse_length: float,
                   without: np.ndarray | None = None) -> Detections:

@@ -26,7 +26,7 @@ WORTH_SAYING = 2.0                 # [s] of CPU; less is a moment
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cost:
+class RunCost:
     """Hold the work for the pings of an array."""
 
     pings: int  # how many pings, and receivers
@@ -51,7 +51,7 @@ def cells_within_reach(record: PressureRecord, ping: int) -> int:
                for _, pieces in record.ensonification.pieces(record.survey.track.position[ping]))
 
 
-def cost(record: PressureRecord, pings: Sequence[int], *, threads: int, all_transmit: bool = False) -> Cost:
+def cost(record: PressureRecord, pings: Sequence[int], *, threads: int, all_transmit: bool = False) -> RunCost:
     """Count what some pings take."""
     survey = record.survey
     share = survey.sources.share[:, (survey.transmit.weight != 0) | all_transmit]
@@ -60,7 +60,7 @@ def cost(record: PressureRecord, pings: Sequence[int], *, threads: int, all_tran
     cells = float(survey.rays) if by_rays else float(np.mean([cells_within_reach(record, ping) for ping in some]))
     pairs, sources = np.count_nonzero(share), np.count_nonzero(share.any(1))
     kept = ECHOING_SHARE * cells * sources <= KEPT_ECHOES
-    return Cost(pings=len(pings), elements=survey.receive.elements, cells=cells, pairs=int(pairs),
+    return RunCost(pings=len(pings), elements=survey.receive.elements, cells=cells, pairs=int(pairs),
                 ensonifications=int(sources if kept else pairs), threads=threads,
                 carried=SOLVED if record.return_path == "eigenray" else CARRIED)
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from mitsonar.device.arrays import arrays_of
 from mitsonar.device.types import Bool, Float, Triple
-from mitsonar.propagation.returns.line_difference import NODES, Line, polynomial
+from mitsonar.propagation.returns.line_difference import NODES, LineChange, polynomial
 from mitsonar.propagation.returns.return_paths import ReturnPaths
 from mitsonar.propagation.returns.straight_vectors import dot
 from mitsonar.propagation.returns.vector_approximation import (
@@ -85,7 +85,7 @@ class ReceivedEchoes:
         difference = difference_of(self.method, offsets, view.profile, view.tilt, view.climb)
         if difference is level_difference and len(offsets) >= FEWEST_ON_A_LINE:
             for count in NODES:
-                line = Line.through(offsets, count)
+                line = LineChange.through(offsets, count)
                 if line is not None and self._smooth(line, nearest, speed):
                     return self._along(line, difference)
         fields = ELEMENT_FIELDS[self.method](offsets, view.depth, view.profile)
@@ -98,7 +98,7 @@ class ReceivedEchoes:
         """Return True if what is left of the elements' patterns is the same towards all directions."""
         return self.towards is None or (self.receive.pattern == "omni" and self.baffle == "none")
 
-    def _smooth(self, line: Line, nearest: float, speed: float) -> bool:
+    def _smooth(self, line: LineChange, nearest: float, speed: float) -> bool:
         """Return True if polynomials along a line are good enough."""
         if line.error(nearest, speed) > LINE_ERROR:
             return False
@@ -130,14 +130,14 @@ class ReceivedEchoes:
 
         return Pairs(hits=hits, elements=elements, delay=delay, gain=gain)
 
-    def _along(self, line: Line, difference: OfPair) -> Pairs:
+    def _along(self, line: LineChange, difference: OfPair) -> Pairs:
         """Pair echoes with elements by polynomials through points of a line."""
         view, receive = self.view, self.receive
         fields = np.broadcast_arrays(*vector_element_fields(line.nodes, view.depth, view.profile))
         faces = [] if self._alike else [*(view.rotation @ receive.normal[0]), *(view.rotation @ receive.along[0])]
         exact = self._each(difference, [], len(fields))
         nodes = [opaque(mi.Float, [*node, *faces]) for node in np.transpose(fields)]
-        delays, gains = (Line.coefficients([of_pair(exact.hits, node) for node in nodes])
+        delays, gains = (LineChange.coefficients([of_pair(exact.hits, node) for node in nodes])
                          for of_pair in (exact.delay, exact.gain))
         return Pairs(hits=[*delays, *gains], elements=[line.place],
                      delay=lambda hit, at: polynomial(hit[:line.count], at[0]),

@@ -16,7 +16,7 @@ import numpy as np
 
 from mitsonar.device.arrays import arrays_of
 from mitsonar.device.types import Float, Float64, Triple
-from mitsonar.echoes.record import Echoes, Leg
+from mitsonar.echoes.record import Echoes, EchoLeg
 from mitsonar.echoes.scatterers.element_beams import pressure
 from mitsonar.propagation.device_rays.layer_table import LayerTable
 from mitsonar.propagation.device_rays.two_point import SourceState
@@ -76,7 +76,7 @@ class View:
         return pressure(array, [mi.Float(part) for part in direction], wavelength,
                         self.rotation @ array.normal[element], self.rotation @ array.along[element])
 
-    def carried(self, leg: Leg, method: Method, travel: Travel, elapsed: Float64) -> ReturnPaths:
+    def carried(self, leg: EchoLeg, method: Method, travel: Travel, elapsed: Float64) -> ReturnPaths:
         """Carry echoes along a leg back to the source, which moves; arguments as of `return_paths`."""
         only_source = arrays_of(mi.Float).UInt32(0)
         return return_paths(self.layers, self.state, only_source, leg.offset, leg.travel_time, leg.ray_parameter,
@@ -107,7 +107,7 @@ class PingSource:
         return View.of(self.travel, self._water.folded, -self.depth, self.position, UPSIDE_DOWN @ self.rotation,
                        mirror=np.diag(UPSIDE_DOWN))
 
-    def view(self, leg: Leg) -> View:
+    def view(self, leg: EchoLeg) -> View:
         """Return what a leg sees."""
         return self.mirrored if leg.folded else self.direct
 

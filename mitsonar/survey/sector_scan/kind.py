@@ -24,7 +24,7 @@ from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.array_makers import element_array
 from mitsonar.sonar.arrays.beam_patterns import element_directivity_index_db
 from mitsonar.sonar.faces.directivity import length_for_beam_width
-from mitsonar.sonar.motion.rotating_head import Head, HeadTrajectory, turned_voyage
+from mitsonar.sonar.motion.rotating_head import HeadTrajectory, RotatingHead, turned_voyage
 from mitsonar.sonar.pulses.pulses import Pulse
 from mitsonar.units import db_from_power, power_from_db
 
@@ -61,7 +61,7 @@ class SectorScanSensor(Sensor, Protocol):
     source_level_db: float
     pulse: Pulse
     beam_widths: tuple[float, float]
-    head: Head
+    head: RotatingHead
     self_noise_db: float | None
     picture: str | None
 

@@ -25,7 +25,7 @@ from mitsonar.echoes.record import Echoes
 from mitsonar.echoes.smooth.targets import SmoothTargets
 from mitsonar.imaging.energy_record import CoherentSums, joined
 
-from ..energy.coherent_pulses import Arrivals, CoherentPulses
+from ..energy.coherent_pulses import CoherentPulses, PulseArrivals
 from ..energy.face_beams import BEAM_EDGE, FaceBeams
 from ..energy.sidescan_survey import SidescanSurvey
 from ..energy.sound_paths import SoundPaths
@@ -112,7 +112,7 @@ class CoherentSidescan:
             yield number, label, replace(echoes, amplitude=(pressure * real, pressure * imaginary)), side
 
     def _arrivals(self, place: Place, first: int, number: mi.UInt32, label: mi.UInt32, echoes: Echoes,
-                  side: float | None = None) -> Arrivals:
+                  side: float | None = None) -> PulseArrivals:
         """What the faces receive of echoes within the record.
 
         `side` is -1 where it is port's face that receives them, 1 for starboard's; None: that which they come from.
@@ -148,12 +148,12 @@ class CoherentSidescan:
         dr.eval(columns)
         return self._within_record({name: column.numpy() for name, column in columns.items()}, echoes.path)
 
-    def _within_record(self, columns: dict[str, np.ndarray], path: str) -> Arrivals:
+    def _within_record(self, columns: dict[str, np.ndarray], path: str) -> PulseArrivals:
         """Choose arrivals within the record that return to the side they left from, and are not zero."""
         half, window = 0.5 * self._survey.sonar.pulse_length, self._survey.window
         delay = columns["delay"]
         good = columns["same_side"] & (delay >= window[0] - half) & (delay < window[1] + half)
         good &= (columns["real"] != 0) | (columns["imaginary"] != 0)
         number = self._survey.paths.number(path) - 1
-        return Arrivals(path=np.full(np.count_nonzero(good), number),
+        return PulseArrivals(path=np.full(np.count_nonzero(good), number),
                          **{name: column[good] for name, column in columns.items() if name != "same_side"})

@@ -27,7 +27,7 @@ import xarray as xr
 from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.device.chance import sonar_seed
 from mitsonar.hydrography.record import variable
-from mitsonar.hydrography.reduction.attitude import Motion
+from mitsonar.hydrography.reduction.attitude import PlatformMotion
 from mitsonar.hydrography.reduction.errors import Reduction, disturbed, errors
 from mitsonar.hydrography.reduction.motion_errors import MotionErrors
 from mitsonar.hydrography.reduction.reduction import Installation, Located, Measured
@@ -93,7 +93,7 @@ RATE = 100.0                       # [Hz] of the sensors
 MARGIN = 0.1                       # [s] before the first transmission and after the last reception
 
 
-def true_motion(survey: SoundedSurvey, *, earlier: float = 0.0) -> Motion:
+def true_motion(survey: SoundedSurvey, *, earlier: float = 0.0) -> PlatformMotion:
     """Sample the reference point's way and attitude; attitude and depth of `earlier` [s] before."""
     trajectory = _reference(survey.voyage.trajectory)
     last = max(run.survey.track.time[-1] + run.survey.time[-1] for run in survey.transmissions)
@@ -101,11 +101,11 @@ def true_motion(survey: SoundedSurvey, *, earlier: float = 0.0) -> Motion:
     time = first + np.arange(int(np.ceil((last + MARGIN - first) * RATE)) + 1) / RATE
     position, _ = trajectory.pose(time)
     before, attitude = trajectory.pose(time - earlier)
-    return Motion(time=time, x=position[:, 0], y=position[:, 1], depth=-before[:, 2], roll=attitude[:, 0],
+    return PlatformMotion(time=time, x=position[:, 0], y=position[:, 1], depth=-before[:, 2], roll=attitude[:, 0],
                   pitch=attitude[:, 1], heading=np.unwrap(attitude[:, 2]))
 
 
-def said_motion(survey: SoundedSurvey, seed: int) -> Motion:
+def said_motion(survey: SoundedSurvey, seed: int) -> PlatformMotion:
     """Return the motion with the errors of its sensors."""
     errors = survey.motion_errors
     true = true_motion(survey, earlier=errors.latency)

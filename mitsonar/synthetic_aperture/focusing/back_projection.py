@@ -26,7 +26,7 @@ import numpy as np
 from mitsonar.device.arrays import held, looped, upload
 from mitsonar.device.types import ArrayTypes, Float, Float64, UInt32
 
-from .delays import Plane
+from .delays import FocalPlane
 from .grids import Grid
 from .motion import Moving
 
@@ -37,7 +37,7 @@ TINY = 1e-3                        # [m]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Aperture:
+class ImageAperture:
     """The angles that are used, and how."""
 
     widest: float  # largest |u| from abreast of the way
@@ -57,12 +57,12 @@ class Sender:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Water:
+class ImageWater:
     """What a ping's delays are made with."""
 
     sound_speed: float  # [m/s]
-    sender: Plane | None = None  # residuals at the depths of the transmitter and of the receivers' centre
-    receivers: Plane | None = None  # residuals at the depths of the transmitter and of the receivers' centre
+    sender: FocalPlane | None = None  # residuals at the depths of the transmitter and of the receivers' centre
+    receivers: FocalPlane | None = None  # residuals at the depths of the transmitter and of the receivers' centre
     absorption_db: float = 0.0  # [dB/m]
 
 
@@ -70,7 +70,8 @@ class BackProjection:
     """An image in the making, of the receivers of one bank."""
     # frequency [s]; rate [s]; first [s]; coupling [s]; look (3,)
 
-    def __init__(self, lib: ArrayTypes, grid: Grid, aperture: Aperture, *, frequency: float, rate: float, first: float,
+    def __init__(self, lib: ArrayTypes, grid: Grid, aperture: ImageAperture, *, frequency: float, rate: float,
+                 first: float,
                  samples: int, coupling: float, look: np.ndarray):
         self.lib, self.grid, self.aperture, self.look = lib, grid, aperture, np.asarray(look, float)
         self.frequency, self.rate, self.first = frequency, rate, first
@@ -118,7 +119,7 @@ class BackProjection:
         return np.flatnonzero(beam & abreast & heard).astype(np.uint32)
 
     def add(self, signals: np.ndarray, sender: Sender, receivers: Moving, places: np.ndarray, shares: np.ndarray,
-            ahead: np.ndarray, water: Water) -> None:
+            ahead: np.ndarray, water: ImageWater) -> None:
         """Add a ping."""
         # places [m]; ahead (3,)
         tiles = self.in_sight(sender, receivers, places, ahead, water.sound_speed)
@@ -126,7 +127,7 @@ class BackProjection:
             return
         lib = self.lib
         inside, pixel, point = self._points(tiles)
-        ways = _Ways(lib, point, sender, receivers, ahead, water, self)
+        ways = _PingWays(lib, point, sender, receivers, ahead, water, self)
         further = np.column_stack([places @ receivers.rotation[2], shares, places @ (ahead @ receivers.rotation),
                                    np.zeros(len(places))])
         elements = np.column_stack([places, (places ** 2).sum(1)])
@@ -160,8 +161,8 @@ class BackProjection:
         z = lib.Float64(dr.gather(lib.Float, self.depth, pixel, inside))
         return inside, pixel, [x + a * s + g * c, y + a * c - g * s, z]
 
-    def _summed(self, ways: _Ways, values: Float, elements: Float, others: Float, count: int, inside: Any,
-                water: Water) -> tuple[Float, Float, Float]:
+    def _summed(self, ways: _PingWays, values: Float, elements: Float, others: Float, count: int, inside: Any,
+                water: ImageWater) -> tuple[Float, Float, Float]:
         """Sum over the receivers, for every thread."""
         lib = self.lib
         one, last = dr.opaque(lib.UInt32, 1), dr.opaque(lib.UInt32, count)
@@ -233,11 +234,11 @@ def _sine_cosine(turns: Float) -> tuple[Float, Float]:
     return s, c
 
 
-class _Ways:
+class _PingWays:
     """Of every thread's point: the way out, and the way back to the receivers' centre."""
 
     def __init__(self, lib: ArrayTypes, point: list[Float64], sender: Sender, receivers: Moving, ahead: np.ndarray,
-                 water: Water, image: BackProjection):
+                 water: ImageWater, image: BackProjection):
         def number(value: float) -> Float:
             return dr.opaque(lib.Float, float(value))
 
@@ -318,7 +319,7 @@ class _Ways:
 class _Residual:
     """Residual of the straight line, read from a plane: value, slope over the distance; derivatives over the depth."""
 
-    def __init__(self, lib: ArrayTypes, plane: Plane, axis: list[Float], depth: Float):
+    def __init__(self, lib: ArrayTypes, plane: FocalPlane, axis: list[Float], depth: Float):
         rows, columns = plane.values.shape[:2]
         self.across = dr.sqrt(axis[0] * axis[0] + axis[1] * axis[1])
         values = upload(lib.Float, plane.values)

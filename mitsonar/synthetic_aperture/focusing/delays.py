@@ -35,7 +35,7 @@ def bends(profile: SoundSpeedProfile) -> bool:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Plane:
+class FocalPlane:
     """Residuals for one depth of an element."""
 
     values: np.ndarray  # (Z, N, 4)
@@ -59,7 +59,7 @@ class TravelTables:
         self.range = first + RANGE_STEP * np.arange(int(np.ceil((ranges[1] - first) / RANGE_STEP)) + 2)
         self._known: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
-    def at(self, source_depth: float) -> Plane:
+    def at(self, source_depth: float) -> FocalPlane:
         """Return the residuals for an element's depth [m]."""
         number = int(np.floor(source_depth / SOURCE_STEP))
         share = source_depth / SOURCE_STEP - number
@@ -72,7 +72,7 @@ class TravelTables:
         bend = (6 - 12 * share) * (b - a) / h ** 2 + ((6 * share - 4) * da + (6 * share - 2) * db) / h
         for old in [one for one in self._known if abs(one - number) > KEPT]:
             del self._known[old]
-        return Plane(values=np.stack([value, slope, 0.5 * bend, 0 * bend], -1).astype(np.float32),
+        return FocalPlane(values=np.stack([value, slope, 0.5 * bend, 0 * bend], -1).astype(np.float32),
                      depth=(float(self.depth[0]), float(self.depth[1] - self.depth[0])),
                      range=(float(self.range[0]), RANGE_STEP))
 

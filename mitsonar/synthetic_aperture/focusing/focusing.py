@@ -27,11 +27,11 @@ from mitsonar.units import amplitude_from_db, db_from_amplitude
 from mitsonar.water.profile import SoundSpeedProfile
 
 from ..record import IMAGE_VARIABLES, check_image, check_raw
-from .back_projection import WEIGHTS, Aperture, BackProjection, Sender, Water
+from .back_projection import WEIGHTS, BackProjection, ImageAperture, ImageWater, Sender
 from .compression import Compressor, window_of
 from .delays import TravelTables, bends
 from .grids import Grid, default_grid
-from .motion import Motion
+from .motion import ApertureMotion
 
 STEPS = 257                        # of the mean heading
 STRAIGHT = np.deg2rad(20.0)        # that headings may differ by on a straight strip
@@ -95,7 +95,7 @@ class Focuser:
                  like: DrJitArray | type | None = None):
         check_raw(raw)
         self.grid, self.pings = grid, 0
-        self.motion = Motion(raw if trajectory is None else trajectory)
+        self.motion = ApertureMotion(raw if trajectory is None else trajectory)
         self.profile = _profile(raw, profile)
         self.pulse = pulse_of(raw.attrs["pulse"])
         self.time = np.asarray(raw["time"].values, float)
@@ -197,7 +197,7 @@ class Focuser:
             receivers = self.motion.moving(sent, self.window, centre, self._degree)
             planes = {} if self._tables is None else {"sender": self._tables.at(float(sender.place[2])),
                                                       "receivers": self._tables.at(float(receivers.place[2]))}
-            water = Water(sound_speed=self.sound_speed, absorption_db=self.absorption_db, **planes)
+            water = ImageWater(sound_speed=self.sound_speed, absorption_db=self.absorption_db, **planes)
             image.add(compressed[bank], sender, receivers, places - centre, overlap_shares(places[:, 0], step),
                       self._ahead(start), water)
 
@@ -263,7 +263,7 @@ def overlap_shares(along: np.ndarray, step: float) -> np.ndarray:
 
 
 def _as_variables(trajectory: xr.Dataset) -> dict[str, tuple[str, np.ndarray]]:
-    Motion(trajectory)             # refuses what is none
+    ApertureMotion(trajectory)             # refuses what is none
     return {str(name): ("other_motion", np.asarray(trajectory[name].values)) for name in trajectory.variables
             if str(name).startswith("motion_")}
 
@@ -276,7 +276,7 @@ def _profile(raw: xr.Dataset, profile: SoundSpeedProfile | float | None) -> Soun
     return SoundSpeedProfile.constant(profile)
 
 
-def _aperture(raw: xr.Dataset, wavelength: float, widest: float | None, window: str | tuple | None) -> Aperture:
+def _aperture(raw: xr.Dataset, wavelength: float, widest: float | None, window: str | tuple | None) -> ImageAperture:
     """The angles that are used, and their weights."""
     lengths = float(raw.attrs["tx_length"]), float(raw.attrs["rx_length"])
     if widest is None:
@@ -292,7 +292,7 @@ def _aperture(raw: xr.Dataset, wavelength: float, widest: float | None, window: 
     weight = (beam > LEAST_BEAM).astype(float)
     if shape is not None:
         weight /= np.maximum(beam, LEAST_BEAM)
-    return Aperture(widest=float(widest), taper=taper.astype(np.float32), beam_reach=reach,
+    return ImageAperture(widest=float(widest), taper=taper.astype(np.float32), beam_reach=reach,
                     beams=np.stack([weight, weight * beam], -1).astype(np.float32),
                     fall=float((np.pi / wavelength) ** 2 * (lengths[0] ** 2 + lengths[1] ** 2) / 6))
 

@@ -16,7 +16,7 @@ import xarray as xr
 
 from mitsonar.sonar.pulses.pulses import pulse_of
 
-from .motion import Motion
+from .motion import ApertureMotion
 
 __all__ = ["Grid", "circle_grid", "default_grid", "ground_grid", "slant_grid", "strip_grid"]
 
@@ -247,7 +247,7 @@ def _seen(raw: xr.Dataset, ping_time: np.ndarray | None) -> tuple[np.ndarray, np
         raise ValueError(f"a grid is laid along two or more pings, got {times.size}; give a grid, or ping_time of all")
     if not np.all(np.isfinite(times)):
         raise ValueError("ping_time holds numbers that are not finite; leave those pings out")
-    motion = Motion(raw)
+    motion = ApertureMotion(raw)
     motion.check_covers(float(times.min()), float(times.max()))
     place = motion.place(times)
     # that of the way down to the bed: 1 / mean of 1 / c

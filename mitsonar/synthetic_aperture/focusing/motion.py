@@ -37,7 +37,7 @@ class Moving:
     coefficients: np.ndarray  # of the changes of place (3) and rotation (9) in powers of (t - middle) / half
 
 
-class Motion:
+class ApertureMotion:
     """The trajectory of a record."""
 
     def __init__(self, record: xr.Dataset):

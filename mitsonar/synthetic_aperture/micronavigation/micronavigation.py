@@ -30,11 +30,11 @@ from mitsonar.sonar.pulses.pulses import pulse_of
 from ..focusing.poses import MOTION, Poses, poses_of
 from ..products.coherence import aperture_coherence, beam_spread, delay_deviation
 from ..record import check_raw
-from .pairs import NODES, Arrays, Correction, Pairs, arrays_of, ground_points, overlapping, pair_delays, together
+from .pairs import NODES, Arrays, Correction, PingPairs, arrays_of, ground_points, overlapping, pair_delays, together
 from .step import (
     HIGHEST,
     LEAST,
-    Found,
+    SurgeEstimate,
     Trust,
     correlated,
     finer,
@@ -127,7 +127,7 @@ class _Strip:
     search: float
     trust: Trust
 
-    def steps(self, known: np.ndarray | None) -> list[Found]:
+    def steps(self, known: np.ndarray | None) -> list[SurgeEstimate]:
         """Estimate all steps; `known` (P - 1, 4) is how far the trajectory was corrected already."""
         found, before = [], self.compressed(0)
         for ping in range(1, self.raw.sizes["ping"]):
@@ -199,7 +199,7 @@ class _Strip:
             raise ValueError(f"signals of ping {ping} hold values that are no numbers; give raw echoes that are whole")
         return finer(matched_filter(signal.astype(np.complex128), pulse_of(self.raw.attrs["pulse"]), self.rate))
 
-    def step(self, ping: int, before: np.ndarray, after: np.ndarray, so_far: Correction) -> Found:
+    def step(self, ping: int, before: np.ndarray, after: np.ndarray, so_far: Correction) -> SurgeEstimate:
         """Estimate the step to a ping from the one before; trust is in what was before the correction `so_far`."""
         correction, middle = Correction(), float(self.ranges.mean())
         time, sender = self.time[ping - 1:ping + 1], self.raw["transmitter"].values[ping - 1:ping + 1]
@@ -223,12 +223,12 @@ class _Strip:
         sway, heave, yaw = np.sqrt(np.diagonal(covariance))
         # what the last turn's correction brought before it, along each window's own way to the bed
         told = np.mean(change[chosen][..., :2], 0) @ [known.sway, known.heave]
-        return Found(correction=correction, pairs=pairs, apart=pairs.apart + surge,
+        return SurgeEstimate(correction=correction, pairs=pairs, apart=pairs.apart + surge,
                      deviation=Correction(surge=surge_error, sway=float(sway), heave=float(heave), yaw=float(yaw)),
                      slant=shorter - 0.5 * self.arrays.sound_speed * told, slant_deviation=deviation,
                      coherence=np.abs(coherence), expected=self.theory(pairs.apart + surge))
 
-    def _measured(self, pairs: Pairs, time: np.ndarray, sender: np.ndarray, before: np.ndarray, after: np.ndarray,
+    def _measured(self, pairs: PingPairs, time: np.ndarray, sender: np.ndarray, before: np.ndarray, after: np.ndarray,
                   correction: Correction, by_envelope: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Lateness (Q, W) [s], its change with sway, heave and yaw, and coherence (Q, W)."""
         ranges = self.ranges
@@ -248,7 +248,7 @@ class _Strip:
             return 2 * spacing * lag / self.arrays.sound_speed, change, height
         return -np.angle(coherence) / (2 * np.pi * self.frequency), change, coherence
 
-    def _weight(self, pairs: Pairs, chosen: np.ndarray, surge: float, strength: float, coherence: np.ndarray,
+    def _weight(self, pairs: PingPairs, chosen: np.ndarray, surge: float, strength: float, coherence: np.ndarray,
                 by_envelope: bool) -> np.ndarray:
         """Inverse covariances (W, Q, Q) of the lateness."""
         if by_envelope:
@@ -260,7 +260,7 @@ class _Strip:
         return np.broadcast_to(weight, (len(self.ranges), *weight.shape))
 
 
-def _nearest(pairs: Pairs, surge: float) -> np.ndarray:
+def _nearest(pairs: PingPairs, surge: float) -> np.ndarray:
     """Of every receiver of the second ping the pair whose phase centres are nearest."""
     order = np.argsort(np.abs(pairs.apart + surge), kind="stable")
     return np.sort(order[np.unique(pairs.second[order], return_index=True)[1]])

@@ -49,7 +49,7 @@ def together(one: Correction, other: Correction) -> Correction:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pairs:
+class PingPairs:
     """Pairs of phase centres of two successive pings."""
 
     first: np.ndarray  # (Q,): receivers
@@ -70,7 +70,7 @@ def arrays_of(raw: xr.Dataset) -> Arrays:
 
 
 def overlapping(poses: Poses, arrays: Arrays, time: np.ndarray, sender: np.ndarray, slant_range: float,
-                reach: float | None, correction: Correction) -> Pairs:
+                reach: float | None, correction: Correction) -> PingPairs:
     """Find the pairs of two pings whose phase centres are at most `reach` [m] apart along the array."""
     # time (2,) [s]; sender (2,); slant_range [m]; reach [m]
     delay = 2 * slant_range / arrays.sound_speed
@@ -85,11 +85,11 @@ def overlapping(poses: Poses, arrays: Arrays, time: np.ndarray, sender: np.ndarr
     if not len(first):
         raise ValueError(f"pings at {time[0]:.3f} and {time[1]:.3f} s have no phase centres in common within "
                          f"{near:.3g} m; micronavigation needs pings that overlap: sail slower, or give overlap")
-    return Pairs(first=first, second=second, apart=between[first, second], centre_first=along[0][first],
+    return PingPairs(first=first, second=second, apart=between[first, second], centre_first=along[0][first],
                  centre_second=along[1][second])
 
 
-def ground_points(poses: Poses, arrays: Arrays, time: np.ndarray, sender: np.ndarray, pairs: Pairs,
+def ground_points(poses: Poses, arrays: Arrays, time: np.ndarray, sender: np.ndarray, pairs: PingPairs,
                   slant_range: np.ndarray, correction: Correction, ahead: float) -> np.ndarray:
     """Return points of the bed at slant ranges from every pair's middle, (Q, N, 3) [m].
 
@@ -109,7 +109,8 @@ def ground_points(poses: Poses, arrays: Arrays, time: np.ndarray, sender: np.nda
     return np.concatenate([flat, np.full((*flat.shape[:2], 1), -arrays.bed_depth)], -1)
 
 
-def pair_delays(poses: Poses, arrays: Arrays, time: np.ndarray, sender: np.ndarray, pairs: Pairs, target: np.ndarray,
+def pair_delays(poses: Poses, arrays: Arrays, time: np.ndarray, sender: np.ndarray, pairs: PingPairs,
+                target: np.ndarray,
                 correction: Correction) -> tuple[np.ndarray, np.ndarray]:
     """Return two-way delays (2, Q, N) [s] of both pings' receivers, and what they change by (Q, N, 3) [s/m, s/m,
     s/rad].

@@ -25,7 +25,7 @@ import numpy as np
 from scipy import fft, optimize
 from scipy.interpolate import CubicSpline
 
-from .pairs import Correction, Pairs
+from .pairs import Correction, PingPairs
 
 FINER = 8                          # times the sampling rate, before interpolation by cubics: 1e-4 of the signal
 LAGS_FINER = 4
@@ -105,7 +105,7 @@ class Trust:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Found:
+class SurgeEstimate:
     """What a step is found to be."""
 
     correction: Correction
@@ -115,7 +115,7 @@ class Found:
     coherence: np.ndarray  # (Q, W): as measured, and by theory without noise
     expected: np.ndarray  # (Q, W): as measured, and by theory without noise
     apart: np.ndarray  # (Q,) [m]: of the pairs' phase centres along the array, with the correction
-    pairs: Pairs
+    pairs: PingPairs
 
 
 def fitted_surge(coherence: np.ndarray, apart: np.ndarray, theory: Callable[[np.ndarray], np.ndarray], looks: float,
@@ -134,7 +134,7 @@ def fitted_surge(coherence: np.ndarray, apart: np.ndarray, theory: Callable[[np.
     return float(fit.x[1]), float(np.sqrt(covariance[1, 1])), float(fit.x[0])
 
 
-def phase_covariance(pairs: Pairs, chosen: np.ndarray, surge: float, theory: Callable[[np.ndarray], np.ndarray],
+def phase_covariance(pairs: PingPairs, chosen: np.ndarray, surge: float, theory: Callable[[np.ndarray], np.ndarray],
                      strength: float, looks: float) -> np.ndarray:
     """Return the covariance of the phases of chosen pairs in one window, (Q, Q) [rad²]."""
     here, there = pairs.centre_first[chosen], pairs.centre_second[chosen] + surge

@@ -11,13 +11,13 @@ from scipy.interpolate import CubicSpline
 
 from ..focusing.poses import MOTION, Poses, poses_of
 from .pairs import Arrays
-from .step import Found
+from .step import SurgeEstimate
 
 BENDS = 6                          # rounds, each a tenth of the last one's correction or less
 PARTS = ("surge", "sway", "heave", "yaw")
 
 
-def step_record(found: list[Found], window_range: np.ndarray, arrays: Arrays, time: np.ndarray, poses: Poses
+def step_record(found: list[SurgeEstimate], window_range: np.ndarray, arrays: Arrays, time: np.ndarray, poses: Poses
                 ) -> xr.Dataset:
     """Lay steps beside each other; see `micronavigation.micronavigate`."""
     nearest = [int(np.argmin(np.abs(one.apart))) for one in found]

@@ -81,7 +81,7 @@ def point_response(image: xr.Dataset, place: tuple[float, float] | None = None, 
         raise ValueError(f"the image has no value within {within:g} m of {place}; give a place that it shows")
     peak = np.unravel_index(int(power.argmax()), power.shape)
     cuts = tuple(slice(max(0, int(at) - REACH), int(at) + REACH) for at in peak)
-    patch = _Patch(values[cuts])
+    patch = _ImagePatch(values[cuts])
     fine = patch.peak(np.array([int(at) - cut.start for at, cut in zip(peak, cuts, strict=True)], float))
     value = patch.at(fine[:1], fine[1:])[0, 0]
     measured = [_cut(axis[cut], patch.along(number, fine), fine[number])
@@ -90,7 +90,7 @@ def point_response(image: xr.Dataset, place: tuple[float, float] | None = None, 
                          level_db=float(db_from_amplitude(float(np.abs(value)))), phase=float(np.angle(value)))
 
 
-class _Patch:
+class _ImagePatch:
     """A piece of an image (A, C) as a sum of waves; places are counted in points."""
 
     def __init__(self, values: np.ndarray):

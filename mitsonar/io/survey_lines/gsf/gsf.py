@@ -26,8 +26,8 @@ from mitsonar.device.files import FilePath, replacing
 from mitsonar.units import deg_from_radians, knots_from_metres_per_second
 
 from ..directions import level
-from ..lines import SOUNDINGS, Blocks, Line, Ping, Place, Written, left_out, line_of, lost, pings, rotation
-from ..passage import Passage, passage_of
+from ..lines import SOUNDINGS, Blocks, LineToWrite, Ping, Place, Written, left_out, line_of, lost, pings, rotation
+from ..passage import LinePassage, passage_of
 from ..snippets import runs_of
 
 VERSION = "GSF-v03.09"
@@ -37,7 +37,7 @@ MOST_RECEIVERS = 2
 OFFSETS = ("POSITION", "ANTENNA", "MRU", "CENTER_OF_ROTATION", "DEPTH_SENSOR")
 
 
-class File(gsf):
+class GsfWriter(gsf):
     """A GSF file that is being written to an open stream."""
 
     def __init__(self, stream: IO[bytes]) -> None:
@@ -54,12 +54,12 @@ class File(gsf):
         super().write_record(record_id, padded, checksum)
 
 
-def order_of(line: Line) -> np.ndarray:
+def order_of(line: LineToWrite) -> np.ndarray:
     """Return the numbers (R,) of the receive arrays from port to starboard, as GSF lists them, two at most."""
     return np.argsort(line.receivers[0][:, 1], kind="stable")[:MOST_RECEIVERS]
 
 
-def parameters(line: Line, passage: Passage) -> dict[str, Any]:
+def parameters(line: LineToWrite, passage: LinePassage) -> dict[str, Any]:
     """Return the processing parameters: what has been applied, and that nothing is left to apply."""
     zero, none = "+0.000", "+0.000,+0.000,+0.000"
     values = {"REFERENCE TIME": "1970/001 00:00:00", "PLATFORM_TYPE": "SURFACE_SHIP", "FULL_RAW_DATA": "TRUE",
@@ -86,14 +86,14 @@ def _record_words(numbers: np.ndarray) -> str:
     return ",".join(f"{value:+.4f}" for value in np.ravel(numbers))
 
 
-def cast(line: Line, passage: Passage) -> dict[str, Any]:
+def cast(line: LineToWrite, passage: LinePassage) -> dict[str, Any]:
     """Return the sound-velocity profile."""
     return {"ObservationTime": passage.time[0], "ApplicationTime": passage.time[0],
             "Latitude_deg": float(passage.latitude[0]), "Longitude_deg": float(passage.longitude[0]),
             "Depth_m": np.maximum(line.array("cast_depth"), 0.0), "SoundSpeed_mPerSec": line.array("cast_sound_speed")}
 
 
-def attitudes(passage: Passage) -> Iterator[dict[str, Any]]:
+def attitudes(passage: LinePassage) -> Iterator[dict[str, Any]]:
     """Return the attitude records, each of ten seconds."""
     number = np.floor((passage.time - passage.time[0]) / ATTITUDE_SECONDS)
     nanoseconds = np.rint(passage.time * 1e9).astype("int64").view("datetime64[ns]")
@@ -104,7 +104,7 @@ def attitudes(passage: Passage) -> Iterator[dict[str, Any]]:
                "Heading_deg": deg_from_radians(passage.heading[some]) % 360.0}
 
 
-def comments(line: Line, passage: Passage) -> Iterator[dict[str, Any]]:
+def comments(line: LineToWrite, passage: LinePassage) -> Iterator[dict[str, Any]]:
     """Return the comments: where the line comes from, and what its numbers mean where the format leaves it open."""
     for text in (line.provenance(), line.placed,
                  "depths are below the still surface, across and along track about the reference point; heave is "
@@ -130,7 +130,7 @@ ERRORS = (("uncertainty", "VerticalError_m", "SonarVertUncert_m", 1.960),
 SILENCE, STEPS = 20_000, 100                       # of samples: value of 0 dB, steps a dB
 
 
-def swath(line: Line, passage: Passage, ping: Ping, number: int) -> dict[str, Any]:
+def swath(line: LineToWrite, passage: LinePassage, ping: Ping, number: int) -> dict[str, Any]:
     """Return the record of a ping, as GSFU takes it."""
     course, speed = passage.way(ping["since"])
     roll, pitch = float(ping["ping_roll"]), float(ping["ping_pitch"])
@@ -226,7 +226,7 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     time = passage.time[0]
     with replacing(path) as temporary, open(temporary, "wb") as stream:
-        file = File(stream)
+        file = GsfWriter(stream)
         for comment in comments(line, passage):
             file.write_comment(comment)
         file.write_processing_parameters(parameters(line, passage))

@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from ..assembly import MOST_BEAMS, MOST_SECTORS, SECTOR, Line, Ping, cast_of
+from ..assembly import MOST_BEAMS, MOST_SECTORS, SECTOR, AssembledLine, Ping, cast_of
 from ..motion import motion_of
 from ..places import across_and_along, levelled, turned
 
@@ -35,14 +35,14 @@ LONGEST, TYPES, SWATH = 1 << 19, 12, 2     # bytes of a record; the last type; t
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Walked:
+class GsfWalk:
     """Hold what the frames say."""
 
     positions: np.ndarray  # (P, 3) [degrees]: time since 1970, longitude and latitude of pings
     beams: int  # most of a ping
 
 
-def walk(path: str) -> Walked:
+def walk(path: str) -> GsfWalk:
     """Go through all records."""
     positions, beams, offset = [], 0, 0
     size = os.path.getsize(path)
@@ -70,7 +70,7 @@ def walk(path: str) -> Walked:
             offset = after
     if size == 0:
         raise ValueError("it is empty.")
-    return Walked(positions=np.array(positions).reshape(-1, 3), beams=beams)
+    return GsfWalk(positions=np.array(positions).reshape(-1, 3), beams=beams)
 
 
 DAMAGE = (struct.error, ValueError, IndexError, KeyError, OverflowError, TypeError, EOFError, MemoryError)
@@ -115,10 +115,10 @@ class GsfFile:
         return len(self._walked.positions)
 
     @property
-    def line(self) -> Line:
+    def line(self) -> AssembledLine:
         """What the pings share."""
         depth, speed = cast_of(self._cast)
-        return Line(sonar="multibeam", title=os.path.basename(self._path), start=self._start,
+        return AssembledLine(sonar="multibeam", title=os.path.basename(self._path), start=self._start,
                     crs=self._motion.zone.crs, origin=self._motion.zone.origin, cast_depth=depth,
                     cast_sound_speed=speed, transmit_offset=self._array("", "OFFSET"),
                     transmit_mounting=self._array("", "MOUNTING"), receive_offset=self._receivers("OFFSET"),

@@ -50,7 +50,7 @@ COLUMN_BEAM = np.dtype([("angle", "<i2"), ("start", "<u2"), ("samples", "<u2"), 
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Datagram:
+class AllDatagram:
     """Hold one datagram."""
 
     offset: int  # [bytes]: in the file
@@ -105,7 +105,7 @@ def seconds(date: int, milliseconds: int) -> float:
     return day.timestamp() + 1e-3 * milliseconds
 
 
-def datagrams(stream: BinaryIO, kinds: str, passed: set[str] | None = None) -> Iterator[Datagram]:
+def datagrams(stream: BinaryIO, kinds: str, passed: set[str] | None = None) -> Iterator[AllDatagram]:
     """Walk through a file's datagrams of some kinds; others are passed over, and their letters go into ``passed``."""
     size, offset = os.fstat(stream.fileno()).st_size, 0
     stream.seek(0)
@@ -130,13 +130,13 @@ def datagrams(stream: BinaryIO, kinds: str, passed: set[str] | None = None) -> I
         offset += 4 + length
 
 
-def at(stream: BinaryIO, offset: int, length: int, order: Order) -> Datagram:
+def at(stream: BinaryIO, offset: int, length: int, order: Order) -> AllDatagram:
     """Read one datagram of a length [bytes] that was checked."""
     stream.seek(offset)
     raw = stream.read(4 + length)
     if len(raw) != 4 + length or raw[-END] != 3:
         raise ValueError(f"its datagram at byte {offset} does not end where it says; it is damaged.")
-    return Datagram(offset=offset, raw=raw, order=order)
+    return AllDatagram(offset=offset, raw=raw, order=order)
 
 
 def _plausible(head, order):

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..directions import from_vertical
-from ..lines import Line, Ping
-from ..passage import Passage
+from ..lines import LineToWrite, Ping
+from ..passage import LinePassage
 from .kmall_sensors import body, datagram
 
 VERSION = 2
@@ -23,7 +23,7 @@ LAST = 65_535
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Column:
+class KongsbergColumn:
     """Hold a ping's water column as files have it."""
 
     rate: float  # [Hz]
@@ -48,7 +48,7 @@ def offset_of(ping: Ping) -> int | None:
     return int(np.clip(np.rint(TOP - float(level[np.isfinite(level)].max())), -128, 127))
 
 
-def column_of(line: Line, ping: Ping, offset: int | None) -> Column | None:
+def column_of(line: LineToWrite, ping: Ping, offset: int | None) -> KongsbergColumn | None:
     """Take a ping's water column; None where there is none."""
     if offset is None or not np.isfinite(ping["column_level_db"]).any():
         return None
@@ -66,13 +66,14 @@ def column_of(line: Line, ping: Ping, offset: int | None) -> Column | None:
         raise ValueError(f"the water column ends after sample {LAST}, the last that KMALL can count; write a .nc.")
     steps = np.rint(2 * (level + offset))
     whole = np.where(finite, np.clip(steps, -128, 127), -128).astype(np.int8)
-    return Column(rate=rate, angle=angle, vertical_deg=np.degrees(from_vertical(line, ping, angle)),
+    return KongsbergColumn(rate=rate, angle=angle, vertical_deg=np.degrees(from_vertical(line, ping, angle)),
                   sector=ping["column_sector"][there], start=start, count=end - first,
                   values=[row[begin:stop] for row, begin, stop in zip(whole, first, end)],
                   outside=(int((steps[finite] > 127).sum()), int((steps[finite] < -128).sum())))
 
 
-def water_column(line: Line, passage: Passage, ping: Ping, number: int, sounder: int, column: Column, *,
+def water_column(line: LineToWrite, passage: LinePassage, ping: Ping, number: int, sounder: int,
+                 column: KongsbergColumn, *,
                  offset: int) -> bytes:
     """Return a ping's #MWC."""
     sectors = ping["sector_frequency"].size

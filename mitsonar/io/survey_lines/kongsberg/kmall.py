@@ -26,7 +26,7 @@ from ..lines import (
     COLUMN,
     SOUNDINGS,
     Blocks,
-    Line,
+    LineToWrite,
     Ping,
     Place,
     Written,
@@ -39,7 +39,7 @@ from ..lines import (
 )
 from ..passage import passage_of
 from ..snippets import Runs, runs_of
-from .column import Column, column_of, offset_of, water_column
+from .column import KongsbergColumn, column_of, offset_of, water_column
 from .kmall_sensors import BODY, MODEL, NO_HEIGHT, body, head_speed, installation, model, profile, sensors, settings
 
 VERSION = 3
@@ -49,7 +49,8 @@ NORMAL, REJECTED = 0, 2                                # types of detections
 NO_SAMPLE = -32_768
 
 
-def soundings(stream: IO[bytes], line: Line, ping: Ping, number: int, sounder: int, column: Column | None,
+def soundings(stream: IO[bytes], line: LineToWrite, ping: Ping, number: int, sounder: int,
+              column: KongsbergColumn | None,
               rate: float = 0.0) -> None:
     """Append a ping's #MRZ; ``rate`` is that of its cycles [Hz], 0 where it is not known."""
     runs = runs_of(ping)
@@ -109,7 +110,7 @@ def _sectors(ping, sectors) -> dict[str, list[Any]]:
                                      0)}, sectors)
 
 
-def _receiver(ping, runs: Runs | None, column: Column | None) -> dict[str, Any]:
+def _receiver(ping, runs: Runs | None, column: KongsbergColumn | None) -> dict[str, Any]:
     return {"numBytesRxInfo": RECEIVER, "numSoundingsMaxMain": ping["valid"].size,
             "numSoundingsValidMain": int(ping["valid"].sum()), "numBytesPerSounding": SOUNDING,
             "WCSampleRate": 0.0 if column is None else column.rate,
@@ -117,7 +118,7 @@ def _receiver(ping, runs: Runs | None, column: Column | None) -> dict[str, Any]:
             "extraDetectionAlarmFlag": 0, "numExtraDetections": 0, "numExtraDetectionClasses": 0, "numBytesPerClass": 4}
 
 
-def _soundings(line, ping, runs: Runs | None, column: Column | None) -> dict[str, Any]:
+def _soundings(line, ping, runs: Runs | None, column: KongsbergColumn | None) -> dict[str, Any]:
     valid = ping["valid"]
 
     def told(name: str, otherwise: float = 0.0, factor: float = 1.0) -> np.ndarray:

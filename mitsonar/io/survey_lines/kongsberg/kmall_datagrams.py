@@ -24,7 +24,7 @@ COLUMN_RECEIVER, COLUMN_BEAM = struct.Struct("<2H3B1b2f"), struct.Struct("<f4Hf"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Datagram:
+class KmallDatagram:
     """Hold one datagram."""
 
     offset: int  # [bytes]: in the file
@@ -53,7 +53,7 @@ class Datagram:
         return FRAME.size + 4 + self.part(BODY, FRAME.size + 4)[0]
 
 
-def datagrams(stream: BinaryIO, kinds: tuple[str, ...], passed: set[str] | None = None) -> Iterator[Datagram]:
+def datagrams(stream: BinaryIO, kinds: tuple[str, ...], passed: set[str] | None = None) -> Iterator[KmallDatagram]:
     """Walk through a file's datagrams of some kinds; others are passed over, and their kinds go into ``passed``."""
     size, offset = os.fstat(stream.fileno()).st_size, 0
     while offset < size:
@@ -75,18 +75,18 @@ def datagrams(stream: BinaryIO, kinds: tuple[str, ...], passed: set[str] | None 
         raise ValueError("it is empty.")
 
 
-def at(stream: BinaryIO, offset: int, length: int) -> Datagram:
+def at(stream: BinaryIO, offset: int, length: int) -> KmallDatagram:
     """Read one datagram of a length [bytes] that was checked."""
     stream.seek(offset)
     raw = stream.read(length)
     if len(raw) != length or raw[-4:] != raw[:4]:
         raise ValueError(f"its datagram at byte {offset} does not end where it says; it is damaged.")
     _, kind, _, _, model, second, nanosecond = FRAME.unpack_from(raw)
-    return Datagram(offset=offset, raw=raw, kind=kind[1:].decode("ascii", "replace"), model=model,
+    return KmallDatagram(offset=offset, raw=raw, kind=kind[1:].decode("ascii", "replace"), model=model,
                     time=second + 1e-9 * nanosecond, stamp=(second, nanosecond))
 
 
-def beams_of(ping: Datagram) -> tuple[int, int, int]:
+def beams_of(ping: KmallDatagram) -> tuple[int, int, int]:
     """Return the numbers of soundings, sectors and extra detections of #MRZ, once they are known to fit into it."""
     info = ping.body
     length, _ = ping.part(struct.Struct("<2H"), info)
@@ -100,13 +100,13 @@ def beams_of(ping: Datagram) -> tuple[int, int, int]:
     return main, sectors, extra
 
 
-def position_of(ping: Datagram) -> tuple[float, float]:
+def position_of(ping: KmallDatagram) -> tuple[float, float]:
     """Return longitude and latitude [degrees] of #MRZ."""
     latitude, longitude = ping.part(struct.Struct("<2d"), ping.body + PLACE)
     return longitude, latitude
 
 
-def column_of(column: Datagram) -> tuple[int, int]:
+def column_of(column: KmallDatagram) -> tuple[int, int]:
     """Return the number of beams of #MWC and of samples of its longest, once they are known to fit into it."""
     info = column.body
     length, sectors, of_sector = column.part(struct.Struct("<3H"), info)
@@ -124,7 +124,7 @@ def column_of(column: Datagram) -> tuple[int, int]:
     return beams, longest
 
 
-def decoded(one: Datagram) -> dict[str, Any]:
+def decoded(one: KmallDatagram) -> dict[str, Any]:
     """Decode a datagram by the library."""
     from KMALL import kmall
 

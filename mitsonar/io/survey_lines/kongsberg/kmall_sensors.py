@@ -16,8 +16,8 @@ import numpy as np
 from mitsonar.units import deg_from_radians
 from mitsonar.version import __version__
 
-from ..lines import Line, Ping
-from ..passage import Passage
+from ..lines import LineToWrite, Ping
+from ..passage import LinePassage
 
 MODEL = 2040                               # of sounders that are none of Kongsberg's
 SKM_SECONDS, SPO_SECONDS = 1.0, 0.1        # of a motion datagram; between positions
@@ -33,7 +33,7 @@ POINT = np.dtype([("depth", "<f4"), ("speed", "<f4"), ("pad", "<u4"), ("temperat
 BODY = 12                                  # bytes
 
 
-def model(line: Line) -> int:
+def model(line: LineToWrite) -> int:
     """Return the number of the sounder: the one in its name, 2040 where there is none."""
     found = re.search(r"\bEM\s*(\d{3,4})\b", line.sonar)
     return int(found[1]) if found else MODEL
@@ -57,7 +57,7 @@ def body(ping: Ping, number: int) -> dict[str, int]:
             "numRxTransducers": 1, "algorithmType": 0}
 
 
-def installation(line: Line, passage: Passage) -> bytes:
+def installation(line: LineToWrite, passage: LinePassage) -> bytes:
     """Give #IIP: arrays and sensors in the ship."""
     number = model(line)
     # Readers look for the versions before they find the serial numbers.
@@ -74,7 +74,7 @@ def installation(line: Line, passage: Passage) -> bytes:
     return datagram("IIP", 0, number, passage.time[0], _text(",".join(parts)))
 
 
-def settings(line: Line, passage: Passage) -> bytes:
+def settings(line: LineToWrite, passage: LinePassage) -> bytes:
     """Give #IOP: what an operator would have chosen, and where the line comes from."""
     frequency = float(line.first["sector_frequency"][0].mean())
     remark = line.provenance().replace(":", "")
@@ -85,7 +85,7 @@ def settings(line: Line, passage: Passage) -> bytes:
     return datagram("IOP", 0, model(line), passage.time[0], _text(text))
 
 
-def profile(line: Line, passage: Passage) -> bytes:
+def profile(line: LineToWrite, passage: LinePassage) -> bytes:
     """Give #SVP: the cast."""
     points = np.zeros(line.first.sizes["node"], POINT)
     points["depth"], points["speed"] = line.array("cast_depth"), line.array("cast_sound_speed")
@@ -94,7 +94,7 @@ def profile(line: Line, passage: Passage) -> bytes:
     return datagram("SVP", 1, model(line), passage.time[0], head + points.tobytes())
 
 
-def head_speed(line: Line, ping: Ping) -> bytes:
+def head_speed(line: LineToWrite, ping: Ping) -> bytes:
     """Give #SVT: what the head's own sensor says at a ping."""
     since = float(ping["since"])
     about = struct.pack("<6H2f", 20, ACTIVE, 1, 1, 24, 1, 0.0, 0.0)
@@ -102,7 +102,7 @@ def head_speed(line: Line, ping: Ping) -> bytes:
     return datagram("SVT", 0, model(line), since, about + sample)
 
 
-def sensors(line: Line, passage: Passage) -> Iterator[tuple[float, bytes]]:
+def sensors(line: LineToWrite, passage: LinePassage) -> Iterator[tuple[float, bytes]]:
     """Give #SKM and #SPO with their times [s since 1970], in their order."""
     return heapq.merge(_motion(line, passage), _positions(line, passage), key=lambda one: one[0])
 

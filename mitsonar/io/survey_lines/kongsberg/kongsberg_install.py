@@ -23,7 +23,7 @@ _RECEIVING = {0: "2", 1: "1", 2: "12", 3: "23", 4: "23", 5: "1", 6: "2"}      # 
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Installation:
+class KongsbergInstallation:
     """Hold lever arms and mounting angles."""
 
     waterline: float  # [m]: below the reference point
@@ -38,7 +38,7 @@ class Installation:
     receive_backwards: tuple[bool, ...]
 
 
-def of_all(text: str, model: int) -> Installation:
+def of_all(text: str, model: int) -> KongsbergInstallation:
     """Read the parameters of an .all file of a sounder's model."""
     values = dict(re.findall(r"(\w+)=([^,\x00]*)", text))
     configuration = int(_number(values, "STC"))
@@ -58,7 +58,7 @@ def of_all(text: str, model: int) -> Installation:
         antenna=_three(values, f"P{active}", "XYZ"), motion=np.deg2rad(_three(values, sensor, "RPG")))
 
 
-def of_kmall(text: str) -> Installation:
+def of_kmall(text: str) -> KongsbergInstallation:
     """Read the parameters of a KMALL file."""
     groups = {name: dict(re.findall(r"(\w+)=([^;,]*)", rest))
               for name, rest in re.findall(r"(\w+):(\w+=[^,]*)", text)}
@@ -84,7 +84,7 @@ def of_kmall(text: str) -> Installation:
         motion=np.deg2rad(_three(active["ATTI"], "", "RPH")))
 
 
-def part_of(installed: Installation, sector: np.ndarray) -> np.ndarray:
+def part_of(installed: KongsbergInstallation, sector: np.ndarray) -> np.ndarray:
     """Return where the parts lie that send sectors (S,): 0 port, 1 middle, 2 starboard of the vessel."""
     return installed.transmit_parts[2 - sector if installed.backwards else sector]
 
@@ -92,7 +92,7 @@ def part_of(installed: Installation, sector: np.ndarray) -> np.ndarray:
 def _installation(*, waterline, parts, offsets, mountings, antenna, motion):
     """Put it together; the first array sends."""
     turned = [straight(mounting) for mounting in mountings]
-    return Installation(
+    return KongsbergInstallation(
         waterline=waterline, transmit_parts=parts, antenna=antenna, motion_mounting=motion,
         transmit_offset=offsets[0], transmit_mounting=turned[0][0], backwards=turned[0][1],
         receive_offset=np.array(offsets[1:]), receive_mounting=np.array([mounting for mounting, _ in turned[1:]]),

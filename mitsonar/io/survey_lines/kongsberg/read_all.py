@@ -19,7 +19,7 @@ import numpy as np
 
 from mitsonar.hydrography.record import BY_AMPLITUDE, BY_PHASE, NOT_DETECTED
 
-from ..assembly import MOST_BEAMS, MOST_SECTORS, Column, Line, Ping, cast_of
+from ..assembly import MOST_BEAMS, MOST_SECTORS, AssembledLine, LineColumn, Ping, cast_of
 from ..motion import motion_of
 from ..places import across_and_along, levelled
 from .all_datagrams import (
@@ -30,13 +30,13 @@ from .all_datagrams import (
     RANGE_BEAM,
     RANGE_SECTOR,
     XYZ_BEAM,
-    Datagram,
+    AllDatagram,
     at,
     datagrams,
     seconds,
 )
 from .kongsberg_file import KongsbergFile
-from .kongsberg_install import Installation, of_all, part_of
+from .kongsberg_install import KongsbergInstallation, of_all, part_of
 
 _BACKSCATTER = ("as the sounder gives it: its source level, beam patterns, spreading and absorption taken out, "
                 "flattened near normal incidence and by Lambert's law where its operator asked for it")
@@ -46,7 +46,7 @@ _VELOCITY = np.dtype([("time", "<u2"), ("roll", "<i2"), ("pitch", "<i2"), ("heav
 
 
 @dataclass(kw_only=True, eq=False)
-class _Found:
+class _AllRecords:
     """What the first walk through a file has found."""
 
     text: str = ""
@@ -84,11 +84,11 @@ class AllFile(KongsbergFile):
         self._motion = self._moved()
 
     @property
-    def line(self) -> Line:
+    def line(self) -> AssembledLine:
         """What the pings share."""
         found, installed, motion = self._found, self._installation, self._motion
         cast = cast_of(found.cast)
-        return Line(sonar=f"EM {found.model}", title=os.path.basename(self._paths[0]), start=self._start,
+        return AssembledLine(sonar=f"EM {found.model}", title=os.path.basename(self._paths[0]), start=self._start,
                     crs=motion.zone.crs, origin=motion.zone.origin, cast_depth=cast[0], cast_sound_speed=cast[1],
                     transmit_offset=installed.transmit_offset, transmit_mounting=installed.transmit_mounting,
                     receive_offset=installed.receive_offset[:len(self._serials)],
@@ -99,7 +99,7 @@ class AllFile(KongsbergFile):
 
     def _walked(self):
         """Go through both files once."""
-        found = _Found()
+        found = _AllRecords()
         for number, path in enumerate(self._paths):
             with open(path, "rb") as stream:
                 kinds = ("INXOUPAn" + _OLD if number == 0 else "") + ("k" if self._water_column else "")
@@ -196,12 +196,12 @@ class AllFile(KongsbergFile):
         level = 0.5 * np.concatenate([levels for _, levels in rows]) - int(one["tvg_offset"]) \
             - int(one["tvg_function"]) * np.log10(reach) - 2 * lost * reach
         vertical = -np.deg2rad(beams["angle"] / 100.0)
-        return Column(angle=vertical + place["roll"] + self._installation.receive_mounting[head][0],
+        return LineColumn(angle=vertical + place["roll"] + self._installation.receive_mounting[head][0],
                       start=beams["start"] / rate, rate=np.full(beams.size, rate), sector=sector, count=count,
                       level_db=level)
 
 
-def _note(found: _Found, one: Datagram, number: int) -> None:
+def _note(found: _AllRecords, one: AllDatagram, number: int) -> None:
     """Keep what a datagram says, or where it is."""
     where = (number, one.offset, len(one.raw) - 4, one.order)
     kind = one.kind
@@ -256,7 +256,7 @@ def _velocity_table(one):
     return np.array(rows, _VELOCITY) if rows else np.zeros(0, _VELOCITY)
 
 
-def _column_beams(one: Datagram) -> tuple[np.ndarray, np.ndarray]:
+def _column_beams(one: AllDatagram) -> tuple[np.ndarray, np.ndarray]:
     """Return the beams of a water column's datagram (a structured array) and their samples, one after the other."""
     offset = one.after(one.table(COLUMN_SECTOR, int(one.head["sectors"])))
     layout, end = COLUMN_BEAM.newbyteorder(one.order), len(one.raw) - 3
@@ -285,7 +285,7 @@ def _words(text, name):
     return [part.partition("=")[2] for part in text.split(",") if part.strip().startswith(f"{name}=")][:1]
 
 
-def _to_starboard(installed: Installation, head: int) -> float:
+def _to_starboard(installed: KongsbergInstallation, head: int) -> float:
     """Return the sign that makes an angle positive to starboard."""
     return 1.0 if installed.receive_backwards[head] else -1.0
 

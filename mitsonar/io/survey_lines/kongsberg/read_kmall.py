@@ -14,10 +14,10 @@ from typing import BinaryIO
 
 import numpy as np
 
-from ..assembly import MOST_BEAMS, MOST_SECTORS, Column, Line, Ping, cast_of
+from ..assembly import MOST_BEAMS, MOST_SECTORS, AssembledLine, LineColumn, Ping, cast_of
 from ..motion import motion_of
 from ..places import across_and_along
-from .kmall_datagrams import Datagram, at, beams_of, column_of, datagrams, decoded, position_of
+from .kmall_datagrams import KmallDatagram, at, beams_of, column_of, datagrams, decoded, position_of
 from .kongsberg_file import KongsbergFile
 from .kongsberg_install import of_kmall
 
@@ -32,7 +32,7 @@ _ACTIVE = 1                        # of a sensor
 
 
 @dataclass(kw_only=True, eq=False)
-class _Found:
+class _KmallRecords:
     """What the first walk through a file has found."""
 
     text: str = ""
@@ -67,11 +67,11 @@ class KmallFile(KongsbergFile):
                                  mounting=self._installation.motion_mounting, waterline=self._installation.waterline)
 
     @property
-    def line(self) -> Line:
+    def line(self) -> AssembledLine:
         """What the pings share."""
         found, installed, motion = self._found, self._installation, self._motion
         depth, speed = cast_of(found.cast)
-        return Line(sonar=f"EM {found.model}", title=os.path.basename(self._paths[0]), start=self._start,
+        return AssembledLine(sonar=f"EM {found.model}", title=os.path.basename(self._paths[0]), start=self._start,
                     crs=motion.zone.crs, origin=motion.zone.origin, cast_depth=depth, cast_sound_speed=speed,
                     transmit_offset=installed.transmit_offset, transmit_mounting=installed.transmit_mounting,
                     receive_offset=installed.receive_offset, receive_mounting=installed.receive_mounting,
@@ -81,7 +81,7 @@ class KmallFile(KongsbergFile):
 
     def _walked(self):
         """Go through both files once."""
-        found = _Found()
+        found = _KmallRecords()
         for number, path in enumerate(self._paths):
             with open(path, "rb") as stream:
                 kinds = ("IIP", "SVP", "SKM", "MRZ") if number == 0 else ()
@@ -147,11 +147,11 @@ class KmallFile(KongsbergFile):
         level = 0.5 * np.concatenate([np.asarray(values, np.int8) for values in beams["sampleAmplitude05dB_p"]]) \
             - receiver["TVGoffset_dB"] - receiver["TVGfunctionApplied"] * np.log10(reach) - 2 * lost * reach
         vertical = -np.deg2rad(np.asarray(beams["beamPointAngReVertical_deg"]))
-        return Column(angle=vertical + place["roll"] + self._installation.receive_mounting[head][0],
+        return LineColumn(angle=vertical + place["roll"] + self._installation.receive_mounting[head][0],
                       start=start / rate, rate=np.full(count.size, rate), sector=sector, count=count, level_db=level)
 
 
-def _note(found: _Found, one: Datagram, number: int) -> None:
+def _note(found: _KmallRecords, one: KmallDatagram, number: int) -> None:
     """Keep what a datagram says, or where it is."""
     where = (number, one.offset, len(one.raw))
     if one.kind == "MRZ":
