@@ -1,23 +1,23 @@
-"""Soundings on square cells of a map, and what such a grid errs by.
+"""Lay soundings on a map grid, and sum mosaic samples in map cells.
+
+Rules of a grid of soundings, with σ_i the uncertainty of sounding i and n the soundings of the cell:
 
     mean         z = Σ z_i / n
-    weighted     z = Σ w_i z_i / Σ w_i,   w_i = 1 / σ_i²       of the soundings' uncertainty σ
-    shoalest     z = min z_i                                     what is safe to sail over
+    weighted     z = Σ w_i z_i / Σ w_i,   w_i = 1 / σ_i²           uncertainty    1 / √Σ w_i
+    shoalest     z = min z_i                                       least depth, for safe navigation
+    deviation    √(Σ (z_i - z̄)² / n)  about the mean z̄
 
-    deviation    √(Σ (z_i - z̄)² / n)  about the mean z̄         uncertainty    1 / √Σ w_i,  of the weighted
-
-Edges of cells are whole numbers of cells from 0, so that grids of the same cell and system fit together.
-
-The cells of a mosaic, and what samples of the ground add up to in them.
+Cells of a mosaic, with w the weight of a sample and g its ground range [m]:
 
     level    10 log10 (Σ w p / Σ w),  p = 10^(level / 10)         means of powers
-    number   Σ w x / Σ w                                          of what is measured otherwise
-    label    that of the sample nearest to the cell's middle      of what must not be mixed
+    number   Σ w x / Σ w                                          other averaged values
+    label    label of the sample nearest to the cell's middle     values that must not be mixed
 
-    w = 1                               nearest: only samples of the nearest of the tracks that see the cell; mean: all
-    w = 1 - g / (farthest g)            feather: all, less towards the edge of a swath
+    w = 1                               nearest: samples of the nearest track that sees the cell; mean: all samples
+    w = 1 - g / (farthest g)            feather: all samples, with less weight towards the edge of a swath
 
-g -> ground range of the sample [m]. Samples of one track lie in a cell with ranges that differ by its diagonal at most.
+Edges of cells are whole multiples of the cell size from 0, so that grids of one cell size and system fit together.
+Ranges of one track within a cell differ by the cell's diagonal at most.
 """
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ import numpy as np
 import xarray as xr
 
 BLENDS = ("nearest", "feather", "mean")
-DIAGONAL = 1.5                     # cells, over which ranges of one track differ
+DIAGONAL = 1.5                     # cells, largest range difference of one track within a cell
 NOWHERE = np.iinfo(np.int64).max
-FINE = 1 << 20                     # steps of a squared distance
+FINE = 1 << 20                     # steps of a squared distance [1/cells²]
 
 
 @dataclass(frozen=True, kw_only=True)
 class SoundingGrid:
-    """Lay out square cells, rows from north to south; edges are whole numbers of cells from 0."""
+    """Square cells, rows from north to south; edges are whole multiples of the cell size from 0."""
 
     cell: float  # [m]
-    west: int  # edges, in cells
-    north: int  # edges, in cells
+    west: int  # edge [cells]
+    north: int  # edge [cells]
     rows: int
     columns: int
 
     @classmethod
     def over(cls, bounds: tuple[float, float, float, float], cell: float) -> SoundingGrid:
-        """Cover west, south, east, north [m]."""
+        """Return the grid that covers west, south, east, north [m]."""
         west, south, east, north = bounds
         first, top = int(np.floor(west / cell)), int(np.ceil(north / cell))
         return cls(cell=cell, west=first, north=top, rows=top - int(np.floor(south / cell)),
@@ -54,16 +54,16 @@ class SoundingGrid:
 
     @property
     def x(self) -> np.ndarray:
-        """Middles of the columns [m]."""
+        """Return the middles of the columns [m]."""
         return (self.west + np.arange(self.columns) + 0.5) * self.cell
 
     @property
     def y(self) -> np.ndarray:
-        """Middles of the rows [m], from the north."""
+        """Return the middles of the rows [m], from the north."""
         return (self.north - np.arange(self.rows) - 0.5) * self.cell
 
     def find(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the cells' numbers of places (N, 2) on the grid, and squared distances from their middles [cells²]."""
+        """Return the cell numbers of places (N, 2) on the grid, and squared distances from their middles [cells²]."""
         across, down = place[:, 0] / self.cell - self.west, self.north - place[:, 1] / self.cell
         column = np.clip(across.astype(np.int64), 0, self.columns - 1)
         row = np.clip(down.astype(np.int64), 0, self.rows - 1)
@@ -72,11 +72,11 @@ class SoundingGrid:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridCells:
-    """Sum up samples in the cells of a grid; `see` all first, then `add` them, then `means` or `nearest`."""
+    """Sums of samples in the cells of a grid: `see` all samples, then `add` them, then read `means` or `nearest`."""
 
     grid: SoundingGrid
     blend: str  # one of `BLENDS`
-    mixed: bool  # values are averaged
+    mixed: bool  # average values, instead of taking the nearest
     _seen: np.ndarray = field(init=False)
     _sum: np.ndarray = field(init=False)
     _weight: np.ndarray = field(init=False)
@@ -92,16 +92,16 @@ class GridCells:
 
     @property
     def looks_first(self) -> bool:
-        """Return whether `see` is needed."""
+        """Return True if `see` must be called for all samples before `add`."""
         return self._seen.size > 0
 
     def see(self, place: np.ndarray, ground_range: np.ndarray) -> None:
-        """Note which track is nearest, of samples at places (N, 2) [m]."""
+        """Record the range of the nearest track for samples at places (N, 2) [m]."""
         number, _ = self.grid.find(place)
         np.minimum.at(self._seen, number, ground_range.astype(np.float32))
 
     def add(self, place: np.ndarray, ground_range: np.ndarray, values: np.ndarray, farthest: float) -> None:
-        """Add the values (N,) of samples: powers or numbers where they are mixed, else numbers from 0 to 2³² - 1."""
+        """Add values (N,) of samples: powers or numbers if `mixed`, else integers from 0 to 2³² - 1."""
         number, off = self.grid.find(place)
         if self.looks_first:
             own = ground_range <= self._seen[number] + DIAGONAL * self.grid.cell
@@ -119,12 +119,12 @@ class GridCells:
         self._weight[part] += np.bincount(number - low, weight).astype(np.float32)
 
     def means(self) -> np.ndarray:
-        """Return the weighted means (rows, columns); NaN where no sample is."""
+        """Return the weighted means (rows, columns); NaN in cells without samples."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return (self._sum / self._weight).reshape(self.grid.rows, self.grid.columns)
 
     def nearest(self, nothing: int) -> np.ndarray:
-        """Return the values nearest to the cells' middles (rows, columns) int64; `nothing` where no sample is."""
+        """Return the values nearest to the cells' middles (rows, columns) int64; `nothing` in cells without samples."""
         found = np.where(self._sum == NOWHERE, nothing, self._sum & 0xFFFFFFFF)
         return found.reshape(self.grid.rows, self.grid.columns)
 
@@ -132,8 +132,8 @@ class GridCells:
 Rule = Literal["mean", "weighted", "shoalest"]
 RULES = ("mean", "weighted", "shoalest")
 MOST_CELLS = 1 << 24               # half a gigabyte of sums
-ROWS = 1 << 20                     # cells of a grid whose truth is asked for at a time
-POINTS = 4                         # a side of a cell at which the truth is asked for
+ROWS = 1 << 20                     # grid cells per evaluation of the true bed
+POINTS = 4                         # points of the true bed along a cell's side
 
 
 def gridded(lines: xr.Dataset | Sequence[xr.Dataset], cell: float, *, rule: Rule = "mean", least: int = 1,
@@ -143,27 +143,28 @@ def gridded(lines: xr.Dataset | Sequence[xr.Dataset], cell: float, *, rule: Rule
     Parameters
     ----------
     lines : xarray.Dataset or sequence of them
-        Lines of soundings in one coordinate system; they are gone through one by one.
+        Lines of soundings in one coordinate system. They are read one by one.
     cell : float [m]
         Side of a cell.
     rule : {'mean', 'weighted', 'shoalest'}
-        What becomes of the depths in a cell.
+        Rule that combines the depths in a cell.
     least : int
-        Soundings that a cell must have.
+        Least number of soundings in a cell that has a depth.
     bounds : west, south, east, north [m] or None
-        What is covered, in the system's coordinates; None: all soundings.
+        Area in the coordinate system. None covers all soundings.
 
     Returns
     -------
     xarray.Dataset
-        ``depth`` over (y, x), from north to south, NaN where there are too few soundings; ``count``, ``deviation`` and,
-        of the weighted rule, ``uncertainty``. Coordinates are the cells' middles [m]. Attributes: ``crs``, ``cell``,
-        ``origin``, ``rule``. `mitsonar.io.records.geotiff.write` takes one variable: ``grid[["depth"]]``.
+        ``depth`` over (y, x) from north to south, NaN in cells with fewer than `least` soundings; ``count``,
+        ``deviation`` and, for the weighted rule, ``uncertainty``. Coordinates are the cells' middles [m]. Attributes:
+        ``crs``, ``cell``, ``origin``, ``rule``. `mitsonar.io.records.geotiff.write` takes one variable:
+        ``grid[["depth"]]``.
 
     Raises
     ------
     ValueError
-        If there are no soundings, no uncertainties to weight with, too many cells, two systems, or a bad number.
+        If there are no soundings, too many cells, two systems, no uncertainties to weight with, or a bad number.
     """
     some = [lines] if isinstance(lines, xr.Dataset) else list(lines)
     _check(some, cell, rule, least)
@@ -194,19 +195,19 @@ def gridded(lines: xr.Dataset | Sequence[xr.Dataset], cell: float, *, rule: Rule
 
 
 def residual(grid: xr.Dataset, bed: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> xr.DataArray:
-    """Compare a grid with the truth.
+    """Return the depth of a grid less the true depth of the bed.
 
     Parameters
     ----------
     grid : xarray.Dataset
-        As `gridded` gives it.
-    bed : function of x and y [m], arrays (...), of the scene
-        Its depth (...) [m].
+        Grid returned by `gridded`.
+    bed : callable(x, y) -> depth, arrays (...) [m]
+        True depth at scene coordinates.
 
     Returns
     -------
     xarray.DataArray (y, x) [m]
-        Depth of the grid less the mean depth of the bed over each cell, by 16 points of it; NaN where the grid is.
+        Grid depth less the mean true depth over each cell, from 16 points; NaN where the grid is NaN.
     """
     offsets = (np.arange(POINTS) + 0.5) / POINTS - 0.5
     east, north = (grid[name].values[:, None] + offsets * grid.attrs["cell"] - origin
@@ -222,7 +223,7 @@ def residual(grid: xr.Dataset, bed: Callable[[np.ndarray, np.ndarray], np.ndarra
 
 @dataclass(frozen=True, kw_only=True)
 class _CellGrid:
-    """Square cells, rows from north to south; west and north are in cells from 0."""
+    """Grid of soundings."""
 
     cell: float
     west: int
@@ -244,18 +245,18 @@ class _CellGrid:
 
     @property
     def count(self) -> int:
-        """Of cells."""
+        """Return the number of cells."""
         return self.rows * self.columns
 
     def find(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Cells' numbers of places, and which places are inside."""
+        """Return the cell numbers of places, and True for places inside the grid."""
         column = np.floor(x / self.cell).astype(np.int64) - self.west
         row = self.north - 1 - np.floor(y / self.cell).astype(np.int64)
         inside = (column >= 0) & (column < self.columns) & (row >= 0) & (row < self.rows)
         return row * self.columns + column, inside
 
     def chart(self, layers: dict[str, np.ndarray], number: np.ndarray, attrs: dict) -> xr.Dataset:
-        """The layers as a map."""
+        """Return the layers as a map."""
         shape, words = (self.rows, self.columns), {"depth": "below the still surface, positive down",
                                                    "deviation": "of the soundings in a cell, about their mean",
                                                    "uncertainty": "of the depth, standard deviation"}
@@ -270,13 +271,13 @@ class _CellGrid:
 
 
 def _origin(soundings: xr.Dataset) -> tuple[float, float]:
-    """Where x and y begin in the coordinate system."""
+    """Return the easting and northing [m] of the scene's origin."""
     east, north = soundings.attrs.get("origin", (0.0, 0.0))
     return float(east), float(north)
 
 
 def _places(soundings: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Which soundings can be laid out (ping, beam), and easting and northing of those."""
+    """Return True for usable soundings (ping, beam), and their easting and northing [m]."""
     x, y = soundings["x"].values, soundings["y"].values
     good = soundings["valid"].values & np.isfinite(x) & np.isfinite(y) & np.isfinite(soundings["depth"].values)
     east, north = _origin(soundings)
@@ -284,7 +285,7 @@ def _places(soundings: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _points(some: list[xr.Dataset], grid: _CellGrid, rule: Rule) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Cells, depths and uncertainties of the soundings, line by line."""
+    """Yield cell numbers, depths and uncertainties of the soundings, line by line."""
     for soundings in some:
         good, x, y = _places(soundings)
         index, inside = grid.find(x, y)

@@ -1,19 +1,19 @@
-"""A line of soundings as one `xarray.Dataset`: the same whether it was simulated or read from an instrument's file.
+"""Define the dataset of a line of soundings, simulated or read from an instrument's file.
 
-Dimensions: ``ping``, ``beam`` (soundings of a ping, padded where a ping has fewer), ``transmission`` (sectors of a
-ping), ``motion`` (samples of the motion sensors), ``node`` (of the cast), ``axis`` (forward, starboard, down) and,
-where they are kept, ``true_node`` (of the water as it really is), ``column_beam`` and ``column_sample`` of the water
-column and ``snippet_sample``.
+Dimensions: ``ping``, ``beam`` (soundings of a ping, padded), ``transmission`` (sectors of a ping), ``motion`` (samples
+of the motion sensors), ``node`` (of the cast), ``axis`` (forward, starboard, down) and, where present, ``true_node``
+(of the true sound speed profile), ``column_beam`` and ``column_sample`` of the water column and ``snippet_sample``.
 
-Frames are the house's: x east, y north of the scene's origin, depth positive down from the surface; body x forward,
-y starboard, z down. Places of the arrays are lever arms from the reference point, whose way ``motion_x`` and the like
-tell; across and along track are about the reference point at the transmission, in the plane, along its heading.
+Scene frame: x east, y north of the origin, depth positive down from the surface. Body frame: x forward, y starboard,
+z down. Positions of the arrays are lever arms from the reference point, whose track is ``motion_x``, ``motion_y``,
+``motion_depth``. Across and along track distances are from the reference point at the transmission, along its heading.
 
-A sounding is measured by two cones and a time. With a_t and a_r the unit vectors along the transmit and the receive
-array (forward and starboard where the array is mounted straight), l_t and l_r towards the sounding where it is sent and
-received:
+A sounding is the intersection of two cones at a travel time:
 
-    sin(transmit_angle) = a_t·l_t        sin(angle) = a_r·l_r         travel_time: sent to received, both ways
+    sin(transmit_angle) = a_t·l_t        sin(angle) = a_r·l_r
+
+a_t, a_r -> unit vectors along the transmit and the receive array (forward and starboard if mounted straight); l_t, l_r
+-> unit vectors towards the sounding at transmission and at reception.
 """
 from __future__ import annotations
 
@@ -26,26 +26,13 @@ import xarray as xr
 
 __all__ = ["BY_AMPLITUDE", "BY_PHASE", "NOT_DETECTED", "VARIABLES", "Variable", "check", "joined", "variable"]
 
-NOT_DETECTED, BY_AMPLITUDE, BY_PHASE = 0, 1, 2        # of ``detection``
+NOT_DETECTED, BY_AMPLITUDE, BY_PHASE = 0, 1, 2        # values of ``detection``
 Group = Literal["line", "motion", "ping", "sector", "sounding", "truth", "column", "snippet"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Variable:
-    """A variable of the record.
-
-    Attributes
-    ----------
-    name : str
-    dims : tuple of str
-    dtype : str
-    unit : str
-    meaning : str
-    group : str
-        What it is of.
-    needed : bool
-        Every record has it.
-    """
+    """Variable of the record; ``needed`` variables are in every record."""
 
     name: str
     dims: tuple[str, ...]
@@ -154,7 +141,7 @@ def variable(name: str, values: np.ndarray) -> xr.Variable:
     Raises
     ------
     ValueError
-        If its dimensions are others.
+        If the values have a wrong number of dimensions.
     """
     about = VARIABLES[name]
     values = np.asarray(values, about.dtype)
@@ -164,12 +151,12 @@ def variable(name: str, values: np.ndarray) -> xr.Variable:
 
 
 def check(soundings: xr.Dataset, what: str = "the soundings") -> None:
-    """Refuse a dataset that is no line of soundings.
+    """Check that a dataset is a line of soundings.
 
     Raises
     ------
     ValueError
-        If a variable that is needed is missing, or one has other dimensions, or holds no numbers.
+        If a needed variable is missing, or if a variable has wrong dimensions or holds no numbers.
     """
     missing = [one.name for one in VARIABLES.values() if one.needed and one.name not in soundings]
     if missing:
@@ -186,7 +173,7 @@ def check(soundings: xr.Dataset, what: str = "the soundings") -> None:
 
 
 def joined(blocks: Iterable[xr.Dataset]) -> xr.Dataset:
-    """Join pings of one line, block after block; what is not of pings is the first's."""
+    """Join blocks of pings of one line; variables without pings are those of the first block."""
     some = list(blocks)
     if not some:
         raise ValueError("there are no soundings: no ping was given.")

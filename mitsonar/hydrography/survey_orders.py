@@ -1,8 +1,8 @@
-"""What the International Hydrographic Organization asks of soundings, S-44 (edition 6.1.0, 2022, table 1).
+"""Hold the requirements of IHO S-44 (edition 6.1.0, 2022, table 1) on the uncertainty of soundings.
 
     TVU = sqrt(a² + (b d)²)          THU = e + f d          at 95 %
 
-d the depth; a, b, e, f by the order. TVU, the largest total vertical uncertainty, takes all causes together.
+d -> depth; a, b, e, f -> coefficients of the order; TVU, THU -> total vertical and horizontal uncertainty.
 """
 from __future__ import annotations
 
@@ -18,18 +18,7 @@ __all__ = ["ORDERS", "SurveyOrder", "survey_order"]
 
 @dataclass(frozen=True, kw_only=True)
 class SurveyOrder:
-    """Hold an order of S-44.
-
-    Attributes
-    ----------
-    name : str
-    a : float [m]
-    b : float
-    e : float [m]
-    f : float
-    coverage : float
-        Bathymetric coverage, share of the area.
-    """
+    """Hold one order of S-44: coefficients a [m], b, e [m], f, and the share of the area to cover."""
 
     name: str
     a: float
@@ -39,11 +28,11 @@ class SurveyOrder:
     coverage: float
 
     def vertical(self, depth: Values) -> Values:
-        """Return the largest total vertical uncertainty [m], 95 %, at a depth [m]."""
+        """Return the allowed total vertical uncertainty [m], 95 %, at a depth [m]."""
         return cast(Values, np.hypot(self.a, np.multiply(self.b, depth)))
 
     def horizontal(self, depth: Values) -> Values:
-        """Return the largest total horizontal uncertainty [m], 95 %, at a depth [m]."""
+        """Return the allowed total horizontal uncertainty [m], 95 %, at a depth [m]."""
         return cast(Values, np.add(self.e, np.multiply(self.f, depth)))
 
 
@@ -56,13 +45,7 @@ ORDERS = {one.name: one for one in (
 
 
 def survey_order(name: str) -> SurveyOrder:
-    """Return an order by its name.
-
-    Raises
-    ------
-    ValueError
-        If there is no such order.
-    """
+    """Return an order by its name; raise ValueError if there is none."""
     if name not in ORDERS:
         raise ValueError(f"S-44 has no order {name!r}; choose one of {', '.join(ORDERS)}.")
     return ORDERS[name]

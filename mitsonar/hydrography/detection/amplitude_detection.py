@@ -1,17 +1,16 @@
-"""Detection by amplitude: the centre of gravity of an echo's intensity.
+"""Detect the bed by amplitude: the centre of gravity of an echo's intensity.
 
     t = Σ (I_n - N) t_n / Σ (I_n - N)
 
-I -> the whole beam's intensity, N -> the noise's mean, n over a window about the echo that is centred on t anew until
-it rests (de Moustier 1993; Lurton 2010, An Introduction to Underwater Acoustics, ch. 8). The window is symmetric and
-the compressed pulse is, so a pulse's length leaves no bias. What the footprint does is taken off. With σ_b and σ_a
-the rms widths of the beam across and of the transmission along the track, ψ the incidence and θ the beam's angle, a
-plane bed's echo comes late by the share
+I -> intensity of the whole beam, N -> mean noise, n -> samples of a window that is centred on t until t rests
+(de Moustier 1993; Lurton 2010, An Introduction to Underwater Acoustics, ch. 8). Window and compressed pulse are
+symmetric, so the pulse length causes no bias. The bias of the footprint is removed: the echo of a plane bed is late by
 
     (1 + 2 tan²ψ) σ_b²/2 + σ_a² cos(ψ - θ)/(2 cos θ cos ψ)
 
-of its time, and its middle lies off the axis by σ_b² d(ln E)/dθ, towards where the bed sends back more: E -> energy of
-the neighbours' echoes. That one is given as an offset of the beam's sine.
+of its time, and its middle lies off the axis by σ_b² d(ln E)/dθ, which is returned as an offset of the beam's sine.
+σ_b, σ_a -> rms widths of the beam across and of the transmission along the track, ψ -> incidence, θ -> beam angle,
+E -> energy of the neighbours' echoes.
 """
 from __future__ import annotations
 
@@ -23,22 +22,22 @@ from scipy import ndimage
 from .quality import GAUSSIAN_WIDTH, echoes_side_by_side, gravity_deviation, pulse_deviation
 from .windows import Windows, among_neighbours, windows_about
 
-NEIGHBOURS = (4, 8)               # beams to either side that slopes are taken over, at least
-SPANS = (0.03, 0.1)               # and rad
-STEEPEST = 1.48                   # rad
+NEIGHBOURS = (4, 8)               # least number of beams to either side for slopes
+SPANS = (0.03, 0.1)               # least angle to either side [rad]
+STEEPEST = 1.48                   # [rad]
 PASSES = 4
 REACH = 1.0                       # half the window, in -3 dB widths of the footprint
-PULSES = 1.5                      # and in pulses
+PULSES = 1.5                      # added to it, in pulse lengths
 
 
 @dataclass(frozen=True, kw_only=True)
 class AmplitudeDetections:
-    """One a beam."""
+    """Amplitude detections of B beams, still with the delay of the footprint."""
 
-    time: np.ndarray  # (B,) [s]: before what the footprint makes late is taken off
-    deviation: np.ndarray  # (B,) [s]: before what the footprint makes late is taken off
-    energy: np.ndarray  # (B,) [µPa² s]: of the echo, without noise
-    peak: np.ndarray  # (B,): greatest intensity over the noise
+    time: np.ndarray  # (B,) [s]
+    deviation: np.ndarray  # (B,) [s]
+    energy: np.ndarray  # (B,) [µPa² s], without noise
+    peak: np.ndarray  # (B,), greatest intensity over the noise
 
 
 def footprint_duration(time: np.ndarray, slope: np.ndarray, beam: np.ndarray) -> np.ndarray:
@@ -48,12 +47,12 @@ def footprint_duration(time: np.ndarray, slope: np.ndarray, beam: np.ndarray) ->
 
 
 def along_delay(angle: np.ndarray, incidence: np.ndarray, transmit_width: float) -> np.ndarray:
-    """Return the share of its time that an echo is late by, as the transmission spreads along the track."""
+    """Return the relative delay of an echo due to the width of the transmission along the track."""
     return (transmit_width / GAUSSIAN_WIDTH) ** 2 * np.cos(incidence - angle) / (2 * np.cos(angle) * np.cos(incidence))
 
 
 def slopes(values: np.ndarray, angle: np.ndarray, good: np.ndarray) -> np.ndarray:
-    """Return the slope of values over the beams' angles, by the median of differences across each beam."""
+    """Return the slope of values over the beams' angles: the median of differences across each beam."""
     # values, angle (B,); good (B,) -> (B,)
     beams = np.arange(len(values))
     spacing = float(np.median(np.diff(angle))) if len(angle) > 1 else 1.0
@@ -72,9 +71,9 @@ def slopes(values: np.ndarray, angle: np.ndarray, good: np.ndarray) -> np.ndarra
 
 
 def incidences(log_time: np.ndarray, angle: np.ndarray, good: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
-    """Return the incidence (B,) [rad] on the bed across the track: tan ψ is the slope of log t over the angle.
+    """Return the incidence ψ (B,) [rad] on the bed across the track: tan ψ is the slope of log t over the angle.
 
-    A beam whose slope is not known takes the tilt of the nearest that is, and ``otherwise`` (B,) if none is.
+    A beam without a slope takes the tilt of the nearest beam with one, or ``otherwise`` (B,) if there is none.
     """
     tilt = angle - np.arctan(slopes(log_time, angle, good))
     known = np.flatnonzero(np.isfinite(tilt))
@@ -89,7 +88,7 @@ def incidences(log_time: np.ndarray, angle: np.ndarray, good: np.ndarray, otherw
 
 def by_amplitude(intensity: np.ndarray, windows: Windows, time: np.ndarray, centre: np.ndarray, footprint: np.ndarray,
                  pulse_length: float, noise: float) -> AmplitudeDetections:
-    """Detect by the centre of gravity."""
+    """Detect the bed by the centre of gravity of the intensity."""
     # intensity (W,) [µPa²]; time (T,) [s]; centre (B,) [s]; footprint (B,) [s]; pulse_length [s]; noise [µPa²]
     step = time[1] - time[0]
     half = REACH * GAUSSIAN_WIDTH * footprint + PULSES * pulse_length
@@ -109,7 +108,7 @@ def by_amplitude(intensity: np.ndarray, windows: Windows, time: np.ndarray, cent
     spread = windows.summed(weight * away ** 2) / total
     own = np.sqrt(np.maximum(spread - pulse_deviation(pulse_length) ** 2, 0))
     samples = max(pulse_length / step, 1.0)
-    with np.errstate(over="ignore"):   # where there is no energy, times are off by anything
+    with np.errstate(over="ignore"):   # a beam without energy has an infinite deviation
         noisy = samples * windows.summed((away / total[windows.beam]) ** 2 * noise
                                          * (2 * np.maximum(weight, 0) + noise))
     usual = among_neighbours(total, total > 1e-150, 4)
@@ -123,12 +122,12 @@ def by_amplitude(intensity: np.ndarray, windows: Windows, time: np.ndarray, cent
 
 
 def refined_centre(intensity: np.ndarray, windows: Windows, time: np.ndarray, length: np.ndarray) -> np.ndarray:
-    """Return where in its window each beam has the most energy."""
+    """Return the time of the greatest energy in each beam's window."""
     # intensity (W,); time (T,) [s]; length (B,) [s]
     samples = np.maximum(length / (time[1] - time[0]), 1).astype(np.int64)
     return time[windows.place_of_greatest(windows.smoothed(intensity, samples))]
 
 
 def about(time: np.ndarray, centre: np.ndarray, footprint: np.ndarray, pulse_length: float) -> Windows:
-    """Lay windows that hold twice the reach of the centre of gravity's."""
+    """Return windows of twice the reach of the centre of gravity."""
     return windows_about(time, centre, 2 * (REACH * GAUSSIAN_WIDTH * footprint + PULSES * pulse_length))

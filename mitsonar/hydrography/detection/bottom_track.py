@@ -1,16 +1,16 @@
-"""Where the bed is in a fan of beams, roughly: a track from beam to beam that nothing else captures.
+"""Track the bed roughly through a fan of beams.
 
 Each beam is cut into cells of equal steps of log(t cos θ), in which a level bed is a straight line at any depth. A cell
-scores between 0 and 1 by three things:
+scores between 0 and 1, by three factors:
 
-- it is not far under the strongest echoes that the beams around have;
-- it is not far under the strongest echo of all beams at that time, as the ring of side lobes at the first return is;
-- the halves hear it in phase over some beams, C = 2 Re<a b*> / <|a|² + |b|²>, as they hear what comes from the beams'
-  axes and not what comes through side lobes. Near normal incidence, where all of a beam's footprint sounds at once, C
-  says nothing, so that it only adds.
+- its level under the strongest echoes of the beams around;
+- its level under the strongest echo of all beams at that time, which rejects the side lobes of the first return;
+- the coherence of both halves over some beams, C = 2 Re<a b*> / <|a|² + |b|²>, which is high for echoes from the
+  beams' axes and low for side lobes. Near normal incidence, where a whole footprint echoes at once, C is no evidence,
+  so a low C only halves the score.
 
-Scores end at 1: a fish, however strong, gains nothing over the bed behind it. The track is the sequence of cells with
-the greatest sum of scores less what steps between neighbours cost (Viterbi 1967, IEEE Trans. Inf. Theory 13, 260).
+Scores end at 1, so that a strong fish gains nothing over the bed behind it. The track is the sequence of cells with
+the greatest sum of scores less the cost of steps between neighbours (Viterbi 1967, IEEE Trans. Inf. Theory 13, 260).
 """
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ import numpy as np
 from scipy import ndimage, special
 
 CELL = 0.01                # step of log(t cos θ)
-ROWS = 180                 # beams that the track is sought in; more are taken together
+ROWS = 180                 # beams that the track is sought in; more beams are averaged in groups
 FULL_COHERENCE = 0.4       # of C, at which the score ends: a bed through a beam's main lobe has 0.7
-WITHOUT_PHASE = 0.5        # of the score where C says nothing
-SMOOTHED = 5               # beams that C is averaged over, and what is seen at all
+WITHOUT_PHASE = 0.5        # least factor of the score by C
+SMOOTHED = 5               # beams over which C and the detected scores are averaged
 BELOW_NEIGHBOURS = 20.0    # dB under the strongest echo of the beams around, where the score is 0
-AROUND, USUAL = 0.5, 30     # of the beams, over which the strongest echoes are compared, and which of them: per cent
-BELOW_RING = (30.0, 18.0)  # dB under the strongest echo at that time: score 0, and score not lessened
-GENTLE, STEEP = 1.0, 6.0   # changes of log range by angle, tan of the incidence, that cost nothing, and little
+AROUND, USUAL = 0.5, 30    # share of the beams around, and percentile of their strongest echoes
+BELOW_RING = (30.0, 18.0)  # dB under the strongest echo at that time: score 0, and full score
+GENTLE, STEEP = 1.0, 6.0   # slopes of log range over angle, tan of the incidence: at no cost, at a small cost
 STEEP_COST, JUMP_COST = 0.3, 2.0
-SURE = 6.0                 # echo less the noise, over the noise's own scatter
+SURE = 6.0                 # echo less the noise, in standard deviations of the noise
 LEAST_SCORE = 0.1
 
 
@@ -37,19 +37,19 @@ LEAST_SCORE = 0.1
 class BottomEchoes:
     """Sums over short blocks of samples."""
 
-    power: np.ndarray  # (B, N) [µPa²]: mean over a block of (|a|² + |b|²)/2 and of Re(a b*)
-    common: np.ndarray  # (B, N) [µPa²]: mean over a block of (|a|² + |b|²)/2 and of Re(a b*)
-    start: float  # [s]: begin of the first block, and length of each
-    step: float  # [s]: begin of the first block, and length of each
+    power: np.ndarray  # (B, N) [µPa²], mean over a block of (|a|² + |b|²)/2
+    common: np.ndarray  # (B, N) [µPa²], mean over a block of Re(a b*)
+    start: float  # [s], begin of the first block
+    step: float  # [s], length of a block
     echoes: float  # independent ones in a block
 
 
 @dataclass(frozen=True, kw_only=True)
 class BottomTrack:
-    """The bed, roughly."""
+    """Rough track of the bed."""
 
     time: np.ndarray  # (B,) [s]
-    seen: np.ndarray  # (B,): whether there is an echo at all
+    seen: np.ndarray  # (B,), True where there is an echo
 
 
 def reduced(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, pulse_length: float) -> BottomEchoes:
@@ -69,7 +69,8 @@ def _as_pairs(record: np.ndarray, blocks: int) -> np.ndarray:
 
 
 def _independent(size: int, spacing: float) -> float:
-    """Return how many independent samples of filtered noise some samples are worth; ``spacing`` in pulse lengths."""
+    """Return the number of independent samples in ``size`` samples of filtered noise, ``spacing`` pulse lengths apart.
+    """
     lags = np.subtract.outer(np.arange(size), np.arange(size)) * spacing
     return size ** 2 / float(np.exp(-np.pi * lags ** 2).sum())
 
@@ -125,7 +126,7 @@ def _scores(echoes: BottomEchoes, power: np.ndarray, common: np.ndarray, angle: 
     ring = _means(ring, begin.reshape(1, -1), end.reshape(1, -1)).reshape(begin.shape)
     ring_db = 10 * np.log10(np.maximum(ring, tiny))
     through_lobe = np.clip((whole_db - ring_db + BELOW_RING[0]) / (BELOW_RING[0] - BELOW_RING[1]), 0, 1)
-    # What lies past the gate counts here, lest the skirt of a bed out there pass for a bed.
+    # Echoes past the gate count here, so that the skirt of a bed beyond it is not taken for a bed.
     own = np.where(sure & (through_lobe > 0.5), whole_db, 10 * np.log10(tiny)).max(axis=1)
     around = ndimage.percentile_filter(own, USUAL, size=2 * int(AROUND * len(own) / 2) + 1, mode="nearest")
     coherence = ndimage.uniform_filter1d(shared, SMOOTHED, axis=0, mode="nearest")

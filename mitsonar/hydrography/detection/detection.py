@@ -1,11 +1,10 @@
-"""Bottom detection: from the beams of a ping to one time a beam, by amplitude or by phase.
+"""Detect the bed in the beams of a ping: one time a beam, by amplitude or by phase.
 
-A track through the fan says roughly where the bed is (`bottom_track`). In each beam both detections are made there
-(`amplitude_detection`, `phase_detection`), and that of the smaller standard deviation is the sounding (`quality`).
-Nothing is known of the depth before, and no beam is for one method: near the point of normal incidence the phase turns
-within one pulse and says little, far from it the echo is long and its centre of gravity says little. Where the phase
-says that an amplitude's echo has its middle at x off the beam's axis, by more than speckle moves it, the time is that
-of another direction, and its deviation grows by t tan ψ x, ψ the incidence.
+A rough track through the fan limits the search (`bottom_track`). Each beam is detected by both methods
+(`amplitude_detection`, `phase_detection`), and the detection of the smaller standard deviation is the sounding
+(`quality`). No depth is assumed, and no beam is reserved for a method: near normal incidence the phase turns within
+one pulse, far from it the echo is long, and the deviations follow. Where the phase places the middle of an amplitude's
+echo at x off the beam's axis, by more than speckle does, the deviation of its time grows by t tan ψ x, ψ the incidence.
 """
 from __future__ import annotations
 
@@ -30,16 +29,16 @@ from .quality import GAUSSIAN_WIDTH, angle_deviation, quality_factor
 from .windows import Windows, windows_about
 
 LEAST_QUALITY = 1.5         # 3 % of the depth
-QUIETEST = 1e-15            # noise over the strongest echo: rounding leaves no less
-LEAST_PEAK = 20.0           # over the noise's mean, of an echo found by amplitude: 13 dB
+QUIETEST = 1e-15            # noise over the strongest echo, at the level of rounding
+LEAST_PEAK = 20.0           # over the mean noise, of an echo detected by amplitude: 13 dB
 LEAST_PEAK_BY_PHASE = 10.0
-MOST_STRAYS = 3.0           # deviations that speckle moves the middle of an amplitude's echo by
-MOST_ASIDE = 0.5            # rms widths of the beam that an amplitude's echo can have its middle off the axis
+MOST_STRAYS = 3.0           # standard deviations by which speckle may move the middle of an amplitude's echo
+MOST_ASIDE = 0.5            # largest offset of an amplitude's middle from the axis, in rms widths of the beam
 
 
 @dataclass(frozen=True, kw_only=True)
 class Head:
-    """What a detector knows of the sounder.
+    """Parameters of the sounder for bottom detection.
 
     Attributes
     ----------
@@ -48,14 +47,14 @@ class Head:
     beam_width : float (B,) [rad]
         -3 dB width of each whole receiving beam, in angle.
     baseline : float [wavelengths]
-        From the port half's phase centre to the starboard's. Echoes from starboard of a beam's axis must turn
-        starboard's phase forward; negative where signals have the other sign. 0 is no split: all is by amplitude.
+        Distance from the port half's phase centre to the starboard's, negative if an echo from starboard of a beam's
+        axis retards the starboard phase. 0 is an unsplit beam, which is detected by amplitude only.
     transmit_width : float [rad]
         -3 dB width of the transmission along the track.
     noise : float or None [µPa²]
-        Mean power of noise in a whole beam; None estimates it.
+        Mean noise power in a whole beam. None estimates it.
     gate : (float, float) or None [s]
-        Times between which the bed is sought.
+        First and last time at which the bed is sought.
     """
 
     pulse_length: float
@@ -68,29 +67,30 @@ class Head:
 
 @dataclass(frozen=True, kw_only=True)
 class Detections:
-    """One sounding a beam; the arrays are (B,).
+    """Soundings of B beams.
 
     Attributes
     ----------
-    time : float [s]
-        Of the bed on the beam's axis; NaN where not valid.
-    method : uint8
+    time : float (B,) [s]
+        Time of the bed on the beam's axis, NaN where not valid.
+    method : uint8 (B,)
         NOT_DETECTED, BY_AMPLITUDE or BY_PHASE of `record`.
-    deviation : float [s]
+    deviation : float (B,) [s]
         Standard deviation of the time.
-    angle_offset : float
-        Sine to add to the beam's: where an amplitude's echo has its middle. 0 for phase.
-    angle_deviation : float [rad]
-        How far that middle strays: the time's error seen as an angle, not one more. 0 for phase.
-    quality : float
+    angle_offset : float (B,)
+        Sine to add to the beam's, for the middle of an amplitude's echo. It is 0 for phase.
+    angle_deviation : float (B,) [rad]
+        Standard deviation of that middle, which is the time's error seen as an angle. It is 0 for phase.
+    quality : float (B,)
         log10(time / deviation).
-    intensity : float [µPa²]
-        Mean of the whole beam's from begin to end, without the noise.
-    incidence : float [rad]
-        On the bed across the track, by the neighbouring beams; positive to starboard of the normal.
-    begin, end : int
+    intensity : float (B,) [µPa²]
+        Mean intensity of the whole beam from begin to end, without the noise.
+    incidence : float (B,) [rad]
+        Incidence on the bed across the track, from the neighbouring beams; positive to starboard of the normal.
+    begin, end : int (B,)
         Samples begin <= n < end that the beam's -3 dB footprint and the pulse cover.
-    valid : bool
+    valid : bool (B,)
+        True where there is a sounding.
     """
 
     time: np.ndarray
@@ -116,12 +116,13 @@ def detect(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, sines: np
         Compressed beams of the port and of the starboard half, both steered to ``sines``; their mean is the beam.
         Samples that are not finite count as silence.
     time : float (T,) [s]
-        After the transmission, evenly spaced.
+        Evenly spaced times after the transmission.
     sines : float (B,)
-        Of the beams' axes, increasing.
+        Sines of the beams' axes, increasing.
     head : Head
+        Parameters of the sounder.
     without : bool (B,) or None
-        Beams that are known to have no bed: none is sought, and the beams around do not take their slope from them.
+        Beams without a bed. They are not searched, and the beams around take no slope from them.
 
     Returns
     -------
@@ -174,7 +175,7 @@ def detect(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, sines: np
 
 @dataclass(frozen=True, kw_only=True)
 class _DetectionFan:
-    """A ping's beams, the beams' angles and rms widths (B,) [rad], and the noise [µPa²]."""
+    """Beams of a ping, their angles and rms widths (B,) [rad], and the noise [µPa²]."""
 
     halves: tuple[np.ndarray, np.ndarray]
     time: np.ndarray
@@ -185,7 +186,7 @@ class _DetectionFan:
 
 
 def _amplitudes(fan: _DetectionFan, rough: BottomTrack) -> tuple[np.ndarray, AmplitudeDetections, np.ndarray]:
-    """Detect by amplitude about a track; give where beams are brightest there (B,) [s], and the incidence (B,) too."""
+    """Detect by amplitude about a track; return also the brightest times (B,) [s], and the incidence (B,)."""
     pulse = fan.head.pulse_length
     incidence = incidences(np.log(rough.time), fan.angle, rough.seen, fan.angle)
     footprint = footprint_duration(rough.time, np.tan(incidence), fan.rms)
@@ -202,11 +203,7 @@ def _amplitudes(fan: _DetectionFan, rough: BottomTrack) -> tuple[np.ndarray, Amp
 
 
 def _aside(fan: _DetectionFan, centre: np.ndarray, incidence: np.ndarray) -> np.ndarray:
-    """Return how far an amplitude's times (B,) [s] are off as its echo comes from beside the axis.
-
-    The phase between both halves tells where the echo has its middle. What speckle moves that by is 0 here: it is in
-    the time's deviation.
-    """
+    """Return the errors (B,) [s] of an amplitude's times by echoes from beside the axis, beyond those by speckle."""
     if not fan.head.baseline:
         return np.zeros_like(centre)
     slope, pulse = np.tan(incidence), fan.head.pulse_length
@@ -220,7 +217,7 @@ def _aside(fan: _DetectionFan, centre: np.ndarray, incidence: np.ndarray) -> np.
 
 def _finite(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray,
             pulse_length: float) -> tuple[tuple[np.ndarray, np.ndarray], BottomEchoes]:
-    """Return the halves as complex64 without what is not finite, and their sums over blocks."""
+    """Return the halves as complex64, zero where not finite, and their sums over blocks."""
     port, starboard = (np.ascontiguousarray(half, np.complex64) for half in halves)
     sums = reduced((port, starboard), time, pulse_length)
     if not np.isfinite(sums.power).all():
@@ -230,14 +227,14 @@ def _finite(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray,
 
 
 def _intensity(halves: tuple[np.ndarray, np.ndarray], windows: Windows) -> np.ndarray:
-    """Return the whole beam's intensity (W,) in some windows."""
+    """Return the whole beam's intensity (W,) in windows."""
     whole = (windows.taken(halves[0]).astype(complex) + windows.taken(halves[1])) / 2
     return whole.real ** 2 + whole.imag ** 2
 
 
 def _checked(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, sines: np.ndarray,
              head: Head) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[float, float]]:
-    """Check what was given; give time, sines, widths (B,) and the gate."""
+    """Check the arguments; return time, sines, widths (B,) and the gate."""
     time, sines = np.asarray(time, float), np.asarray(sines, float)
     shape = (len(sines), len(time))
     if np.shape(halves[0]) != shape or np.shape(halves[1]) != shape:

@@ -1,11 +1,11 @@
-"""From the face of a side that measures time and angle to the angle and the time that the sonar's centre would see.
+"""Convert angle and time at a sonar's face to those at the centre of the body.
 
 The transmitter is at T, the rows' phase centre at R, in the body. The rows' axis a and their normal b lie across the
-body. An echo of the sine s comes along n = s a + √(1 - s²) b, t after the transmission, from P = R + D n with
+body. An echo of sine s, t after the transmission, comes along n = s a + √(1 - s²) b from P = R + D n with
 
     |P - T| + D = c t,      so      D = (c² t² - |e|²) / (2 (c t + e·n)),     e = R - T
 
-Seen from the body's origin it is at the angle of P, and takes 2 |P| / c. Rays are straight over the size of the sonar.
+At the body's origin it has the angle of P and the time 2 |P| / c. Rays are straight over the size of the sonar.
 """
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ import numpy as np
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AsideSeen:
-    """Echoes as the body's origin would see them, (B,) each."""
+    """Echoes at the body's origin, (B,) each."""
 
-    travel_time: np.ndarray  # [s]: both ways
-    angle: np.ndarray  # [rad]: arcsines along the body's starboard and forward axes
-    transmit_angle: np.ndarray  # [rad]: arcsines along the body's starboard and forward axes
-    depression: np.ndarray  # [rad]: below the body's horizontal, on the face's side
+    travel_time: np.ndarray  # [s], both ways
+    angle: np.ndarray  # [rad], arcsine along the body's starboard axis
+    transmit_angle: np.ndarray  # [rad], arcsine along the body's forward axis
+    depression: np.ndarray  # [rad], below the body's horizontal, on the face's side
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AsideFace:
-    """A side's face, body frame (forward, starboard, down)."""
+    """Face of a side, body frame (forward, starboard, down)."""
 
-    transmit_centre: np.ndarray  # (3,) [m]: T and R
-    receive_centre: np.ndarray  # (3,) [m]: T and R
-    axis: np.ndarray  # (3,): a, up along the face, and b
-    normal: np.ndarray  # (3,): a, up along the face, and b
+    transmit_centre: np.ndarray  # (3,) [m], T
+    receive_centre: np.ndarray  # (3,) [m], R
+    axis: np.ndarray  # (3,), a, up along the face
+    normal: np.ndarray  # (3,), b
 
     def seen(self, sine: np.ndarray, time: np.ndarray, sound_speed: float) -> AsideSeen:
-        """Return echoes of sines (B,) and times (B,) [s] from the centre, at a sound speed [m/s]."""
+        """Return echoes of sines (B,) and times (B,) [s] at the body's origin, for a sound speed [m/s]."""
         sine = np.clip(sine, -1, 1)
         towards = sine[:, None] * self.axis + np.sqrt(1 - sine ** 2)[:, None] * self.normal
         e, way = self.receive_centre - self.transmit_centre, sound_speed * np.asarray(time, float)

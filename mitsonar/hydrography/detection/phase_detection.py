@@ -1,26 +1,25 @@
-"""Detection by phase: where the difference between the two halves of a split beam crosses zero.
+"""Detect the bed by phase: the zero crossing of the phase difference between the halves of a split beam.
 
     arg(s p*) = 2π d (sin θ' - sin θ)
 
-s, p -> the starboard and the port half's beam, both steered to sin θ; d -> ``baseline``; θ' -> where the echo comes
-from. The bed about the beam's axis is taken as a plane of incidence ψ, so that an echo at t comes from
+s, p -> beams of the starboard and the port half, both steered to sin θ; d -> ``baseline``; θ' -> direction of the echo.
+The bed about the beam's axis is taken as a plane of incidence ψ, so that an echo at t comes from
 
     sin θ'(t) = sin(acos(t₀ cos ψ / t) + θ - ψ)
 
-With x(t) = sin θ'(t) - sin θ the phase is a line β₀ + β₁ x, β₁ = 2π d where ψ is right: as a line over x it has the
-curvature that a parabola over t would have to find (Lurton 2010, An Introduction to Underwater Acoustics, ch. 8).
-It is fitted to the samples within the beam by the greatest Σ |s p*| cos(arg(s p*) - β₀ - β₁ x), least squares weighted
-by magnitude that need no unwrapping. The window is centred on the crossing anew until that rests. The slope also says
-what ψ really is.
+With x(t) = sin θ'(t) - sin θ the phase is a line β₀ + β₁ x, β₁ = 2π d if ψ is right. A line over x has the curvature
+that a parabola over t would have to find (Lurton 2010, An Introduction to Underwater Acoustics, ch. 8). It is fitted
+to the samples within the beam by the greatest Σ |s p*| cos(arg(s p*) - β₀ - β₁ x): least squares weighted by magnitude,
+without unwrapping. The window is centred on the crossing until that rests. The fitted slope corrects ψ.
 
-A bed that is no plane within the beam, of ripples or stones, bends the line. So the crossing is measured in windows of
-the full, half and a quarter of the reach, and the widest one is believed that the narrower ones agree with (Lepski
-1991, Theory Probab. Appl. 35, 454), judged over neighbouring beams together.
+A bed with ripples or stones within the beam bends the line. The crossing is therefore measured in windows of the full,
+half and a quarter of the reach, and the widest that agrees with the narrower ones is used (Lepski 1991, Theory Probab.
+Appl. 35, 454), judged over neighbouring beams together.
 
-The deviation is that of the fit, from the samples' own scatter, which holds noise, the bed's roughness and what the
-pulse's length takes of the coherence. Scatter is summed over blocks of some echoes before it is squared (as Newey and
-West 1987, Econometrica 55, 703, sum it over lags): what the echoes within a pulse pull to one side the next ones pull
-back, so that samples taken singly say two to four times too much. It is averaged over neighbouring beams.
+The deviation is that of the fit, from the samples' own scatter: noise, roughness of the bed and decorrelation by the
+pulse length. Scatter is summed over blocks of some echoes before it is squared (Newey and West 1987, Econometrica 55,
+703), because errors of adjacent echoes cancel: single samples overestimate it two to four times. It is averaged over
+neighbouring beams.
 """
 from __future__ import annotations
 
@@ -31,29 +30,29 @@ import numpy as np
 from .windows import Windows, among_neighbours, windows_about
 
 PASSES = 3
-REACHES = (0.8, 0.4, 0.2)    # half the windows, in the -3 dB width of the beam: that of a half is twice as wide
-AGREED = 1.2                 # deviations, rms, that wider windows' crossings may differ by from narrower ones'
-BLOCK = 2.0                  # echoes that the scatter is summed over, so that what cancels between neighbours does
-FREE = 2.3                   # echoes that the line takes of those there are, with such blocks
+REACHES = (0.8, 0.4, 0.2)    # half the windows, in -3 dB widths of the beam; a half's beam is twice as wide
+AGREED = 1.2                 # rms difference of the crossings of wider and narrower windows, in deviations
+BLOCK = 2.0                  # echoes over which the scatter is summed
+FREE = 2.3                   # degrees of freedom of the line, in echoes, with such blocks
 LEAST_ECHOES = (2.3, 3.5, 5.0)      # within each window
-SLOPES = (0.4, 2.5)          # β₁ over 2π d that a bed can have
-SIDE_BY_SIDE = 1.5           # pulse lengths from one independent echo to the next: ∫ρ² over ∫|χ|² (Gauss √2, CW 1.62)
+SLOPES = (0.4, 2.5)          # allowed β₁ over 2π d
+SIDE_BY_SIDE = 1.5           # pulse lengths between independent echoes: ∫ρ² over ∫|χ|² (Gauss √2, CW 1.62)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PhaseDetections:
-    """One a beam."""
+    """Phase detections of B beams."""
 
-    time: np.ndarray  # (B,) [s]: deviation is inf where the phase does not say
-    deviation: np.ndarray  # (B,) [s]: deviation is inf where the phase does not say
-    slope: np.ndarray  # (B,): tan of the incidence
+    time: np.ndarray  # (B,) [s]
+    deviation: np.ndarray  # (B,) [s], inf where there is no detection
+    slope: np.ndarray  # (B,), tan of the incidence
     coherence: np.ndarray  # (B,)
-    echoes: np.ndarray  # (B,): independent ones in the window
+    echoes: np.ndarray  # (B,), independent ones in the window
 
 
 def by_phase(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, centre: np.ndarray, slope: np.ndarray,
              sines: np.ndarray, widths: np.ndarray, baseline: float, pulse_length: float) -> PhaseDetections:
-    """Detect by the zero crossing."""
+    """Detect the bed by the zero crossing of the phase."""
     # halves (B, T); time (T,) [s]; centre (B,) [s]; slope (B,); sines (B,); widths (B,) [rad]; baseline [wavelengths];
     # pulse_length [s]
     beams = _PhaseBeams(halves=halves, time=time, sines=sines, spread=widths * np.sqrt(1 - sines ** 2),
@@ -75,7 +74,7 @@ def by_phase(halves: tuple[np.ndarray, np.ndarray], time: np.ndarray, centre: np
 
 @dataclass(frozen=True, kw_only=True)
 class _PhaseBeams:
-    """What is fitted to: both halves, times, sines, widths [sine], 2π d, and the time between echoes apart [s]."""
+    """Both halves, times, sines, widths [sine], 2π d, and the time between independent echoes [s]."""
 
     halves: tuple[np.ndarray, np.ndarray]
     time: np.ndarray
@@ -85,7 +84,7 @@ class _PhaseBeams:
     spacing: float
 
     def samples(self, centre: np.ndarray, half: np.ndarray) -> _PhaseSamples:
-        """Take the samples about a time of every beam."""
+        """Return the samples about a time of every beam."""
         windows = windows_about(self.time, centre, half + self.spacing)
         port, starboard = (windows.taken(record).astype(complex) for record in self.halves)
         return _PhaseSamples(product=starboard * np.conj(port), power=(np.abs(port) ** 2 + np.abs(starboard) ** 2) / 2,
@@ -94,7 +93,7 @@ class _PhaseBeams:
 
 def _settled(beams: _PhaseBeams, centre: np.ndarray, incidence: np.ndarray,
              half: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Centre the widest window on the crossing; give its time, the incidence, and whether it rests."""
+    """Centre the widest window on the crossing; return its time, the incidence, and True where it rests."""
     samples = beams.samples(centre, half)
     reach = REACHES[0] * beams.spread
     found, ok, share = centre, np.ones(len(centre), bool), np.ones(len(centre))
@@ -114,7 +113,7 @@ def _settled(beams: _PhaseBeams, centre: np.ndarray, incidence: np.ndarray,
 
 def _measured(beams: _PhaseBeams, found: np.ndarray, incidence: np.ndarray, reach: float, least: float,
               settled: np.ndarray) -> PhaseDetections:
-    """Measure the crossing in one window, and how well it is known."""
+    """Measure the crossing and its deviation in one window."""
     tangent = np.abs(np.tan(incidence))
     half = found * tangent * beams.spread / np.sqrt(1 - beams.sines ** 2) * reach
     spacing = max(beams.spacing / (beams.time[1] - beams.time[0]), 1.0)
@@ -134,7 +133,7 @@ def _measured(beams: _PhaseBeams, found: np.ndarray, incidence: np.ndarray, reac
 
 
 def _no_surer(narrow: PhaseDetections, wide: PhaseDetections) -> PhaseDetections:
-    """Let a narrower window know no more than its fewer echoes do: what scatter they happen to show may say less."""
+    """Raise a narrower window's deviation to what its fewer echoes allow, as their scatter may be small by chance."""
     known = np.where(np.isfinite(wide.deviation), wide.deviation, 0.0) * np.sqrt(
         wide.echoes / np.maximum(narrow.echoes, 0.1))
     return replace(narrow, deviation=np.maximum(narrow.deviation, known))
@@ -154,7 +153,7 @@ def _widest_that_agrees(made: list[PhaseDetections]) -> np.ndarray:
 
 
 def no_phase(time: np.ndarray) -> PhaseDetections:
-    """Return the detections (B,) of a head whose beams are not split: none."""
+    """Return undetected beams (B,), for a head whose beams are not split."""
     nothing = np.zeros_like(time)
     return PhaseDetections(time=time, deviation=np.full_like(time, np.inf), slope=nothing, coherence=nothing,
                            echoes=nothing)
@@ -170,7 +169,7 @@ class _PhaseSamples:
 
 @dataclass(frozen=True, kw_only=True)
 class _PhaseFit:
-    """Crossing of the phase [sine], its slope, its variance there [rad²] of samples each for itself, and counts."""
+    """Crossing of the phase [sine], its slope, its variance [rad²] with independent samples, and counts."""
 
     crossing: np.ndarray
     turn: np.ndarray
@@ -181,7 +180,7 @@ class _PhaseFit:
 
 @dataclass(frozen=True, kw_only=True)
 class _TurnedPhase:
-    """Samples (W,) turned back by a line of the slope expected, and that line's best offset (B,) [rad]."""
+    """Samples (W,) turned back by a line of the expected slope, and that line's best offset (B,) [rad]."""
 
     x: np.ndarray
     inside: np.ndarray
@@ -191,7 +190,7 @@ class _TurnedPhase:
 
 def _turned(samples: _PhaseSamples, found: np.ndarray, incidence: np.ndarray, sines: np.ndarray, reach: np.ndarray,
             turn: np.ndarray) -> _TurnedPhase:
-    """Find the offset of a line of slope ``turn`` about a time of every beam; nothing needs to be unwrapped."""
+    """Return the samples turned by a line of slope ``turn`` about a time of every beam, and its best offset."""
     beam = samples.windows.beam
     x = _offsets(samples.instants, found, incidence, sines, beam)
     inside = np.abs(x) <= reach[beam]
@@ -237,7 +236,7 @@ def _offsets(instants: np.ndarray, found: np.ndarray, incidence: np.ndarray, sin
 
 
 def _time_of(crossing: np.ndarray, found: np.ndarray, incidence: np.ndarray, sines: np.ndarray) -> np.ndarray:
-    """Return the time (B,) at which the plane through ``found`` is seen ``crossing`` off the axis."""
+    """Return the time (B,) at which the plane through ``found`` is ``crossing`` off the axis."""
     leaning = np.arcsin(sines) - incidence
     away = np.arcsin(np.clip(sines + crossing, -1, 1)) - leaning
     return found * np.cos(incidence) / np.maximum(np.cos(away), 1e-3)

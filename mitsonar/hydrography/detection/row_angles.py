@@ -1,24 +1,24 @@
-"""Angles of echoes by the phases of rows of receivers, one above the other: phase-differencing bathymetry.
+"""Estimate angles of echoes from the phases of rows of receivers, one above the other: phase-differencing bathymetry.
 
-Rows k stand at x_k wavelengths along an axis. An echo of the sine s along it makes z_k = a e^(i2π x_k s) of them. Over
-a window of samples the rows' products R_kl = <z_k z_l*> are averaged, and the angle is where
+Row k stands at x_k wavelengths along an axis and receives z_k = a e^(i2π x_k s) from an echo of sine s. The products
+R_kl = <z_k z_l*> are averaged over a window of samples, and the angle is the maximum of
 
     f(s) = Σ_{k<l} Re R_kl e^(-i2π (x_k - x_l) s)                                                               (1)
 
-is largest. This is the maximum of a beam formed of all rows, which of one echo in white noise is the maximum likelihood
-(Böhme, 1984, Proc. ICASSP; Van Trees, 2002, Optimum Array Processing, ch. 8). Of two rows it is the phase difference.
-Of more, close rows say which of the answers of far ones is right, far ones say it precisely, and pairs that have lost
-their coherence count less by themselves. Several echoes at one time give an angle between theirs.
+This is the maximum of a beam of all rows: the maximum likelihood estimate for one echo in white noise (Böhme, 1984,
+Proc. ICASSP; Van Trees, 2002, Optimum Array Processing, ch. 8), and for two rows the phase difference. Close rows
+resolve the ambiguity of far rows, far rows are precise, and incoherent pairs have less weight. Several echoes at one
+time give an angle between theirs.
 
     γ = f(s) / Σ_{k<l} √(R_kk R_ll)        coherence of all rows; of two |R_12| / √(R_11 R_22)                  (2)
     σ_s² = (1 + 1/(K q)) / (2 N q 4π² Σ (x_k - x̄)²) + (b s)² / (12 N)                                           (3)
     q = γ' / (1 - γ'),      γ' = γ / mean_{k<l} sinc(b (x_k - x_l) s)
 
-The first term is the bound of Cramér and Rao of one echo q times as strong as the noise of each row, in N independent
-samples; of two rows that are 2πd apart in phase it is σ_φ² = (1 - γ²) / (2 γ² N) (Rodríguez and Martin, 1992, IEE Proc.
-F 139). Far rows lose coherence even without noise, as a pulse of the bandwidth b f comes to them at other times: they
-hear other parts of the bed. The sinc is what is left then. What it does to the angle is the second term: the middle
-frequency of N samples' echoes strays by b f / √(12 N), and the sine is read with the carrier's.
+The first term is the Cramér-Rao bound of one echo q times as strong as the noise of each row, in N independent samples;
+for two rows 2πd apart in phase it is σ_φ² = (1 - γ²) / (2 γ² N) (Rodríguez and Martin, 1992, IEE Proc. F 139). A pulse
+of bandwidth b f reaches far rows at other times, so they lose coherence even without noise; the sinc is what remains.
+The second term is its effect on the angle: the middle frequency of N samples' echoes varies by b f / √(12 N), and the
+sine is computed with the carrier's.
 """
 from __future__ import annotations
 
@@ -30,31 +30,31 @@ __all__ = ["RowAngles", "ReceiverRows", "sector_of"]
 
 PER_PERIOD = 8                     # sines tried in the shortest period of (1)
 STEPS = 4                          # of Newton's method
-ALIKE = 0.9                        # of f's largest, that another sine of the sector may reach
-BLOCK = 1 << 22                    # numbers worked on at once
-CERTAIN = 1 - 1e-6                 # coherence that (3) counts with at most
-MARGIN = np.deg2rad(10.0)          # beyond nadir and horizon, that echoes are looked for: a platform rolls
+ALIKE = 0.9                        # of the maximum of f, that another sine of the sector may reach
+BLOCK = 1 << 22                    # numbers in memory at once
+CERTAIN = 1 - 1e-6                 # largest coherence in (3)
+MARGIN = np.deg2rad(10.0)          # searched beyond nadir and horizon, as a platform rolls
 STEEPEST = np.deg2rad(80.0)        # off the face's normal
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RowAngles:
-    """What windows of samples say, (B,) each.
+    """Angles of the echoes in B windows of samples.
 
     Attributes
     ----------
-    sine : [-]
+    sine : (B,)
         s, along the rows' axis.
-    inside : bool
-        Whether it is a maximum within the sector, not its end.
-    coherence : [-]
+    inside : bool (B,)
+        True if the maximum lies within the sector, False at its ends.
+    coherence : (B,)
         γ of (2).
-    phase : [rad]
-        Of the two rows farthest apart, the last less the first, wrapped.
-    deviation : [-]
+    phase : (B,) [rad]
+        Wrapped phase of the last row less the first.
+    deviation : (B,)
         σ_s of (3).
-    power : [of the signals, squared]
-        Mean of the rows.
+    power : (B,) [signals squared]
+        Mean power of the rows.
     """
 
     sine: np.ndarray
@@ -72,14 +72,14 @@ class ReceiverRows:
     Parameters
     ----------
     place : (K,) [wavelengths]
-        x_k, along the axis; rising.
-    sector : (float, float) [-]
-        Sines between which echoes are looked for.
+        x_k, increasing positions along the axis.
+    sector : (float, float)
+        Least and largest sine that is searched.
 
     Raises
     ------
     ValueError
-        If there are fewer than two, they do not rise, or do not tell the sector's sines apart.
+        If there are fewer than two rows, they do not increase, or they are ambiguous within the sector.
     """
 
     place: np.ndarray
@@ -104,7 +104,7 @@ class ReceiverRows:
 
     @property
     def baseline(self) -> float:
-        """From the first row to the last [wavelengths]."""
+        """Return the distance from the first row to the last [wavelengths]."""
         return float(np.ptp(self.place))
 
     def angles(self, signals: np.ndarray, *, per_bin: int, window: int, looks: float,
@@ -114,15 +114,15 @@ class ReceiverRows:
         Parameters
         ----------
         signals : complex (K, S)
-            Of the rows.
+            Signals of the rows.
         per_bin : int
-            Samples of a bin; S is a multiple of it.
+            Samples in a bin; S is a multiple of it.
         window : int
-            Samples that are averaged, at least `per_bin`; about the bin's middle.
+            Samples that are averaged about the bin's middle, at least `per_bin`.
         looks : float
             N, independent samples in a window.
         relative_bandwidth : float
-            b.
+            b, bandwidth over the carrier frequency.
         """
         ends = _windows(signals.shape[1], per_bin, window)
         first, second = np.triu_indices(len(self.place), 1)
@@ -142,7 +142,7 @@ class ReceiverRows:
 
     def deviation(self, coherence: np.ndarray, sine: np.ndarray, looks: float,
                   relative_bandwidth: float = 0.0) -> np.ndarray:
-        """Return σ_s of (3), (B,), inf where nothing is known; arguments as of `angles` and `RowAngles`."""
+        """Return σ_s of (3), (B,), inf where γ is 0; for the arguments see `angles` and `RowAngles`."""
         first, second = np.triu_indices(len(self.place), 1)
         apart = relative_bandwidth * np.multiply.outer(self.place[first] - self.place[second], sine)
         white = np.clip(coherence / np.maximum(np.sinc(apart).mean(0), 1e-3), 0, CERTAIN)
@@ -153,11 +153,11 @@ class ReceiverRows:
         return np.sqrt(noise + (relative_bandwidth * sine) ** 2 / (12 * looks))
 
     def _tried(self, width: float) -> int:
-        """How many sines are looked at over a width."""
+        """Return the number of sines to try over a width."""
         return 2 + int(np.ceil(PER_PERIOD * width * self.baseline))
 
     def _searched(self, products: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Maxima of (1), (B,), and whether they lie within the sector."""
+        """Return the maxima of (1), (B,), and True where they lie within the sector."""
         low, high = self.sector
         tried = np.linspace(low, high, self._tried(high - low))
         waves = np.exp(-1j * np.outer(turn, tried))                                          # (pairs, sines)
@@ -173,19 +173,19 @@ class ReceiverRows:
 
 
 def sector_of(tilt: float) -> tuple[float, float]:
-    """Return sines along the rows of a face tilted down [rad], from nadir to horizon and somewhat beyond."""
+    """Return the range of sines along the rows of a face tilted down [rad], from below nadir to above the horizon."""
     low, high = -(0.5 * np.pi - tilt) - MARGIN, tilt + MARGIN
     return float(np.sin(max(low, -STEEPEST))), float(np.sin(min(high, STEEPEST)))
 
 
 def _windows(samples: int, per_bin: int, window: int) -> np.ndarray:
-    """First and last sample, left out, of each bin's window: int (2, B)."""
+    """Return the first and the end sample of each bin's window: int (2, B)."""
     begin = np.arange(samples // per_bin) * per_bin
     aside = max(0, -(-(window - per_bin) // 2))
     return np.stack([np.maximum(begin - aside, 0), np.minimum(begin + per_bin + aside, samples)])
 
 
 def _means(values: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Means over windows."""
+    """Return the means over windows."""
     sums = np.concatenate([np.zeros(1, values.dtype), np.cumsum(values)])
     return (sums[ends[1]] - sums[ends[0]]) / (ends[1] - ends[0])

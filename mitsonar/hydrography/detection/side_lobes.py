@@ -1,17 +1,16 @@
-"""Levels that side lobes bring to beams, and soundings that stand out of them.
+"""Reject soundings that side lobes of the beams explain.
 
-Where no bed lies in its main lobe, a beam still receives the bed that other beams look at, through side lobes. That
-echo is as long, and as coherent, as one of a bed of its own. At the time of a sounding the beams themselves say how
-strong echoes are from all other directions, I_j. With P_ij the power pattern of beam i towards the axis of beam j, 0
-within the main lobe, and n_j the share of a beam's width that lies between the axes, side lobes may have brought
+Through side lobes a beam receives the bed of other directions, as long and as coherent an echo as that of its own bed.
+The beams themselves measure the intensities I_j of all other directions at the time of a sounding. P_ij -> power
+pattern of beam i towards the axis of beam j, n_j -> beam spacing over beam width. Side lobes may bring
 
     4 sum_j P_ij I_j n_j over P_ij < 0.01
 
-4 because levels of single pings scatter. A sounding is of its own beam where the levels of the beams around, over five
-widths of a beam, are on average (of dB) above that: one beam alone may fade, or stand out, by chance. At an edge the
-beams within would vouch for those beyond. So a beam that is not above it by itself needs five widths to either side
-that are. A bed that is weaker cannot be told from side lobes. What the skirt of a main lobe receives at the edge of a
-bed stands out of them; detection tells by its phase that it comes from beside the axis (`detection`).
+The factor 4 allows for the scatter of single pings. A sounding is of its own beam where the mean level [dB] of the
+beams around, over five beam widths, is above that, since a single beam may fade or stand out by chance. A beam that is
+not above it by itself also needs five widths to either side that are, else inner beams would confirm beams beyond an
+edge. A weaker bed is indistinguishable from side lobes. The skirt of a main lobe at the edge of a bed passes;
+`detection` rejects it by phase.
 """
 from __future__ import annotations
 
@@ -21,8 +20,8 @@ from scipy import ndimage
 from .bottom_track import BottomEchoes
 
 MARGIN = 4.0
-AROUND = 5                         # widths of a beam over which beams decide together
-HIGHEST = 0.01                     # of the pattern: nearer side lobes hear much the same bed near normal incidence
+AROUND = 5                         # beam widths over which beams decide together
+HIGHEST = 0.01                     # of the pattern: nearer side lobes see much the same bed near normal incidence
 
 
 def mean_between(echoes: BottomEchoes, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
@@ -36,13 +35,13 @@ def mean_between(echoes: BottomEchoes, begin: np.ndarray, end: np.ndarray) -> np
 
 
 def through_side_lobes(pattern: np.ndarray, intensity: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Return the level (B,) [µPa²] that side lobes may have brought."""
+    """Return the largest level (B,) [µPa²] that side lobes may have brought."""
     # pattern (B, J); intensity (J, B) [µPa²]; share (J,)
     return MARGIN * np.where(pattern < HIGHEST, pattern * intensity.T, 0.0) @ share
 
 
 def of_main_lobes(own: np.ndarray, brought: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Return where soundings of levels `own` (B,), in the order of beams, are above what side lobes brought (B,)."""
+    """Return True for soundings of levels `own` (B,), ordered by beam, that are above those of side lobes `brought`."""
     tiny = np.finfo(float).tiny
     around = max(int(np.ceil(AROUND / np.median(share))), AROUND) | 1
     above = np.log(np.maximum(own, tiny) / np.maximum(brought, tiny))

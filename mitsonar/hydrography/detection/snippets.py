@@ -1,7 +1,7 @@
-"""Snippets: the bed's strength sample by sample about each detection.
+"""Compute snippets: the bed's backscattering strength, sample by sample about each detection.
 
-As `bottom_backscatter`, with the range, the loss and the area of each sample's own time. A snippet is as long as the
-beam's footprint takes to sound, so that those of neighbouring beams meet on the bed.
+The equations of `bottom_backscatter` hold with range, loss and area at each sample's own time. A snippet lasts as long
+as the echo of the beam's footprint, so that snippets of neighbouring beams meet on the bed.
 """
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ __all__ = ["Snippets", "snippets"]
 
 @dataclass(frozen=True, kw_only=True)
 class Snippets:
-    """As many samples in every beam.
+    """Snippets of B beams, N samples each.
 
     Attributes
     ----------
     start : float (B,) [s]
-        Of the first sample, after the transmission; NaN where nothing was detected.
+        Time of the first sample after the transmission, NaN where nothing was detected.
     strength_db : float (B, N) [dB re 1]
-        NaN past the footprint, the record's ends, and where nothing was detected.
+        Backscattering strength, NaN past the footprint and the record's ends, and where nothing was detected.
     """
 
     start: np.ndarray

@@ -1,13 +1,13 @@
-"""Soundings as single rays of known slowness: what is left of them that no sound-speed profile has touched.
+"""Convert soundings to single rays of known slowness, which depend on no sound-speed profile.
 
-An array measures the slowness along it, which Snell's law keeps all the way to the bed, and a time. Of a line of
-soundings both follow from the places it was reduced to, B, through the cast it was reduced with: of the ray from the
-point M midway between the transmit array when it sent and the receive array when it heard,
+An array measures the slowness along it, which Snell's law preserves down to the bed, and a time. Both follow from the
+reduced place B of a sounding through the cast of its reduction. For the ray from the point M midway between the
+transmit array at transmission and the receive array at reception:
 
     X(p) = |B - M| in the plane,        t = 2 T(p)
 
-so that through another cast the same p and t lead to another place, as in `reduction`. The two legs of a sounding stand
-as one: through other water its place is that of `resounded` to a few millimetres.
+Through another cast the same p and t lead to another place, as in `reduction`. One ray stands for both legs of a
+sounding: its place in other water is that of `resounded` to a few millimetres.
 """
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ class SoundingBeams:
     Parameters
     ----------
     x, y, depth : array (N,) [m]
-        Where the rays start: east, north, below the surface.
+        Start of the rays: east, north, below the surface.
     east, north : array (N,)
-        Unit vector that they head to, in the plane.
+        Unit vector of the rays' horizontal direction.
     slowness : array (N,) [s/m]
-        Horizontal, not negative: the cosine of the grazing angle over the sound speed, the same all the way down.
+        Horizontal slowness, not negative: cosine of the grazing angle over the sound speed, constant along the ray.
     travel_time : array (N,) [s]
-        To the bed and back.
+        Two-way time to the bed.
     head_speed : array (N,) [m/s]
-        Where the rays start, by the head's own sensor.
+        Sound speed at the rays' start, by the head's own sensor.
     starboard : array (N,)
-        Cosine of the direction against starboard: how far a roll of the array steepens the beam.
+        Cosine of the angle between direction and starboard, the rate at which roll of the array steepens the beam.
 
     Raises
     ------
     ValueError
-        If there is no sounding, shapes differ, or a number is none that a beam has.
+        If there is no sounding, shapes differ, or a value is out of range.
     """
 
     x: np.ndarray
@@ -88,7 +88,7 @@ class SoundingBeams:
 
 
 def beams_of(soundings: xr.Dataset, under_way: bool = True) -> SoundingBeams:
-    """Take the beams of the valid soundings out of a line."""
+    """Return the beams of the valid soundings of a line."""
     check(soundings)
     motion, measured, profile = PlatformMotion.of(soundings), measured_of(soundings), profile_of(soundings)
     shape = soundings["valid"].shape
@@ -122,7 +122,7 @@ def beams_of(soundings: xr.Dataset, under_way: bool = True) -> SoundingBeams:
 
 
 def beams_of_lines(lines: Sequence[xr.Dataset], under_way: bool = True) -> SoundingBeams:
-    """Take the beams of several lines, in the frame of the first."""
+    """Return the beams of several lines, in the frame of the first."""
     if not lines:
         raise ValueError("beams: there is no line of soundings; give one at least.")
     first, parts = lines[0].attrs, []
@@ -138,8 +138,7 @@ def beams_of_lines(lines: Sequence[xr.Dataset], under_way: bool = True) -> Sound
 
 
 def slowness_to(starts: Starts, depth: np.ndarray, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return horizontal slowness [s/m] and one-way time [s] of the direct rays down to places, (N,); NaN without one.
-    """
+    """Return slowness [s/m] and one-way time [s] of the direct rays down to places, (N,); NaN where there is no ray."""
     height = depth - starts.depth
     fastest = np.maximum(starts.speed, starts.profile.at(depth))
     slowness = distance / np.hypot(distance, height) / fastest * (1 - 1e-6)
@@ -153,7 +152,7 @@ def slowness_to(starts: Starts, depth: np.ndarray, distance: np.ndarray) -> tupl
         low[rays], high[rays] = (np.where(beyond, low[rays], slowness[rays]),
                                  np.where(beyond, slowness[rays], high[rays]))
         done = np.abs(short) <= CLOSE * (1 + distance[rays])
-        # Fermat: the time to the place follows from that to the range found to second order
+        # Fermat: the time to the place follows from the time to the reached range, to second order
         time[rays] = np.where(done, leg.time + slowness[rays] * short, np.nan)
         with np.errstate(invalid="ignore", divide="ignore"):
             stepped = slowness[rays] + short / leg.slope

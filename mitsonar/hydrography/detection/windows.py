@@ -1,7 +1,6 @@
-"""Windows of samples about an echo in every beam, of different lengths, laid end to end.
+"""Hold windows of samples about an echo in every beam, of different lengths, laid end to end.
 
-Sums over each window run over one flat array, so that a beam at nadir with five samples costs five and not as many as
-the outermost beam.
+Sums over each window run over one flat array, so that the cost is that of the samples, not of the longest window.
 """
 from __future__ import annotations
 
@@ -13,13 +12,13 @@ from scipy import ndimage
 
 @dataclass(frozen=True, kw_only=True)
 class Windows:
-    """One window of samples a beam."""
+    """One window of samples for each of B beams, W samples in all."""
 
-    begin: np.ndarray  # (B,): samples begin <= n < end
-    end: np.ndarray  # (B,): samples begin <= n < end
-    beam: np.ndarray  # (W,): of each sample of all windows, increasing
-    sample: np.ndarray  # (W,): its number in the record
-    start: np.ndarray  # (B,): where each window begins among the W
+    begin: np.ndarray  # (B,), first sample
+    end: np.ndarray  # (B,), sample after the last
+    beam: np.ndarray  # (W,), beam of each sample, increasing
+    sample: np.ndarray  # (W,), its number in the record
+    start: np.ndarray  # (B,), begin of each window among the W
 
     def taken(self, record: np.ndarray) -> np.ndarray:
         """Return the samples (W,) of a record (B, T)."""
@@ -30,12 +29,12 @@ class Windows:
         return np.add.reduceat(values, self.start)
 
     def place_of_greatest(self, values: np.ndarray) -> np.ndarray:
-        """Return the sample number (B,) of the first greatest of values (W,) in each window."""
+        """Return the sample number (B,) of the first maximum of values (W,) in each window."""
         found = np.flatnonzero(values >= np.maximum.reduceat(values, self.start)[self.beam])
         return self.sample[found[np.searchsorted(self.beam[found], np.arange(len(self.begin)))]]
 
     def smoothed(self, values: np.ndarray, length: np.ndarray) -> np.ndarray:
-        """Return the running sum of values (W,) over ``length`` samples (B,) of each beam, cut at its window's ends."""
+        """Return the running sum of values (W,) over ``length`` samples (B,) of each beam, within its window."""
         total = np.concatenate([[0.0], np.cumsum(values)])
         place = np.arange(len(values))
         half = (length // 2)[self.beam]
@@ -45,7 +44,7 @@ class Windows:
 
 
 def among_neighbours(values: np.ndarray, good: np.ndarray, aside: int = 2) -> np.ndarray:
-    """Average values (B,) over the good ones of each beam and ``aside`` to either side; NaN where none is."""
+    """Return means of values (B,) over the good ones of each beam and ``aside`` to either side; NaN where none is."""
     size = 2 * aside + 1
     total = ndimage.uniform_filter1d(np.where(good, values, 0.0), size, mode="constant")
     count = ndimage.uniform_filter1d(good.astype(float), size, mode="constant")
