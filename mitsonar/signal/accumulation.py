@@ -1,20 +1,20 @@
-"""Echoes into the impulse responses of an array's elements, on the device: the hot loop of the simulator.
+"""Add echoes to the impulse responses of an array's elements on the device: the hot loop of the simulator.
 
     z[e, n] += a exp(-2πi (φ + f₀ δ_e)) k(n - m - μ - f_s δ_e)                       [per hit and element]
 
 a -> ``amplitude``, φ -> ``phase`` [cycles], m + μ -> ``sample`` + ``fraction``: the echo at the array's centre, split
-in float64 by `centre`. δ_e -> ``difference`` [s], how much later element e hears it, is a small number and needs no
-more than float32: with f₀ = 500 kHz at 100 m the phase is right to 0.02 degrees, where float32 delays would be wrong by
-5. k is a kernel of `impulses`.
+in float64 by `centre`. δ_e -> ``difference`` [s], the extra delay at element e, is small, so that float32 suffices:
+with f₀ = 500 kHz at 100 m the phase is right to 0.02 degrees, whereas float32 delays would be wrong by 5. k is a kernel
+of `impulses`.
 
-Taps lie in packets of four complex numbers. A packet is added in one go but must start at a multiple of four, so every
-response is kept as four planes, shifted against each other by one sample, which `ImpulseResponses.read` folds.
+Taps lie in packets of four complex numbers. A packet must start at a multiple of four, so each response is kept as four
+planes, shifted against each other by one sample, which `ImpulseResponses.read` adds up.
 
-A group of 16384 lanes owns up to eight rows of the sums and streams all hits past them. A work block of Dr.Jit's LLVM
-backend is 16384 lanes whenever a launch has more than two blocks per thread; idle groups make sure that it has. So no
-two threads add to the same row, no atomic operation is needed, and the order of additions, hence every bit of the
-result, depends on the hits alone. Where elements are too few to make 32 groups, rows are kept several times over, each
-for its share of the hits. On a GPU the sums are atomic, and their last bits vary from run to run.
+A group of 16384 lanes owns up to eight rows of the sums and adds all hits to them. A work block of Dr.Jit's LLVM
+backend is 16384 lanes if a launch has more than two blocks per thread; idle groups ensure this. No two threads
+therefore add to the same row, and the order of additions, hence every bit of the result, depends on the hits alone.
+Rows of few elements are kept in several copies, each for a share of the hits. On a GPU the sums are atomic, and their
+last bits vary.
 """
 from collections.abc import Callable, Sequence
 from typing import TypeAlias, cast
@@ -27,17 +27,17 @@ from mitsonar.device.types import DrJitArray, Float, Float64, Int32, UInt32
 
 from .impulses import Kernel, Nearest, Peterson, make_kernel, tap_weights, turned
 
-OfPair: TypeAlias = Callable[[Sequence[Float], Sequence[Float]], Float]    # of a hit's fields and an element's
-LANES = 1 << 14                    # of a group: Dr.Jit's largest work block
-GROUPS = 32                        # aimed at, for machines of many cores
-COPIES_BYTES = 1 << 28             # rows are not kept several times over beyond this
+OfPair: TypeAlias = Callable[[Sequence[Float], Sequence[Float]], Float]    # (hit fields, element fields) -> value
+LANES = 1 << 14                    # lanes of a group: Dr.Jit's largest work block
+GROUPS = 32                        # number of groups aimed at, for machines of many cores
+COPIES_BYTES = 1 << 28             # most memory for copies of rows
 LARGEST = 1 << 32                  # numbers in an array of Dr.Jit
-ROWS = 8                           # of a group, where elements suffice: what a hit brings is read once for all of them
-FEW_ROWS = 4                       # of a group of fewer elements than
+ROWS = 8                           # rows of a group of MANY elements or more: each hit is read once for all rows
+FEW_ROWS = 4                       # rows of a group of fewer elements
 MANY = 32
-ROUNDS = 16                        # hits of a lane at least: fewer do not pay for its start
-NEIGHBOURS = 16                    # lanes that read neighbouring hits: one vector's, whose stretch is in order
-NOWHERE = -(1 << 30)               # sample of a hit that brings nothing
+ROUNDS = 16                        # least number of hits of a lane: fewer do not pay for its start
+NEIGHBOURS = 16                    # lanes that read neighbouring hits: the width of a vector
+NOWHERE = -(1 << 30)               # sample of a hit that adds nothing
 
 
 def centre(delay: Float64, *, start: float, frequency: float, sampling_rate: float) -> tuple[Float, Int32, Float]:
@@ -46,7 +46,7 @@ def centre(delay: Float64, *, start: float, frequency: float, sampling_rate: flo
     Parameters
     ----------
     delay : Float64 (H,) [s]
-        Of the echoes at the array's centre; NaN where there is none.
+        Delays of the echoes at the array's centre; NaN where there is no echo.
     start : float [s]
         Time of sample 0.
     frequency, sampling_rate : float [Hz]
@@ -54,10 +54,10 @@ def centre(delay: Float64, *, start: float, frequency: float, sampling_rate: flo
     Returns
     -------
     phase : Float (H,) [cycles]
-        Fraction of f₀ t, in [0, 1).
+        Fractional part of f₀ t, in [0, 1).
     sample : Int32 (H,)
     fraction : Float (H,)
-        Of a sample, in [0, 1).
+        Fraction of a sample, in [0, 1).
     """
     lib = arrays_of(delay)
     begin, carrier, rate = (dr.opaque(lib.Float64, value) for value in (start, frequency, sampling_rate))
@@ -71,31 +71,29 @@ def centre(delay: Float64, *, start: float, frequency: float, sampling_rate: flo
 
 
 class ImpulseResponses:
-    """Sums of echoes at every element, kept on the device.
+    """Sum echoes at every element on the device.
 
     Parameters
     ----------
     like : Dr.Jit array or type
-        Of the backend to use, `mi.Float` say.
+        Array or type of the backend to use, for example `mi.Float`.
     elements, samples : int
         Rows and columns of the result.
     sampling_rate, frequency : float [Hz]
-        Of the record; of the carrier.
+        Sampling rate of the record; frequency of the carrier.
     kernel : {"band_limited", "peterson", "nearest"} or Kernel
     taps : int, optional
         Length of the ``peterson`` kernel [samples], a multiple of 4.
     sheets : int
-        Responses that are kept of every element: each hit is added to one of them.
+        Number of responses kept for each element; each hit is added to one of them.
 
     Raises
     ------
     ValueError
-        If the kernel is not known, or the sums exceed what 32-bit indices reach.
+        If the kernel is not known, or the sums need more than 32-bit indices.
 
-    Notes
-    -----
-    32 bytes a sample and element (8 for ``nearest``), more where fewer than 256 elements are kept in several copies, at
-    most 256 MiB for these. Neither the numbers nor the count of hits, elements or samples make a new kernel.
+    Notes ----- The sums take 32 bytes a sample and element (8 for ``nearest``). Copies for fewer than 256 elements take
+    at most 256 MiB more. A new number of hits, elements or samples compiles no new kernel.
     """
 
     def __init__(self, like: DrJitArray | type, *, elements: int, samples: int, sampling_rate: float, frequency: float,
@@ -143,26 +141,24 @@ class ImpulseResponses:
             Real and imaginary part.
         phase : Float (H,) [cycles]
         sample : Int32 (H,)
-            Hits far outside the record bring nothing, whatever their other fields hold; -2**30 says so of any.
+            Hits far outside the record, for example at -2**30, add nothing, whatever their other fields hold.
         fraction : Float (H,)
         hit_fields : sequence of Float (H,) or (1,)
-            What `difference` and `gain` need of a hit.
+            Fields of hits that `difference` and `gain` need.
         element_fields : sequence of Float or NumPy arrays (E,)
-            What they need of an element.
+            Fields of elements that `difference` and `gain` need.
         difference : callable
-            ``difference(hit_fields, element_fields)`` gives δ [s], the delay at the element less that at the centre.
+            ``difference(hit_fields, element_fields)`` returns δ [s], the delay at the element less that at the centre.
         gain : callable, optional
-            ``gain(hit_fields, element_fields)`` gives a real factor: the element's directivity, say.
+            ``gain(hit_fields, element_fields)`` returns a real factor, for example the element's directivity.
         rows : sequence of int (E,), optional
-            Elements of the result that `element_fields` belong to, each once; without it, all in order.
+            Elements of the result that `element_fields` belong to, each once; by default all in order.
         sheet : UInt32 (H,), optional
-            Number of the sheet that each hit is added to, below `sheets`; without it, the first.
+            Number of the sheet that each hit is added to, below `sheets`; by default the first.
 
-        Notes
-        -----
-        Both callables are traced into the kernel with lists of Float. A Python number in them that changes from call
-        to call makes a new kernel each time; `drjit.opaque` prevents that. No gradients. Hits in order of time are
-        summed about 1.2 times faster than in random order.
+        Notes ----- Both callables are traced into the kernel with lists of Float. A Python number in them that changes
+        from call to call compiles a new kernel each time; `drjit.opaque` prevents this. Gradients are not supported.
+        Hits in order of time are summed about 1.2 times faster than in random order.
         """
         lib = self.lib
         rows = np.arange(self.elements) if rows is None else np.ravel(rows)
@@ -183,7 +179,7 @@ class ImpulseResponses:
             self._launch(count, hits, sample, sheet, fields, numbers, difference, gain)
 
     def read(self, sheet: int = 0) -> np.ndarray:
-        """Return the responses (elements, samples) of a sheet as complex64, their spectrum corrected; the sums stay."""
+        """Return a sheet's responses, complex64 (elements, samples), their spectrum corrected; the sums are kept."""
         folded = self._fold(sheet).numpy().view(np.complex64).reshape(self.elements, self.span)
         margin = self.kernel.margin
         return np.ascontiguousarray(self.kernel.finish(folded)[:, margin:margin + self.samples])
@@ -280,7 +276,8 @@ class ImpulseResponses:
     # -- one hit at one element ----------------------------------------------------------------------------------
 
     def _packets(self, hit, sample, delta, factor, row, group, active):
-        """Yield index and values of one echo's packets, `delta` later than at the centre, `factor` times as large."""
+        """Yield index and values of an echo's packets; `delta` is its extra delay and `factor` its gain at the element.
+        """
         lib = self.lib
         real, imaginary, phase, fraction = hit
         cosine, sine = turned(lib, dr.fma(self.frequency, delta, phase))

@@ -1,25 +1,24 @@
-"""Doppler of an echo, and the few factors that stand for all echoes of a ping.
+"""Compute Doppler factors of echoes, and choose the few factors that stand for all echoes of a ping.
 
     η = (c + v_back) / (c - v_out)                        rate of time of the echo, per unit of the pulse's
     ε ≤ f_max T |η - η_k| / (2 η_k)                       error of phase [cycles] at the ends of the pulse
 
-v -> closing speed along the outgoing leg at transmission, and along the return leg at reception [m/s]; η_k the factor
-that stands for η, f_max the pulse's highest frequency, T its duration. Echoes are put into classes of equal width; one
-that takes part in class k is shifted so that the middles of both pulses coincide,
+v -> closing speed [m/s] along the outgoing leg at transmission, and along the return leg at reception; η_k the factor
+that stands for η, f_max the pulse's highest frequency, T its duration. Echoes are sorted into classes of equal width.
+An echo in class k is shifted so that the middles of both pulses coincide,
 
     Δτ = (T/2) (1/η - 1/η_k)
 
-which leaves the error at the ends alone (two-way factor: e.g. Urick 1983, ch. 9; the rest is kinematics). To a sweep
-that passes the frequency f at the rate k in its middle, what is left of the factor is a delay and a phase besides,
+so that only the error at the ends remains (two-way factor: e.g. Urick 1983, ch. 9). For a sweep that passes the
+frequency f at the rate k in its middle, the remaining factor acts as a delay and a phase,
 
     τ = (f / k) (1/η - 1/η_k),     θ = f η_k τ - k η_k² τ² / 2 [cycles]
 
-for p_k(t - τ) e^{i2πθ} then has the frequency of the echo, and its phase, in the middle (range and Doppler of a sweep:
-e.g. Rihaczek 1969, ch. 7). What remains is that the ends are off by τ, a share τ / T of the band without its echo, and
-that an lfm echo's rate is η² k, wrong by π k T² |η - η_k| / 2 at its ends. As a platform
-passes at a speed v and a range r, 1/η grows by κ = 2 v² / (r c) a second, and by up to 2 a / c with its own
-acceleration a: a pulse arrives f κ T² / 8 cycles off at its ends, and is cut into pieces, each with a factor of its
-own, where that is more.
+for p_k(t - τ) e^{i2πθ} then has the frequency and phase of the echo in the middle (range and Doppler of a sweep: e.g.
+Rihaczek 1969, ch. 7). Two errors remain: the ends are off by τ, a share τ / T of the band without its echo, and the
+rate of an lfm echo is η² k, an error of π k T² |η - η_k| / 2 at its ends. As a platform passes at a speed v and a range
+r, 1/η grows by κ = 2 v² / (r c) a second, and by up to 2 a / c with its own acceleration a: a pulse arrives f κ T² / 8
+cycles off at its ends, and is cut into pieces, each with its own factor, where that is more than the bound.
 """
 from __future__ import annotations
 
@@ -32,8 +31,8 @@ from mitsonar.device.types import Numbers
 from mitsonar.sonar.pulses.pulse import Pulse
 
 PHASE_ERROR = 0.02                 # [cycles] at the ends of an echo
-ENDS_OFF = 0.004                   # of its duration by which a sweep may be off at its ends: -48 dB of its peak,
-RATE_ERROR = 0.1                   # of `PHASE_ERROR`, that a wrong rate may make there: -50 dB
+ENDS_OFF = 0.004                   # largest delay of a sweep's ends, as a share of its duration: -48 dB of its peak
+RATE_ERROR = 0.1                   # largest error of the rate there, as a share of `PHASE_ERROR`: -50 dB
 
 
 def two_way_doppler(closing_speed: Numbers, sound_speed: Numbers, closing_speed_back: Numbers | None = None) -> Numbers:
@@ -42,23 +41,23 @@ def two_way_doppler(closing_speed: Numbers, sound_speed: Numbers, closing_speed_
     Parameters
     ----------
     closing_speed : array [m/s]
-        Of the sonar along the outgoing leg, or of the target towards a sonar at rest; positive shortens the leg.
+        Speed of the sonar along the outgoing leg, or of the target towards a sonar at rest; positive shortens the leg.
     sound_speed : array [m/s]
-        At the sonar (at the target, if that is what moves).
+        Sound speed at the sonar, or at the target if the target moves.
     closing_speed_back : array [m/s]
-        Along the return leg; None for the same.
+        Closing speed along the return leg; None for the same.
 
     Returns
     -------
     array [-]
-        Plain arithmetic: NumPy and Dr.Jit arrays alike.
+        The array type of the arguments: NumPy or Dr.Jit.
     """
     back = closing_speed if closing_speed_back is None else closing_speed_back
     return (sound_speed + back) / (sound_speed - closing_speed)
 
 
 class Glide(NamedTuple):
-    """A sweep in its middle: what shifts its echoes by as much as their frequency."""
+    """Hold the frequency and rate of a sweep in its middle."""
 
     frequency: float               # f [Hz], of the carrier and the sweep together
     rate: float                    # k [Hz/s]
@@ -71,7 +70,7 @@ class Glide(NamedTuple):
 
 
 def glide_of(pulse: Pulse) -> Glide | None:
-    """Return the glide of a whole pulse; None of one that does not sweep."""
+    """Return the glide of a whole pulse, or None if the pulse does not sweep."""
     if pulse.sweep is None:
         return None
     first, last = (pulse.frequency + end for end in pulse.sweep)
@@ -84,10 +83,9 @@ def glide_of(pulse: Pulse) -> Glide | None:
 
 
 def factor_tolerance(pulse: Pulse, phase_error: float = PHASE_ERROR, glide: Glide | None = None) -> float:
-    """Return how wrong a factor near 1 may be.
+    """Return the tolerance of a factor near 1 that keeps the phase error [cycles] at the ends of a pulse.
 
-    For an error of phase [cycles] at the ends of a pulse, or, if its glide makes up for the first order, for what then
-    is left.
+    With a glide, which corrects the first order, the bound holds for the remaining errors.
     """
     tolerance = 2 * phase_error / ((pulse.frequency + pulse.band[1]) * pulse.duration)
     if glide is None or not glide.rate:      # a sweep may be too narrow for the digits of its frequencies
@@ -99,9 +97,9 @@ def factor_tolerance(pulse: Pulse, phase_error: float = PHASE_ERROR, glide: Glid
 
 def pieces_of(pulse: Pulse, speed: float, sound_speed: float, nearest: float, acceleration: float = 0.0,
               phase_error: float = PHASE_ERROR) -> int:
-    """Count the pieces that a pulse is cut into, each of one factor.
+    """Count the pieces, each of one factor, that a pulse is cut into.
 
-    For echoes from `nearest` [m] on, at a speed [m/s] and an acceleration [m/s²].
+    Echoes come from `nearest` [m] on, at a speed [m/s] and an acceleration [m/s²].
     """
     bend = 2 * (speed ** 2 / nearest + acceleration) / sound_speed
     highest = pulse.frequency + pulse.band[1]
@@ -120,17 +118,17 @@ def doppler_classes(pulse: Pulse, lowest: float, highest: float, phase_error: fl
     phase_error : float [cycles]
         Largest error anywhere in an echo.
     glide : Glide or None
-        Of the pulse, if echoes are shifted by it besides; the bound is then that of `factor_tolerance`.
+        Glide of the pulse, if echoes are also shifted by it; the bound is then that of `factor_tolerance`.
 
     Returns
     -------
     (K,) [-]
-        Equally spaced, rising, the middles of K classes of equal width; as few as the bound allows.
+        Middles of K classes of equal width, rising; K is as small as the bound allows.
 
     Raises
     ------
     ValueError
-        If the factors are not 0 < lowest <= highest, or the error not above 0.
+        If the factors are not 0 < lowest <= highest, or the error is not above 0.
     """
     if not (0 < lowest <= highest < np.inf and phase_error > 0):
         raise ValueError(f"Doppler classes: factors {lowest} to {highest} within {phase_error} cycles; give "
@@ -147,15 +145,15 @@ def doppler_class(doppler: ArrayLike, classes: ArrayLike, pulse: Pulse) -> tuple
     ----------
     doppler : array [-]
     classes : (K,) [-]
-        Of `doppler_classes`.
+        Factors from `doppler_classes`.
     pulse : Pulse
 
     Returns
     -------
     index : int array
-        The nearest class.
+        Number of the nearest class.
     delay : array [s]
-        To add to the echo's delay, in its phase as in its place, before it is accumulated into its class.
+        Delay to add to the echo, in phase and place, before it is accumulated into its class.
     """
     doppler, classes = np.asarray(doppler, float), np.asarray(classes, float)
     index = np.searchsorted(0.5 * (classes[1:] + classes[:-1]), doppler)

@@ -1,14 +1,14 @@
-"""The transpose of `accumulation`: what records at an array's elements say of each echo, on the device.
+"""Apply the transpose of `accumulation` on the device: gather, for each echo, the weighted records of all elements.
 
     u[h, e] = conj(a exp(-2πi (φ + f₀ δ_e)) g_e) Σ_n k(n - m - μ - f_s δ_e) w[e, n]              [per hit and element]
     Re Σ conj(w) dz = Re Σ u dα,     dα[h, e] = F(hit, element, x),     Σ Re u ∂F/∂x
 
-Symbols as of `accumulation`, w -> weights of the records, dα -> change of an echo's amplitude, relative to it, which is
-a linear function F of some numbers x. Dr.Jit differentiates F pair by pair. An echo that is later by dτ is found the
-same way in records with another kernel, whose `finish` differentiates: see `impulses.Later`.
+Symbols are those of `accumulation`; w -> weights of the records, dα -> relative change of an echo's amplitude, a linear
+function F of some numbers x. Dr.Jit differentiates F pair by pair. A delay dτ of an echo uses records with another
+kernel, whose `finish` differentiates: see `impulses.Later`.
 
-A lane streams hits past a few rows and keeps sums of its own. How many there are depends on hits and elements alone, so
-every bit of the result does.
+A lane adds hits over a few rows into sums of its own. The number of lanes depends on hits and elements alone, hence so
+does every bit of the result.
 """
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from .reception import transposed
 
 NEIGHBOURS = 16                    # lanes that read neighbouring hits
 ROUNDS = 16                        # hits of a lane
-ROWS = 4                           # of a lane, where elements suffice
+ROWS = 4                           # rows of a lane, where elements suffice
 
 OfNumbers: TypeAlias = Callable[[Sequence[Float], Sequence[Float], Sequence[Float], Sequence[Float]], Float]
 
 
 @dataclass(frozen=True)
 class DelayChange:
-    """A linear function F of numbers x of each element, `own` of them, and of `shared` numbers of all elements.
+    """Hold a linear function F of `own` numbers of each element and of `shared` numbers of all elements.
 
-    ``factor(hit_fields, element_fields, own, shared)`` gives dα.
+    ``factor(hit_fields, element_fields, own, shared)`` returns dα.
     """
 
     factor: OfNumbers
@@ -47,7 +47,7 @@ class DelayChange:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EchoPairs:
-    """Pairs of hits and elements: attributes as the arguments of `ImpulseResponses.add`."""
+    """Hold pairs of hits and elements: attributes as the arguments of `ImpulseResponses.add`."""
 
     amplitude: tuple[Float, Float]
     phase: Float
@@ -62,14 +62,14 @@ class EchoPairs:
 
     @property
     def count(self) -> int:
-        """How many hits there are."""
+        """Return the number of hits."""
         return max(dr.width(field) for field in (*self.amplitude, self.phase, self.sample, *self.hit_fields))
 
 
 class GatheredWeights:
-    """Weights of records at elements, complex (sheets, E, samples), on the device of a Dr.Jit array or type.
+    """Hold weights of records at elements, complex (sheets, E, samples), on the device of a Dr.Jit array or type.
 
-    Records are as `ImpulseResponses.read` gives them with a kernel; sampling rate and frequency in Hz.
+    Records are those that `ImpulseResponses.read` returns with a kernel; sampling rate and frequency are in Hz.
     """
 
     def __init__(self, like: DrJitArray | type, weights: np.ndarray, *, kernel: BandLimited, sampling_rate: float,
@@ -134,7 +134,7 @@ class GatheredWeights:
                 np.array([part.numpy().sum(dtype=float) for part in common]))
 
     def of_pairs(self, pairs: EchoPairs, change: DelayChange) -> np.ndarray:
-        """Return Re u ∂F/∂x of every pair, float64 (own + shared, count, rows): for few of them."""
+        """Return Re u ∂F/∂x of every pair, float64 (own + shared, count, rows); meant for few pairs."""
         lib = self.lib
         hits, fields, rows = self._opaque(pairs)
         with dr.suspend_grad():
@@ -150,7 +150,7 @@ class GatheredWeights:
         return np.stack([slope.numpy().astype(float).reshape(pairs.count, -1) for slope in slopes])
 
     def _slopes(self, change: DelayChange, hit: list[Float], here: list[Float], u: Float) -> list[Float]:
-        """Derivatives of u F by its numbers, those of elements first."""
+        """Return the derivatives of u F by its numbers, those of elements first."""
         with dr.resume_grad():
             numbers = [dr.zeros(self.lib.Float, dr.width(u)) for _ in range(change.own + change.shared)]
             dr.enable_grad(numbers)
@@ -158,7 +158,7 @@ class GatheredWeights:
             return [dr.grad(number) for number in numbers]
 
     def _opaque(self, pairs: EchoPairs) -> tuple[list[Float], list[Float], UInt32]:
-        """Fields of hits and elements, and rows, that change without a new kernel."""
+        """Return fields of hits and elements, and rows, as opaque arrays that compile no new kernel."""
         lib = self.lib
         fields = [cast(Float, field) if dr.is_jit_v(field) else upload(lib.Float, np.asarray(field, np.float32))
                   for field in pairs.element_fields]
@@ -169,7 +169,7 @@ class GatheredWeights:
         return hits, fields, rows
 
     def _read(self, hits: list[Float], pairs: EchoPairs, hit: UInt32) -> tuple[list[Float], Int32, UInt32]:
-        """What is known of a hit, its sample, and where its sheet begins."""
+        """Return the fields of a hit, its sample, and the offset of its sheet."""
         on = self.lib.UInt32(0)
         if self.sheets > 1 and pairs.sheet is not None:
             on = picked(pairs.sheet, hit) * self._sheet
@@ -178,7 +178,7 @@ class GatheredWeights:
 
     def _of_pair(self, read: list[Float], sample: Int32, pairs: EchoPairs, here: list[Float], row: UInt32,
                  active: Bool) -> Float:
-        """Real part of u of one hit at one element."""
+        """Return the real part of u of one hit at one element."""
         lib = self.lib
         real, imaginary, phase, fraction = read[:4]
         delta = pairs.difference(read[4:], here)

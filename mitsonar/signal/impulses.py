@@ -1,4 +1,4 @@
-"""Impulse responses of complex baseband: what one echo looks like in the record, and how near it is to the truth.
+"""Define the impulses that echoes leave in complex baseband records, and sum them exactly as a reference.
 
     z[e, n] = Σ_h a_h exp(-2πi f₀ τ_he) k(n - f_s (τ_he - t₀))                        [element e, sample n]
 
@@ -7,33 +7,26 @@ is one of KERNELS, an impulse of unit area whose argument counts samples. An exa
 
     Z(e, f) = Σ_h a_h exp(-2πi (f₀ + f) (τ_he - t₀)) exp(-2πi f₀ t₀)
 
-``nearest`` puts the whole echo into the nearest sample: its carrier's phase is right, its place half a sample off.
-``peterson`` is a Hann-windowed sinc, sinc and window both centred on the exact delay (Peterson 1986, JASA 80, 1527).
-``band_limited`` spreads the echo over four samples by a Kaiser-Bessel bell and divides the record's spectrum by the
-bell's, as non-uniform FFTs do (Beatty, Nishimura & Pauly 2005, IEEE TMI 24, 799). It is flat to a third of the sampling
-rate on either side and rolls off to nothing at the half: a lone echo's peak is about 5/6. Errors within the flat band,
-rms over many echoes, are -9, -61 (16 taps) and -57 dB.
+``nearest`` puts the whole echo into the nearest sample: its carrier's phase is right, its place up to half a sample
+off. ``peterson`` is a Hann-windowed sinc, sinc and window both centred on the exact delay (Peterson 1986, JASA 80,
+1527). ``band_limited`` spreads the echo over four samples by a Kaiser-Bessel bell and divides the record's spectrum by
+that of the bell, as non-uniform FFTs do (Beatty, Nishimura & Pauly 2005, IEEE TMI 24, 799). Its spectrum is flat to a
+third of the sampling rate on either side and rolls off to 0 at the half: a lone echo's peak is about 5/6. Errors within
+the flat band, rms over many echoes, are -9, -61 (16 taps) and -57 dB.
 
-The energy Σ_n |z_n|² of a lone echo is |a|² times the kernel's own, on the mean over where it falls between samples:
+The energy Σ_n |z_n|² of a lone echo is |a|² times that of the kernel, averaged over its place between samples:
 
     E = ∫ k(x)² dx = ∫ |K(ν)|² dν                                                 [ν cycles per sample]
 
-1 for ``nearest``, always, and 0.949 for ``peterson`` of 16 taps (0.90 to 1). For ``band_limited`` it is what a record
-of this band has of an impulse: 2/3 of the flat band and 1/8 of the roll-off, and 0.0004 of aliases, 0.7921 in all
-(-1.012 dB, 0.05 dB more or less).
-
-Taps of the kernels of `impulses` on the device: how an echo between two samples is spread over the next ones.
-
-    cosine, sine of 2πx by their series of half the angle, doubled                                 `turned`
-    Kaiser-Bessel bell    polynomials in the echo's place between two samples, an even and an odd part for mirrored taps
-    Peterson's kernel     sin(πx)/π once, over the distance to each tap, times the window there
-
-Kaiser-Bessel bells: what an echo between two places of a grid is spread over, and how that is divided out again.
+E is 1 for ``nearest``, always, and 0.949 for ``peterson`` of 16 taps (0.90 to 1). For ``band_limited`` it is the energy
+of an impulse in a record of this band: 2/3 of the flat band, 1/8 of the roll-off and 0.0004 of aliases, 0.7921 in all
+(-1.012 dB, 0.05 dB more or less). The bell over w places (``taps``) of a grid is
 
     k(x) = I₀(β √(1 - (2x/w)²)) / I₀(β),      K(ν) = (w / I₀(β)) sinh(√(β² - (πwν)²)) / √(β² - (πwν)²)
 
-w -> ``taps``, x in places of the grid, ν in cycles a place. β is the best for signals of |ν| <= ``band`` (Beatty,
-Nishimura & Pauly 2005, IEEE TMI 24, 799, eq. 5, with the ratio 1/2 : band as its oversampling).
+with the best β for signals of |ν| <= ``band`` (eq. 5 of Beatty et al., with the ratio 1/2 : band as its oversampling).
+On the device its taps are polynomials in the echo's place between two samples, an even and an odd part for mirrored
+taps.
 """
 from __future__ import annotations
 
@@ -52,15 +45,15 @@ from mitsonar.device.types import ArrayTypes, Float
 
 @dataclass(frozen=True)
 class Bell:
-    """Kaiser-Bessel bell over four places."""
+    """Hold a Kaiser-Bessel bell over four places."""
 
-    band: float  # [cycles a place]: of the signals it serves, below 1/2
+    band: float  # [cycles a place]: highest frequency of the signals, below 1/2
 
     taps = 4
 
     @cached_property
     def shape(self) -> float:
-        """Beatty's β."""
+        """Return Beatty's β."""
         ratio = 0.5 / self.band
         return np.pi * np.sqrt((self.taps / ratio) ** 2 * (ratio - 0.5) ** 2 - 0.8)
 
@@ -84,7 +77,7 @@ CHUNK = 1 << 21                    # numbers held at once by the reference sums
 
 @dataclass(frozen=True)
 class Nearest:
-    """All of an echo in the nearest sample."""
+    """Put all of an echo into the nearest sample."""
 
     taps = 1
     margin = MARGIN
@@ -96,7 +89,7 @@ class Nearest:
 
     @property
     def energy(self) -> float:
-        """E of the module's equation [-]."""
+        """Return E of the module's equation [-]."""
         return 1.0
 
     def spectrum(self, frequency: ArrayLike) -> np.ndarray:
@@ -104,13 +97,13 @@ class Nearest:
         return np.sinc(np.asarray(frequency, float))
 
     def finish(self, records: np.ndarray) -> np.ndarray:
-        """Return records (..., samples) their final spectrum: nothing to do for this kernel."""
+        """Return records (..., samples) as they are."""
         return records
 
 
 @dataclass(frozen=True)
 class Peterson:
-    """Hann-windowed sinc around the exact delay."""
+    """Spread an echo by a Hann-windowed sinc around the exact delay."""
 
     taps: int = 16  # length of the window [samples], a multiple of 4
 
@@ -120,7 +113,7 @@ class Peterson:
 
     @property
     def margin(self) -> int:
-        """Samples kept before and after a record."""
+        """Return the number of samples kept before and after a record."""
         return max(MARGIN, self.taps)
 
     def impulse(self, x: ArrayLike) -> np.ndarray:
@@ -131,7 +124,7 @@ class Peterson:
 
     @property
     def energy(self) -> float:
-        """E of the module's equation [-]."""
+        """Return E of the module's equation [-]."""
         nodes, weights = np.polynomial.legendre.leggauss(8 * self.taps)
         return float(self.impulse(0.5 * self.taps * nodes) ** 2 @ weights) * 0.5 * self.taps
 
@@ -140,13 +133,13 @@ class Peterson:
         return _transform(self, frequency)
 
     def finish(self, records: np.ndarray) -> np.ndarray:
-        """Return records (..., samples) their final spectrum: nothing to do for this kernel."""
+        """Return records (..., samples) as they are."""
         return records
 
 
 @dataclass(frozen=True)
 class BandLimited(Bell):
-    """Kaiser-Bessel bell over four samples, its spectrum divided out afterwards: see `bells`."""
+    """Spread an echo by a Kaiser-Bessel bell over four samples, whose spectrum `finish` divides out."""
 
     band: float = FLAT
 
@@ -154,7 +147,8 @@ class BandLimited(Bell):
 
     @property
     def energy(self) -> float:
-        """E of the module's equation [-], after `finish`, with the aliases that the bell lets into the roll-off."""
+        """Return E of the module's equation [-], after `finish`, with the aliases that the bell lets into the roll-off.
+        """
         nodes, weights = np.polynomial.legendre.leggauss(200)
         frequency = 0.25 * (nodes + 1)
         aliases = sum(self.spectrum(frequency + whole) ** 2 for whole in range(-3, 4)) / self.spectrum(frequency) ** 2
@@ -167,14 +161,14 @@ class BandLimited(Bell):
         return 0.5 * (1 + np.cos(np.pi * np.clip(beyond, 0, 1)))
 
     def finish(self, records: np.ndarray) -> np.ndarray:
-        """Divide the spectrum of records (..., samples) by the bell's, up to the roll-off; keeps their precision."""
+        """Divide the spectrum of records (..., samples) by the bell's, up to the roll-off, in their precision."""
         length = scipy.fft.next_fast_len(records.shape[-1] + 2 * GUARD)
         return _filtered(records, _division(length).astype(np.real(records).dtype))
 
 
 @dataclass(frozen=True)
 class Later(BandLimited):
-    """What `BandLimited` responses change by when echoes come later, per second: -2πi (f₀ + f) of their spectrum."""
+    """Differentiate `BandLimited` responses by the delay of echoes: multiply their spectrum by -2πi (f₀ + f) [1/s]."""
 
     frequency: float = 0.0  # [Hz]
     sampling_rate: float = 1.0  # [Hz]
@@ -192,7 +186,7 @@ KERNELS: dict[str, type[Kernel]] = {"nearest": Nearest, "peterson": Peterson, "b
 
 
 def make_kernel(name: str, *, taps: int | None = None) -> Kernel:
-    """Make the kernel called `name`; `taps` only where its length is free (``peterson``)."""
+    """Make the kernel called `name`; only ``peterson`` takes `taps`."""
     if name not in KERNELS:
         raise ValueError(f"there is no kernel {name!r}; known are {', '.join(KERNELS)}")
     if taps is None:
@@ -204,12 +198,12 @@ def make_kernel(name: str, *, taps: int | None = None) -> Kernel:
 
 def element_responses(*, delay: ArrayLike, amplitude: ArrayLike, frequency: float, sampling_rate: float, samples: int,
                       start: float = 0.0, kernel: str | Kernel = "band_limited") -> np.ndarray:
-    """Sum echoes one by one in float64: the reference of `accumulation`.
+    """Sum echoes one by one in float64, as a reference for `accumulation`.
 
     Parameters
     ----------
     delay : (H, E) [s]
-        Of every hit at every element.
+        Delay of every hit at every element.
     amplitude : complex (H,) or (H, E) [-]
     frequency, sampling_rate : float [Hz]
     samples : int
@@ -238,7 +232,7 @@ def element_responses(*, delay: ArrayLike, amplitude: ArrayLike, frequency: floa
 
 def response_spectrum(*, delay: ArrayLike, amplitude: ArrayLike, frequency: float, offset: ArrayLike,
                       start: float = 0.0) -> np.ndarray:
-    """Compute the exact spectrum Z of the responses, see the module.
+    """Compute the exact spectrum Z of the responses, as defined in the module.
 
     Parameters
     ----------
@@ -247,7 +241,7 @@ def response_spectrum(*, delay: ArrayLike, amplitude: ArrayLike, frequency: floa
     frequency : float [Hz]
         Carrier.
     offset : (F,) [Hz]
-        Frequencies relative to it.
+        Frequencies relative to the carrier.
     start : float [s]
 
     Returns
@@ -266,20 +260,20 @@ def response_spectrum(*, delay: ArrayLike, amplitude: ArrayLike, frequency: floa
 
 
 def in_band_error_db(responses: np.ndarray, *, sampling_rate: float, offset: np.ndarray, exact: np.ndarray) -> float:
-    """Return the error [dB] of responses within a band: the rms of the spectra's difference over that of `exact`.
+    """Return the rms error of the spectra of responses within a band, relative to the rms of `exact` [dB].
 
     Parameters
     ----------
     responses : complex (E, samples)
     sampling_rate : float [Hz]
     offset : (F,) [Hz]
-        Where the band is looked at.
+        Frequencies that are compared, relative to the carrier.
     exact : complex (E, F)
-        From `response_spectrum`.
+        Spectrum from `response_spectrum`.
     """
     time = np.arange(responses.shape[-1]) / sampling_rate
-    found = np.asarray(responses, complex) @ np.exp(-2j * np.pi * np.outer(time, offset))
-    return 20 * np.log10(np.linalg.norm(found - exact) / np.linalg.norm(exact))
+    spectrum = np.asarray(responses, complex) @ np.exp(-2j * np.pi * np.outer(time, offset))
+    return 20 * np.log10(np.linalg.norm(spectrum - exact) / np.linalg.norm(exact))
 
 
 def _filtered(records: np.ndarray, filter: np.ndarray) -> np.ndarray:
@@ -308,7 +302,7 @@ def _division(length: int) -> np.ndarray:
     return kernel.response(frequency) / kernel.spectrum(frequency)
 
 
-POLYNOMIAL = 5                     # degree of the taps of the Kaiser-Bessel bell: higher ones leave the error as it is
+POLYNOMIAL = 5                     # degree of the taps of the Kaiser-Bessel bell; higher degrees do not lower the error
 
 
 def tap_weights(lib: ArrayTypes, kernel: Kernel | Bell, x: Float) -> list[Float]:
@@ -323,7 +317,7 @@ def tap_weights(lib: ArrayTypes, kernel: Kernel | Bell, x: Float) -> list[Float]
 
 
 def turned(lib: ArrayTypes, cycles: Float) -> tuple[Float, Float]:
-    """Return cosine and sine of 2π cycles, to 1e-7: of half the angle by their series, then doubled."""
+    """Return cosine and sine of 2π cycles to 1e-7, by the series of half the angle, doubled."""
     x = (cycles - dr.round(cycles)) * np.pi
     x2 = x * x
     x4 = x2 * x2
@@ -338,7 +332,7 @@ def turned(lib: ArrayTypes, cycles: Float) -> tuple[Float, Float]:
 
 @lru_cache
 def _bell(kernel: Bell) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Polynomials, even and odd part, of the bell's first two taps for an echo x = -1/2..1/2 off their middle."""
+    """Fit polynomials, even and odd part, to the bell's first two taps for an echo x = -1/2..1/2 off their middle."""
     x = 0.5 * np.cos(np.pi * (np.arange(200) + 0.5) / 200)
     fits = (np.polynomial.Polynomial.fit(x, kernel.impulse(tap - (kernel.taps - 1) / 2 - x), POLYNOMIAL, domain=[-1, 1])
             for tap in range(kernel.taps // 2))
@@ -356,7 +350,7 @@ def _even_and_odd(lib: ArrayTypes, x: Float, coefficients: tuple[np.ndarray, np.
 
 
 def _hann_sinc(lib: ArrayTypes, x: Float, taps: int) -> list[Float]:
-    """Taps of the Peterson kernel for an echo x after tap taps/2 - 1."""
+    """Return the taps of the Peterson kernel for an echo x after tap taps/2 - 1."""
     turn = x * (1 / taps)
     cosine, sine = turned(lib, turn)
     wave = turned(lib, x * 0.5)[1] * (1 / np.pi)            # sin(πx)/π

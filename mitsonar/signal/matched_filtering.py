@@ -1,10 +1,10 @@
-"""Matched filter: pulses compressed to their delay.
+"""Compress pulses to their delay by a matched filter.
 
     m(t) = ∫ y(t + u) s_r*(u) du / ∫ s_b(u) s_r*(u) du,        s_r(u) = s_b(u) w(u)
 
-s_b -> ``pulse``, w -> ``window`` of the replica: 1 gives the most signal to noise, a taper lowers the side lobes of a
-sweep. An echo of amplitude a and delay τ peaks at τ with the value a. Without a window noise of spectral level N0
-leaves with the power N0 / E, E the pulse's energy (Turin 1960, IRE Trans. Inf. Theory 6, 311).
+s_b -> ``pulse``, w -> ``window`` of the replica: 1 maximises the signal to noise ratio, a taper lowers the side lobes
+of a sweep. An echo of amplitude a and delay τ peaks at τ with the value a. Without a window, noise of spectral level N0
+has the power N0 / E after the filter, E the pulse's energy (Turin 1960, IRE Trans. Inf. Theory 6, 311).
 """
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ def matched_filter(signals: ArrayLike, pulse: Pulse, sampling_rate: float, windo
     Parameters
     ----------
     signals : complex (..., S)
-        On the carrier of the pulse.
+        Baseband signals on the carrier of the pulse.
     pulse : Pulse
     sampling_rate : float [Hz]
     window : None, str or tuple
-        Of ``scipy.signal.get_window``, over the replica's duration.
+        Window of ``scipy.signal.get_window`` over the replica's duration.
     doppler : float [-]
         Two-way factor of the replica.
 
     Returns
     -------
     complex (..., S)
-        On the same time axis; complex64 stays complex64.
+        Compressed signals on the same time axis; complex64 stays complex64.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def matched_filter(signals: ArrayLike, pulse: Pulse, sampling_rate: float, windo
 
 
 def _replica(samples: int, pulse: Pulse, sampling_rate: float, window: Window | None, doppler: float) -> np.ndarray:
-    """What multiplies the spectrum of padded records."""
+    """Return the factor of the spectra of padded records."""
     check_record(pulse, sampling_rate, samples, doppler)
     length = padded_length(samples, pulse.duration / doppler, sampling_rate)
     sent = pulse.spectrum(sampling_rate, length, doppler)
@@ -59,8 +59,7 @@ def _replica(samples: int, pulse: Pulse, sampling_rate: float, window: Window | 
 
 
 def compression(pulse: Pulse, sampling_rate: float) -> tuple[float, float]:
-    """Return how long a compressed pulse lasts, and how much noise it comes with, at a sampling rate."""
-    # sampling_rate [Hz] -> length [s], bandwidth [Hz]
+    """Return length [s] and noise bandwidth [Hz] of a compressed pulse at a sampling rate [Hz]."""
     length = padded_length(1, pulse.duration, sampling_rate)
     spectrum = np.abs(pulse.spectrum(sampling_rate, length)) ** 2
     through = spectrum * band_filter(fft.fftfreq(length, 1 / sampling_rate), sampling_rate)
@@ -70,10 +69,8 @@ def compression(pulse: Pulse, sampling_rate: float) -> tuple[float, float]:
 
 
 def rms_bandwidth(pulse: Pulse, sampling_rate: float) -> float:
-    """Return the root mean square [Hz] of the frequencies of a compressed pulse's power; of an even band B it is B /
-    √12.
+    """Return the rms frequency [Hz] of a compressed pulse's power at a sampling rate [Hz]: B / √12 for an even band B.
     """
-    # sampling_rate [Hz]
     length = padded_length(1, pulse.duration, sampling_rate)
     frequency = fft.fftfreq(length, 1 / sampling_rate)
     through = np.abs(pulse.spectrum(sampling_rate, length)) ** 2 * band_filter(frequency, sampling_rate)

@@ -1,13 +1,13 @@
-"""Noise of the sea and of the receivers, drawn for every element of an array.
+"""Draw noise of the sea and of the receivers for every element of an array.
 
     C_ij = 10^(NL/10) f_s sinc(2 |r_i - r_j| / λ) + δ_ij 10^(SN/10) f_s           [µPa²],   sinc(x) = sin(πx)/(πx)
     n = L g,   L L^T = C                                                          g circular Gaussian, variance 1
     N = w^H C w / |Σ |w||²                                                        after a beamformer
 
-NL -> ``ambient_db`` of noise from all directions alike (Cook et al. 1955, J. Acoust. Soc. Am. 27, 1072), SN ->
-``self_noise_db`` of each receiver's own [dB re 1 µPa²/Hz]; f_s -> ``sampling_rate`` of the complex baseband, over which
-the noise is white. Levels are those an element reports; one with a beam hears its directivity index less. Numbers come
-from Philox, keyed by seed and ping: a ping's noise does not depend on which others were drawn.
+NL -> ``ambient_db`` of isotropic noise (Cook et al. 1955, J. Acoust. Soc. Am. 27, 1072), SN -> ``self_noise_db`` of
+each receiver [dB re 1 µPa²/Hz]; f_s -> ``sampling_rate`` of the complex baseband, over which the noise is white. Levels
+are those of an omnidirectional element; a directional one receives less by its directivity index. Numbers come from
+Philox, keyed by seed and ping: the noise of a ping does not depend on the other pings drawn.
 """
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from mitsonar.device.chance import Salt
 from mitsonar.units import db_from_power, power_from_db
 
 BLOCK = 4096                       # samples drawn and mixed at a time
-LEAST_OWN_NOISE = 1e-9             # of the ambient power: keeps C of crowded arrays positive definite
+LEAST_OWN_NOISE = 1e-9             # share of the ambient power that keeps C of crowded arrays positive definite
 
 
 def isotropic_coherence(position: ArrayLike, wavelength: float) -> np.ndarray:
-    """Return the coherence of noise from all directions between elements.
+    """Return the coherence of isotropic noise between elements.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def isotropic_coherence(position: ArrayLike, wavelength: float) -> np.ndarray:
     Returns
     -------
     (E, E) [-]
-        sin(kd)/(kd), d the elements' distance.
+        sin(kd)/(kd) for the distance d of two elements.
     """
     position = np.asarray(position, float)
     apart = np.linalg.norm(position[:, None] - position[None], axis=-1)
@@ -44,18 +44,18 @@ def isotropic_coherence(position: ArrayLike, wavelength: float) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ElementNoise:
-    """Noise at the elements of an array.
+    """Draw noise at the elements of an array.
 
     Attributes
     ----------
     position : (E, 3) [m]
     wavelength : float [m]
-        At the carrier; coherence is taken from it over the whole band.
+        Wavelength at the carrier, used for the coherence over the whole band.
     sampling_rate : float [Hz]
     ambient_db : float or None [dB re 1 µPa²/Hz]
-        None for none.
+        Level of isotropic noise; None for no noise.
     self_noise_db : float or None [dB re 1 µPa²/Hz]
-        Of each receiver, independent of the others'.
+        Level of each receiver's own noise, independent of the others; None for no noise.
     """
 
     position: np.ndarray
@@ -82,7 +82,7 @@ class ElementNoise:
 
     @cached_property
     def covariance(self) -> np.ndarray:
-        """C, (E, E) [µPa²]."""
+        """Return the covariance C (E, E) [µPa²]."""
         ambient, own = (0.0 if level is None else float(power_from_db(level)) * self.sampling_rate
                         for level in (self.ambient_db, self.self_noise_db))
         own = max(own, LEAST_OWN_NOISE * ambient)
@@ -90,7 +90,7 @@ class ElementNoise:
 
     @property
     def level_db(self) -> float:
-        """Level at one element over the band of the sampling rate [dB re 1 µPa]; -inf without noise."""
+        """Return the level at one element over the band of the sampling rate [dB re 1 µPa]; -inf without noise."""
         return float(db_from_power(self.covariance[0, 0]))
 
     def beam_level_db(self, weight: ArrayLike) -> np.ndarray:
@@ -99,13 +99,13 @@ class ElementNoise:
         Parameters
         ----------
         weight : complex (..., E) [-]
-            Applied to the elements' signals and scaled to gain 1 for the wave they are steered at, to which all
-            weighted elements add in phase.
+            Weights of the elements' signals, scaled to gain 1 for the wave they are steered at, to which all weighted
+            elements add in phase.
 
         Returns
         -------
         array (...) [dB re 1 µPa]
-            Lower than `level_db` by the array's directivity index.
+            Level below `level_db` by the array's directivity index.
         """
         weight = np.asarray(weight)
         power = np.einsum("...i,ij,...j->...", weight, self.covariance, weight.conj()).real
@@ -118,12 +118,12 @@ class ElementNoise:
         ----------
         samples : int
         seed, ping : int
-            Equal ones give equal noise; a longer record begins with the shorter one.
+            Equal numbers draw equal noise; a longer record begins with the shorter one.
 
         Returns
         -------
         complex64 (E, samples) [µPa]
-            Mean square per element: `level_db`.
+            Noise whose mean square at an element is `level_db`.
         """
         elements = len(self.position)
         noise = np.zeros((elements, samples), np.complex64)
@@ -133,7 +133,7 @@ class ElementNoise:
         key = np.array([int(seed) & mask, int(ping) & mask], np.uint64)
         random = np.random.Generator(np.random.Philox(key=key, counter=[0, 0, Salt.NOISE, 0]))
         for first in range(0, samples, BLOCK):
-            # whole blocks, so that what a sample holds does not depend on where the record ends
+            # whole blocks are drawn, so that samples do not depend on the record's length
             mixed = (self._mixing @ random.standard_normal((elements, 2 * BLOCK))).view(complex)
             noise[:, first:first + BLOCK] = mixed[:, :samples - first]
         return noise

@@ -1,13 +1,13 @@
-"""From impulse responses to element signals: pulse, Doppler, transmit beam, absorption across the band.
+"""Turn impulse responses into element signals: pulse, Doppler, transmit beam, absorption across the band.
 
     y(t) = Σ_j a_j s_b((t - τ_j) η) e^{i2πf0 (η - 1)(t - τ_j)} e^{-i2πf0 τ_j}      =>      Y(f) = H(f) S_η(f) F(f)
     h'(t) = Σ_e w_e h_e(t - d_e) e^{-i2πf0 d_e}                                         one transmission of an array
     h''(t): every echo filtered by 10^{-(α(f0 + f) - α(f0)) c t / 20}                  t the echo's own two-way time
 
-h -> ``response``, whose echoes a_j e^{-i2πf0 τ_j} δ(t - τ_j) carry the phase of the carrier and the absorption at f0;
+h -> ``response``, whose echoes a_j e^{-i2πf0 τ_j} δ(t - τ_j) include the phase of the carrier and the absorption at f0;
 s_b -> ``pulse``, η -> ``doppler``, w, d -> ``weight``, ``delay`` of transmit elements, α -> ``absorption_db``. F is the
 receiver's filter: 1 up to 0.4 of the sampling rate, falling as cos² to 0 at 0.5, so that echoes ring for a few samples
-only. All convolutions are padded: nothing wraps round the ends of a record.
+only. All convolutions are padded and do not wrap round.
 """
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from mitsonar.sonar.pulses.pulse import Pulse
 from mitsonar.units import amplitude_from_db
 
 GUARD = 64                         # samples an echo may ring beyond its ends
-FLAT = 0.4                         # of the sampling rate
-LEAST_SHARE = 0.9                  # of the band that the sampling rate is at least
-INTERPOLATION_ERROR = 1e-4         # of the absorption's amplitude between two filters
+FLAT = 0.4                         # edge of the flat band, as a share of the sampling rate
+LEAST_SHARE = 0.9                  # least sampling rate, as a share of the band
+INTERPOLATION_ERROR = 1e-4         # relative error of the amplitude between two filters
 
 
 def band_filter(frequency: np.ndarray, sampling_rate: float) -> np.ndarray:
@@ -39,17 +39,17 @@ def occupied_band(pulse: Pulse) -> float:
 
 
 def least_rate(pulse: Pulse, doppler: float = 1.0) -> float:
-    """Return the lowest sampling rate [Hz] of a record of a pulse's echoes.
+    """Return the lowest sampling rate [Hz] of a record of a pulse's echoes: nine tenths of the band.
 
-    It is nine tenths of the band, as instruments have it whose samples are as long as their range resolution. The
-    receiver's filter lets nothing fold back, but takes the ends of the band: of the energy of an echo of a sweep 0.6 dB
-    at a rate equal to the band, 1.0 dB at nine tenths of it, and nothing at 1.25 times the band.
+    Instruments whose samples are as long as their range resolution have this rate. The receiver's filter prevents
+    aliasing but removes the ends of the band: an echo of a sweep loses 0.6 dB of its energy at a rate equal to the
+    band, 1.0 dB at nine tenths of it, and nothing at 1.25 times the band.
     """
     return LEAST_SHARE * (occupied_band(pulse) * doppler + 2 * pulse.frequency * abs(doppler - 1.0))
 
 
 def check_record(pulse: Pulse, sampling_rate: float, samples: int, doppler: float = 1.0) -> None:
-    """Refuse records a pulse does not fit into."""
+    """Raise ValueError for records that a pulse does not fit into."""
     needed = least_rate(pulse, doppler)
     if sampling_rate < needed * (1 - 1e-9):
         moved = "" if doppler == 1.0 else f" times the Doppler factor {doppler:.6g}"
@@ -61,12 +61,12 @@ def check_record(pulse: Pulse, sampling_rate: float, samples: int, doppler: floa
 
 
 def received(response: ArrayLike, pulse: Pulse, sampling_rate: float, doppler: float = 1.0) -> np.ndarray:
-    """Return the signals elements receive.
+    """Return the signals that elements receive.
 
     Parameters
     ----------
     response : complex (..., S)
-        Impulse responses in baseband of the pulse's carrier, one sample of height 1 for an echo of amplitude 1.
+        Impulse responses in baseband of the pulse's carrier; an echo of amplitude 1 is one sample of height 1.
     pulse : Pulse
     sampling_rate : float [Hz]
     doppler : float [-]
@@ -75,20 +75,20 @@ def received(response: ArrayLike, pulse: Pulse, sampling_rate: float, doppler: f
     Returns
     -------
     complex (..., S)
-        On the same time axis, for a source level of 0 dB: multiply by ``amplitude_from_db`` of yours. complex64 stays
-        complex64.
+        Signals on the same time axis for a source level of 0 dB: multiply them by ``amplitude_from_db`` of the source
+        level. complex64 stays complex64.
 
     Raises
     ------
     ValueError
-        See `check_record`.
+        If the sampling rate is below the pulse's band, or the pulse outlasts the record.
     """
     return received_classes(np.asarray(response)[None], pulse, sampling_rate, (doppler,))
 
 
 def received_classes(responses: ArrayLike, pulse: Pulse, sampling_rate: float,
                      doppler: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Return the sum of signals with several Doppler factors; see `received`.
+    """Return the sum of signals with several Doppler factors, as `received` does for one.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def received_classes(responses: ArrayLike, pulse: Pulse, sampling_rate: float,
     pulse : Pulse
     sampling_rate : float [Hz]
     doppler : (K,) [-]
-        See `doppler.doppler_classes`.
+        Factors from `doppler.doppler_classes`.
 
     Returns
     -------
@@ -120,7 +120,7 @@ def received_classes(responses: ArrayLike, pulse: Pulse, sampling_rate: float,
 
 
 def padded_length(samples: int, longest: float, sampling_rate: float) -> int:
-    """Return the length of an FFT that holds a record of `samples` and a filter of `longest` [s], without wrapping."""
+    """Return the length of an FFT that holds a record of `samples` and a filter of `longest` [s] without wrapping."""
     return fft.next_fast_len(samples + int(np.ceil(longest * sampling_rate)) + 2 * GUARD)
 
 
@@ -140,7 +140,7 @@ def delayed(signals: ArrayLike, delay: ArrayLike, sampling_rate: float, frequenc
     ----------
     signals : complex (..., S)
     delay : (...) [s]
-        Broadcast against the signals; positive is later.
+        Delays, broadcast against the signals; positive is later.
     sampling_rate : float [Hz]
     frequency : float [Hz]
         Carrier; 0 shifts the envelope alone.
@@ -150,7 +150,7 @@ def delayed(signals: ArrayLike, delay: ArrayLike, sampling_rate: float, frequenc
     Returns
     -------
     complex (..., S)
-        What leaves the record is lost, what enters is 0. Exact for signals inside the band.
+        Signals that are exact inside the band; samples from outside the record are 0.
     """
     signals, delay = np.asarray(signals), np.asarray(delay, float)
     samples = signals.shape[-1]
@@ -167,11 +167,11 @@ def transmitted(response: ArrayLike, weight: ArrayLike, delay: ArrayLike, sampli
     Parameters
     ----------
     response : complex (..., T, R, S)
-        Of T transmit and R receive elements.
+        Responses of T transmit and R receive elements.
     weight : (T,) [-]
-        0 for an element that is dead or left out.
+        Weights of the elements; 0 for an element that is dead or left out.
     delay : (T,) [s]
-        Of each element's drive; positive fires later.
+        Delay of each element's drive; positive is later.
     sampling_rate, frequency : float [Hz]
 
     Returns
@@ -190,7 +190,7 @@ def transmitted(response: ArrayLike, weight: ArrayLike, delay: ArrayLike, sampli
 
 def _shifted(signals: np.ndarray, delay: np.ndarray, sampling_rate: float,
              frequency: float) -> tuple[np.ndarray, np.ndarray]:
-    """Padded spectrum of the signals, and the phases that delay it."""
+    """Return the padded spectrum of the signals, and the phases that delay it."""
     longest = float(np.max(np.abs(delay), initial=0))
     length = padded_length(signals.shape[-1], longest, sampling_rate)
     spectrum = fft.fft(signals, length)
@@ -201,17 +201,18 @@ def _shifted(signals: np.ndarray, delay: np.ndarray, sampling_rate: float,
 def absorbed(response: ArrayLike, sampling_rate: float, frequency: float,
              absorption_db: Callable[[np.ndarray], np.ndarray], sound_speed: float, start: float = 0.0, *,
              transposed: bool = False) -> np.ndarray:
-    """Let absorption differ across the band, for echoes that hold the loss at the carrier already.
+    """Apply the absorption across the band to echoes that already include the loss at the carrier.
 
     Parameters
     ----------
     response : complex (..., S)
-        Before the pulse: each echo's own time decides.
+        Response before the pulse, so that each echo's own time counts.
     sampling_rate : float [Hz]
     frequency : float [Hz]
         Carrier.
     absorption_db : callable
-        Frequency (N,) [Hz] to absorption (N,) [dB/m]; of a column of water, its mean over the depths passed through.
+        Function from frequency (N,) [Hz] to absorption (N,) [dB/m]; in a column of water, its mean over the depths
+        passed.
     sound_speed : float [m/s]
         Mean along the path, whose length is sound_speed times the two-way time.
     start : float [s]
@@ -223,11 +224,10 @@ def absorbed(response: ArrayLike, sampling_rate: float, frequency: float,
     -------
     complex (..., S)
 
-    Notes
-    -----
-    The record is cut by triangular windows that add to one; each goes through the filter of its middle. So the loss is
-    interpolated linearly between filters, and there are as many as keep that error under 1e-4 of the amplitude.
-    Outside the flat band of the receiver's filter the loss returns to that of the carrier. Dispersion is left out.
+    Notes ----- The record is cut by triangular windows that add to one; each piece passes through the filter of its
+    middle. The loss is therefore interpolated linearly between filters; their number keeps the error below 1e-4 of the
+    amplitude. Outside the flat band of the receiver's filter the loss returns to that of the carrier. Dispersion is
+    left out.
     """
     response = np.asarray(response)
     response = response.astype(np.result_type(response, np.complex64), copy=False)
@@ -247,15 +247,15 @@ def absorbed(response: ArrayLike, sampling_rate: float, frequency: float,
     for first in range(0, samples + step, step):                        # window rises from first - step, peaks at first
         cut = source[..., first:first + 2 * (step + GUARD)]
         loss = np.exp(-rates * (start + first / sampling_rate)).astype(real)
-        found = fft.ifft(fft.fft(cut if transposed else cut * window, length) * loss)[..., :2 * (step + GUARD)]
-        sums[..., first:first + 2 * (step + GUARD)] += found * window if transposed else found
+        piece = fft.ifft(fft.fft(cut if transposed else cut * window, length) * loss)[..., :2 * (step + GUARD)]
+        sums[..., first:first + 2 * (step + GUARD)] += piece * window if transposed else piece
     return sums[..., step + GUARD:step + GUARD + samples]
 
 
 @lru_cache(maxsize=8)
 def _kept_rate(offset: bytes, sampling_rate: float, frequency: float,
                absorption_db: Callable[[np.ndarray], np.ndarray], sound_speed: float) -> np.ndarray:
-    """`excess_loss_rate` of float64 offsets, kept: it is the same for all Doppler classes of a ping."""
+    """Return `excess_loss_rate` of float64 offsets, cached for the Doppler classes of a ping."""
     rates = excess_loss_rate(np.frombuffer(offset), sampling_rate, frequency, absorption_db, sound_speed)
     rates.setflags(write=False)
     return rates
@@ -263,7 +263,7 @@ def _kept_rate(offset: bytes, sampling_rate: float, frequency: float,
 
 def excess_loss_rate(offset: np.ndarray, sampling_rate: float, frequency: float,
                  absorption_db: Callable[[np.ndarray], np.ndarray], sound_speed: float) -> np.ndarray:
-    """Loss beyond that at the carrier, [Np/s] of two-way time, at offsets [Hz] from it."""
+    """Return the loss beyond that at the carrier [Np/s of two-way time] at offsets [Hz] from it."""
     alpha = np.asarray(absorption_db(np.maximum(frequency + offset, 0.0)), float)
     excess = (alpha - float(absorption_db(np.array([frequency]))[0])) * band_filter(offset, sampling_rate)
     return np.log(amplitude_from_db(excess)) * sound_speed
