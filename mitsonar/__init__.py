@@ -1,9 +1,8 @@
-"""mitsonar: a sonar renderer on Mitsuba.
+"""Render sonar data with Mitsuba.
 
-``import mitsonar`` costs a few milliseconds and imports neither Mitsuba nor NumPy: public names are imported when first
-used. It does two things that cannot wait. It tells Dr.Jit which libLLVM to load (`mitsonar.device.llvm`), because
-Dr.Jit looks for one the moment it is imported; and it sees to it that the plugins are registered with Mitsuba, at once
-where Mitsuba is already imported, else right after somebody imports it. So this is all it takes for Mitsuba to read our
+``import mitsonar`` takes a few milliseconds: public names, Mitsuba and NumPy are imported when first used. The import
+itself chooses the libLLVM that Dr.Jit loads (`mitsonar.device.llvm`), because Dr.Jit looks for one while it is
+imported, and registers the plugins with Mitsuba, at once or as soon as Mitsuba is imported. Mitsuba then reads sonar
 scenes:
 
     import mitsonar
@@ -37,10 +36,9 @@ if os.path.isfile(os.path.join(_beside, "pyproject.toml")) and os.path.isdir(os.
 
 
 class _FirstImport:
-    """Meta-path finder around the first import of Dr.Jit and of Mitsuba.
+    """Check libLLVM before the first import of Dr.Jit or Mitsuba, and register the plugins after that of Mitsuba.
 
-    Before either, libLLVM is checked: its lack would show as a NameError. After Mitsuba, the plugins are registered,
-    and the finder takes itself away.
+    A missing libLLVM would otherwise show as a NameError. This meta-path finder removes itself after use.
     """
 
     @classmethod

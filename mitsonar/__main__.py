@@ -1,12 +1,12 @@
-"""``python3 -m mitsonar COMMAND``: the one way in; in a checkout it sets up what is missing first.
+"""Run ``python3 -m mitsonar COMMAND``; in a checkout, set up what is missing first.
 
-Standard library only, and plain enough for any Python 3 to read, so that an old one can be told that it is too old.
+This file uses only the standard library and syntax of any Python 3, so that an old Python can print a clear error.
 """
 import sys
 
 
 def main(argv: "list[str] | None" = None) -> int:
-    """Run one command and return its exit code: 2 for what the user can mend, said in one sentence, 130 for Ctrl-C."""
+    """Run one command and return its exit code: 2 after an error that the user can mend, 130 after Ctrl-C."""
     argv = sys.argv[1:] if argv is None else list(argv)
     if sys.version_info < (3, 10):
         print("mitsonar needs Python 3.10 or newer, and this is {}.{}.".format(*sys.version_info), file=sys.stderr)

@@ -1,7 +1,7 @@
-"""Conversions at the border: the only place where decibels, degrees, kilohertz and knots meet SI.
+"""Convert between SI and decibels, degrees, kilohertz and knots.
 
-Everything inside the library is linear SI and radians; a name with the suffix ``_db``, ``_deg``, ``_khz`` or
-``_knots`` holds the other unit and lives in XML, on the command line and in files. Decibels are power decibels:
+Inside the library all numbers are linear SI and radians. A name with the suffix ``_db``, ``_deg``, ``_khz`` or
+``_knots`` holds the other unit, in XML, on the command line and in files. Decibels are power decibels:
 
     level_db = 10 log10(power) = 20 log10(amplitude)
 
@@ -14,8 +14,8 @@ import numpy as np
 Values = TypeVar("Values", float, np.ndarray)    # a number gives a number, an array an array
 
 KNOT = 1852 / 3600  # [m/s], exact by definition of the nautical mile
-NOTHING_DB = -200.0  # level of a bin without any echo or noise: there is no lower one
-HARDLY_DB = NOTHING_DB + 1  # up to here a level is that of nothing
+NOTHING_DB = -200.0  # level of a bin without echo or noise, the lowest level
+HARDLY_DB = NOTHING_DB + 1  # levels up to this one count as empty
 
 
 def db_from_power(power: Values) -> Values:

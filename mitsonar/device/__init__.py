@@ -1,1 +1,1 @@
-"""What numbers are computed on: libLLVM, arrays on the device and their types, safe look-ups in tables, chance."""
+"""Arrays on the device and their types, random numbers, libLLVM, files and texts of errors."""

@@ -1,15 +1,13 @@
-"""Chance: every salt, hash, uniform number, seed and key that rays and scatterers are drawn with.
+"""Make every salt, hash, uniform number, seed and key that rays and scatterers are drawn with.
 
-Numbers are hashed from what they belong to (a cell of the seabed, a ray of a ping), so neither blocks nor threads
-change them. Two hashes serve:
+Numbers are hashed from the cell of the seabed or the ray of a ping that they belong to. Blocks and threads therefore do
+not change them. There are two hashes, and a sequence that fills the interval evenly (`even_bits`):
 
-    hashed     rounds of multiplying and shifting over any number of words: of a scatterer, a patch, an echo
-    pair       the Tiny Encryption Algorithm, 4 rounds: of a ray's number under a key
+    hashed     rounds of multiplying and shifting over any number of words, for scatterers, patches and echoes
+    pair       the Tiny Encryption Algorithm, 4 rounds, for a ray's number under a key
 
-A third kind of number is drawn to lie evenly (`even_bits`).
-
-A key is a 32-bit word made of the seed, the ping and a salt. A salt tells one use of chance from another, so that two
-draws of the same ray are independent. What is drawn on the host, in NumPy, takes its generators from there.
+A key is a 32-bit word made of the seed, the ping and a salt. Each use of chance has its own salt, so that two draws of
+the same ray are independent. NumPy generators on the host are seeded from keys too.
 
 References
 ----------
@@ -39,71 +37,61 @@ TEA_KEY = 0xA341316C, 0xC8013EA4, 0xAD90777D, 0x7E95761E
 
 
 class Salt:
-    """What tells the uses of chance apart, one word each."""
+    """Hold one word for each use of random numbers."""
 
-    # rays of a sidescan's ping: of the pass that finds out where rays are needed, and of the one that gives the image
-    FIRST_PASS, SECOND_PASS = 0x51ED270B, 0x2545F491
-    TAILS = 0x4F1BBCDD             # of those rays: what the neighbours share that leave aside of the beam
-    # paths of more bounces and points of the water: in an energy record, and for an array
-    BOUNCES, WATER = 0x6C62272E, 0x1B873593
-    BOUNCE_RAYS = 0x4B1D3C27       # rays of a sidescan's ping that such paths are made of
+    FIRST_PASS, SECOND_PASS = 0x51ED270B, 0x2545F491    # rays of a sidescan's ping: trial pass, image pass
+    TAILS = 0x4F1BBCDD             # number shared by neighbouring rays outside the beam
+    BOUNCES, WATER = 0x6C62272E, 0x1B873593             # longer paths and points of the water, energy records
+    BOUNCE_RAYS = 0x4B1D3C27       # rays of a sidescan's ping that longer paths begin with
     ARRAY_BOUNCES, ARRAY_WATER = 0x3C6EF372, 0x78DDE6E4
-    FAN_TRUTH = 0x3C6EF372         # added to keys, not mixed in as the others are
-    # of a ray that bounces on: its partner, its next direction, its point target
-    PARTNER, DIRECTION, TARGET = 0x2C1B3C6D, 0x297A2D39, 0x5F356495
-    CANDIDATE = 0x7C9E1A4F         # of those that its partner is chosen from
-    # of a cell of the seabed: where its scatterer lies, and that one's amplitude
-    PLACE, AMPLITUDE = 0x0B5297A4, 0x68E31DA4
-    # of a scatterer: what it has of one pass alone; and the seed of a pass, for what is not fixed to the ground
-    OF_ONE_PASS, PASS = 0x2F0B4C47, 0x3A8C35D1
-    # of a cell in the side lobes: whether it exists for a ping
-    SIDE_LOBES, BESIDE_SIDE_LOBES = 0x4E6B5A73, 0x27D4EB2F
-    # of a patch in the beam domain: how many scatterers it has, where they lie, their amplitudes
-    THINNED_COUNT, THINNED_PLACE, THINNED_AMPLITUDE = 0x1B56C4E9, 0x7F4A7C15, 0x4CF5AD43
-    PATCH = 0x6A09E667             # the strength of a patch of seabed
-    BORDER = 0x3AF54FA5            # which of two sediments a place within their border has
-    GROUND_SPECKLE = 0x35C0FBCF    # of the lattices that a sidescan's speckle comes from
-    # noise in the beams of a line: on rows of sine, and on waves along the line
-    BEAM_AMBIENT, BEAM_NOISE = 0x1F83D9AB, 0x5BE0CD19
-    RECEIVER_FLAWS = 0x464C4157    # of a multibeam's receivers: what each is off
-    EDGES = 0x6A3C91D7             # of points on edges, at which gradients see a record jump
-    OUTLINES = 0x71C8E2B5          # the same on outlines of shapes without facets
-    SONAR = 0x510E527F             # of a sonar that shares the track of another
-    PROBES = 0x63D83595            # directions that a fit looks at its Jacobian along
+    FAN_TRUTH = 0x3C6EF372         # added to keys; the others are mixed in
+    PARTNER, DIRECTION, TARGET = 0x2C1B3C6D, 0x297A2D39, 0x5F356495    # of a ray that bounces on
+    CANDIDATE = 0x7C9E1A4F         # candidates for a ray's partner
+    PLACE, AMPLITUDE = 0x0B5297A4, 0x68E31DA4           # of the scatterer in a cell of the seabed
+    OF_ONE_PASS, PASS = 0x2F0B4C47, 0x3A8C35D1          # a scatterer's part of one pass; seed of a pass
+    SIDE_LOBES, BESIDE_SIDE_LOBES = 0x4E6B5A73, 0x27D4EB2F             # survival of a cell in the side lobes
+    THINNED_COUNT, THINNED_PLACE, THINNED_AMPLITUDE = 0x1B56C4E9, 0x7F4A7C15, 0x4CF5AD43    # scatterers of a patch
+    PATCH = 0x6A09E667             # strength of a patch of seabed
+    BORDER = 0x3AF54FA5            # sediment of a place within a border of two
+    GROUND_SPECKLE = 0x35C0FBCF    # lattices of a sidescan's speckle
+    BEAM_AMBIENT, BEAM_NOISE = 0x1F83D9AB, 0x5BE0CD19   # noise in beams: on rows of sine, on waves along the line
+    RECEIVER_FLAWS = 0x464C4157    # errors of a multibeam's receivers
+    EDGES = 0x6A3C91D7             # points on edges, for gradients
+    OUTLINES = 0x71C8E2B5          # points on outlines of shapes without facets
+    SONAR = 0x510E527F             # a sonar that shares the track of another
+    PROBES = 0x63D83595            # directions in which a fit probes its Jacobian
     NOISE = 0x6E6F697365           # word of Philox's counter: noise shares no numbers with other uses of the seed
 
 
 # ---- keys
 
 def shape_key(name: str) -> int:
-    """Return the number that stands for a shape's id in hashes: its CRC-32."""
+    """Return the number of a shape's id in hashes, its CRC-32."""
     return zlib.crc32(str(name).encode())
 
 
 def ping_key(seed: int, ping: int, number: int = 0, salt: int = 0) -> int:
-    """Return the key of a ping; `number` tells apart sources, or passes, of the same ping."""
+    """Return the key of a ping; `number` separates sources or passes of the same ping."""
     return (int(seed) * SEED_FACTOR + int(ping) * PING_FACTOR + int(number) * NUMBER_FACTOR + salt) & WORD
 
 
 def sonar_seed(seed: int, name: str) -> int:
-    """Return the seed of a sonar of that id that works beside another one: rays, speckle and noise are its own."""
+    """Return the seed of a sonar that works beside another, with its own rays, speckle and noise."""
     return ping_key(seed, 0, shape_key(name), Salt.SONAR)
 
 
 def pass_seed(seed: int, number: int) -> int:
-    """Return the seed of a pass over the ground: that of pass 0 is `seed`, others have other noise and water."""
+    """Return the seed of a pass over the ground: `seed` for pass 0, others for the noise and water of later passes."""
     return ping_key(seed, 0, number, Salt.PASS) if number else seed
 
 
 def row_keys(row: np.ndarray) -> np.ndarray:
-    """Return a word for every row of an energy record."""
-    # row (R,) -> (R,)
+    """Return a word (R,) for every row (R,) of an energy record."""
     return ((row.astype(np.uint64) + np.uint64(1)) * np.uint64(PING_FACTOR) & np.uint64(WORD)).astype(np.uint32)
 
 
 def seeded(row_key: UInt32, seed: int, salt: int) -> UInt32:
-    """Return the keys of rows, UInt32 (R,), for a seed and a use; the seed is opaque, so it changes without a kernel.
-    """
+    """Return the keys of rows for a seed and a salt; the seed is opaque, so that it changes without a new kernel."""
     return row_key ^ dr.opaque(type(row_key), (int(seed) * SEED_FACTOR + salt) & WORD)
 
 
@@ -114,7 +102,7 @@ def salted(key: UInt32, salt: int, number: UInt32 | int = 0) -> UInt32: ...
 
 
 def salted(key: UInt32 | int, salt: int, number: UInt32 | int = 0) -> UInt32 | int:
-    """Return the key of another use; `number` tells apart repetitions of that use, as the bounces of a path."""
+    """Return the key of another use; `number` separates repetitions of that use, such as bounces."""
     if isinstance(key, int):
         return (key ^ (salt + number)) & WORD
     return key ^ (type(key)(salt) + number)
@@ -123,7 +111,7 @@ def salted(key: UInt32 | int, salt: int, number: UInt32 | int = 0) -> UInt32 | i
 # ---- hashes
 
 def hashed(lib: ModuleType, *parts: UInt32) -> UInt32:
-    """Mix UInt32 arrays into one UInt32, by rounds of multiplying and shifting: each bit in stirs every bit out."""
+    """Mix UInt32 arrays into one, by rounds of multiplying and shifting."""
     U = lib.UInt32
     state = U(HASH_STEP)
     for part in parts:
@@ -135,16 +123,16 @@ def hashed(lib: ModuleType, *parts: UInt32) -> UInt32:
 
 
 def hashed_pair(lib: ModuleType, *parts: UInt32) -> tuple[UInt32, UInt32]:
-    """Mix UInt32 arrays into two independent UInt32."""
+    """Mix UInt32 arrays into two independent ones."""
     first = hashed(lib, *parts)
     return first, hashed(lib, first)
 
 
 def pair(index: DrJitArray, key: UInt32) -> tuple[UInt32, UInt32]:
-    """Return two UInt32 of 32 random bits for numbers under a key, by 4 rounds of TEA.
+    """Return two words of 32 random bits for numbers under a key, by 4 rounds of TEA.
 
-    Four rounds leave the first word of consecutive numbers uneven by up to 1.2 % of its distribution, and both words
-    correlated by up to 2 %: enough within strata, not for statistics of their own.
+    The first words of consecutive numbers deviate by up to 1.2 % from a uniform distribution, and the two words
+    correlate by up to 2 %. This is enough within strata, not for statistics without strata.
     """
     U: Any = type(key) if dr.is_array_v(key) else type(index)
     v0, v1, total = U(index), U(key), 0
@@ -156,38 +144,34 @@ def pair(index: DrJitArray, key: UInt32) -> tuple[UInt32, UInt32]:
 
 
 def other_pair(index: DrJitArray, key: UInt32) -> tuple[UInt32, UInt32]:
-    """Return two more for the same key, independent of `pair`."""
+    """Return two more words for the same key, independent of `pair`."""
     return pair(index, ~key)
 
 
 def even_bits(lib: ModuleType, number: UInt32, *parts: UInt32) -> UInt32:
-    """Return 32 bits for consecutive numbers that fill [0, 2^32) evenly, from a start that `parts` decide (Weyl 1916).
-    """
+    """Return 32 bits that fill [0, 2^32) evenly for consecutive numbers, from a start hashed of `parts` (Weyl 1916)."""
     return hashed(lib, *parts) + number * lib.UInt32(GOLDEN_STEP)
 
 
 # ---- numbers
 
 def uniform(lib: ModuleType, bits: UInt32) -> Float:
-    """[0, 1) from 32 random bits, Float."""
+    """Return numbers in [0, 1) from 32 random bits."""
     return lib.Float(bits >> 8) * SMALLEST_UNIFORM
 
 
 def uniform_inside(lib: ModuleType, bits: UInt32) -> Float64:
-    """(0, 1) from 32 random bits, Float64: neither end."""
+    """Return numbers in (0, 1), without either end, from 32 random bits."""
     return (lib.Float64(bits) + 0.5) * 2.0 ** -32
 
 
 def stratified(lib: ModuleType, stratum: DrJitArray, share: Float, strata: DrJitArray) -> Float:
-    """Return a place in [0, 1), Float (R,), that lies a `share` in [0, 1) along a stratum, UInt32 (R,), of so many."""
+    """Return places in [0, 1) that lie a `share` in [0, 1) along a stratum."""
     return dr.minimum((lib.Float(stratum) + share) / lib.Float(strata), BELOW_ONE)
 
 
 def gaussian(lib: ModuleType, first: UInt32, second: UInt32, turned: Float | float = 0.0) -> tuple[Float, Float]:
-    """Complex Gaussian of unit mean square from two hashes, turned by an angle [rad], which costs nothing more here.
-
-    Real and imaginary part, Float (Box and Muller 1958).
-    """
+    """Return real and imaginary part of complex Gaussians of unit mean square, turned by an angle [rad]."""
     radius = dr.sqrt(-dr.log((lib.Float(first >> 8) + 0.5) * SMALLEST_UNIFORM))
     sine, cosine = dr.sincos((2 * np.pi) * uniform(lib, second) + turned)
     return radius * cosine, radius * sine

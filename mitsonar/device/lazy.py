@@ -1,6 +1,6 @@
-"""Public names that are imported when first used. The list of a room's names is its ``__init__.pyi``, and no other.
+"""Import the public names of a package when they are first used, by its ``__init__.pyi``.
 
-Standard library only: `mitsonar` itself is one of the rooms.
+This module uses only the standard library, since `mitsonar` itself is such a package.
 """
 from __future__ import annotations
 
@@ -12,14 +12,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-# NumPy and others may fail where threads import several parts of them at once, so first uses take turns. It is not the
-# lock of the plugins, which is asked for while Mitsuba is imported. None of our modules asks for this one while it is
-# imported: a module has a lock too.
+# NumPy and others may fail if threads import parts of them at once, so first uses take turns. The plugins need a lock
+# of their own, taken while Mitsuba is imported. No module may take this lock during its own import (deadlock).
 _first_use = threading.RLock()
 
 
 def homes_of(package: str, stub: Path) -> dict[str, str]:
-    """Read where each public name of a package comes from: a module, or "module:name"."""
+    """Return the source of each public name of a package, "module" or "module:name", as its stub lists it."""
     homes = {}
     for node in ast.parse(stub.read_text(encoding="utf-8")).body:
         if not isinstance(node, ast.ImportFrom):
@@ -35,9 +34,9 @@ def homes_of(package: str, stub: Path) -> dict[str, str]:
 
 
 def attach(package: str, file: str, **modules: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
-    """Return ``__getattr__``, ``__dir__`` and ``__all__`` of a package by the stub beside its ``__init__.py``.
+    """Return ``__getattr__``, ``__dir__`` and ``__all__`` of a package, by the stub beside its ``__init__.py``.
 
-    ``modules`` are names whose module differs from the one that the stub has for type checkers.
+    ``modules`` are names whose module differs from the one in the stub.
     """
     homes = {**homes_of(package, Path(file).with_name("__init__.pyi")), **modules}
 
@@ -50,7 +49,7 @@ def attach(package: str, file: str, **modules: str) -> tuple[Callable[[str], Any
             value = getattr(value, attribute) if attribute else value
             setattr(sys.modules[package], name, value)
             if "xarray" in sys.modules:
-                # It imports Dask when the first array is made, and that import fails where several threads begin it.
+                # The first array imports Dask, which fails if several threads do so at once.
                 sys.modules["xarray"].DataArray(0.0)
         return value
 

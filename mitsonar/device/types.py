@@ -1,11 +1,9 @@
-"""Names for the types of arrays in annotations: Dr.Jit's, whatever the backend, and those of code written for both.
+"""Name the types of arrays in annotations, and define `Record`.
 
-At run time all are `typing.Any`: naming a type imports nothing. A type checker sees Dr.Jit's own declarations.
+At run time all types are `typing.Any`, so that naming one imports nothing. A type checker sees Dr.Jit's declarations.
 
-Frozen records that Dr.Jit's symbolic loops leave alone.
-
-A loop traced by `dr.syntax` carries every dataclass it can see as loop state and writes it back field by field, which
-frozen dataclasses refuse. Tables that a loop only reads are therefore plain objects.
+A loop traced by `dr.syntax` carries every visible dataclass as loop state and writes its fields back, which frozen
+dataclasses refuse. Tables that a loop only reads are therefore a `Record`, a plain object.
 """
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
@@ -35,20 +33,20 @@ if TYPE_CHECKING:
 
     Real: TypeAlias = float | np.ndarray
     DrJitArray: TypeAlias = ArrayBase[Any, Any, Any, Any, Any, Any, Any]
-    # Three components of any class: Array3f, or Mitsuba's points and vectors.
+    # three components: Array3f, or Mitsuba's points and vectors
     Vector: TypeAlias = ArrayBase[Any, Any, Float, Any, Float, Any, Any]
     Vector64: TypeAlias = ArrayBase[Any, Any, Float64, Any, Float64, Any, Any]
 
-    # Three components of anything: a tuple, an array (3,), a vector on the device.
+    # three components in a tuple, an array (3,) or a vector on the device
     Triple: TypeAlias = Sequence[Any] | np.ndarray | Vector | Vector64
 
     class Upload(Protocol):
-        """Copy values to a device array of a type: `device.arrays.upload`."""
+        """Copy values to a device array of a type, as `device.arrays.upload` does."""
 
         def __call__(self, kind: Any, values: np.ndarray, /) -> Any: ...
 
     class ArrayTypes(ModuleType):
-        """The array types of one backend, such as the module `drjit.llvm.ad`."""
+        """Hold the array types of one backend, such as the module `drjit.llvm.ad`."""
 
         Bool: type[ad.Bool]
         Float: type[ad.Float]
@@ -72,7 +70,7 @@ else:
 
 
 class Record:
-    """Keep keyword values, exactly the annotated ones, and refuse changes."""
+    """Hold keyword values for exactly the annotated names, frozen."""
 
     def __init__(self, **values: Any):
         expected = set(type(self).__annotations__)
@@ -84,5 +82,5 @@ class Record:
         raise AttributeError(f"{type(self).__name__} is frozen; make a new one to change {name}")
 
 
-# Numbers, NumPy arrays or Dr.Jit arrays: what a law takes and gives that is written once for all of them.
+# numbers, NumPy arrays or Dr.Jit arrays: arguments and results of laws written once for all
 Numbers: TypeAlias = Any
