@@ -1,7 +1,7 @@
-"""Fetch and unpack Debian packages without being root. Standard library only.
+"""Fetch and unpack Debian packages without root, by the standard library alone.
 
-apt-get works for an ordinary user once its package lists and cache are folders of the user's own; it checks signatures
-as always. Unpacking is all or nothing: into a new folder that gets its real name when everything is in it.
+apt-get works for an ordinary user if its package lists and cache are folders of that user; it checks signatures as
+usual. Packages are unpacked into a new folder, which gets its final name when complete.
 """
 import os
 import re
@@ -15,11 +15,11 @@ SYSTEM_ONLY = {"libc6", "libgcc-s1", "libstdc++6"}
 
 
 class Unavailable(Exception):
-    """A package could not be had; the message says why in one clause."""
+    """Report in one clause that a package could not be fetched."""
 
 
 class Packages:
-    """The packages of this machine's release, by package lists fetched now."""
+    """Fetch the package lists of this machine's release, and packages from them."""
 
     def __init__(self, say: Callable[[str], None] = print):
         missing = [tool for tool in ("apt-get", "apt-cache", "dpkg-deb") if not shutil.which(tool)]
@@ -39,7 +39,7 @@ class Packages:
         return self._run("apt-cache", "pkgnames", prefix).split()
 
     def closure(self, names: Sequence[str]) -> list[str]:
-        """Return `names` and all they depend on, the C and C++ runtimes left out."""
+        """Return `names` and all their dependencies, except the C and C++ runtimes."""
         text = self._run("apt-cache", "depends", "--recurse", "--no-recommends", "--no-suggests", "--no-conflicts",
                          "--no-breaks", "--no-replaces", "--no-enhances", *names)
         needs: dict[str, list[str]] = {}
@@ -49,16 +49,16 @@ class Packages:
                 package = needs.setdefault(line.strip(), [])
             elif match := re.match(r"\s*\|?(?:Pre)?Depends: ([a-z0-9][^ ]*)", line):
                 package.append(match[1])
-        found, waiting = [], list(names)
+        packages, waiting = set(), list(names)
         while waiting:
             name = waiting.pop()
-            if name not in found and name not in SYSTEM_ONLY:
-                found.append(name)
+            if name not in packages and name not in SYSTEM_ONLY:
+                packages.add(name)
                 waiting += needs.get(name, [])
-        return sorted(found)
+        return sorted(packages)
 
     def unpack(self, names: Sequence[str], folder: str) -> None:
-        """Download packages and leave their contents in `folder`, which they replace; all of it or nothing."""
+        """Download packages and replace `folder` by their contents, as a whole or not at all."""
         self._say(f"fetching {' '.join(names)}")
         self._run("apt-get", "-qq", "download", *names)
         os.makedirs(os.path.dirname(folder), exist_ok=True)
@@ -75,6 +75,6 @@ class Packages:
         child = subprocess.run([tool, *options, *arguments], cwd=self._folder.name, stdin=subprocess.DEVNULL,
                                capture_output=True, encoding="utf-8", errors="replace", check=False)
         if child.returncode:
-            said = re.findall(r"^(?:E: |dpkg\S* error: )(.+)", child.stderr, re.M)
-            raise Unavailable(f"{tool} says: {said[0] if said else f'exit code {child.returncode}'}")
+            errors = re.findall(r"^(?:E: |dpkg\S* error: )(.+)", child.stderr, re.M)
+            raise Unavailable(f"{tool} says: {errors[0] if errors else f'exit code {child.returncode}'}")
         return child.stdout

@@ -1,8 +1,8 @@
-"""Whole files or none: output goes to a temporary name beside its target and is renamed when complete.
+"""Check files before they are read or written, and write each as a whole.
 
-A reader never meets half a file, and a failure (disk full, exception, Ctrl-C) leaves an older file of that name as it
-was. `check_writable` asks the questions that can be asked before the work; `replacing` does the writing.
-`check_readable` is asked before anything is opened: a pipe or a device may have nothing to read for ever, or no end.
+Output goes to a temporary name beside its target and is renamed when complete (`replacing`). A reader never meets half
+a file, and an older file stays as it was after a failure. `check_readable` refuses pipes and devices, which may block
+or never end.
 """
 import contextlib
 import errno
@@ -12,7 +12,7 @@ import secrets
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-FilePath = str | os.PathLike[str]        # what names a file or a folder
+FilePath = str | os.PathLike[str]
 FULL = {errno.ENOSPC: "the disk is full", errno.EDQUOT: "the disk quota is used up",
         errno.EFBIG: "the file grew past the largest size allowed here"}
 BEGINNINGS = ((b"\x76\x2f\x31\x01", "an OpenEXR image"), (b"\x89HDF", "a netCDF or HDF5 file"),
@@ -38,14 +38,13 @@ def check_readable(path: FilePath, what: str = "", wanted: str = "a file") -> No
 
 
 def is_of_the_kernel(path: FilePath) -> bool:
-    """Return True for a file that the kernel makes while it is read, as in /proc: its log is read without end."""
-    # their file systems have no blocks, and the files no size
+    """Return True for a file that the kernel makes while it is read, such as those in /proc."""
+    # file systems of the kernel have no blocks, and the files no size
     return hasattr(os, "statvfs") and os.path.getsize(path) == 0 and os.statvfs(path).f_blocks == 0
 
 
 def described(path: FilePath) -> str:
-    """Return what a binary file is by its first bytes, such as "an OpenEXR image"; an empty text if they say nothing.
-    """
+    """Return the kind of a binary file by its first bytes, such as "an OpenEXR image", or an empty text."""
     with open(path, "rb") as file:
         head = file.read(8)
     if head[:1] == b"{" and str(path).lower().endswith(".xtf"):
@@ -75,8 +74,7 @@ def check_writable(path: FilePath) -> Path:
 
 @contextlib.contextmanager
 def full_disk_said(path: FilePath) -> Iterator[None]:
-    """Turn the error of a full disk into one sentence about ``path``, which is to vanish then; others pass unchanged.
-    """
+    """Turn the error of a full disk into one sentence about ``path``."""
     try:
         yield
     except OSError as error:
@@ -90,7 +88,7 @@ def full_disk_said(path: FilePath) -> Iterator[None]:
 
 @contextlib.contextmanager
 def replacing(path: FilePath, *, anew: bool = False) -> Iterator[Path]:
-    """Return a temporary path to write to; it becomes ``path`` if the block succeeds and vanishes if not.
+    """Yield a temporary path, which is renamed to ``path`` if the block succeeds and removed if not.
 
     Examples
     --------
@@ -121,24 +119,23 @@ def replacing(path: FilePath, *, anew: bool = False) -> Iterator[Path]:
 
 
 def clear_left(path: FilePath) -> None:
-    """Remove what killed programs of this machine left of `replacing` beside ``path``; those that run keep theirs."""
+    """Remove the temporary files beside ``path`` that ended programs of this machine have left."""
     target = check_writable(path)
     left = re.compile(re.escape(_hidden(target)) + "([0-9a-f]+)-[0-9a-f]{8}" + re.escape(target.suffix))
-    for one in target.parent.iterdir():
-        if (found := left.fullmatch(one.name)) and not _runs(int(found[1], 16)):
-            one.unlink(missing_ok=True)
+    for file in target.parent.iterdir():
+        if (match := left.fullmatch(file.name)) and not _runs(int(match[1], 16)):
+            file.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager
 def replacing_all(paths: Iterable[FilePath]) -> Iterator[list[Path]]:
-    """Return a temporary path for each of some files that belong together, as `replacing`: none is left if one fails.
-    """
+    """Yield a temporary path for each of several files, as `replacing` does; none is left if one fails."""
     with contextlib.ExitStack() as stack:
         yield [stack.enter_context(replacing(path)) for path in paths]
 
 
 def _link(temporary: Path, target: Path) -> None:
-    """Rename a file in one step, whoever does the same; `FileExistsError` if the name is taken."""
+    """Rename a file in one step, safe against other processes; raise `FileExistsError` if the name is taken."""
     try:
         os.link(temporary, target)
     except FileExistsError:
@@ -150,12 +147,12 @@ def _link(temporary: Path, target: Path) -> None:
 
 
 def _hidden(target: Path) -> str:
-    """Beginning of the names that a file has while it is written."""
+    """Return the beginning of a file's temporary names."""
     return f".{target.stem[:100]}."
 
 
 def _runs(process: int) -> bool:
-    """Return True if a process of that number runs, or cannot be asked."""
+    """Return True if a process of that number runs, or may run."""
     try:
         os.kill(process, 0)
     except ProcessLookupError:
@@ -166,7 +163,7 @@ def _runs(process: int) -> bool:
 
 
 def _flush(path):
-    """Push a file or a folder's list of names to the disk: some disks report that they are full only now."""
+    """Flush a file or folder to the disk: some disks report only now that they are full."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)

@@ -1,12 +1,10 @@
-"""Choose the libLLVM that Dr.Jit loads, before Dr.Jit is imported. Standard library only.
+"""Choose the libLLVM that Dr.Jit loads, before Dr.Jit is imported.
 
-Dr.Jit looks for libLLVM once, while it is imported: the file named by ``DRJIT_LIBLLVM_PATH``, else what the system has.
-It takes LLVM 15 and 16, which cannot compile its code: LLVM then ends the whole process. So `locate` sets the variable
-in every case: to the usable library closest to the tested version, and to a file that does not exist where there is
-none, since a clean "not found" from Dr.Jit is better than a process that dies.
-
-On Debian and its relatives `provide` (``python3 -m mitsonar llvm``) unpacks a libLLVM under the user's cache, without
-being root.
+Dr.Jit looks for libLLVM once, while it is imported: the file of ``DRJIT_LIBLLVM_PATH``, else the system's. It accepts
+LLVM 15 and 16, which cannot compile its code and end the process. `locate` therefore always sets the variable, to the
+usable library closest to the tested version, or to a missing file, so that Dr.Jit reports a clean "not found". On
+Debian and its relatives `provide` (``python3 -m mitsonar llvm``) unpacks a libLLVM under the user's cache, without
+root. This module uses only the standard library.
 """
 import ctypes
 import os
@@ -19,19 +17,18 @@ OLDEST, TESTED = 17, 19
 VARIABLE = "DRJIT_LIBLLVM_PATH"
 NOTHING = "/no/libLLVM/that/mitsonar/can/use"  # a file Dr.Jit cannot load
 VECTORS = (("+avx512vl", "AVX-512"), ("+avx2", "AVX2"), ("+avx", "AVX"), ("+sve", "SVE"), ("+neon", "NEON"),
-           ("+sse4.2", "SSE4.2"))              # LLVM's names of what Dr.Jit compiles for, the widest first, and ours
+           ("+sse4.2", "SSE4.2"))              # LLVM's names of instruction sets, the widest first, and ours
 _made: list[str] = []              # the temporary folder that this process made
 
 
 class BackendError(RuntimeError):
-    """The machine lacks what Dr.Jit needs to compile kernels; the message says how to get it."""
+    """Report that Dr.Jit cannot compile kernels on this machine, and how to mend it."""
 
 
 def cache_folder() -> str:
-    """Return the folder for what mitsonar fetches for this user.
+    """Return the folder for downloads of this user: ``$XDG_CACHE_HOME/mitsonar``, by default in ``~/.cache``.
 
-    It is ``$XDG_CACHE_HOME/mitsonar``, by default in ``~/.cache``, or a folder of the user among the temporary
-    files where that one can neither be written nor has a library already.
+    If that folder can neither be written nor has a library, it is a folder of the user among the temporary files.
     """
     caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     folder = os.path.join(os.path.realpath(caches), "mitsonar")
@@ -41,12 +38,12 @@ def cache_folder() -> str:
 
 
 def new_folder() -> str | None:
-    """Return the temporary folder that this process made in place of the user's cache, None where it made none."""
+    """Return the temporary folder that this process made in place of the user's cache, or None."""
     return _made[0] if _made else None
 
 
 def _temporary_folder() -> str | None:
-    """Return a folder among temporary files that this user alone can write, made where it is missing; None without."""
+    """Return a temporary folder that only this user can write, made if missing, or None."""
     import tempfile
 
     try:
@@ -58,24 +55,24 @@ def _temporary_folder() -> str | None:
             _made.append(folder)
         except FileExistsError:
             status = os.lstat(folder)
-            # libraries are loaded from here, so that nobody else may have laid them
+            # libraries are loaded from here: no other user may be able to write it
             if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid() or status.st_mode & 0o022:
                 folder = tempfile.mkdtemp(prefix="mitsonar-")
                 _made.append(folder)
         return folder
-    except (OSError, AttributeError):                  # no place for temporary files, or a system without users
+    except (OSError, AttributeError):                  # no temporary folder, or a system without users
         return None
 
 
 def _writable(folder: str) -> bool:
-    """Return whether a folder can be written, or made where it is missing."""
+    """Return True if a folder can be written, or made if missing."""
     while not os.path.lexists(folder) and os.path.dirname(folder) != folder:
         folder = os.path.dirname(folder)
     return os.path.isdir(folder) and os.access(folder, os.W_OK | os.X_OK)
 
 
 def _names(folder: str) -> list[str]:
-    """Return what a folder holds; nothing where it cannot be read."""
+    """Return the names in a folder, none if it cannot be read."""
     try:
         return os.listdir(folder)
     except OSError:
@@ -83,14 +80,14 @@ def _names(folder: str) -> list[str]:
 
 
 def _shelter_caches() -> None:
-    """Let Dr.Jit and Matplotlib keep their files in our cache where the home folder cannot be written."""
+    """Let Dr.Jit and Matplotlib keep their files in our cache if the home folder cannot be written."""
     if not _writable(os.path.expanduser("~")):
         for variable, name in (("DRJIT_CACHE_DIR", "drjit"), ("MPLCONFIGDIR", "matplotlib")):
             os.environ.setdefault(variable, os.path.join(cache_folder(), name))
 
 
 def private_folder() -> str:
-    """Return the folder for an unpacked libLLVM: one per release and processor, as machines may share a home folder."""
+    """Return the folder for an unpacked libLLVM, one per release and processor, as machines may share a home folder."""
     release = {}
     try:
         with open("/etc/os-release", encoding="utf-8") as file:
@@ -102,7 +99,7 @@ def private_folder() -> str:
 
 
 def remedy() -> str:
-    """Return what to do about a missing libLLVM, as text for an error message."""
+    """Return the part of an error message that tells the user how to install libLLVM."""
     return f"""mitsonar needs the LLVM shared library to compile its kernels, version {OLDEST} or newer.
   Debian/Ubuntu:   sudo apt-get install libllvm{TESTED} libatomic1
   without root:    python3 -m mitsonar llvm   (unpacks Debian's libllvm{TESTED} under {cache_folder()})
@@ -111,10 +108,10 @@ def remedy() -> str:
 
 
 def locate() -> str | None:
-    """Choose a libLLVM, tell Dr.Jit by ``DRJIT_LIBLLVM_PATH``, and load what it needs beside it.
+    """Choose a libLLVM, set ``DRJIT_LIBLLVM_PATH`` to it and load its dependencies.
 
-    A library named by ``DRJIT_LIBLLVM_PATH`` is taken if it is new enough. Otherwise the installed ones and the one in
-    our cache compete: the closest to the tested version wins, an installed one before ours.
+    A library named by ``DRJIT_LIBLLVM_PATH`` is taken if it is new enough. Otherwise the one closest to the tested
+    version wins among the installed ones and the one in our cache; installed ones come first.
     """
     _shelter_caches()
     path = os.environ.get(VARIABLE) or NOTHING
@@ -129,12 +126,12 @@ def locate() -> str | None:
 
 
 def is_ready() -> bool:
-    """Tell whether Dr.Jit, still to be imported, will find a way to compile kernels; `locate` is part of it."""
+    """Return True if Dr.Jit, not yet imported, will be able to compile kernels; calls `locate`."""
     return bool(locate() or _has_atomic() and has_cuda())
 
 
 def check() -> None:
-    """Make sure that kernels can be compiled; call this before a variant is set."""
+    """Raise `BackendError` unless kernels can be compiled; call this before a variant is set."""
     drjit = sys.modules.get("drjit")
     ask = getattr(getattr(drjit, "detail", None), "llvm_version", None)
     if drjit is None or ask is None:  # not imported, or just about to be, perhaps by another thread
@@ -150,7 +147,7 @@ def check() -> None:
 
 
 def provide(say: Callable[[str], None] = print) -> str:
-    """Fetch libLLVM, libatomic and what they need from Debian's packages into the user's cache, without root."""
+    """Fetch libLLVM, libatomic and their dependencies from Debian into the user's cache, without root."""
     from . import debian
 
     try:
@@ -170,18 +167,18 @@ def provide(say: Callable[[str], None] = print) -> str:
 
 
 def origin(path: str) -> str:
-    """Say where the library at `path` was found: ``system``, ``mitsonar's cache`` or the variable that names it."""
+    """Return the origin of the library at `path`: ``system``, ``mitsonar's cache`` or the variable that names it."""
     if path.startswith(private_folder() + os.sep):
         return "mitsonar's cache"
     return "system" if path in _installed() else VARIABLE
 
 
 def instruction_set() -> str:
-    """Return what kernels are compiled for, such as ``x86_64 AVX-512 znver4``; call `locate` first.
+    """Return the instruction set of kernels, such as ``x86_64 AVX-512 znver4``; call `locate` first.
 
-    The bytes of a result are the same for any number of threads, processes and blocks on one instruction set. Another
-    one sums in vectors of another width and has other approximate reciprocals, so that last bits differ. Processors of
-    another generation order and fuse the same operations in other ways: LLVM's name of the generation belongs to it.
+    On one instruction set the bytes of a result are the same for any number of threads, processes and blocks. Vector
+    width, approximate reciprocals and the order of fused operations differ between sets and processor generations, and
+    so do the last bits.
     """
     try:
         library = ctypes.CDLL(os.environ.get(VARIABLE, NOTHING))
@@ -193,18 +190,18 @@ def instruction_set() -> str:
 
 
 def _text(ask: Callable) -> str:
-    """Return what a function of the C library answers in text."""
+    """Return the text answer of a function of the C library."""
     setattr(ask, "restype", ctypes.c_char_p)
     return (ask() or b"").decode(errors="replace")
 
 
 def has_cuda() -> bool:
-    """Tell whether the NVIDIA driver is there: with it Dr.Jit can do without LLVM."""
+    """Return True if the NVIDIA driver can be loaded; Dr.Jit then does not need LLVM."""
     return _loads("libcuda.so.1") or _loads("nvcuda.dll")
 
 
 def major_version(path: str) -> int:
-    """Return the major version of the libLLVM at `path`, by its file name or else by asking it; -1 if unknown."""
+    """Return the major version of the libLLVM at `path`, by its file name or by a call; -1 if unknown."""
     name = os.path.basename(os.path.realpath(path))
     for prefix in ("libLLVM-", "libLLVM.so."):  # libLLVM-15.so.1, libLLVM-14.0.6.so.1, libLLVM.so.19.1
         digits = name[len(prefix):].split(".")[0]
@@ -212,7 +209,7 @@ def major_version(path: str) -> int:
             return int(digits)
     import subprocess
 
-    # In a child: a library that turns out too old must not stay loaded in this process.
+    # in a child process, since a library that is too old must not stay loaded here
     ask = ("import ctypes, sys; numbers = [ctypes.c_uint() for _ in range(3)];"
            "ctypes.CDLL(sys.argv[1]).LLVMGetVersion(*map(ctypes.byref, numbers)); print(numbers[0].value)")
     child = subprocess.run([sys.executable, "-c", ask, path], capture_output=True, text=True, check=False)
@@ -230,14 +227,14 @@ def _folders() -> Iterator[str]:
 
 def _installed() -> list[str]:
     """Return the real paths of all libraries that could be libLLVM, each once."""
-    found, wanted = {}, _machine(os.path.realpath(sys.executable))
+    libraries, wanted = {}, _machine(os.path.realpath(sys.executable))
     for folder in filter(os.path.isdir, _folders()):
         for name in os.listdir(folder):
             if name.startswith(("libLLVM-", "libLLVM.")) and (".so" in name or name.endswith(".dylib")):
                 path = os.path.realpath(os.path.join(folder, name))
                 if os.path.isfile(path) and wanted in (b"", _machine(path)):
-                    found[path] = None
-    return list(found)
+                    libraries[path] = None
+    return list(libraries)
 
 
 def _closest(paths: list[str]) -> str | None:
@@ -256,11 +253,11 @@ def _usable(path: str) -> bool:
 
 
 def _machine(path: str) -> bytes:
-    """Return the word size and processor an ELF file is for; b"" for other formats."""
+    """Return the word size and processor of an ELF file; b"" for other formats."""
     try:
         with open(path, "rb") as file:
             head = file.read(20)
-    except OSError:                # of another user
+    except OSError:
         return b""
     return head[4:5] + head[18:20] if head.startswith(b"\x7fELF") else b""
 
@@ -284,7 +281,7 @@ def _has_atomic() -> bool:
 
 
 def _load_neighbours(path: str) -> None:
-    """Load the unpacked libraries that the system lacks, so that the libLLVM at `path` finds them loaded by name."""
+    """Load the unpacked libraries that the system lacks, on which the libLLVM at `path` depends."""
     folder = os.path.dirname(path)
     names = (name for name in os.listdir(folder) if name.rpartition(".so.")[2].isdigit())
     waiting = [name for name in names if not name.startswith("libLLVM") and not _loads(name)]

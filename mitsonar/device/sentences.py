@@ -1,12 +1,11 @@
-"""Errors in one sentence, as people read them and manifests keep them."""
+"""Write errors as one sentence."""
 import re
 
-LONGEST_WORD = 300                 # characters; paths are seldom longer
-LONGEST = 3000                     # characters of a sentence; lists of known names are shorter
+LONGEST_WORD, LONGEST = 300, 3000  # characters of a word and of a sentence; paths and lists of names are shorter
 
 
 def sentence(error: BaseException) -> str:
-    """Put an error the user can mend into one sentence."""
+    """Return an error that the user can mend as one sentence."""
     if isinstance(error, MemoryError):
         return f"out of memory: {error or 'nothing more is known'}; take fewer pings, rays or bins"
     if isinstance(error, OSError) and error.strerror:
@@ -15,6 +14,6 @@ def sentence(error: BaseException) -> str:
 
 
 def shortened(text: str) -> str:
-    """Leave out the middle of long words, such as a number of thousands of digits, and of a text that is still long."""
+    """Return a text without the middle of very long words, or of a very long text."""
     text = re.sub(rf"\S{{{LONGEST_WORD + 1},}}", lambda word: f"{word[0][:60]}...{word[0][-30:]}", text)
     return text if len(text) <= LONGEST else f"{text[:300]} ... {text[-300:]}"

@@ -1,4 +1,4 @@
-"""What somebody may have meant who wrote a name that is unknown."""
+"""Suggest the known name that is closest to an unknown one."""
 import difflib
 from collections.abc import Iterable
 
@@ -6,7 +6,7 @@ LONGEST = 100                      # letters that are compared
 
 
 def meant(name: str, known: Iterable[str]) -> str:
-    """Say which of the known names is most like this one.
+    """Return a suggestion of the known name that is most like this one, or an empty text.
 
     Examples
     --------
@@ -15,6 +15,6 @@ def meant(name: str, known: Iterable[str]) -> str:
     >>> meant("colour", ["pings", "rays"])
     ''
     """
-    by_lower = {one.lower(): one for one in known}
+    by_lower = {candidate.lower(): candidate for candidate in known}
     match = difflib.get_close_matches(str(name)[:LONGEST].lower(), by_lower, n=1)
     return f' (did you mean "{by_lower[match[0]]}"?)' if match else ""
