@@ -1,8 +1,8 @@
-"""Complex variables as two real ones, for files without complex numbers.
+"""Store complex variables as two real ones, for file formats without complex numbers.
 
 The variable ``image`` becomes ``image_real`` and ``image_imag``, with its attributes and two more: ``complex_of`` names
-the variable, ``complex_part`` the part. Every other reader sees plain numbers; here they are one again, bit for bit,
-NaN and infinities too, and what a file gives lazily stays in the file until it is used.
+the variable and ``complex_part`` the part. `joined` restores the values bit for bit, NaN and infinities included.
+Variables that are loaded lazily stay in the file until they are used.
 """
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PARTS = ("real", "imag")
 
 
 def split(dataset: xr.Dataset) -> xr.Dataset:
-    """Return a dataset whose complex variables are two real ones each, in their place."""
+    """Return a dataset in which two real variables replace each complex one."""
     if not any(variable.dtype.kind == "c" for variable in dataset.variables.values()):
         return dataset
     variables, coords = {}, set(dataset.coords)
@@ -38,7 +38,7 @@ def split(dataset: xr.Dataset) -> xr.Dataset:
 
 
 def joined(dataset: xr.Dataset) -> xr.Dataset:
-    """Return back what `split` was given; values come from the file when they are used."""
+    """Return the dataset that `split` was given; lazy variables stay lazy."""
     if not any(OF in variable.attrs for variable in dataset.variables.values()):
         return dataset
     variables, coords = {}, set(dataset.coords)
@@ -57,7 +57,7 @@ def joined(dataset: xr.Dataset) -> xr.Dataset:
 
 
 def _whole(dataset: xr.Dataset, name: str, real: xr.Variable) -> xr.Variable:
-    """One complex variable of its parts."""
+    """Return the complex variable of a real part and the imaginary part beside it."""
     other = f"{name}_{PARTS[1]}"
     if name in dataset.variables or other not in dataset.variables:
         raise ValueError(f"{name}_{PARTS[0]} is a part of the complex {name}, and "
@@ -71,7 +71,7 @@ def _whole(dataset: xr.Dataset, name: str, real: xr.Variable) -> xr.Variable:
 
 
 def together(real: xr.Variable, imag: xr.Variable) -> xr.Variable:
-    """Return the complex variable of two parts, without attributes; lazy where the first is."""
+    """Return the complex variable of two parts, without attributes; it is lazy if the first part is lazy."""
     if real.dims != imag.dims or real.shape != imag.shape or real.dtype != imag.dtype or real.dtype.kind != "f":
         raise ValueError(f"they are {real.dtype} over {dict(real.sizes)} and {imag.dtype} over {dict(imag.sizes)}")
     whole = xr.Variable(real.dims, indexing.LazilyIndexedArray(_Parts(real, imag)))
@@ -79,7 +79,7 @@ def together(real: xr.Variable, imag: xr.Variable) -> xr.Variable:
 
 
 class _Parts(BackendArray):
-    """Complex values of two variables, read where they are asked for."""
+    """Read complex values from the variables of their parts when they are indexed."""
 
     def __init__(self, real: xr.Variable, imag: xr.Variable):
         self.parts = real, imag

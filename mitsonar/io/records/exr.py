@@ -1,26 +1,23 @@
-"""Sonar images as OpenEXR: a picture any viewer opens, and beside it everything needed to compute with.
+"""Write sonar images as OpenEXR files, and read them back.
 
-Part ``image`` holds the one channel ``Y``, the levels as a waterfall: a row per ping, for a sidescan port mirrored and
-then starboard. Part ``data`` holds every variable of the dataset over the same bins. With the dimensions named
+Part ``image`` holds one channel ``Y``, the levels as a waterfall: one row per ping; in a sidescan, port is mirrored to
+the left of starboard. Part ``data`` holds every variable over the same bins. With the dimensions named
 
     rows x layers x column        (ping) x (side) x range        (ping, beam) x () x range
                                   (along_track) x (bank) x across_track
 
-the last dimension runs along a row, a dimension whose coordinate is text ("port", "starboard") becomes the front of the
-channel name (``port.level``, ``starboard.label.id``), and so does the dimension ``bank`` of a focused image
-(``bank0.image.real``); the others are stacked as rows. `exr_channels` says how numbers become channels; NaN and
-infinities survive, everything bit for bit.
+the last dimension runs along a row. A dimension whose coordinate is text ("port", "starboard") becomes the front of the
+channel name (``port.level``, ``starboard.label.id``), as does the dimension ``bank`` of a focused image
+(``bank0.image.real``). The other dimensions are stacked as rows.
 
-Smaller variables, all coordinates (as shortest exact decimals), attributes, units and original types travel as strict
-JSON in the attribute ``mitsonar:config`` of part ``image``; ``{"mitsonar:float": "nan"}`` stands for what JSON lacks.
-The attributes ``mitsonar:sonar``, ``mitsonar:seed``, ``mitsonar:units.Y``, ... repeat the important ones for people.
-Nothing in the file depends on the clock or the machine: the same dataset gives the same bytes.
+Channels hold float32, float16 and uint32. Integers up to 32 bits become uint32. Complex numbers become two channels,
+``image.real`` and ``image.imag``. A float64 becomes the nearest float32 in the channel of its name and, in ``x.rest``,
+the difference of the bit patterns of both as integers. All values survive bit for bit, NaN and infinities included.
 
-How the values of a variable stand in the channels of an OpenEXR file, which holds float32, float16 and uint32.
-
-Integers up to 32 bits become uint32. Complex numbers become two channels, ``image.real`` and ``image.imag``. A float64
-becomes the nearest float32 in the channel of its own name, which viewers show, and in ``x.rest`` what is missing: the
-difference of the two as the integers that their bits are, so that nothing is lost.
+Smaller variables, all coordinates (as shortest exact decimals), attributes, units and original types are strict JSON in
+the attribute ``mitsonar:config`` of part ``image``; ``{"mitsonar:float": "nan"}`` replaces numbers that JSON lacks. The
+attributes ``mitsonar:sonar``, ``mitsonar:seed``, ``mitsonar:units.Y``, ... repeat the important ones for people. The
+same dataset always gives the same bytes, at any time and on any machine.
 """
 import json
 import math
@@ -43,7 +40,7 @@ STORED = {"f4": np.float32, "f2": np.float16, "b1": np.uint32, **{f"u{n}": np.ui
 
 
 def suffixes(kind: np.dtype) -> tuple[str, ...]:
-    """Return what the channels of a type have behind the variable's name; none if channels cannot hold it."""
+    """Return the suffixes of the channels that hold a type, or none if channels cannot hold it."""
     if kind.str[1:] == "c8":
         return REAL, IMAG
     if kind.str[1:] == "f8":
@@ -52,13 +49,7 @@ def suffixes(kind: np.dtype) -> tuple[str, ...]:
 
 
 def parts_of(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the channels of values by their `suffixes`.
-
-    Raises
-    ------
-    ValueError
-        If channels cannot hold them; ``name`` is what the error calls them.
-    """
+    """Return the channels of values by their `suffixes`; ``name`` appears in the error if channels cannot hold them."""
     kind = values.dtype
     if not suffixes(kind):
         raise ValueError(f"cannot write {name} as EXR: its type is {kind}, and channels hold float16, float32, "
@@ -73,7 +64,7 @@ def parts_of(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def whole(parts: Mapping[str, np.ndarray], kind: np.dtype) -> np.ndarray:
-    """Return back the values of that type of which `parts_of` made channels."""
+    """Return the values of a type from the channels that `parts_of` made."""
     if kind.str[1:] == "c8":
         values = np.empty(parts[REAL].shape, kind)
         values.real, values.imag = parts[REAL], parts[IMAG]
@@ -86,7 +77,7 @@ def whole(parts: Mapping[str, np.ndarray], kind: np.dtype) -> np.ndarray:
 
 
 def _near_and_rest(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
-    """The nearest float32, and the rest as whole numbers of the last binary place."""
+    """Return the nearest float32, and the remaining difference of the bit patterns."""
     values = np.ascontiguousarray(values, np.float64)
     with np.errstate(over="ignore"):
         near = values.astype(np.float32)
@@ -111,26 +102,24 @@ SHOWN = {"sonar": "", "seed": "", "sound_speed": " m/s", "frequency": " Hz", "so
 def write(dataset: xr.Dataset, path: FilePath) -> None:
     """Write a sonar dataset as one OpenEXR file; an existing file is replaced once the new one is complete.
 
+    Files are ZIP-compressed: noisy float32 shrinks to about 3/4, labels and flags to almost nothing.
+
     Parameters
     ----------
     dataset : xarray.Dataset
-        Variables over (ping, ..., range), as made by ``mitsonar.render``; the one named ``level``, else the first of
-        floating type, becomes the picture. Attributes must be plain JSON values (tuples come back as lists).
+        Variables over (ping, ..., range), as made by ``mitsonar.render``. The picture is the variable ``level``, else
+        the first of floating type. Attributes must be plain JSON values (tuples come back as lists).
     path : str or path
-        The file to write; its folder must exist.
+        File to write; its folder must exist.
 
     Raises
     ------
     FileNotFoundError, ValueError, PermissionError
         If ``path`` cannot be written (see `mitsonar.device.files.check_writable`).
     ValueError
-        If the dataset has no image, or a type or attribute the file cannot hold.
+        If the dataset has no image, or a type or attribute that the file cannot hold.
     OSError
         If the disk fills up; nothing is left behind.
-
-    Notes
-    -----
-    ZIP compression, which every reader knows: noisy float32 shrinks to about 3/4, labels and flags to almost nothing.
     """
     layout = _layout(dataset)
     channels, config = _encode(dataset, layout)
@@ -150,7 +139,7 @@ def write(dataset: xr.Dataset, path: FilePath) -> None:
              "mitsonar:units.Y": str(shown.get("units", "")), CONFIG: config}
     parts = [OpenEXR.Part(image, {"Y": picture}, "image"), OpenEXR.Part({**common, **units}, channels, "data")]
     with replacing(path) as temporary:
-        # A Python stream reports a full disk as OSError with its errno; given a path the library hides it in words.
+        # A Python stream reports a full disk as OSError with its errno; with a path, the library gives only words.
         with open(temporary, "wb") as stream:
             OpenEXR.File(parts, num_threads=os.cpu_count()).write(stream)
         _config(temporary, path)
@@ -162,7 +151,7 @@ def read(path: FilePath) -> SonarImage:
     Parameters
     ----------
     path : str or path
-        An OpenEXR file of mitsonar.
+        OpenEXR file of mitsonar.
 
     Returns
     -------
@@ -174,7 +163,7 @@ def read(path: FilePath) -> SonarImage:
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is not an OpenEXR file, is cut short, or was not written by `write`.
+        If the file is not OpenEXR, is cut short, or was not written by `write`.
     """
     config = _config_of(path)
     _check_claims(path)
@@ -218,7 +207,7 @@ def _decode(config, channels):
 
 
 def attributes(path: FilePath) -> dict[str, Any]:
-    """Read the attributes of a dataset written by `write`, and leave its pixels alone.
+    """Read the attributes of a dataset written by `write`, without its pixels.
 
     Parameters
     ----------
@@ -227,21 +216,21 @@ def attributes(path: FilePath) -> dict[str, Any]:
     Returns
     -------
     dict
-        As ``read(path).attrs``.
+        Equal to ``read(path).attrs``.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        As `read`.
+        As for `read`.
     """
-    found = _config_of(path).get("attrs")
-    if not isinstance(found, dict):
+    attrs = _config_of(path).get("attrs")
+    if not isinstance(attrs, dict):
         raise ValueError(f"cannot read {path}: its attribute {CONFIG} is damaged; write it again.")
-    return found
+    return attrs
 
 
 def outline(path: FilePath) -> SonarImage:
-    """Read the coordinates and attributes of a dataset written by `write`, and leave its pixels alone.
+    """Read the coordinates and attributes of a dataset written by `write`, without its pixels.
 
     Parameters
     ----------
@@ -250,12 +239,12 @@ def outline(path: FilePath) -> SonarImage:
     Returns
     -------
     SonarImage
-        Its picture (``level``) is there with its dimensions, all zeros that take no memory; other variables are not.
+        Has the picture (``level``) as zeros that take no memory, and no other variable.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        As `read`.
+        As for `read`.
     """
     config = _config_of(path)
     try:
@@ -268,19 +257,17 @@ def outline(path: FilePath) -> SonarImage:
 
 
 def _layout(dataset):
-    """Find the picture and give its dimensions their places: rows, layers, column."""
+    """Return the picture's name and the dimensions of its rows, layers and column."""
     ranked = [name for name, variable in dataset.data_vars.items() if variable.ndim >= 2 and variable.dtype.kind == "f"]
     if not ranked:
         raise ValueError(f"cannot write the dataset as EXR: none of its variables ({', '.join(dataset.data_vars)}) is "
                          "a floating-point image over at least two dimensions; write it as netCDF.")
     picture = "level" if "level" in ranked else ranked[0]
     *front, column = dataset[picture].dims
-    named = [dim for dim in dataset.dims
-             if dim in LAYERS or dim in dataset.coords and dataset[dim].dtype.kind == "U"]
+    named = [dim for dim in dataset.dims if dim in LAYERS or dim in dataset.coords and dataset[dim].dtype.kind == "U"]
     layers = [dim for dim in front if dim in named]
     rows = [dim for dim in front if dim not in layers]
-    # variables may have layers that the picture has not
-    layers += [dim for dim in named if dim not in layers]
+    layers += [dim for dim in named if dim not in layers]              # which only other variables have
     if not dataset[picture].size or not rows:
         raise ValueError(f"cannot write the dataset as EXR: {picture} has the shape {dict(dataset[picture].sizes)}; "
                          "it needs at least one row and one bin.")
@@ -288,7 +275,7 @@ def _layout(dataset):
 
 
 def _encode(dataset, layout):
-    """Split the dataset into image channels and the JSON that tells how to put it together again."""
+    """Return the channels of a dataset, and the JSON that `_decode` needs to restore it."""
     rows, layers, column = layout["rows"], layout["layers"], layout["column"]
     channels, variables = {}, {}
     for name, variable in dataset.data_vars.items():
@@ -306,7 +293,7 @@ def _encode(dataset, layout):
                         raise ValueError(f"cannot write the dataset as EXR: the channel {channel[:60]}... would have a "
                                          f"name of {len(channel.encode())} bytes, and EXR cuts names beyond "
                                          f"{LONGEST_NAME}; shorten the names or write it as netCDF.")
-                    # Contiguous, for the library writes any other array wrong without a word.
+                    # the library writes arrays that are not contiguous wrongly, without an error
                     channels[channel] = np.ascontiguousarray(pixels)
         variables[name] = entry
     coords = {name: {"dims": list(coord.dims), "dtype": coord.dtype.str, "attrs": _strict(coord.attrs, name),
@@ -317,7 +304,7 @@ def _encode(dataset, layout):
 
 
 def _picture(dataset, layout):
-    """Lay the picture's layers side by side, the port side mirrored so that the track is in the middle."""
+    """Return the picture with its layers side by side; port is mirrored, so that the track is in the middle."""
     name = layout["picture"]
     layers = [layer for layer in layout["layers"] if layer in dataset[name].dims]
     image = dataset[name].transpose(*layers, *layout["rows"], layout["column"]).values
@@ -328,14 +315,13 @@ def _picture(dataset, layout):
 
 
 def _layer_names(dim, coords, sizes):
-    """What the layers along a dimension are called: by the text of its coordinate, or bank0, bank1, ..."""
+    """Return the names of the layers along a dimension: the text of its coordinate, or bank0, bank1, ..."""
     if dim in coords and coords[dim].dtype.kind == "U":
         return coords[dim].values
     return [f"{dim}{number}" for number in range(sizes[dim])]
 
 
 def _channel(variable):
-    """Return the name of a variable's channel."""
     return CHANNELS.get(str(variable), str(variable))
 
 
@@ -348,7 +334,7 @@ def _prefixes(names):
 
 
 def _values(name, array):
-    """Return an array as one list of plain numbers or text, the last dimension fastest."""
+    """Return an array as one list of numbers or text, the last dimension fastest."""
     if array.dtype.kind in "mM":
         array = array.view(np.int64)
     if array.dtype.kind not in "fiubU":
@@ -365,7 +351,7 @@ def _variable(entry, sizes):
 
 
 def _kind(entry, count, longest=0):
-    """The type of a variable, if so many values of it may be: text is padded to the longest that the type allows."""
+    """Return the type of a variable; refuse text padded far beyond the longest value, which would fill the memory."""
     if not re.fullmatch(r"[<>|=][fiubcUmM]\d*(\[\w+\])?", entry["dtype"]):
         raise ValueError(f"{entry['dtype']} is no type of ours")
     kind = np.dtype(entry["dtype"])
@@ -375,7 +361,7 @@ def _kind(entry, count, longest=0):
 
 
 def _strict(value, where):
-    """Return plain JSON values, naming the attribute that cannot be one."""
+    """Return plain JSON values; an error names the attribute that cannot be one."""
     if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()
     if isinstance(value, dict):
@@ -393,7 +379,7 @@ def _strict(value, where):
 
 
 def header(path: FilePath) -> dict[str, Any]:
-    """Read the header of the first part of an OpenEXR file, of ours or not.
+    """Read the header of the first part of any OpenEXR file.
 
     Parameters
     ----------
@@ -402,12 +388,12 @@ def header(path: FilePath) -> dict[str, Any]:
     Returns
     -------
     dict
-        As the library gives it, ``channels`` and ``dataWindow`` among it.
+        Header as the library returns it, with ``channels`` and ``dataWindow``.
 
     Raises
     ------
     ValueError
-        If it is no OpenEXR file, or cut short.
+        If the file is not OpenEXR, or is cut short.
     """
     try:
         return OpenEXR.File(str(path), header_only=True).header(0)
@@ -416,7 +402,7 @@ def header(path: FilePath) -> dict[str, Any]:
 
 
 def _check_claims(path):
-    """Refuse a file that claims more pixels than its bytes can be unpacked to, before memory is given to it."""
+    """Refuse a file whose header claims more pixels than its bytes can hold, before memory is allocated."""
     size, claimed = os.path.getsize(path), 0
     try:
         file = OpenEXR.File(str(path), header_only=True)
@@ -431,13 +417,13 @@ def _check_claims(path):
 
 
 def _config_of(path):
-    """Find a file and read its header."""
+    """Read and check the header of a file that exists."""
     check_readable(path, wanted="an OpenEXR file")
     return _config(path, path)
 
 
 def _config(path, name):
-    """Read and check the header of one of our files; ``name`` is what a person calls it."""
+    """Read and check the header of a file of mitsonar; ``name`` is the file's name in errors."""
     remedy = "give an EXR file that mitsonar wrote"
     try:
         text = header(path).get(CONFIG)

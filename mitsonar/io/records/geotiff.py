@@ -1,16 +1,16 @@
-"""Maps as GeoTIFF files: what `mitsonar.imaging.mosaic` makes, for GIS.
+"""Write maps and focused images as GeoTIFF files, for GIS.
 
-One band, square pixels that stand for areas, the first row in the north. Nothing is NaN, or of whole numbers the
-largest, and named as such (nodata). The coordinate system is the map's; without one the file holds plain metres. Tags
-say how the map was made, and what the numbers of labels mean.
+Missing values are NaN; in integer rasters they are the largest value of the type, and the file's nodata tag names it.
+The coordinate system is that of the map or the scene; without one the file holds plain metres.
 
-Focused images as GeoTIFF files, for GIS.
+`write` makes one band of square pixels, which stand for areas, the first row in the north. Tags state how the map was
+made, and what the numbers of labels mean.
 
-A band each, float32: of every bank ``level``, ``image.real`` and ``image.imag``, then what else the image has over its
-grid: phase, coherence, height, shadow, labels and so on. (Bands of one file are of one type, and GIS do not draw
-complex ones.) A grid that is turned against north stays as it is: the place is a turned transform, which GDAL, QGIS and
-ArcGIS know; no value is resampled. The first row is the farthest ahead, columns go to starboard. The coordinate system
-is the scene's; without one the file holds plain metres of the scene.
+`write_focused` makes float32 bands, because the bands of a file have one type and GIS do not draw complex ones: for
+every bank ``level``, ``image.real`` and ``image.imag``, then the other variables over the grid (phase, coherence,
+height, shadow, labels and so on). No value is resampled: a grid that is turned against north
+has a turned transform, which GDAL, QGIS and ArcGIS support. The first row is the farthest ahead,
+and columns go to starboard.
 """
 from __future__ import annotations
 
@@ -31,14 +31,8 @@ from mitsonar.synthetic_aperture.record import check_image
 if TYPE_CHECKING:
     from rasterio.io import DatasetWriter
     from rasterio.transform import Affine
-
-if TYPE_CHECKING:
-    from rasterio.transform import Affine
-
 __all__ = ["opened", "write"]
-
-
-TAGS = ("cell", "place", "blend", "gain", "fill", "nadir_deg", "rule")      # of a mosaic, or a grid
+TAGS = ("cell", "place", "blend", "gain", "fill", "nadir_deg", "rule")      # of a mosaic or a grid
 UNITS = {"cell": " m", "fill": " m", "nadir_deg": " degrees"}
 TILE = 256
 
@@ -49,13 +43,13 @@ def write(chart: xr.Dataset, path: FilePath) -> None:
     Parameters
     ----------
     chart : xarray.Dataset
-        One variable over (y, x), in even steps; y falls. With the attributes ``cell`` [m] and ``crs``.
+        One variable over (y, x) in even steps, with y falling. Has the attributes ``cell`` [m] and ``crs``.
     path : str or path
 
     Raises
     ------
     ValueError
-        If it is no such map, or its coordinate system is unknown.
+        If the dataset is no such map, or its coordinate system is unknown.
     FileNotFoundError, PermissionError, OSError
         If the file cannot be written there.
     """
@@ -68,8 +62,8 @@ def write(chart: xr.Dataset, path: FilePath) -> None:
     west, north = float(chart["x"].values[0]) - 0.5 * cell, float(chart["y"].values[0]) + 0.5 * cell
     values = np.ascontiguousarray(band.values)
     nodata = float("nan") if values.dtype.kind == "f" else band.attrs["nodata"]
-    about = {name: _words(chart.attrs[name]) + UNITS.get(name, "") for name in TAGS
-             if chart.attrs.get(name) is not None}
+    about = {name: (value if isinstance(value, str) else f"{value:.6g}") + UNITS.get(name, "") for name in TAGS
+             if (value := chart.attrs.get(name)) is not None}
     if chart.attrs.get("names"):
         about["names"] = json.dumps(chart.attrs["names"], ensure_ascii=False)
     with opened(path, values.shape, 1, values.dtype, chart.attrs.get("crs"),
@@ -83,26 +77,28 @@ def write(chart: xr.Dataset, path: FilePath) -> None:
 @contextlib.contextmanager
 def opened(path: FilePath, shape: tuple[int, ...], bands: int, kind: np.dtype, crs: str | None, transform: Affine,
            nodata: float) -> Iterator[DatasetWriter]:
-    """Open a GeoTIFF to write to; it is there whole once the block ends, or not at all.
+    """Open a GeoTIFF to write to; the file appears complete at the end of the block, or not at all.
 
     Parameters
     ----------
     path : str or path
     shape : (int, int)
-        Rows and columns.
+        Numbers of rows and columns.
     bands : int
+        Number of bands.
     kind : numpy.dtype
-        Of all bands.
+        Type of all bands.
     crs : str or None
-        As rasterio takes it.
+        Coordinate system as rasterio accepts it.
     transform : Affine
-        Columns and rows of the corners of elements to eastings and northings [m].
+        Maps columns and rows of the corners of elements to eastings and northings [m].
     nodata : float
+        Value that stands for missing ones.
 
     Raises
     ------
     ValueError
-        If the coordinate system is unknown, or GDAL refuses.
+        If the coordinate system is unknown, or GDAL refuses to write.
     FileNotFoundError, PermissionError, OSError
         If the file cannot be written there.
     """
@@ -125,13 +121,9 @@ def opened(path: FilePath, shape: tuple[int, ...], bands: int, kind: np.dtype, c
             raise ValueError(f"cannot write {path}: {' '.join(str(error).split())}") from None
 
 
-def _words(value):
-    return value if isinstance(value, str) else f"{value:.6g}"
-
-
 FOCUSED_TAGS = ("sonar", "frequency", "seed", "window", "range_window", "file")
 PLACE = ("x", "y")
-MOST_LABEL = 1 << 24               # the last whole number that float32 tells from its neighbours
+MOST_LABEL = 1 << 24               # the last whole number that float32 separates from its neighbours
 
 
 def write_focused(image: xr.Dataset, path: FilePath) -> None:
@@ -140,20 +132,20 @@ def write_focused(image: xr.Dataset, path: FilePath) -> None:
     Parameters
     ----------
     image : xarray.Dataset
-        As `synthetic_aperture.record` says; its ``x`` and ``y`` are an even grid, of any heading. The attributes
-        ``crs`` and ``local_origin`` [m] place it on Earth.
+        Image as `synthetic_aperture.record` describes it. Its ``x`` and ``y`` are an even grid of any heading. The
+        attributes ``crs`` and ``local_origin`` [m] place it on Earth.
     path : str or path
 
     Raises
     ------
     ValueError
-        If it is no such image, its grid is not even on the map, or its coordinate system is unknown.
+        If the dataset is no such image, its grid is not even on the map, or its coordinate system is unknown.
     FileNotFoundError, PermissionError, OSError
         If the file cannot be written there.
     """
     check_image(image)
-    found = system(image.attrs)
-    crs = None if found is None else named_system(found)
+    projection = system(image.attrs)
+    crs = None if projection is None else named_system(projection)
     bands = list(_bands(image))
     shape = image.sizes["along_track"], image.sizes["across_track"]
     about = {name: str(image.attrs[name]) for name in FOCUSED_TAGS if image.attrs.get(name) is not None}
@@ -168,15 +160,15 @@ def write_focused(image: xr.Dataset, path: FilePath) -> None:
 
 
 def _bands(image: xr.Dataset) -> Iterator[tuple[str, np.ndarray, str]]:
-    """Name, values (along_track, across_track) and unit of every band."""
+    """Yield the name, values (along_track, across_track) and unit of every band."""
     order = ("bank", "along_track", "across_track")
     for bank in range(image.sizes["bank"]):
         of_banks = [(name, variable) for name, variable in image.data_vars.items() if variable.dims == order]
-        for name, variable in sorted(of_banks, key=lambda one: one[1].dtype.kind == "c"):  # GIS show the first: levels
+        for name, variable in sorted(of_banks, key=lambda item: item[1].dtype.kind == "c"):  # GIS show the first
             values, unit = variable.values[bank], str(variable.attrs.get("units", "1"))
             parts = {f"{name}.real": values.real, f"{name}.imag": values.imag} if values.dtype.kind == "c" else {
                 name: values}
-            yield from ((f"bank{bank}.{part}", some, unit) for part, some in sorted(parts.items(), reverse=True))
+            yield from ((f"bank{bank}.{part}", numbers, unit) for part, numbers in sorted(parts.items(), reverse=True))
     for name, variable in image.data_vars.items():
         if variable.dims != order[1:] or name in PLACE:
             continue
@@ -189,7 +181,7 @@ def _bands(image: xr.Dataset) -> Iterator[tuple[str, np.ndarray, str]]:
 
 
 def _transform(image: xr.Dataset) -> Affine:
-    """Corners of elements to eastings and northings; rows run against the track."""
+    """Return the transform from corners of elements to eastings and northings; rows run against the track."""
     from rasterio.transform import Affine
 
     rows, columns = image.sizes["along_track"], image.sizes["across_track"]

@@ -1,9 +1,10 @@
-"""Datasets as plain HDF5, for MATLAB, h5py and SAS codes: complex numbers in one piece.
+"""Write datasets as plain HDF5 with complex numbers in one piece, for MATLAB, h5py and SAS codes.
 
-A variable is an HDF5 dataset of its name, its dimensions are HDF5 dimension scales, units and what else is known are
-attributes. Complex numbers are a compound of ``r`` and ``i``, as h5py has them: ``h5py.File(path)["image"][:]`` is
-complex64, and MATLAB's ``s = h5read(path, "/image")`` gives ``complex(s.r, s.i)`` with the dimensions in reverse order.
-Attributes that are no plain value are JSON as in netCDF files (`records`). `mitsonar.read` gives what was written.
+A variable is an HDF5 dataset of its name, its dimensions are HDF5 dimension scales, and units and metadata are
+attributes. Complex numbers are a compound of ``r`` and ``i``, as in h5py: ``h5py.File(path)["image"][:]`` is
+complex64, and in MATLAB ``s = h5read(path, "/image")`` gives ``complex(s.r, s.i)`` with the dimensions in reverse
+order. Attributes that are not plain values are JSON as in netCDF files (`records`). `mitsonar.read` restores
+the dataset.
 """
 from __future__ import annotations
 
@@ -32,9 +33,8 @@ def write(record: xr.Dataset, path: FilePath) -> None:
     ValueError, OSError
         If the file cannot be written there.
     TypeError
-        If an attribute is of a kind that files cannot hold.
+        If an attribute has a type that files cannot hold.
     """
     dataset = encoded(record, whole=True)
-    encoding = packing(dataset)
     with replacing(path) as temporary, full_disk_told():
-        store(dataset, temporary, encoding=encoding)
+        store(dataset, temporary, encoding=packing(dataset))

@@ -1,4 +1,4 @@
-"""Images and signals in netCDF-4 files; see `records` for what stands in them."""
+"""Write images and signals to netCDF-4 files, and read them; `records` describes the contents."""
 import contextlib
 import errno
 import gc
@@ -22,11 +22,11 @@ from .self_contained import DataElsewhere, check_hdf5
 __all__ = ["BESIDE", "WRITTEN", "damage_told", "dataset_in", "full_disk_told", "has_room", "opened", "packing", "read",
            "store", "write"]
 
-WRITTEN = "pings_written"          # variable of a file that is written ping by ping: how many are whole
+WRITTEN = "pings_written"          # in a file that is written ping by ping: number of complete pings
 MOST_UNPACKED = 1100               # times the size of a file; zlib packs zeros to a 1032nd
 ALWAYS = 100_000_000               # bytes that any file may claim
 LISTS = 250_000                    # bytes that HDF5 may write beside the numbers: names, attributes, indices
-BESIDE = "attributes_beside"       # lists attributes of a file that are not the record's, but of a convention
+BESIDE = "attributes_beside"       # lists attributes that a convention adds to a file and the record does not have
 
 
 def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
@@ -42,7 +42,7 @@ def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
     ValueError, OSError
         If the file cannot be written there.
     TypeError
-        If an attribute is of a kind that files cannot hold.
+        If an attribute has a type that files cannot hold.
     """
     dataset = encoded(record)
     with replacing(path) as temporary, full_disk_told():
@@ -50,7 +50,7 @@ def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
 
 
 def packing(dataset: xr.Dataset) -> dict[str, dict[str, Any]]:
-    """Return the encoding of a dataset's variables that makes a file small; complex signals are read ping by ping."""
+    """Return the encoding of variables that makes a file small; complex signals get one chunk per ping."""
     packed: dict[str, dict[str, Any]] = {
         str(name): {"zlib": True, "complevel": 1} for name, variable in dataset.variables.items()
         if name not in dataset.indexes and variable.ndim and variable.dtype.kind in "biuf"}
@@ -63,13 +63,7 @@ def packing(dataset: xr.Dataset) -> dict[str, dict[str, Any]]:
 
 @contextlib.contextmanager
 def full_disk_told() -> Iterator[None]:
-    """Return the error of a full disk its number, which HDF5 tells in words alone.
-
-    Raises
-    ------
-    OSError
-        If the disk fills up within the block.
-    """
+    """Raise `OSError` with its errno for a full disk, which HDF5 reports only in words."""
     try:
         yield
     except (OSError, RuntimeError) as error:
@@ -79,22 +73,10 @@ def full_disk_told() -> Iterator[None]:
 
 
 def store(dataset: xr.Dataset, path: Path, **options: Any) -> None:
-    """Write a dataset as it is to a netCDF-4 file.
+    """Write a dataset unchanged to a netCDF-4 file; raise `OSError` if the disk has no room for the file.
 
-    The process can crash after the disk has filled up under the HDF5 library. Where little room is left, the file is
-    therefore made in memory first, to learn its size.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-    path : pathlib.Path
-    options
-        Of `xarray.Dataset.to_netcdf`.
-
-    Raises
-    ------
-    OSError
-        If the disk has no room for the file.
+    The process can crash after the disk has filled up under the HDF5 library. If little room is left, the file is
+    therefore made in memory first, to learn its size. ``options`` are those of `xarray.Dataset.to_netcdf`.
     """
     options["engine"] = ENGINE
     if not has_room(path, 2 * dataset.nbytes) and not has_room(path, len(dataset.to_netcdf(**options))):
@@ -103,13 +85,13 @@ def store(dataset: xr.Dataset, path: Path, **options: Any) -> None:
 
 
 def has_room(path: Path, size: int) -> bool:
-    """Return True if the disk has room for so many more bytes of a file, and for the lists that HDF5 keeps of them."""
+    """Return True if the disk has room for this many more bytes of a file, and for the lists that HDF5 adds."""
     return shutil.disk_usage(path.parent).free > size + LISTS
 
 
 @contextlib.contextmanager
 def _leftovers_hushed() -> Iterator[None]:
-    """Destroy objects that HDF5's wrappers leave half made where they fail, without their reports on the terminal."""
+    """Collect objects that HDF5's wrappers leave half made when they fail, without their reports on the terminal."""
     hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
     try:
         yield
@@ -124,7 +106,7 @@ def _leftovers_hushed() -> Iterator[None]:
 
 
 def read(path: FilePath) -> SonarImage | SonarSignals:
-    """Read what `write`, or the ``to_netcdf`` of a record, wrote.
+    """Read a file written by `write`, or by the ``to_netcdf`` of a record.
 
     Parameters
     ----------
@@ -135,13 +117,11 @@ def read(path: FilePath) -> SonarImage | SonarSignals:
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is no netCDF-4 file, or holds half of something.
+        If the file is not netCDF-4, or is incomplete.
     """
     check_readable(path, "the record", "a netCDF file")
     with dataset_in(path) as dataset:
-        lie = _lie(dataset, path) or _no_text(dataset, path)
-        if lie:
-            raise ValueError(lie)
+        _check_claims(dataset, path)
         with damage_told(path):
             dataset.load()
     record = _decoded(_whole(dataset, path), path)
@@ -151,48 +131,35 @@ def read(path: FilePath) -> SonarImage | SonarSignals:
 
 @contextlib.contextmanager
 def opened(path: FilePath, *, unfinished: bool = False) -> Iterator[SonarImage | SonarSignals]:
-    """Open what `write` wrote without reading all of it: values come from the file when they are used.
+    """Open a file written by `write` lazily: values are read when they are used.
 
     Parameters
     ----------
     path : str or path
     unfinished : bool
-        Also open a file that is written ping by ping and not finished; it has the pings that are whole.
+        Also open a file that is written ping by ping and not finished; the record then has only its complete pings.
 
     Raises
     ------
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is no netCDF-4 file, or damaged where it is read.
+        If the file is not netCDF-4, or is damaged where it is read.
     """
     check_readable(path, "the record", "a netCDF file")
     with dataset_in(path) as dataset:
-        lie = _lie(dataset, path) or _no_text(dataset, path)
-        if lie:
-            raise ValueError(lie)
+        _check_claims(dataset, path)
         try:
             yield _decoded(_whole(dataset, path, unfinished), path)
         except (OSError, RuntimeError) as error:
-            # it is of another file: HDF5 gives words alone
+            # errors with a number are of another file: HDF5 gives only words
             if getattr(error, "errno", None) is not None or isinstance(error, (FileNotFoundError, PermissionError)):
                 raise
             raise _unreadable(error, path) from None
 
 
 def dataset_in(path: FilePath) -> xr.Dataset:
-    """Open a netCDF-4 file that holds all of its own data; its numbers are read where they are used.
-
-    Parameters
-    ----------
-    path : str or path
-        Of an ordinary file, see `files.check_readable`.
-
-    Raises
-    ------
-    ValueError
-        If it refers to other files, is damaged, or is no netCDF-4 file.
-    """
+    """Open a netCDF-4 file lazily; raise `ValueError` if it refers to other files, is damaged, or is not netCDF-4."""
     with damage_told(path):
         check_hdf5(path)
         return xr.open_dataset(path, engine=ENGINE)
@@ -200,7 +167,7 @@ def dataset_in(path: FilePath) -> xr.Dataset:
 
 @contextlib.contextmanager
 def damage_told(path: FilePath) -> Iterator[None]:
-    """Raise `ValueError` for whatever the libraries raise within the block: a damaged file can lead them anywhere."""
+    """Raise `ValueError` for any error of the libraries within the block: a damaged file can lead to all kinds."""
     with _leftovers_hushed():
         try:
             yield
@@ -212,15 +179,16 @@ def damage_told(path: FilePath) -> Iterator[None]:
             raise _unreadable(error, path) from None
 
 
-def _no_text(dataset: xr.Dataset, path: FilePath) -> str:
-    """What is to be said of a file with text that is none; nothing of others."""
-    names = [dataset.attrs, *(variable.attrs for variable in dataset.variables.values())]
-    words = [*map(str, dataset.variables), *(word for attrs in names for word in (*attrs, *attrs.values()))]
-    for word in words:
+def _check_claims(dataset: xr.Dataset, path: FilePath) -> None:
+    """Raise `ValueError` if a file claims more numbers than its bytes can hold, or contains broken text."""
+    claimed, size = sum(variable.nbytes for variable in dataset.variables.values()), os.path.getsize(path)
+    if claimed > max(ALWAYS, MOST_UNPACKED * size):
+        raise ValueError(f"cannot read {path}: it claims {claimed:.2g} bytes of numbers, and has {size} bytes; write "
+                         "it again.")
+    every = [dataset.attrs, *(variable.attrs for variable in dataset.variables.values())]
+    for word in (*map(str, dataset.variables), *(word for attrs in every for word in (*attrs, *attrs.values()))):
         if isinstance(word, str) and any("\ud800" <= letter <= "\udfff" for letter in word):
-            return f"{path} is damaged: it holds {ascii(word[:40])}, which is no text; write it again."
-    return ""
-
+            raise ValueError(f"{path} is damaged: it holds {ascii(word[:40])}, which is no text; write it again.")
 
 def _unreadable(error: Exception, path: FilePath) -> ValueError:
     """Return the error for a file that HDF5 does not open or read."""
@@ -230,16 +198,8 @@ def _unreadable(error: Exception, path: FilePath) -> ValueError:
     return ValueError(f"{path} is no netCDF-4 file that can be read ({said}).")
 
 
-def _lie(dataset: xr.Dataset, path: FilePath) -> str:
-    """What is to be said of a file that claims more than its bytes can be unpacked to; nothing of others."""
-    claimed, size = sum(variable.nbytes for variable in dataset.variables.values()), os.path.getsize(path)
-    if claimed <= max(ALWAYS, MOST_UNPACKED * size):
-        return ""
-    return f"cannot read {path}: it claims {claimed:.2g} bytes of numbers, and has {size} bytes; write it again."
-
-
 def _whole(dataset: xr.Dataset, path: FilePath, unfinished: bool = False) -> xr.Dataset:
-    """The dataset with its whole pings, or `ValueError` if some are missing, of a file that is written ping by ping."""
+    """Return only the complete pings of a file that is written ping by ping; raise `ValueError` if some are missing."""
     if WRITTEN not in dataset:
         return dataset
     counter, pings = dataset[WRITTEN], dataset.sizes.get("ping", 0)
@@ -253,17 +213,12 @@ def _whole(dataset: xr.Dataset, path: FilePath, unfinished: bool = False) -> xr.
 
 
 def _decoded(dataset: xr.Dataset, path: FilePath) -> SonarImage | SonarSignals:
-    """The record in a dataset of a file; `ValueError` where parts of complex numbers do not fit."""
+    """Return the record in a file's dataset; raise `ValueError` if parts of complex numbers do not fit."""
     try:
-        return decoded(_own(dataset))
+        if BESIDE in dataset.attrs:
+            left = {BESIDE, *json.loads(dataset.attrs[BESIDE])}
+            dataset = dataset.drop_attrs(deep=False).assign_attrs(
+                {name: value for name, value in dataset.attrs.items() if name not in left})
+        return decoded(dataset)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{path} holds parts that do not fit: {error}; write it again.") from None
-
-
-def _own(dataset: xr.Dataset) -> xr.Dataset:
-    """The dataset without attributes that are not the record's."""
-    if BESIDE not in dataset.attrs:
-        return dataset
-    left = {BESIDE, *json.loads(dataset.attrs[BESIDE])}
-    return dataset.drop_attrs(deep=False).assign_attrs(
-        {name: value for name, value in dataset.attrs.items() if name not in left})

@@ -1,8 +1,8 @@
-"""A netCDF-4 file whose places are all given away at the start, and filled ping by ping.
+"""Write a netCDF-4 file ping by ping, with the room for every ping allocated at the start.
 
-HDF5 keeps lists of where things lie; a file whose lists are half written cannot be opened. So the file is made whole,
-with room for every ping, and closed. From then on only numbers change, in place: those of a ping, and, once these are
-on the disk, the count of whole pings.
+HDF5 keeps lists of where data lie, and a file whose lists are half written cannot be opened. The file is therefore
+first made complete, with room for every ping, and closed. From then on only numbers change, in place: those of a ping
+and, once these are on the disk, the count of complete pings.
 """
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from .netcdf import BESIDE, WRITTEN, packing
 from .records import ENGINE, JSON, encoded, plain_value
 from .self_contained import DataElsewhere, check_hdf5
 
-RUN = "run"                        # attribute: a digest of all that the pings have in common
-TOLD = ("seed", "file", "parameters", "sonar", "versions", "scene")     # what tells runs apart in words, in this order
+RUN = "run"                        # attribute: a digest of everything that the pings have in common
+TOLD = ("seed", "file", "parameters", "sonar", "versions", "scene")     # differences between runs that errors name
 
 
 def part_of(path: Path) -> Path:
@@ -37,7 +37,7 @@ def part_of(path: Path) -> Path:
 
 
 def size_of(first: xr.Dataset, count: int) -> int:
-    """Return the bytes that so many pings like the first take [bytes], to within some thousands."""
+    """Return the size of ``count`` pings like the first [bytes], to within some thousands."""
     return sum(int(variable.nbytes) * (count if "ping" in variable.dims else 1)
                for variable in first.variables.values())
 
@@ -45,11 +45,12 @@ def size_of(first: xr.Dataset, count: int) -> int:
 def fill(pings_from: Callable[[int], Iterator[xr.Dataset]], path: Path, *, count: int,
          check: Callable[[xr.Dataset], object], progress: Callable[[int, int], None] | None = None,
          target: Path | None = None) -> int:
-    """Write pings to a file of `lay_out`, or go on where the writing of the same pings was interrupted."""
+    """Write pings to a file of `lay_out`, or continue an interrupted file of the same pings; return the first written.
+    """
     start = 0
     if path.exists():
         with PingFile(path, count) as file:
-            # the last ping is made again where all are there: it tells whose they are
+            # if all pings are there, the last is made again to check that they belong to this run
             start = min(file.written, count - 1)
     made = iter(pings_from(start))
     first = next(made, None)
@@ -61,10 +62,10 @@ def fill(pings_from: Callable[[int], Iterator[xr.Dataset]], path: Path, *, count
         lay_out(path, encoded(first), count)
     with PingFile(path, count) as file:
         file.check_run(encoded(first))
-        for number, one in enumerate(itertools.chain([first], made), start):
+        for number, ping in enumerate(itertools.chain([first], made), start):
             if number == count:
                 raise ValueError(f"there are more pings than the {count} that were announced")
-            file.put(number, encoded(one[[name for name, some in one.variables.items() if "ping" in some.dims]]))
+            file.put(number, encoded(ping[[name for name, values in ping.variables.items() if "ping" in values.dims]]))
             if progress is not None:
                 progress(number + 1, count)
         if file.written < count:
@@ -75,7 +76,7 @@ def fill(pings_from: Callable[[int], Iterator[xr.Dataset]], path: Path, *, count
 
 
 def lay_out(path: Path, first: xr.Dataset, count: int) -> None:
-    """Make the file with room for all pings and none of them, whole or not at all."""
+    """Make the file with room for all pings and none of them, completely or not at all."""
     import h5netcdf
     import h5py
 
@@ -96,8 +97,8 @@ def lay_out(path: Path, first: xr.Dataset, count: int) -> None:
                 variable = first.variables[name]
                 dtype = _stored(variable)
                 stored = file.create_variable(str(name), variable.dims, dtype, dcpl=early.copy())
-                told = variable.attrs if dtype == variable.dtype else {**variable.attrs, "dtype": "bool"}
-                for key, value in told.items():
+                attrs = variable.attrs if dtype == variable.dtype else {**variable.attrs, "dtype": "bool"}
+                for key, value in attrs.items():
                     stored.attrs[key] = value
             counter = file.create_variable(WRITTEN, (), np.dtype(np.int64), dcpl=early.copy())
             counter[...] = 0
@@ -108,7 +109,7 @@ def lay_out(path: Path, first: xr.Dataset, count: int) -> None:
 
 @contextlib.contextmanager
 def _alone(path: Path) -> Iterator[None]:
-    """Raise `ValueError` where another program makes, fills or has just finished the same file."""
+    """Raise `ValueError` if another program makes, fills or has just finished the same file."""
     try:
         yield
     except (BlockingIOError, FileExistsError, FileNotFoundError):
@@ -117,7 +118,7 @@ def _alone(path: Path) -> Iterator[None]:
 
 
 class PingFile:
-    """A file of `lay_out`, open to be filled."""
+    """Fill a file of `lay_out` with pings."""
 
     def __init__(self, path: Path, count: int):
         import h5py
@@ -149,7 +150,7 @@ class PingFile:
         self.file.close()
 
     def check_run(self, first: xr.Dataset) -> None:
-        """Refuse a ping, as `records.encoded` gives it, that is of other echoes than those in the file."""
+        """Refuse a ping, as encoded by `records.encoded`, of another run than the file's."""
         if self.file.attrs.get(RUN) == _digest(first):
             return
         for name in (*TOLD, *(key for key in first.attrs if key not in TOLD)):
@@ -162,17 +163,18 @@ class PingFile:
                 raise ValueError(f"{self.path} was begun with {other}{words}; remove it, or give another name.")
         raise ValueError(f"{self.path} was begun with another scene; remove it, or give another name.")
 
-    def put(self, number: int, one: xr.Dataset) -> None:
-        """Write a ping, as `records.encoded` gives it, and once it is on the disk the count."""
-        for name in _moving(one):
-            found, place = one.variables[name], self.file.get(str(name))
-            if place is None or found.shape != (1, *place.shape[1:]) or _stored(found) != place.dtype:
+    def put(self, number: int, ping: xr.Dataset) -> None:
+        """Write a ping, as encoded by `records.encoded`, and then the count, once the ping is on the disk."""
+        names = _moving(ping)
+        for name in names:
+            values, place = ping.variables[name], self.file.get(str(name))
+            if place is None or values.shape != (1, *place.shape[1:]) or _stored(values) != place.dtype:
                 there = "nothing" if place is None else f"{place.dtype} {place.shape[1:]}"
-                raise ValueError(f"{name} of ping {number} is {found.dtype} {found.shape[1:]}, and the file has room "
+                raise ValueError(f"{name} of ping {number} is {values.dtype} {values.shape[1:]}, and the file has room "
                                  f"for {there}")
         try:
-            for name in _moving(one):
-                self.file[str(name)][number] = one.variables[name].values[0]
+            for name in names:
+                self.file[str(name)][number] = ping.variables[name].values[0]
             self._to_disk()
             self.file[WRITTEN][()] = number + 1
             self._to_disk()
@@ -181,7 +183,7 @@ class PingFile:
         self.written = number + 1
 
     def finish(self, target: Path) -> None:
-        """Rename the file to its final name while it is still locked: nobody else can begin to write it."""
+        """Rename the file to its final name while it is still locked, so that no other program begins to write it."""
         with _alone(self.path):
             os.replace(self.path, target)
 
@@ -194,7 +196,7 @@ class PingFile:
                 raise
 
     def _told(self, error: Exception, number: int) -> Exception:
-        """A full disk in words; HDF5 does not always give it a number."""
+        """Return an error of a full disk in words; HDF5 does not always give its number."""
         for code, words in FULL.items():
             if getattr(error, "errno", None) == code or os.strerror(code) in str(error):
                 plain = OSError(f"cannot write ping {number}: {words}; {self.path} keeps the pings before it, free "
@@ -205,19 +207,19 @@ class PingFile:
 
 
 def _said(value: Any) -> str:
-    """Return an attribute in words: dictionaries are JSON in the file."""
+    """Return an attribute in words; dictionaries are JSON in the file."""
     text = str(value)
     held = json.loads(text[len(JSON):]) if text.startswith(JSON) else text
-    return (", ".join(f"{key}={one}" for key, one in held.items()) or "none") if isinstance(held, dict) else str(held)
+    return (", ".join(f"{key}={item}" for key, item in held.items()) or "none") if isinstance(held, dict) else str(held)
 
 
 def _stored(variable: xr.Variable) -> np.dtype:
-    """Type of a variable in the file: netCDF has no booleans, and xarray reads bytes that are said to be some."""
+    """Return the type of a variable in the file: xarray reads int8 marked as bool, because netCDF has no booleans."""
     return np.dtype(np.int8) if variable.dtype == bool else variable.dtype
 
 
 def _check_room(first: xr.Dataset, count: int, path: Path) -> None:
-    """Refuse to begin what does not fit on the disk."""
+    """Refuse to begin a file that does not fit on the disk."""
     needed, free = size_of(first, count), shutil.disk_usage(path.parent).free
     if needed > free:
         raise OSError(f"cannot write {path}: {count} pings take {needed / 1e9:.3g} GB, and the disk has "
@@ -225,7 +227,7 @@ def _check_room(first: xr.Dataset, count: int, path: Path) -> None:
 
 
 def _moving(first: xr.Dataset) -> list[Any]:
-    """Names of the variables over pings."""
+    """Return the names of the variables over pings."""
     names = [name for name, variable in first.variables.items() if "ping" in variable.dims]
     for name in names:
         variable = first.variables[name]
@@ -236,7 +238,7 @@ def _moving(first: xr.Dataset) -> list[Any]:
 
 
 def _digest(first: xr.Dataset) -> str:
-    """What all pings of one run have in common, and no other run has."""
+    """Return a digest of everything that all pings of one run have in common."""
     digest = hashlib.sha256()
     digest.update(json.dumps({str(name): plain_value(value) for name, value in first.attrs.items()}, default=str,
                              sort_keys=True).encode())

@@ -1,14 +1,13 @@
-"""Raw echoes of a synthetic aperture in a netCDF-4 file, written and read ping by ping.
+"""Write and read raw echoes of a synthetic aperture in a netCDF-4 file, ping by ping.
 
-A netCDF-4 file is an HDF5 file, so that xarray, MATLAB, h5py and all else read it without mitsonar. ``signal_real`` and
-``signal_imag`` (ping, rx, sample) are float32 and lie in the file as they lie in memory, one ping after the other, not
-packed: noise does not shrink, and whoever wants may map them. Everything else stands beside them by the names of
-`synthetic_aperture.record`.
+A netCDF-4 file is an HDF5 file, so xarray, MATLAB and h5py read it without mitsonar. ``signal_real`` and
+``signal_imag`` (ping, rx, sample) are float32, one ping after the other and not compressed, because noise does not
+shrink; the file can therefore be mapped into memory. The other variables have the names of `synthetic_aperture.record`.
 
-While it is written the file is called FILE.part. All its places are given away at the start, so a ping changes no more
-than its own bytes; the number of pings that are whole, the variable ``pings_written``, is raised once these are on
-the disk. Whatever ends the writing, the file can be opened, and `write` goes on at the first ping that is missing. The
-finished file has the same bytes as if nothing had come between.
+While it is written the file is called FILE.part. Its room is allocated at the start, so a ping changes only its own
+bytes; the variable ``pings_written``, the number of complete pings, is raised once these are on the disk. After any
+interruption the file can be opened, and `write` continues at the first missing ping. The finished file has the same
+bytes as without an interruption.
 """
 from __future__ import annotations
 
@@ -29,32 +28,33 @@ __all__ = ["opened", "part_of", "pings", "read", "size_of", "write", "written"]
 
 def write(pings_from: Callable[[int], Iterator[xr.Dataset]], path: FilePath, *, count: int,
           progress: Callable[[int, int], None] | None = None) -> int:
-    """Write raw echoes ping by ping, or go on where the writing of the same echoes was interrupted.
+    """Write raw echoes ping by ping, or continue an interrupted file of the same echoes.
 
     Parameters
     ----------
     pings_from : callable(start) -> iterator of xarray.Dataset
-        The pings from that number on, each a record of one ping, all with the same variables without ``ping``.
+        Returns the pings from number ``start`` on, each a record of one ping. Variables without ``ping`` are the same
+        in all.
     path : str or path
-        The finished file; meanwhile it has .part at its end.
+        Finished file; until then its name has .part at the end.
     count : int
-        Of all pings.
+        Number of all pings.
     progress : callable(done, total) or None
         Called after every ping.
 
     Returns
     -------
     int
-        Number of the first ping that was written now; above 0 if an earlier writing goes on.
+        Number of the first ping that was written now; above 0 if an earlier file was continued.
 
     Raises
     ------
     ValueError
-        If what is there is of other echoes, or `pings_from` gives no raw echoes, too few pings or unlike ones.
+        If an interrupted file has other echoes, or `pings_from` yields no raw echoes, too few pings or unlike ones.
     FileNotFoundError, PermissionError
         If the file cannot be written there.
     OSError
-        If the disk has not enough room; the pings that are whole stay.
+        If the disk has not enough room; complete pings are kept.
     """
     target = check_writable(path)
     if count < 1:
@@ -63,7 +63,7 @@ def write(pings_from: Callable[[int], Iterator[xr.Dataset]], path: FilePath, *, 
 
 
 def written(path: FilePath) -> int:
-    """Return the number of whole pings that an interrupted writing left for a file of that name; 0 if there was none.
+    """Return the number of complete pings in an interrupted file of that name, or 0 if there is none.
 
     Raises
     ------
@@ -79,31 +79,31 @@ def written(path: FilePath) -> int:
     except FileNotFoundError:                          # another program has just finished it
         return 0
     except ValueError as error:
-        why = str(error).rstrip(".")
-        raise ValueError(f"cannot go on with {part}: {why}; remove it, or give another name.") from None
+        raise ValueError(f"cannot go on with {part}: {str(error).rstrip('.')}; remove it, or give another name."
+                         ) from None
 
 
 @contextlib.contextmanager
 def opened(path: FilePath, *, unfinished: bool = False) -> Iterator[SonarImage]:
-    """Open a file of raw echoes; ``signal`` comes from the file where it is used.
+    """Open a file of raw echoes lazily: ``signal`` is read when it is used.
 
     Parameters
     ----------
     path : str or path
     unfinished : bool
-        Also open what an interrupted writing left; the record has the pings that are whole, which may be none.
+        Also open an interrupted file; the record then has only its complete pings, which may be none.
 
     Yields
     ------
     SonarImage
-        An `xarray.Dataset` as `synthetic_aperture.record` says.
+        An `xarray.Dataset` as `synthetic_aperture.record` describes it.
 
     Raises
     ------
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it holds no raw echoes, is damaged where it is read, or is not finished.
+        If the file has no raw echoes, is damaged where it is read, or is not finished.
     """
     check_readable(path, "the raw echoes", "a netCDF file of raw echoes")
     with netcdf.opened(path, unfinished=unfinished) as record:
@@ -111,29 +111,29 @@ def opened(path: FilePath, *, unfinished: bool = False) -> Iterator[SonarImage]:
 
 
 def pings(record: xr.Dataset, start: int = 0) -> Iterator[xr.Dataset]:
-    """Return the pings of a record one by one, in memory; of an opened file no more than one is held.
+    """Yield the pings of a record one by one, loaded; only one ping of an opened file is in memory.
 
     Parameters
     ----------
     record : xarray.Dataset
     start : int
-        The first of them.
+        Number of the first ping.
     """
     still = record.drop_vars([name for name, variable in record.variables.items() if "ping" in variable.dims]).load()
     for number in range(start, record.sizes["ping"]):
-        one = record[[name for name in record.variables if name not in still.variables]]
-        one = one.isel(ping=slice(number, number + 1)).load()
-        yield still.assign(one.data_vars).assign_coords(one.coords).assign_attrs(record.attrs)
+        ping = record[[name for name in record.variables if name not in still.variables]]
+        ping = ping.isel(ping=slice(number, number + 1)).load()
+        yield still.assign(ping.data_vars).assign_coords(ping.coords).assign_attrs(record.attrs)
 
 
 def read(path: FilePath) -> SonarImage:
-    """Read raw echoes, all at once; raises as `opened`."""
+    """Read raw echoes completely; raise the errors of `opened`."""
     check_readable(path, "the raw echoes", "a netCDF file of raw echoes")
     return _checked(netcdf.read(path), path)
 
 
 def _checked(record: SonarImage | SonarSignals, path: FilePath) -> SonarImage:
-    """The record, or `ValueError` if it is no raw echoes."""
+    """Return the record, or raise `ValueError` if it is not raw echoes."""
     if not isinstance(record, SonarImage):
         raise ValueError(f"{path} holds element signals of an array, and raw echoes of a synthetic aperture were "
                          "wanted; write them by `mitsonar signals` of a synthetic_aperture sensor.")

@@ -1,10 +1,9 @@
-"""Images and signals as xarray has them, and able to go into netCDF files.
+"""Hold images and signals as xarray objects that netCDF files can store.
 
-netCDF knows neither dictionaries nor truth values, nothing that stands for None, and no complex numbers. So the
-attributes that are no plain value go as JSON in text that begins with "json:", complex signals as the variables
-``real`` and ``imag``, and complex variables of a dataset as `complex_parts` says. xarray reads such files without
-mitsonar; `mitsonar.read` gives what was written, bit for bit.
-Zarr holds all of it by itself.
+netCDF has no dictionaries, booleans, None or complex numbers. Attributes that are not plain values become JSON in text
+that begins with "json:", complex signals become the variables ``real`` and ``imag``, and `complex_parts` splits complex
+variables of a dataset. xarray reads such files without mitsonar; `mitsonar.read` restores the record bit for bit. Zarr
+stores all of this directly.
 """
 import json
 from typing import Any, TypeVar
@@ -17,14 +16,14 @@ from mitsonar.sonar.pulses.pulses import Pulse, pulse_of
 
 from . import complex_parts
 
-JSON = "json:"                     # marks an attribute that was no plain value
+JSON = "json:"                     # begins an attribute that was not a plain value
 ENGINE = "h5netcdf"
-RECORDED = ("level", "image", "signal")            # variables without which images and raw echoes are nothing
+RECORDED = ("level", "image", "signal")            # variables that a check for NaN looks at
 Record = TypeVar("Record", bound=xr.Dataset | xr.DataArray)
 
 
 class SonarImage(xr.Dataset):
-    """An `xarray.Dataset` that can be written to netCDF as it is."""
+    """Hold an image as an `xarray.Dataset` that can be written to netCDF directly."""
 
     __slots__ = ()
 
@@ -34,12 +33,12 @@ class SonarImage(xr.Dataset):
         return cls(dataset.data_vars, dataset.coords, dataset.attrs)
 
     def to_netcdf(self, path: FilePath | None = None, *arguments: Any, **options: Any) -> Any:
-        """Write to netCDF-4; arguments are those of `xarray.Dataset.to_netcdf`, the engine h5netcdf if not given."""
+        """Write to netCDF-4; the arguments are those of `xarray.Dataset.to_netcdf`, with h5netcdf as default engine."""
         return encoded(self).to_netcdf(path, *arguments, **_engine(arguments, options))
 
 
 class SonarSignals(xr.DataArray):
-    """An `xarray.DataArray` of element signals, responses or beams that can be written to netCDF as it is."""
+    """Hold element signals, responses or beams as an `xarray.DataArray` that can be written to netCDF directly."""
 
     __slots__ = ()
 
@@ -50,24 +49,24 @@ class SonarSignals(xr.DataArray):
 
     @property
     def pulse(self) -> Pulse:
-        """What was transmitted."""
+        """Return the transmitted pulse."""
         if self.attrs.get("pulse") is None:
             raise ValueError("these signals do not say which pulse was transmitted; take that of the scene's sensor.")
         return pulse_of(self.attrs["pulse"])
 
     def to_netcdf(self, path: FilePath | None = None, *arguments: Any, **options: Any) -> Any:
-        """Write to netCDF-4 as `encoded` says; arguments are those of `xarray.DataArray.to_netcdf`."""
+        """Write to netCDF-4 as `encoded` does; the arguments are those of `xarray.DataArray.to_netcdf`."""
         return encoded(self).to_netcdf(path, *arguments, **_engine(arguments, options))
 
 
 def not_all_nan(record: Record) -> Record:
-    """Return a record, or refuse it where its levels or samples are no numbers, or all NaN."""
+    """Return a record; raise `ValueError` if its levels or samples are not numbers, or all NaN."""
     arrays = [record] if isinstance(record, xr.DataArray) else [record[name] for name in RECORDED if name in record]
     for array in arrays:
         values = array.values
         if values.dtype.kind not in "biufc":
             raise ValueError(f"{array.name or 'the signals'} holds {values.dtype}, which is no number; write it again")
-        # few records begin with NaN: of the others only one number is looked at
+        # few records begin with NaN: in the others only one number is looked at
         if values.dtype.kind in "fc" and values.size and np.isnan(values.flat[0]) and np.isnan(values).all():
             raise ValueError(f"all numbers of {array.name or 'the signals'} are NaN, so the record holds nothing; "
                              "check the largest and smallest numbers of the scene")
@@ -90,7 +89,7 @@ def encoded(record: xr.Dataset | xr.DataArray, *, whole: bool = False) -> xr.Dat
 
 
 def decoded(dataset: xr.Dataset) -> SonarImage | SonarSignals:
-    """Return back what `encoded` was given."""
+    """Return the record that `encoded` was given."""
     dataset = dataset.assign_coords({name: (coord.dims, coord.values.astype(str), coord.attrs)
                                      for name, coord in dataset.coords.items() if coord.dtype.kind not in "biufmMU"})
     attrs = {key: _value(value) for key, value in dataset.attrs.items()}
@@ -110,7 +109,7 @@ def decoded(dataset: xr.Dataset) -> SonarImage | SonarSignals:
 
 
 def check_numbers(record: SonarImage | SonarSignals, path: FilePath) -> None:
-    """Check that an image has a level, or signals or raw echoes a sample, that is a number."""
+    """Refuse an image without any level, or signals or raw echoes without any sample, that is a number."""
     try:
         not_all_nan(record)
     except ValueError as error:
@@ -118,7 +117,7 @@ def check_numbers(record: SonarImage | SonarSignals, path: FilePath) -> None:
 
 
 def _replica(record):
-    """The samples of the pulse at the signals' rate."""
+    """Return the samples of the pulse at the signals' sampling rate."""
     pulse, rate = (record.attrs.get(name) for name in ("pulse", "sampling_rate"))
     if pulse is None or rate is None:
         return {}
@@ -128,7 +127,7 @@ def _replica(record):
 
 
 def plain_value(value: Any) -> str | int | float | np.integer | np.floating:
-    """Return a value that files hold as it is, or JSON."""
+    """Return a value that files can hold, or JSON."""
     if isinstance(value, (str, int, float, np.integer, np.floating)) and not isinstance(value, bool):
         return value
     return JSON + json.dumps(value)
@@ -141,5 +140,5 @@ def _value(value):
 
 
 def _engine(arguments, options):
-    """The options with an engine, unless one is given by name or place."""
+    """Return the options with an engine, unless one is given by name or position."""
     return options if len(arguments) > 3 else {"engine": ENGINE, **options}

@@ -1,9 +1,9 @@
-"""Records that hold all of their own data: HDF5 and netCDF-4 files and Zarr stores that send a reader to no other file.
+"""Check that records hold all of their own data, and refer to no other file.
 
 HDF5 can keep the numbers of a dataset in any other file (external raw storage, virtual datasets), and a group can be a
-link to another file. A Zarr store is a folder, whose entries can be symbolic links. Libraries follow all of them, so
-that a record from a stranger could read what only its reader may, or wait for a pipe for ever. Whatever opens such a
-record therefore calls one of these checks first. They read no number.
+link to another file. A Zarr store is a folder, whose entries can be symbolic links. Libraries follow all of them, so a
+record from a stranger could read files that only its reader may, or wait for a pipe for ever. Every reader of such a
+record therefore calls one of these checks first. The checks read no numbers.
 """
 import os
 import stat
@@ -14,7 +14,7 @@ DEEPEST = 100                      # groups within groups; the HDF5 library ends
 
 
 class DataElsewhere(ValueError):
-    """A record refers to data outside itself; what it says has no name of the file."""
+    """Report a record that refers to data outside itself; the message does not name the file."""
 
 
 def check_hdf5(path: FilePath) -> None:
@@ -30,12 +30,12 @@ def check_hdf5(path: FilePath) -> None:
                 raise RuntimeError(f"its groups are nested more than {DEEPEST} deep")
             for name in group:
                 kind = group.links.get_info(name).type
-                if kind == h5l.TYPE_SOFT:              # leads to a place in this file, which is visited by itself
+                if kind == h5l.TYPE_SOFT:              # leads to a place in this file, which is visited anyway
                     continue
                 if kind != h5l.TYPE_HARD:
                     raise _elsewhere(name, "a link to another file")
                 about = h5o.get_info(group, name)
-                if (about.fileno, about.addr) in seen:             # another name of the same thing, or a cycle
+                if (about.fileno, about.addr) in seen:             # another name of the same object, or a cycle
                     continue
                 seen.add((about.fileno, about.addr))
                 if about.type == h5o.TYPE_GROUP:

@@ -1,8 +1,8 @@
-"""Element signals and impulse responses in netCDF-4 files.
+"""Write element signals and impulse responses to netCDF-4 files, and read them.
 
-netCDF has no complex numbers: the variables ``real`` and ``imag`` (ping, tx, rx, sample) hold the two parts; axes,
-units and provenance are coordinates and attributes, what is no plain value among them as JSON; ``replica_real`` and
-``replica_imag`` are samples of the pulse. xarray reads the file without mitsonar; `read` gives the complex array back.
+netCDF has no complex numbers: the variables ``real`` and ``imag`` (ping, tx, rx, sample) hold the two parts. Axes,
+units and provenance are coordinates and attributes, as JSON where they are not plain values; ``replica_real`` and
+``replica_imag`` are samples of the pulse. xarray reads the file without mitsonar; `read` restores the complex array.
 """
 import xarray as xr
 
@@ -21,7 +21,7 @@ def write(path: FilePath, signals: xr.DataArray) -> None:
     ----------
     path : str or path
     signals : xarray.DataArray
-        Complex, as `mitsonar.element_signals` and `mitsonar.impulse_response` give them.
+        Complex signals of `mitsonar.element_signals` or `mitsonar.impulse_response`.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def write(path: FilePath, signals: xr.DataArray) -> None:
 
 
 def read(path: FilePath) -> SonarSignals:
-    """Read what `write` wrote.
+    """Read signals written by `write`.
 
     Parameters
     ----------
@@ -41,17 +41,17 @@ def read(path: FilePath) -> SonarSignals:
     Returns
     -------
     SonarSignals
-        An `xarray.DataArray`, complex64; its ``pulse`` is what was transmitted.
+        An `xarray.DataArray`, complex64; its ``pulse`` is the transmitted pulse.
 
     Raises
     ------
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it holds no signals of mitsonar.
+        If the file has no signals of mitsonar.
     """
-    found = netcdf.read(path)
-    if not isinstance(found, SonarSignals):
+    signals = netcdf.read(path)
+    if not isinstance(signals, SonarSignals):
         raise ValueError(f"{path} holds no signals: the variables real and imag are wanted, it has "
-                         f"{', '.join(map(str, found)) or 'none'}.")
-    return found
+                         f"{', '.join(map(str, signals)) or 'none'}.")
+    return signals
