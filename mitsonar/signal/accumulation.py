@@ -276,8 +276,7 @@ class ImpulseResponses:
     # -- one hit at one element ----------------------------------------------------------------------------------
 
     def _packets(self, hit, sample, delta, factor, row, group, active):
-        """Yield index and values of an echo's packets; `delta` is its extra delay and `factor` its gain at the element.
-        """
+        """Yield index and values of an echo's packets: `delta` is its extra delay, `factor` its gain at the element."""
         lib = self.lib
         real, imaginary, phase, fraction = hit
         cosine, sine = turned(lib, dr.fma(self.frequency, delta, phase))

@@ -2,7 +2,7 @@
 import pytest
 
 from mitsonar.cli import main as cli
-from mitsonar.validation import CASES, Case, Line, Panel, Row, Table
+from mitsonar.validation import CASES, Case, Compared, Curve, Panel, Table
 
 
 def test_says_its_numbers_and_writes_a_report(folder, capfd):
@@ -20,7 +20,7 @@ def test_writes_nothing_without_a_folder(folder, capfd):
 
 
 def test_an_error_beyond_what_is_allowed_is_exit_code_1(folder, capfd, monkeypatch):
-    table = Table((Row("one", 2.0, 1.0, 0.1, "m"),), (Panel("", "", "", (Line("", [1], [1]),)),))
+    table = Table((Compared("one", 2.0, 1.0, 0.1, "m"),), (Panel("", "", "", (Curve("", [1], [1]),)),))
     monkeypatch.setitem(CASES, "water", Case(title="t", text="t.", run=lambda quick: table))
     assert cli.main(["validate", "--only", "water", "-o", "report"]) == 1
     assert "1 of 1 beyond what is allowed" in capfd.readouterr().out

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from mitsonar.validation import CASES, Case, Line, Panel, Row, Table, report, validate
+from mitsonar.validation import CASES, Case, Compared, Curve, Panel, Table, report, validate
 from mitsonar.validation.case import worst
 from mitsonar.validation.report import draw
 
@@ -24,17 +24,17 @@ def test_every_comparison_is_within_what_is_allowed(variant, name):
 
 def made(got=1.0):
     """A case whose one number should be 1.0 ± 0.1."""
-    panel = Panel("t", "x", "y", (Line("a", [1.0, 2.0], [1.0, 4.0]), Line("a", [1.0], [1.0], ".")), "xy")
+    panel = Panel("t", "x", "y", (Curve("a", [1.0, 2.0], [1.0, 4.0]), Curve("a", [1.0], [1.0], ".")), "xy")
     return Case(title="Made up", text="Nothing.",
-                run=lambda quick: Table((Row("one | two", got, 1.0, 0.1, "m"),), (panel,), ("A note.",)))
+                run=lambda quick: Table((Compared("one | two", got, 1.0, 0.1, "m"),), (panel,), ("A note.",)))
 
 
 def test_rows_say_whether_they_hold():
-    row = Row("r", 1.2, 1.0, 0.1, "dB")
+    row = Compared("r", 1.2, 1.0, 0.1, "dB")
     assert row.error == pytest.approx(0.2) and row.share == pytest.approx(2) and not row.holds
-    assert Row("r", 0.95, 1.0, 0.1, "dB").holds
-    assert not Row("r", np.nan, 1.0, 0.1, "dB").holds
-    assert not Table((row, Row("r", 1.0, 1.0, 0.1, "dB")), ()).holds
+    assert Compared("r", 0.95, 1.0, 0.1, "dB").holds
+    assert not Compared("r", np.nan, 1.0, 0.1, "dB").holds
+    assert not Table((row, Compared("r", 1.0, 1.0, 0.1, "dB")), ()).holds
 
 
 def test_worst_is_told_with_its_number():
@@ -87,5 +87,5 @@ def test_many_panels_stand_in_rows():
 
 
 def test_numbers_are_said_to_a_tenth_of_what_is_allowed():
-    assert report._numbers(Row("r", 1.23456, 1.2, 0.2, "dB")) == ("1.23", "1.20", "+0.03", "0.2")
-    assert report._numbers(Row("r", 0.1234567891234, 0.1234567891, 1e-15, "s"))[3] == "1.0e-15"
+    assert report._numbers(Compared("r", 1.23456, 1.2, 0.2, "dB")) == ("1.23", "1.20", "+0.03", "0.2")
+    assert report._numbers(Compared("r", 0.1234567891234, 0.1234567891, 1e-15, "s"))[3] == "1.0e-15"
