@@ -15,7 +15,7 @@ BACKENDS = {"llvm_": "LLVM", "cuda_": "CUDA"}  # how a variant begins, and what 
 
 def report() -> None:
     """Print versions, libLLVM, usable variants, threads and caches, one line each."""
-    _line("mitsonar", f"{__version__}  {os.path.dirname(os.path.dirname(__file__))}")
+    _line("mitsonar", f"{__version__}  {os.path.dirname(os.path.dirname(os.path.dirname(__file__)))}")
     _line("python", f"{platform.python_version()}  {sys.executable}")
     for package in PACKAGES:
         _line(package, _version(package))
