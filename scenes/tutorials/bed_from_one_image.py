@@ -14,10 +14,10 @@ import tempfile
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import mitsonar  # before Mitsuba: it chooses the LLVM that Dr.Jit loads
 import mitsuba as mi
 import numpy as np
 
-import mitsonar  # before Mitsuba: it chooses the LLVM that Dr.Jit loads
 from mitsonar.inversion import Stage, fit_heights, fit_sediment_map
 
 SCALE = float(os.environ.get("TUTORIAL_SCALE", 1))

@@ -66,10 +66,10 @@ class Scene:
 
     def fields(self, **choice):
         """What `ImpulseResponses.add` takes."""
+        from mitsonar.device.arrays import arrays_of, upload
         import drjit as dr
         import mitsuba as mi
 
-        from mitsonar.device.arrays import arrays_of, upload
         from mitsonar.signal import centre
 
         lib = arrays_of(mi.Float)
@@ -91,9 +91,9 @@ class Scene:
 
 
 def _uploaded(rows):
+    from mitsonar.device.arrays import upload
     import mitsuba as mi
 
-    from mitsonar.device.arrays import upload
 
     return [upload(mi.Float, np.asarray(row, np.float32)) for row in rows]
 
@@ -112,9 +112,9 @@ def bincount(scene, elements):
 
 def make(elements, kernel, **choice):
     """An empty sum on the device."""
+    from mitsonar.signal import ImpulseResponses
     import mitsuba as mi
 
-    from mitsonar.signal import ImpulseResponses
 
     return ImpulseResponses(mi.Float, elements=elements, kernel=kernel, frequency=FREQUENCY,
                             **{"samples": SAMPLES, "sampling_rate": RATE, **choice})
@@ -122,9 +122,9 @@ def make(elements, kernel, **choice):
 
 def kernels(hits, elements, count):
     """Print rate and error of each kernel, and NumPy's."""
+    from mitsonar.propagation.returns.vector_approximation import level_difference, vector_difference
     import drjit as dr
 
-    from mitsonar.propagation.returns.vector_approximation import level_difference, vector_difference
     from mitsonar.signal import KERNELS, in_band_error_db, response_spectrum
 
     scene = Scene(hits, elements)

@@ -19,9 +19,9 @@ class Frame:
     """Echoes and beams."""
 
     def __init__(self, echoes, elements, beams, farthest):
+        from mitsonar.device.arrays import upload
         import mitsuba as mi
 
-        from mitsonar.device.arrays import upload
         from mitsonar.signal.beam_grid import LineBeams
         from mitsonar.sonar.pulses.pulses import lfm
 
@@ -53,9 +53,9 @@ class Frame:
 
 def stages(frame, ping):
     """CPU milliseconds of each stage of one frame, in order."""
+    from mitsonar.signal.beam_grid import NoiseDensity, line_beams
     import drjit as dr
 
-    from mitsonar.signal.beam_grid import NoiseDensity, line_beams
 
     spent, clock = {}, [measuring.busy()]
 

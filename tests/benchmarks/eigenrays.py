@@ -19,10 +19,10 @@ import argparse
 import json
 
 import measuring
+import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
 import mitsuba as mi
 import numpy as np
 
-import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
 from mitsonar.device.arrays import arrays_of
 from mitsonar.io import casts
 from mitsonar.propagation.numpy_rays.eigenrays import eigenrays

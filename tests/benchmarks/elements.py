@@ -31,9 +31,9 @@ def main(argv=None):
 
 def record_of(arguments, elements=1, **integrator):
     """Plan a ping."""
+    from mitsonar.scene.loading import prepare
     import mitsuba as mi
 
-    from mitsonar.scene.loading import prepare
     from mitsonar.survey.pressure.pressure import PressureRecord
 
     prepare()
@@ -58,10 +58,10 @@ def ensonified(record):
 
 def by_elements(arguments):
     """Print ms of ensonifying, of carrying and of reading, by the number of elements."""
+    from mitsonar.survey.pressure.echo_classes import SortedEchoes
     import drjit as dr
     import mitsuba as mi
 
-    from mitsonar.survey.pressure.echo_classes import SortedEchoes
 
     rows = []
     for elements in arguments.elements:

@@ -45,9 +45,9 @@ def main(argv=None):
 
 def load(arguments, pings, rays):
     """Load the scene for a number of pings."""
+    import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
     import mitsuba as mi
 
-    import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
     from mitsonar.scene.loading import prepare
 
     prepare()

@@ -22,12 +22,12 @@ import json
 import time
 from pathlib import Path
 
+import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
 import drjit as dr
 import measuring
 import numpy as np
 from drjit.auto import Float, Float64, UInt32
 
-import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
 from mitsonar.device.arrays import upload
 from mitsonar.io import casts
 from mitsonar.propagation import eigenray, return_time, return_time_error

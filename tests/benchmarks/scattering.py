@@ -12,12 +12,12 @@ import argparse
 from functools import partial
 from types import SimpleNamespace
 
+import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
 import drjit as dr
 import measuring
 import mitsuba as mi
 import numpy as np
 
-import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
 from mitsonar.scene import materials
 from mitsonar.scene.loading import prepare
 from mitsonar.survey.energy.energy import record

@@ -39,9 +39,9 @@ def main(argv=None):
 
 def strip(arguments):
     """Plan a strip over a flat bed of two facets."""
+    from mitsonar.scene.loading import prepare
     import mitsuba as mi
 
-    from mitsonar.scene.loading import prepare
 
     prepare()
     given = dict(one.split("=", 1) for one in arguments.attributes)
@@ -62,9 +62,9 @@ def strip(arguments):
 
 def work(arguments):
     """Make a step of a ping as often as lines come in; answer each with CPU and wall seconds and what there was."""
+    from mitsonar.survey.pressure import signals
     import drjit as dr
 
-    from mitsonar.survey.pressure import signals
     from mitsonar.survey.pressure.pressure import PressureRecord
 
     survey = strip(arguments)

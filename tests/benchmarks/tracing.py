@@ -14,12 +14,12 @@ sends them.
 """
 import argparse
 
+import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
 import drjit as dr
 import measuring
 import mitsuba as mi
 import numpy as np
 
-import mitsonar  # noqa: F401  (chooses libLLVM before Dr.Jit is imported)
 from mitsonar.device.arrays import arrays_of
 from mitsonar.io import casts
 from mitsonar.scene.loading import prepare
