@@ -211,7 +211,7 @@ def test_same_bytes_whatever_the_threads_and_pings(kind):
             same(frame, whole.isel(ping=[ping]))
     else:
         fewer = mitsonar.render(small(kind, noise=True, pings=5), seed=4)["level"].values
-        # a head's place is that of its whole run: its grid of sines is laid for all pings, to 1e-3 dB
+        # a rotating head's levels of a shorter run were seen to differ by 7e-4 dB, on the beam grid; its cause is open
         np.testing.assert_allclose(fewer, whole["level"].values[:5], rtol=0, atol=2e-3 if kind == "sector_scan" else 0)
     assert not np.array_equal(mitsonar.render(small(kind, noise=True, pings=pings), seed=5)["level"].values,
                               whole["level"].values)
