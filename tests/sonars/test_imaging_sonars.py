@@ -211,8 +211,14 @@ def test_same_bytes_whatever_the_threads_and_pings(kind):
             same(frame, whole.isel(ping=[ping]))
     else:
         fewer = mitsonar.render(small(kind, noise=True, pings=5), seed=4)["level"].values
-        # a rotating head's levels of a shorter run were seen to differ by 7e-4 dB, on the beam grid; its cause is open
-        np.testing.assert_allclose(fewer, whole["level"].values[:5], rtol=0, atol=2e-3 if kind == "sector_scan" else 0)
+        if kind == "sector_scan":
+            # A longer run's track is another spline: its velocities differ in the last bit, and so do a few echoes. The
+            # transforms, in single precision, spread that over the ping: 1e-8 of its strongest echo. Levels in single
+            # precision are 8e-6 dB apart at 110 dB, which is 9e-7 of the amplitude.
+            fewer, most = 10 ** (fewer / 20), 10 ** (whole["level"].values[:5] / 20)
+            assert (np.abs(fewer - most) <= 1e-6 * most.max(axis=1, keepdims=True)).all()
+        else:
+            np.testing.assert_array_equal(fewer, whole["level"].values[:5])
     assert not np.array_equal(mitsonar.render(small(kind, noise=True, pings=pings), seed=5)["level"].values,
                               whole["level"].values)
 
