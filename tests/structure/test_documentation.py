@@ -6,6 +6,7 @@ Every page of the manual runs from top to bottom in a folder of its own that has
 import ast
 import doctest
 import importlib
+import inspect
 import os
 import re
 import subprocess
@@ -110,3 +111,51 @@ def test_pages_run_from_top_to_bottom(pages, tmp_path):
                            env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True,
                            stdin=subprocess.DEVNULL, timeout=900, check=False)
     assert child.returncode == 0, child.stderr
+
+
+# ---- public names
+
+SHOWN = sorted([*PAGES, *(ROOT / "scenes" / "tutorials").glob("*.py")])
+
+
+def names_used(source):
+    """Yield the dotted names below `mitsonar` that Python source imports, or follows from a name it imported."""
+    tree, imported = ast.parse(source), {"mitsonar": "mitsonar"}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] == "mitsonar":
+            imported |= {alias.asname or alias.name: f"{node.module}.{alias.name}" for alias in node.names}
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name.startswith("mitsonar."))
+    yield from imported.values()
+    for node in ast.walk(tree):
+        steps = []
+        while isinstance(node, ast.Attribute):
+            steps.insert(0, node.attr)
+            node = node.value
+        if steps and isinstance(node, ast.Name) and node.id in imported:
+            yield ".".join([imported[node.id], *steps])
+
+
+def not_public(name):
+    """Return the first part of a dotted name that is missing from its package's list; None where all are public."""
+    place = importlib.import_module("mitsonar")
+    for step in name.split(".")[1:]:
+        if not inspect.ismodule(place):
+            return None                                     # an attribute of a class, or of what a function returned
+        public = place.__all__ if hasattr(place, "__path__") else dir(place)
+        if step not in public and not step.startswith("__"):
+            return f"{place.__name__}.{step}"
+        place = getattr(place, step)
+    return None
+
+
+@pytest.mark.parametrize("page", [pytest.param(page, id=page.relative_to(ROOT).as_posix()) for page in SHOWN])
+def test_pages_and_tutorials_use_public_names_alone(page):
+    text = page.read_text(encoding="utf-8")
+    sources = [text] if page.suffix == ".py" else [block.text for block in blocks(text) if block.language == "python"]
+    assert not [private for source in sources for name in names_used(source) if (private := not_public(name))]
+
+
+def test_a_private_name_on_a_page_is_found():
+    used = names_used("import mitsonar\nfrom mitsonar import survey\nmitsonar.render\nsurvey.kinds.KINDS")
+    assert set(map(not_public, used)) == {None, "mitsonar.survey"}
