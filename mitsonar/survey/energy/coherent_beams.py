@@ -1,7 +1,7 @@
-"""Echoes that have a phase, as the beams of an array or of a rotating head receive them: targets and smooth surfaces.
+"""Coherent echoes of targets and smooth surfaces, as the beams of an array or of a rotating head receive them.
 
-Pressures of an instance in a bin add, and are then squared. The pulse and the beams' side lobes blur what is squared as
-they do all energies (`array_beams`): the picture itself takes its pressures from the elements' signals.
+Pressures of an instance in a bin add, and are then squared. The pulse and the beams' side lobes blur these squares like
+all energies (`array_beams`); the picture itself takes its pressures from the elements' signals.
 """
 from __future__ import annotations
 
@@ -28,28 +28,22 @@ FLAT_BAND = 0.75                   # c / 2B of the two thirds of a sampled band 
 
 
 class BeamsOfPings(Protocol):
-    """Hold beams that receive echoes.
+    """Beams that receive echoes."""
 
-    Attributes
-    ----------
-    count : int
-        Of a ping.
-    """
-
-    count: int
+    count: int  # beams of a ping
 
     def receive(self, place: Place, ping: mi.UInt32, sent: Vector,
                 towards: Vector) -> tuple[mi.UInt32, mi.Float]:
-        """Return the beam that receives echoes, and its two-way intensity; see `array_beams.ArrayBeams`."""
+        """Return the beam that receives each echo, and its two-way intensity; see `array_beams.ArrayBeams`."""
         ...
 
     def shown(self, intensity: np.ndarray) -> np.ndarray:
-        """Return what the picture makes of intensities (rows, ..., bins)."""
+        """Return intensities (rows, ..., bins) as the picture shows them."""
         ...
 
 
 class CoherentBeams:
-    """Hold the coherent echoes that beams of an array receive."""
+    """Coherent echoes that beams of an array receive."""
 
     def __init__(self, survey: ArraySurvey, sound: SoundPaths, beams: BeamsOfPings, bins: EnergyBins, *, drift: float):
         self._sights, self._beams, self._bins = sound.sights, beams, bins
@@ -63,17 +57,11 @@ class CoherentBeams:
 
     @property
     def silent(self) -> bool:
-        """Return True if nothing in the scene has a phase of its own."""
+        """Return True if the scene has no coherent echoes."""
         return not (self._smooth or self._targets)
 
     def sum(self, place: Place) -> CoherentSums:
         """Sum the echoes of a block of pings; arrays (pings x beams, ..., bins)."""
-        power = self._power(place)
-        return CoherentSums(label_power=power, record=CoherentRecord(
-            intensity=self._beams.shown(power.sum(1)), in_beam=np.asarray(power.any(1), np.uint32)))
-
-    def _power(self, place: Place) -> np.ndarray:
-        """Return squared pressures, (pings x beams, labels, bins) [µPa²]."""
         shape = len(place.ping) * self._beams.count, self._labels, self._bins.count
         real_sum, imaginary_sum = np.zeros(shape), np.zeros(shape)
         for ping, label, echoes in self._echoes(place):
@@ -90,10 +78,12 @@ class CoherentBeams:
                 np.broadcast_to(column.numpy(), dr.width(inside)) for column in columns)
             where = ((row.astype(np.int64) * self._labels + label - 1) * self._bins.count + bin)[inside]
             z = ((real + 1j * imaginary) * root * np.exp(-1j * phase))[inside]
-            # what comes in several blocks is one echo: it is squared when it is whole
+            # parts of one echo may come in several blocks, so sums are squared at the end
             real_sum += np.bincount(where, z.real, real_sum.size).reshape(shape)
             imaginary_sum += np.bincount(where, z.imag, real_sum.size).reshape(shape)
-        return self._source_power * (real_sum ** 2 + imaginary_sum ** 2)
+        power = self._source_power * (real_sum ** 2 + imaginary_sum ** 2)       # (rows, labels, bins) [µPa²]
+        return CoherentSums(label_power=power, record=CoherentRecord(
+            intensity=self._beams.shown(power.sum(1)), in_beam=np.asarray(power.any(1), np.uint32)))
 
     def _echoes(self, place: Place) -> Iterator[tuple[mi.UInt32, mi.UInt32, Echoes]]:
         """Yield the numbers of pings in the block, the labels and the echoes of all targets and smooth surfaces."""

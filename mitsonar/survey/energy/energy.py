@@ -1,20 +1,17 @@
-"""The energy record: powers summed per row, bin, label and path.
+"""Energy record: powers summed per row, bin, label and path, with the ground truth of every bin.
 
 The stages of a block of pings, in order (`EnergyBlock.echoes`):
 
-    place      where the pings are sent, and how the sonar moves meanwhile                   `places`, `underway`
+    place      places that pings are sent from, and the sonar's motion during the record     `places`, `underway`
     launch     directions drawn where beam and time axis need them, with solid angles        `sides`, `beams`
     trace      bent rays to their first hit, and on to the seabed that objects hide          `tracing.tracer`
     scatter    strength of the hit's material, times the sonar equation                      `first_hits`
-    sum        into time bins, by row, label and path                                        `echoes.energy_sums`
+    sum        sums in time bins, by row, label and path                                     `echoes.energy_sums`
     others     echoes of several bounces, of the water, and those that have a phase          `sides`, `beams`
-    read       physical units, and the truth of every bin                                    `truth`
+    read       physical units, and the truth of every bin                                    `truth`, `origin_sums`
 
-What a row is, the rows say (`rows.Rows`). Everything between launch and the bins is one Dr.Jit kernel; its numbers are
-opaque, so a scene compiles once. Random numbers are hashed from (seed, ping, row, ray): neither blocks nor threads
-change them.
-
-Ground truth of bins, from the rays of an energy record: see `imaging.truth` and `echoes.origin_sums`.
+`rows.Rows` defines a row. Everything between launch and the bins is one Dr.Jit kernel; its numbers are opaque, so a
+scene compiles once. Random numbers are hashed from (seed, ping, row, ray): neither blocks nor threads change them.
 """
 from __future__ import annotations
 
@@ -40,13 +37,13 @@ from mitsonar.scene.tracing.hits import Hits
 
 from ..motion.places import Place, Places
 from ..survey import Survey
-from .first_hits import FirstHits, received
-from .rows import Rays, RaysOf, RowResponse, Rows
+from .first_hits import FirstHits, HitEchoes, received
+from .rows import Rays, RaysOf, Rows
 from .sound_paths import SoundPaths
 
 
 class TruthSums:
-    """Sum where the echoes of a block come from, bin by bin."""
+    """Places and labels that the echoes of a block come from, summed bin by bin."""
 
     def __init__(self, geometry: Geometry, rows: Rows):
         self.hides, self._rows, self._lib = geometry.named.hides, rows, arrays_of(mi.Float)
@@ -61,51 +58,48 @@ class TruthSums:
         dr.eval(self._kinds)
 
     def sums(self, rows: int) -> OriginSums:
-        """Return empty sums of so many rows."""
+        """Return empty sums for a number of rows."""
         return OriginSums(self._lib, rows, self._rows.labels, self._rows.bins.count, self.hides)
 
-    def add(self, sums: OriginSums, place: Place, rays: Rays, hits: Hits, *, response: RowResponse, bin: mi.UInt32,
-            units: mi.Float64, active: mi.Bool) -> None:
-        """Add rays that arrive from where they hit."""
-        kind = dr.gather(mi.UInt32, self._kinds, hits.label, active)
+    def add(self, sums: OriginSums, place: Place, rays: Rays, hits: Hits, echoes: HitEchoes) -> None:
+        """Add the origins of rays' echoes."""
+        kind = dr.gather(mi.UInt32, self._kinds, hits.label, echoes.active)
         point = [dr.clip(mi.Float((v - corner) * per_metre), 0, 1) for v, corner, per_metre in
                  zip((hits.point.x, hits.point.y, -hits.point.z), self._corner, self._per_metre)]
-        sums.add(row=response.row, bin=bin, units=units, place=point, seabed=kind == SEABED, active=active,
-                 in_beam=response.in_beam,
+        sums.add(row=echoes.response.row, bin=echoes.bin, units=echoes.units, place=point, seabed=kind == SEABED,
+                 active=echoes.active, in_beam=echoes.response.in_beam,
                  sector=sector(-rays.direction.z, place.depth_below(rays.ping), self._farthest))
 
     def read(self, sums: OriginSums, unit: np.ndarray, energy: SummedEnergy,
              coherent: CoherentSums | None) -> BinTruth:
         """Return the block's truth."""
         # unit [µPa²]
-        known, shown = sums.read(unit, self._lower, self._upper), self._rows.shown
+        origins, shown = sums.read(unit, self._lower, self._upper), self._rows.shown
         with_phase = () if coherent is None else (coherent.label_power, coherent.record.intensity)
-        arriving = truth.shares(energy.label_intensity, np.asarray, *with_phase)
+        own = truth.shares(energy.label_intensity, np.asarray, *with_phase).copy()
         hidden, object_shadow = (np.zeros(energy.intensity.shape, kind) for kind in (np.float32, np.uint32))
-        if known.hidden_intensity is not None:
+        if origins.hidden_intensity is not None:
             hidden, object_shadow = truth.shadows(
-                known.hidden_intensity, known.seabed_intensity, energy.intensity, shown,
+                origins.hidden_intensity, origins.seabed_intensity, energy.intensity, shown,
                 0.0 if coherent is None else coherent.record.intensity)
         meets = energy.meets
         if coherent is not None:
             meets = meets | ((coherent.record.in_beam > 0)[:, None] & (coherent.label_power > 0))
-        # side lobes bring an object's echo to bins that are not its own: in a shadow they may be the most of all
-        own = arriving.copy()
+        # side lobes bring an object's echo to bins that are not its own: in a shadow it may be the strongest echo
         own[:, self._objects] *= meets[:, self._objects]
         return BinTruth(label=np.where(own.any(1), own.argmax(1) + 1, 0).astype(np.uint32),
                         share=truth.shares(energy.label_intensity, shown, *with_phase), hidden=hidden,
-                        object_shadow=object_shadow, layover=known.layover, seabed_place=known.seabed_place)
+                        object_shadow=object_shadow, layover=origins.layover, seabed_place=origins.seabed_place)
 
 
 def record(survey: Survey, rows: Rows, seed: int = 0,
            progress: Callable[[int, int], None] | None = None) -> EnergyRecord:
-    """Make the energy record of a survey."""
-    pings, size = survey.track.pings, rows.pings_per_block
-    block = EnergyBlock(survey, rows, int(seed))
+    """Compute the energy record of a survey."""
+    pings, block = survey.track.pings, EnergyBlock(survey, rows, int(seed))
 
     def blocks():
-        for start in range(0, pings, size):
-            end = min(start + size, pings)
+        for start in range(0, pings, rows.pings_per_block):
+            end = min(start + rows.pings_per_block, pings)
             yield block.echoes(np.arange(start, end))
             if progress is not None:
                 progress(end, pings)
@@ -114,12 +108,12 @@ def record(survey: Survey, rows: Rows, seed: int = 0,
 
 
 class EnergyBlock(Generic[RaysOf]):
-    """Make the record of blocks of pings."""
+    """Energy records of blocks of pings."""
 
     def __init__(self, survey: Survey, rows: Rows[RaysOf], seed: int):
         geometry, self._lib = survey.geometry, arrays_of(mi.Float)
         self._rows, self._seed, self._depth_range = rows, seed, geometry.depth_range
-        # half the two-way time, and what a sonar gains that comes nearer meanwhile
+        # half the two-way time, and the distance by which a sonar may come nearer during it
         fastest = float(np.max(survey.profile.sound_speed))
         self._sound = SoundPaths.of(
             survey, 0.5 * rows.bins.end * fastest * (1 + 0.5 * rows.underway.drift(rows.bins.sound_speed)),
@@ -131,7 +125,7 @@ class EnergyBlock(Generic[RaysOf]):
         self._mirrors, self._surface = geometry.surface_mirrors, dr.opaque(mi.UInt32, geometry.surface_label)
 
     def echoes(self, ping: np.ndarray) -> EnergyRecord:
-        """Return the record of pings with these numbers (B,); arrays (B x rows, ..., bins)."""
+        """Return the record of the pings with given numbers (B,); arrays (B x rows, ..., bins)."""
         rows, place = self._rows, self._places.of(ping)
         sums = EchoSums(self._lib, place.rows, rows.labels, rows.bins.count, self._depth_range, len(rows.paths))
         origins = self._truth.sums(place.rows)
@@ -144,40 +138,39 @@ class EnergyBlock(Generic[RaysOf]):
         return self._read(sums, origins, place)
 
     def _traced(self, place: Place, rays: RaysOf, origins: OriginSums | None = None) -> Hits:
-        """Trace to the first hits; what objects hide from there goes into `origins`."""
+        """Trace rays to their first hits, and add the echoes that objects hide to `origins`."""
         way = place.sources, place.origin(rays.ping), place.source(rays.ping), rays.direction
         if origins is None:
             hits = self._sound.tracer.trace(*way)
         else:
             hits = self._sound.tracer.trace_with_hidden(*way, partial(self._add_hidden, origins, place, rays))
         if self._mirrors:
-            # no energy comes back from there: other sources have what a mirror sends on
+            # no energy comes back from there: other sources make the echoes by way of a mirror
             hits = replace(hits, valid=hits.valid & (hits.label != self._surface))
         return hits
 
     def _bins_of(self, place: Place, rays: RaysOf) -> tuple[mi.UInt32, mi.Bool]:
-        """Return bins that echoes of rays arrive in, and whether they do."""
+        """Return the bins that echoes of rays arrive in, and which echoes lie in the record."""
         hits = self._traced(place, rays)
         return self._rows.bins.of(received(place, rays, hits).delay, hits.valid)
 
     def _add(self, sums: EchoSums, origins: OriginSums, place: Place, rays: RaysOf, hits: Hits) -> None:
-        """Add the echoes of what rays hit first, and where they come from."""
+        """Add the echoes of first hits to `sums`, and their origins to `origins`."""
         echoes = self._first_hits.echoes(place, rays, hits)
         path = self._rows.paths.numbers(Paths.extended(mi.UInt32(1), hits.label == self._surface))
         sums.add(row=echoes.response.row, label=hits.label, bin=echoes.bin, units=echoes.units, path=path,
                  in_beam=echoes.response.in_beam, depth=mi.Float(-hits.point.z), active=echoes.active)
-        self._truth.add(origins, place, rays, hits, response=echoes.response, bin=echoes.bin, units=echoes.units,
-                        active=echoes.active)
+        self._truth.add(origins, place, rays, hits, echoes)
 
     def _add_hidden(self, origins: OriginSums, place: Place, rays: RaysOf, hits: Hits, hidden: Hits) -> None:
-        """Add what the seabed would send back if no object hid it, by the objects that do."""
+        """Add the seabed's echoes that objects hide, by the label of the hiding object."""
         echoes = self._first_hits.echoes(place, rays, hidden)
         counted = echoes.response.in_beam if self._rows.hidden_in_beam else True
         origins.add_hidden(row=echoes.response.row, label=hits.label, bin=echoes.bin, units=echoes.units,
                            active=echoes.active & counted)
 
     def _read(self, sums: EchoSums, origins: OriginSums, place: Place) -> EnergyRecord:
-        """Return the sums in physical units, with what has a phase and with the truth."""
+        """Return the sums in physical units, with the coherent echoes and the truth."""
         unit = 10 ** (self._rows.source_level_db / 10) * self._rows.bins.unit
         energy = sums.read(unit)
         coherent = None if self._coherent is None else self._coherent.sum(place)

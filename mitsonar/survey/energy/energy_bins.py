@@ -1,9 +1,7 @@
-"""The time bins of an energy record, and the unit that energies are summed in.
+"""Time bins of an energy record, the unit of their sums, and the directions in which a bin needs more rays.
 
 One unit of a bin is 2^-50 of 10^(SL/10) 10^(-2 α R / 10) Φ / R² (`echoes.energy_sums`), R the bin's slant range.
 Absorption stays in decibels until an echo meets its bin: in single precision powers end at -380 dB.
-
-Where a pass of rays shows that more are needed: in the directions that lead into time bins which few rays reach.
 """
 from __future__ import annotations
 
@@ -19,11 +17,11 @@ from mitsonar.scene.tracing.launch import CELLS
 
 
 class EnergyBins:
-    """Hold time bins on the device."""
-    # start [s]; length [s]; sound_speed [m/s]; beam [sr]; absorption_db [dB/m]; end [s]; slant_range [m]; unit [1/m²]
+    """Time bins on the device, with `slant_range` [m], `end` [s] and `unit` [1/m²]."""
 
     def __init__(self, *, start: float, length: float, count: int, sound_speed: float, beam: float,
                  absorption_db: float):
+        # start, length [s]; sound_speed [m/s]; beam [sr]; absorption_db [dB/m]
         self.count, self.end, self.sound_speed = count, start + length * count, sound_speed
         self.slant_range = 0.5 * sound_speed * (start + (np.arange(count) + 0.5) * length)
         nearest = 0.25 * sound_speed * length
@@ -38,51 +36,60 @@ class EnergyBins:
 
     @property
     def farthest(self) -> float:
-        """Return slant range at which the record ends [m]."""
+        """Return the slant range at which the record ends [m]."""
         return 0.5 * self.sound_speed * self.end
 
     def place(self, delay: mi.Float64) -> mi.Float64:
-        """Return two-way times [s] in bins from the beginning of the first."""
+        """Return two-way times [s] as numbers of bins since the beginning of the first."""
         return (delay - self._start) * self._per_second
 
     def of(self, delay: mi.Float64, valid: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:
-        """Return the bins of two-way times [s], and whether they lie in the record."""
+        """Return the bins of two-way times [s], and which of the times lie in the record."""
         place = self.place(delay)
         inside = valid & (place >= 0) & (place < mi.Float64(self.opaque_count))
         return mi.UInt32(dr.select(inside, place, 0)), inside
 
     def worth(self, bin: mi.UInt32, inside: mi.Bool, loss_db: mi.Float) -> tuple[DrJitArray, DrJitArray]:
-        """Return how many units make 1/m² in bins, and what a two-way absorption leaves relative to that of the unit.
-        """
+        """Return the number of a bin's units in 1/m², and the two-way transmission relative to that of the unit."""
         units, unit_loss_db = dr.gather(self._row, self._per_bin, bin, inside)
         return units, absorbed(loss_db - unit_loss_db)
 
     def units(self, energy: mi.Float, loss_db: mi.Float, bin: mi.UInt32, inside: mi.Bool) -> mi.Float64:
-        """Return echo energies [1/m²] that lose `loss_db` to absorption in units of their bins, 0 where not finite."""
+        """Return echo energies [1/m²], less an absorption of `loss_db`, in units of their bins; 0 where not finite."""
         units, loss = self.worth(bin, inside, loss_db)
         energy = energy * loss
         return dr.select(dr.isfinite(energy), mi.Float64(energy) * mi.Float64(units), 0)
 
 
-WINDOW_RAYS = 8                    # rays aside that a window of bins holds
+WINDOW_RAYS = 8                    # mean number of rays aside of the core in a window of bins
+
+
+def ray_need(row: mi.UInt32, cell: mi.UInt32, bin: mi.UInt32, inside: mi.Bool, *, rows: int,
+             bins: EnergyBins) -> np.ndarray:
+    """Return the need for rays of each cell, (rows, CELLS): the sum over its rays of 1 / (rays in the same bin)."""
+    # row, cell, bin, inside (R,)
+    index = row * bins.opaque_count + bin
+    count = _added(mi.UInt32(1), index, inside, rows * bins.count)
+    dr.eval(count, index, inside, cell)
+    share = mi.UInt64(2.0 ** 32 / mi.Float64(dr.maximum(dr.gather(mi.UInt32, count, index, inside), 1)))
+    return _added(share, cell, inside, rows * CELLS).numpy()[:rows * CELLS].reshape(rows, CELLS) / 2.0 ** 32
 
 
 def aside_need(row: mi.UInt32, cell: mi.UInt32, bin: mi.UInt32, inside: mi.Bool, aside: mi.Bool, *, rows: int,
                bins: EnergyBins, drawn: float, wanted: float) -> np.ndarray:
-    """Return how far each cell leads into bins that few rays reach, of rays within the core and of those aside of it.
+    """Return the need for rays of each cell, within the core and aside of it, (2, rows, CELLS).
 
-    A bin that only side lobes reach is reached by few rays of a first pass, if by any. What side lobes bring changes
-    slowly along the record, so that rays aside count for the bins around theirs:
+    Few rays of a first pass, if any, reach a bin that only side lobes see. Echoes of side lobes change slowly along the
+    record, so rays aside count for a window of bins around theirs:
 
         v = K n_a w/d,   c = n_c (1 - w) / (1 - d),   need_c = Σ c/n_c 1/(c + v),   need_a = Σ v/(K n_a) K [1/(c + v)]
 
     n -> rays of the first pass in a bin, d -> ``drawn``, w -> ``wanted``, K -> mean over a window of bins.
     """
-    # aside (R,) -> (2, rows, CELLS)
+    # row, cell, bin, inside, aside (R,)
     kind = dr.select(aside, dr.opaque(mi.UInt32, rows), mi.UInt32(0)) + row
     index = kind * bins.opaque_count + bin
-    count = dr.zeros(mi.UInt32, sum_size(2 * rows * bins.count))
-    dr.scatter_add(count, mi.UInt32(1), index, inside)
+    count = _added(mi.UInt32(1), index, inside, 2 * rows * bins.count)
     dr.eval(count, index, inside, aside, cell)
     core, beside = count.numpy()[:2 * rows * bins.count].reshape(2, rows, bins.count).astype(float)
     per_row = max(beside.sum() / rows, 1)
@@ -95,8 +102,8 @@ def aside_need(row: mi.UInt32, cell: mi.UInt32, bin: mi.UInt32, inside: mi.Bool,
     padded = np.zeros(sum_size(worth.size))
     padded[:worth.size] = worth.ravel()
     share = mi.UInt64(2.0 ** 32 * dr.gather(mi.Float64, upload(mi.Float64, padded), index, inside))
-    need = dr.zeros(mi.UInt64, sum_size(2 * rows * CELLS))
-    dr.scatter_add(need, share, dr.select(aside, dr.opaque(mi.UInt32, rows * CELLS), mi.UInt32(0)) + cell, inside)
+    cell = dr.select(aside, dr.opaque(mi.UInt32, rows * CELLS), mi.UInt32(0)) + cell
+    need = _added(share, cell, inside, 2 * rows * CELLS)
     return need.numpy()[:2 * rows * CELLS].reshape(2, rows, CELLS) / 2.0 ** 32
 
 
@@ -108,15 +115,8 @@ def _averaged(values: np.ndarray, reach: int) -> np.ndarray:
     return (summed[:, high] - summed[:, low]) / (high - low)
 
 
-def ray_need(row: mi.UInt32, cell: mi.UInt32, bin: mi.UInt32, inside: mi.Bool, *, rows: int,
-             bins: EnergyBins) -> np.ndarray:
-    """Return how far each cell of the table that rays were drawn through leads into bins that few rays reach."""
-    # row, cell, bin (R,); inside (R,)
-    index = row * bins.opaque_count + bin
-    count = dr.zeros(mi.UInt32, sum_size(rows * bins.count))
-    dr.scatter_add(count, mi.UInt32(1), index, inside)
-    dr.eval(count, index, inside, cell)
-    share = mi.UInt64(2.0 ** 32 / mi.Float64(dr.maximum(dr.gather(mi.UInt32, count, index, inside), 1)))
-    need = dr.zeros(mi.UInt64, sum_size(rows * CELLS))
-    dr.scatter_add(need, share, cell, inside)
-    return need.numpy()[:rows * CELLS].reshape(rows, CELLS) / 2.0 ** 32
+def _added(values: mi.UInt32 | mi.UInt64, index: mi.UInt32, active: mi.Bool, size: int) -> mi.UInt32 | mi.UInt64:
+    """Return values summed by index on the device, in at least `size` entries."""
+    sums = dr.zeros(type(values), sum_size(size))
+    dr.scatter_add(sums, values, index, active)
+    return sums

@@ -2,9 +2,9 @@
 
     b(u, v) = b_along(u) b_across(v)
 
-u is the cosine of a direction along the platform, v the sine of its angle to the face's normal, downwards: symbols as
-in `sonar.sidescan`; the two factors are `sonar.beam_shapes`. Directions are those of the body, whose faces may have
-moved and turned between transmission and reception.
+u is the cosine of a direction along the platform, v the sine of its angle to the face's normal, positive downwards, as
+in `sonar.sidescan`; the two factors are `sonar.beam_shapes`. Directions are in the body's frame, and the body may move
+and turn between transmission and reception.
 """
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ BEAM_EDGE = 0.25                   # two-way intensity at the edge of the main l
 
 
 class Lobes:
-    """Hold a `BeamShape` of a side on the device."""
-    # size [wavelengths]
+    """Lobes of a `BeamShape` on the device."""
 
     def __init__(self, shape: BeamShape, size: float):
+        # size [wavelengths]
         self._floor = dr.opaque(mi.Float, shape.floor) if shape.floor else None
         self._shielded = shape.shielded
         self._size, self._table = dr.opaque(mi.Float, size), None
@@ -39,25 +39,25 @@ class Lobes:
             dr.eval(self._table)
 
     def intensity(self, s: DrJitArray) -> DrJitArray:
-        """Return b² of sines s."""
+        """Return b² at sines s."""
         return self._filled(s, dr.square(self._lobes(s)))
 
     def pressure(self, s: DrJitArray) -> DrJitArray:
-        """Return b of sines s, with the sign of p."""
+        """Return b at sines s, with the sign of the pattern p without floor."""
         lobes = self._lobes(s)
         if self._floor is None:
             return lobes
         return dr.copysign(dr.sqrt(self._filled(s, dr.square(lobes))), lobes)
 
     def _filled(self, s, lobes):
-        """Return intensities of lobes at sines s, with the floor."""
+        """Return the intensities of lobes at sines s, raised to the floor."""
         if self._floor is None:
             return lobes
         floor = self._floor * dr.clip(1 + s, 0, 1) if self._shielded else self._floor
         return dr.fma(lobes, 1 - floor, floor)
 
     def _lobes(self, s):
-        """Return p of sines s."""
+        """Return p at sines s."""
         if self._table is None:
             return sinc(s * self._size)
         place = cast(DrJitArray, held(cast(Float, (s + 1) * self._per_sine), 0.0, cast(Float, self._end)))
@@ -67,10 +67,10 @@ class Lobes:
 
 
 class SideFace:
-    """Hold the beam of a face on the device."""
-    # wavelength [m]
+    """Beam of a face on the device."""
 
     def __init__(self, face: Aperture, wavelength: float):
+        # wavelength [m]
         self.along = Lobes(face.along_shape, face.length / wavelength)
         self.across = Lobes(face.across_shape, face.height / wavelength)
 
@@ -84,13 +84,12 @@ class SideFace:
 
 
 class FaceBeams:
-    """Hold the beams of the transmitting and of the receiving face, the same on either side."""
-    # depression [rad]
+    """Beams of the transmitting and of the receiving face, the same on either side."""
 
     def __init__(self, sonar: Sidescan):
         self.transmit = SideFace(sonar.transmit, sonar.wavelength)
         self.receive = self.transmit if sonar.one_face else SideFace(sonar.receive, sonar.wavelength)
-        self.depression = dr.opaque(mi.Float, sonar.depression_angle)
+        self.depression = dr.opaque(mi.Float, sonar.depression_angle)        # [rad]
 
     def across(self, body: mi.Vector3f) -> mi.Float:
         """Return v of body directions."""
@@ -98,8 +97,7 @@ class FaceBeams:
 
     def two_way(self, u: DrJitArray, v: DrJitArray, back_u: DrJitArray,
                 back_v: DrJitArray) -> tuple[DrJitArray, DrJitArray]:
-        """Return the two-way intensity along and across the platform, of what is sent to (u, v) and comes from others.
-        """
+        """Return the two-way intensity along and across the platform, sent to (u, v), received from the other pair."""
         return (_both(self.transmit.along, self.receive.along, u, back_u),
                 _both(self.transmit.across, self.receive.across, v, back_v))
 
@@ -108,9 +106,9 @@ class FaceBeams:
         return mi.Float(face.intensity(body.x, self.across(body)))
 
     def lobe(self, u: DrJitArray, back_u: DrJitArray) -> DrJitArray:
-        """Return the two-way intensity along the platform by which the main lobe is told from side lobes.
+        """Return the two-way intensity along the platform that separates the main lobe from side lobes.
 
-        What is sent and what is received are lobes side by side where the platform turns. The middle of their product
+        Where the platform turns, the transmitted and the received lobe lie side by side. The middle of their product
         lies half-way.
         """
         middle = 0.5 * (u + back_u)
@@ -118,6 +116,6 @@ class FaceBeams:
 
 
 def _both(transmit: Lobes, receive: Lobes, s: DrJitArray, back_s: DrJitArray) -> DrJitArray:
-    """Return the product of intensities; one face that sends and receives in one direction is looked at once."""
+    """Return the product of intensities; one face that sends and receives in one direction is evaluated once."""
     sent = transmit.intensity(s)
     return dr.square(sent) if receive is transmit and back_s is s else sent * receive.intensity(back_s)

@@ -1,9 +1,10 @@
-"""Compute the echoes that the rows of an energy record receive from the first hits of rays.
+"""Echoes that the rows of an energy record receive from the first hits of rays.
 
-All of it is arithmetic on the device without a loop, so gradients pass through it where hits carry them (`gradients`).
+The computation has no loop on the device, so gradients pass through it where hits carry them (`gradients`).
 """
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -20,26 +21,19 @@ from ..motion.underway import PingReception
 from .rows import Rays, RowResponse, Rows
 
 
-class Binning(Protocol):
-    """Return the bins of two-way times [s], and True for the times that count."""
-
-    def __call__(self, delay: mi.Float64, valid: mi.Bool, /) -> tuple[mi.UInt32, mi.Bool]: ...
-
-
-
 @dataclass(frozen=True, kw_only=True)
 class HitEchoes:
-    """Hold echoes of rays."""
+    """Echoes of rays."""
 
     units: mi.Float64  # (R,): energy, in units of the bins
     delay: mi.Float64  # (R,) [s]: from transmission to reception
-    response: RowResponse  # how the rows receive them
+    response: RowResponse
     bin: mi.UInt32  # (R,)
-    active: mi.Bool  # (R,): which of them count
+    active: mi.Bool  # (R,): True for echoes that count
 
 
 class Losses(Protocol):
-    """Compute absorption; `DeviceWater` does."""
+    """Absorption along ways, as `DeviceWater` computes it."""
 
     def loss_db(self, start: dr.ArrayBase, end: dr.ArrayBase, way: Way) -> mi.Float:
         """Return two-way absorption [dB], Float (R,), along ways between points, Array3f64 (R,) [m]."""
@@ -47,11 +41,13 @@ class Losses(Protocol):
 
 
 class FirstHits:
-    """Compute the echoes of first hits."""
+    """Echoes of first hits; `binning` replaces `EnergyBins.of` of the rows."""
 
-    def __init__(self, rows: Rows, water: Losses, binning: Binning | None = None, *, smooth_patches: bool = False):
+    def __init__(self, rows: Rows, water: Losses,
+                 binning: Callable[[mi.Float64, mi.Bool], tuple[mi.UInt32, mi.Bool]] | None = None, *,
+                 smooth_patches: bool = False):
         self._rows, self._water, self._smooth_patches = rows, water, smooth_patches
-        self._binning: Binning = rows.bins.of if binning is None else binning
+        self._binning = rows.bins.of if binning is None else binning
 
     def echoes(self, place: Place, rays: Rays, hits: Hits) -> HitEchoes:
         """Return the echoes of hits, as the rows receive them."""
@@ -66,10 +62,9 @@ class FirstHits:
                              sin_grazing=sin_grazing, spreading_area=hits.spreading_area,
                              speed_ratio=speed_ratio(hits.sound_speed, speed), loss=loss)
         return HitEchoes(units=mi.Float64(energy) * mi.Float64(units), delay=reception.delay, response=response,
-                         bin=bin,
-                      active=inside & dr.isfinite(energy))
+                         bin=bin, active=inside & dr.isfinite(energy))
 
 
 def received(place: Place, rays: Rays, hits: Hits) -> PingReception:
-    """Return when and from where the echoes of hits come back."""
+    """Return the times and directions in which the echoes of hits come back."""
     return place.receive(rays.ping, rays.direction, hits.point - place.origin(rays.ping), 2 * hits.travel_time)

@@ -1,7 +1,7 @@
-"""What an energy record asks of its rows: which rays, which row, which weight, how a bin shows.
+"""Interface of the rows of an energy record: their rays, response and display.
 
-A row is what one beam of the sonar receives of a ping: a side of a sidescan (`sides`), a beam of an array (`beams`).
-Both are classes of the protocol `Rows`; all else about an energy record is the same for them (`energy`).
+A row is the echo of a ping as one beam of the sonar receives it: a side of a sidescan (`sides`), a beam of an array
+(`beams`). Both follow the protocol `Rows`; everything else in an energy record is the same for them (`energy`).
 """
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ from .sound_paths import SoundPaths
 
 @dataclass(frozen=True, kw_only=True)
 class Rays:
-    """Hold rays of a pass, on the device."""
+    """Rays of a pass, on the device."""
 
     ping: mi.UInt32  # (R,): number within the block
     direction: mi.Vector3f  # (R,): unit, scene coordinates
-    solid_angle: mi.Float  # (R,) [sr]: that each ray stands for
+    solid_angle: mi.Float  # (R,) [sr]: share of each ray
 
 
 @dataclass(frozen=True, kw_only=True)
 class RowResponse:
-    """Hold the response of the rows of a record to echoes."""
+    """Response of the rows of a record to echoes."""
 
     row: mi.UInt32  # (R,): row of the block that an echo belongs to
     pattern: mi.Float  # (R,) [-]: two-way intensity pattern
-    in_beam: mi.Bool  # (R,): whether the echo comes through the main lobe
-    active: mi.Bool  # (R,): whether any row receives the echo
+    in_beam: mi.Bool  # (R,): True if the echo comes through the main lobe
+    active: mi.Bool  # (R,): True if a row receives the echo
 
 
 RaysOf = TypeVar("RaysOf", bound=Rays)
@@ -48,7 +48,7 @@ _RaysIn = TypeVar("_RaysIn", bound=Rays, contravariant=True)
 
 
 class EchoSource(Protocol[_RaysIn]):
-    """Add echoes other than those of first hits."""
+    """Source of echoes other than those of first hits."""
 
     def add(self, place: Place, rays: _RaysIn, hits: Hits, sums: EchoSums) -> None:
         """Add the echoes of a pass of rays to the sums."""
@@ -56,65 +56,49 @@ class EchoSource(Protocol[_RaysIn]):
 
 
 class CoherentSource(Protocol):
-    """Sum echoes that have a phase of their own."""
+    """Source of coherent echoes, which have a phase."""
 
     def sum(self, place: Place) -> CoherentSums:
-        """Sum them over a block of pings."""
+        """Return the sums of coherent echoes over a block of pings."""
         ...
 
 
 class Rows(Protocol[RaysOf]):
-    """Hold the rows of an energy record.
+    """Rows of an energy record."""
 
-    Attributes
-    ----------
-    per_ping, pings_per_block : int
-        Rows of a ping; pings that are rendered together.
-    labels : int
-        Number of instances that are told apart.
-    hidden_in_beam : bool
-        Whether what objects hide is told in the main lobe alone: where the bed hides itself, what side lobes miss would
-        be all there is.
-    paths : Paths
-        That are told apart.
-    frequency : float [Hz]
-    source_level_db : float [dB re 1 µPa @ 1 m]
-    bins : EnergyBins
-    underway : Underway
-    """
-
-    per_ping: int
+    per_ping: int  # rows of a ping
+    # True if only the main lobe counts for seabed that objects hide: where the bed hides itself, the hidden echoes of
+    # side lobes would be the only ones
     hidden_in_beam: bool
-    pings_per_block: int
-    labels: int
-    paths: Paths
-    frequency: float
-    source_level_db: float
+    pings_per_block: int  # pings that are rendered together
+    labels: int  # number of instances with sums of their own
+    paths: Paths  # paths with sums of their own
+    frequency: float  # [Hz]
+    source_level_db: float  # [dB re 1 µPa @ 1 m]
     bins: EnergyBins
     underway: Underway
 
     def passes(self, place: Place, seed: int,
                bins_of: Callable[[Place, RaysOf], tuple[mi.UInt32, mi.Bool]]) -> Iterator[RaysOf]:
-        """Yield the rays of a block, pass by pass; `bins_of` returns the bins of their echoes, and which arrive."""
+        """Yield the rays of a block, pass by pass; `bins_of` returns the bins of their echoes, and which count."""
         ...
 
     def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float) -> RaysOf:
-        """Return rays of directions that somebody else chose, Vector3f (R,), of pings with these numbers in the block.
-        """
+        """Return rays in given directions, Vector3f (R,), of the pings with given numbers in the block."""
         ...
 
     def response(self, place: Place, rays: RaysOf, towards: Vector) -> RowResponse:
-        """Return how echoes are received that come back from `towards`, the way their rays went."""
+        """Return the response to the echoes of rays that come back from `towards`."""
         ...
 
     def shown(self, intensity: np.ndarray) -> np.ndarray:
-        """Return what the picture makes of intensities (rows, ..., bins)."""
+        """Return intensities (rows, ..., bins) as the picture shows them."""
         ...
 
     def other_sources(self, sound: SoundPaths, seed: int) -> Sequence[EchoSource[RaysOf]]:
-        """Return the sources of the echoes that no first hit brings."""
+        """Return the sources of the echoes other than those of first hits."""
         ...
 
     def coherent(self, sound: SoundPaths) -> CoherentSource | None:
-        """Return the source of the echoes that have a phase of their own; None where the scene has none."""
+        """Return the source of coherent echoes, None where the scene has none."""
         ...

@@ -1,26 +1,25 @@
-"""Rays of a sidescan's sides, drawn through quantile tables: see `tracing.launch`.
+"""Rays of a sidescan's sides, drawn through quantile tables (`tracing.launch`), and the scout pings of these tables.
 
-A direction of a side is (u, φ), as `sonar.sidescan` has it. The tables of u follow the beam along the platform,
-wherever it turns while echoes are under way (`underway`); those of φ follow the time axis, or the beam across.
+A direction of a side is (u, φ), as in `sonar.sidescan`. The tables of u follow the beam along the platform, wherever it
+turns during the record (`underway`); those of φ follow the time axis, or the beam across.
 
 Rays aside of the core, |u| < u_c, are drawn by azimuth α and angle β below the plane of the body, u = cos β sin α:
 
     ΔΩ = 2 (π/2 - α_c) cos β Δβ / w,    sin α_c = u_c,    β = φ + δ cos φ
 
-and those with |u| < u_c weigh nothing. w -> share of rays aside in the cell; δ(α) makes up for how the body is tilted
-towards α, so that a cell of φ is about one slant range on a level bed whatever α is.
+and those with |u| < u_c have no weight. w -> share of rays aside in the cell; δ(α) compensates the tilt of the body
+towards α, so that a cell of φ is about one slant range on a level bed at every α.
 
-Pings that find out for their neighbours where rays are needed.
-
-The first pass of a ping tells which cells of its table lead into time bins that few rays reach (`ray_need`). Pings of a
-group ask one of them, the scout. Its table is carried to their own roll and height (`side_launch.SideLaunch.carried`):
-far off, a degree of roll is worth the range over the height. It decides where rays go, never what they weigh.
+The first pass of a ping finds the cells of its table that lead into time bins which few rays reach (`aside_need`).
+Pings of a group use the table of one of them, the scout, carried to their own roll and height (`SideLaunch.carried`):
+far off, a degree of roll moves a ray by the range over the height. The table decides the directions of rays, never
+their weights. Ping i uses the table of its scout s if both see ground in common at the end of the record,
 
     |x_i - x_s| + R |e_i - e_s| < w R
 
-x -> position, e -> forward axis of the body, R -> ``farthest``, w -> ``width``: a ping asks its scout s where both see
-ground in common at the end of the record, else it is a scout itself. Nearer by, the scout's answer is that of ground
-beside the ping's. Groups are numbered in the whole survey: blocks do not matter.
+x -> position, e -> forward axis of the body, R -> ``farthest``, w -> ``width``; else the ping is a scout itself. At
+shorter range the scout's table is that of ground beside the ping's. Groups are numbered in the whole survey, so blocks
+do not matter.
 """
 from __future__ import annotations
 
@@ -55,10 +54,17 @@ from .rows import Rays
 from .sidescan_survey import SidescanSurvey
 
 GROUP = 4                          # pings that may have a scout in common
+TALL = 16                          # strata of φ in a tall tile
+BOUNCE_SHARE = 1 / 3               # rays for paths of several bounces, relative to those of a pass
+WIDEST_CORE = 0.5                  # largest u at which the core ends
+MOST_TILT = 0.7                    # [rad] largest correction of β: below 1, angles stay in order
+LAYERS = 16                        # layers of water for the travel time to a level bed
+MANY_ASIDE, WAYS = 0.15, 8         # above this share of rays aside, a tile sends them in `WAYS` directions, not in one
+FIRST_ASIDE = 0.25                 # share aside in a first pass, which must find the ground that side lobes alone see
 
 
 def scouts(track: Track, farthest: float, width: float) -> np.ndarray:
-    """Return the number of the ping that each ping asks, (P,) int."""
+    """Return the number of the scout of each ping, (P,) int."""
     # farthest [m]; width [rad]
     ping = np.arange(track.pings)
     scout = np.minimum(ping // GROUP * GROUP + GROUP // 2, track.pings - 1)
@@ -68,52 +74,43 @@ def scouts(track: Track, farthest: float, width: float) -> np.ndarray:
     return np.where(apart < width * farthest, scout, ping)
 
 
-TALL = 16                          # strata of φ in a tall tile
-BOUNCE_SHARE = 1 / 3               # of a pass's rays: as many more are drawn for paths of several bounces
-WIDEST_CORE = 0.5                  # u at which the core ends, at most
-MOST_TILT = 0.7                    # [rad] that angles below the body's plane are mended by: below 1 they stay in order
-LAYERS = 16                        # of the water, for the time that rays take to a level bed
-MANY_ASIDE, WAYS = 0.15, 8         # share of rays aside from which a tile sends them in so many directions, not in one
-FIRST_ASIDE = 0.25                 # of the rays of a first pass: what lies in shadows for the beam is to be found out
-
-
 @dataclass(frozen=True)
 class Tables:
-    """Hold tables that the rays of rows are drawn through."""
+    """Tables that the rays of rows are drawn through."""
 
-    phi: np.ndarray  # [rad]: quantiles
-    aside: np.ndarray  # share of rays aside of the core in each cell
+    phi: np.ndarray  # (rows, CELLS + 1) [rad]: quantiles
+    aside: np.ndarray  # (rows, CELLS): share of rays aside of the core
 
 
 @dataclass(frozen=True, kw_only=True)
 class SideRays(Rays):
-    """Hold rays of sides."""
+    """Rays of sides."""
 
     row: mi.UInt32  # (R,): side of a ping of the block
     side: mi.Float  # (R,): -1 port, 1 starboard
-    cell: mi.UInt32  # (R,): of the table of φ that the ray was drawn through, (rows, CELLS)
-    aside: mi.Bool  # (R,): whether the ray was drawn aside of the core
+    cell: mi.UInt32  # (R,): cell of the tables of φ, (rows, CELLS), that the ray was drawn in
+    aside: mi.Bool  # (R,): True if the ray was drawn aside of the core
     u: DrJitArray  # (R,): of the direction, see `face_beams`
     v: DrJitArray  # (R,): of the direction, see `face_beams`
-    strata: Strata  # how the rays are numbered
+    strata: Strata  # numbering of the rays
     quantiles: np.ndarray | None  # [rad]: tables of φ that the rays were drawn through
 
 
 class SideLaunch:
-    """Draw rays of sides."""
-    # depression [rad]
+    """Directions of the rays of sides."""
 
     def __init__(self, survey: SidescanSurvey, underway: Underway, depression: mi.Float, *, shadows: bool = True):
+        # depression [rad]
         sonar = survey.sonar
         self._survey, self._lib, self._depression = survey, arrays_of(mi.Float), depression
         self._group, shifts = underway.along_shifts(survey.track.rotation(), sonar.sound_speed,
                                                    sonar.wavelength / sonar.longest)
         self._shifts = shifts
-        self.largest_shift = max(float(np.abs(some).max()) for some in shifts)
-        tables = np.stack([along_quantiles(sonar, some) for some in shifts])
+        self.largest_shift = max(float(np.abs(group).max()) for group in shifts)
+        tables = np.stack([along_quantiles(sonar, group) for group in shifts])
         self._along = upload(mi.Float, tables.astype(np.float32))
         core = min(core_of(sonar, self.largest_shift), WIDEST_CORE)
-        cores, outside = zip(*(core_quantiles(sonar, some, core) for some in shifts))
+        cores, outside = zip(*(core_quantiles(sonar, group, core) for group in shifts))
         self._cores, self.aside = upload(mi.Float, np.stack(cores).astype(np.float32)), max(outside)
         self._core, self._span = dr.opaque(mi.Float, core), dr.opaque(mi.Float, 0.5 * np.pi - float(np.arcsin(core)))
         self.shadows, self.first_aside = shadows, max(FIRST_ASIDE, self.aside) if shadows else self.aside
@@ -121,7 +118,7 @@ class SideLaunch:
         dr.eval(self._along, self._across, self._cores)
 
     def grids(self) -> tuple[tuple[int, int] | None, tuple[int, int]]:
-        """Return strata (φ, u) of the first pass, None where there is none, and of the second, for one side."""
+        """Return the strata (φ, u) of one side in the first pass, None without one, and in the second."""
         survey = self._survey
         first = int(round(survey.rays * survey.first_pass / 2))
         return ray_grid(first) if first else None, ray_grid(max(1, survey.rays // 2 - first))
@@ -143,14 +140,14 @@ class SideLaunch:
         return first_quantiles(survey.sonar, depression, below, mean_speed, survey.window, above)
 
     def _straight(self, depression, depth, below, speed):
-        """Angles that straight rays of one speed would leave at to be back from the bed when rays at `depression` are.
+        """Return the angles at which straight rays of one speed are back from the bed when rays at `depression` are.
 
             1 / sin θ = <c̄ / (c sin θ(z))>,    cos θ(z) = cos θ₀ c(z) / c(z₀)
         """
         profile, layers = self._survey.profile, (np.arange(LAYERS) + 0.5) / LAYERS
-        there = profile.at(depth[:, None] + np.maximum(below, 0)[:, None] * layers)[:, None]
-        cosine = np.cos(depression)[..., None] * there / profile.at(depth)[:, None, None]
-        slower = speed / (there * np.sqrt(np.maximum(1 - cosine ** 2, 1e-12)))
+        layer_speed = profile.at(depth[:, None] + np.maximum(below, 0)[:, None] * layers)[:, None]
+        cosine = np.cos(depression)[..., None] * layer_speed / profile.at(depth)[:, None, None]
+        slower = speed / (layer_speed * np.sqrt(np.maximum(1 - cosine ** 2, 1e-12)))
         straight = np.arcsin(np.minimum(1 / slower.mean(-1), 1))
         return np.where(depression > 0, straight, depression)
 
@@ -159,17 +156,17 @@ class SideLaunch:
         return self._drawn(place, tables.phi, grid, seed, salt, self._cores,
                            upload(mi.Float, tables.aside.astype(np.float32)))
 
-    def carried(self, tables: np.ndarray, asked: np.ndarray, ping: np.ndarray) -> np.ndarray:
-        """Carry tables of φ (B, 2, CELLS + 1) from the pings that they were found for to others, (B,) each.
+    def carried(self, tables: np.ndarray, scout: np.ndarray, ping: np.ndarray) -> np.ndarray:
+        """Return tables of φ (B, 2, CELLS + 1) of scouts, carried to the roll and height of pings, (B,) each.
 
-        The world does not roll: a table is one of depression angles in the athwart plane. Those of another height see
-        the same share of a level bed, and of the surface, at the same share of the record.
+        The seabed does not roll, so a table is carried as one of depression angles in the athwart plane. At another
+        height, the same share of a level bed, and of the surface, lies at the same share of the record.
         """
         survey, side = self._survey, np.array([-1.0, 1.0])
         rotation, depth = survey.track.rotation(), -survey.track.position[:, 2]
         tilt = np.arctan2(-rotation[:, 2, 1, None] * side, -rotation[:, 2, 2, None])[..., None]
-        below, above = (_ratio(values[ping], values[asked])[:, None, None] for values in (survey.depth_below, depth))
-        depression = tables + tilt[asked]
+        below, above = (_ratio(values[ping], values[scout])[:, None, None] for values in (survey.depth_below, depth))
+        depression = tables + tilt[scout]
         ratio = np.where(depression > 0, below, above)
         phi = np.arctan2(ratio * np.sin(depression), np.cos(depression)) - tilt[ping]
         phi = np.maximum.accumulate(np.clip(phi, -np.pi / 2, np.pi / 2), -1)
@@ -177,15 +174,15 @@ class SideLaunch:
         return phi
 
     def one_way(self, place: Place, rays: SideRays, seed: int) -> SideRays:
-        """Draw rays for paths of several bounces: across like those of a pass, along by the beams of single faces."""
+        """Draw rays for paths of several bounces: across as in a pass, along by the beams of single faces."""
         first, second = rays.strata.shape
         grid = ray_grid(max(1, round(first * second * BOUNCE_SHARE)))
         return self._drawn(place, rays.quantiles, grid, seed, Salt.BOUNCE_RAYS, self._along_one_way)
 
     @cached_property
     def _along_one_way(self) -> DrJitArray:
-        """Return the tables of u that follow the beams of the faces one by one."""
-        tables = np.stack([one_way_quantiles(self._survey.sonar, some) for some in self._shifts])
+        """Return the tables of u that follow the beam of each face alone."""
+        tables = np.stack([one_way_quantiles(self._survey.sonar, group) for group in self._shifts])
         along = upload(mi.Float, tables.astype(np.float32))
         dr.eval(along)
         return along
@@ -196,7 +193,7 @@ class SideLaunch:
         return self._rays(place, *drawn, strata, quantiles, along, aside)
 
     def across_beam(self, place: Place, grid: tuple[int, int], seed: int) -> tuple[SideRays, mi.Float]:
-        """Draw rays over the whole beam, whatever they meet, and a number of [0, 1) more for each of them."""
+        """Draw rays over the whole beam, regardless of hits, and one more random number of [0, 1) for each ray."""
         lib, strata = self._lib, strata_of(self._lib, place.rows, grid)
         row, within, i_phi, i_u = strata.split(dr.arange(mi.UInt32, strata.rays))
         key = seeded(place.key(row), seed, Salt.WATER)
@@ -210,7 +207,7 @@ class SideLaunch:
 
     def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float,
               grid: tuple[int, int]) -> SideRays:
-        """Return rays of given directions, which come from no table, each of the side that it leaves by."""
+        """Return rays in given directions, drawn through no table, each of the side that it leaves by."""
         body = place.body(ping, direction)
         side = dr.select(body.y < 0, mi.Float(-1), mi.Float(1))
         v = body.z * dr.cos(self._depression) - abs(body.y) * dr.sin(self._depression)
@@ -220,10 +217,10 @@ class SideLaunch:
                         solid_angle=solid_angle)
 
     def _rays(self, place, row, phi, phi_width, cell, xi_u, strata, quantiles, along, aside=None):
-        """Return rays at angles φ, their u drawn through the tables `along` with numbers of [0, 1).
+        """Return rays at angles φ, with u drawn through the tables `along` by numbers of [0, 1).
 
-        Where cells have shares `aside`, those of the numbers at either end of [0, 1) go aside of the core: there φ is
-        the angle below the plane of the body, and the azimuth is even beyond |u| = core.
+        Where cells have shares `aside`, numbers at either end of [0, 1) give rays aside of the core: for these, φ is
+        the angle below the plane of the body, and the azimuth is uniform beyond |u| = core.
         """
         sin_phi, cos_phi = dr.sincos(phi)
         out, share = mi.Bool(False), None
@@ -250,7 +247,7 @@ class SideLaunch:
                         aside=out, quantiles=quantiles, solid_angle=phi_width * width / mi.Float(strata.per_row))
 
     def _table_of(self, place, row):
-        """Return number of the table of u that rays of a row are drawn through."""
+        """Return the number of the table of u that rays of a row are drawn through."""
         if place.still:
             return mi.UInt32(0)
         return dr.gather(mi.UInt32, upload(mi.UInt32, self._group[place.ping]), row)
@@ -258,12 +255,12 @@ class SideLaunch:
 
 def _ratio(values: np.ndarray, others: np.ndarray) -> np.ndarray:
     """Return values divided by others, 1 where either is not above 0."""
-    there = (values > 0) & (others > 0)
-    return np.where(there, values / np.where(there, others, 1), 1)
+    positive = (values > 0) & (others > 0)
+    return np.where(positive, values / np.where(positive, others, 1), 1)
 
 
 def _ends(xi, share):
-    """Return which numbers of [0, 1) lie at its ends, how far off with the sign of the end, and the rest on [0, 1)."""
+    """Split numbers of [0, 1): True at both ends, the signed place within an end, and the others spread over [0, 1)."""
     half = 0.5 * share
     low, high = xi < half, xi > 1 - half
     end = dr.select(low, xi, 1 - xi) / half
@@ -272,16 +269,16 @@ def _ends(xi, share):
 
 def drawn_across(lib: ModuleType, place: Place, strata: Strata, quantiles: np.ndarray, seed: int, salt: int,
                  aside: DrJitArray | None = None) -> tuple[mi.UInt32, mi.Float, mi.Float, mi.UInt32, mi.Float]:
-    """Draw φ of the rays of a pass through tables of it, (rows, CELLS + 1).
+    """Draw φ of the rays of a pass through quantile tables (rows, CELLS + 1) [rad], and the number that u is drawn by.
 
-    `aside` (rows CELLS,) are the shares of rays that leave aside of the beam, `WIDE_SHARE` where it is None.
+    `aside` (rows CELLS,) is the share of rays that leave aside of the beam, `WIDE_SHARE` where it is None.
     """
-    # -> row (R,), phi, width (R,) [rad], cell (R,), along (R,)
+    # -> row, phi [rad], width of phi [rad], cell, number in [0, 1) for u: (R,) each
     row, within, i_phi, i_u = strata.split(dr.arange(mi.UInt32, strata.rays))
     key = seeded(place.key(row), seed, salt)
     a, b = pair(within, key)
-    # the n_u rays of a stratum of φ share it out: each of them a slice of its own, scrambled so that every ray may
-    # get every slice (no bias). Time bins then see n_phi n_u strata, not n_phi, and their edges cost little noise.
+    # each of the n_u rays of a stratum of φ has a slice of it, scrambled so that every ray may get every slice (no
+    # bias). Time bins then see n_phi n_u strata, not n_phi, and their edges cost little noise.
     scramble, _ = other_pair(i_phi, key)
     slice_phi = i_u ^ (scramble & (strata.second - 1))
     within_phi = (mi.Float(slice_phi) + uniform(lib, a)) / mi.Float(strata.second)
@@ -293,15 +290,15 @@ def drawn_across(lib: ModuleType, place: Place, strata: Strata, quantiles: np.nd
 
 
 def _within_u(lib, strata, key, i_phi, i_u, chance, share):
-    """Return places of rays in [0, 1) within their strata of u.
+    """Return the places of rays in [0, 1) within their strata of u.
 
-    The rays of a tile in one stratum of u share it out, as those of a stratum of φ do. The outermost strata begin with
-    what leaves aside of the beam, a `share` of the rays. A ray aside of the beam costs as much as a packet of rays that
-    stay together, so those of a tile leave it in one direction, drawn evenly from tile to tile.
+    Each ray of a tile has a slice of its stratum of u, as of its stratum of φ. The outermost strata begin with rays
+    that leave aside of the beam, a `share` of all. A ray aside of the beam costs as much as a packet of rays that stay
+    together, so those of a tile leave it in one direction, drawn evenly from tile to tile.
     """
     tile, key = i_phi >> strata.high_bits, salted(key, Salt.TAILS)
     high = mi.UInt32(1) << strata.high_bits
-    # neighbours lie nearly half a stratum apart: a time bin may hold only a few strata of φ
+    # neighbours lie nearly half a stratum apart, because a time bin may hold only a few strata of φ
     slice_u = (7 * i_phi + hashed(lib, key, tile, i_u)) & (high - 1)
     place = (mi.Float(slice_u) + chance) / mi.Float(high)
     from_end = dr.minimum(i_u, strata.second - 1 - i_u)
@@ -313,12 +310,12 @@ def _within_u(lib, strata, key, i_phi, i_u, chance, share):
 
 
 def ray_grid(rays: int) -> tuple[int, int]:
-    """Return the strata (φ, u) for about this many rays, multiples of a tile: u needs few, the beam is narrow."""
+    """Return the strata (φ, u) for about this many rays, multiples of a tile; a narrow beam needs few strata of u."""
     steps_u = 4 if rays < 4096 else 8 if rays < 32768 else 16
     step = 4 if rays < 4096 else TALL
     return max(step, step * round(rays / (step * steps_u))), steps_u
 
 
 def strata_of(lib: ModuleType, rows: int, grid: tuple[int, int]) -> Strata:
-    """Return strata (φ, u) of rows. Strata of φ are much narrower than those of u: tiles are tall where they fit."""
+    """Return strata (φ, u) of rows; tiles are tall if they fit, as strata of φ are much narrower than those of u."""
     return Strata(lib, rows, *grid, tall=grid[0] % TALL == 0)

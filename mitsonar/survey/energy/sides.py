@@ -1,15 +1,13 @@
-"""The sides of a sidescan as rows of an energy record.
+"""Sides of a sidescan as rows of an energy record, with their echoes of several bounces and of the water.
 
-A row is what the face of one side receives of a ping: port is 0, starboard 1. Rays of a side are launched from its own
-face. A first, sparse pass finds out which directions lead into time bins that few rays reach; the second pass, which
-alone makes the record, sends more rays there.
-
-Echoes of a sidescan that no first hit brings: of more bounces than one, and of the water itself.
+A row is the echo of a ping as the face of one side receives it: port is 0, starboard 1. Rays of a side are launched
+from its own face. A first, sparse pass finds the directions that lead into time bins which few rays reach; the second
+pass, which alone makes the record, sends more rays there. For echoes other than those of first hits
 
     p² = 10^(SL/10) B_t B_r e²
 
-B_t and B_r are the intensity patterns of the faces, towards where sound leaves and where it comes back from, and e² is
-the rest of the echo: see `echoes.multipath` and `echoes.volume`.
+with B_t, B_r -> intensity patterns of the faces in the directions of departure and arrival, and e² -> the rest of the
+echo (`echoes.multipath`, `echoes.volume`).
 """
 from __future__ import annotations
 
@@ -41,11 +39,11 @@ from .side_launch import GROUP, SideLaunch, SideRays, Tables, scouts
 from .sidescan_survey import SidescanSurvey
 from .sound_paths import SoundPaths
 
-FEWER_POINTS = 4                   # of the water than rays: there is no shape to resolve
+FEWER_POINTS = 4                   # rays for one point of the water, which has no shape to resolve
 
 
 class SideMultipath:
-    """Add echoes of several bounces from rays of their own; those of point targets from the rays of a pass."""
+    """Echoes of several bounces, from rays of their own; those of point targets use the rays of a pass."""
 
     def __init__(self, survey: SidescanSurvey, sound: SoundPaths, beams: FaceBeams, bins: EnergyBins,
                  launch: SideLaunch, seed: int):
@@ -57,21 +55,22 @@ class SideMultipath:
         """Add the echoes of several bounces to the sums; `rays` and `hits` are those of a pass."""
         key = seeded(place.key(rays.row), self._seed, Salt.BOUNCES)
         if self._bounces.targets:
-            # small things near a bed want rays that are dense on it, as those of a pass are
+            # small objects near a bed need rays that are dense on it, as those of a pass are
             followed = self._bounces.follow(hits, rays.solid_angle, place.sources, place.origin(rays.ping),
                                             place.source(rays.ping), rays.strata, key, surfaces=False)
             self._add(place, rays, followed, sums)
         own = self._launch.one_way(place, rays, self._seed)
         origin, source = place.origin(own.ping), place.source(own.ping)
-        met = self._tracer.trace(place.sources, origin, source, own.direction)
-        seen = self._seen(place, own)
-        dr.eval(met, seen)
+        first_hits = self._tracer.trace(place.sources, origin, source, own.direction)
+        body = place.body(own.ping, own.direction)
+        seen = 0.5 * (self._beams.one_way(body, self._beams.transmit) + self._beams.one_way(body, self._beams.receive))
+        dr.eval(first_hits, seen)
         key = seeded(place.key(own.row), self._seed, Salt.BOUNCES)
-        self._add(place, own, self._bounces.follow(met, own.solid_angle, place.sources, origin, source, own.strata, key,
-                                                   seen, targets=False), sums)
+        self._add(place, own, self._bounces.follow(first_hits, own.solid_angle, place.sources, origin, source,
+                                                   own.strata, key, seen, targets=False), sums)
 
     def _add(self, place: Place, rays: SideRays, followed: Iterator[Ghosts], sums: EchoSums) -> None:
-        """Add ghosts of rays as the faces send and receive them."""
+        """Add ghosts as the faces send and receive them."""
         for ghosts in followed:
             elapsed = ghosts.out.travel_time + ghosts.between + ghosts.back.travel_time
             received = place.receive(rays.ping, ghosts.back.sent_towards, ghosts.back.offset, elapsed)
@@ -86,14 +85,9 @@ class SideMultipath:
                      units=self._bins.units(ghosts.energy * pattern, ghosts.loss_db, bin, inside), depth=ghosts.depth,
                      path=self._paths.numbers(ghosts.code))
 
-    def _seen(self, place: Place, rays: SideRays) -> mi.Float:
-        """Return the mean intensity of both faces towards rays."""
-        body = place.body(rays.ping, rays.direction)
-        return 0.5 * (self._beams.one_way(body, self._beams.transmit) + self._beams.one_way(body, self._beams.receive))
-
 
 class SideWater:
-    """Add echoes of the water, from points along rays of their own."""
+    """Echoes of the water, from points along rays of their own."""
 
     def __init__(self, survey: SidescanSurvey, sound: SoundPaths, beams: FaceBeams, bins: EnergyBins,
                  launch: SideLaunch, seed: int):
@@ -103,7 +97,7 @@ class SideWater:
         self._path = dr.opaque(mi.UInt32, survey.paths.number("v"))
 
     def add(self, place: Place, rays: SideRays, hits: Hits, sums: EchoSums) -> None:
-        """Add the echoes of points, a fourth as many as a pass has rays."""
+        """Add the echoes of points to the sums, one for every `FEWER_POINTS` rays of a pass."""
         phi, u = rays.strata.shape
         rays, chance = self._launch.across_beam(place, (max(4, phi // (4 * FEWER_POINTS) * 4), u), self._seed)
         origin = place.origin(rays.ping)
@@ -120,17 +114,17 @@ class SideWater:
                  depth=mi.Float(-drawn.point.z), path=self._path)
 
 
-RAYS_PER_BLOCK = 1 << 23           # a second of both of two threads: rays leave nothing in memory
-WATER_PER_BLOCK, BOUNCES_PER_BLOCK = 1 << 21, 1 << 19      # but for those of the water, and of several bounces
+RAYS_PER_BLOCK = 1 << 23           # a second of work for two threads: rays leave nothing in memory
+WATER_PER_BLOCK, BOUNCES_PER_BLOCK = 1 << 21, 1 << 19      # rays of water echoes and of bounces do use memory
 SUMS_PER_BLOCK = 1 << 23           # integers: bounds a block's memory where shapes and bins are many
-TABLES_PER_BLOCK = 128             # of rays, a megabyte each: bounds it where every ping has a depth of its own
-MOST_SUMS = 1 << 32                # what an index reaches
-THREADS_OWN = 1 << 20              # words of an array of sums of which every thread has a copy: others take more time
+TABLES_PER_BLOCK = 128             # tables of rays, a megabyte each: bounds memory where pings differ in depth
+MOST_SUMS = 1 << 32                # range of an index
+THREADS_OWN = 1 << 20              # words of the largest array of sums that each thread copies; a larger one is slower
 
 
 @final
 class Sides:
-    """Hold both sides of a sidescan; see `rows.Rows`."""
+    """Both sides of a sidescan; see `rows.Rows`."""
 
     per_ping, hidden_in_beam = 2, True
 
@@ -148,12 +142,12 @@ class Sides:
         self._launch = SideLaunch(survey, self.underway, self._beams.depression, shadows=shadows)
         self._first_grid, self._second_grid = self._launch.grids()
         self._scouts = scouts(survey.track, self.bins.farthest, sonar.wavelength / sonar.longest)
-        self._found: dict[tuple[int, int], list[np.ndarray]] = {}
+        self._scouted: dict[tuple[int, int], list[np.ndarray]] = {}
         self._shares = pulse_shares(survey.bin_length, sonar.pulse_length)
         self.pings_per_block = self._pings_per_block()
 
     def _pings_per_block(self) -> int:
-        """Return the pings of a block, bounded by rays and by the memory of sums and tables."""
+        """Return the number of pings in a block, bounded by rays and by the memory of sums and tables."""
         survey, pings = self._survey, self._survey.track.pings
         by_label = self.labels * (2 if survey.geometry.named.hides else 1)
         sums = 2 * survey.bins * (by_label + len(self.paths) - 1 + WORDS)
@@ -174,18 +168,19 @@ class Sides:
         if self._first_grid is None:
             tables = self._even(place, self._launch.aside)
         else:
-            tables = self._asked(place, self._first_grid, seed, bins_of)
+            tables = self._scouted_tables(place, self._first_grid, seed, bins_of)
         yield self._launch.drawn(place, tables, self._second_grid, seed, Salt.SECOND_PASS)
 
     def _even(self, place, aside):
-        """Return tables that suit a level bed, with one share of rays aside of the core."""
+        """Return tables that suit a level bed, with the same share of rays aside of the core in every cell."""
         phi = self._launch.first_quantiles(place)
         return Tables(phi, np.full((len(phi), CELLS), aside))
 
-    def _asked(self, place, grid, seed, bins_of):
-        """Return tables that lead into bins which few rays reach, as the pings' scouts find out."""
-        asked = self._scouts[place.ping]
-        known, new = self._found, np.array([one for one in np.unique(asked) if (seed, one) not in self._found], int)
+    def _scouted_tables(self, place, grid, seed, bins_of):
+        """Return tables that send more rays into bins which few rays of the pings' scouts reach."""
+        scout = self._scouts[place.ping]
+        known = self._scouted
+        new = np.array([ping for ping in np.unique(scout) if (seed, ping) not in known], int)
         if len(new):
             ahead, wanted = place.of(new), self._launch.aside
             first = self._even(ahead, self._launch.first_aside)
@@ -197,20 +192,20 @@ class Sides:
             tables = refined(first.phi, need[0], need[1], wanted)
             if not self._launch.shadows:
                 tables = tables[0], np.full_like(tables[1], wanted)
-            found = (rows.reshape(len(new), self.per_ping, -1) for rows in tables)
-            known = known | {(seed, one): rows for one, *rows in zip(new, *found)}
-        # a later block may ask those of this one: a group has no more of them than pings
-        self._found = {key: known[key] for key in ((seed, one) for one in np.unique(asked)[-GROUP:])}
-        phi, aside = (np.stack(rows) for rows in zip(*(known[seed, one] for one in asked)))
-        phi = self._launch.carried(phi, asked, place.ping)
+            by_ping = (rows.reshape(len(new), self.per_ping, -1) for rows in tables)
+            known = known | {(seed, ping): rows for ping, *rows in zip(new, *by_ping)}
+        # the next block may use the scouts of this one; a group has at most as many scouts as pings
+        self._scouted = {(seed, ping): known[seed, ping] for ping in np.unique(scout)[-GROUP:]}
+        phi, aside = (np.stack(rows) for rows in zip(*(known[seed, ping] for ping in scout)))
+        phi = self._launch.carried(phi, scout, place.ping)
         return Tables(phi.reshape(place.rows, -1), aside.reshape(place.rows, -1))
 
     def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float) -> SideRays:
-        """Return rays of given directions, each of the side that it leaves by."""
+        """Return rays in given directions, each of the side that it leaves by."""
         return self._launch.aimed(place, ping, direction, solid_angle, self._second_grid)
 
     def response(self, place: Place, rays: SideRays, towards: Vector) -> RowResponse:
-        """Return how the side that sent a ray receives its echo: nothing comes from the other side of the body."""
+        """Return the response of the side that sent a ray; it receives nothing from the other side of the body."""
         u, v, same_side = rays.u, rays.v, mi.Bool(True)
         if not place.still:
             body = place.body(rays.ping, towards)
@@ -220,11 +215,11 @@ class Sides:
         return RowResponse(row=rays.row, pattern=along * across, in_beam=lobe > BEAM_EDGE, active=same_side)
 
     def shown(self, intensity: np.ndarray) -> np.ndarray:
-        """Return the mean level that the pulse makes of intensities (rows, ..., bins)."""
+        """Return intensities (rows, ..., bins) averaged over the pulse."""
         return mean_intensity(intensity, self._shares)
 
     def other_sources(self, sound: SoundPaths, seed: int) -> Sequence[EchoSource[SideRays]]:
-        """Return the sources of echoes of several bounces, and of the water."""
+        """Return the sources of the echoes of several bounces and of the water."""
         sources: list[EchoSource[SideRays]] = []
         if self._survey.max_depth > 1:
             sources.append(SideMultipath(self._survey, sound, self._beams, self.bins, self._launch, seed))
@@ -233,7 +228,7 @@ class Sides:
         return sources
 
     def coherent(self, sound: SoundPaths) -> CoherentSidescan | None:
-        """Return the source of the echoes that have a phase of their own; None where the scene has none."""
+        """Return the source of coherent echoes, None where the scene has none."""
         source = CoherentSidescan(self._survey, sound, self._beams, drift=self.underway.drift(self.bins.sound_speed),
                                   shift=self._launch.largest_shift)
         return None if source.silent else source

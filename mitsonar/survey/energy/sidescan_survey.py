@@ -1,4 +1,4 @@
-"""Hold the data of a sidescan's run over a scene."""
+"""Data of a sidescan's run over a scene."""
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,25 +10,25 @@ from ..survey import Survey
 
 @dataclass(frozen=True, kw_only=True)
 class SidescanSurvey(Survey):
-    """Hold a run of a sidescan."""
+    """Run of a sidescan."""
 
     sonar: Sidescan
     window: tuple[float, float]  # [s]: two-way time recorded
     bins: int
-    first_pass: float  # share of the rays that only finds out where rays are needed
+    first_pass: float  # share of the rays that only find the directions in which more rays are needed
 
     @property
     def bin_length(self) -> float:
-        """Return duration of a time bin [s]."""
+        """Return the duration of a time bin [s]."""
         return (self.window[1] - self.window[0]) / self.bins
 
     @property
     def slant_range(self) -> np.ndarray:
-        """Return slant range of the bins' centres [m], (bins,), at the sonar's sound speed."""
+        """Return the slant range of the bins' centres [m], (bins,), at the sonar's sound speed."""
         return 0.5 * self.sonar.sound_speed * (self.window[0] + (np.arange(self.bins) + 0.5) * self.bin_length)
 
     @property
     def labels(self) -> dict[int, str]:
-        """Return number → what it stands for: the scene's shapes and, where it scatters, the water."""
+        """Return the names of labels by number: the scene's shapes and, where it scatters, the water."""
         labels = self.geometry.labels
         return labels if self.volume is None else {**labels, 1 + max(labels): "water"}

@@ -1,4 +1,4 @@
-"""Hold the tracers and connectors of a survey's scene, made once for a run."""
+"""Tracers and connectors of a survey's scene, made once for a run."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -14,17 +14,17 @@ from ..survey import Survey
 
 @dataclass(frozen=True, kw_only=True)
 class SoundPaths:
-    """Hold ways of sound from a sonar and back."""
+    """Tracers and connectors of sound between a sonar and the scene."""
 
     water: DeviceWater
-    tracer: Tracer  # to what rays meet first
-    connector: Connector  # to given points, from the sonar and from any other
-    free_rays: FreeRays  # from any point to what rays meet there
+    tracer: Tracer  # from the sonar to the first hits of rays
+    connector: Connector  # between given points, one of which may be the sonar
+    free_rays: FreeRays  # from any point to the first hits of rays
     sights: Sights  # to given points, straight and by way of a flat surface
 
     @classmethod
     def of(cls, survey: Survey, farthest: float, frequency: float | None = None) -> SoundPaths:
-        """Return the ways of a survey out to a range [m]; without a frequency [Hz], none by way of the bed."""
+        """Return the paths of a survey out to a range [m]; paths by way of the bed need a frequency [Hz]."""
         tracer = Tracer(survey.geometry, survey.water, max_range=farthest)
         connector = Connector(survey.geometry, survey.water)
         return cls(water=survey.water, tracer=tracer, connector=connector, free_rays=FreeRays(tracer),

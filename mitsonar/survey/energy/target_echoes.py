@@ -14,12 +14,12 @@ from mitsonar.sonar.pulses.pulse import Pulse
 
 from ..motion.places import Place
 
-HALF_POWER = 0.443                 # of a tone, over its length, from the carrier
-SKIRTS = 4.3                       # as `Pulse.suggested_sampling_rate` has it for a tone
+HALF_POWER = 0.443                 # half-power frequency of a tone from its carrier, over 1 / length
+SKIRTS = 4.3                       # `Pulse.suggested_sampling_rate` of a tone, over 1 / length
 
 
 def band_of(pulse: Pulse) -> HeardBand:
-    """Return the pulse's band, with the skirts of its spectrum that samples keep."""
+    """Return the pulse's band, including the skirts of its spectrum that the samples keep."""
     return HeardBand(frequency=pulse.frequency, low=pulse.frequency + pulse.band[0],
                      high=pulse.frequency + pulse.band[1], width=pulse.suggested_sampling_rate)
 
@@ -32,7 +32,7 @@ def band_of_tone(frequency: float, length: float) -> HeardBand:
 
 def target_echoes(sights: Sights, targets: PointTargets, place: Place, pings: int, first: int,
                   mirrored: bool = True) -> Iterator[tuple[mi.UInt32, mi.UInt32, Echoes]]:
-    """Yield the numbers of pings (from `first` on 0), of shapes, and the echoes of every target."""
+    """Yield the numbers of pings (0 is `first`), the labels of shapes, and the echoes of every target."""
     index, count = dr.arange(mi.UInt32, pings * len(targets)), dr.opaque(mi.UInt32, len(targets))
     number = index // count
     ping, which = number + dr.opaque(mi.UInt32, first), index - number * count
