@@ -1,11 +1,6 @@
-"""The kinds of sonar: each is one file with a plan and a picture.
+"""Kinds of sonar: each is one file with the functions of `Kind`.
 
-    plan(scene, sensor, settings)                            a `Survey`: what the run needs to know
-    picture(survey, sensor, seed, progress, say)             its record as a labelled image
-    plan_elements(scene, sensor, settings, lead)             an `ArraySurvey`: the same run, element by element
-    rows(level)                                              the image's levels as rows of one picture
-
-To add one, write its file and a line here; its sensor plugin says which kind it is.
+To add a kind, write its file and add a line here; its sensor plugin has the name as its attribute `kind`.
 """
 from __future__ import annotations
 
@@ -31,7 +26,7 @@ FILES = {"sidescan": "sidescan.kind", "array": "fan.kind", "forward_looking": "f
 
 
 class _KindFiles(Mapping[str, Any]):
-    """Import the modules of kinds by name when they are first used."""
+    """Modules of kinds by name, imported when they are first used."""
 
     def __init__(self, *names: str):
         self._names = names
@@ -49,19 +44,19 @@ class _KindFiles(Mapping[str, Any]):
 
 
 class Kind(Protocol):
-    """Define the functions in the module of a kind of sonar; sensor and survey are its own."""
+    """Functions in the module of a kind of sonar; sensor and survey are those of the kind."""
 
     def plan(self, scene: mi.Scene, sensor: Any, settings: RunSettings) -> Survey:
-        """Plan a run whose record is to become a picture."""
+        """Plan a run for a picture."""
         ...
 
     def picture(self, survey: Any, sensor: Any, seed: int, progress: Callable[[float, float], None] | None = None,
                 say: Callable[[str], None] | None = None) -> xr.Dataset:
-        """Render the picture."""
+        """Render the run's record as a labelled image."""
         ...
 
     def plan_elements(self, scene: mi.Scene, sensor: Any, settings: RunSettings, lead: float = 0.0) -> ArraySurvey:
-        """Plan a run whose record is the elements' signals."""
+        """Plan the same run for the elements' signals."""
         ...
 
     def rows(self, level: np.ndarray) -> np.ndarray:
@@ -74,7 +69,7 @@ KINDS: Mapping[str, Kind] = _KindFiles("sidescan", "array", "forward_looking", "
 
 
 class FrameKind(Kind, Protocol):
-    """Define a kind of sonar with a picture for every ping."""
+    """Kind of sonar with a picture for every ping."""
 
     def frames(self, survey: Any, sensor: Any, seed: int) -> Iterator[xr.Dataset]:
         """Yield the pictures of pings one by one."""
@@ -85,11 +80,11 @@ FRAMES: Mapping[str, FrameKind] = _KindFiles("array", "forward_looking", "multib
 
 
 class SounderKind(Kind, Protocol):
-    """Define a kind of sonar that makes soundings."""
+    """Kind of sonar that makes soundings."""
 
     def sounding_line(self, survey: Any, seed: int, *, profile: SoundSpeedProfile | None, column: bool,
                       snippets: int) -> SoundingLine:
-        """Make the soundings of a line; arguments as of `mitsonar.soundings`."""
+        """Make the soundings of a line; arguments are those of `mitsonar.soundings`."""
         ...
 
 
@@ -97,25 +92,25 @@ SOUNDERS: Mapping[str, SounderKind] = _KindFiles("multibeam", "interferometric")
 
 
 def sounder_kind_of(sensor: Any) -> SounderKind:
-    """Return the kind of sonar that a sensor is, if it makes soundings."""
+    """Return the sensor's kind of sonar, which must make soundings."""
     kind_of(sensor)
     if sensor.kind not in SOUNDERS:
-        raise ValueError(f"soundings are made by a multibeam echo sounder or an interferometric sidescan, and this "
+        raise ValueError(f"only a multibeam echo sounder or an interferometric sidescan makes soundings, and this "
                          f"sensor is a {sensor.kind}; give the scene a <sensor type=\"multibeam\"/>")
     return SOUNDERS[sensor.kind]
 
 
 def frame_kind_of(sensor: Any) -> FrameKind:
-    """Return the kind of sonar that a sensor is, if each of its pings is a picture."""
+    """Return the sensor's kind of sonar, which must have a picture for every ping."""
     kind_of(sensor)
     if sensor.kind not in FRAMES:
-        raise ValueError(f"a {sensor.kind} has no picture of a single ping; render it as a whole. Sonars that have are "
-                         + ", ".join(FRAMES))
+        raise ValueError(f"a {sensor.kind} has no picture of a single ping; render all pings as one picture. Sonars "
+                         f"with a picture for every ping are {', '.join(FRAMES)}")
     return FRAMES[sensor.kind]
 
 
 def kind_of(sensor: Any) -> Kind:
-    """Return the kind of sonar that a sensor is."""
+    """Return the sensor's kind of sonar."""
     kind = getattr(sensor, "kind", "")
     if kind not in KINDS:
         name = sensor.class_name() if hasattr(sensor, "class_name") else type(sensor).__name__

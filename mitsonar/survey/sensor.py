@@ -1,4 +1,4 @@
-"""Define the protocols of a sensor, its water and its film, and the settings of a run."""
+"""Protocols of a sensor, its water and its film, and the settings of a run."""
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -13,116 +13,88 @@ from .voyage import Route
 
 
 class Water(Protocol):
-    """Hold the water as its medium has it.
-
-    Attributes
-    ----------
-    profile : SoundSpeedProfile
-    loaded_profile : SoundSpeedProfile
-        The profile when the scene was loaded, whatever `mi.traverse` has changed since.
-    volume : VolumeScattering or None
-    """
+    """Water of the scene's medium."""
 
     profile: SoundSpeedProfile
-    loaded_profile: SoundSpeedProfile
+    loaded_profile: SoundSpeedProfile  # as the scene was loaded, before any change by `mi.traverse`
     volume: VolumeScattering | None
 
     def absorption_column(self, frequency: float) -> AbsorptionColumn:
-        """Return absorption against depth at one frequency [Hz]."""
+        """Return the absorption against depth at one frequency [Hz]."""
         ...
 
     def mean_absorption(self, top: float, bottom: float) -> Callable[[np.ndarray], np.ndarray] | None:
-        """Absorption [dB/m] between two depths [m] as a function of frequencies [Hz]; None where it is one for all."""
+        """Return absorption [dB/m] between two depths [m] as a function of frequency [Hz]; None if it is constant."""
         ...
 
     def noise_level_db(self, frequency: float) -> float:
-        """Return ambient noise [dB re 1 µPa²/Hz] at a frequency [Hz]."""
+        """Return the ambient noise [dB re 1 µPa²/Hz] at a frequency [Hz]."""
         ...
 
 
 class Film(Protocol):
-    """Hold the record as its film has it.
-
-    Attributes
-    ----------
-    written : (str, float)
-        The attribute that the scene sets the sampling by, ``bins`` or ``sample_rate_khz``, and its value.
-    """
+    """Time window and sampling of the record."""
 
     @property
     def written(self) -> tuple[str, float]:
-        """See above."""
+        """Return the attribute that sets the sampling in the scene, ``bins`` or ``sample_rate_khz``, and its value."""
         ...
 
     def window(self, sound_speed: float) -> tuple[tuple[float, float], int]:
-        """Return two-way time window (start, end) [s] and number of bins."""
+        """Return the two-way time window (start, end) [s] and the number of bins."""
         ...
 
     def sampling(self, sound_speed: float, usual_rate: float, *, written: bool = True) -> tuple[float, float, int]:
-        """Return start of the record [s], sampling rate [Hz] and number of samples."""
+        """Return the start of the record [s], the sampling rate [Hz] and the number of samples."""
         ...
 
 
 class Sensor(Protocol):
-    """Define what sensors of all kinds have.
+    """Attributes of sensors of all kinds."""
 
-    Attributes
-    ----------
-    kind : str
-        One of `survey.kinds.KINDS`.
-    water : Water
-    route : Route
-    sound_speed : float or None [m/s]
-        At the sonar, for slant range and steering; None: the profile's there, see `head_speed`.
-    noise : bool
-        Whether the sea's noise is added.
-    pass_number : int
-        Which pass over the ground it is, from 0.
-    """
-
-    kind: str
+    kind: str  # one of `survey.kinds.KINDS`
     water: Water
     route: Route
-    sound_speed: float | None
-    noise: bool
-    pass_number: int
+    sound_speed: float | None  # [m/s]: at the sonar, for slant range and steering; None: that of `head_speed`
+    noise: bool  # True if ambient noise is added
+    pass_number: int  # number of the pass over the ground, from 0
 
     def film(self) -> Film:
         """Return the record's window and bins."""
         ...
 
     def noise_level_db(self) -> float:
-        """Return ambient noise spectrum level [dB re 1 µPa²/Hz] at the sonar's frequency."""
+        """Return the ambient noise spectrum level [dB re 1 µPa²/Hz] at the sonar's frequency."""
         ...
 
     def place_of(self, tag: str, name: str) -> str:
-        """Return where the scene's file writes an attribute of a kind of element, to begin an error with."""
+        """Return the file and line of an attribute of a kind of element, as the beginning of an error message."""
         ...
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunSettings:
-    """Hold the integrator's settings of a run."""
+    """Integrator's settings of a run."""
 
     rays: int  # per ping
-    first_pass: float  # share of a sidescan's rays that only finds out where rays are needed
-    max_depth: int  # bounces that an echo may have made
-    ensonification: str  # how an array's scatterers are found
+    first_pass: float  # share of a sidescan's rays that only find the directions in which more rays are needed
+    max_depth: int  # largest number of bounces of an echo
+    ensonification: str  # method that finds an array's scatterers
     cell_size: float | None  # [m]: longest side of a scatterer's cell
-    scatterers_per_cell: float  # how many a resolution cell of an array's picture in the beam domain has
-    ray_sources: str  # where an array's rays start
-    ray_source_count: int  # how many, where they are interpolated
+    scatterers_per_cell: float  # in a resolution cell of an array's picture in the beam domain
+    ray_sources: str  # places where an array's rays start
+    ray_source_count: int  # number of these places, where they are interpolated
 
 
 def head_speed(sensor: Sensor, depth: np.ndarray | float) -> float:
-    """Return the sound speed at the sonar's depths [m] that the film's slant ranges become times by [m/s].
+    """Return the sound speed at the sonar's depths [m] that converts the film's slant ranges to times [m/s].
 
-    It is that of the scene as loaded: what changes the water or the track later must not move the window's times, which
-    gradients hold.
+    The profile is that of the scene as loaded: later changes of the water or the track must not move the window's
+    times, which gradients hold fixed.
     """
     return sensor.sound_speed or float(np.mean(sensor.water.loaded_profile.at(np.asarray(depth, float))))
 
 
 def slowest_speed(sensor: Sensor) -> float:
-    """Return the sound speed [m/s] that makes the longest wait for the last echo, of the scene as loaded."""
+    """Return the sound speed [m/s] with the longest wait for the last echo, of the scene as loaded."""
     return sensor.sound_speed or float(np.min(sensor.water.loaded_profile.sound_speed))

@@ -1,4 +1,4 @@
-"""Hold the data of any run of a sonar over a scene."""
+"""Data of any run of a sonar over a scene."""
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,15 +18,15 @@ from .voyage import Passage
 
 @dataclass(frozen=True, kw_only=True)
 class Survey:
-    """Hold a scene, its water, and pings along a track."""
+    """Scene, its water, and pings along a track."""
 
     geometry: Geometry
     profile: SoundSpeedProfile
     absorption: AbsorptionColumn  # at the sonar's frequency
-    volume: VolumeScattering | None = None  # what the water itself sends back
-    passage: Passage  # the pings and the track they lie on
+    volume: VolumeScattering | None = None  # scattering of the water itself
+    passage: Passage  # pings and their track
     rays: int  # per ping
-    max_depth: int = 1  # bounces that an echo may have made
+    max_depth: int = 1  # largest number of bounces of an echo
 
     @property
     def voyage(self) -> Voyage:
@@ -35,7 +35,7 @@ class Survey:
 
     @property
     def depth_below(self) -> np.ndarray:
-        """Return seabed below the sonar (P,) [m]."""
+        """Return the depth of the seabed below the sonar (P,) [m]."""
         return self.passage.depth_below
 
     @property
@@ -51,10 +51,10 @@ class Survey:
 
     @cached_property
     def paths(self) -> Paths:
-        """Return the paths that are told apart."""
+        """Return the paths with sums of their own."""
         return Paths(self.max_depth, surface=self.geometry.surface_label > 0, volume=self.volume is not None)
 
     @property
     def labels(self) -> dict[int, str]:
-        """Return number → what it stands for: the scene's shapes."""
+        """Return the names of labels by number: the scene's shapes."""
         return self.geometry.labels

@@ -1,4 +1,4 @@
-"""Make a voyage over the scene's seabed from the route that a scene describes."""
+"""Routes as a scene describes them, laid over its seabed."""
 import logging
 import warnings
 from dataclasses import dataclass, replace
@@ -14,51 +14,50 @@ from mitsonar.sonar.motion.waypoints import Course
 
 from . import placement
 
-ALTITUDE = 20.0                    # [m] of a straight line laid over the seabed, where none is written
-MOST_PINGS = 1_000_000             # more than a day at ten a second; a track of them is laid in ten seconds
+ALTITUDE = 20.0                    # [m] of a straight line over the seabed, unless the scene writes one
+MOST_PINGS = 1_000_000             # more than a day at ten pings a second; laying such a track takes ten seconds
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Passage:
-    """Hold a route laid over a scene."""
+    """Route laid over a scene."""
 
-    voyage: Voyage  # the pings' track, and the trajectory it lies on
+    voyage: Voyage  # pings' track, and the trajectory it lies on
     depth_below: np.ndarray  # (P,) [m]: seabed below the sonar
-    depth: np.ndarray  # (P,) [m]: of the sonar as the route leads, without `Route.position_error`
-    frame: Frame | None = None  # where on Earth the scene lies, if only the track says it
-    sailed: float | None = None  # [m]: lengths of the course or recorded track
-    planned: float | None = None  # [m]: lengths of the course or recorded track
+    depth: np.ndarray  # (P,) [m]: of the sonar on the route, without `Route.position_error`
+    frame: Frame | None = None  # place of the scene on Earth, if only the track has it
+    sailed: float | None = None  # [m]: length of the course or recorded track that the pings cover
+    planned: float | None = None  # [m]: full length of the course or recorded track
 
 
 @dataclass(frozen=True, kw_only=True)
 class Route:
-    """Hold the route of a sonar as the scene describes it."""
+    """Route of a sonar as the scene describes it."""
 
     pings: int
-    bounded: bool  # whether the scene writes that number
-    ping_rate: float | None  # [Hz]: none
+    bounded: bool  # True if the scene writes the number of pings
+    ping_rate: float | None  # [Hz]: None for the highest that the film's range allows
     speed: float  # [m/s]
     start: np.ndarray | None  # (3,) [m]: of a straight track, z up
     heading: float | None  # [rad]: of a straight track
     altitude: float  # [m]: above the seabed
     depth: float | None  # [m]: below the surface
-    georeferenced: bool  # positions are eastings and northings
+    georeferenced: bool  # True if positions are eastings and northings
     turn_radius: float  # [m]: of the arcs between the legs of a course
     origin: np.ndarray | None  # (2,) [degrees]: latitude and longitude of x = y = 0, if the scene writes it
-    offset: np.ndarray  # (3,) [m]: of the sonar from where the track leads
+    offset: np.ndarray  # (3,) [m]: of the sonar from the track
     random_motion: RandomMotion
-    record: Navigation | Waypoints | None  # A recorded track, a course, or a straight line
-    frame: Frame | None  # where a record in degrees lays the origin of a scene that does not say it itself
-    interval: float | None = None  # [s]: between pings, where another sonar on the same track says it
+    record: Navigation | Waypoints | None  # recorded track or course; None for a straight line
+    frame: Frame | None  # origin from a record in degrees, for a scene without one of its own
+    interval: float | None = None  # [s]: between pings, if another sonar on the same track sets it
     circle: float | None = None  # [m]: radius of a circle about the start, sailed in place of a straight track
-    position_error: np.ndarray | None = None  # (P, 3) [rad]
+    position_error: np.ndarray | None = None  # (P, 3) [m]
     attitude_error: np.ndarray | None = None  # (P, 3) [rad]
 
     def lay(self, geometry: Geometry, shortest: float) -> Passage:
-        """Lay the route over a scene."""
-        # shortest [s]
+        """Return the route laid over a scene, with pings at least `shortest` [s] apart."""
         interval = self._interval(shortest)
         if self.circle is not None:
             voyage, lengths = self._circled(self.circle, interval), (None, None)
@@ -88,11 +87,11 @@ class Route:
             track = placement.lines_up(geometry, heading=self.heading, altitude=altitude, pings=self.pings,
                                        interval=interval, speed=self.speed)
         if self.depth is not None:
-            track = _at_height(track, np.full(track.pings, -self.depth))
+            track = replace(track, position=np.column_stack([track.position[:, :2], np.full(track.pings, -self.depth)]))
         if track.pings > 1:
             lead = Recorded.through(track)
         else:
-            # one ping alone moves on as many would
+            # a single ping moves like one of many
             course = self.speed * np.array([np.sin(track.heading[0]), np.cos(track.heading[0]), 0.0])
             lead = Recorded.through(replace(
                 track, time=track.time[0] + np.arange(2.0), position=track.position + np.outer(np.arange(2.0), course),
@@ -125,7 +124,7 @@ class Route:
         _warn_of_cut("course", length, course.length, course.length / self.speed, interval, pings)
         trajectory = sailed(z)
         if self.altitude:
-            trajectory = sailed(placement.lifted(geometry, trajectory.track(time), self.altitude).position[:, 2])
+            trajectory = sailed(placement.heights_over(geometry, trajectory.track(time), self.altitude))
         return Voyage.of(trajectory, time), (float(length), float(course.length))
 
     def _recorded(self, record, geometry, interval):
@@ -142,24 +141,23 @@ class Route:
             sailed, planned = float(np.interp(time[-1], recorded.time, along)), float(along[-1])
             _warn_of_cut("track", sailed, planned, lasting, interval, pings)
         if self.altitude:
-            # it follows the seabed, not the z that was recorded, and heaves as recorded
-            lifted = placement.lifted(geometry, trajectory.track(time), self.altitude)
-            trajectory = Trajectory(lead=Recorded.through(
-                recorded, height=SmoothCurve(time, lifted.position[:, 2]), heave=SmoothCurve(record.time,
-                                                                                             record.heave)))
+            # the sonar follows the seabed instead of the recorded z, and heaves as recorded
+            z = placement.heights_over(geometry, trajectory.track(time), self.altitude)
+            trajectory = Trajectory(lead=Recorded.through(recorded, height=SmoothCurve(time, z),
+                                                          heave=SmoothCurve(record.time, record.heave)))
         return Voyage.of(trajectory, time), (sailed, planned)
 
     def _count(self, lasting, interval, what):
-        """Return the number of pings in a time [s]."""
+        """Return the number of pings in a time [s]; `what` begins the error message."""
         fitting = lasting / interval + 1e-9
         pings = self.pings if self.bounded and self.pings <= fitting else int(min(fitting, MOST_PINGS)) + 1
         if pings > MOST_PINGS:
             raise ValueError(f"{what} {lasting:.3g} s, which is more than {MOST_PINGS} pings {interval:.4f} s apart; "
-                             "check its times and places, or say how many pings")
+                             "check its times and places, or set the number of pings")
         return pings
 
     def _interval(self, shortest):
-        """Return time between pings [s]; the last echo of one must be in before the next."""
+        """Return the time between pings [s]; the last echo of a ping must arrive before the next ping."""
         if self.interval is not None:
             return self.interval
         if self.ping_rate is None:
@@ -170,13 +168,13 @@ class Route:
         return 1 / self.ping_rate
 
     def _frame(self, geometry):
-        """Return the `Frame` of the record's coordinates in the scene; None if they are the scene's."""
+        """Return the `Frame` of the record's coordinates, None if they are those of the scene."""
         if self.frame is not None and geometry.local_origin is None:
             _log.info("x and y are metres in %s", self.frame.crs)
             return self.frame
         if self.origin is not None:
-            raise ValueError("origin is given, but the bathymetry of the scene says already where it lies; leave it "
-                             "out")
+            raise ValueError("origin is given, but the bathymetry of the scene has a geographic origin already; remove "
+                             "the attribute")
         geographic = self.record is not None and self.record.geographic
         if not (geographic or self.georeferenced):
             return None
@@ -187,20 +185,16 @@ class Route:
         return Frame(crs=geometry.crs or "", origin=(float(easting), float(northing)))
 
 
-def _at_height(track, z):
-    return replace(track, position=np.column_stack([track.position[:, :2], z]))
-
-
 def _warn_of_cut(what, sailed, planned, lasting, interval, pings):
-    """Warn if ``pings`` ends a course or a track before its end; lengths [m] and times [s]."""
-    whole = int(lasting / interval + 1e-9) + 1
-    if pings < whole:
+    """Warn if the number of pings ends a course or a track before its end; lengths [m] and times [s]."""
+    full = int(lasting / interval + 1e-9) + 1
+    if pings < full:
         warnings.warn(f"the {what} is cut by pings, {pings}: {sailed:.0f} of {planned:.0f} m are sailed; "
-                      f"{whole} pings are all of it", stacklevel=4)
+                      f"{full} pings are all of it", stacklevel=4)
 
 
 def _refuse_far(geometry, position, frame):
-    """Refuse a track from another part of the world by what may be wrong with it."""
+    """Refuse a track far from the scene, with an error that names the likely mistake."""
     if frame is not None:
         placement.check_near(geometry, position[:, :2], frame.crs)
     else:
