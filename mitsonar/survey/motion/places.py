@@ -1,4 +1,4 @@
-"""Look up on the device where the pings of a block are sent, and how their echoes are received."""
+"""Position, attitude and reception of the pings of a block, looked up on the device."""
 from __future__ import annotations
 
 import copy
@@ -19,14 +19,14 @@ from .underway import PingReception, Underway
 
 
 class Places:
-    """Make the places of blocks of pings."""
+    """Places of blocks of pings."""
 
     def __init__(self, survey: Survey, tracer: Tracer, underway: Underway, per_ping: int):
         self._survey, self._tracer, self._underway, self._per_ping = survey, tracer, underway, per_ping
         self._rotation = survey.track.rotation()
 
     def of(self, ping: np.ndarray) -> Place:
-        """Return the place of a block of pings with these numbers (B,)."""
+        """Return the place of the pings with given numbers (B,)."""
         position = self._survey.track.position[ping]
         depths, source = np.unique(-position[:, 2], return_inverse=True)
         return Place(ping=ping, per_ping=self._per_ping, position=position, rotation=self._rotation[ping],
@@ -35,18 +35,18 @@ class Places:
 
 
 class Place:
-    """Look-ups by a ping's number within the block."""
-    # ping (B,); position (B, 3) [m]; rotation (B, 3) [m]; source (B,); depth_below (B,) [m]
+    """Look-ups by a ping's number within the block; `others` makes the place of pings outside of it."""
 
     def __init__(self, *, ping: np.ndarray, per_ping: int, position: np.ndarray, rotation: np.ndarray,
                  source: np.ndarray, sources: Sources, depth_below: np.ndarray, underway: Underway,
                  others: Callable[[np.ndarray], Place]):
+        # ping (B,); position (B, 3) [m]; rotation (B, 3, 3); source (B,); depth_below (B,) [m]
         self.ping, self.rows, self.sources = ping, per_ping * len(ping), sources
         self.position, self.rotation, self.source_of = position, rotation, source
         self.depth_below_of, self.motion = np.asarray(depth_below, float), underway.motion(ping)
         self.still, self._underway, self._others = self.motion is None, underway, others
         self._lib = arrays_of(mi.Float)
-        # a word of chance for every row, by its number in the survey
+        # a random key for every row, by its number in the survey
         number = ping.astype(np.uint64)[:, None] * np.uint64(per_ping) + np.arange(per_ping, dtype=np.uint64)
         self._key = upload(mi.UInt32, row_keys(number.ravel()))
         self._position = upload(mi.Float64, np.concatenate([position, np.zeros((len(ping), 1))], 1))
@@ -57,7 +57,7 @@ class Place:
         dr.eval(self._key, self._position, self._rotation, self._source, self._below)
 
     def of(self, ping: np.ndarray) -> Place:
-        """Return the place of pings of the survey; that of some of the block's shares its ray fans."""
+        """Return the place of pings of the survey; pings within this block share its ray fans."""
         here = np.searchsorted(self.ping, ping)
         if not np.isin(ping, self.ping).all():
             return self._others(ping)
@@ -66,7 +66,7 @@ class Place:
                      depth_below=self.depth_below_of[here], underway=self._underway, others=self._others)
 
     def attached(self, position: mi.Float64 | None, rotation: mi.Float | None, sources: Sources) -> Place:
-        """The same place with positions (4 B,) and rotations (12 B,) that carry gradients, and a source a ping."""
+        """Return the place with positions (4 B,) and rotations (12 B,) that carry gradients, and a source per ping."""
         moved = copy.copy(self)
         moved.sources, moved._source = sources, dr.arange(mi.UInt32, len(self.ping))
         if position is not None:
@@ -76,7 +76,7 @@ class Place:
         return moved
 
     def key(self, row: DrJitArray) -> mi.UInt32:
-        """Return the word of chance of rows."""
+        """Return the random keys of rows."""
         return dr.gather(mi.UInt32, self._key, row)
 
     def origin(self, ping: mi.UInt32) -> dr.ArrayBase:
@@ -89,28 +89,28 @@ class Place:
         return dr.gather(mi.UInt32, self._source, ping)
 
     def depth_below(self, ping: mi.UInt32) -> mi.Float:
-        """Return the seabed below the sonar [m]."""
+        """Return the depth of the seabed below the sonar [m]."""
         return dr.gather(mi.Float, self._below, ping)
 
     def medium(self, ping: mi.UInt32) -> tuple[mi.Float, mi.Float]:
-        """Return depth [m] and sound speed [m/s] at the sonar."""
+        """Return the depth [m] and the sound speed [m/s] at the sonar."""
         depth, speed, _ = self.sources.state.gather(self._lib, cast(UInt32, self.source(ping)))
         return mi.Float(depth), mi.Float(speed)
 
     def body(self, ping: mi.UInt32, direction: Vector) -> mi.Vector3f:
-        """Turn scene directions into body directions."""
+        """Return body directions of scene directions."""
         rows = [dr.gather(self._lib.Array4f, self._rotation, 3 * ping + i) for i in range(3)]
         return mi.Vector3f(*(sum(row[k] * part for row, part in zip(rows, direction)) for k in range(3)))
 
     def scene(self, ping: mi.UInt32, body: mi.Vector3f) -> mi.Vector3f:
-        """Turn body directions into scene directions."""
+        """Return scene directions of body directions."""
         x, y, z = (dr.gather(self._lib.Array4f, self._rotation, 3 * ping + i) for i in range(3))
         return mi.Vector3f(*(r[0] * body.x + r[1] * body.y + r[2] * body.z for r in (x, y, z)))
 
     def receive(self, ping: mi.UInt32, towards: Vector, offset: dr.ArrayBase, delay: mi.Float64) -> PingReception:
-        """Return how echoes are received from points `offset` [m] away.
+        """Return the reception of echoes from points `offset` [m] away.
 
-        `delay` [s] is the two-way time, and `towards` where the return leg comes from, of a sonar that stands still.
+        `delay` [s] and `towards` are two-way time and direction of the return leg of a sonar that stands still.
         """
         if self.motion is None:
             return PingReception(delay=delay, towards=towards)

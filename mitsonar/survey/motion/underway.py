@@ -1,17 +1,16 @@
-"""A sonar that moves and turns between transmission and reception: when and from where its echoes come back.
+"""Times and directions in which echoes come back to a sonar that moves and turns between transmission and reception.
 
-An echo sent at time 0 from the place O is back at the time t at which the way from the point it comes from, at O + D n,
-leads to where the sonar is then:
+An echo sent at time 0 from the place O and scattered at O + D n meets the moving sonar at the time t:
 
     t = τ + (|w| - D) / c_0,    w = D n - d(t),    d(t) = Σ_k d_k t^k,    ρ(t) = Σ_k r_k t^k
 
-τ -> ``delay``, the two-way time had the sonar stood still; n -> ``towards``, where the bent return leg would leave O
-for; D -> ``distance``; d_k and r_k -> ``displacement`` and ``turn`` of `sonar.trajectory`. The echo comes from w / |w|,
+τ -> ``delay``, two-way time of a sonar that stands still; n -> ``towards``, direction from O of the bent return leg;
+D -> ``distance``; d_k and r_k -> ``displacement`` and ``turn`` of `sonar.trajectory`. The echo comes from w / |w|,
 which in the body's frame is turned back by the body's rotation vector ρ(t).
 
-In water of one sound speed this is exact. Elsewhere it is exact to first order in d. To second order it leaves out how
-bending changes the curvature of the wave front, some hundredths of |d|² / 2 D: 1.6 ns at 85 m and 8 knots in a summer's
-water. Strength and shadow of the return leg are taken to be those of the leg to O.
+In water of one sound speed this is exact, elsewhere exact to first order in d. The missing second order, the change of
+the wave front's curvature by bending, is some hundredths of |d|² / 2 D: 1.6 ns at 85 m and 8 knots in summer water. The
+return leg has the strength and the shadow of the leg to O.
 """
 from __future__ import annotations
 
@@ -27,28 +26,28 @@ from mitsonar.device.types import Vector
 from mitsonar.propagation.returns.travel import detour
 from mitsonar.sonar.motion.trajectory import NEGLIGIBLE, PingTravel
 
-SHORTEST = 1e-9                    # [s]: no way takes less time
+SHORTEST = 1e-9                    # [s]: least travel time
 TIMES, DEPRESSIONS = (0.125, 0.375, 0.625, 0.875, 1.0), (0.0, 0.5, 1.0)
-GROUP_WIDTH, MOST_GROUPS = 0.25, 32    # of the beam, by which mean shifts within a group differ; groups at most
-SHIFTS = 9                         # that stand for a group at most,
-APART = 0.05                       # of the beam that these lie apart at least
+GROUP_WIDTH, MOST_GROUPS = 0.25, 32    # beam widths by which mean shifts within a group differ; number of groups
+SHIFTS = 9                         # largest number of shifts that represent a group
+APART = 0.05                       # beam widths between these shifts
 
 
 @dataclass(frozen=True, kw_only=True)
 class PingReception:
-    """Hold times and directions of reception of echoes."""
+    """Times and directions of reception of echoes."""
 
     delay: mi.Float64  # (R,) [s]: from transmission to reception
     towards: Vector  # (R,)
 
 
 class Underway:
-    """Hold the motion within the pings of a survey."""
+    """Motion within the pings of a survey."""
 
     def __init__(self, travel: PingTravel):
         travel = travel.trimmed()
         self._duration = travel.duration
-        # where nothing turns, as on a straight course, the device has nothing to look up
+        # without turns, as on a straight course, the device needs no look-up
         self._displacement, self._turn = (powers if (travel.reach(powers) > NEGLIGIBLE).any() else powers[:, :0]
                                         for powers in (travel.displacement, travel.turn))
 
@@ -58,27 +57,32 @@ class Underway:
         return self._displacement.shape[1] + self._turn.shape[1] > 0
 
     def motion(self, ping: np.ndarray) -> PingMotion | None:
-        """Return the motion of a block of pings (B,) on the device; None where there is none."""
+        """Return the motion of a block of pings (B,) on the device, None if the sonar stands still."""
         return PingMotion(self._displacement[ping], self._turn[ping], self._duration) if self.moves else None
 
     def drift(self, sound_speed: float) -> float:
-        """Return the largest distance that the sonar moves while sound goes a metre out and back [-]."""
+        """Return the largest distance [m] that the sonar moves while sound travels one metre out and back [-]."""
         time = self._duration * np.linspace(0.05, 1, 20)
         moved = np.linalg.norm(_evaluated(self._displacement, time), axis=-1)
         return float((moved / time).max(initial=0)) * 2 / sound_speed
 
+    def _in_body(self, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return times [s], and displacements and turns (ping, time, 3) along the body's axes."""
+        time = self._duration * np.array(TIMES)
+        moved, turned = (_evaluated(powers, time) @ rotation for powers in (self._displacement, self._turn))
+        return time, moved, turned
+
     def along_shifts(self, rotation: np.ndarray, sound_speed: float,
                      width: float) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Return the shifts of the cosine u along the body between transmission and reception, by groups.
+        """Return the group (P, 2) of each ping and side, and the shifts (S,) of the cosine u along the body in each.
 
-        Rays are drawn to suit both. Pings and sides of about the same shifts are a group, which shares a table of rays.
+        A shift is the change of u between transmission and reception, and rays are drawn to suit both. Pings and sides
+        of about the same shifts are a group, which shares a table of rays.
         """
-        # rotation (P, 3, 3); sound_speed [m/s] -> group (P, 2), shifts (S,)
+        # rotation (P, 3, 3); sound_speed [m/s]; width of the beam in u [-]
         if not self.moves:
             return np.zeros((len(rotation), 2), np.uint32), [np.zeros(1)]
-        time = self._duration * np.array(TIMES)
-        # (ping, time, 3), along the body's axes
-        moved, turned = (_evaluated(powers, time) @ rotation for powers in (self._displacement, self._turn))
+        time, moved, turned = self._in_body(rotation)
         side, depression = np.array([-1.0, 1.0])[:, None], np.array(DEPRESSIONS)
         aside, down = side * np.cos(depression), np.sin(depression) + 0 * side
         # (ping, time, side, depression)
@@ -88,30 +92,28 @@ class Underway:
         step = max(GROUP_WIDTH * width, np.ptp(mean) / (MOST_GROUPS - 1))
         _, group = np.unique(np.round(mean / step), return_inverse=True)
         group = group.reshape(mean.shape).astype(np.uint32)
-        found = []
+        groups = []
         for number in range(int(group.max()) + 1):
-            some = np.quantile(np.moveaxis(shift, 2, 1)[group == number], np.linspace(0, 1, SHIFTS))
-            found.append(some[np.r_[True, np.diff(np.round(some / (APART * width))) > 0]])
-        return group, found
-
+            shifts = np.quantile(np.moveaxis(shift, 2, 1)[group == number], np.linspace(0, 1, SHIFTS))
+            groups.append(shifts[np.r_[True, np.diff(np.round(shifts / (APART * width))) > 0]])
+        return group, groups
 
     def aside_shifts(self, rotation: np.ndarray, sound_speed: float, depressions: Sequence[float]) -> np.ndarray:
-        """Return the shifts of the cosine u of directions ahead between transmission and reception."""
-        # rotation (P, 3, 3); sound_speed [m/s]; depressions [rad] -> (...)
+        """Return the shifts of the athwart cosine of directions ahead between transmission and reception."""
+        # rotation (P, 3, 3); sound_speed [m/s]; depressions (D,) [rad] -> (P, time, D)
         if not self.moves:
             return np.zeros(1)
-        time = self._duration * np.array(TIMES)
-        moved, turned = (_evaluated(powers, time) @ rotation for powers in (self._displacement, self._turn))
+        time, moved, turned = self._in_body(rotation)
         ahead, down = np.cos(depressions), np.sin(depressions)
         return (turned[..., 0, None] * down - turned[..., 2, None] * ahead
                 - (moved[..., 1] / (0.5 * sound_speed * time))[..., None])
 
 
 class PingMotion:
-    """Hold the motion of a block's pings: look-ups by a ping's number within the block."""
-    # displacement (B, K, 3) [rad/s^k]; turn (B, K, 3) [rad/s^k]; duration [s]
+    """Motion of a block's pings, looked up by a ping's number within the block."""
 
     def __init__(self, displacement: np.ndarray, turn: np.ndarray, duration: float):
+        # displacement (B, K, 3) [m/s^k]; turn (B, K, 3) [rad/s^k]; duration [s]
         self._lib, self._duration = arrays_of(mi.Float), dr.opaque(mi.Float, duration)
         self._powers = displacement.shape[1], turn.shape[1]
         rows = np.concatenate([displacement, turn], 1)
@@ -121,8 +123,8 @@ class PingMotion:
 
     def receive(self, ping: mi.UInt32, towards: Vector, distance: mi.Float, delay: mi.Float64,
                 sound_speed: mi.Float) -> PingReception:
-        """Return when and from where echoes come back."""
-        # ping (R,); towards (R,); distance (R,) [m]; delay (R,) [s]; sound_speed (R,) [m/s]
+        """Return the times and directions in which echoes come back."""
+        # ping, towards (R,); distance (R,) [m]; delay (R,) [s]; sound_speed (R,) [m/s]
         moves, turns = self._powers
         rows = [dr.gather(self._lib.Array4f, self._table, ping * (moves + turns) + k) for k in range(moves + turns)]
         rows = [mi.Vector3f(row[0], row[1], row[2]) for row in rows]
@@ -130,8 +132,8 @@ class PingMotion:
         if moves:
             leg = rows[:moves], towards, distance, sound_speed
             _, later = self._later(*leg, time)
-            # a steady sonar is later by a share of the time, l(t) = l(τ) t / τ, which solves t = τ + l(t); what an
-            # unsteady one is off by then, the second step reduces by its speed over that of sound
+            # for a steady sonar, l(t) = l(τ) t / τ solves t = τ + l(t); for an unsteady one, the second step reduces
+            # the error by its speed over that of sound
             way, later = self._later(*leg, time + later / (1 - later / dr.maximum(time, SHORTEST)))
             time += later
             towards, delay = dr.normalize(way), delay + mi.Float64(later)
@@ -140,9 +142,9 @@ class PingMotion:
         return PingReception(delay=delay, towards=towards)
 
     def _later(self, rows, towards, distance, sound_speed, time):
-        """Return the way to where the sonar is at a time, w, and how much later an echo arrives along it than at O."""
-        way, _, longer, whole = detour(towards, distance, self._at(rows, time))
-        return way, longer / (whole * sound_speed)
+        """Return w at a time, and the delay [s] of an echo along it after its arrival at O."""
+        way, _, longer, total = detour(towards, distance, self._at(rows, time))
+        return way, longer / (total * sound_speed)
 
     def _at(self, rows, time):
         """Return polynomials of the rows at times [s]."""

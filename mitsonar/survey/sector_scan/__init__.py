@@ -1,1 +1,1 @@
-"""A rotating head: the echoes that each of its pings hears, and its pings as rows of an energy record."""
+"""Rotating head: signals of its pings, and its pings as rows of an energy record."""

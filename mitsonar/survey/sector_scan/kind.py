@@ -1,8 +1,8 @@
 """Sector scan: a head with a single beam that turns from ping to ping; its run over a scene, and its picture.
 
 The head is a sonar with one element (`survey.array`) whose body is the head itself: forward is along the beam, and the
-track has the beam's attitude (`sonar.rotating_head`). So every echo is sent with the pattern of the transmission and
-received with that of its own reception, from where head and platform are then.
+track has the beam's attitude (`sonar.rotating_head`). The transmit pattern is therefore that of the head's attitude at
+the transmission, the receive pattern that of its place and attitude at the reception of each echo.
 """
 from __future__ import annotations
 
@@ -38,36 +38,22 @@ from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
 from .signals import StepSignals
 from .steps import Steps
 
-SIGNALS, ELEMENT_SIGNALS = 0.3, 0.98           # of the work, before that of the truth: by beams, and by elements
+SIGNALS, ELEMENT_SIGNALS = 0.3, 0.98           # share of the work before the truth: by beams, and by elements
 
 
 class SectorScanSensor(Sensor, Protocol):
-    """Define the sensor of a rotating head.
+    """Sensor of a rotating head."""
 
-    Attributes
-    ----------
-    source_level_db : float [dB re 1 µPa @ 1 m]
-        On the axis of the beam.
-    pulse : Pulse
-    beam_widths : (float, float) [rad]
-        Full one-way -3 dB widths, in the plane that the beam turns in and across.
-    head : Head
-    self_noise_db : float or None [dB re 1 µPa²/Hz]
-        Of the receiver.
-    picture : {"beams", "elements"} or None
-        How the picture is made; None: by beams where that can be done.
-    """
-
-    source_level_db: float
+    source_level_db: float  # [dB re 1 µPa @ 1 m]: on the axis of the beam
     pulse: Pulse
-    beam_widths: tuple[float, float]
+    beam_widths: tuple[float, float]  # [rad]: full one-way -3 dB widths, in the plane that the beam turns in and across
     head: RotatingHead
-    self_noise_db: float | None
-    picture: str | None
+    self_noise_db: float | None  # [dB re 1 µPa²/Hz]: of the receiver
+    picture: str | None  # "beams", "elements" or None: by beams where that is possible
 
 
 def plan(scene: mi.Scene, sensor: SectorScanSensor, settings: RunSettings) -> ArraySurvey:
-    """Plan a run whose record is to become a picture: it begins a pulse early; see `plan_elements`."""
+    """Plan a run for a picture; its record begins a pulse early, see `plan_elements`."""
     return plan_elements(scene, sensor, settings, LEAD)
 
 
@@ -92,13 +78,17 @@ def picture(survey: ArraySurvey, sensor: SectorScanSensor, seed: int,
     speed, steps = head_speed(sensor, survey.passage.depth), steps_of(survey, sensor)
     window, bins = sensor.film().window(speed)
     way = sensor.picture or ("beams" if survey.ensonification == "scatterers" else "elements")
-    signals = StepSignals(survey)
-    if way == "beams":
-        _check_scatterers(survey)
-        power = signals.power(bins, seed, _part_of(progress, 0.0, SIGNALS))
+    signals, before = StepSignals(survey), SIGNALS if way == "beams" else ELEMENT_SIGNALS
+    progress_before = _part_of(progress, 0.0, before)
+    if way == "elements":
+        received = received_signals(PressureRecord(survey, seed=seed), range(survey.track.pings),
+                                    progress=progress_before, say=say)
+        power = imaging.mean_power(matched_filter(received.values[:, 0, 0], survey.pulse, survey.sampling_rate), bins)
+    elif survey.ensonification == "scatterers":
+        power = signals.power(bins, seed, progress_before)
     else:
-        power = _by_elements(survey, bins, seed, _part_of(progress, 0.0, ELEMENT_SIGNALS), say)
-    before = SIGNALS if way == "beams" else ELEMENT_SIGNALS
+        raise ValueError("picture is beams, but rays are to find the scatterers (ensonification); leave one of them "
+                         "out, or set picture to elements")
     record = only_row(energy.record(survey, steps, seed, _part_of(progress, before, 1.0)))
     classes, class_of = classes_of(survey.labels)
     image = imaging.image(
@@ -119,33 +109,19 @@ def steps_of(survey: ArraySurvey, sensor: SectorScanSensor) -> Steps:
 
 def _part_of(progress: Callable[[float, float], None] | None, begin: float,
              end: float) -> Callable[[float, float], None] | None:
-    """Make the progress of a part, from a share of the whole to another."""
+    """Return the progress function of a part of the work, between two shares of all work."""
     if progress is None:
         return None
     return lambda done, total: progress(begin * total + (end - begin) * done, total)
 
 
-def _check_scatterers(survey: ArraySurvey) -> None:
-    """Refuse a picture by beams of what rays find."""
-    if survey.ensonification != "scatterers":
-        raise ValueError("picture is beams, but rays are to find the scatterers (ensonification); leave one of them "
-                         "out, or let picture be elements")
-
-
-def _by_elements(survey: ArraySurvey, bins: int, seed: int, progress: Callable[[float, float], None] | None,
-                 say: Callable[[str], None] | None) -> np.ndarray:
-    """Return powers (P, bins) [µPa²] of the signals of the head as an element."""
-    signals = received_signals(PressureRecord(survey, seed=seed), range(survey.track.pings), progress=progress, say=say)
-    return imaging.mean_power(matched_filter(signals.values[:, 0, 0], survey.pulse, survey.sampling_rate), bins)
-
-
 def rows(level: np.ndarray) -> np.ndarray:
-    """Return levels (ping, range) as rows of one picture: as they are."""
+    """Return levels (ping, range) as rows of one picture, unchanged."""
     return level
 
 
 def _face(sensor: SectorScanSensor, sound_speed: float) -> Array:
-    """Return the element of the head, which sends and receives."""
+    """Return the element of the head, which transmits and receives."""
     length, height = (length_for_beam_width(width, sound_speed / sensor.pulse.frequency)
                       for width in sensor.beam_widths)
     return element_array([0.0, 0.0, 0.0], normal="forward", along="starboard", length=length, height=height,
@@ -156,7 +132,7 @@ def _turns(survey: ArraySurvey, sensor: SectorScanSensor) -> imaging.Turns:
     """Return the directions of the head at its pings."""
     head, trajectory, time = sensor.head, survey.voyage.trajectory, survey.track.time
     if not isinstance(trajectory, HeadTrajectory):
-        raise ValueError("the survey of a sector scan has the voyage of a head; make it by the sensor's own plan")
+        raise ValueError("a sector scan needs the voyage of a rotating head; make the survey by the sensor's own plan")
     ping = np.arange(len(time))
     bearing = np.angle(np.exp(1j * head.sweep.bearing(ping)))
     return imaging.Turns(bearing=np.where(bearing > np.pi - 1e-9, bearing - 2 * np.pi, bearing),
@@ -165,13 +141,13 @@ def _turns(survey: ArraySurvey, sensor: SectorScanSensor) -> imaging.Turns:
 
 
 def _mean_power(record: EnergyRecord, steps: Steps, signals: StepSignals) -> np.ndarray:
-    """Return mean over speckle and noise, (P, bins) [µPa²]: of the rays' energies, and of signals that have a phase."""
+    """Return the mean over speckle and noise, (P, bins) [µPa²]: rays' energies and coherent signals."""
     mean = steps.shown(record.intensity.astype(float))
     return mean if record.coherent is None else mean + signals.power(steps.bins.count, None)
 
 
 def _noise_db(survey: ArraySurvey, sensor: SectorScanSensor, sound_speed: float) -> float | None:
-    """Return noise behind the matched filter [dB re 1 µPa]; None where there is none."""
+    """Return the noise behind the matched filter [dB re 1 µPa], None without noise."""
     if survey.noise is None:
         return None
     spectra = [] if sensor.self_noise_db is None else [sensor.self_noise_db]
@@ -179,4 +155,4 @@ def _noise_db(survey: ArraySurvey, sensor: SectorScanSensor, sound_speed: float)
         wavelength = sound_speed / survey.frequency
         spectra.append(sensor.noise_level_db() - element_directivity_index_db(survey.receive, wavelength))
     bandwidth = compression(survey.pulse, survey.sampling_rate)[1]
-    return float(db_from_power(bandwidth * sum(power_from_db(one) for one in spectra)))
+    return float(db_from_power(bandwidth * sum(power_from_db(spectrum) for spectrum in spectra)))

@@ -2,9 +2,9 @@
 
     y_p(t) = Σ_j a_j b_t(n_j) b_r(n'_jp) e^{-i2πf τ_jp} δ(t - τ_jp)  ─→  pulse, receiver, matched filter, noise
 
-a_j -> the echoes around the head (`beam_domain.ping_echoes`), n_j the direction they were sent in, n'_jp and τ_jp
-direction and time of their reception, as the head has moved and turned by then. A ping is a row of one element on the
-beam grid, whose line stands across the way the head turns: Doppler differs along it.
+a_j -> echoes around the head (`beam_domain.ping_echoes`); n_j -> direction of departure; n'_jp and τ_jp -> direction
+and time of reception, after the head has moved and turned. A ping is a row of one element on the beam grid, whose line
+stands across the turning direction of the head: Doppler differs along it.
 
 A platform that stands still has the same echoes at every ping: they are made once, and pings take those in their beam.
 """
@@ -35,14 +35,15 @@ FAINTEST = 1e-6                    # two-way intensity of the beam below which a
 
 
 class StepSignals:
-    """Make the compressed signals of a survey's pings."""
+    """Compressed signals of a survey's pings."""
 
     def __init__(self, survey: ArraySurvey):
         trajectory, receive = survey.voyage.trajectory, survey.receive
         if not isinstance(trajectory, HeadTrajectory):
-            raise ValueError("signals of steps are those of a rotating head; its own plan makes its survey")
+            raise ValueError("a sector scan needs the voyage of a rotating head; make the survey by the sensor's own "
+                             "plan")
         attitude = trajectory.platform.pose(survey.track.time)[1]
-        # bearing 0, aside, and the axis that the head turns about: columns
+        # columns: bearing 0, aside, and the axis that the head turns about
         frame = rotation_matrix(*np.moveaxis(attitude, -1, 0)) @ trajectory.head.mounted
         fixed = all(float(np.ptp(part, axis=0).max()) < STILL for part in (survey.track.position, frame))
         self._survey = survey
@@ -53,16 +54,15 @@ class StepSignals:
         self._beams = line_beams(survey, line.place, line.weight, np.zeros(1))
 
     def power(self, bins: int, seed: int | None, progress: Callable[[float, float], None] | None = None) -> np.ndarray:
-        """Return the mean power of all pings over bins: (P, bins) [µPa²].
+        """Return the mean power of all pings over bins, (P, bins) [µPa²].
 
-        A `seed` draws scatterers, what else is drawn by chance, and noise. Without one, None, there are only the echoes
-        that have a phase of their own.
+        A `seed` draws scatterers, other random echoes and noise. With None there are only coherent echoes.
         """
         survey, total, rows = self._survey, self._survey.track.pings, []
         noise = None if seed is None else NoiseDensity.of(survey.noise, survey.source_level_db)
         for ping in range(total):
             grid = self._beams.grid()
-            for placed in self._heard(ping, seed):
+            for placed in self._received(ping, seed):
                 add(grid, self._echoes.received(ping, placed))
             signal = self._beams.form(grid, doppler=self._echoes.doppler(ping), noise=noise,
                                       key=0 if seed is None else ping_key(seed, ping))
@@ -71,7 +71,7 @@ class StepSignals:
                 progress(ping + 1, total)
         return np.stack(rows) * power_from_db(survey.source_level_db)
 
-    def _heard(self, ping: int, seed: int | None) -> Iterator[PlacedEchoes]:
+    def _received(self, ping: int, seed: int | None) -> Iterator[PlacedEchoes]:
         """Yield the echoes that the head receives of a ping."""
         if self._kept is None:
             yield from self._around(ping, seed is not None)
@@ -83,14 +83,14 @@ class StepSignals:
             useful = self._echoes.useful(ping, FAINTEST)
             for some in around:
                 wanted = useful(some.sent, some.out_distance)
-                if some.towards is not some.sent:  # sent by a side lobe, it may come back by the main one
+                if some.towards is not some.sent:  # sent by a side lobe, an echo may come back by the main lobe
                     wanted |= useful(some.towards, some.back_distance)
                 yield from _those(some, wanted)
         if seed is not None:
             yield from self._echoes.by_chance(ping, seed)
 
     def _around(self, ping: int, by_chance: bool, everywhere: bool = False) -> Iterator[PlacedEchoes]:
-        """Yield the echoes around the place of a ping: of scatterers, in its beam or everywhere, and coherent ones."""
+        """Yield echoes around the place of a ping: of scatterers, in its beam or everywhere, and coherent echoes."""
         if by_chance:
             scatterers = self._echoes.scatterers(ping, everywhere)
             if scatterers is not None:
@@ -102,7 +102,7 @@ class StepSignals:
 
 
 def _those(placed: PlacedEchoes, wanted: mi.Bool) -> Iterator[PlacedEchoes]:
-    """Yield the echoes that are wanted, computed, if there are any."""
+    """Yield the wanted echoes, evaluated, if there are any."""
     index = compressed(wanted)
     if dr.width(index):
         some = placed.chosen(index)

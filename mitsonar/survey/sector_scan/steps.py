@@ -1,12 +1,16 @@
-"""The pings of a rotating head as rows of an energy record: mean levels, and the truth of every bin.
+"""Pings of a rotating head as rows of an energy record: mean levels, and the truth of every bin.
 
-A row is what the one beam of the head receives of a ping. As of a sidescan's sides, a first, sparse pass of rays finds
-out which directions lead into time bins that few rays reach, and a second one makes the record.
+A row is the echo of a ping as the single beam of the head receives it, in the head's frame (x along the beam, y the
+direction in which it turns, z across):
 
-Rays of a rotating head's pings, drawn through quantile tables: see `tracing.launch`.
+    b(u, v) = sinc(L u / λ) sinc(H v / λ),    u = d·y,  v = d·z;    zero behind the face
 
-A direction is (u, φ) in the head's frame, d = (√(1 - u²) cos φ, u, √(1 - u²) sin φ). The table of u follows the lobes
-at transmission and at reception, wherever the head turns meanwhile; those of φ follow the time axis.
+L and H -> length and height of its face (`sonar.directivity`). Where the head turns between transmission and reception,
+the two lobes lie side by side.
+
+As for a sidescan's sides, a first, sparse pass of rays finds the directions that lead into time bins which few rays
+reach, and a second pass makes the record. Rays are drawn through quantile tables (`tracing.launch`) as directions
+d = (√(1 - u²) cos φ, u, √(1 - u²) sin φ): the table of u follows both lobes, those of φ the time axis.
 """
 from __future__ import annotations
 
@@ -23,36 +27,77 @@ from mitsonar.device.chance import Salt
 from mitsonar.device.types import Vector
 from mitsonar.echoes.paths import Paths
 from mitsonar.echoes.sums.origin_sums import WORDS
+from mitsonar.imaging.sidescan import mean_intensity, pulse_shares
 from mitsonar.scene.tracing.launch import CELLS, along_quantiles, draw, first_quantiles, refine_quantiles
+from mitsonar.signal.matched_filtering import compression
+from mitsonar.sonar.faces.directivity import Aperture
 from mitsonar.sonar.faces.sidescan import Sidescan
 
 from ..energy.coherent_beams import CoherentBeams
 from ..energy.energy_bins import EnergyBins, ray_need
+from ..energy.face_beams import BEAM_EDGE, FaceBeams
 from ..energy.rows import EchoSource, Rays, RowResponse
 from ..energy.side_launch import drawn_across, ray_grid, strata_of
 from ..energy.sound_paths import SoundPaths
 from ..motion.places import Place
 from ..motion.underway import Underway
 from ..pressure.array_survey import ArraySurvey
-from .beam import StepBeam, face_of
 
-SHIFTS = 9                         # that stand for all pings
-WAYS = (-0.5, 0.0, 0.5)            # [rad] φ at which shifts are looked at
+SHIFTS = 9                         # shifts that represent all pings
+WAYS = (-0.5, 0.0, 0.5)            # [rad] φ of these shifts
+FIRST_PASS = 0.15                  # share of the rays
+RAYS_PER_BLOCK = 1 << 21
+SUMS_PER_BLOCK = 1 << 23           # integers
+TABLES_PER_BLOCK = 128             # tables of rays, a megabyte each: bounds memory where pings differ in depth
+COHERENT_PER_BLOCK = 32            # pings whose coherent echoes are summed together
+
+
+def face_of(survey: ArraySurvey) -> Sidescan:
+    """Return the face and the pulse of a head, as those of a sidescan's side that looks along the beam."""
+    transmit, receive = (Aperture(length=array.length, height=array.height)
+                         for array in (survey.transmit, survey.receive))
+    return Sidescan(frequency=survey.frequency, source_level_db=survey.source_level_db,
+                    pulse_length=compression(survey.pulse, survey.sampling_rate)[0],
+                    transmit=transmit, receive=receive, depression_angle=0.0, sound_speed=survey.sound_speed(0))
+
+
+class StepBeam:
+    """Response of the beam of a head, whose record has bins of `bin_length` [s]."""
+
+    count = 1
+
+    def __init__(self, face: Sidescan, bin_length: float):
+        self._faces, self._shares = FaceBeams(face), pulse_shares(bin_length, face.pulse_length)
+
+    def two_way(self, sent: mi.Vector3f, back: mi.Vector3f) -> tuple[mi.Float, mi.Bool]:
+        """Return the two-way intensity of directions in the head's frame, and True for those of the main lobe."""
+        along, across = self._faces.two_way(sent.y, sent.z, back.y, back.z)
+        pattern = dr.select((sent.x >= 0) & (back.x >= 0), along * across, 0)
+        return mi.Float(pattern), mi.Bool(self._faces.lobe(sent.y, back.y) > BEAM_EDGE)
+
+    def receive(self, place: Place, ping: mi.UInt32, sent: Vector, towards: Vector) -> tuple[mi.UInt32, mi.Float]:
+        """Return the number of the beam, always 0, and its two-way intensity for echoes (R,)."""
+        pattern, _ = self.two_way(place.body(ping, sent), place.body(ping, towards))
+        return dr.zeros(mi.UInt32, dr.width(pattern)), pattern
+
+    def shown(self, intensity: np.ndarray) -> np.ndarray:
+        """Return intensities (rows, ..., bins) averaged over the pulse."""
+        return mean_intensity(intensity, self._shares)
 
 
 @dataclass(frozen=True, kw_only=True)
 class StepRays(Rays):
-    """Hold rays of a head's pings."""
+    """Rays of a head's pings."""
 
-    cell: mi.UInt32  # (R,): of the table of φ that the ray was drawn through, (pings, CELLS)
-    head: mi.Vector3f  # (R,): their directions in the head's frame
+    cell: mi.UInt32  # (R,): cell of the tables of φ, (pings, CELLS), that the ray was drawn in
+    head: mi.Vector3f  # (R,): directions in the head's frame
 
 
 class StepLaunch:
-    """Draw rays of pings."""
-    # window [s]
+    """Directions of the rays of pings."""
 
     def __init__(self, survey: ArraySurvey, face: Sidescan, underway: Underway, window: tuple[float, float]):
+        # window [s]
         self._survey, self._face, self._window, self._lib = survey, face, window, arrays_of(mi.Float)
         shifts = underway.aside_shifts(survey.track.rotation(), face.sound_speed, WAYS)
         table = along_quantiles(face, np.unique(np.quantile(shifts, np.linspace(0, 1, SHIFTS))))
@@ -82,21 +127,14 @@ class StepLaunch:
                         solid_angle=phi_width * u_width / mi.Float(strata.per_row))
 
 
-FIRST_PASS = 0.15                  # of the rays
-RAYS_PER_BLOCK = 1 << 21
-SUMS_PER_BLOCK = 1 << 23           # integers
-TABLES_PER_BLOCK = 128             # of rays, a megabyte each: bounds it where every ping has a depth of its own
-COHERENT_PER_BLOCK = 32            # pings whose coherent echoes are summed together
-
-
 @final
 class Steps:
-    """Hold the pings of a head; see `rows.Rows`."""
-    # window [s]
+    """Pings of a head as rows; see `rows.Rows`."""
 
     per_ping, hidden_in_beam = 1, True
 
     def __init__(self, survey: ArraySurvey, window: tuple[float, float], count: int):
+        # window [s]; count of bins
         self._survey, self.labels, self.paths = survey, len(survey.labels), Paths(1)
         self.frequency, self.source_level_db = survey.frequency, survey.source_level_db
         face, length = face_of(survey), (window[1] - window[0]) / count
@@ -110,7 +148,7 @@ class Steps:
         self.pings_per_block = self._pings_per_block()
 
     def _pings_per_block(self) -> int:
-        """Return the pings of a block, bounded by rays and by the memory of sums and tables."""
+        """Return the number of pings in a block, bounded by rays and by the memory of sums and tables."""
         survey, pings = self._survey, self._survey.track.pings
         sums = self.bins.count * (self.labels * (2 if survey.geometry.named.hides else 1) + WORDS)
         rays = sum(grid[0] * grid[1] for grid in self._grids)
@@ -127,26 +165,26 @@ class Steps:
         yield self._launch.drawn(place, refine_quantiles(quantiles, need), self._grids[1], seed, Salt.SECOND_PASS)
 
     def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float) -> StepRays:
-        """Return rays of given directions; they come from no table."""
+        """Return rays in given directions, drawn through no table."""
         return StepRays(ping=ping, direction=direction, solid_angle=solid_angle, cell=mi.UInt32(0),
                         head=place.body(ping, direction))
 
     def response(self, place: Place, rays: StepRays, towards: Vector) -> RowResponse:
-        """Return how the beam receives echoes, as the head looks when they are back."""
+        """Return the response of the beam, at the head's attitude when each echo is back."""
         back = rays.head if place.still else place.body(rays.ping, towards)
         pattern, in_beam = self.beam.two_way(rays.head, back)
         return RowResponse(row=rays.ping, pattern=pattern, in_beam=in_beam, active=pattern > 0)
 
     def shown(self, intensity: np.ndarray) -> np.ndarray:
-        """Return the mean level that the pulse makes of intensities (rows, ..., bins)."""
+        """Return intensities (rows, ..., bins) averaged over the pulse."""
         return self.beam.shown(intensity)
 
     def other_sources(self, sound: SoundPaths, seed: int) -> Sequence[EchoSource[StepRays]]:
-        """Return none: mean levels and truth tell first hits and coherent echoes alone."""
+        """Return no sources: mean levels and truth hold first hits and coherent echoes only."""
         return ()
 
     def coherent(self, sound: SoundPaths) -> CoherentBeams | None:
-        """Return the source of the echoes that have a phase of their own; None where the scene has none."""
+        """Return the source of coherent echoes, None where the scene has none."""
         source = CoherentBeams(self._survey, sound, self.beam, self.bins,
                                drift=self.underway.drift(self.bins.sound_speed))
         return None if source.silent else source

@@ -1,1 +1,1 @@
-"""Render sidescans: faces, rays of either side, and images."""
+"""Sidescan sonar: its run over a scene, its coherent echoes and its picture."""

@@ -1,13 +1,13 @@
-"""Echoes of a sidescan that have a phase: smooth surfaces, point targets, and a flat sea surface.
+"""Coherent echoes of a sidescan: smooth surfaces, point targets, and a flat sea surface.
 
     a_i = 10^(SL/20) b_t b_r e_i e^(-i2πf₀τ_i)
 
-e_i and τ_i are amplitude and delay of an echo (`echoes.record`, `underway`), b_t and b_r the pressure patterns of the
-transmitting face where it left and of the receiving one where it comes back from, as they are turned then. The echoes'
-pulses are summed as pressures (`coherent_pulses`).
+e_i and τ_i -> amplitude and delay of an echo (`echoes.record`, `underway`); b_t -> pressure pattern of the transmitting
+face at the transmission, b_r -> that of the receiving face at the reception. The echoes' pulses are summed as pressures
+(`coherent_pulses`).
 
-Under a surface that mirrors, targets are seen by way of it too (`echoes.sights`). The surface's own echo, from straight
-above, is shared by both sides: half to each, or as Fresnel's integral has it where the platform rolls.
+Under a surface that mirrors, targets are also seen by way of it (`echoes.sights`). Both sides share the surface's own
+echo, from straight above: half to each, or by Fresnel's integral where the platform rolls.
 """
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ from ..energy.sound_paths import SoundPaths
 from ..energy.target_echoes import band_of_tone, target_echoes
 from ..motion.places import Place
 
-FAINT = 1e-7                       # two-way intensity of the beams' envelope below which facets are not looked at
+FAINT = 1e-7                       # two-way intensity of the beams' envelope below which facets are left out
 
 
 class CoherentSidescan:
-    """Sum the coherent echoes of a sidescan."""
+    """Sums of the coherent echoes of a sidescan."""
 
     def __init__(self, survey: SidescanSurvey, sound: SoundPaths, beams: FaceBeams, *, drift: float, shift: float):
         self._survey, self._sights, self._beams, self._shift = survey, sound.sights, beams, shift
@@ -53,24 +53,23 @@ class CoherentSidescan:
 
     @property
     def silent(self) -> bool:
-        """Return True if nothing in the scene has a phase of its own."""
+        """Return True if the scene has no coherent echoes."""
         return not (self._smooth or self._targets or self._sights.mirror)
 
     def sum(self, place: Place) -> CoherentSums:
-        """Sum the echoes of a block of pings; arrays (rows, ..., bins)."""
+        """Return the sums of the echoes of a block of pings; arrays (rows, ..., bins)."""
         pings, size = len(place.ping), self._pulses.pings_at_once
         return joined([self._group(place, first, min(first + size, pings)) for first in range(0, pings, size)])
 
     def _group(self, place: Place, first: int, end: int) -> CoherentSums:
         """Return the sums of the pings from `first` to before `end` of a block."""
-        found = [self._arrivals(place, first, *echoes) for echoes in self._echoes(place, first, end)]
-        found = [arrivals for arrivals in found if len(arrivals.row)]
+        blocks = [self._arrivals(place, first, *echoes) for echoes in self._echoes(place, first, end)]
+        blocks = [arrivals for arrivals in blocks if len(arrivals.row)]
         rows = 2 * (end - first)
-        return self._pulses.sum(found, rows) if found else self._pulses.silence(rows)
+        return self._pulses.sum(blocks, rows) if blocks else self._pulses.silence(rows)
 
     def _echoes(self, place: Place, first: int, end: int) -> Iterator[tuple]:
-        """Yield the numbers of pings (from `first` on 0), of shapes, the echoes, and for some the side they belong to.
-        """
+        """Yield the numbers of pings (0 is `first`), the labels, the echoes, and the side of the surface's echo."""
         position, rotation = place.position[first:end], place.rotation[first:end]
         if self._sights.mirror:
             yield from self._overhead(place, position, rotation, first)
@@ -81,7 +80,7 @@ class CoherentSidescan:
                                            self._within_beams(position, rotation))
 
     def _within_beams(self, position: np.ndarray, rotation: np.ndarray) -> Callable[..., np.ndarray]:
-        """Return a test of facets against the envelope of the side lobes along the platform, for each ping."""
+        """Return a function that keeps facets within the envelope of the side lobes along the platform."""
         sonar = self._survey.sonar
         faces = ((sonar.transmit, 0.0), (sonar.receive, self._shift))
 
@@ -96,11 +95,11 @@ class CoherentSidescan:
         return choose
 
     def _overhead(self, place: Place, position: np.ndarray, rotation: np.ndarray, first: int) -> Iterator[tuple]:
-        """Return the echo of a flat surface, as the faces of either side receive it."""
+        """Yield the echo of a flat surface, as the faces of either side receive it."""
         number = dr.arange(mi.UInt32, len(position))
         ping = number + dr.opaque(mi.UInt32, first)
         echoes, free = self._sights.overhead(place.sources, place.origin(ping), place.source(ping))
-        # how far the platform's middle plane meets the surface from straight above, in Fresnel's units
+        # distance from straight above at which the platform's middle plane meets the surface, in Fresnel's units below
         height, up = np.maximum(-position[:, 2], 1e-3), rotation[:, 2]
         aside = height * up[:, 1] / np.maximum(np.hypot(up[:, 0], up[:, 2]), 1e-9)
         sine, cosine = fresnel(aside * np.sqrt(4 / (self._survey.sonar.wavelength * height)))
@@ -113,9 +112,9 @@ class CoherentSidescan:
 
     def _arrivals(self, place: Place, first: int, number: mi.UInt32, label: mi.UInt32, echoes: Echoes,
                   side: float | None = None) -> PulseArrivals:
-        """What the faces receive of echoes within the record.
+        """Return the echoes within the record as the faces receive them.
 
-        `side` is -1 where it is port's face that receives them, 1 for starboard's; None: that which they come from.
+        `side` is -1 for the port face, 1 for starboard, and None for the side that each echo comes from.
         """
         ping = number + dr.opaque(mi.UInt32, first)
         still = echoes.out.travel_time + echoes.between + echoes.back.travel_time
@@ -149,7 +148,7 @@ class CoherentSidescan:
         return self._within_record({name: column.numpy() for name, column in columns.items()}, echoes.path)
 
     def _within_record(self, columns: dict[str, np.ndarray], path: str) -> PulseArrivals:
-        """Choose arrivals within the record that return to the side they left from, and are not zero."""
+        """Return arrivals that are not zero, lie within the record and return to the side that they left from."""
         half, window = 0.5 * self._survey.sonar.pulse_length, self._survey.window
         delay = columns["delay"]
         good = columns["same_side"] & (delay >= window[0] - half) & (delay < window[1] + half)

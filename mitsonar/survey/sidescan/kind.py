@@ -1,7 +1,4 @@
-"""Sidescan sonar: its run over a scene, its picture, and its faces as elements.
-
-The speckle of a sidescan's pings: gates, main lobe and way that `echoes.ground_speckle` works with.
-"""
+"""Sidescan sonar: its run over a scene, its picture, its faces as elements, and the speckle of its pings."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -35,20 +32,20 @@ from ..pressure.array_survey import ArraySurvey
 from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
 from ..voyage import Passage
 
-WIDEST = 0.2                       # cosine beyond which no lobe is followed: pings are no nearer than such beams tell
+WIDEST = 0.2                       # cosine at which lobes are cut: pings are too far apart for wider lobes to matter
 LOBE_END = 1e-3                    # two-way intensity at which the main lobe ends (-30 dB)
-STEP = 1 / 32                      # of cosines, in wavelengths over the face's length
-NODES = 64                         # of a lobe's table
-PER_OCTAVE = 6.0                   # ranges that the beam is tabulated at
-NEAREST, NEAREST_LENGTHS = 0.5, 0.5      # [m], and in lengths of the face: where its beam is looked at first
+STEP = 1 / 32                      # step of cosines, in wavelengths over the face's length
+NODES = 64                         # nodes in a lobe's table
+PER_OCTAVE = 6.0                   # ranges of the beam's table
+NEAREST, NEAREST_LENGTHS = 0.5, 0.5      # [m], and in lengths of the face: shortest range of the beam's table
 LEVEL_OVER = 20.0                  # [m] of the track over which the bed's depth is averaged
-ALONG = 0.75                       # of the lattices' spacing: a course that strays further takes another lattice
-STRETCH = 64                       # pings that the end of a stretch is first looked for in
-TIMES = np.array([0.0, 0.5, 1.0])
+ALONG = 0.75                       # share of the lattices' spacing beyond which a course takes another lattice
+STRETCH = 64                       # pings among which the end of a stretch is first searched
+TIMES = np.array([0.0, 0.5, 1.0])  # moments of the record, as shares of its duration
 
 
 def side_speckle(survey: SidescanSurvey, seed: int) -> GroundSpeckle:
-    """Make the source of a survey's speckle."""
+    """Return the source of a survey's speckle."""
     sonar, (start, end) = survey.sonar, survey.window
     gates = survey.bins * speckle_gates(survey.bin_length, sonar.pulse_length)
     to_range = 0.5 * sonar.sound_speed
@@ -62,7 +59,7 @@ def main_lobe(sonar: Sidescan, farthest: float) -> SpeckleBeam:
     """Return the two-way main lobe along the platform, down to -30 dB, up to a range [m]."""
     wavelength, length = sonar.wavelength, max(sonar.transmit.length, sonar.receive.length)
     nearest = max(NEAREST, NEAREST_LENGTHS * length)
-    # beyond, all ranges are alike
+    # beyond this range the beam no longer changes
     far = max(nearest, min(farthest, 8 * length ** 2 / wavelength))
     ranges = np.geomspace(nearest, far, 1 + int(np.ceil(PER_OCTAVE * np.log2(far / nearest))))
     widest, step = WIDEST, WIDEST / NODES
@@ -94,25 +91,24 @@ def _way(survey):
 
 
 def _levelled(position: np.ndarray, depth_below: np.ndarray) -> np.ndarray:
-    """Height above the bed (P,) [m], with the bed's depth averaged along the track: ripples do not move scatterers."""
+    """Return heights above the bed (P,) [m], averaged along the track so that ripples do not move scatterers."""
     bed = position[:, 2] - depth_below
-    way = np.append(0.0, np.cumsum(np.hypot(*np.diff(position[:, :2], axis=0).T)))
-    if way[-1] == 0:
+    along = np.append(0.0, np.cumsum(np.hypot(*np.diff(position[:, :2], axis=0).T)))
+    if along[-1] == 0:
         return position[:, 2] - bed.mean()
-    total = np.append(0.0, np.cumsum(np.diff(way) * 0.5 * (bed[1:] + bed[:-1])))
-    ends = [np.clip(way + end, 0, way[-1]) for end in (-0.5 * LEVEL_OVER, 0.5 * LEVEL_OVER)]
-    # the integral is quadratic between pings, but the bed is not better known than so
-    mean = (np.interp(ends[1], way, total) - np.interp(ends[0], way, total)) / (ends[1] - ends[0])
-    return position[:, 2] - mean
+    total = np.append(0.0, np.cumsum(np.diff(along) * 0.5 * (bed[1:] + bed[:-1])))
+    low, high = (np.clip(along + end, 0, along[-1]) for end in (-0.5 * LEVEL_OVER, 0.5 * LEVEL_OVER))
+    # the integral is quadratic between pings, but linear interpolation is as exact as the bed is known
+    return position[:, 2] - (np.interp(high, along, total) - np.interp(low, along, total)) / (high - low)
 
 
 def _lattices(course: np.ndarray) -> np.ndarray:
-    """Numbers (P,) of the lattices that pings of a course [rad], from x to y, take: one for each straight stretch."""
+    """Return the numbers (P,) of the lattices for pings of a course [rad], x to y: one for each straight stretch."""
     spacing = np.pi / LATTICES
     number, start = np.empty(len(course), int), 0
     while start < len(course):
         first, ahead = np.round(course[start] / spacing) * spacing, STRETCH
-        while True:                            # a stretch is looked for no further than twice its length
+        while True:                            # the search goes no further than twice the length of a stretch
             away = np.angle(np.exp(1j * (course[start:start + ahead] - first)))
             strays = np.flatnonzero(np.abs(away) > ALONG * spacing)
             if strays.size or start + ahead >= len(course):
@@ -125,42 +121,23 @@ def _lattices(course: np.ndarray) -> np.ndarray:
 
 
 class SidescanSensor(Sensor, Protocol):
-    """Define the sensor of a sidescan.
+    """Sensor of a sidescan."""
 
-    Attributes
-    ----------
-    frequency : float [Hz]
-    source_level_db : float [dB re 1 µPa @ 1 m]
-    pulse_length : float [s]
-        Effective, after compression.
-    chirp_length : float [s]
-        Of the pulse as it is sent, at least that.
-    transmit_face, receive_face : BuiltFace
-    depression_angle : float [rad]
-        Of the faces' normals below horizontal.
-    speckle : bool
-    recorder : Recorder
-    self_noise_db : float or None [dB re 1 µPa²/Hz]
-        Of each side's receiver.
-    """
-
-    frequency: float
-    source_level_db: float
-    pulse_length: float
-    chirp_length: float
+    frequency: float  # [Hz]
+    source_level_db: float  # [dB re 1 µPa @ 1 m]
+    pulse_length: float  # [s]: effective, after compression
+    chirp_length: float  # [s]: of the transmitted pulse, at least `pulse_length`
     transmit_face: BuiltFace
     receive_face: BuiltFace
-    depression_angle: float
+    depression_angle: float  # [rad]: of the faces' normals below horizontal
     speckle: bool
     recorder: Recorder
-    self_noise_db: float | None
+    self_noise_db: float | None  # [dB re 1 µPa²/Hz]: of each side's receiver
 
 
 def plan(scene: mi.Scene, sensor: SidescanSensor, settings: RunSettings) -> SidescanSurvey:
     """Plan a run over a scene."""
-    geometry = Geometry(scene)
-    passage = _passage(geometry, sensor)
-    sonar = sonar_at(sensor, float(np.mean(passage.depth)))
+    geometry, passage, sonar = _laid(scene, sensor)
     window, bins = sensor.film().window(sonar.sound_speed)
     materials.check(geometry, sensor.water.profile, sonar.frequency)
     survey = SidescanSurvey(
@@ -174,22 +151,23 @@ def plan(scene: mi.Scene, sensor: SidescanSensor, settings: RunSettings) -> Side
 def plan_elements(scene: mi.Scene, sensor: SidescanSensor, settings: RunSettings, lead: float = 0.0) -> ArraySurvey:
     """Plan the same run with each side's faces as elements, port and starboard.
 
-    The pulse is a cw of the sidescan's effective length. Faces are even and flat, whatever the sensor's are, and hear
-    nothing from behind their own planes; `survey.signals` knows no recorder.
+    The pulse is a cw of the sidescan's effective length. Faces are even and flat, regardless of the sensor's shading,
+    and receive nothing from behind their own planes; there is no recorder.
     """
-    geometry = Geometry(scene)
-    passage = _passage(geometry, sensor)
-    sonar = sonar_at(sensor, float(np.mean(passage.depth)))
+    geometry, passage, sonar = _laid(scene, sensor)
     sine, cosine = np.sin(sonar.depression_angle), np.cos(sonar.depression_angle)
     transmit, receive = (element_array(
         np.zeros((2, 3)), normal=[[0, -cosine, sine], [0, cosine, sine]], along="forward", length=face.length,
         height=face.height, pattern="rectangular", baffle="hard") for face in (sonar.transmit, sonar.receive))
-    # each face has the source level, and a direction hears one of them: both together would make twice the pressure
+    # each face has the source level, and a direction receives sound from one face: both would make twice the pressure
     source_level_db = sonar.source_level_db + db_from_amplitude(2.0)
+    self_noise_db = sensor.self_noise_db
+    if self_noise_db is not None:
+        self_noise_db = float(self_noise_db - _compression_db(sensor))
     return array.survey_of(
         geometry, sensor, settings, passage, lead=lead, sound_speed=sonar.sound_speed, transmit=transmit,
         receive=receive, pulse=cw(sonar.frequency, sonar.pulse_length), source_level_db=float(source_level_db),
-        bins_are_samples=False, self_noise_db=_self_noise_db(sensor))
+        bins_are_samples=False, self_noise_db=self_noise_db)
 
 
 def picture(survey: SidescanSurvey, sensor: SidescanSensor, seed: int,
@@ -213,7 +191,7 @@ def rows(level: np.ndarray) -> np.ndarray:
 
 
 def sonar_at(sensor: SidescanSensor, head_depth: float) -> Sidescan:
-    """Return the sonar as its head meets the water at a depth [m]."""
+    """Return the sonar in the water at a depth of its head [m]."""
     speed = head_speed(sensor, head_depth)
     wavelength = speed / sensor.frequency
     transmit = sensor.transmit_face.aperture(wavelength)
@@ -223,20 +201,13 @@ def sonar_at(sensor: SidescanSensor, head_depth: float) -> Sidescan:
                     depression_angle=sensor.depression_angle, sound_speed=speed)
 
 
-def _self_noise_db(sensor: SidescanSensor) -> float | None:
-    """Return noise of a receiver [dB re 1 µPa²/Hz], less what compression of the pulse gains."""
-    if sensor.self_noise_db is None:
-        return None
-    return float(sensor.self_noise_db - _compression_db(sensor))
-
-
 def _compression_db(sensor: SidescanSensor) -> float:
-    """Return gain of compression over noise [dB]: how much longer the pulse is when it is sent."""
+    """Return the gain of pulse compression over noise [dB]: the transmitted length over the compressed one."""
     return float(db_from_power(sensor.chirp_length / sensor.pulse_length))
 
 
 def noise_db(sensor: SidescanSensor, sonar: Sidescan) -> float | None:
-    """Noise of the sea and of the receiver in the compressed pulse's band [dB re 1 µPa]; None where there is none."""
+    """Return ambient and receiver noise in the compressed pulse's band [dB re 1 µPa], None without noise."""
     spectra = []
     if sensor.noise:
         spectra.append(sensor.noise_level_db() - sonar.directivity_index_db())
@@ -248,5 +219,8 @@ def noise_db(sensor: SidescanSensor, sonar: Sidescan) -> float | None:
     return float(db_from_power(spectrum * sonar.bandwidth) - _compression_db(sensor))
 
 
-def _passage(geometry: Geometry, sensor: Sensor) -> Passage:
-    return sensor.route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1])
+def _laid(scene: mi.Scene, sensor: SidescanSensor) -> tuple[Geometry, Passage, Sidescan]:
+    """Return the scene's geometry, the route laid over it, and the sonar at the route's mean depth."""
+    geometry = Geometry(scene)
+    passage = sensor.route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1])
+    return geometry, passage, sonar_at(sensor, float(np.mean(passage.depth)))
