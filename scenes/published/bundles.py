@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
-    from mitsonar.survey.fan.kind import ArraySurvey
+    from mitsonar.survey.pressure.array_survey import ArraySurvey
 
 __all__ = ["Bundle", "send", "shipped_survey"]
 

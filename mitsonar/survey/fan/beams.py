@@ -1,8 +1,8 @@
-"""The beams of an array as rows of an energy record, from which the truth of the array's picture is taken.
+"""Beams of an array as rows of an energy record, for the truth of the array's picture.
 
-A row is what one beam receives of a ping. Rays are launched from the array's centre, aimed where the elements and the
-time axis need them, and leave at the transmission. Which beam receives an echo, and in which bin, is decided by where
-the array is and looks when that echo is back (`underway`).
+A row is the energy that one beam receives of a ping. Rays start at the array's centre at the transmission, in
+directions drawn for the elements' patterns and the record's time window. The beam and the bin of an echo follow from
+the place and attitude of the array at the echo's reception (`underway`).
 """
 from __future__ import annotations
 
@@ -29,18 +29,16 @@ from .array_beams import ArrayBeams
 
 RAYS_PER_BIN = 12
 FEWEST_RAYS, MOST_RAYS, MOST_PASSES = 200_000, 3_000_000, 16        # rays of a pass
-MOST_SUMS = 1 << 27                # of beams x shapes x bins: 1 GB
-BEAM = 1e-4                        # [sr] that the unit of energy is reckoned by, about that of a narrow beam
-SLACK = 0.8, 1.25                  # of the record's ends: bent rays do not come back when straight ones would
+MOST_SUMS = 1 << 27                # beams x shapes x bins: 1 GB
+BEAM = 1e-4                        # [sr] solid angle in the unit of energy, about that of a narrow beam
+SLACK = 0.8, 1.25                  # factors on the record's ends, because bent rays do not return when straight ones do
 
 
 @final
 class Beams:
-    """Hold a fan of beams of an array; see `rows.Rows`."""
-    # angle (B,) [rad]; direction (B,) [rad]
+    """Fan of beams of an array, with angles (B,) [rad] and directions (B, 3); see `rows.Rows`."""
 
     pings_per_block = 1
-
     hidden_in_beam = False
 
     def __init__(self, survey: ArraySurvey, angle: np.ndarray, direction: np.ndarray):
@@ -65,7 +63,7 @@ class Beams:
 
     def passes(self, place: Place, seed: int,
                bins_of: Callable[[Place, Rays], tuple[mi.UInt32, mi.Bool]]) -> Iterator[Rays]:
-        """Yield the rays of a ping, in as many passes as fit into memory."""
+        """Yield the rays of a ping, in passes that fit into memory."""
         ping = mi.UInt32(0)
         for number in range(self._passes):
             key = ping_key(seed, int(place.ping[0]), number, Salt.FAN_TRUTH)
@@ -74,16 +72,16 @@ class Beams:
             yield Rays(ping=ping, direction=direction, solid_angle=solid_angle * self._share)
 
     def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float) -> Rays:
-        """Return rays of given directions."""
+        """Return rays in given directions."""
         return Rays(ping=ping, direction=direction, solid_angle=solid_angle)
 
     def response(self, place: Place, rays: Rays, towards: Vector) -> RowResponse:
-        """Return which beam receives echoes of rays: that whose direction is the nearest."""
+        """Return the beam that receives the echo of each ray: the one with the nearest direction."""
         row, pattern = self._beams.receive(place, rays.ping, rays.direction, towards)
         return RowResponse(row=row, pattern=pattern, in_beam=mi.Bool(True), active=pattern > 0)
 
     def shown(self, intensity: np.ndarray) -> np.ndarray:
-        """Return what beams and compressed pulse make of intensities (beams, ..., bins)."""
+        """Return the picture of intensities (beams, ..., bins): mixed by the beams, smeared by the compressed pulse."""
         return self._beams.shown(intensity)
 
     def shown_transposed(self, cotangent: np.ndarray) -> np.ndarray:
@@ -91,11 +89,11 @@ class Beams:
         return self._beams.shown_transposed(cotangent)
 
     def other_sources(self, sound: SoundPaths, seed: int) -> Sequence[EchoSource[Rays]]:
-        """Return none: the truth of beams tells first hits and coherent echoes alone."""
+        """Return an empty tuple: the truth of beams has first hits and coherent echoes only."""
         return ()
 
     def coherent(self, sound: SoundPaths) -> CoherentBeams | None:
-        """Return the source of the echoes that have a phase of their own; None where the scene has none."""
+        """Return the source of coherent echoes; None if the scene has none."""
         source = CoherentBeams(self._survey, sound, self._beams, self.bins,
                                drift=self.underway.drift(self.bins.sound_speed))
         return None if source.silent else source

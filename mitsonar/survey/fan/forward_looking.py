@@ -1,6 +1,6 @@
-"""Forward-looking sonar: an array across the bow, whose picture is a fan of beams with the bearing of each.
+"""Forward-looking sonar: an array across the bow, and the picture of its fan of beams with the bearing of each.
 
-Its run is that of a sonar with arrays (`survey.array`). Its beams have equal steps of the bearing ψ or of sin ψ.
+The run is planned as for any sonar with arrays (`fan.kind`). Beams have equal steps of the bearing ψ or of sin ψ.
 """
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from .kind import ArraySensor, plan as plan, plan_elements as plan_elements, row
 
 
 class ForwardLookingSensor(ArraySensor, Protocol):
-    """Define the sensor of a forward-looking sonar.
+    """Sensor of a forward-looking sonar.
 
     Attributes
     ----------
     beam_steps : str
-        What grows by equal steps from beam to beam: one of `fan.STEPS`.
+        Quantity with equal steps from beam to beam: one of `fan.STEPS`.
     """
 
     beam_steps: str

@@ -21,8 +21,8 @@ from mitsonar.sonar.arrays.array_makers import element_array
 from mitsonar.sonar.pulses.pulse import Pulse
 from mitsonar.units import db_from_amplitude
 
-from ..fan.kind import survey_of
 from ..pressure.array_survey import ArraySurvey
+from ..pressure.planning import survey_of
 from ..pressure.signals import LEAD
 from ..sensor import RunSettings, head_speed, slowest_speed
 from ..soundings.survey import SoundedSurvey, SoundingSensor, Transmission, shared

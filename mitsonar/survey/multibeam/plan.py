@@ -28,8 +28,8 @@ from mitsonar.sonar.motion.track import mounting_matrix, rotation_matrix
 from mitsonar.sonar.motion.trajectory import Trajectory, Voyage
 from mitsonar.sonar.pulses.pulse import Pulse
 
-from ..fan.kind import survey_of
 from ..pressure.array_survey import ArraySurvey
+from ..pressure.planning import survey_of
 from ..pressure.signals import LEAD
 from ..sensor import RunSettings, head_speed, slowest_speed
 from ..soundings.survey import SectorRun, SoundingSensor, SwathSurvey, shared

@@ -30,8 +30,8 @@ from mitsonar.units import db_from_power, power_from_db
 
 from .. import limits
 from ..energy import energy
-from ..fan import kind as array
 from ..pressure.array_survey import ArraySurvey
+from ..pressure.planning import survey_of
 from ..pressure.pressure import PressureRecord
 from ..pressure.signals import LEAD, received_signals
 from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
@@ -66,9 +66,9 @@ def plan_elements(scene: mi.Scene, sensor: SectorScanSensor, settings: RunSettin
     passage = replace(passage, voyage=turned_voyage(passage.voyage, sensor.head, interval))
     speed = head_speed(sensor, passage.depth)
     face = _face(sensor, speed)
-    return array.survey_of(geometry, sensor, settings, passage, lead=lead, sound_speed=speed, transmit=face,
-                           receive=face, pulse=sensor.pulse, source_level_db=sensor.source_level_db,
-                           bins_are_samples=False, whole_bins=True, self_noise_db=sensor.self_noise_db)
+    return survey_of(geometry, sensor, settings, passage, lead=lead, sound_speed=speed, transmit=face, receive=face,
+                     pulse=sensor.pulse, source_level_db=sensor.source_level_db, bins_are_samples=False,
+                     whole_bins=True, self_noise_db=sensor.self_noise_db)
 
 
 def picture(survey: ArraySurvey, sensor: SectorScanSensor, seed: int,

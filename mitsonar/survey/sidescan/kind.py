@@ -27,8 +27,8 @@ from .. import limits
 from ..energy import energy
 from ..energy.sides import Sides
 from ..energy.sidescan_survey import SidescanSurvey
-from ..fan import kind as array
 from ..pressure.array_survey import ArraySurvey
+from ..pressure.planning import survey_of
 from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
 from ..voyage import Passage
 
@@ -164,7 +164,7 @@ def plan_elements(scene: mi.Scene, sensor: SidescanSensor, settings: RunSettings
     self_noise_db = sensor.self_noise_db
     if self_noise_db is not None:
         self_noise_db = float(self_noise_db - _compression_db(sensor))
-    return array.survey_of(
+    return survey_of(
         geometry, sensor, settings, passage, lead=lead, sound_speed=sonar.sound_speed, transmit=transmit,
         receive=receive, pulse=cw(sonar.frequency, sonar.pulse_length), source_level_db=float(source_level_db),
         bins_are_samples=False, self_noise_db=self_noise_db)

@@ -13,8 +13,8 @@ from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.pulses.pulses import Pulse
 
 from .. import placement
-from ..fan.kind import survey_of
 from ..pressure.array_survey import ArraySurvey
+from ..pressure.planning import survey_of
 from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
 
 
