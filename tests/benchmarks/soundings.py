@@ -23,9 +23,11 @@ import numpy as np
 PRESETS = "shallow_400khz", "shallow_300khz_three_sectors"
 SETTINGS = {"depth": 50, "slope_deg": 0, "range": 110}
 KINDS = {"soundings": False, "with the water": True}
-PARTS = {"echoes": ("survey.multibeam.beams", "lay"), "beams": ("signal.beam_grid.line_beams", "LineBeams.form_each"),
+PARTS = {"echoes": ("survey.beam_domain.frames", "lay"),
+         "beams": ("signal.beam_grid.line_beams", "LineBeams.form_each"),
          "detection": ("survey.multibeam.measuring", "detect"), "reduction": ("survey.soundings.line", "errors"),
-         "bed": ("survey.soundings.line", "bed_at"), "strengths": ("survey.multibeam.instrument", "Strengths.of")}
+         "bed": ("survey.soundings.line", "bed_at"),
+         "strengths": ("survey.multibeam.instrument", "MultibeamInstrument._strengths")}
 
 
 def main(argv=None):

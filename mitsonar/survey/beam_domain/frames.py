@@ -1,15 +1,12 @@
-"""Frames of an array's picture in the beam domain: beams and their truth from the same echoes.
+"""Frames of an array's picture in the beam domain: beams, and their truth from the same echoes.
 
-    echoes     scatterers thinned to the resolution, targets, ghosts, water              `ping_echoes`
-    grid       their sums over sine and time                                             `signal.beam_grid`
-    beams      pulse, matched filter, line, noise                                        `signal.beam_grid`
-    truth      whose energy, and what is hidden                                          `truth`
-
-All echoes of a ping on a grid of sine and time, the beams of a survey's line, and the truth of a ping.
+    echoes     scatterers thinned to the resolution, targets, ghosts, water             `ping_echoes`
+    grid       sums of the echoes over sine and time                                    `signal.beam_grid`
+    beams      pulse, matched filter, line, noise                                       `signal.beam_grid`
+    truth      energy of every instance, and what is hidden                             `truth`
 """
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import chain
 
@@ -28,25 +25,19 @@ from .line import LineArray, refusal
 from .ping_echoes import GridEchoes, PingEchoes, TargetEchoes
 from .truth import FrameTruth
 
+REFERRED = 0.01                    # [wavelengths] distance of the array's centre from the origin that is ignored
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LaidPing:
-    """Hold the echoes that the truth of a ping is made from."""
+    """Echoes of a ping that its truth is made from."""
 
-    scatterers: GridEchoes | None  # none where there are none
+    scatterers: GridEchoes | None
     targets: list[TargetEchoes]
-
-    def truth(self, echoes: PingEchoes, ping: int, truth: FrameTruth) -> EnergyRecord:
-        """Return the truth of the ping whose echoes these are, arrays (B, ..., bins)."""
-        survey = echoes.survey
-        return truth.of(
-            self.scatterers, echoes.hiding(ping, self.scatterers), self.targets, origin=survey.track.position[ping],
-            depth_below=float(survey.depth_below[ping]), farthest=0.5 * survey.time[-1] * survey.sound_speed(ping),
-            source_power=float(power_from_db(survey.source_level_db)))
 
 
 def line_beams(survey: ArraySurvey, place: np.ndarray, weight: np.ndarray, sines: np.ndarray) -> LineBeams:
-    """Return what forms the beams of a survey's line; arguments as of `LineBeams`."""
+    """Return the beamformer of a survey's line; arguments as of `LineBeams`."""
     return LineBeams(
         mi.Float, position=place, weight=weight, sines=sines, pulse=survey.pulse, samples=survey.samples,
         sampling_rate=survey.sampling_rate, lead=survey.lead, start=survey.start, sound_speed=survey.sound_speed(0),
@@ -54,15 +45,15 @@ def line_beams(survey: ArraySurvey, place: np.ndarray, weight: np.ndarray, sines
 
 
 def lay(echoes: PingEchoes, grid: BeamGrid, ping: int, seed: int) -> LaidPing:
-    """Add a ping's echoes to a grid: scatterers, targets, ghosts, the water."""
+    """Add a ping's echoes to a grid: scatterers, targets, ghosts and the water."""
     scatterers = echoes.of_scatterers(ping)
     if scatterers is not None:
         add(grid, scatterers)
     targets = list(echoes.of_targets(ping))
     for target in targets:
         add(grid, target.echoes)
-    for some in chain(echoes.mirrored(ping), echoes.by_chance(ping, seed)):
-        add(grid, echoes.received(ping, some))
+    for placed in chain(echoes.mirrored(ping), echoes.by_chance(ping, seed)):
+        add(grid, echoes.received(ping, placed))
     return LaidPing(scatterers=scatterers, targets=targets)
 
 
@@ -71,11 +62,34 @@ def add(grid: BeamGrid, echoes: GridEchoes) -> None:
     grid.add(column=echoes.column, sine=echoes.sine, real=echoes.real, imaginary=echoes.imaginary)
 
 
-REFERRED = 0.01                    # wavelengths that an array's centre may lie off the origin, and still be there
+class LineFrames:
+    """Beams of a survey's line, ping by ping; weight and sines as of `LineBeams`."""
+
+    def __init__(self, survey: ArraySurvey, echoes: PingEchoes, weight: np.ndarray, sines: np.ndarray):
+        self.survey, self.echoes, self.line = survey, echoes, echoes.line
+        self._beams = line_beams(survey, echoes.line.place, weight, sines)
+        self._noise = NoiseDensity.of(survey.noise, survey.source_level_db)
+
+    def formed(self, ping: int, seed: int, sines: np.ndarray | None = None) -> tuple[np.ndarray, LaidPing]:
+        """Form the beams (apertures, B, samples) of a ping for a source level of 0 dB, at other sines (B,) if given."""
+        grid = self._beams.grid()
+        laid = lay(self.echoes, grid, ping, seed)
+        beams = self._beams.form_each(grid, doppler=self.echoes.doppler(ping), noise=self._noise,
+                                      key=ping_key(seed, ping), sines=sines)
+        return beams, laid
+
+    def truth(self, ping: int, laid: LaidPing, truth: FrameTruth) -> EnergyRecord:
+        """Return the truth of a ping, arrays (B, ..., bins)."""
+        survey = self.survey
+        return truth.of(
+            laid.scatterers, self.echoes.hiding(ping, laid.scatterers), laid.targets,
+            origin=survey.track.position[ping], depth_below=float(survey.depth_below[ping]),
+            farthest=0.5 * survey.time[-1] * survey.sound_speed(ping),
+            source_power=float(power_from_db(survey.source_level_db)))
 
 
 def why_not(survey: ArraySurvey, direction: np.ndarray) -> str:
-    """Say why a picture of beams (B, 3) cannot be made in the beam domain; empty where it can."""
+    """Return the reason why a picture of beams (B, 3) cannot be made in the beam domain; empty if it can."""
     why = refusal(survey.receive, direction, survey.wavelength)
     if why:
         return f"the receive array is no line, nor rows of lines: {why}"
@@ -89,47 +103,33 @@ def why_not(survey: ArraySurvey, direction: np.ndarray) -> str:
     return ""
 
 
-class Frames:
-    """Make the frames of a survey."""
-    # direction (B, 3)
+class Frames(LineFrames):
+    """Frames of a survey with beams along directions (B, 3)."""
 
     def __init__(self, survey: ArraySurvey, direction: np.ndarray, *, per_cell: float):
         why = why_not(survey, direction)
         if why:
             raise ValueError(f"the picture cannot be made in the beam domain: {why}; leave out picture, or let it be "
                              "elements")
-        self.survey = survey
-        self.line = line = LineArray.of(survey.receive, direction, survey.wavelength)
-        self.echoes = PingEchoes(survey, line, per_cell=per_cell)
+        line = LineArray.of(survey.receive, direction, survey.wavelength)
         sines = direction @ line.axis
-        self._order = np.argsort(sines, kind="stable")
-        self._direction = direction
-        self._beams = line_beams(survey, line.place, line.weight, sines)
-        self._noise = NoiseDensity.of(survey.noise, survey.source_level_db)
+        super().__init__(survey, PingEchoes(survey, line, per_cell=per_cell), line.weight, sines)
+        self._direction, self.beams = direction, len(direction)
         self._truth = FrameTruth(
-            Blur(sines[self._order], line.place / survey.wavelength, line.weight,
+            Blur(sines[np.argsort(sines, kind="stable")], line.place / survey.wavelength, line.weight,
                  survey.pulse.bandwidth / survey.sampling_rate),
             lead=survey.lead, bins=survey.samples - survey.lead, named=survey.geometry.named)
 
-    @property
-    def beams(self) -> int:
-        """Return the number of beams."""
-        return len(self._direction)
-
-    def frame(self, ping: int, seed: int,
-              progress: Callable[[float], None] | None = None) -> tuple[np.ndarray, EnergyRecord]:
-        """Make one frame."""
-        # -> beams (B, samples) [µPa]
-        survey, grid = self.survey, self._beams.grid()
-        laid = lay(self.echoes, grid, ping, seed)
-        beams = self._beams.form(grid, doppler=self.echoes.doppler(ping), noise=self._noise, key=ping_key(seed, ping))
-        beams = self._referred(beams) * np.float32(amplitude_from_db(survey.source_level_db))
-        return beams, laid.truth(self.echoes, ping, self._truth)
+    def frame(self, ping: int, seed: int) -> tuple[np.ndarray, EnergyRecord]:
+        """Return the beams (B, samples) [µPa] of a ping, and their truth."""
+        formed, laid = self.formed(ping, seed)
+        beams = self._referred(formed[0]) * np.float32(amplitude_from_db(self.survey.source_level_db))
+        return beams, self.truth(ping, laid, self._truth)
 
     def _referred(self, beams: np.ndarray) -> np.ndarray:
-        """Refer the beams of an array off the body's origin O to O: every beam by as much as its own points are nearer.
+        """Refer the beams of an array off the body's origin O to O, as beamformers of element signals do.
 
-        δ = (|P| - |P - r|) / c, P = R û the beam's point and r the array's centre, as beamformers of elements do.
+        Each sample moves by δ = (|P| - |P - r|) / c, with P = R û the beam's point and r the array's centre.
         """
         survey, centre = self.survey, self.line.centre
         if np.linalg.norm(centre) < REFERRED * survey.wavelength:

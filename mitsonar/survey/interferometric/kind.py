@@ -1,8 +1,8 @@
-"""Interferometric sidescan: rows of receivers on either side, whose phases tell where echoes come from.
+"""Interferometric sidescan: rows of receivers on both sides, whose phases give the angles of echoes.
 
-    plan       a run of arrays for either side                                          `interferometry.plan`
-    rows       their signals in the beam domain, and the truth                          `interferometry.sides`
-    soundings  angles of phases, reduction                          `interferometry.instrument`, `swath.soundings`
+    plan       a survey of arrays for each side                                         `plan`
+    rows       their signals in the beam domain, and the truth                          `instrument`
+    soundings  angles from phases, reduction                                            `instrument`, `soundings.line`
 """
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ def picture(survey: InterferometricSurvey, sensor: InterferometricSensor, seed: 
 
     def records() -> Iterator[EnergyRecord]:
         for ping in range(pings):
-            heard = [one.frame(ping, seed) for one in instrument.sides]
-            made = measured_rows(survey, (heard[0][0], heard[1][0]))
+            (port, port_truth), (starboard, starboard_truth) = (side.frame(ping, seed) for side in instrument.sides)
+            made = measured_rows(survey, (port, starboard))
             found = line.ping(ping, made)
             columns = {"power": made.level, "phase": made.phase, "coherence": made.coherence,
                        **{name: np.where(found["valid"].values[0], found[name].values[0], np.nan) for name in KEPT},
                        "valid": found["valid"].values[0], "angle": _depression(found)}
             measured.append({name: made.by_side(values) for name, values in columns.items()})
-            yield joined([truth for _, truth in heard])
+            yield joined([port_truth, starboard_truth])
             if progress is not None:
                 progress(ping + 1, pings)
 
@@ -68,7 +68,7 @@ def rows(level: np.ndarray) -> np.ndarray:
 
 def sounding_line(survey: InterferometricSurvey, seed: int, *, profile: SoundSpeedProfile | None, column: bool,
                   snippets: int) -> SoundingLine:
-    """Make what makes the soundings of a line."""
+    """Return the soundings of a line; arguments as of `mitsonar.soundings`."""
     if column or snippets:
         raise ValueError("an interferometric sidescan has no beams, whose water column or snippets could be kept; "
                          "leave that out, or render its picture")
@@ -77,7 +77,7 @@ def sounding_line(survey: InterferometricSurvey, seed: int, *, profile: SoundSpe
 
 
 def _depression(found: xr.Dataset) -> np.ndarray:
-    """Return angles of soundings below the horizontal (B,) [rad], by the attitude that the motion sensors say."""
+    """Return the angles (B,) [rad] of soundings below the horizontal, by the attitude of the motion sensors."""
     angle, forward = found["angle"].values[0], np.sin(found["transmit_angle"].values[0])
     starboard = np.sin(angle)
     down = np.sqrt(np.maximum(1 - starboard ** 2 - forward ** 2, 0))

@@ -1,6 +1,4 @@
-"""Planning of an interferometric sidescan's run: one route, and for either side a run of arrays over the same scene.
-
-What a run of an interferometric sidescan is: a run of arrays for either side, and how rows are compared.
+"""Planning of an interferometric sidescan's run: one route, and a survey of arrays for each side over the same scene.
 """
 from __future__ import annotations
 
@@ -13,7 +11,6 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.hydrography.detection.row_angles import ReceiverRows, sector_of
-from mitsonar.scene import materials
 from mitsonar.scene.geometry import Geometry
 from mitsonar.signal.matched_filtering import compression, rms_bandwidth
 from mitsonar.sonar.arrays.array import Array
@@ -32,33 +29,33 @@ SIDES = ("port", "starboard")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InterferometricSurvey(SoundedSurvey):
-    """Hold a run of an interferometric sidescan."""
+    """Run of an interferometric sidescan."""
 
-    sides: tuple[ArraySurvey, ArraySurvey]  # (ArraySurvey, ArraySurvey): port and starboard
-    bins: int  # of each side's record, which are as many soundings
-    rows: ReceiverRows  # those of either side
+    sides: tuple[ArraySurvey, ArraySurvey]  # port and starboard
+    bins: int  # of each side's record; each makes a sounding
+    rows: ReceiverRows  # of each side
     looks: float  # range cells that phases are averaged over, at least
     least_coherence: float  # of a valid sounding
 
     @property
     def per_bin(self) -> int:
-        """Return samples of a bin."""
+        """Return the number of samples in a bin."""
         return (self.sides[0].samples - self.sides[0].lead) // self.bins
 
     @cached_property
     def relative_bandwidth(self) -> float:
-        """Return the width of an even band with the compressed pulse's deviation, over the carrier."""
+        """Return the width over the carrier of a flat band that has the rms bandwidth of the compressed pulse."""
         side = self.sides[0]
         return float(np.sqrt(12) * rms_bandwidth(side.pulse, side.sampling_rate) / side.frequency)
 
     @cached_property
     def pulse_length(self) -> float:
-        """∫|χ|² dt of the compressed pulse [s]."""
+        """Return ∫|χ|² dt of the compressed pulse [s]."""
         return float(compression(self.sides[0].pulse, self.sides[0].sampling_rate)[0])
 
     @property
     def window(self) -> int:
-        """Return samples that phases are averaged over."""
+        """Return the number of samples over which phases are averaged."""
         per_bin, wanted = self.per_bin, int(np.ceil(self.looks * self.pulse_length * self.sides[0].sampling_rate))
         return per_bin + 2 * max(0, -(-(wanted - per_bin) // 2))
 
@@ -70,30 +67,30 @@ class InterferometricSurvey(SoundedSurvey):
 
     @property
     def transmissions(self) -> Sequence[Transmission]:
-        """Return one a side, at once; soundings run from port's last bin to starboard's."""
+        """Return a transmission for each side, at one time; soundings go from port's last bin to starboard's last."""
         pings = self.track.pings
         return [Transmission(survey=side, delay=0.0, sines=np.zeros(pings),
                              beams=slice(k * self.bins, (k + 1) * self.bins)) for k, side in enumerate(self.sides)]
 
 
-SAMPLES = 2.0, 3.0                 # to one over a pulse's bandwidth: of sweeps, whose skirts are steep, and of others
-SWEEP = 4.0                        # duration times bandwidth from which on a pulse is one
+SAMPLES = 2.0, 3.0                 # sampling rate over the pulse's bandwidth, of sweeps (steep skirts) and other pulses
+SWEEP = 4.0                        # least duration times bandwidth of a sweep
 
 
 class InterferometricSensor(SoundingSensor, Protocol):
-    """Define the sensor of an interferometric sidescan.
+    """Sensor of an interferometric sidescan.
 
     Attributes
     ----------
     source_level_db : float [dB re 1 µPa @ 1 m]
-        Of each side, on its axis.
+        Level of each side on its axis.
     pulse : Pulse
     transmit, receive : (Array, Array)
-        Of port and starboard; the rows of the latter from the lowest up.
+        Faces to port and starboard; the rows of `receive` go from the lowest up.
     tilt : float [rad]
-        Of the faces' normals below the horizontal.
+        Angle of the faces' normals below the horizontal.
     looks, least_coherence
-        As of `InterferometricSurvey`.
+        See `InterferometricSurvey`.
     """
 
     source_level_db: float
@@ -107,7 +104,7 @@ class InterferometricSensor(SoundingSensor, Protocol):
 
 def plan(scene: mi.Scene, sensor: InterferometricSensor, settings: RunSettings,
          lead: float = LEAD) -> InterferometricSurvey:
-    """Plan a run over a scene; `lead` as of `survey.array.plan_elements`."""
+    """Plan a run over a scene; the record begins `lead` pulse lengths early."""
     sides = [_run(scene, sensor, settings, lead, transmit, receive, sensor.source_level_db)
              for transmit, receive in zip(sensor.transmit, sensor.receive)]
     port, starboard = sides
@@ -116,34 +113,33 @@ def plan(scene: mi.Scene, sensor: InterferometricSensor, settings: RunSettings,
     return InterferometricSurvey(
         **shared(port, port.passage, sensor, settings), sides=(port, starboard), bins=bins, looks=sensor.looks,
         rows=ReceiverRows(place=place / port.wavelength, sector=sector_of(sensor.tilt)),
-                                 least_coherence=sensor.least_coherence)
+        least_coherence=sensor.least_coherence)
 
 
 def plan_elements(scene: mi.Scene, sensor: InterferometricSensor, settings: RunSettings,
                   lead: float = 0.0) -> ArraySurvey:
-    """Plan the same run with both sides' faces as elements: transmitters and rows of port, then those of starboard."""
+    """Plan the same run with the faces of both sides as elements: those of port, then those of starboard."""
     transmit, receive = (element_array(
         np.concatenate([side.position for side in sides]), normal=np.concatenate([side.normal for side in sides]),
         along="forward", length=sides[0].length, height=sides[0].height, pattern=sides[0].pattern,
         baffle=sides[0].baffle) for sides in (sensor.transmit, sensor.receive))
-    # each side has the source level, and a direction hears one of them: both together would make twice the pressure
+    # only one side sends in a direction, at the source level; the level of an array is that of all elements in phase
     level = sensor.source_level_db + float(db_from_amplitude(2.0))
     return _run(scene, sensor, settings, lead, transmit, receive, level)
 
 
 def up_along(receive: Array) -> np.ndarray:
-    """Return the axis that rows stand along: up the face, unit, body frame."""
+    """Return the unit vector up the face along which the rows are placed, body frame."""
     across = np.cross(receive.normal[0], receive.along[0])
     return across * -np.sign(across[2])
 
 
 def _run(scene: mi.Scene, sensor: InterferometricSensor, settings: RunSettings, lead: float, transmit: Array,
          receive: Array, source_level_db: float) -> ArraySurvey:
-    """Return the run of some faces."""
+    """Return the survey of faces."""
     geometry = Geometry(scene)
     passage = sensor.route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1])
     speed = head_speed(sensor, passage.depth)
-    materials.check(geometry, sensor.water.profile, sensor.pulse.frequency)
     samples = SAMPLES[0 if sensor.pulse.duration * sensor.pulse.bandwidth > SWEEP else 1]
     rate = min(samples * sensor.pulse.bandwidth, sensor.pulse.suggested_sampling_rate)
     return survey_of(geometry, sensor, settings, passage, lead=lead, sound_speed=speed, transmit=transmit,

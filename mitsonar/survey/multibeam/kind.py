@@ -1,8 +1,8 @@
 """Multibeam echo sounder: a swath of beams in sectors, whose picture is the water column.
 
-    plan       one route, a run of arrays a sector                                      `swath.plan`
-    beams      halves of the receiving line in the beam domain                          `swath.beams`
-    soundings  detection and reduction                                                  `swath.soundings`
+    plan       one route, a survey of arrays for every sector                           `plan`
+    beams      halves of the receiving line in the beam domain                          `beams`
+    soundings  detection and reduction                                     `measuring`, `instrument`, `soundings.line`
 """
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from .plan import MultibeamSensor, plan
 
 
 def plan_elements(scene: mi.Scene, sensor: MultibeamSensor, settings: RunSettings, lead: float = 0.0) -> ArraySurvey:
-    """Plan a run whose record is the signals of elements."""
+    """Plan a run that records the signals of the elements."""
     survey = plan(scene, sensor, settings, lead)
     if len(survey.sectors) > 1:
         raise ValueError(f"a ping of this multibeam has {len(survey.sectors)} transmissions, and signals of elements "
@@ -71,21 +71,21 @@ def sounding_line(survey: SwathSurvey, seed: int, *, profile: SoundSpeedProfile 
 
 
 class _SwathPictures:
-    """Make pictures of pings."""
+    """Pictures of pings."""
 
     def __init__(self, survey: SwathSurvey, seed: int):
         self._survey, self._seed = survey, seed
         self._sectors = sector_beams(survey)
 
     def of(self, pings: Sequence[int], progress: Callable[[float, float], None] | None) -> xr.Dataset:
-        """Return the picture of some pings."""
+        """Return the picture of pings."""
         survey, levels = self._survey, []
 
         def records() -> Iterator[EnergyRecord]:
             for done, ping in enumerate(pings, 1):
-                made = [sector.frame(ping, self._seed) for sector in self._sectors]
-                levels.append(np.concatenate([fan.levels(beams).astype(np.float32) for beams, _ in made]))
-                yield joined([truth for _, truth in made])
+                frames = [sector.frame(ping, self._seed) for sector in self._sectors]
+                levels.append(np.concatenate([fan.levels(beams).astype(np.float32) for beams, _ in frames]))
+                yield joined([truth for _, truth in frames])
                 if progress is not None:
                     progress(done, len(pings))
 
@@ -97,9 +97,9 @@ class _SwathPictures:
         image = fan.image(about, np.stack(levels), self._angle, self._direction,
                           depth_below=survey.depth_below[list(pings)], labels=survey.labels,
                           class_of=classes_of(survey.labels)[1], record=record)
-        return self._told(image, pings).assign_attrs(self._known, sonar="multibeam", preset=survey.preset)
+        return self._with_beams(image, pings).assign_attrs(self._known, sonar="multibeam", preset=survey.preset)
 
-    def _told(self, image: xr.Dataset, pings: Sequence[int]) -> xr.Dataset:
+    def _with_beams(self, image: xr.Dataset, pings: Sequence[int]) -> xr.Dataset:
         """Add the direction, sector and frequency of every beam."""
         survey = self._survey
         sines = np.concatenate([run.sines[list(pings)] for run in survey.sectors], 1)
@@ -116,7 +116,7 @@ class _SwathPictures:
 
     @property
     def _direction(self) -> np.ndarray:
-        """Return the directions of beams in a level body, body frame."""
+        """Return the directions (B, 3) of the beams in a level body, body frame."""
         return np.stack([np.zeros_like(self._angle), np.sin(self._angle), np.cos(self._angle)], -1)
 
     @cached_property
