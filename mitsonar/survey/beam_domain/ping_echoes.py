@@ -1,14 +1,12 @@
-"""The echoes of one ping for the beam domain: scatterers of the scene, and all that has echoes of its own.
+"""Echoes of a ping in the beam domain: their places on the grid of time and sine, amplitudes and labels.
 
     ground     scatterers with their legs and energies, and what hides them             `ground`
     others     point targets, smooth surfaces, ghosts, the water                        `echoes.ensonification`
-    receive    where the moving array is when they are back                             `reception`
+    receive    place of the moving array at their return                                `reception`
     weigh      patterns of transmit array, elements and rows                            `patterns`
 
 The ground, reception and patterns are one kernel, for all scatterers of a ping. What depends on the place alone
 (`PlacedEchoes`) can be kept from ping to ping by a sonar that turns where it stands.
-
-Echoes of a ping in the beam domain: where they lie on the grid of time and sine, how strong, and whose they are.
 """
 from __future__ import annotations
 

@@ -5,12 +5,9 @@
 Scatterers that objects hide count for what these take from the seabed (`imaging.truth`), those behind the bed's own
 horizon for nothing. Echoes with a phase of their own are added first, instance by instance, and squared then.
 
-What there is much of, the seabed, is summed on the device (`frame_bins`); the few echoes of objects, and those that
-objects hide, on the host, within boxes of beams and bins.
-
-The bins of a frame on the device: in which beam and bin each echo lies, and sums over them.
-
-Beams part the sines halfway between them. Cell b T + t is bin t of beam b.
+The many echoes of the seabed are summed on the device (`FrameBins`), the few echoes of objects, and those that objects
+hide, on the host within boxes of beams and bins. Beams meet halfway between their sines. Cell b T + t is bin t of
+beam b.
 """
 from __future__ import annotations
 

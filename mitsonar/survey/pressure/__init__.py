@@ -1,1 +1,1 @@
-"""Echoes from one source of rays at all elements of an array: their delays, spreading, patterns and Doppler factors."""
+"""Signals of the elements of arrays: delays, spreading, patterns and Doppler factors of the echoes of every ping."""

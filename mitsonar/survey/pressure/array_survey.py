@@ -1,4 +1,4 @@
-"""Hold the data of a run of a sonar with arrays: scene, water, pulse, arrays, and sampling of its record."""
+"""Survey of a sonar with arrays: scene, water, pulse, arrays, and sampling of its record."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -20,43 +20,42 @@ from .sources import RaySources
 
 @dataclass(frozen=True, kw_only=True)
 class Sampling:
-    """Hold the samples of a record in complex baseband."""
+    """Sampling of a record in complex baseband."""
 
-    start: float  # [s]: time of sample 0, from the transmission on
-    sampling_rate: float  # [Hz]: of the samples
-    frequency: float  # [Hz]: of the samples
+    start: float  # [s], time of sample 0 after the transmission
+    sampling_rate: float  # [Hz]
+    frequency: float  # [Hz], of the carrier
 
     def place(self, delay: Float64) -> tuple[Float, Int32, Float]:
-        """Return the carrier phase [cycles], the sample and the fraction of a sample of delays (R,) [s]; see `centre`.
-        """
+        """Return carrier phase [cycles], sample and fraction of a sample of delays (R,) [s]; see `centre`."""
         return centre(delay, start=self.start, frequency=self.frequency, sampling_rate=self.sampling_rate)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ArraySurvey(Survey):
-    """Hold a run of a sonar with arrays.
+    """Run of a sonar with arrays.
 
-    `rays` counts the rays of one source and ping. It matters only where rays find the scatterers, and for echoes that
-    are drawn by chance.
+    `rays` is the number of rays of one source and ping. It matters only if rays find the scatterers, and for echoes
+    that are drawn at random.
     """
 
     pulse: Pulse
-    source_level_db: float  # [dB re 1 µPa @ 1 m]: of all transmit elements together, where their waves add up
+    source_level_db: float  # [dB re 1 µPa @ 1 m], of all transmit elements with their waves in phase
     transmit: Array
     receive: Array
-    start: float  # [s]: time of sample 0, from the transmission on
+    start: float  # [s], time of sample 0 after the transmission
     sampling_rate: float  # [Hz]
     samples: int
-    lead: int  # how many of the samples come before the record that was asked for
-    cell_size: float  # [m]: longest side of a cell, which holds one scatterer
-    per_cell: float  # scatterers of a resolution cell, of a picture in the beam domain
-    ensonification: str  # how scatterers are found
-    sources: RaySources  # where rays start
-    pass_number: int = 0  # which pass over the ground it is
+    lead: int  # number of samples before the beginning of the requested record
+    cell_size: float  # [m], longest side of a cell, which has one scatterer
+    per_cell: float  # scatterers in a resolution cell of a picture in the beam domain
+    ensonification: str  # method of finding the scatterers: "scatterers" or "rays"
+    sources: RaySources  # places where rays start
+    pass_number: int = 0  # number of the pass over the ground
     noise: ElementNoise | None = None
-    steering: np.ndarray | None = None  # (P, 3) [-]
-    sending: np.ndarray | None = None  # (P,): number of the transmit element that sends alone at each ping
-    thin_below: float = 0.0
+    steering: np.ndarray | None = None  # (P, 3) [-], direction that the transmit array is steered to
+    sending: np.ndarray | None = None  # (P,), number of the transmit element that sends alone at a ping
+    thin_below: float = 0.0  # two-way intensity of the beams below which cells are thinned
     absorption_db: Callable[[np.ndarray], np.ndarray] | None = None
 
     @cached_property
@@ -76,12 +75,12 @@ class ArraySurvey(Survey):
 
     @property
     def radius(self) -> float:
-        """Return distance of the farthest element, of either array, from the arrays' centre [m]."""
+        """Return the distance [m] of the farthest element of both arrays from the arrays' centre."""
         return max(self.transmit.radius, self.receive.radius)
 
     @property
     def sampling(self) -> Sampling:
-        """Return the sampling of the record, about its carrier."""
+        """Return the sampling of the record."""
         return Sampling(start=self.start, sampling_rate=self.sampling_rate, frequency=self.frequency)
 
     @property
@@ -94,7 +93,7 @@ class ArraySurvey(Survey):
         return float(self.profile.at(-self.track.position[ping, 2]))
 
     def transmit_delay(self, ping: int) -> np.ndarray:
-        """Return the delays of transmit elements (E,) [s]: their own, and r_e·u / c by `steering`."""
+        """Return the delays of transmit elements (E,) [s]: their own, plus r_e·u / c with u = `steering`."""
         array = self.transmit
         if self.steering is None:
             return array.delay
@@ -102,7 +101,7 @@ class ArraySurvey(Survey):
         return array.delay + place @ self.steering[ping] / self.sound_speed(ping)
 
     def sender(self, ping: int) -> int:
-        """Return the number of the transmit element that sends at a ping; the first where all send together."""
+        """Return the number of the transmit element that sends at a ping; 0 if all send together."""
         return 0 if self.sending is None else int(self.sending[ping])
 
     def transmit_weight(self, ping: int) -> np.ndarray:
@@ -113,5 +112,5 @@ class ArraySurvey(Survey):
         return weight / np.abs(weight).sum()
 
     def travel(self, ping: int, position: np.ndarray) -> PingTravel:
-        """Follow a point (3,) [m] of the body while the echoes of a ping come in: a `PingTravel` of one ping."""
+        """Return the travel of a point (3,) [m] of the body while the echoes of a ping arrive."""
         return self.voyage.trajectory.carried(position).during(self.track.time[[ping]], self.time[-1]).trimmed()

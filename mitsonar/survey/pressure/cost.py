@@ -1,10 +1,10 @@
-"""How much there is to do for an array's pings, and how long it will take: a sentence to say before it starts.
+"""Estimated computing time for an array's pings, and a sentence that states it before the work starts.
 
     t = pings x (ensonifications c N + pairs (e + r R) E) / threads
 
-N -> cells within reach of a ping, or the rays of a source where rays find the cells; E -> echoes of them; R -> receive
-elements. A pair is a transmit element and a source of rays that stands for it. c, e and r are CPU seconds measured with
-the scene forward_looking and 4 to 64 elements; other machines and scenes take half or twice as long.
+N -> cells within reach of a ping, or the rays of a source if rays find the cells; E -> their echoes; R -> receive
+elements. A pair is a transmit element and a source of rays that represents it. c, e and r are CPU seconds measured
+with the scene forward_looking and 4 to 64 elements; other machines and scenes take half or twice as long.
 """
 from __future__ import annotations
 
@@ -16,57 +16,57 @@ import numpy as np
 from .ensonified_ping import KEPT_ECHOES
 from .pressure import PressureRecord
 
-CONNECTED = 1e-7                   # [s] of CPU: to connect a cell (c),
-RETURNED = 1e-7                    # to carry an echo back to the array's centre (e),
-CARRIED, SOLVED = 3.5e-9, 6e-7     # and on to an element (r): by the vector approximation, by an eigenray
-ECHOING_SHARE = 0.6                # of the cells within reach
+CONNECTED = 1e-7                   # [s] CPU time c to connect a cell
+RETURNED = 1e-7                    # [s] CPU time e to carry an echo back to the array's centre
+CARRIED, SOLVED = 3.5e-9, 6e-7     # [s] CPU time r on to an element: by the vector approximation, by an eigenray
+ECHOING_SHARE = 0.6                # share of the cells within reach that give an echo
 PINGS_LOOKED_AT = 3
-COARSER = 2.0                      # times as long cells, to say what they would save
-WORTH_SAYING = 2.0                 # [s] of CPU; less is a moment
+COARSER = 2.0                      # factor on the cell size for which the sentence states the time saved
+WORTH_SAYING = 2.0                 # [s] CPU time below which the sentence is empty
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunCost:
-    """Hold the work for the pings of an array."""
+    """Work for the pings of an array."""
 
-    pings: int  # how many pings, and receivers
-    elements: int  # how many pings, and receivers
-    cells: float  # that each source of a ping ensonifies
-    ensonifications: int  # how often that is done for a ping, and how often echoes are carried to all elements
-    pairs: int  # how often that is done for a ping, and how often echoes are carried to all elements
+    pings: int
+    elements: int  # receive elements
+    cells: float  # cells that each source of a ping ensonifies
+    ensonifications: int  # of a ping
+    pairs: int  # of a ping; each carries the echoes to all elements
     threads: int
-    carried: float = CARRIED  # [s]: CPU time from an echo to an element
+    carried: float = CARRIED  # [s], CPU time from an echo to an element
 
     @property
     def seconds(self) -> float:
-        """Return the estimated time [s], without loading and compiling."""
+        """Return the estimated wall time [s], without loading and compiling."""
         connecting = self.ensonifications * CONNECTED * self.cells
         carrying = self.pairs * (RETURNED + self.carried * self.elements) * ECHOING_SHARE * self.cells
         return self.pings * (connecting + carrying) / self.threads
 
 
 def cells_within_reach(record: PressureRecord, ping: int) -> int:
-    """Count the cells that a ping looks at."""
+    """Return the number of cells within reach of a ping."""
     return sum(int(pieces.cells.sum())
                for _, pieces in record.ensonification.pieces(record.survey.track.position[ping]))
 
 
 def cost(record: PressureRecord, pings: Sequence[int], *, threads: int, all_transmit: bool = False) -> RunCost:
-    """Count what some pings take."""
+    """Return the work for some pings."""
     survey = record.survey
     share = survey.sources.share[:, (survey.transmit.weight != 0) | all_transmit]
-    some = [pings[k] for k in sorted({round(k) for k in np.linspace(0, len(pings) - 1, PINGS_LOOKED_AT)})]
+    sample = [pings[k] for k in sorted({round(k) for k in np.linspace(0, len(pings) - 1, PINGS_LOOKED_AT)})]
     by_rays = survey.ensonification == "rays"
-    cells = float(survey.rays) if by_rays else float(np.mean([cells_within_reach(record, ping) for ping in some]))
+    cells = float(survey.rays) if by_rays else float(np.mean([cells_within_reach(record, ping) for ping in sample]))
     pairs, sources = np.count_nonzero(share), np.count_nonzero(share.any(1))
     kept = ECHOING_SHARE * cells * sources <= KEPT_ECHOES
     return RunCost(pings=len(pings), elements=survey.receive.elements, cells=cells, pairs=int(pairs),
-                ensonifications=int(sources if kept else pairs), threads=threads,
-                carried=SOLVED if record.return_path == "eigenray" else CARRIED)
+                   ensonifications=int(sources if kept else pairs), threads=threads,
+                   carried=SOLVED if record.return_path == "eigenray" else CARRIED)
 
 
 def sentence(record: PressureRecord, pings: Sequence[int], *, threads: int, all_transmit: bool = False) -> str:
-    """Say what `cost` counts, how long it will take, and what would be faster; empty for what takes a moment."""
+    """Return a sentence with the work, its time and faster choices; empty if the work takes only a moment."""
     survey, now = record.survey, cost(record, pings, threads=threads, all_transmit=all_transmit)
     if now.seconds * now.threads < WORTH_SAYING:
         return ""

@@ -1,7 +1,4 @@
-"""Delays of echoes between one source of rays and the elements of an array: what all ways to find them share.
-
-Counts of the arrivals of echoes at elements, and of those for which the vector approximation is in doubt.
-"""
+"""Delays of echoes between one source of rays and the elements of an array: the common part of all methods."""
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
@@ -20,25 +17,28 @@ from .doppler import factor_per_metre
 from .echo_classes import SortedEchoes
 from .ping_source import PingSource
 
-MOST_DOUBTFUL = 0.5                # share of doubtful echoes at which an array is too large for the approximation,
-SMALL_ARRAY = 1.0                  # [m] unless it is smaller: then they are traced one by one without a word
-FEWEST_JUDGED = 1000               # echoes: fewer say little
+MOST_DOUBTFUL = 0.5                # share of doubtful echoes above which an array is too large for the approximation
+SMALL_ARRAY = 1.0                  # [m] radius below which doubtful echoes are traced one by one without an error
+FEWEST_JUDGED = 1000               # least number of echoes for a verdict
+ALL_ROWS = slice(None)
+DRIFT = 1e-3                       # [cycles] that elements may drift from the source until a pulse's middle
+Kind = TypeVar("Kind", bound="ElementDelays")
 
 
 class ArrivalCounts:
-    """Count arrivals while pings are made."""
-    # radius [m]; guard [s]
+    """Counts of arrivals at elements, and of echoes for which the vector approximation is in doubt."""
+    # radius [m] of the array; guard [s]
 
     def __init__(self, *, radius: float, guard: float):
         self.radius, self.guard = radius, guard
         self.arrivals = self.lost = self.judged = self.doubtful = 0
 
     def count(self, arrivals: int, lost: int = 0) -> None:
-        """Count arrivals, and how many of them are lost."""
+        """Add arrivals, of which some are lost."""
         self.arrivals, self.lost = self.arrivals + arrivals, self.lost + lost
 
     def judge(self, echoes: int, doubtful: int) -> None:
-        """Count echoes in doubt."""
+        """Add echoes, of which some are doubtful; raise `ValueError` if too many are, for a large array."""
         self.judged, self.doubtful = self.judged + echoes, self.doubtful + doubtful
         if self.radius > SMALL_ARRAY and self.doubtful > MOST_DOUBTFUL * max(self.judged, FEWEST_JUDGED):
             raise ValueError(f"the array reaches {self.radius:.3g} m from its centre, too far for the vector "
@@ -47,36 +47,31 @@ class ArrivalCounts:
                              "level; take return_path=\"eigenray\", a smaller array or a shorter range")
 
 
-ALL_ROWS = slice(None)
-DRIFT = 1e-3                       # [cycles] that elements may drift from the source until a pulse's middle
-Kind = TypeVar("Kind", bound="ElementDelays")
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ElementDelays(ABC):
-    """Find delays and sum echoes with them; subclasses are `VectorDelays`, `EigenrayDelays`, `GuardedDelays`."""
+    """Delays of echoes, and sums of echoes with them: `VectorDelays`, `EigenrayDelays`, `GuardedDelays`."""
 
     source: PingSource
     transmit: Array
     receive: Array
-    wavelength: float  # [m]: of the carrier, for which elements' patterns are taken
-    sampling: Sampling  # of the record
-    counts: ArrivalCounts  # where arrivals are counted
+    wavelength: float  # [m], of the carrier, for the elements' patterns
+    sampling: Sampling
+    counts: ArrivalCounts
 
     @abstractmethod
     def add(self, responses: ImpulseResponses, some: SortedEchoes, element: int, *, weight: float,
             rows: slice = ALL_ROWS) -> None:
-        """Sum the echoes of one transmit element at receive elements."""
+        """Add the echoes of one transmit element to the responses of receive elements."""
 
     def stands_off(self, element: int) -> bool:
         """Return True if a transmit element is not where the source is."""
         return bool(np.any(self.transmit.position[element] != self.source.position))
 
     def moment(self, some: SortedEchoes, rows: slice) -> float:
-        """Return the moment of the pulse [s] whose echoes tell how far receive elements are apart from the source.
+        """Return the moment of the pulse [s] for which the delays of receive elements against the source are taken.
 
-        Where an array passes, its elements close in on an echo at other speeds than the source, so that what is right
-        for the beginning of a long pulse is not for its middle. 0 where that matters less than `DRIFT`.
+        While an array passes, its elements approach an echo at other speeds than the source, so that delays at the
+        beginning of a long pulse do not hold for its middle. The moment is 0 if that matters less than `DRIFT`.
         """
         if not some.moment:
             return 0.0
@@ -85,12 +80,12 @@ class ElementDelays(ABC):
         return some.moment if cycles > DRIFT else 0.0
 
     def placed(self, some: SortedEchoes, arrival: Float64) -> tuple[Float, Int32, Float]:
-        """Return phase, sample and fraction of echoes that arrive then (R,) [s], as `Sampling.place` does."""
+        """Return phase, sample and fraction of echoes with arrival times (R,) [s]; see `Sampling.place`."""
         phase, sample, fraction = self.sampling.place(arrival + some.late)
         if some.turn is not None:
             phase -= type(phase)(some.turn - dr.floor(some.turn))
         return phase, sample, fraction
 
     def changed_to(self, kind: type[Kind]) -> Kind:
-        """Return the same with another way to find delays."""
+        """Return the same delays by another method."""
         return kind(**{field.name: getattr(self, field.name) for field in fields(ElementDelays)})

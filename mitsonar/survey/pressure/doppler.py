@@ -1,9 +1,9 @@
-"""Doppler of echoes between a moving array's elements: their time scale, and which receivers share one.
+"""Doppler of echoes between a moving array's elements: their time scale, and groups of receivers that share one.
 
     η = (c + v_back·n_back) / (c - v_out·n_out)      at a moment of the pulse, v of the elements, n towards the echo
 
-The factor changes while the platform passes, so that what is sent at a moment t arrives at t/η̄ after the beginning of
-the echo, η̄ the mean over [0, t]: the bend grows with the speed across and with 1 / range.
+The factor changes while the platform passes: the part of the pulse sent at t arrives t/η̄ after the beginning of the
+echo, with η̄ the mean over [0, t]. The bend grows with the speed across and with 1 / range.
 """
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from mitsonar.signal.doppler import two_way_doppler
 
 from .ping_source import PingSource, opaque64
 
-SHORTEST_WAY = 1e-3                # [m], [s]: no division by zero
+SHORTEST_WAY = 1e-3                # [m] against division by zero
 
 
 def time_scale(source: PingSource, echoes: Echoes, *, sender: np.ndarray, receiver: np.ndarray,
                moment: float = 0.0) -> tuple[Float64, Float64]:
-    """Return the two-way factor of what is sent at a moment, and when its echoes arrive."""
+    """Return the two-way factor at a moment of the pulse, and its arrival time after the beginning of the echo."""
     # sender, receiver (3,) [m]; moment [s] -> doppler (R,) [-], when (R,) [s]
     back, speed = source.way_back(echoes), dr.opaque(mi.Float64, source.speed)
     slower, bend, wide = [], 0, cast(Any, arrays_of(mi.Float).Array3f64)
@@ -53,19 +53,19 @@ def time_scale(source: PingSource, echoes: Echoes, *, sender: np.ndarray, receiv
 
 def receiver_groups(source: PingSource, echoes: Echoes, position: np.ndarray,
                     tolerance: float) -> list[tuple[slice, np.ndarray]]:
-    """Group receive elements that hear all these echoes with factors within a tolerance."""
-    # position (E, 3) [m] -> (3,) [m]
+    """Return groups of receive elements, with their centres, whose Doppler factors agree within a tolerance."""
+    # position (E, 3) [m]
     widest, groups, first = tolerance / max(factor_per_metre(source, echoes), 1e-30), [], 0
     for last in range(1, len(position) + 1):
-        some = position[first:last + 1]
-        if last == len(position) or np.linalg.norm(some - some.mean(0), axis=1).max() > widest:
+        group = position[first:last + 1]
+        if last == len(position) or np.linalg.norm(group - group.mean(0), axis=1).max() > widest:
             groups.append((slice(first, last), position[first:last].mean(0)))
             first = last
     return groups
 
 
 def factor_per_metre(source: PingSource, echoes: Echoes) -> float:
-    """Return what the factors of elements a metre apart differ by at most [1/m]."""
+    """Return the largest difference of the factors of elements per metre between them [1/m]."""
     nearest = source.speed * min(float(dr.min(leg.travel_time)[0]) for leg in (echoes.out, echoes.back))
     travel = source.travel
     return float((travel.peak(travel.displacement, 1)[0] / max(nearest, SHORTEST_WAY)

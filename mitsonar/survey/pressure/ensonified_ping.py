@@ -28,7 +28,7 @@ BY_CHANCE = -1                     # number of the source of what is drawn by ch
 
 
 def ensonification_of(survey: ArraySurvey, scatterers: Scatterers | None = None) -> Ensonification:
-    """Make what ensonifies the scatterers of a survey's scene, or some given ones."""
+    """Return the ensonification of a survey's scatterers, or of given scatterers."""
     end = survey.time[-1]
     moved, turned = (float(np.linalg.norm(rate, axis=1).max()) * end
                      for rate in (survey.velocity, survey.voyage.turn_rate))

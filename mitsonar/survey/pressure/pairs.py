@@ -1,4 +1,4 @@
-"""What echoes do at elements, pair by pair: how much later than at the source they arrive, and how strong they are.
+"""Pairs of echoes and elements: delay against the arrival at the source, and gain.
 
     delay    the difference of the method                                                `vector_approximation`
     gain     1 / (1 + x) of an echo that is later by x of its way, times the element's pressure towards the echo

@@ -50,7 +50,7 @@ class PressureRecord:
 
     @cached_property
     def ensonification(self) -> Ensonification:
-        """Return makes the echoes of the survey's scatterers."""
+        """Return the ensonification of the survey's scatterers."""
         return ensonification_of(self.survey)
 
     def responses(self, ping: int, *, progress: Callable[[float, int], None] | None = None) -> np.ndarray:
@@ -141,7 +141,7 @@ class PressureRecord:
         return self._ensonified
 
     def delays(self, source: PingSource) -> ElementDelays:
-        """Make what carries echoes from a source to the elements."""
+        """Return the delays from a source to the elements, by the record's method."""
         survey = self.survey
         guarded = GuardedDelays(source=source, transmit=survey.transmit, receive=survey.receive,
                                 wavelength=survey.wavelength, sampling=survey.sampling, counts=self.counts)

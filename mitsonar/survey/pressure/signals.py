@@ -6,14 +6,14 @@
 SL -> source level, w_tx and τ_tx -> weight and delay of the transmit elements, Σ |w_tx| made 1, s_b -> the pulse's
 envelope. The level is that of the steered transmission on its axis. Squares are mean squares: no factor √2.
 
-How fast elements close in on what they hear: the bounds of the Doppler factors that stand for the echoes of a ping.
+The Doppler factors of a ping's echoes are bounded by the closing speed u of elements and echoes:
 
-    -v <= u <= v                                v speed of the fastest element
-    min, max of v·d over directions d of the beams, ± v β        where side lobes are thinned
+    -v <= u <= v                                                v -> speed of the fastest element
+    min, max of v·d over directions d of the beams, ± v β       where side lobes are thinned
 
-Of the beams are all directions in which `ElementBeams.bound` is above the intensity that cells are thinned below. They
-are looked for among N of a Fibonacci lattice, no direction farther from one of them than β. Echoes from beyond are as
-weak, and are of the outermost class: their level, delay and mid frequency are right, the ends of a sweep are off.
+The beams are all directions in which `ElementBeams.bound` exceeds the intensity below which cells are thinned. They are
+searched on a Fibonacci lattice of N points; no direction is farther than β from one of them. Echoes from outside are
+weaker and belong to the outermost class: level, delay and mid frequency are right, the ends of a sweep are not.
 """
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def closing_speeds(survey: ArraySurvey, ping: int, *, fastest: float, accelerati
         return -fastest, fastest
     velocity = survey.velocity[ping]
     along = heard @ velocity
-    # what elements do besides: they turn, and the platform speeds up and down
+    # elements also turn, and the platform accelerates
     spare = (fastest * APART + (fastest - float(np.linalg.norm(velocity)))
              + acceleration * (survey.time[-1] + survey.pulse.duration))
     return max(float(along.min()) - spare, -fastest), min(float(along.max()) + spare, fastest)
@@ -67,7 +67,7 @@ def closing_speeds(survey: ArraySurvey, ping: int, *, fastest: float, accelerati
 
 @lru_cache(maxsize=1)
 def _lattice() -> np.ndarray:
-    """Return directions (N, 3) that lie evenly on the sphere: of a Fibonacci lattice."""
+    """Return evenly distributed directions (N, 3): a Fibonacci lattice."""
     number = np.arange(DIRECTIONS) + 0.5
     height, angle = 1 - 2 * number / DIRECTIONS, GOLDEN_ANGLE * number
     level = np.sqrt(1 - height ** 2)

@@ -1,13 +1,13 @@
-"""Echoes at the elements by the one ray to each scatterer, and a difference of delay for each element.
+"""Echoes at the elements by the vector approximation, and by eigenrays where the approximation is in doubt.
+
+One ray is traced to each scatterer; every element adds a difference of delay.
 
     transmit    delay and pattern of a transmit element, by reciprocity                      `vector_approximation`
-    return      when each echo meets the source, where that is then                          `return_paths`
+    return      time at which each echo meets the moving source                              `return_paths`
     sum         every echo at every element, with its own delay                     `pairs`, `signal.accumulation`
 
-The pattern of an element is that towards where its own ray leaves or comes from: at the transmission on the way out,
-and as the turned array sees it at the echo's own reception on the way back.
-
-Echoes at the elements by the vector approximation, and by eigenrays where that is in doubt.
+The pattern of an element is taken in the direction of its own ray: at the attitude of the transmission on the way out,
+and at the attitude of the echo's reception on the way back.
 """
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ from .eigenrays import EigenrayDelays
 from .pairs import CURVATURE, ReceivedEchoes, seen_from
 from .ping_source import View, opaque
 
-GUARD = 5e-10                      # [s] expected error of the vector approximation above which it is not used
+GUARD = 5e-10                      # [s] largest expected error with which the vector approximation is used
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VectorDelays(ElementDelays):
-    """Find delays by the vector approximation, or by the published one."""
+    """Delays by the vector approximation of this package ("vector") or of the paper ("paper")."""
 
     method: Literal["vector", "paper"] = "vector"
 
@@ -123,7 +123,7 @@ class VectorDelays(ElementDelays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GuardedDelays(ElementDelays):
-    """Find delays by the vector approximation, by eigenrays where it may be off by more than `GUARD`."""
+    """Delays by the vector approximation, or by eigenrays where its error may exceed `GUARD`."""
 
     def add(self, responses: ImpulseResponses, some: SortedEchoes, element: int, *, weight: float,
             rows: slice = ALL_ROWS) -> None:

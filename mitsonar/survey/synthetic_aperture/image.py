@@ -1,6 +1,6 @@
-"""The image of a strip: raw echoes focused ping by ping, and the truth of every point.
+"""Raw echoes of a strip ping by ping, the image focused of them, and the truth of every point.
 
-Raw echoes of a strip ping by ping, each with what all pings have in common: see `synthetic_aperture.record`.
+The raw record is that of `synthetic_aperture.record`; every ping repeats the data common to all.
 """
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def raw_pings(survey: StripSurvey, seed: int, start: int = 0, *, kernel: str = "
 
 
 def common(survey: StripSurvey) -> xr.Dataset:
-    """Return what all pings of a strip have in common: arrays, trajectory, water, targets and attributes."""
+    """Return the data common to all pings of a strip: arrays, trajectory, water, targets and attributes."""
     trajectory, track = survey.voyage.trajectory, survey.track
     first = track.time[0] - MARGIN
     count = int(np.ceil((track.time[-1] + survey.time[-1] + MARGIN - first) * RATE)) + 1

@@ -1,8 +1,8 @@
 """Synthetic aperture: a strip of raw echoes, and the image that is focused of them.
 
-    plan       arrays, the pace of the pings, the bed                                   `strip.plan`
-    raw        echoes of every receiver, ping by ping, with the true trajectory         `strip.raw`
-    image      focused on a grid, with its truth                                        `strip.image`
+    plan       arrays, the pace of the pings, the bed                                   `plan`
+    raw        echoes of every receiver, ping by ping, with the true trajectory         `image`
+    image      focused on a grid, with its truth                                        `image`
 """
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from .plan import StripSensor, StripSurvey, plan as plan_strip
 
 
 def plan(scene: mi.Scene, sensor: StripSensor, settings: RunSettings) -> StripSurvey:
-    """Plan a run over a scene: its record begins a pulse early; see `strip.plan.plan`."""
+    """Plan a run over a scene: its record begins a pulse early; see `plan.plan`."""
     return plan_strip(scene, sensor, settings, LEAD)
 
 
 def plan_elements(scene: mi.Scene, sensor: StripSensor, settings: RunSettings, lead: float = 0.0) -> StripSurvey:
-    """Plan a run whose record is the signals of elements; `lead` as of `survey.array.plan_elements`."""
+    """Plan a run whose record is the signals of elements; the record begins `lead` pulses early."""
     return plan_strip(scene, sensor, settings, lead)
 
 

@@ -69,7 +69,7 @@ class StripSensor(Sensor, Protocol):
 
 
 def plan(scene: mi.Scene, sensor: StripSensor, settings: RunSettings, lead: float) -> StripSurvey:
-    """Plan a run over a scene; `lead` as of `survey.array.plan_elements`."""
+    """Plan a run over a scene; the record begins `lead` pulse lengths early."""
     geometry = Geometry(scene)
     passage = sensor.route.lay(geometry, sensor.film().window(slowest_speed(sensor))[0][1] + sensor.pulse.duration)
     track = passage.voyage.track
