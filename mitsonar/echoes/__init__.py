@@ -1,1 +1,1 @@
-"""What comes back: one kind of echo a file, and the sonar equation."""
+"""Echoes of a scene, by kind, and the sonar equation."""

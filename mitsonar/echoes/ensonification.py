@@ -1,13 +1,13 @@
-"""Which scatterers a ping ensonifies, and how strongly: two ways, one answer.
+"""Ensonification of a scene: the echoes that one ping receives from its scatterers, by either of two methods.
 
-    scatterers    every cell within reach is connected to the sonar along its own bent ray, and counts if the way is
-                  free: |e|² = σ dA g²
-    rays          rays find cells, the energies of the rays in a cell add:
+    scatterers    every cell within reach is connected to the sonar along its own bent ray, and counts if nothing is in
+                  the way: |e|² = σ dA g²
+    rays          rays find the cells, and the energies of the rays in a cell are added:
                   |e|² = Σ_k ΔΩ_k (σ / sin θ_i) (c_h / c_0)² 10^(-2 ᾱ L / 10) / A
 
 e is the echo's pressure 1 m from a source of pressure 1 at 1 m, without the patterns of the elements: the cell's
-Gaussian (`cells`) times |e|; symbols as in `sonar_equation`. With enough rays both are the same; the first has no noise
-of sampling and costs what lies within reach, the second costs what is sent.
+Gaussian (`cells`) times |e|. Symbols as in `sonar_equation`. With enough rays both methods agree. The first has no
+sampling noise and costs time by the scene within reach, the second by the number of rays.
 """
 from __future__ import annotations
 
@@ -38,16 +38,20 @@ from .smooth.targets import SmoothTargets
 from .sonar_equation import GRAZING, absorbed, along_legs, echo_energy, lit_patch, speed_ratio
 
 CELLS_PER_BLOCK = 1 << 19
-WORTH_ASKING = 0.2                 # share of cells that beams may make negligible from which on each is asked
+WORTH_ASKING = 0.2                 # share of cells in doubtful beams above which each cell is tested
 MOST_CELLS = 10 ** 9               # of a ping: minutes of connecting
+BOTTOM_AND_SURFACE = ("b", False), ("s", True)     # path, and whether the facet belongs to the sea surface
 
 
 class Ensonification:
-    """Ensonify the scatterers of a scene from anywhere in its water."""
-    # frequency [Hz]; window [s]; margin [m]; resolution [m]
+    """Echoes of a scene for a source anywhere in its water."""
 
-    def __init__(self, scatterers: Scatterers, water: DeviceWater, *, frequency: float, window: tuple[float, float],
-                 margin: float, method: str, rays: int, beams: ElementBeams | None, resolution: float = np.inf,
+    def __init__(self, scatterers: Scatterers, water: DeviceWater, *,
+                 frequency: float,                        # [Hz]
+                 window: tuple[float, float],             # [s]
+                 margin: float,                           # [m]
+                 method: str, rays: int, beams: ElementBeams | None,
+                 resolution: float = np.inf,              # [m]
                  max_depth: int = 1, thin_below: float = 0.0, band: HeardBand | None = None):
         self.scatterers, self.water, self.frequency, self.window = scatterers, water, frequency, window
         self.method, self.beams = method, beams or None
@@ -68,34 +72,32 @@ class Ensonification:
 
     @property
     def pattern(self) -> Callable | None:
-        """Two-way intensity of the beams, called with directions and a rotation; None where all are alike."""
+        """Two-way intensity of the beams as a function of directions and a rotation, or None if it is uniform."""
         return None if self.beams is None else self.beams.intensity
 
     def echoes(self, origin: np.ndarray, rotation: np.ndarray, depth_below: float, key: int) -> Iterator[Echoes]:
-        """Ensonify the scatterers from a source."""
-        # origin (3,) [m]; rotation (3, 3); depth_below [m]
+        """Yield all echoes of a ping from `origin` (3,) [m] at an attitude (3, 3), `depth_below` [m] above the bed."""
         yield from self.scatterer_echoes(origin, rotation, depth_below, key)
         yield from self.random_echoes(origin, rotation, depth_below, key)
 
     def pieces(self, origin: np.ndarray) -> list[tuple[str, Pieces]]:
-        """Pieces of facets within reach of a source (3,) [m], each kind with its path."""
+        """Return the path and the pieces of facets within reach of a source (3,) [m], for bottom and surface."""
         facets = self.scatterers.in_reach(origin, self.nearest, self.farthest)
-        found = []
-        for path, at_surface in (("b", False), ("s", True)):
+        pieces = []
+        for path, at_surface in BOTTOM_AND_SURFACE:
             facets_there = facets[self.scatterers.at_surface[facets] == at_surface]
-            pieces = pieces_in_reach(self.scatterers, facets_there, origin, self.nearest, self.farthest)
-            cells = int(pieces.cells.sum())
+            pieces.append((path, pieces_in_reach(self.scatterers, facets_there, origin, self.nearest, self.farthest)))
+            cells = int(pieces[-1][1].cells.sum())
             if cells > MOST_CELLS:
-                raise ValueError(f"{cells:.2g} cells of the scene lie within reach of a ping, and {MOST_CELLS:.0e} is "
-                                 "the most; take larger cells, a shorter range, or let rays find them")
-            found.append((path, pieces))
-        return found
+                raise ValueError(f"{cells:.2g} cells of the scene lie within reach of a ping; the limit is "
+                                 f"{MOST_CELLS:.0e}. Use larger cells, a shorter range, or ensonification \"rays\".")
+        return pieces
 
     def scatterer_echoes(self, origin: np.ndarray, rotation: np.ndarray, depth_below: float, key: int,
                          progress: Callable[[float], object] | None = None) -> Iterator[Echoes]:
-        """Echoes of scatterers, whose phases are their own: the same from wherever they are ensonified.
+        """Yield the echoes of scatterers, whose phases are the same from wherever they are ensonified.
 
-        `progress` is called with the share of the cells that are done, from 0 to 1, block by block.
+        `progress` is called block by block with the share of the cells that are done, from 0 to 1.
         """
         sources, start = self._source(origin)
         if self.method == "scatterers":
@@ -109,34 +111,32 @@ class Ensonification:
                     if progress is not None:
                         progress(done / total)
         else:
-            found = self._found(sources, start, rotation, depth_below, key)
-            for path, at_surface in (("b", False), ("s", True)):
-                there = self.scatterers.at_surface[found[0]] == at_surface
-                facet, s, *brought = (column[there] for column in found)
+            facets, *columns = self._cells_of_rays(sources, start, rotation, depth_below, key)
+            for path, at_surface in BOTTOM_AND_SURFACE:
+                there = self.scatterers.at_surface[facets] == at_surface
+                facet, s, energy, area = (column[there] for column in (facets, *columns))
                 for first in range(0, len(facet), CELLS_PER_BLOCK):
-                    some = slice(first, first + CELLS_PER_BLOCK)
-                    yield from self._echoes(sources, start, rotation, upload(mi.UInt32, facet[some]),
-                                            upload(mi.UInt32, s[some]), path,
-                                            [upload(mi.Float, column[some].astype(np.float32)) for column in brought])
+                    block = slice(first, first + CELLS_PER_BLOCK)
+                    yield from self._echoes(sources, start, rotation, upload(mi.UInt32, facet[block]),
+                                            upload(mi.UInt32, s[block]), path,
+                                            [upload(mi.Float, column[block].astype(np.float32))
+                                             for column in (energy, area)])
         for _, echoes in self.coherent_echoes(origin):
             yield echoes
 
     def coherent_echoes(self, origin: np.ndarray) -> Iterator[tuple[mi.UInt32, Echoes]]:
-        """Yield echoes that owe no phase to chance, with their labels: targets, smooth surfaces, a mirror overhead."""
+        """Yield labels and echoes whose phase is not random: targets, smooth surfaces, a mirror overhead."""
         if not (self.targets or self.smooth or self.sights.mirror):
             return
         sources, start = self._source(origin)
-        for echoes, free in self._of_targets(sources, start):
-            label = self.targets.label(compressed(free))
-            for some in echoes.where(free):
-                yield label, some
+        yield from self.points(sources, start, mirrored=True)
         for _, label, echoes in self.smooth.echoes(sources, np.array([origin], float), np.zeros(1, np.uint32)):
             yield label, echoes
         for echoes in self.ghosts.overhead(sources, start):
             yield dr.full(mi.UInt32, self.sights.geometry.surface_label, echoes.count), echoes
 
     def mirrored_echoes(self, origin: np.ndarray, cells: Cells) -> Iterator[Echoes]:
-        """Yield the echoes of scatterers by way of a flat surface that mirrors: there, back, or both."""
+        """Yield the echoes of scatterers by way of a mirroring sea surface: out, back, or both."""
         if not self.sights.mirror or self.ghosts.max_depth == 1:
             return
         sources, start = self._source(origin)
@@ -145,9 +145,9 @@ class Ensonification:
 
     def random_echoes(self, origin: np.ndarray, rotation: np.ndarray, depth_below: float, key: int,
                       in_water: Callable[[], tuple[mi.Vector3f, mi.Float, Strata]] | None = None) -> Iterator[Echoes]:
-        """Echoes of more bounces and of the water, which are drawn by chance: other ones from every source.
+        """Yield the echoes of several bounces and of the water, which are random and differ from source to source.
 
-        `in_water` draws the directions of the points of the water; None: those of the elements' beams are taken.
+        `in_water` draws directions to points of the water. The default draws from the beams of the elements.
         """
         sources, start = self._source(origin)
         if self.ghosts.bounces is not None:
@@ -163,41 +163,41 @@ class Ensonification:
 
     def _in_beams(self, sources: Sources, origin: dr.ArrayBase, rotation: np.ndarray,
                   pieces: Pieces) -> tuple[bool, Pieces, np.ndarray]:
-        """Return whether cells have to be asked one by one what beams leave of them; pieces that may count, and their
-        bounds.
+        """Return whether cells have to be tested against the beams one by one; the pieces that may count; their bounds.
 
-        Where few would have to be, all are taken: less work than to ask.
+        If few cells would fail, all are taken: that is less work than to test them.
         """
         if self.beams is None:
             return False, pieces, np.ones(len(pieces.facet))
         enough = max(NEGLIGIBLE, self.side_lobes.below) if self.side_lobes else NEGLIGIBLE
-        found, bound = pieces_in_beams(pieces, self.connector, self.beams, sources, origin, rotation, enough)
-        pieces, bound, doubtful = pieces.chosen(found >= 0), bound[found >= 0], found[found >= 0] == 0
+        verdict, bound = pieces_in_beams(pieces, self.connector, self.beams, sources, origin, rotation, enough)
+        kept = verdict >= 0
+        pieces, bound, doubtful = pieces.chosen(kept), bound[kept], verdict[kept] == 0
         if self.side_lobes:
             return bool(doubtful.any()), pieces, bound
         cells = pieces.cells
         return bool(cells[doubtful].sum() > WORTH_ASKING * cells.sum()), pieces, bound
 
     def _cells(self, pieces, bound):
-        """Cells of pieces, block by block; of those in side lobes only such as may exist."""
+        """Yield the cells of pieces, block by block; in side lobes only cells that may exist."""
         if self.side_lobes is None:
             return self.scatterers.listed(pieces.runs(), CELLS_PER_BLOCK)
         return self.side_lobes.listed(pieces, bound, CELLS_PER_BLOCK)
 
-    def _echoes(self, sources, origin, rotation, facet, s, path, brought=None, aim=True):
-        """Echoes of cells: of all that can be connected, or with the energies and areas (R,) that rays have brought.
+    def _echoes(self, sources, origin, rotation, facet, s, path, from_rays=None, aim=True):
+        """Yield the echoes of cells that can be connected, or that rays found with energies and areas `from_rays`.
 
-        Those that beams make negligible are left out if they are to `aim` at cells, and those in side lobes thinned.
+        With `aim`, cells that beams make negligible are left out, and cells in side lobes are thinned.
         """
         share = None
         if self.beams is not None and aim:
-            # where the rays leave for: the straight line there may lie in another lobe
+            # the direction in which the rays leave; the straight line may lie in another lobe
             point = self.scatterers.at(facet, s).point
             direction = self.connector.launch_direction(sources, origin, mi.UInt32(0), point)
             distance = mi.Float(dr.norm(point - origin))
             bound = self.beams.bound(direction, distance, rotation)
             counts = bound > NEGLIGIBLE
-            if self.side_lobes is not None and brought is None:
+            if self.side_lobes is not None and from_rays is None:
                 share = self.side_lobes.share(bound)
                 counts &= self.side_lobes.exist(facet, s, share)
                 dr.eval(counts, share)
@@ -205,15 +205,15 @@ class Ensonification:
             if not dr.width(index):
                 return
             facet, s = dr.gather(mi.UInt32, facet, index), dr.gather(mi.UInt32, s, index)
-            brought = brought and [dr.gather(mi.Float, column, index) for column in brought]
+            from_rays = from_rays and [dr.gather(mi.Float, column, index) for column in from_rays]
             share = None if share is None else dr.gather(mi.Float, share, index)
-            dr.eval(facet, s, brought, share)
+            dr.eval(facet, s, from_rays, share)
         cells = self.scatterers.at(facet, s)
         way = self.connector.connect(sources, origin, mi.UInt32(0), cells.point, cells.normal,
-                                     occlusion=brought is None, coarse=True)
+                                     occlusion=from_rays is None, coarse=True)
         reached = way.free & (way.travel_time < dr.opaque(mi.Float64, 0.55 * self.window[1] + 1e-3))
-        if brought is not None:
-            energy, area = brought
+        if from_rays is not None:
+            energy, area = from_rays
         else:
             area = cells.area if share is None else cells.area / share
             strength, sin_grazing = scattering_strength(cells.hits(way), reached, self.frequency)
@@ -228,24 +228,19 @@ class Ensonification:
         if path == "b":
             yield from self.ghosts.of_cells(sources, origin, way, cells, area)
 
-    def points(self, sources: Sources, origin: dr.ArrayBase) -> Iterator[tuple[mi.UInt32, Echoes]]:
-        """Yield the labels and the echoes of the point targets that are seen straight."""
-        for echoes, free in self._of_targets(sources, origin, mirrored=False):
+    def points(self, sources: Sources, origin: dr.ArrayBase,
+               mirrored: bool = False) -> Iterator[tuple[mi.UInt32, Echoes]]:
+        """Yield the labels and echoes of visible point targets: straight ones, or also those by way of mirrors."""
+        if not self.targets:
+            return
+        for echoes, free in self.targets.echoes(self.sights, sources, origin, mi.UInt32(0),
+                                                dr.arange(mi.UInt32, len(self.targets)), mirrored=mirrored):
             label = self.targets.label(compressed(free))
-            for some in echoes.where(free):
-                yield label, some
+            for visible in echoes.where(free):
+                yield label, visible
 
-    def _of_targets(self, sources, origin, mirrored=True):
-        """Echoes of the point targets, and whether they are seen."""
-        targets = self.targets
-        if targets:
-            yield from targets.echoes(self.sights, sources, origin, mi.UInt32(0), dr.arange(mi.UInt32, len(targets)),
-                                      mirrored=mirrored)
-
-    # ---- rays that find cells
-
-    def _found(self, sources, origin, rotation, depth_below, key):
-        """Cells that rays find: facets, numbers within them, and the energies and areas of their rays."""
+    def _cells_of_rays(self, sources, origin, rotation, depth_below, key):
+        """Return the cells that rays find: facets, numbers s, and the summed energies and areas of their rays."""
         direction, solid_angle, _ = self.drawn_rays.draw(origin, rotation, depth_below, key)
         hits = self.tracer.trace(sources, origin, mi.UInt32(0), direction)
         strength, sin_grazing = scattering_strength(hits, hits.valid, self.frequency)
@@ -257,9 +252,10 @@ class Ensonification:
         area = lit_patch(solid_angle, spreading_area=hits.spreading_area, sin_grazing=sin_grazing)
         columns = facet, s, energy, area
         dr.eval(columns, hits.valid, sin_grazing)
-        found = hits.valid.numpy() & (sin_grazing.numpy() > GRAZING) & (energy.numpy() > 0)
-        facet, s, energy, area = (column.numpy()[found] for column in columns)
-        found = self.scatterers.scattering[facet]
-        cell, which = np.unique((facet[found].astype(np.uint64) << np.uint64(32)) | s[found], return_inverse=True)
+        lit = hits.valid.numpy() & (sin_grazing.numpy() > GRAZING) & (energy.numpy() > 0)
+        facet, s, energy, area = (column.numpy()[lit] for column in columns)
+        scattering = self.scatterers.scattering[facet]
+        cell, number = np.unique((facet[scattering].astype(np.uint64) << np.uint64(32)) | s[scattering],
+                                 return_inverse=True)
         return ((cell >> np.uint64(32)).astype(np.uint32), cell.astype(np.uint32),
-                *(np.bincount(which, weights=column[found], minlength=len(cell)) for column in (energy, area)))
+                *(np.bincount(number, weights=column[scattering], minlength=len(cell)) for column in (energy, area)))

@@ -1,11 +1,11 @@
-"""Names of paths: what sound meets on its way, bounce by bounce.
+"""Names of paths: the bounces of sound on its way, one letter each.
 
     b   the seabed or an object
     s   the sea surface
     v   the volume of the water
 
 A path and its reverse take the same time and share a name: "bs" is seabed then surface, or surface then seabed. On the
-device a path is a code: bits from 1 on, a bit a bounce, set at the surface.
+device a path is a code: a leading 1, then one bit per bounce, which is 1 at the surface.
 """
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ class Paths:
         self._numbers = numbers
 
     def number(self, name: str) -> int:
-        """Number of a path by its name, either way round."""
+        """Return the number of a path from its name, in either direction."""
         return 1 + self.names.index(_canonical(name))
 
     def numbers(self, code: UInt32) -> UInt32:
-        """Numbers of codes, UInt32 (R,)."""
+        """Return the numbers of codes, UInt32 (R,)."""
         return dr.gather(type(code), upload(type(code), self._numbers), code)
 
     @staticmethod
     def extended(code: UInt32, at_surface: Bool) -> UInt32:
-        """Codes after one more bounce; `at_surface` Bool (R,)."""
+        """Return the codes after one more bounce; `at_surface` Bool (R,)."""
         return 2 * code + dr.select(at_surface, type(code)(1), type(code)(0))
 
     def __len__(self) -> int:

@@ -1,10 +1,10 @@
-"""Point targets: scatterers with a target strength in place of an area, and no chance in their phase.
+"""Point targets: scatterers with a target strength instead of an area, and with a phase that is not random.
 
-A target answers with the pressure f = 10^(TS/20) along every leg, straight, by way of a flat surface (`sights`) or of
-the bed (`bed_mirror`). It may lie on a surface, which must not hide it.
+A target echoes with the pressure f = 10^(TS/20) along every leg: straight, by way of a flat sea surface (`sights`) or
+of the bed (`bed_mirror`). It may lie on a surface, which then does not hide it.
 
-One that scatters by a function of its own is a row of such targets at one place, the taps of `scattering.echo_taps`:
-their pressures are complex and depend on where sound comes from and goes to, and each answers with a delay of its own.
+A target with a scattering function is a row of such targets at one place, the taps of `scattering.echo_taps`. Their
+pressures are complex and depend on the directions that sound comes from and goes to; each tap has its own delay.
 """
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from mitsonar.scene.tracing.tracer import Sources
 from mitsonar.water.profile import SoundSpeedProfile
 
 from .record import Echoes
-from .sights.sight import path_of, product
+from .sights.sight import complex_product, path_of, product
 from .sights.sights import Sights
 from .sonar_equation import pressure_along_legs
 
-TARGET_RADIUS = 0.02               # [m] about a point target within which nothing hides it
+TARGET_RADIUS = 0.02               # [m] around a point target within which nothing hides it
 
 
 @dataclass(frozen=True, kw_only=True)
 class _TargetRow:
-    """The taps of a target from number `first` on, and its axes in the scene, (3, 3)."""
+    """The taps of a target, from number `first` on, and the target's axes in the scene (3, 3)."""
 
     first: int
     taps: EchoTaps
@@ -46,11 +46,11 @@ class PointTargets:
                  profile: SoundSpeedProfile | None = None, *, resolved: bool = True):
         self.lib, self._rows = arrays_of(mi.Float), []
         position, pressure, label, count = [], [], [], 0
-        for target in (Target(*one) for one in targets):
+        for target in (Target(*fields) for fields in targets):
             own = np.array([10 ** (target.strength_db / 20)])
             if target.scattering is not None:
                 if band is None or profile is None:
-                    raise ValueError("a target that scatters by a function of its own needs a band and a profile.")
+                    raise ValueError("A target with a scattering function needs a band and a sound speed profile.")
                 speed = float(profile.at(-target.position[2]))
                 if resolved:
                     taps = EchoTaps.of(target.scattering, band, speed)
@@ -75,27 +75,26 @@ class PointTargets:
         return self.count
 
     def position(self, which: mi.UInt32) -> dr.ArrayBase:
-        """Array3f64 (R,) [m]."""
+        """Return the positions of targets, Array3f64 (R,) [m]."""
         return self.lib.Array3f64(*(dr.gather(mi.Float64, axis, which) for axis in self._position))
 
     def pressure(self, which: mi.UInt32) -> mi.Float:
-        """f, Float (R,) [m]."""
+        """Return f, Float (R,) [m]."""
         return dr.gather(mi.Float, self._pressure, which)
 
     def label(self, which: mi.UInt32) -> mi.UInt32:
-        """Numbers of their shapes, UInt32 (R,)."""
+        """Return the labels of the targets' shapes, UInt32 (R,)."""
         return dr.gather(mi.UInt32, self._label, which)
 
     def drawn(self, share: mi.Float) -> tuple[mi.UInt32, mi.Float]:
-        """Draw targets evenly, by numbers in [0, 1): which, and their strengths f² over the chance of that [m²]."""
+        """Draw targets evenly from numbers in [0, 1): their indices, and their f² over the chance of the draw [m²]."""
         count = dr.opaque(mi.UInt32, self.count)
         which = dr.minimum(mi.UInt32(share * mi.Float(count)), count - 1)
         return which, mi.Float(count) * dr.square(self.pressure(which))
 
     def echoes(self, sights: Sights, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, which: mi.UInt32, *,
                mirrored: bool = True) -> Iterator[tuple[Echoes, mi.Bool]]:
-        """Return the echoes of targets seen from sources, one pair an entry."""
-        # which (R,) -> free (R,)
+        """Yield the echoes of targets `which` (R,) seen from sources, and where they are visible, path by path."""
         point, strength = self.position(which), self.pressure(which)
         nothing, at_once = dr.zeros(mi.Float, dr.width(strength)), dr.zeros(mi.Float64, dr.width(strength))
         ways = [(False, False, 1.0), *(sights.ways() if mirrored else ())]
@@ -103,22 +102,22 @@ class PointTargets:
                                    short=TARGET_RADIUS) for folded in {back for _, back, _ in ways}}
         for there, back, sign in ways:
             out, home = ends[there], ends[back]
-            (real, imaginary), late = (strength, nothing), at_once
+            (real, imaginary), delay = (strength, nothing), at_once
             if self._rows:
-                (real, imaginary), late = self._answers(which, out.way, home.way)
+                (real, imaginary), delay = self._taps(which, out.way, home.way)
             unit = pressure_along_legs(sign, out.gain, home.gain)
             free = out.way.free & home.way.free & dr.isfinite(unit)
             real, imaginary = (dr.select(free, unit * part, 0) for part in (real, imaginary))
-            # not one and the same leg: there is a time between the two
-            came = replace(home.leg) if self._rows else home.leg
-            yield Echoes(out=out.leg, back=came, between=late,
+            # a copy is not `single`: there is a time between the legs
+            back_leg = replace(home.leg) if self._rows else home.leg
+            yield Echoes(out=out.leg, back=back_leg, between=delay,
                          energy=dr.fma(real, real, dr.square(imaginary)), amplitude=(real, imaginary),
                          path=("b", "bs", "sbs")[there + back]), free
         if mirrored and sights.bed is not None:
             yield from self._by_the_bed(sights, sources, origin, source, which, point, strength)
 
     def _by_the_bed(self, sights, sources, origin, source, which, point, strength):
-        """Echoes by way of the bed, there, back or both."""
+        """Yield the echoes by way of the bed: out, back or both."""
         nothing, seen = mi.Vector3f(0, 0, 0), {}
         for there, back in sights.bed_ways():
             for by in (there, back):
@@ -132,33 +131,33 @@ class PointTargets:
             (real, imaginary), later = product(out, home)
             if self._rows:
                 strength = mi.Float(1)
-                (a, b), late = self._answers(which, out.way, home.way)
-                real, imaginary, later = real * a - imaginary * b, real * b + imaginary * a, later + late
+                answer, delay = self._taps(which, out.way, home.way)
+                (real, imaginary), later = complex_product((real, imaginary), answer), later + delay
             pressure = pressure_along_legs(strength, out.gain, home.gain) * (-1.0 if "s" in there + back else 1.0)
             free = out.way.free & home.way.free & dr.isfinite(pressure)
             amplitude = dr.select(free, pressure * real, 0), dr.select(free, pressure * imaginary, 0)
-            # another one: the time between counts
+            # a copy is not `single`: the time between the legs counts
             leg = home.leg if there != back and not self._rows else replace(home.leg)
             energy = dr.square(amplitude[0]) + dr.square(amplitude[1])
             yield Echoes(out=out.leg, back=leg, between=later, energy=energy, amplitude=amplitude,
                          path=path_of(there, back)), free
 
-    def _answers(self, which: mi.UInt32, out: Connection,
-                 home: Connection) -> tuple[tuple[mi.Float, mi.Float], mi.Float64]:
-        """Real and imaginary part of f [m] along ways there and back, and the delays [s]."""
+    def _taps(self, which: mi.UInt32, out: Connection,
+              home: Connection) -> tuple[tuple[mi.Float, mi.Float], mi.Float64]:
+        """Return f [m] of taps along ways out and home, as real and imaginary part, and their delays [s]."""
         incident, scattered = out.arrival_direction, -home.arrival_direction
         pressure = self.pressure(which)
         dr.eval(which, incident, scattered, pressure)
-        number, form = which.numpy(), pressure.numpy().astype(complex)
-        late, size = np.zeros(len(number)), len(number)
+        number, answer = which.numpy(), pressure.numpy().astype(complex)
+        delay, size = np.zeros(len(number)), len(number)
         ways = np.stack([np.broadcast_to(axis.numpy(), size) for axis in (*incident, *scattered)], 1).astype(float)
-        ways[~np.isfinite(ways).all(1)] = (1, 0, 0, -1, 0, 0)      # there is none: nothing comes along it
+        ways[~np.isfinite(ways).all(1)] = (1, 0, 0, -1, 0, 0)      # no ray: any direction, as its gain is 0
         for row in self._rows:
             tap = number.astype(int) - row.first
-            mine = np.flatnonzero((tap >= 0) & (tap < len(row.taps.delay)))
-            # one way is asked once for all taps
-            each, same = np.unique(ways[mine], axis=0, return_inverse=True)
-            weight = row.taps.weights(each[:, :3] @ row.rotation, each[:, 3:] @ row.rotation)
-            form[mine], late[mine] = weight[same.ravel(), tap[mine]], row.taps.delay[tap[mine]]
-        real, imaginary = (upload(mi.Float, part(form).astype(np.float32)) for part in (np.real, np.imag))
-        return (real, imaginary), upload(mi.Float64, late)
+            own = np.flatnonzero((tap >= 0) & (tap < len(row.taps.delay)))
+            # the taps of a target share a way, which is evaluated once
+            distinct, same = np.unique(ways[own], axis=0, return_inverse=True)
+            weight = row.taps.weights(distinct[:, :3] @ row.rotation, distinct[:, 3:] @ row.rotation)
+            answer[own], delay[own] = weight[same.ravel(), tap[own]], row.taps.delay[tap[own]]
+        real, imaginary = (upload(mi.Float, part(answer).astype(np.float32)) for part in (np.real, np.imag))
+        return (real, imaginary), upload(mi.Float64, delay)

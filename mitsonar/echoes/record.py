@@ -1,6 +1,6 @@
-"""Echoes on their way: legs between a source and points of the scene, and what comes back along them.
+"""Records of echoes: legs between a source and points of the scene, and the echoes along them.
 
-Sound leaves the source along `out`, may go on from point to point for a time `between`, and comes back along `back`:
+Sound leaves the source along `out`, may travel from point to point for a time `between`, and returns along `back`:
 
     p(t) = Re[e s(t - τ) e^(i2πf₀(t - τ))],     τ = out + between + back
 
@@ -9,30 +9,42 @@ e -> ``amplitude``: the echo's pressure 1 m from a source of pressure 1 at 1 m, 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any, TypeVar
 
 import drjit as dr
 
-from mitsonar.device.arrays import compressed
+from mitsonar.device.arrays import compressed, picked
 from mitsonar.device.types import Bool, Float, Float64, UInt32, Vector, Vector64
 from mitsonar.scene.tracing.connection import Connection
 from mitsonar.scene.tracing.hits import Hits
 
+Kept = TypeVar("Kept")             # the type of the argument is that of the result
+
+
+def entries(value: Kept, index: UInt32) -> Kept:
+    """Return the entries with these numbers of all arrays in a record, list or tuple."""
+    part: Any = value
+    if isinstance(part, (list, tuple)):
+        return type(part)(entries(item, index) for item in part)
+    if is_dataclass(part):
+        return replace(part, **{field.name: entries(getattr(part, field.name), index) for field in fields(part)})
+    return picked(part, index) if dr.is_array_v(part) else part
 
 @dataclass(frozen=True, kw_only=True)
 class EchoLeg:
     """Exact eigenrays from a source to points, on the device."""
 
     offset: Vector64  # (R,) [m]: point minus source, scene coordinates
-    travel_time: Float64  # (R,) [s/m]
+    travel_time: Float64  # (R,) [s]
     ray_parameter: Float64  # (R,) [s/m]
     spreading_area: Float  # (R,) [m²/sr]: on the way from the source
     launch_direction: Vector  # (R,): unit, at the source
-    folded: bool = False  # by way of the flat surface
+    folded: bool = False  # by way of the flat sea surface: the source is its image
 
     @classmethod
     def along(cls, way: Connection | Hits, origin: dr.ArrayBase, point: dr.ArrayBase, folded: bool = False) -> EchoLeg:
-        """The legs of ways; `origin` is the image's where they are folded."""
+        """Return the legs of ways; `origin` is the image of the source if they are folded."""
         launch = way.launch_direction
         if folded:
             launch = type(launch)(launch.x, launch.y, -launch.z)
@@ -46,53 +58,49 @@ class EchoLeg:
         return type(launch)(launch.x, launch.y, -launch.z) if self.folded else launch
 
     def chosen(self, index: UInt32) -> EchoLeg:
-        """The legs with these numbers, UInt32."""
-        return EchoLeg(folded=self.folded, **{name: dr.gather(type(value), value, index)
-                                          for name, value in vars(self).items() if name != "folded"})
+        """Return the legs with these numbers."""
+        return entries(self, index)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Echoes:
     """Echoes of one block, on the device, as they leave their last scatterers."""
 
-    out: EchoLeg  # to what sound met first, and to where it comes from last
-    back: EchoLeg  # to what sound met first, and to where it comes from last
-    between: Float64  # (R,) [s]: from the one to the other
-    energy: Float  # (R,): |e|² [-], on the average over the cells' chance
+    out: EchoLeg  # to the first point that scatters
+    back: EchoLeg  # to the last point that scatters
+    between: Float64  # (R,) [s]: from the first to the last
+    energy: Float  # (R,): |e|² [-], averaged over the random amplitudes of cells
     amplitude: tuple[Float, Float]  # (Float, Float): real and imaginary part of e [-]
     path: str = "b"  # the bounces, see `paths`
 
     @property
     def single(self) -> bool:
-        """Return whether sound comes back from where it met something first."""
+        """Return True if sound returns from its first point along the same leg."""
         return self.out is self.back
 
     @property
     def arrival(self) -> Float64:
-        """When the last scatterer is reached [s], Float64."""
+        """Time at which sound leaves the last scatterer [s], Float64."""
         return self.out.travel_time if self.single else self.out.travel_time + self.between
 
     @property
     def count(self) -> int:
-        """How many."""
+        """Number of echoes."""
         return dr.width(self.energy)
 
     def evaluated(self) -> Echoes:
-        """The same, computed."""
+        """Return the same echoes, evaluated."""
         dr.eval(self)
         return self
 
     def where(self, active: Bool) -> Iterator[Echoes]:
-        """Yield the echoes that are `active`, in one block, computed; nothing where there are none."""
-        dr.eval(self, active)                  # in one kernel: what hides echoes is not looked for twice
+        """Yield the `active` echoes in one evaluated block; nothing if there are none."""
+        dr.eval(self, active)                  # in one kernel, so that obstacles are not searched for twice
         index = compressed(active)
         if dr.width(index):
             yield self.chosen(index).evaluated()
 
     def chosen(self, index: UInt32) -> Echoes:
-        """The echoes with these numbers, UInt32."""
-        out, (real, imaginary) = self.out.chosen(index), self.amplitude
-        return Echoes(out=out, back=out if self.single else self.back.chosen(index), path=self.path,
-                      between=dr.gather(type(self.between), self.between, index),
-                      energy=dr.gather(type(self.energy), self.energy, index),
-                      amplitude=(dr.gather(type(real), real, index), dr.gather(type(imaginary), imaginary, index)))
+        """Return the echoes with these numbers."""
+        echoes = entries(self, index)
+        return replace(echoes, back=echoes.out) if self.single else echoes

@@ -85,7 +85,7 @@ WRONG = {
          ('<float name="sound_speed" value="1500"/>',
           '<spectrum name="profile" value="0:1520, 8:1520, 12:1480, 30:1478"/>')],
         "too far for the vector approximation here"),
-    "cells too small": ([(CELL, '<float name="cell" value="0.00001"/>')], "take larger cells"),
+    "cells too small": ([(CELL, '<float name="cell" value="0.00001"/>')], "larger cells"),
     "an instance": ([("</scene>", '<shape type="shapegroup" id="group"><shape type="cube"/></shape>'
                                   '<shape type="instance" id="box"><ref id="group"/></shape></scene>')],
                     'the shape "box" is of the kind instance, which has no facets'),

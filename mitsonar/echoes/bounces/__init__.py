@@ -1,1 +1,1 @@
-"""Echoes by several bounces: multipath, ghosts, the water column."""
+"""Echoes of several bounces, by way of a flat sea surface, and of the water column."""

@@ -1,24 +1,22 @@
-"""Partners of the ends of paths: which end of its row each is connected with, chosen by what the two would bring.
+"""Partners of path ends: the end of the same row that each end is connected with, chosen by what the pair would bring.
 
-Of M candidates that are drawn without a look (`partners`), each with its chance q_k, one is kept with a chance in
-proportion to f_k / q_k. f is the root of about what the pair brings: the sonar equation of the path along the
-straight line between the ends, no matter what stands in the way. What the path brings is then divided by
+M candidates are drawn without regard to the scene (`partners`), each with its probability q_k. One is kept with a
+probability proportional to f_k / q_k, where f is the square root of about what the pair brings: the sonar equation of
+the path along the straight line between the ends, ignoring obstacles. The path's energy is then divided by
 
     q = f M / Σ_k (f_k / q_k)
 
-Its mean is that of partners drawn in any other way, however wrong f is, as long as f is above 0 wherever something is
-heard (resampled importance sampling: Talbot, Cline and Egbert 2005, eq. 4). What a better f saves is noise. Without the
-root loud pairs would take nearly all draws, and bins that hear faint pairs alone, as those of shadows, a few of them.
+The mean is the same for any other way of drawing partners, however wrong f is, as long as f > 0 wherever there is an
+echo (resampled importance sampling: Talbot, Cline and Egbert 2005, eq. 4). A better f only reduces noise. Without the
+root, loud pairs would take nearly all draws, and bins with only faint pairs, such as those of shadows, few of them.
 
-What the pair brings counts the beams towards the partner, both strengths, the distance, and the length of the whole
-path to the power `LATE`: late bins are quieter, and shall not be forgotten for early ones. Rays bend. Ends that do not
-see each other along the straight line count if a ray that is bent as the water bends it may leave one for the other,
-and strengths are asked for no lower than `LOWEST` above the surfaces.
+f takes into account the beams towards the partner, both strengths, the distance, and the length of the whole path to
+the power `LATE`: late bins are quieter, and must not be neglected for early ones. Rays bend. Ends that do not see each
+other along the straight line therefore count if a ray bent by this water may lead from one to the other, and strengths
+are evaluated at grazing angles of at least `LOWEST`.
 
-Partners: which ray of a row another one is paired with, and the chance of that.
-
-Half of the partners are drawn evenly from the row, half near the ray: in either coordinate at the distance m with
-chance log((m + 2) / (m + 1)), so that all scales get their share.
+Half of the candidates are drawn evenly from the row, half near the ray: at the distance m in either coordinate with
+probability log((m + 2) / (m + 1)), so that all scales get their share.
 """
 from __future__ import annotations
 
@@ -38,12 +36,11 @@ from mitsonar.water.profile import SoundSpeedProfile
 from ..sonar_equation import GRAZING, passed_on, scattered
 from .path_ends import Ends, image_of
 
-EVEN_SHARE = 0.5                   # of the partners that are drawn evenly
+EVEN_SHARE = 0.5                   # of the candidates that are drawn evenly
 
 
 def partners(strata: Strata, key: mi.UInt32) -> tuple[mi.UInt32, mi.Float]:
-    """Draw a partner of the same row for every ray."""
-    # key (R,) -> partner (R,), chance (R,)
+    """Draw a candidate of the same row for every ray, and the probability of the draw, (R,) each."""
     row, within, i, j = strata.split(dr.arange(mi.UInt32, strata.rays))
     first, second = pair(within, key)
     third, fourth = other_pair(first, key)
@@ -52,7 +49,6 @@ def partners(strata: Strata, key: mi.UInt32) -> tuple[mi.UInt32, mi.Float]:
     for place, count, bits, sign in ((i, strata.first, first, fourth & 1), (j, strata.second, second, fourth & 2)):
         u = uniform(strata.lib, bits)
         wide = dr.minimum(mi.UInt32(u * mi.Float(count)), count - 1)
-        # distances m with chance log((m + 2) / (m + 1)): all scales alike
         most = mi.Float(count >> 1)
         step = dr.minimum(mi.UInt32(dr.exp(u * dr.log(most + 2)) - 1), count >> 1)
         near = dr.select(sign != 0, place + step, place + count - step)
@@ -72,48 +68,46 @@ def partners(strata: Strata, key: mi.UInt32) -> tuple[mi.UInt32, mi.Float]:
 CANDIDATES = 8                     # M
 LATE = 3
 LOWEST = 0.02                      # sine of a grazing angle
-FAINTEST = 1e-5                    # added to strengths: a law that is 0 along the straight line may not be beside it
-NEAREST = 1e-6                     # [m] below which two ends are one
+FAINTEST = 1e-5                    # added to strengths: a law may be 0 along the straight line but not beside it
+NEAREST = 1e-6                     # [m] below which two ends coincide
 
 
 class ChosenPartners:
-    """Choose partners."""
-    # frequency [Hz]
+    """Choice of a partner for every end."""
 
-    def __init__(self, profile: SoundSpeedProfile, *, frequency: float, surface: int):
+    def __init__(self, profile: SoundSpeedProfile, *, frequency: float, surface: int):         # frequency [Hz]
         self._frequency, self._lib = frequency, arrays_of(mi.Float)
         self._surface, self._count = dr.opaque(mi.UInt32, surface), dr.opaque(mi.UInt32, CANDIDATES)
-        # by how much, per metre, rays may leave higher than the straight line, and lower
+        # largest change of the launch angle per metre, for rays that leave above and below the straight line
         slowest = float(profile.sound_speed.min())
         bend = np.diff(profile.sound_speed) / (np.diff(profile.depth) * slowest)
-        self._bends = [dr.opaque(mi.Float, np.max(some, initial=0.0)) for some in (-bend, bend)]
+        self._bends = [dr.opaque(mi.Float, np.max(slope, initial=0.0)) for slope in (-bend, bend)]
 
     def choose(self, a: Ends, b: Ends, seen: mi.Float, strata: Strata, key: mi.UInt32, *, folded: bool,
                unlike: bool | None) -> tuple[mi.UInt32, mi.Float]:
-        """Choose an end of b for every end of a."""
-        # seen (R,); key (R,) -> partner (R,), chance (R,)
+        """Return the number of an end of b for every end of a, and the probability q of the choice, (R,) each."""
         _, within, _, _ = strata.split(dr.arange(mi.UInt32, strata.rays))
         wanted = None if unlike is None else dr.opaque(mi.Bool, unlike)
 
-        def look(k: mi.UInt32, total: mi.Float, partner: mi.UInt32, worth: mi.Float) -> tuple[Any, ...]:
-            its_key = salted(key, Salt.CANDIDATE, k)
-            candidate, chance = partners(strata, its_key)
+        def add_candidate(k: mi.UInt32, total: mi.Float, partner: mi.UInt32, worth: mi.Float) -> tuple[Any, ...]:
+            candidate_key = salted(key, Salt.CANDIDATE, k)
+            candidate, chance = partners(strata, candidate_key)
             brings = self._brings(a, b.chosen(candidate), dr.gather(mi.Float, seen, candidate), strata, folded, wanted)
             weight = brings / chance
             total = total + weight
-            bits, _ = other_pair(within, its_key)
+            bits, _ = other_pair(within, candidate_key)
             kept = (weight > 0) & (uniform(self._lib, bits) * total < weight)
             return (k + 1, total, dr.select(kept, candidate, partner), dr.select(kept, brings, worth))
 
         none = dr.zeros(mi.Float, strata.rays)
         state = (mi.UInt32(0), none, dr.zeros(mi.UInt32, strata.rays), mi.Float(none))
-        _, total, partner, worth = looped(state, lambda k, *_: k < self._count, look, "partners")
+        _, total, partner, worth = looped(state, lambda k, *_: k < self._count, add_candidate, "partners")
         chance = dr.select(total > 0, worth * mi.Float(self._count) / total, 0)
         dr.eval(partner, chance)
         return partner, chance
 
     def _brings(self, a, b, seen, strata, folded, unlike):
-        """f, but for what all pairs of an end of a have in common."""
+        """Return f, except for factors that all pairs of an end of a share."""
         way = mi.Vector3f(b.point - (image_of(a.point) if folded else a.point))
         distance = dr.norm(way)
         towards = way / dr.maximum(distance, NEAREST)
@@ -130,7 +124,7 @@ class ChosenPartners:
         return dr.select(active & dr.isfinite(brings), dr.sqrt(brings), 0)
 
     def _strength(self, end, towards, distance, folded):
-        """Strength of ends about along straight lines, and whether bent rays may lead there."""
+        """Return about the strength of ends along straight lines, and whether bent rays may lead there."""
         up, down = (dr.maximum(*self._bends),) * 2 if folded else self._bends
         normal = end.hits.normal
         sine = dr.dot(normal, towards)

@@ -1,7 +1,7 @@
-"""Ends of paths connected with each other, with point targets and with the sonar: symbols as in `multipath`.
+"""Connections of path ends with each other, with point targets and with the sonar; symbols as in `multipath`.
 
-What a bed throws on to a target in one phase is heard as such (`bed_mirror`), and is no part of what is scattered
-between the two: strengths of beds are multiplied there by what is left of their mirror's power, 1 - |V/R|².
+The part that a bed reflects coherently on to a target is a coherent echo (`bed_mirror`). Where sound scatters from the
+bed on to a target, the bed's strength is therefore multiplied by the rest of the reflected power, 1 - |V/R|².
 """
 from __future__ import annotations
 
@@ -39,14 +39,13 @@ from .chosen_partners import CANDIDATES
 from .ghosts import Ghosts, joined
 from .path_ends import Ends, Origins, TargetEnds, computed, image_of
 
-NOTHING_ROUGH = 1e12               # [rad/m]
+PERFECTLY_FLAT = 1e12              # [rad/m] lowest wavenumber of roughness that counts: above that of any roughness
 
 
 class ConnectedEnds:
-    """Connect ends."""
-    # frequency [Hz]
+    """Connections of the ends of one bundle of rays."""
 
-    def __init__(self, connector: Connector, *, frequency: float, max_depth: int):
+    def __init__(self, connector: Connector, *, frequency: float, max_depth: int):             # frequency [Hz]
         geometry = connector.geometry
         self._connector, self._water, self._lib = connector, connector.water, connector.lib
         self._frequency, self._max_depth = frequency, max_depth
@@ -56,7 +55,7 @@ class ConnectedEnds:
         self._beds = upload(mi.Bool, geometry.named.label_kinds() == SEABED) if reflects(geometry) else None
 
     def by_the_mirror(self, direct: Ends, folded: Ends, sonar: Origins) -> Iterator[Ghosts]:
-        """Yield ghosts of one bounce off a surface, and the mirror before or after it or both."""
+        """Yield ghosts of one bounce off a surface, with the mirror before it, after it, or both."""
         ratio = speed_ratio(direct.hits.sound_speed, sonar.speed)
         for out, back, bounces in ((direct, folded, 2), (folded, direct, 2), (folded, folded, 3)):
             if bounces > self._max_depth:
@@ -69,13 +68,13 @@ class ConnectedEnds:
             yield Ghosts.of(energy, out, back, out.between, code, active)
 
     def pairs(self, a: Ends, b: Ends, chance: mi.Float, sonar: Origins, folded: bool) -> Ghosts:
-        """Return ghosts that go from the ends a to the ends b, drawn with a chance each, straight or by the mirror."""
+        """Return ghosts from the ends a to the ends b, each pair drawn with a chance, straight or by the mirror."""
         active = a.valid & b.valid
         way = self._connector.join(a.point, a.hits.normal, b.point, b.hits.normal, active, folded=folded)
         active &= way.free
         strength_a, sine_a = bistatic_strength(a.hits, way.launch_direction, active, self._frequency)
         strength_b, sine_b = bistatic_strength(b.hits, -way.arrival_direction, active, self._frequency)
-        # neighbours in a corner are found as often as if rays were denser by the candidates
+        # neighbours in a corner are found as often as if rays were denser by the number of candidates
         intensity = passed_on(scattered(a.solid_angle, strength_a, sine_a), spreading_area=way.spreading_area,
                               patch=b.patch / CANDIDATES)
         energy = returned_by_patch(intensity, solid_angle=b.solid_angle, strength=strength_b, sin_grazing=sine_b,
@@ -85,7 +84,7 @@ class ConnectedEnds:
         return Ghosts.of(energy, a, b, a.between + way.travel_time, joined(code, b.code), active, loss_db)
 
     def points(self, sonar: Origins, strata: Strata, key: mi.UInt32) -> dict[int, TargetEnds]:
-        """Return a point target for every ray, seen straight and by way of the mirror, by bounces made so far."""
+        """Return one point target for every ray, seen straight and by way of the mirror, by bounces made so far."""
         _, within, _, _ = strata.split(dr.arange(mi.UInt32, strata.rays))
         bits, _ = pair(within, salted(key, Salt.TARGET))
         which, strength = self.targets.drawn(uniform(self._lib, bits))
@@ -103,7 +102,7 @@ class ConnectedEnds:
         return seen
 
     def at_target(self, ends: Ends, target: TargetEnds, folded: bool) -> Ghosts:
-        """Return ghosts that go from the ends to point targets, straight or by way of the mirror, and home."""
+        """Return ghosts from the ends to point targets, straight or by way of the mirror, and back to the sonar."""
         active = ends.valid & target.valid
         way = self._connector.join(ends.point, ends.hits.normal, target.point, mi.Vector3f(0, 0, 0), active,
                                    folded=folded, short=TARGET_RADIUS)
@@ -117,7 +116,7 @@ class ConnectedEnds:
                          self._water.one_way_db(ends.point, target.point, way, folded))
 
     def home(self, ends: Ends, sonar: Origins, again: bool) -> Iterator[Ghosts]:
-        """Yield ghosts from where smooth targets have sent rays to, home; by way of the mirror too if `again`."""
+        """Yield ghosts from where smooth targets sent rays back to the sonar; `again` adds those by the mirror."""
         hits = ends.hits
         for folded in (False, True)[:1 + (self._mirror and again)]:
             way, place, code = self._seen(sonar, hits.point, hits.normal, hits.valid, folded, ends.code)
@@ -136,20 +135,20 @@ class ConnectedEnds:
 
     def _diffuse(self, hits: Hits, sine: mi.Float, first: mi.Float, second: mi.Float,
                  active: mi.Bool) -> mi.Float | float:
-        """What a bed throws on in many phases, of legs of lengths `first` and `second` [m] to and from it."""
+        """Return the share that a bed scatters in random phases, between legs of lengths `first` and `second` [m]."""
         if self._beds is None:
             return 1.0
         active = active & dr.gather(mi.Bool, self._beds, hits.label, active)
         lowest = (2 * np.pi) / first_zone(mi.Float(hits.sound_speed) / dr.opaque(mi.Float, self._frequency), first,
                                           second)
         (a, b), (c, d) = (coherent_reflection(hits, sine, active, self._frequency, cut, smooth_too=False)
-                          for cut in (lowest, mi.Float(NOTHING_ROUGH)))
+                          for cut in (lowest, mi.Float(PERFECTLY_FLAT)))
         flat = c * c + d * d
         return dr.select(active & (flat > 0), dr.maximum(1 - (a * a + b * b) / dr.maximum(flat, 1e-20), 0), 1)
 
     def _seen(self, sonar: Origins, point: dr.ArrayBase, normal: mi.Vector3f, active: mi.Bool, folded: bool,
               code: mi.UInt32, short: float = 0.0) -> tuple[Connection, dr.ArrayBase, mi.UInt32]:
-        """Ways from the sonar to points, where those start, and the code of the path with the mirror on it."""
+        """Return ways from the sonar to points, where those start, and the path code with the mirror included."""
         if not folded:
             way = self._connector.connect(sonar.sources, sonar.origin, sonar.source, point, normal, active, short=short)
             return way, sonar.origin, code

@@ -1,31 +1,31 @@
 """Paths of more than one bounce, from the first hits of a bundle of rays.
 
-A path of n bounces is put together from two bundles of rays that leave the sonar: ray i goes on from its hit by
-bounces drawn from the law of each surface until it has made n - 1, ray j makes one, and the two ends are connected
-along the exact bent ray. Both ends of the path then lie where the beams look, however narrow they are. With
-β the solid angle of a ray times the shares of power its bounces carried on,
+A path of n bounces joins two bundles of rays that leave the sonar. Ray i goes on from its hit, by directions drawn from
+the law of each surface, until it has made n - 1 bounces; ray j makes one. The two ends are connected along the exact
+bent ray. Both ends of the path then lie in the beams, however narrow they are. With β the solid angle of a ray times
+the shares of power that its bounces carried on,
 
     e² = β_i (σ_i / sin θ_i) (1 / A_ij) (σ_j / sin θ_j) ΔΩ_j (c_j / c_0)² 10^(-ᾱ L / 10) / q_ij
 
-σ_i, σ_j towards each other, θ grazing angles that sound came in at, A_ij spreading area between the ends, c sound
-speeds at j and at the source, q_ij the chance that i was paired with j: partners are chosen by what the pair would
-bring (`chosen_partners`).
+σ_i, σ_j are strengths towards each other, θ grazing angles of incidence, A_ij the spreading area between the ends, c
+sound speeds at j and at the source, and q_ij the probability that i was paired with j: partners are chosen by what the
+pair would bring (`chosen_partners`).
 (Bidirectional path tracing with one vertex from the receiver: Veach 1997, chapter 10; on sound: Siltanen et al. 2007.)
-A_ij is kept above the patch that ray j stands for, over π, so that corners do not flare.
+A_ij is kept above the patch that ray j stands for, over π, so that corners do not become infinite.
 
-A point target is an end of its own, with its strength T in place of σ_j A_j ΔΩ_j / sin θ_j, A_j spreading area of the
-way there: each ray is connected to one of them, drawn evenly, and the path counts both ways round.
+Point targets are ends of their own, with the strength T in place of σ_j A_j ΔΩ_j / sin θ_j, where A_j is the spreading
+area of the leg to the target. Each ray is connected to one target, drawn evenly, and the path counts both ways.
 
-What only mirrors cannot be an end of a connection. Smooth targets send rays on, and what they hit is connected to the
-sonar; paths that begin at a smooth target count the other way round too, for none can be drawn that ends there (and so
-those that begin and end at one, with something rough between, are left out). A flat sea surface is unfolded
-(`tracing.water`): each end is seen by way of it as well, and so are ends from each other; rays that meet it go on.
+Perfect mirrors cannot be ends of a connection. Smooth targets send rays on, and what those hit is connected to the
+sonar. Paths that begin at a smooth target also count in reverse, because no path that ends there can be drawn. (Paths
+that begin and end at smooth targets, with a rough surface between, are therefore left out.) A flat sea surface is
+unfolded (`tracing.water`): each end is also seen by way of it, and so are ends from each other. Its hits go on.
 
-Ends of paths made from rays: their first hits, the same by way of the mirror, and one bounce more.
+A further bounce changes the solid angle of a ray to
 
-    ΔΩ_n = ΔΩ_(n-1) σ / (sin θ p)           p the density that the direction of bounce n - 1 was drawn with
+    ΔΩ_n = ΔΩ_(n-1) σ / (sin θ p)           p the density from which the direction of bounce n - 1 was drawn
 
-so that on the average a bounce carries on the surface's albedo (`scene.materials.next_direction`).
+so that a bounce carries on, on average, the surface's albedo (`scene.materials.next_direction`).
 """
 from __future__ import annotations
 
@@ -54,21 +54,20 @@ from .path_ends import Ends, Origins, computed, image_of
 
 
 class TracedEnds:
-    """Make ends of rays."""
-    # frequency [Hz]
+    """Ends of rays: their first hits, the same by way of the mirror, and those after one more bounce."""
 
-    def __init__(self, connector: Connector, free_rays: FreeRays, *, frequency: float):
+    def __init__(self, connector: Connector, free_rays: FreeRays, *, frequency: float):        # frequency [Hz]
         geometry = connector.geometry
         self._connector, self._free_rays, self._water = connector, free_rays, connector.water
         self._frequency, self._lib, self._mirror = frequency, connector.lib, geometry.surface_mirrors
         self._surface = dr.opaque(mi.UInt32, geometry.surface_label)
 
     def first(self, hits: Hits, solid_angle: mi.Float, origin: dr.ArrayBase) -> Ends:
-        """Return the ends that rays have met first."""
+        """Return the ends at the first hits of rays."""
         sine = -dr.dot(hits.normal, hits.arrival_direction)
         valid = hits.valid & (sine > GRAZING)
         if self._mirror:
-            valid &= hits.label != self._surface                        # what lies beyond is seen folded
+            valid &= hits.label != self._surface                        # points beyond the mirror are seen folded
         loss_db = self._water.one_way_db(origin, hits.point, hits)
         patch = lit_patch(solid_angle, spreading_area=hits.spreading_area, sin_grazing=sine)
         return computed(Ends(
@@ -78,7 +77,7 @@ class TracedEnds:
             first_label=hits.label, first_smooth=dr.zeros(mi.Bool, dr.width(solid_angle))))
 
     def folded(self, ends: Ends, origin: dr.ArrayBase) -> Ends:
-        """Return the same points, met by way of the mirror."""
+        """Return the same points, reached by way of the mirror."""
         hits = ends.hits
         way = self._connector.join(origin, mi.Vector3f(0, 0, 0), hits.point, hits.normal, hits.valid, folded=True)
         sine = -dr.dot(hits.normal, way.arrival_direction)
@@ -91,7 +90,7 @@ class TracedEnds:
             loss_db=self._water.one_way_db(origin, hits.point, way, folded=True)))
 
     def next(self, ends: Ends, strata: Strata, key: mi.UInt32, *, smooth_only: bool) -> tuple[Ends, mi.Bool]:
-        """Return the ends after one bounce more, and whether that was off a smooth target; `smooth_only`: no others."""
+        """Return the ends after one more bounce, and whether it was off a smooth target; `smooth_only`: only those."""
         first, second = pair(strata.split(dr.arange(mi.UInt32, strata.rays))[1], key)
         third, _ = other_pair(second, key)
         first, second, third = (uniform(self._lib, bits) for bits in (first, second, third))
@@ -113,15 +112,14 @@ class TracedEnds:
             loss_db=ends.loss_db + self._water.one_way_db(last.point, hits.point, hits))), mirrored
 
 
-NUMBER_STEP = 1 << 8               # of numbers of uses of chance: the candidates of each take the next few
-MOST_WAYS = 8                      # to connect ends: of either view, folded or not, like or unlike
+NUMBER_STEP = 1 << 8               # between the random numbers of uses: the candidates of each use take the next few
+MOST_WAYS = 8                      # to connect ends: either view, folded or not, like or unlike
 
 
 class Bounces:
-    """Make the ghosts of a scene."""
-    # frequency [Hz]
+    """Ghosts of a scene."""
 
-    def __init__(self, connector: Connector, free_rays: FreeRays, *, frequency: float, paths: Paths,
+    def __init__(self, connector: Connector, free_rays: FreeRays, *, frequency: float, paths: Paths,    # [Hz]
                  single: bool = True):
         geometry = connector.geometry
         self._most, self._single, self._lib = paths.max_depth, single, connector.lib
@@ -129,7 +127,7 @@ class Bounces:
         self._ends = TracedEnds(connector, free_rays, frequency=frequency)
         self._connected = ConnectedEnds(connector, frequency=frequency, max_depth=paths.max_depth)
         self._partners = ChosenPartners(connector.water.profile, frequency=frequency, surface=geometry.surface_label)
-        # pairs of a bed and a surface, and the others, each get partners of their own
+        # pairs of bed and surface draw partners of their own, apart from pairs of the same kind
         self._unlike = (True, False) if geometry.surface_label and not self._mirror else (None,)
         self.targets = bool(self._connected.targets)
         self._smooth = any(getattr(shape.bsdf(), "smooth", False) for shape in geometry.scene.shapes())
@@ -137,13 +135,13 @@ class Bounces:
     def follow(self, hits: Hits, solid_angle: mi.Float, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32,
                strata: Strata, key: mi.UInt32, seen: mi.Float | None = None, *, surfaces: bool = True,
                targets: bool = True) -> Iterator[Ghosts]:
-        """Follow and connect a bundle of rays."""
+        """Yield the ghosts of a bundle of rays."""
         # solid_angle (R,) [sr]; origin (R,) [m]; source (R,); key (R,); seen (R,)
         most, targets = self._most, targets and self.targets
         seen = dr.ones(mi.Float, strata.rays) if seen is None else seen
         sonar = Origins(sources=sources, origin=origin, source=source,
                         speed=mi.Float(sources.state.gather(self._lib, source)[1]))
-        views = {1: self._ends.first(hits, solid_angle, origin)}        # by bounces made so far
+        views = {1: self._ends.first(hits, solid_angle, origin)}        # by number of bounces made so far
         points = self._connected.points(sonar, strata, key) if targets else {}
         if self._mirror:
             views[2] = self._ends.folded(views[1], origin)
@@ -174,13 +172,13 @@ class Bounces:
 
     def _between(self, a: Ends, views: Mapping[int, Ends], left: int, seen: mi.Float, sonar: Origins, strata: Strata,
                  key: mi.UInt32, use: int) -> Iterator[Ghosts]:
-        """Yield ghosts from ends to chosen ones of the views, which have `left` bounces at most with the mirror's.
+        """Yield ghosts from ends to chosen ends of the views, with at most `left` further bounces.
 
-        `use` numbers uses of chance, from which on those of these ghosts go.
+        Random numbers of these ghosts are numbered from `use` on.
         """
         ways = product(views.items(), (False, True)[:1 + self._mirror], self._unlike)
         for number, ((more, b), folded, unlike) in enumerate(ways, use):
             if more + folded <= left:
-                its_key = salted(key, Salt.PARTNER, dr.opaque(mi.UInt32, number * NUMBER_STEP))
-                partner, chance = self._partners.choose(a, b, seen, strata, its_key, folded=folded, unlike=unlike)
+                pair_key = salted(key, Salt.PARTNER, dr.opaque(mi.UInt32, number * NUMBER_STEP))
+                partner, chance = self._partners.choose(a, b, seen, strata, pair_key, folded=folded, unlike=unlike)
                 yield self._connected.pairs(a.where(chance > 0), b.chosen(partner), chance, sonar, folded)

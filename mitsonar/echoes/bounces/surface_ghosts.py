@@ -1,9 +1,9 @@
-"""Echoes that an array hears by way of more than one bounce, by way of a flat surface, and from the water.
+"""Echoes that an array receives after several bounces, by way of a flat sea surface, and from the water.
 
-A cell that is seen along one leg and sends back along another, m of them by way of the mirror, whose reflection is -1,
-echoes as `sonar_equation.along_legs` has it, times g (-1)^m: g is the cell's Gaussian. Paths of more bounces
-(`multipath`) and points of the water (`volume`) bring energies; their Gaussians are hashed from the ray, for what the
-sum of many such paths is: speckle. They are coherent from element to element, not from ping to ping.
+A cell that is reached along one leg and sends back along another, m of them by way of the mirror, whose reflection is
+-1, has the echo of `sonar_equation.along_legs` times g (-1)^m, where g is the cell's Gaussian. Paths of more bounces
+(`multipath`) and points of the water (`volume`) bring energies. Their Gaussians are hashed from the ray, because the
+sum of many such paths is speckle; they are coherent from element to element, not from ping to ping.
 """
 from __future__ import annotations
 
@@ -28,15 +28,14 @@ from ..sonar_equation import absorbed, along_legs
 from .multipath import Bounces
 from .volume import WaterEchoes
 
-FAINTEST = 1e-12                   # of the strongest of its kind: weaker echoes are dropped
+FAINTEST = 1e-12                   # relative to the strongest of its kind: weaker echoes are dropped
 
 
 class ArrayGhosts:
-    """Make these echoes for a source."""
-    # frequency [Hz]; window [s]
+    """Echoes of a scene by way of several bounces, the mirror, and the water."""
 
-    def __init__(self, tracer: Tracer, sights: Sights, *, frequency: float, window: tuple[float, float],
-                 max_depth: int):
+    def __init__(self, tracer: Tracer, sights: Sights, *, max_depth: int,
+                 frequency: float, window: tuple[float, float]):                              # [Hz], [s]
         geometry, water = tracer.geometry, tracer.water
         self.tracer, self.sights = tracer, sights
         self.frequency, self.max_depth = frequency, max_depth
@@ -49,19 +48,19 @@ class ArrayGhosts:
     # ---- one scatterer, by way of the mirror
 
     def overhead(self, sources: Sources, origin: dr.ArrayBase) -> Iterator[Echoes]:
-        """The echo of a flat surface straight above."""
+        """Yield the echo of a flat sea surface straight above."""
         if self.sights.mirror:
             echoes, free = self.sights.overhead(sources, origin, mi.UInt32(0))
             yield from self._made(echoes.energy, echoes.amplitude, echoes.out, None, free, "s")
 
     def of_cells(self, sources: Sources, origin: dr.ArrayBase, way: Connection, cells: Cells,
                  area: mi.Float) -> Iterator[Echoes]:
-        """Echoes of lit cells by way of the mirror: there, back, and both; `area` [m²] that each stands for."""
+        """Yield the echoes of cells by way of the mirror: out, back, and both; `area` [m²] is that of each cell."""
         if not self.sights.mirror or self.max_depth == 1:
             return
-        none = mi.UInt32(0)
-        ends = {False: self.sights.along(sources, origin, none, cells.point, way),
-                True: self.sights.see(sources, origin, none, cells.point, cells.normal, folded=True)}
+        source = mi.UInt32(0)
+        ends = {False: self.sights.along(sources, origin, source, cells.point, way),
+                True: self.sights.see(sources, origin, source, cells.point, cells.normal, folded=True)}
         for first, last, sign in self.sights.ways():
             out, back = ends[first], ends[last]
             lit = out.way.free & back.way.free
@@ -75,7 +74,7 @@ class ArrayGhosts:
 
     def of_rays(self, sources: Sources, origin: dr.ArrayBase, direction: mi.Vector3f, solid_angle: mi.Float,
                 strata: Strata, key: int) -> Iterator[Echoes]:
-        """Echoes of more bounces, from rays sent out in given directions."""
+        """Yield the echoes of several bounces from rays in given directions."""
         if self.bounces is None:
             return
         hits = self.tracer.trace(sources, origin, mi.UInt32(0), direction)
@@ -85,22 +84,23 @@ class ArrayGhosts:
         followed = self.bounces.follow(hits, solid_angle, sources, start, mi.UInt32(0), strata, row_key)
         for number, ghosts in enumerate(followed):
             energy = ghosts.energy * absorbed(ghosts.loss_db)
-            active = self._worthwhile(energy, ghosts.active)
+            strongest = dr.max(dr.select(ghosts.active, energy, 0))
+            active = ghosts.active & (energy > FAINTEST * strongest)
             path = self.paths.numbers(ghosts.code)
-            # once for all names, and no kernel of its own for any of them
+            # together, so that no path has a kernel of its own
             dr.eval(energy, active, path, ghosts)
             for name in self.paths.names:
-                some = compressed(active & (path == dr.opaque(mi.UInt32, self.paths.number(name))))
-                if dr.width(some):
-                    power = dr.gather(mi.Float, energy, some)
-                    bits = hashed_pair(self.lib, some, row_key, dr.opaque(mi.UInt32, number))
-                    yield Echoes(out=ghosts.out.chosen(some), back=ghosts.back.chosen(some),
-                                 between=dr.gather(mi.Float64, ghosts.between, some), energy=power, path=name,
+                index = compressed(active & (path == dr.opaque(mi.UInt32, self.paths.number(name))))
+                if dr.width(index):
+                    power = dr.gather(mi.Float, energy, index)
+                    bits = hashed_pair(self.lib, index, row_key, dr.opaque(mi.UInt32, number))
+                    yield Echoes(out=ghosts.out.chosen(index), back=ghosts.back.chosen(index),
+                                 between=dr.gather(mi.Float64, ghosts.between, index), energy=power, path=name,
                                  amplitude=self._drawn(power, bits)).evaluated()
 
     def of_water(self, sources: Sources, origin: dr.ArrayBase, direction: mi.Vector3f, solid_angle: mi.Float,
                  strata: Strata, key: int) -> Iterator[Echoes]:
-        """Echoes of points of the water, one along each direction."""
+        """Yield the echoes of points of the water, one along each direction."""
         if self.water is None:
             return
         row_key = dr.opaque(mi.UInt32, salted(key, Salt.ARRAY_WATER))
@@ -113,15 +113,12 @@ class ArrayGhosts:
                               EchoLeg.along(drawn.way, origin, drawn.point), None, drawn.active, "v")
 
     def _drawn(self, energy, bits):
+        """Return complex Gaussian amplitudes of mean square `energy`, from two hashes."""
         root = dr.sqrt(dr.maximum(energy, 0))
         return tuple(root * part for part in gaussian(self.lib, *bits))
 
-    def _worthwhile(self, energy, active):
-        strongest = dr.max(dr.select(active, energy, 0))
-        return active & (energy > FAINTEST * strongest)
-
     def _made(self, energy, amplitude, out, back, lit, path):
-        """The echoes that are there; `back` None: along the way out."""
+        """Yield the echoes that exist; without `back`, they return along the way out."""
         between = dr.zeros(mi.Float64, dr.width(energy))
         echoes = Echoes(out=out, back=out if back is None else back, between=between, energy=energy,
                         amplitude=amplitude, path=path)

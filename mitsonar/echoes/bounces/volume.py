@@ -1,11 +1,11 @@
-"""Echoes of the water itself: points drawn in the volume, each connected to the sonar along its bent ray.
+"""Echoes of the water: points drawn in the volume, each connected to the sonar along its bent ray.
 
     S = s_v(z) dV,       dV = r² ΔΩ dr
 
 S is the strength of a point in the sonar equation (`sonar_equation.along_legs`). The point lies at r along a straight
-line from the sonar, for which dV is exact; the eigenray says how sound gets there, and whether it does. The distances
-of a row are a lattice over all its directions, shifted as a whole by chance: gates of time get their share of points
-almost without chance, and other points every ping.
+line from the sonar, for which dV is exact; the eigenray gives the sound's way there, if there is one. The distances of
+a row form a lattice over all its directions, shifted as a whole by a random number: the number of points in a time gate
+is then nearly constant, and the points differ from ping to ping.
 """
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from mitsonar.scene.tracing.tracer import Sources
 from ..sonar_equation import along_legs, leg_gain, speed_ratio
 
 GOLDEN = 0.6180339887498949
-NEAREST = 0.25                     # [m]: what is nearer is no far field, and rings as long as the pulse is sent
-NEARER, FARTHER = 0.97, 1.03       # of the window's straight ranges: rays bend
+NEAREST = 0.25                     # [m] nearer points are not in the far field, and echo while the pulse is still sent
+NEARER, FARTHER = 0.97, 1.03       # margins of the window's straight ranges, because rays bend
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,10 +38,9 @@ class DrawnPoints:
 
 
 class WaterEchoes:
-    """Draw what a stratified volume sends back."""
-    # window [s]
+    """Random points of a stratified volume and their echoes."""
 
-    def __init__(self, connector: Connector, window: tuple[float, float]):
+    def __init__(self, connector: Connector, window: tuple[float, float]):                     # window [s]
         self.connector, self.water, self.lib = connector, connector.water, connector.lib
         near, far = 0.5 * window[0] * self.water.slowest * NEARER, 0.5 * window[1] * self.water.fastest * FARTHER
         near, far = max(near, NEAREST), max(far, 2 * NEAREST)
@@ -49,7 +48,7 @@ class WaterEchoes:
 
     def draw(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, direction: mi.Vector3f,
              solid_angle: mi.Float, strata: Strata, chance: mi.Float) -> DrawnPoints:
-        """Draw one point along each direction."""
+        """Return one point along each direction."""
         # direction (R,); solid_angle (R,) [sr]; chance (R,)
         row, within, _, _ = strata.split(dr.arange(mi.UInt32, strata.rays))
         first = dr.gather(mi.Float, chance, row * strata.per_row)
@@ -70,7 +69,7 @@ class WaterEchoes:
 
 
 def _coprime(count):
-    """A whole number near the golden share of `count` that has no divisor in common with it."""
+    """Return an integer near the golden ratio of `count` that is coprime to it."""
     step = max(1, round(GOLDEN * count))
     while gcd(step, count) > 1:
         step += 1

@@ -1,1 +1,1 @@
-"""Scatterers of the ground and of meshes: where they are, how strong they are."""
+"""Scatterers of the ground and of meshes: their places and strengths."""

@@ -1,11 +1,11 @@
-"""What the elements of a pair of arrays hear of a direction: where rays are sent to, and which cells are left out.
+"""Two-way beams of all elements of a pair of arrays: used to aim rays and to leave out cells.
 
-    intensity    max over the faces of |b_t|² times that of |b_r|², seen from the arrays' centre
-    bound        a number that |b_t b_r|² does not exceed at any element: each lies up to r off the centre, so that its
-                 direction differs by up to r/d at the distance d, and by what the array turns while echoes come in
+    intensity    max |b_t|² over the faces times max |b_r|², seen from the arrays' centre
+    bound        upper limit of |b_t b_r|² over all elements: an element lies up to r from the centre, so its direction
+                 differs by up to r/d at the distance d, and by the array's rotation until the echoes arrive
 
-b -> `sonar.element_patterns`. For the bound a side lobe counts with its envelope, 1 / (π x) of a sinc, and x, the
-cosine to the face's side in wavelengths, is made smaller by the angle; a baffle's plane is passed by as much.
+b -> `sonar.element_patterns`. The bound takes side lobes by their envelope, 1 / (π x) for a sinc, where x, the cosine
+times the face's side in wavelengths, is reduced by that angle. The plane of a baffle is widened by the same angle.
 """
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsonar.device.arrays import opaque_vector
 from mitsonar.device.types import Numbers, Triple
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.element_patterns import element_pressure
 
-FACES_AIMED_BY = 4                 # beams of arrays with more faces are not looked at when scatterers are chosen
+FACES_AIMED_BY = 4                 # with more faces, beams are not used to choose scatterers
 
 
 class ElementBeams:
-    """The beams of all elements together."""
-    # wavelength [m]; turn [rad]
+    """The two-way beams of all elements, at a wavelength [m] and with a rotation during reception of `turn` [rad]."""
 
     def __init__(self, transmit: Array, receive: Array, wavelength: float, turn: float = 0.0):
         self.arrays, self.wavelength = (transmit, receive), wavelength
@@ -30,46 +30,48 @@ class ElementBeams:
         self.turns = 0.0, float(turn)
 
     def __bool__(self) -> bool:
-        """Return whether they tell directions apart, by faces few enough to be looked at one by one."""
+        """Return True if the beams distinguish directions and have few enough faces to be evaluated one by one."""
         return not all(omni(array) for array in self.arrays) and max(map(len, self.faces)) <= FACES_AIMED_BY
 
     def intensity(self, direction: Triple, rotation: np.ndarray) -> Numbers:
         """Return the two-way intensity towards scene directions, NumPy (..., 3) or Dr.Jit, at an attitude (3, 3)."""
-        def of(array, normal, along):
+        def beam(array, normal, along):
             if dr.is_array_v(direction):
                 return dr.square(pressure(array, direction, self.wavelength, normal, along))
             return array.element_pressure(direction, self.wavelength, normal, along) ** 2
 
-        return self._strongest(of, rotation)
+        return self._strongest(beam, rotation)
 
     def bound(self, direction: Triple, distance: Numbers, rotation: np.ndarray,
               wider: mi.Float | float = 0.0) -> Numbers:
-        """Return what no element exceeds [-] towards Dr.Jit scene directions and at distances [m] from the centre.
+        """Return an upper limit of the intensity [-] at any element, towards Dr.Jit scene directions.
 
-        Nor in any direction up to `wider` [rad] off, Float (R,). Where that is negative, what the bound of no direction
-        up to as much off falls below.
+        `distance` [m] is from the centre. The limit also holds for all directions up to `wider` [rad] (R,) off. With a
+        negative `wider`, the bound of every direction up to that angle off is at least the returned value.
         """
-        def of(array, normal, along):
+        def beam(array, normal, along):
             # from the source, which may be any transmit element, to the farthest element
             slack = dr.opaque(mi.Float, reach) / distance + dr.opaque(mi.Float, self.turns[array is receive]) + wider
-            return dr.square(_envelope(array, direction, slack, self.wavelength, _opaque(normal), _opaque(along)))
+            return dr.square(_envelope(array, direction, slack, self.wavelength, opaque_vector(mi.Vector3f, normal),
+                                       opaque_vector(mi.Vector3f, along)))
 
         receive, reach = self.arrays[1], sum(array.radius for array in self.arrays)
-        return self._strongest(of, rotation)
+        return self._strongest(beam, rotation)
 
-    def _strongest(self, of, rotation):
+    def _strongest(self, beam, rotation):
+        """Return the product over both arrays of a face's largest value of `beam`."""
         total = 1.0
-        for array, group in zip(self.arrays, self.faces):
+        for array, faces in zip(self.arrays, self.faces):
             best = 0.0
-            for face in group:
-                one = of(array, rotation @ face.normal, rotation @ face.along)
-                best = dr.maximum(best, one) if dr.is_array_v(one) else np.maximum(best, one)
+            for face in faces:
+                value = beam(array, rotation @ face.normal, rotation @ face.along)
+                best = dr.maximum(best, value) if dr.is_array_v(value) else np.maximum(best, value)
             total = best * total
         return total
 
 
 def _envelope(array, direction, slack, wavelength, normal, along):
-    """Largest pressure of a face towards directions that lie up to `slack` [rad] from given ones."""
+    """Return the largest pressure of a face towards directions up to `slack` [rad] from the given ones."""
     def cosine(axis):
         return direction[0] * axis[0] + direction[1] * axis[1] + direction[2] * axis[2]
 
@@ -83,26 +85,22 @@ def _envelope(array, direction, slack, wavelength, normal, along):
     if array.pattern == "rectangular":
         envelope = lobe(array.length, along) * lobe(array.height, across)
     elif array.pattern == "circular":
-        # |2 J1(x) / x| stays below 1.6 / x, x the distance from the axis: at least either cosine
+        # |2 J1(x) / x| < 1.6 / x, and the distance x from the axis is at least either cosine
         envelope = dr.minimum(1.6 * dr.minimum(lobe(array.length, along), lobe(array.length, across)), 1)
     w = cosine(normal) + slack
     return envelope * {"none": 1.0, "hard": dr.select(w >= 0, mi.Float(1), 0), "soft": dr.maximum(w, 0),
                        "cardioid": 0.5 + 0.5 * w}[array.baffle]
 
 
-def _opaque(vector):
-    """The components of a vector, opaque: they change without a new kernel."""
-    return [dr.opaque(mi.Float, float(component)) for component in vector]
-
-
 def omni(array: Array) -> bool:
-    """Tell whether the elements of an array look everywhere alike."""
+    """Return True if all elements of an array are omnidirectional."""
     return array.pattern == "omni" and array.baffle == "none"
 
 
 def pressure(array: Array, direction: Triple, wavelength: float, normal: np.ndarray, along: np.ndarray) -> Numbers:
-    """`element_pressure` of one face on the device, its numbers opaque so that one kernel serves all faces."""
+    """Return `element_pressure` of one face; its arguments are opaque so that one kernel serves all faces."""
     sizes = array.length, array.height, wavelength
     length, height, opaque_wavelength = (dr.opaque(mi.Float, float(size)) for size in sizes)
-    return element_pressure(direction, opaque_wavelength, _opaque(normal), _opaque(along), length=length, height=height,
-                            pattern=array.pattern, baffle=array.baffle)
+    return element_pressure(direction, opaque_wavelength, opaque_vector(mi.Vector3f, normal),
+                            opaque_vector(mi.Vector3f, along), length=length, height=height, pattern=array.pattern,
+                            baffle=array.baffle)

@@ -1,22 +1,20 @@
-"""Pieces of facets: what of a scene may be within reach of a ping, cut so small that beams tell the pieces apart.
+"""Pieces of facets within reach of a ping, and what an array's beams leave of them.
 
 A small facet is one piece. A large one is cut into blocks of k rows and k columns of its cells (`cells`), about `SHARE`
-of the reach long. With e and f the sides of the facet that has n rows, the block of the first row i and column j is the
+of the reach long. With e and f the sides of a facet of n rows, the block that starts at row i and column j is the
 parallelogram
 
     a + (i/n) e + (j/n) f + x e + y f,     0 <= x, y <= k/n
 
-or what of it lies in the facet; a ball about its middle holds it.
+as far as it lies in the facet. A ball about its middle contains it.
 
-Which pieces of facets the beams of an array make negligible, and which they do not touch: cells need not be asked.
-
-A piece of radius r whose middle is d away fills an angle of r / (d - r). Rays to its cells leave within WIDER times
-that of the ray to its middle: bent water spreads them. With `ElementBeams.bound` b at the middle, and that angle added
-to what the bound allows for, or taken from it,
+A piece of radius r whose middle is d away fills an angle of r / (d - r). Because water bends rays, rays to its cells
+leave within WIDER times that angle of the ray to its middle. b is the bound of `ElementBeams.bound` at the middle, with
+that angle added to (+) or taken from (-) the angle that the bound allows for:
 
     b(+) negligible       no cell counts
     b(-) large enough     all cells count
-    else                  each cell is looked at
+    else                  each cell is evaluated
 """
 from __future__ import annotations
 
@@ -33,9 +31,9 @@ from mitsonar.scene.tracing.tracer import Sources
 from .element_beams import ElementBeams
 from .scatterers import Scatterers
 
-SHARE = 0.01                       # of the reach, that a block is long,
+SHARE = 0.01                       # length of a block relative to the reach,
 FEWEST = 8                         # but no fewer rows of cells
-LARGE = 0.04                       # of the reach: a facet of a larger radius is cut
+LARGE = 0.04                       # relative to the reach: facets of a larger radius are cut
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,39 +42,38 @@ class Pieces:
 
     facet: np.ndarray  # (P,)
     cuts: np.ndarray  # (P,): n of the facet
-    row: np.ndarray  # (P,): the first of each
-    column: np.ndarray  # (P,): the first of each
+    row: np.ndarray  # (P,): first row and column of the piece
+    column: np.ndarray
     side: np.ndarray  # (P,): k
     centre: np.ndarray  # (P, 3) [m]
     radius: np.ndarray  # (P,) [m]: of a ball that holds the piece
 
     def chosen(self, index: np.ndarray) -> Pieces:
-        """The pieces of these numbers, or under this mask."""
+        """Return the pieces with these numbers, or under this mask."""
         return Pieces(**{name: value[index] for name, value in vars(self).items()})
 
     @property
     def cells(self) -> np.ndarray:
-        """How many cells each has, (P,) int64."""
+        """Return the number of cells of each piece, int64 (P,)."""
         piece, _, count = self.rows()
         return np.bincount(piece, weights=count, minlength=len(self.facet)).astype(np.int64)
 
     def runs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return runs of cells by their numbers s, piece after piece."""
-        # -> facet, first, count (S,)
+        """Return runs of cells, piece after piece: facet, first number s, count, each (S,)."""
         piece, first, count = self.rows()
         return self.facet[piece], first, count
 
     def rows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return runs as their piece's number, their first cell and how many: a block has one of each of its rows."""
+        """Return the runs of cells as (piece, first s, count); a block has one run for each of its rows."""
         whole = self.side == self.cuts
         rows = np.where(whole, 1, np.minimum(self.side, self.cuts - self.row))
         piece = np.repeat(np.arange(len(rows)), rows)
         n, k, j = self.cuts[piece], self.side[piece], self.column[piece]
         i = self.row[piece] + np.arange(len(piece)) - np.repeat(np.cumsum(rows) - rows, rows)
-        # a row's last column has one cell, the others two
+        # the last column of a row has one cell, the others two
         count = np.where(whole[piece], n * n, np.minimum(2 * (j + k), 2 * (n - i) - 1) - 2 * j)
-        some = count > 0
-        return piece[some], (i * (2 * n - i) + 2 * j)[some], count[some]
+        filled = count > 0
+        return piece[filled], (i * (2 * n - i) + 2 * j)[filled], count[filled]
 
 
 def pieces_in_reach(scatterers: Scatterers, facets: np.ndarray, origin: np.ndarray, nearest: float,
@@ -98,13 +95,13 @@ def pieces_in_reach(scatterers: Scatterers, facets: np.ndarray, origin: np.ndarr
 
 
 def _blocks(scatterers: Scatterers, facet: np.uint32, origin: np.ndarray, farthest: float) -> Pieces:
-    """Blocks of a facet, all that come nearer than `farthest` and some more."""
+    """Return the blocks of a facet: all that come nearer than `farthest`, and some more."""
     n = int(scatterers.cuts[facet])
     a, b, c = scatterers.corners(np.array([facet]))[0].astype(float)
     e, f = (b - a) / n, (c - a) / n
     k = min(max(FEWEST, int(SHARE * farthest * n / scatterers.longest_side[facet])), n)
     row = np.arange(0, n, k)
-    # the middle of a row of blocks is the line q + f v; no point of a block is further from it than a block is long
+    # the middle of a row of blocks is the line q + f v; no point of a block is farther from it than a block is long
     q = a + (row + 0.5 * k)[:, None] * e - origin
     reach = farthest + k * max(map(np.linalg.norm, (e, f, f - e)))
     ff = max(f @ f, 1e-30)
@@ -123,16 +120,16 @@ def _blocks(scatterers: Scatterers, facet: np.uint32, origin: np.ndarray, farthe
                   side=np.full(size, k), centre=centre, radius=np.full(size, radius))
 
 
-NEGLIGIBLE = 1e-8                  # two-way intensity of the beams below which a cell is not looked at
+NEGLIGIBLE = 1e-8                  # two-way intensity of the beams below which a cell is ignored
 WIDER = 2.0
-LARGEST = 0.1                      # [rad] pieces that fill more are looked at cell by cell,
-FEWEST_CELLS = 4                   # and all of them if they have fewer each
+LARGEST = 0.1                      # [rad] pieces that fill more are evaluated cell by cell,
+FEWEST_CELLS = 4                   # and all pieces if they have fewer cells on average
 
 
 def pieces_in_beams(pieces: Pieces, connector: Connector, beams: ElementBeams, sources: Sources, origin: dr.ArrayBase,
                     rotation: np.ndarray, enough: float = NEGLIGIBLE) -> tuple[np.ndarray, np.ndarray]:
-    """Sort pieces of facets by what the beams make of them."""
-    # sources, origin (1,) [m]; rotation (3, 3) -> found (P,), bound (P,) [-]
+    """Return 1 for pieces whose cells all count, -1 for none, 0 for undecided, (P,); and bounds of their beams (P,)."""
+    # origin (1,) [m]; rotation (3, 3)
     if not len(pieces.facet) or pieces.cells.sum() < FEWEST_CELLS * len(pieces.facet):
         return np.zeros(len(pieces.facet), int), np.ones(len(pieces.facet))
     lib = arrays_of(mi.Float)

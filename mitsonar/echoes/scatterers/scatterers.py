@@ -1,17 +1,16 @@
-"""The scatterers of a scene: cells of its facets (`cells`) that a ping may hear, list by list.
+"""Scatterers of a scene: cells of its facets (`cells`), and their amplitudes in repeated passes.
 
-Shapes without facets are given some (`scene.tessellation`). Point targets and smooth surfaces have no cells: they are
-scatterers of their own (`point_targets`, `smooth.targets`).
+Shapes without facets are tessellated (`scene.tessellation`). Point targets and smooth surfaces have no cells; they have
+modules of their own (`point_targets`, `smooth.targets`).
 
-Amplitudes of scatterers in passes over the same ground, which may be disturbed in between.
-
-In pass n a scatterer of the coherence c, a number that its material has, sends back with the amplitude
+The ground may be disturbed between passes. In pass n, a scatterer of coherence c (an attribute of its material) has the
+amplitude
 
     a_n = √c g + √(1 - c) h_n
 
-g and h_n independent complex Gaussians of unit mean square, g of the scatterer alone and h_n of it in that pass. So
-<a_m a_n*> = c for any two passes, and <|a_n|²> = 1 (the temporal coherence of Zebker and Villasenor, 1992, IEEE Trans.
-Geosci. Remote Sens. 30, 950). With c = 0 pass 0 has g.
+g and h_n are independent complex Gaussians of unit mean square; g belongs to the scatterer, h_n to the scatterer in
+that pass. So <a_m a_n*> = c for any two passes, and <|a_n|²> = 1 (the temporal coherence of Zebker and Villasenor,
+1992, IEEE Trans. Geosci. Remote Sens. 30, 950). With c = 0, pass 0 has g.
 """
 from __future__ import annotations
 
@@ -31,11 +30,11 @@ from mitsonar.scene.tessellation import Grids, grid_of
 from mitsonar.scene.tracing.connection import Connection
 from mitsonar.scene.tracing.hits import Hits
 
-from .cells import cell_of, divisions, place
+from .cells import cell_of, divisions, four_wide, place
 
 
 class Amplitudes:
-    """Return scatterers their amplitudes."""
+    """Amplitudes of scatterers in one pass."""
 
     def __init__(self, geometry: Geometry, pass_number: int):
         self._lib, self._first = arrays_of(mi.Float), pass_number == 0
@@ -44,15 +43,14 @@ class Amplitudes:
 
     def of(self, first: mi.UInt32, second: mi.UInt32, point: dr.ArrayBase, normal: mi.Vector3f, shape: mi.ShapePtr,
            primitive: mi.UInt32, uv: mi.Point2f) -> tuple[mi.Float, mi.Float]:
-        """Return a_n."""
-        # first, second (R,) -> real, imaginary (R,)
+        """Return a_n as real and imaginary part (R,), from two hashes (R,) of each scatterer."""
         own = gaussian(self._lib, first, second)
         if not self._changes:
             return own
         kept = coherence(point, normal, shape, primitive, uv)
         if self._first:
             kept = dr.select(kept > 0, kept, 1)
-        # the second hash is made of the first, and would take its bits out again
+        # a new hash: `first` itself is already used in g
         of_pass = gaussian(self._lib, *hashed_pair(self._lib, first, mi.UInt32(Salt.OF_ONE_PASS), self._pass))
         a, b = dr.sqrt(kept), dr.sqrt(1 - kept)
         return a * own[0] + b * of_pass[0], a * own[1] + b * of_pass[1]
@@ -63,29 +61,29 @@ MOST_CUTS = 32768                  # s and n² are 32-bit
 
 @dataclass(frozen=True, kw_only=True)
 class Cells:
-    """Some scatterers, on the device."""
+    """A block of scatterers, on the device."""
 
     point: dr.ArrayBase  # (R,) [m]
-    normal: mi.Vector3f  # (R,): of the facet, unit, to the side its vertices run round counter-clockwise
+    normal: mi.Vector3f  # (R,): of the facet, unit; vertices run counter-clockwise seen from its side
     area: mi.Float  # (R,) [m²]
-    amplitude: tuple[mi.Float, mi.Float]  # (Float, Float): real and imaginary part of g
+    amplitude: tuple[mi.Float, mi.Float]  # (Float, Float): real and imaginary part of a_n
     shape: mi.ShapePtr  # (R,)
     primitive: mi.UInt32  # (R,)
-    uv: mi.Point2f  # (R,): texture coordinates, as those of `Hits`
-    smooth: mi.Vector3f | None = None  # (R,): interpolated normal, as of `tracing.hits.towards_sound`
+    uv: mi.Point2f  # (R,): texture coordinates, as in `Hits`
+    smooth: mi.Vector3f | None = None  # (R,): interpolated normal, see `tracing.hits.towards_sound`
 
     def hits(self, way: Connection) -> Hits:
-        """The cells as sound meets them that comes along ways."""
+        """Return the cells as hits of sound that arrives along `way`."""
         return Hits.on_surface(valid=way.free, point=self.point, normal=self.normal, shape=self.shape, uv=self.uv,
                                primitive=self.primitive, arrival_direction=way.arrival_direction,
                                sound_speed=way.sound_speed, smooth=self.smooth)
 
 
 class Scatterers:
-    """Facets of a scene and how they are cut."""
-    # cell_size [m]; centre (F, 3) [m]; radius (F,) [m]; longest_side (F,) [m]; cuts (F,); at_surface (F,); label (F,)
+    """Facets of a scene and their cells."""
+    # centre (F, 3) [m]; radius (F,) [m]; longest_side (F,) [m]; cuts (F,); at_surface (F,); label (F,)
 
-    def __init__(self, geometry: Geometry, cell_size: float, pass_number: int = 0):
+    def __init__(self, geometry: Geometry, cell_size: float, pass_number: int = 0):           # cell_size [m]
         self.lib = arrays_of(mi.Float)
         self.amplitudes = Amplitudes(geometry, pass_number)
         self.geometry = geometry
@@ -96,36 +94,36 @@ class Scatterers:
         meshed, meshed_faces, rows = len(vertices), len(faces), []
         for index, shape, grid in grids:
             rows.append((index, shape, len(faces), len(grid.faces)))
-            faces = np.concatenate([faces, _four_wide(grid.faces + np.uint32(len(vertices)), np.uint32)])
-            vertices = np.concatenate([vertices, _four_wide(grid.vertices, np.float32)])
+            faces = np.concatenate([faces, four_wide(grid.faces + np.uint32(len(vertices))).astype(np.uint32)])
+            vertices = np.concatenate([vertices, four_wide(grid.vertices).astype(np.float32)])
         corner = vertices[faces[:, :3], :3].astype(float)                                        # (F, 3, 3)
         side = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=-1).max(1)
         self.longest_side, self.cuts = side, divisions(side, cell_size)
         if self.cuts.max(initial=1) > MOST_CUTS:
-            raise ValueError(f"cells of {cell_size:g} m cut a facet of {side.max():.0f} m into more than {MOST_CUTS} "
-                             "rows; take larger cells or a mesh of smaller facets")
+            raise ValueError(f"Cells of {cell_size:g} m cut a facet of {side.max():.0f} m into more than {MOST_CUTS} "
+                             "rows. Use larger cells, or a mesh of smaller facets.")
         faces[:, 3] = self.cuts
         self._host_vertices, self._host_faces = vertices, faces
         self.centre = corner.mean(1)
         self.radius = np.linalg.norm(corner - self.centre[:, None], axis=-1).max(1)
-        # of every facet: registry index of its shape, its number there, the key its cells are hashed with, whether its
+        # for each facet: registry index of its shape, its number there, the hash key of its cells, and 1 if its
         # corners have texture coordinates
         facts = np.zeros((len(faces), 4), np.uint32)
         self.scattering, self.at_surface = np.zeros(len(faces), bool), np.zeros(len(faces), bool)
-        known = [(index, shape, first, count) for index, shape, first, count in geometry.meshes] + rows
+        shapes = [*geometry.meshes, *rows]
         self.label = np.zeros(len(faces), np.uint32)
-        self.rows = np.zeros((max(index for index, *_ in known) + 1, 2), np.uint32)
-        for index, shape, first, count in known:
-            some = slice(first, first + count)
-            facts[some] = np.stack([np.full(count, index), np.arange(count), np.full(count, shape_key(shape.id())),
-                                    np.zeros(count)], 1)
-            self.scattering[some] = not (hasattr(shape, "target_strength_db")
-                                         or getattr(shape.bsdf(), "smooth", False)
-                                         or getattr(shape.bsdf(), "mirror", False))
-            self.at_surface[some] = getattr(shape, "sea_surface", False)
+        self.rows = np.zeros((max(index for index, *_ in shapes) + 1, 2), np.uint32)
+        for index, shape, first, count in shapes:
+            own = slice(first, first + count)
+            facts[own] = np.stack([np.full(count, index), np.arange(count), np.full(count, shape_key(shape.id())),
+                                   np.zeros(count)], 1)
+            self.scattering[own] = not (hasattr(shape, "target_strength_db")
+                                        or getattr(shape.bsdf(), "smooth", False)
+                                        or getattr(shape.bsdf(), "mirror", False))
+            self.at_surface[own] = getattr(shape, "sea_surface", False)
             self.rows[index] = first, first >= meshed_faces
-            self.label[some] = named[some] if first < meshed_faces else geometry.named.of(shape)
-            facts[some, 3] = geometry.textured and (self.rows[index, 1] or shape.has_vertex_texcoords())
+            self.label[own] = named[own] if first < meshed_faces else geometry.named.of(shape)
+            facts[own, 3] = geometry.textured and (self.rows[index, 1] or shape.has_vertex_texcoords())
         self._grids = Grids([(index, grid, first) for (index, _, grid), (_, _, first, _) in zip(grids, rows)],
                             len(self.rows))
         self._vertices, self._faces = upload(mi.Float, vertices), upload(mi.UInt32, faces)
@@ -146,28 +144,28 @@ class Scatterers:
         dr.eval(self._vertices, self._faces, self._facts, self._rows)
 
     def in_reach(self, origin: np.ndarray, nearest: float, farthest: float) -> np.ndarray:
-        """Facets (K,) that come nearer to `origin` (3,) than `farthest` and reach beyond `nearest` [m]."""
+        """Return the facets (K,) that come nearer to `origin` (3,) than `farthest` and reach beyond `nearest` [m]."""
         distance = np.linalg.norm(self.centre - origin, axis=1)
         return np.flatnonzero(self.scattering & (distance - self.radius < farthest)
                               & (distance + self.radius > nearest)).astype(np.uint32)
 
     def listed(self, runs: tuple[np.ndarray, np.ndarray, np.ndarray],
                most: int) -> Iterator[tuple[mi.UInt32, mi.UInt32]]:
-        """Yield the cells of `Pieces.runs` as (facet, s), UInt32 arrays of at most `most` each."""
+        """Yield the cells of `Pieces.runs` as (facet, s), in UInt32 arrays of at most `most` each."""
         facets, firsts, counts = runs
         ends = np.cumsum(counts)
         for start in range(0, int(ends[-1]) if len(ends) else 0, most):
             stop = min(start + most, int(ends[-1]))
             first, last = np.searchsorted(ends, [start, stop - 1], side="right")
-            some = slice(first, last + 1)
-            begin = np.maximum(start - (ends[some] - counts[some]), 0)
-            taken = np.minimum(ends[some], stop) - np.maximum(ends[some] - counts[some], start)
-            facet = np.repeat(facets[some], taken)
-            s = np.arange(stop - start) + np.repeat(firsts[some] + begin - (np.cumsum(taken) - taken), taken)
+            part = slice(first, last + 1)
+            begin = np.maximum(start - (ends[part] - counts[part]), 0)
+            taken = np.minimum(ends[part], stop) - np.maximum(ends[part] - counts[part], start)
+            facet = np.repeat(facets[part], taken)
+            s = np.arange(stop - start) + np.repeat(firsts[part] + begin - (np.cumsum(taken) - taken), taken)
             yield upload(mi.UInt32, facet), upload(mi.UInt32, s.astype(np.uint32))
 
     def of(self, hits: Hits) -> tuple[mi.UInt32, mi.UInt32]:
-        """Facet and s of the cell that each of some `Hits` lies in, UInt32 (R,)."""
+        """Return facet and number s of the cell that each hit lies in, UInt32 (R,)."""
         registry = reinterpreted(mi.UInt32, hits.shape)
         row = dr.gather(self.lib.Array2u, self._rows, registry, hits.valid)
         facet, is_quad = row[0] + hits.primitive, row[1] != 0
@@ -176,7 +174,7 @@ class Scatterers:
             facet = dr.select(is_quad, quad, facet)
         a, b, c = self.device_corners(facet, hits.valid)[:3]
         u, v = _barycentric(hits.point, a, b, c)
-        # a quad is (a, b, c) and (a, c, d); beyond the side a c, u is negative. At a sphere's pole a is b.
+        # a quad is (a, b, c) and (a, c, d); beyond the side a c, u is negative. At a sphere's pole, a equals b.
         facet = dr.select(is_quad & ((u < 0) | (dr.squared_norm(b - a) < 1e-16)), facet + 1, facet)
         a, b, c, n = self.device_corners(facet, hits.valid)
         u, v = _barycentric(hits.point, a, b, c)
@@ -184,7 +182,7 @@ class Scatterers:
         return facet, cell_of(self.lib, u, v, n)
 
     def device_corners(self, facet: mi.UInt32, active: mi.Bool | bool = True) -> tuple:
-        """Return the corners of facets, three Array3f64 (R,) [m], and into how many rows each is cut, UInt32."""
+        """Return the corners of facets, three Array3f64 (R,) [m], and the number of rows of cells, UInt32 (R,)."""
         lib = self.lib
         row = dr.gather(lib.Array4u, self._faces, facet, active)
         corners = (dr.gather(lib.Array4f, self._vertices, row[i], active) for i in range(3))
@@ -209,22 +207,21 @@ class Scatterers:
                      smooth=self.smooth_normals(facet, mi.Float(u), mi.Float(v)))
 
     def corners(self, facet: np.ndarray) -> np.ndarray:
-        """Return the corners of facets with these numbers (K,): (K, 3, 3) [m], on the host."""
+        """Return the corners of facets (K,) on the host, (K, 3, 3) [m]."""
         return self._host_vertices[self._host_faces[facet, :3], :3]
 
     def facts(self, facet: mi.UInt32) -> Array4u:
-        """Return registry index of the shape, number there, key of its hashes, and whether it has texture coordinates.
-        """
+        """Return registry index of the shape, number there, hash key, and 1 if it has texture coordinates."""
         return dr.gather(self.lib.Array4u, self._facts, facet)
 
     def smooth_normals(self, facet: mi.UInt32, u: mi.Float, v: mi.Float) -> mi.Vector3f | None:
-        """Return interpolated normals at barycentric coordinates; None if no shape has any."""
+        """Return interpolated normals at barycentric coordinates, or None if no shape has any."""
         if self._normals is None:
             return None
         return interpolated(self.lib, self._normals, dr.gather(self.lib.Array4u, self._faces, facet), u, v)
 
     def texture_coordinates(self, facet: mi.UInt32, mapped: mi.Bool, u: mi.Float, v: mi.Float) -> mi.Point2f:
-        """Return the texture coordinates of points given by barycentric ones."""
+        """Return the texture coordinates at barycentric coordinates."""
         if self._texcoords is None:
             return mi.Point2f(u, v)
         row = dr.gather(self.lib.Array4u, self._faces, facet)
@@ -232,13 +229,8 @@ class Scatterers:
         return dr.select(mapped, a * (1 - u - v) + b * u + c * v, mi.Point2f(u, v))
 
 
-def _four_wide(rows, kind):
-    """Rows of three as rows of four, so that one is one aligned packet."""
-    return np.concatenate([rows, np.zeros((len(rows), 1))], 1).astype(kind)
-
-
 def _barycentric(point, a, b, c):
-    """(u, v) of points in the planes of triangles (a, b, c), Float64."""
+    """Return (u, v), Float64, of points in the planes of triangles (a, b, c)."""
     e, f, w = b - a, c - a, point - a
     ee, ef, ff, we, wf = dr.dot(e, e), dr.dot(e, f), dr.dot(f, f), dr.dot(w, e), dr.dot(w, f)
     scale = dr.rcp(dr.maximum(ee * ff - ef * ef, 1e-30))

@@ -1,1 +1,1 @@
-"""Sights of points from an array: eigenrays, mirrors of a flat bed."""
+"""Sights of points from a sonar: eigenrays, straight or by way of the sea surface or the bed."""

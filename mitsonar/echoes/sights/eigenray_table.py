@@ -1,13 +1,13 @@
-"""Eigenrays from one depth to the points around it, as a table over horizontal range and depth.
+"""Eigenrays from one depth to the points around it, tabulated over horizontal range and depth.
 
-What sets a bent ray apart from the straight line to the same point is smooth, so few nodes hold it:
+The difference between a bent ray and the straight line to the same point is smooth, so few nodes suffice for:
 
     τ = T c_0 / R - 1                              T travel time, R straight distance, c_0 sound speed at the source
     λ = sin θ_0 - h / R,   α = sin θ_1 - h / R     sines of launch and arrival, positive up; h height gained
     γ = ln(g R²)                                   g gain of the leg, absorption included (`sonar_equation`)
 
-The nodes are exact eigenrays (`tracing.connection`); between them all four are bilinear. In water of one speed τ, λ and
-α vanish. Elsewhere the error is the curvature of these four over a cell.
+The nodes are exact eigenrays (`tracing.connection`); between them all four are bilinear. In water of uniform sound
+speed, τ, λ and α vanish. Elsewhere the error is the curvature of the four quantities over a cell.
 """
 from __future__ import annotations
 
@@ -23,31 +23,30 @@ from mitsonar.scene.tracing.connection import Connector
 from ..sonar_equation import leg_gain, speed_ratio
 
 RANGES, DEPTHS = 192, 64           # nodes
-BEYOND = 0.01                      # [m] that the table reaches past the scene
-NOTHING, FAINTEST = -60.0, -50.0   # γ of a node that no ray leads to; γ below which such a node is beside a point
-NEAREST = 1e-3                     # [m]: no division by zero
-STEEP = 0.05                       # sine from the vertical, and to the level, within which waves are taken for round
-CLOSEST = 0.05                     # [m] from the source, where spreading ends
+BEYOND = 0.01                      # [m] margin of the table beyond the scene
+NOTHING, FAINTEST = -60.0, -50.0   # γ of nodes without a ray; γ below which a point has such a node beside it
+NEAREST = 1e-3                     # [m] avoids divisions by zero
+STEEP = 0.05                       # sine of the angle to vertical or to level within which waves count as round
+CLOSEST = 0.05                     # [m] from the source; spreading does not go on nearer
 
 
 @dataclass(frozen=True, kw_only=True)
 class TableLegs:
-    """Legs from the source to points, one each."""
+    """Legs from the source to points, one per entry."""
 
     exists: mi.Bool  # (R,)
     travel_time: mi.Float64  # (R,) [s]
     launch_direction: mi.Vector3f  # (R,): unit, along the travel
     arrival_direction: mi.Vector3f  # (R,): unit, along the travel
     gain: mi.Float  # (R,) [1/m²]: g
-    horizontal_range: mi.Float  # (R,) [m]: distance in a straight line
-    distance: mi.Float  # (R,) [m]: distance in a straight line
+    horizontal_range: mi.Float  # (R,) [m]
+    distance: mi.Float  # (R,) [m]: in a straight line
 
 
 class EigenrayTable:
-    """Tabulate the eigenrays that leave one depth."""
-    # depth [m]; farthest [m]; sound_speed [m/s]
+    """Table of the eigenrays that leave one depth."""
 
-    def __init__(self, connector: Connector, *, depth: float, farthest: float):
+    def __init__(self, connector: Connector, *, depth: float, farthest: float):                # depth, farthest [m]
         self.lib, self.depth = arrays_of(mi.Float), float(depth)
         water = connector.water
         self.sound_speed = float(water.profile.at(depth))
@@ -97,10 +96,10 @@ class EigenrayTable:
         return height * dr.rsqrt(height * height + dr.square(dr.maximum(horizontal_range, NEAREST))) + launch
 
     def curvatures(self, horizontal_range: mi.Float, height: mi.Float) -> tuple[mi.Float, mi.Float]:
-        """Return curvatures at the source of the waves of points `height` [m] above it, Float (R,) [1/m].
+        """Return curvatures [1/m], Float (R,), at the source, of waves from points `height` [m] above it.
 
-        Across the ray's plane and in it; with k = cos θ_0, and x the horizontal range, they are k / x and
-        -(d sin θ_0 / dx) / (k sin θ_0). In water of one speed both are 1 / R.
+        They are those across the ray's plane and in it: k / x and -(d sin θ_0 / dx) / (k sin θ_0), with k = cos θ_0 and
+        the horizontal range x. In water of uniform sound speed both are 1 / R.
         """
         x, step = dr.maximum(horizontal_range, NEAREST), 0.5 / self._per_x
         R = dr.sqrt(dr.fma(x, x, height * height))
@@ -111,21 +110,20 @@ class EigenrayTable:
         level = dr.sqrt(dr.maximum(1 - rise * rise, 0))
         across = level / x
         within = (height * x / (R * R * R) - bent) / (rise * level)
-        # straight below both are one
+        # straight below the source, both are equal
         steep = x < STEEP * R
         across, within = dr.select(steep, 1 / R, across), dr.select(steep | (abs(rise) < STEEP), 1 / R, within)
         good = (within * R > 0.2) & (within * R < 5)
         return across, dr.select(good, within, across)
 
     def legs(self, offset: dr.ArrayBase) -> TableLegs:
-        """Return the legs to points."""
-        # offset (R,) [m]
+        """Return the legs to points at `offset` (R,) [m] from the source."""
         square = dr.fma(offset.x, offset.x, offset.y * offset.y)
         R = dr.maximum(dr.sqrt(dr.fma(offset.z, offset.z, square)), CLOSEST)
         x, distance = mi.Float(dr.sqrt(square)), mi.Float(R)
         time, launch, arrival, gain = self.values(x, dr.opaque(mi.Float, self.depth) - mi.Float(offset.z))
         rise, per_x = mi.Float(offset.z / R), dr.rcp(dr.maximum(x, NEAREST))
-        # straight up or down, any heading will do
+        # straight up or down, any heading is right
         heading = mi.Vector2f(dr.select(x > NEAREST, mi.Float(offset.x) * per_x, 1), mi.Float(offset.y) * per_x)
         return TableLegs(
             exists=gain > FAINTEST, travel_time=R / self._speed * (1 + mi.Float64(time)),
@@ -134,6 +132,6 @@ class EigenrayTable:
 
 
 def _towards(heading: mi.Vector2f, rise: mi.Float) -> mi.Vector3f:
-    """Unit vectors of a horizontal heading and a sine of elevation."""
+    """Return unit vectors with a horizontal heading and a sine of elevation."""
     cosine = dr.sqrt(dr.maximum(1 - rise * rise, 0))
     return mi.Vector3f(heading.x * cosine, heading.y * cosine, rise)

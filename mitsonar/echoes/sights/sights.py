@@ -1,29 +1,27 @@
-"""Points as a sonar sees them: straight, and by way of a flat surface that mirrors.
+"""Sights of points: straight, by way of a flat sea surface that mirrors, and by way of the bed.
 
-An echo of a point under a mirror went out by one of the two and comes back by one of the two:
+The echo of a point under a mirror leaves and returns by either way:
 
     e = f √(g_out g_back) (-1)^m
 
-m ways by the mirror, whose reflection is -1, f the point's pressure at 1 m from the one towards the other, g the gain
-of a leg (`sonar_equation`). By way of the mirror the sonar stands at its image, in water unfolded about the surface
-(`tracing.water`). By way of the bed it is seen by `bed_mirror`.
+for m legs by the mirror, whose reflection is -1; f is the point's pressure at 1 m for the two directions, g the gain of
+a leg (`sonar_equation`). By way of the mirror the sonar stands at its image, in water unfolded about the surface
+(`tracing.water`).
 
-Targets as a sonar sees them by way of the bed, which is a plane under each (`bed_planes`).
-
-Sound that the plane throws on to a target comes to the target's image, h below the plane, along the bent ray there. A
-target of height h is heard four times (Ingenito 1987, J. Acoust. Soc. Am. 82, 2051; Williams and others 2010, J.
-Acoust. Soc. Am. 127, 3356): straight, by way of the bed on either leg, and on both,
+The bed is a plane under each target (`bed_planes`). Sound that the plane reflects on to a target takes the bent ray to
+the target's image, h below the plane. A target of height h has four echoes (Ingenito 1987, J. Acoust. Soc. Am. 82,
+2051; Williams and others 2010, J. Acoust. Soc. Am. 127, 3356): straight, by way of the bed on either leg, and on both,
 
     e = f √(g_out g_back) V_out V_back,     V = 1 straight,     V = R(θ) exp(-2 (k σ sin θ)²) by way of the bed
 
-R the coefficient of the bed's material where the sound bounces, θ the grazing angle there on the plane, σ the root
-mean square of what is rough within the first Fresnel zone (Eckart 1953, J. Acoust. Soc. Am. 25, 566): that of the
-material, with waves no longer than 2 √(λ l_1 l_2 / (l_1 + l_2)), and that of the mesh about the plane. Beds whose
-material has no coefficient, laws of scattering alone as `lambert`, throw nothing on.
+R is the reflection coefficient of the bed's material where the sound bounces, θ the grazing angle there on the plane, σ
+the root mean square of the roughness within the first Fresnel zone (Eckart 1953, J. Acoust. Soc. Am. 25, 566): that of
+the material, for waves no longer than 2 √(λ l_1 l_2 / (l_1 + l_2)), and that of the mesh about the plane. Beds whose
+material has no coefficient, such as the pure scattering law `lambert`, reflect nothing.
 
-The water under the plane is not the mirror of that above. So the time is that of both parts of the way, to and from the
-place x where the ray to the image crosses the plane, as they would add up to at the true place nearby (Fermat; Newton's
-step),
+The water under the plane is not the mirror of that above. The travel time is therefore computed from both parts of the
+way, to and from the place x where the ray to the image crosses the plane, and extrapolated to the true place nearby
+(Fermat; Newton's step),
 
     τ = T_1(x) + T_2(x) - Σ_i g_i² / 2 H_i,     g = ∇(T_1 + T_2),   H = (1/l_1 + 1/l_2) / c  (across),  H sin² θ (along)
 """
@@ -50,27 +48,25 @@ from .bed_planes import BedPlanes, Planes, first_zone
 from .sight import Sight
 
 FLATTEST = 0.01                    # sine of the grazing angle below which nothing bounces
-LIFT = 0.05                        # [m] above the plane, and σ times LIFTED, from where the bed is looked for
+LIFT = 0.05                        # [m] the bed is searched from this height above the plane, plus LIFTED times σ
 LIFTED = 4.0
-LYING = 0.02                       # [m] over the bed, up to which a point target lies on it: its strength is that there
+LYING = 0.02                       # [m] up to this height a point target lies on the bed: its strength includes the bed
 
 
 class BedMirror:
-    """See targets by way of the bed."""
-    # frequency [Hz]
+    """Sights of targets by way of the bed."""
 
-    def __init__(self, connector: Connector, frequency: float):
+    def __init__(self, connector: Connector, frequency: float):                                # frequency [Hz]
         self._connector, self._frequency = connector, float(frequency)
         self._geometry: Geometry = connector.geometry
         self._lib, self.planes = arrays_of(mi.Float), BedPlanes(connector.geometry)
 
     def see(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, point: dr.ArrayBase, normal: mi.Vector3f,
             label: mi.UInt32, *, short: float = 0.0, smooth: bool = False) -> Sight:
-        """See one point an entry."""
-        # label (R,)
+        """Return the sights of points, one per entry; `label` (R,) selects the plane."""
         lib, water, plane = self._lib, self._connector.water, self.planes.of(label)
         upward, up = self._upward(plane)
-        over, sonar_over = (_over(plane, up, some) for some in (point, origin))
+        over, sonar_over = (_over(plane, up, place) for place in (point, origin))
         wide = lib.Array3f64
         image = point - 2 * over * upward
         known = plane.known & (over > (0.0 if smooth else LYING)) & (sonar_over > 0)
@@ -96,14 +92,14 @@ class BedMirror:
                      leg=EchoLeg.along(way, origin, image), gain=gain, factor=(real, imaginary), later=later)
 
     def _upward(self, plane: Planes) -> tuple[dr.ArrayBase, mi.Float64]:
-        """Normals of planes, Array3f64 (R,), and their parts upwards."""
+        """Return the normals of planes, Array3f64 (R,), and their upward parts."""
         b, c = plane.slope
         up = dr.rsqrt(1 + b * b + c * c)
         return self._lib.Array3f64(-b * up, -c * up, up), up
 
     def _bounce(self, met: dr.ArrayBase, flat: mi.Vector3f, plane: Planes, down: mi.Vector3f, speed: mi.Float64,
                 active: mi.Bool) -> tuple[mi.Bool, Hits]:
-        """Return whether there is bed where sound meets the planes, and the bed there."""
+        """Return whether there is bed where sound meets the planes, and the hits on it."""
         wide = self._lib.Array3f64
         lift = LIFT + LIFTED * plane.rest
         start = mi.Point3f(met + self._lib.Float64(lift) * wide(flat))
@@ -118,7 +114,7 @@ class BedMirror:
 
     def _time(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, met: dr.ArrayBase, point: dr.ArrayBase,
               flat: mi.Vector3f, way: Connection, last: mi.Float64, active: mi.Bool) -> mi.Float64:
-        """τ [s]."""
+        """Return τ [s]."""
         nothing = mi.Vector3f(0, 0, 0)
         first = self._connector.connect(sources, origin, source, met, nothing, active, occlusion=False)
         second = self._connector.join(met, nothing, point, nothing, active, occlusion=False)
@@ -133,7 +129,7 @@ class BedMirror:
 
     def _thrown_on(self, hits: Hits, sine: mi.Float, plane: Planes, way: Connection, last: mi.Float,
                    active: mi.Bool, smooth: bool) -> tuple[mi.Float, mi.Float]:
-        """V, real and imaginary part."""
+        """Return V as real and imaginary part."""
         wavenumber = dr.opaque(mi.Float, 2 * np.pi * self._frequency) / mi.Float(hits.sound_speed)
         first = dr.maximum(way.arc_length - last, 1e-3)
         zone = first_zone((2 * np.pi) / wavenumber, first, last)
@@ -144,19 +140,17 @@ class BedMirror:
 
 
 def _over(plane: Planes, up: mi.Float64, point: dr.ArrayBase) -> mi.Float64:
-    """How far points lie over planes [m]."""
+    """Return the height of points over planes [m]."""
     b, c = plane.slope
     return (point.z - plane.height - b * point.x - c * point.y) * up
 
 
-JUST_BELOW = 1e-4                  # [m] where the surface is met from below
-
+JUST_BELOW = 1e-4                  # [m] depth at which the sea surface is met from below
 
 class Sights:
-    """See points from sonars."""
-    # frequency [Hz]
+    """Sights of points from sonars."""
 
-    def __init__(self, connector: Connector, *, max_depth: int, frequency: float | None = None):
+    def __init__(self, connector: Connector, *, max_depth: int, frequency: float | None = None):        # [Hz]
         self.connector, self.max_depth = connector, max_depth
         self.geometry, self.water = connector.geometry, connector.water
         self.lib, self.mirror = arrays_of(mi.Float), connector.geometry.surface_mirrors
@@ -165,7 +159,7 @@ class Sights:
 
     def see(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, point: dr.ArrayBase,
             normal: mi.Vector3f, *, folded: bool = False, short: float = 0.0) -> Sight:
-        """See one point an entry."""
+        """Return the sights of points, one per entry, straight or (`folded`) by way of the mirror."""
         if folded:
             start = origin + dr.zeros(type(origin), dr.width(point))
             way = self.connector.join(start, mi.Vector3f(0, 0, 0), point, normal, folded=True, short=short)
@@ -175,7 +169,7 @@ class Sights:
 
     def along(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, point: dr.ArrayBase, way: Connection,
               *, folded: bool = False) -> Sight:
-        """See points along ways that are known."""
+        """Return the sights of points along known ways."""
         ratio = speed_ratio(way.sound_speed, sources.state.gather(self.lib, source)[1])
         gain = leg_gain(spreading_area=way.spreading_area, speed_ratio=ratio,
                         loss_db=self.water.loss_db(origin, point, way, folded))
@@ -183,14 +177,14 @@ class Sights:
         return Sight(way=way, leg=EchoLeg.along(way, start, point, folded=folded), gain=gain)
 
     def ways(self, bounces: int = 1) -> Iterator[tuple[bool, bool, float]]:
-        """How an echo of so many bounces may go by the mirror besides: there or not, back or not, and its sign."""
+        """Yield the further ways of an echo of some bounces by the mirror: out or not, back or not, and the sign."""
         if self.mirror:
             for there, back in ((False, True), (True, False), (True, True)):
                 if bounces + there + back <= self.max_depth:
                     yield there, back, 1.0 if there == back else -1.0
 
     def bed_ways(self, bounces: int = 1) -> Iterator[tuple[str, str]]:
-        """How an echo of so many bounces may go by the bed: what it goes by there and back, "", "s" or "b"."""
+        """Yield the ways of an echo of some bounces by the bed: "", "s" or "b" for each leg."""
         if self.bed is None:
             return
         others = ("", "s", "b") if self.mirror else ("", "b")
@@ -200,8 +194,7 @@ class Sights:
                     yield there, back
 
     def overhead(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32) -> tuple[Echoes, mi.Bool]:
-        """The echo of a mirror straight above: half the pressure of a wave that comes from a point there."""
-        # -> free (R,)
+        """Return the echo of a mirror straight above (half the pressure of a wave from there), and if it is visible."""
         point = self.lib.Array3f64(origin.x, origin.y, -JUST_BELOW)
         sight = self.see(sources, origin, source, point, mi.Vector3f(0, 0, 0))
         way, nothing = sight.way, dr.zeros(mi.Float, dr.width(sight.gain))

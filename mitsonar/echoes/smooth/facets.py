@@ -1,12 +1,12 @@
-"""Facets of the smooth surfaces of a scene, and cells of them: corners, normals, and which facet a hit lies in.
+"""Facets of a scene's smooth surfaces, and their cells: corners, normals, and the facet that a hit lies in.
 
-A facet is cut into n² congruent triangles, numbered as in `echoes.cells`; n depends on where it is seen from. Smooth
-surfaces are those whose material says so (attribute ``smooth``); shapes without facets are given
-some (`tessellation`). Corners of cells lie on the bent surface that a facet stands for, at the height over it
+A facet is cut into n² congruent triangles, numbered as in `echoes.cells`; n depends on the place it is seen from.
+Smooth surfaces are those whose material has the attribute ``smooth``. Shapes without facets are tessellated
+(`tessellation`). Corners of cells lie on the curved surface that a facet stands for, at the height over the facet
 
     h = κ_ab λ_a λ_b + κ_bc λ_b λ_c + κ_ca λ_c λ_a,    κ_ij = (n_j - n_i)·(x_j - x_i) / 2
 
-λ barycentric coordinates, n normals at the facet's corners x: over an edge of a sphere l²/8R in the middle.
+λ barycentric coordinates, n normals at the facet's corners x. For an edge of length l on a sphere, h is l²/8R mid-way.
 """
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ from mitsonar.device.arrays import arrays_of, reinterpreted, upload
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.tessellation import FINEST_SAGITTA, Grids, grid_of
 
-from ..scatterers.cells import place
+from ..scatterers.cells import four_wide, place
 
-ROUNDED = 2e-7                     # of their distance from the origin: what float32 makes of corners
-SHARP = np.radians(30.0)           # angle between neighbours from which on an edge is one
-FLAT_ENOUGH = 1e-5                 # of the wavelength that cells may lie below a bent surface: more acts as a grating
-RESOLVED = 0.55                    # wavelengths a side, below which they do not: there is no angle that they glint at
-TURN = 0.06                        # [rad] that a surface turns by over a cell that is lit or not as a whole
+ROUNDED = 2e-7                     # rounding of corners to float32, relative to their distance from the origin
+SHARP = np.radians(30.0)           # angle between neighbours above which their edge is one of the object
+FLAT_ENOUGH = 1e-5                 # wavelengths that cells may lie below a curved surface: more acts as a grating
+RESOLVED = 0.55                    # cell side in wavelengths below which no grating angle exists
+TURN = 0.06                        # [rad] largest turn of the surface over a cell that is lit or not as a whole
 
 
 @dataclass(frozen=True, kw_only=True)
 class SmoothCells:
-    """Some cells, on the device."""
+    """A block of cells, on the device."""
 
-    point: dr.ArrayBase  # (R,) [m]: their centroids
-    corners: list[mi.Vector3f]  # (R,) [m]: from the centroid to the bent surface, and in the facet
-    flat: list[mi.Vector3f]  # (R,) [m]: from the centroid to the bent surface, and in the facet
+    point: dr.ArrayBase  # (R,) [m]: centroids
+    corners: list[mi.Vector3f]  # (R,) [m]: on the curved surface, from the centroid
+    flat: list[mi.Vector3f]  # (R,) [m]: in the facet, from the centroid
     places: list[tuple[mi.Float, mi.Float]]  # (Float, Float): barycentric coordinates of the corners in the facet
     normal: mi.Vector3f  # (R,): of the facet, unit
     facet: mi.UInt32  # (R,)
@@ -54,22 +54,18 @@ class SmoothFacets:
     def __init__(self, geometry: Geometry, wavelength: float):
         self.lib = arrays_of(mi.Float)
         parts, rows, grids, first = [], [], [], 0
-        known = [(index, shape, slice(row, row + count)) for index, shape, row, count in geometry.meshes]
-        vertices = faces = None
-        for index, shape, some in [*known, *((index, shape, None) for index, shape in geometry.others)]:
+        shapes = [*geometry.meshes, *((index, shape, None, 0) for index, shape in geometry.others)]
+        for index, shape, row, count in shapes:
             if not getattr(shape.bsdf(), "smooth", False):
                 continue
-            if some is None:
+            if row is None:
                 grid = grid_of(shape, min(FINEST_SAGITTA, wavelength / 32))
                 corner, normal = grid.vertices[grid.faces], grid.normals[grid.faces]
                 grids.append((index, grid, first))
             else:
-                if vertices is None or faces is None:
-                    vertices = geometry.vertices.numpy().reshape(-1, 4)[:, :3].astype(float)
-                    faces = geometry.faces.numpy().reshape(-1, 4)[:, :3]
-                corner, normal = vertices[faces[some]], _vertex_normals(shape)
+                corner, normal = _mesh_corners(geometry, row, count), _vertex_normals(shape)
             parts.append((corner, _at_corners(corner, normal), index, shape))
-            rows.append((index, first, some is None))
+            rows.append((index, first, row is None))
             first += len(corner)
         self.shapes = [shape for *_, shape in parts]
         if not parts:
@@ -99,9 +95,9 @@ class SmoothFacets:
             table[index] = row, 1, is_grid, 0
         self._registry = len(table)
         self._grids = Grids(grids, len(table))
-        self._corners = upload(mi.Float64, _four_wide(self.corner))
-        self._normals = upload(mi.Float, _four_wide(normals).astype(np.float32))
-        self._bend = upload(mi.Float, _four_wide(bend).astype(np.float32))
+        self._corners = upload(mi.Float64, four_wide(self.corner))
+        self._normals = upload(mi.Float, four_wide(normals).astype(np.float32))
+        self._bend = upload(mi.Float, four_wide(bend).astype(np.float32))
         self._facts, self._rows = upload(mi.UInt32, facts.astype(np.uint32)), upload(mi.UInt32, table)
         dr.eval(self._corners, self._normals, self._bend, self._facts, self._rows)
 
@@ -109,7 +105,7 @@ class SmoothFacets:
         return len(self.corner) if self.shapes else 0
 
     def corners_of(self, facet: mi.UInt32, active: mi.Bool | bool = True) -> list[dr.ArrayBase]:
-        """Corners of facets, three Array3f64 (R,) [m]."""
+        """Return the corners of facets, three Array3f64 (R,) [m]."""
         rows = (dr.gather(self.lib.Array4f64, self._corners, 3 * facet + i, active) for i in range(3))
         return [self.lib.Array3f64(row[0], row[1], row[2]) for row in rows]
 
@@ -120,7 +116,7 @@ class SmoothFacets:
         across = dr.cross(mi.Vector3f(b - a), mi.Vector3f(c - a))
         twice, cuts = dr.norm(across), mi.Float(n)
         normal = across / dr.maximum(twice, 1e-30)
-        # a cell's corners are those of the unit triangle, turned by half a turn where the cell is upside down
+        # the corners of the unit triangle, which `place` turns by half a turn in cells that are upside down
         places = [place(lib, s, n, lib.Float64(x), lib.Float64(y)) for x, y in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))]
         flat = [(b - a) * u + (c - a) * v for u, v in places]
         middle = (flat[0] + flat[1] + flat[2]) * (1 / 3)
@@ -131,28 +127,28 @@ class SmoothFacets:
                            area=0.5 * twice / (cuts * cuts))
 
     def bend_of(self, facet: mi.UInt32, active: mi.Bool | bool = True) -> list[mi.Float]:
-        """κ of the three edges of facets, Float (R,) [m]."""
+        """Return κ of the three edges of facets, Float (R,) [m]."""
         row = dr.gather(self.lib.Array4f, self._bend, facet, active)
         return [row[0], row[1], row[2]]
 
     def normals_of(self, facet: mi.UInt32, active: mi.Bool | bool = True) -> list[mi.Vector3f]:
-        """Normals of the surface at the three corners of facets, Vector3f (R,)."""
+        """Return the normals of the surface at the three corners of facets, Vector3f (R,)."""
         rows = (dr.gather(self.lib.Array4f, self._normals, 3 * facet + i, active) for i in range(3))
         return [mi.Vector3f(row[0], row[1], row[2]) for row in rows]
 
     def flat_normal(self, facet: mi.UInt32) -> mi.Vector3f:
-        """Normals of the facets themselves, Vector3f (R,)."""
+        """Return the normals of the facets themselves, Vector3f (R,)."""
         a, b, c = self.corners_of(facet)
         return dr.normalize(dr.cross(mi.Vector3f(b - a), mi.Vector3f(c - a)))
 
     def height(self, facet: mi.UInt32, u: mi.Float, v: mi.Float) -> mi.Float:
-        """How far the bent surface lies over the facet, to the side of its normal [m]."""
+        """Return the height [m] of the curved surface over the facet, on the side of its normal."""
         bend = self.bend_of(facet)
         return bend[0] * (1 - u - v) * u + bend[1] * u * v + bend[2] * v * (1 - u - v)
 
     def barycentric(self, facet: mi.UInt32, point: dr.ArrayBase,
                     offsets: Sequence[mi.Vector3f]) -> list[tuple[mi.Float, mi.Float]]:
-        """Barycentric coordinates (u, v) of `point` + each of `offsets` [m] in facets."""
+        """Return barycentric coordinates (u, v) in facets of `point` + each of `offsets` [m]."""
         a, b, c = self.corners_of(facet)
         e, f, w = mi.Vector3f(b - a), mi.Vector3f(c - a), mi.Vector3f(point - a)
         ee, ef, ff = dr.dot(e, e), dr.dot(e, f), dr.dot(f, f)
@@ -161,21 +157,21 @@ class SmoothFacets:
         return [((ff * we - ef * wf) * scale, (ee * wf - ef * we) * scale) for we, wf in products]
 
     def facts(self, facet: mi.UInt32) -> tuple[mi.ShapePtr, mi.UInt32, mi.UInt32]:
-        """Shape, primitive and label of facets."""
+        """Return shape, primitive and label of facets."""
         row = dr.gather(self.lib.Array4u, self._facts, facet)
         return reinterpreted(mi.ShapePtr, row[0]), row[1], row[2]
 
     def normals_at(self, facet: mi.UInt32, point: dr.ArrayBase, offsets: Sequence[mi.Vector3f]) -> list[mi.Vector3f]:
-        """Normals of the surface that facets stand for, Vector3f (R,), at `point` + each of `offsets` [m].
+        """Return the surface's normals at `point` + each of `offsets` [m], linear between those of the facets' corners.
 
-        Linear between those of the corners: the side is that the facet's corners run round counter-clockwise.
+        They point to the side from which the facet's corners run counter-clockwise.
         """
         a, b, c = self.normals_of(facet)
         return [dr.normalize(a + (b - a) * u + (c - a) * v) for u, v in self.barycentric(facet, point, offsets)]
 
     def of(self, shape: mi.ShapePtr, primitive: mi.UInt32, point: dr.ArrayBase,
            active: mi.Bool) -> tuple[mi.UInt32, mi.Bool]:
-        """Facet of hits, and whether what they hit is smooth."""
+        """Return the facets of hits, and whether the hit surface is smooth."""
         registry = reinterpreted(mi.UInt32, shape)
         active = active & (registry < self._registry)
         row = dr.gather(self.lib.Array4u, self._rows, registry, active)
@@ -183,7 +179,7 @@ class SmoothFacets:
         quad, gridded = self._grids.first_of(registry, point, smooth & (row[2] != 0))
         facet = dr.select(gridded, quad, row[0] + primitive)
         a, b, c = self.corners_of(facet, smooth)
-        # beyond the side a c of a quad lies its second facet; at a sphere's pole there is no other
+        # beyond the side a c of a quad lies its second facet; at a sphere's pole only that exists
         e, f, w = mi.Vector3f(b - a), mi.Vector3f(c - a), mi.Vector3f(point - a)
         beyond = dr.dot(f, f) * dr.dot(w, e) < dr.dot(e, f) * dr.dot(w, f)
         return dr.select(gridded & (beyond | (dr.squared_norm(e) < 1e-16)), facet + 1, facet), smooth
@@ -191,12 +187,13 @@ class SmoothFacets:
 
 def too_coarse(corner: np.ndarray, wavelength: float,
                bend: np.ndarray | float = 0.0) -> tuple[float, float] | None:
-    """Where a mesh stands for a bent surface, but not finely enough for a wavelength.
+    """Return sagitta [m] and needed edge length [m] if a mesh is too coarse for a curved surface, else None.
 
-    The sagitta of two neighbours is l a / 8: l their mean height over the edge they share, a the angle between them;
-    beyond 30 degrees the edge is taken for one of the object. Facets whose normals tell of the bend are fine enough.
+    The sagitta between two neighbours is l a / 8, with l their mean height over the shared edge and a the angle between
+    them. An edge of more than 30 degrees counts as one of the object. Facets whose normals follow the curvature, to the
+    depth `bend` [m], are fine enough.
     """
-    # corner (F, 3, 3) [m]; wavelength [m]; bend (F,) [m] -> [m]
+    # corner (F, 3, 3) [m]; wavelength [m]; bend (F,) [m]
     _, vertex = np.unique(np.round(corner.reshape(-1, 3), 6), axis=0, return_inverse=True)
     vertex = vertex.reshape(-1, 3)
     area, normal = _area_and_normal(corner)
@@ -204,14 +201,14 @@ def too_coarse(corner: np.ndarray, wavelength: float,
     length = np.linalg.norm(corner - np.roll(corner, -1, axis=1), axis=-1).ravel()
     order = np.lexsort(ends.T)
     same = np.all(ends[order[1:]] == ends[order[:-1]], axis=1)
-    one, other = order[:-1][same], order[1:][same]
-    good = (length[one] > 0) & (area[one // 3] > 0) & (area[other // 3] > 0)
-    one, other = one[good], other[good]
-    across = np.linalg.norm(np.cross(normal[one // 3], normal[other // 3]), axis=1)
-    angle = np.arctan2(across, np.sum(normal[one // 3] * normal[other // 3], axis=1))
-    height = (area[one // 3] + area[other // 3]) / length[one]
+    first, second = order[:-1][same], order[1:][same]
+    good = (length[first] > 0) & (area[first // 3] > 0) & (area[second // 3] > 0)
+    first, second = first[good], second[good]
+    across = np.linalg.norm(np.cross(normal[first // 3], normal[second // 3]), axis=1)
+    angle = np.arctan2(across, np.sum(normal[first // 3] * normal[second // 3], axis=1))
+    height = (area[first // 3] + area[second // 3]) / length[first]
     sagitta = height * angle / 8
-    sagitta[(angle > SHARP) | (np.broadcast_to(bend, len(corner))[one // 3] > 0.5 * sagitta)] = 0
+    sagitta[(angle > SHARP) | (np.broadcast_to(bend, len(corner))[first // 3] > 0.5 * sagitta)] = 0
     if not sagitta.size or sagitta.max() <= wavelength / 16:
         return None
     worst = sagitta.argmax()
@@ -219,22 +216,23 @@ def too_coarse(corner: np.ndarray, wavelength: float,
 
 
 def warn_where_too_coarse(geometry: Geometry, wavelength: float) -> None:
-    """Say which smooth meshes are too coarse for a wavelength [m], one sentence each."""
-    vertices = faces = None
+    """Warn of each smooth mesh that is too coarse for a wavelength [m]."""
     for _, shape, first, count in geometry.meshes:
         if not getattr(shape.bsdf(), "smooth", False):
             continue
-        if vertices is None or faces is None:
-            vertices = geometry.vertices.numpy().reshape(-1, 4)[:, :3].astype(float)
-            faces = geometry.faces.numpy().reshape(-1, 4)[:, :3]
-        corner = vertices[faces[first:first + count]]
+        corner = _mesh_corners(geometry, first, count)
         bend = _bend(corner, _at_corners(corner, _vertex_normals(shape)))
-        found = too_coarse(corner, wavelength, np.abs(bend).max(1) / 4)
-        if found is not None:
+        coarse = too_coarse(corner, wavelength, np.abs(bend).max(1) / 4)
+        if coarse is not None:
             warnings.warn(f"the smooth mesh \"{shape.id()}\" is too coarse for a wavelength of {1e3 * wavelength:.3g} "
-                          f"mm: its facets lie {1e3 * found[0]:.2g} mm off the bent surface they stand for, over a "
-                          f"sixteenth of it, and will glint one by one; take edges of at most {found[1]:.2g} m",
-                          stacklevel=2)
+                          f"mm: its facets lie {1e3 * coarse[0]:.2g} mm off the curved surface they stand for, more "
+                          f"than 1/16 of the wavelength, and will glint one by one. Use edges of at most "
+                          f"{coarse[1]:.2g} m.", stacklevel=2)
+
+
+def _mesh_corners(geometry, first, count):
+    vertices, faces = geometry.mesh(first, count)
+    return vertices[faces].astype(float)
 
 
 def _vertex_normals(shape):
@@ -246,17 +244,17 @@ def _vertex_normals(shape):
 
 
 def _at_corners(corner, normal):
-    """Normals at corners (F, 3, 3): the facet's own where there are none, or they lead round an edge."""
+    """Return normals at corners (F, 3, 3): the facet's own if there are no others, or if those lead round an edge."""
     flat = np.broadcast_to(_area_and_normal(corner)[1][:, None], corner.shape)
     if normal is None:
         return flat
-    # a mesh's normals may point to the other side than its facets'
+    # a mesh's normals may point to the other side of its facets
     along = np.sum(normal * flat, -1, keepdims=True)
     return np.where(np.abs(along) > np.cos(SHARP), normal * np.sign(along), flat)
 
 
 def _bend(corner, normal):
-    """κ of the edges a b, b c, c a, (F, 3) [m], to the side of the facet's normal."""
+    """Return κ of the edges a b, b c, c a, (F, 3) [m], on the side of the facet's normal."""
     return 0.5 * np.sum((np.roll(normal, -1, axis=1) - normal) * (np.roll(corner, -1, axis=1) - corner), axis=-1)
 
 
@@ -267,13 +265,12 @@ def _area_and_normal(corner):
 
 
 def _outward(corner):
-    """Return whether facets are the closed surface of a body, and which way their normals lead: 1 out, -1 in, 0 open.
-    """
+    """Return 1 if facets are the closed surface of a body and their normals point out, -1 if in, 0 if it is open."""
     _, vertex = np.unique(np.round(corner.reshape(-1, 3), 6), axis=0, return_inverse=True)
     vertex = vertex.reshape(-1, 3)
     ends = np.stack([vertex, np.roll(vertex, -1, axis=1)], -1).reshape(-1, 2)
     ends = ends[ends[:, 0] != ends[:, 1]]
-    # every edge there and back: closed, and wound one way
+    # closed and consistently wound: every edge occurs in both directions
     there, back = (pair[np.lexsort(pair.T)] for pair in (ends, ends[:, ::-1]))
     if not np.array_equal(there, back):
         return 0
@@ -282,12 +279,12 @@ def _outward(corner):
 
 
 def _is_convex(corner, normal, outward):
-    """Return whether facets are all in one plane, or the surface of a convex body."""
+    """Return True if all facets lie in one plane, or are the surface of a convex body."""
     points, number = np.unique(corner.reshape(-1, 3).round(6), axis=0, return_inverse=True)
     slack = 1e-5 * np.ptp(points, axis=0).max() + ROUNDED * np.abs(points).max()
     if np.abs((points - points[0]) @ normal[0]).max() < slack:
         return True
-    # a closed, connected surface is convex where it is so over every edge (van Heijenoort 1952)
+    # a closed, connected surface is convex if it is so at every edge (van Heijenoort 1952)
     number = number.reshape(-1, 3)
     edge = np.sort(np.stack([number, np.roll(number, -1, axis=1)], -1), -1).reshape(-1, 2)
     order = np.lexsort(edge.T)
@@ -298,10 +295,6 @@ def _is_convex(corner, normal, outward):
     joined = coo_array((np.ones(len(first)), (first // 3, second // 3)), shape=(len(corner), len(corner)))
     if connected_components(joined, directed=False)[0] > 1:
         return False
-    # the corner of the one facet that the other has not, over the plane of the other
+    # the second facet's corner that is not on the edge, over the plane of the first facet
     apex = corner[second // 3, (second % 3 + 2) % 3] - corner[first // 3, 0]
     return bool(np.all(outward * np.sum(apex * normal[first // 3], axis=1) < slack))
-
-
-def _four_wide(rows):
-    return np.concatenate([rows, np.zeros((*rows.shape[:-1], 1))], -1)

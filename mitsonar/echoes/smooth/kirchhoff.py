@@ -1,13 +1,13 @@
-"""Kirchhoff's integral over cells of bent surfaces, part by part.
+"""Kirchhoff's integral over cells of curved surfaces, part by part.
 
-Sound meets a cell as a whole along one ray, and goes back along one. Over the cell the bent surface is cut into m²
-parts so small that a phase is linear over each and no angle is left at which they act as a grating:
+Sound reaches a cell along one ray and returns along one. The curved surface over the cell is cut into m² parts, so
+small that the phase is linear over each and that they have no grating angle:
 
     <n·u e^iφ> = (1/m²) Σ_j ½ (n_j·u_s + n_j·u_r) <e^iφ>_j,    φ = -k (|x - s| - |x_c - s| + |x - r| - |x_c - r|)
 
-s and r where the wave comes from and goes to, at the radius of its curvature behind the cell's middle x_c; n_j the
-surface's own normal in the middle of part j, which counts where both s and r see it (`facets` on heights and normals,
-`scattering.facets` on the means).
+s and r are the places that the wave comes from and goes to, at the radius of its curvature behind the cell's middle
+x_c. n_j is the surface's own normal in the middle of part j, which counts if both s and r see it. (`facets` has heights
+and normals, `scattering.facets` the means.)
 """
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ CORNERS = (0.0, 0.0), (1.0, 0.0), (0.0, 1.0)
 
 
 def further(offset: mi.Vector3f, direction: mi.Vector3f, radius: mi.Float) -> mi.Float:
-    """How much further a spherical wave of a radius [m] along `direction` has come at `offset` [m] from its middle."""
+    """Return the extra distance of a spherical wave of a radius [m] along `direction`, `offset` [m] off its middle."""
     twice = 2 * radius * dr.dot(direction, offset) + dr.squared_norm(offset)
     return twice / (dr.sqrt(dr.maximum(radius * radius + twice, 0)) + radius)
 
@@ -33,18 +33,16 @@ def further(offset: mi.Vector3f, direction: mi.Vector3f, radius: mi.Float) -> mi
 def mean_sent_back(facets: SmoothFacets, cells: SmoothCells, parts: mi.UInt32,
                    ways: Sequence[tuple[mi.Vector3f, mi.Float]], wavenumber: mi.Float,
                    active: mi.Bool) -> tuple[mi.Float, mi.Float]:
-    """Mean of n·u e^iφ over cells, from one place to another."""
-    # parts (R,); ways (Vector3f, Float) [m]; wavenumber (R,) [rad/m]; active (R,) -> real, imaginary (R,)
+    """Return the mean of n·u e^iφ over cells between two places, as real and imaginary part (R,)."""
+    # parts (R,); ways (direction, radius [m]); wavenumber (R,) [rad/m]; active (R,)
     bend, normals = facets.bend_of(cells.facet, active), facets.normals_of(cells.facet, active)
     return _summed(facets.lib, parts, cells.flat, cells.places, bend, normals, cells.normal, ways, wavenumber, active)
 
 
 @dr.syntax
 def _summed(lib, parts, flat, places, bend, normals, normal, ways, wavenumber, active):
-    # -------------------------------------------------- loop state
-    j = mi.UInt32(0)                                             # part
-    real, imaginary = mi.Float(0), mi.Float(0)                   # sums so far
-    active = mi.Bool(active)
+    j = mi.UInt32(0)                                             # loop state: part, sums so far
+    real, imaginary, active = mi.Float(0), mi.Float(0), mi.Bool(active)
     one = dr.opaque(mi.UInt32, 1)
     while active:
         a, b = _part(lib, j, parts, flat, places, bend, normals, normal, ways, wavenumber)
@@ -70,7 +68,7 @@ def _part(lib, j, parts, flat, places, bend, normals, normal, ways, wavenumber):
         phases.append(-wavenumber * (there + further(offset, *other[0])) if other else -2 * wavenumber * there)
         middle_u, middle_v = middle_u + u * (1 / 3), middle_v + v * (1 / 3)
     n = dr.normalize(a + (b - a) * middle_u + (c - a) * middle_v)
-    # whichever side of the facet the sound is on
+    # for sound on either side of the facet
     side = -dr.dot(normal, direction)
     cosine = dr.maximum(dr.mulsign(-dr.dot(n, direction), side), 0)
     if other:

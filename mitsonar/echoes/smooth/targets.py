@@ -1,29 +1,29 @@
-"""Echoes of smooth surfaces: coherent, from cells so small that phases are linear over them, corners included.
+"""Echoes of smooth surfaces: coherent, from cells so small that phases are linear over them, several facets included.
 
-A cell of a facet is seen like a scatterer, along its own bent ray, and sends back (`scattering.facets`)
+A cell of a facet is reached like a scatterer, along its own bent ray, and sends back (`scattering.facets`)
 
     e = √(g_out g_back) (ik/4π) R (n·u_s + n·u_r) S <e^iφ>
 
-g the gains of its legs (`sonar_equation`), S its area, φ the phases at its corners: by how much further they are than
-the cell's centroid, out and back, for spherical waves of the radius √A, A the leg's spreading area. Neighbours' phases
-meet at their corners. Cells are as small as the curvature of the waves, the array's size and the range resolution ask
-for where they are seen from.
+g are the gains of its legs (`sonar_equation`), S its area, φ the phases at its corners: the extra distances from the
+cell's centroid, out and back, for spherical waves of the radius √A, with A the leg's spreading area. Phases of
+neighbours agree at shared corners. The size of cells follows from the curvature of the waves, the array's size and the
+range resolution, at the place they are seen from.
 
-Sound goes on from a lit cell as a tube: its corners are mirrored each at the surface's own normal there, as geometrical
-optics has it, until they meet the next smooth facet. There the tube's footprint sends back as a cell does, S its area,
-φ with the corners' ways in between, the pressure as high as keeps the power in the tube; so do the third facet's
-footprint, and so on. Legs in between are straight. All orders of facets are there, for all are lit: a dihedral's two,
-a trihedral's six. (Physical optics after geometrical: E. F. Knott, 1977, IEEE Trans. Antennas Propag. 25, 406.)
+Sound continues from a lit cell as a tube. Its corners are mirrored, each at the surface's own normal there, as in
+geometrical optics, until they meet the next smooth facet. There the tube's footprint sends back as a cell does, with
+its area as S, the corners' ways in between in φ, and a pressure that conserves the power in the tube. So do the
+footprints on the third facet, and so on. Legs in between are straight. All orders of facets occur, because all are lit:
+two for a dihedral, six for a trihedral. (Physical optics after geometrical: E. F. Knott, 1977, IEEE Trans. Antennas
+Propag. 25, 406.)
 
-Under a flat surface all of it is seen straight and by way of the mirror (`sights`), over a bed that reflects single
-facets by way of that (`bed_mirror`).
+Under a flat sea surface all of this is seen straight and by way of the mirror (`sights`). Over a bed that reflects,
+single facets are also seen by way of the bed (`bed_mirror`).
 """
 from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -36,42 +36,42 @@ from mitsonar.scene.shadows.occlusion import LIFT
 from mitsonar.scene.tracing.hits import Hits
 from mitsonar.scene.tracing.tracer import Sources
 
-from ..record import Echoes, EchoLeg
+from ..record import Echoes, EchoLeg, entries
 from ..scatterers.cells import divisions
-from ..sights.sight import path_of, product
+from ..sights.sight import complex_product, path_of, product
 from ..sights.sights import Sights
 from ..sonar_equation import absorbed, pressure_along_legs
 from .facets import SmoothFacets, warn_where_too_coarse
 from .kirchhoff import further, mean_sent_back
 
 CELLS_PER_BLOCK = 1 << 18
-RUNS_PER_BLOCK = 1 << 20           # facets that a ping sees, all pings together: memory of the host
-CURVED = 0.35                      # √(λ r) a cell spans at most: its phase is linear within π/16
-ASIDE = 1 / 10                     # λ r / D, D of the array: within a fifth of a radian at its ends
-DEEP = 1 / 3                       # of the range resolution: within half a radian at the ends of the band
-BEHIND = 1.0                       # of a facet's side that the source may lie behind its plane
-NEAREST = 0.05                     # [m] range that cells are cut for at least
+RUNS_PER_BLOCK = 1 << 20           # visible facets, all pings of a block together: limits host memory
+CURVED = 0.35                      # largest cell in √(λ r): its phase is linear within π/16
+ASIDE = 1 / 10                     # in λ r / D, D of the array: within a fifth of a radian at the ends of the array
+DEEP = 1 / 3                       # in range resolutions: within half a radian at the ends of the band
+BEHIND = 1.0                       # facet sides that the source may lie behind the facet's plane
+NEAREST = 0.05                     # [m] least range that cells are cut for
 MOST_CUTS = 32768
 MOST_CELLS = 10 ** 8               # of a ping: minutes of connecting
-WORTH_SAYING = 10 ** 7             # cells of a ping
-LIT = 2.5e-7                       # [s] of one core for a cell
-# sides of the cells that tubes start from, in wavelengths, if there are not more such cells to a ping than about this:
+WORTH_SAYING = 10 ** 7             # cells of a ping that cause a warning
+LIT = 2.5e-7                       # [s] of one core per cell
+# sides of the cells that tubes start from, in wavelengths, and about how many such cells a ping may have at that size
 FLAT_CELLS = 0.25, 1 << 18         # edges cut footprints that finely
-BENT_CELLS = 0.125, 1 << 19        # tubes of bent surfaces widen
+BENT_CELLS = 0.125, 1 << 19        # tubes of curved surfaces widen
 FLATTEST = 0.02                    # sine of the grazing angle below which a tube has no footprint
-STRONGEST_FOCUS = 1e4              # ratio of power densities along a tube: beyond lies a caustic
+STRONGEST_FOCUS = 1e4              # largest ratio of power densities along a tube: a caustic lies beyond
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Tube:
-    """Sound between two facets, or between sonar and facet, where it meets a facet; one an entry."""
+    """Sound between two facets, or between sonar and facet, where it meets a facet; one tube per entry."""
 
     active: mi.Bool
     place: mi.UInt32               # number of the ping
     facet: mi.UInt32
     point: dr.ArrayBase            # of its middle [m]
     corners: list[mi.Vector3f]     # of its footprint, from there [m]
-    ways: list[mi.Float]           # how much further the corners have come than the middle [m]
+    ways: list[mi.Float]           # extra distances of the corners over the middle [m]
     directions: list[mi.Vector3f]  # of the middle and of the corners
     area: mi.Float                 # of the footprint [m²]
     pressure: mi.Float             # at the footprint
@@ -79,22 +79,12 @@ class _Tube:
     between: mi.Float64            # from the first facet on [s]
     out: EchoLeg
 
-    def chosen(self, index: mi.UInt32) -> _Tube:
-        """The tubes with these numbers."""
-        return _Tube(**{name: _picked(value, index) for name, value in vars(self).items()})
-
-
-def _picked(value: Any, index: mi.UInt32) -> Any:
-    if isinstance(value, (list, tuple)):
-        return type(value)(_picked(part, index) for part in value)
-    return value.chosen(index) if isinstance(value, EchoLeg) else dr.gather(type(value), value, index)
-
 
 class SmoothTargets:
-    """The smooth surfaces of a scene."""
-    # frequency [Hz]; resolution [m]; reach [m]; farthest [m]
+    """Echoes of the smooth surfaces of a scene."""
 
-    def __init__(self, sights: Sights, *, frequency: float, resolution: float, reach: float, farthest: float,
+    def __init__(self, sights: Sights, *, frequency: float,                                      # [Hz]
+                 resolution: float, reach: float, farthest: float,                              # [m]
                  drift: float = 0.0):
         self.sights, self.geometry, self.water = sights, sights.geometry, sights.water
         self.lib = arrays_of(mi.Float)
@@ -107,7 +97,7 @@ class SmoothTargets:
         self.facets = SmoothFacets(self.geometry, self.wavelength)
         self.turn_rate = dr.opaque(mi.Float, 2 * np.pi * self.frequency)
         self.longest = dr.opaque(self.lib.Float64, self.farthest / slowest)
-        self._said = False
+        self._warned = False
 
     def __bool__(self) -> bool:
         return len(self.facets) > 0
@@ -115,14 +105,16 @@ class SmoothTargets:
     def echoes(self, sources: Sources, origins: np.ndarray, source: np.ndarray,
                choose: Callable[[int, np.ndarray, np.ndarray], np.ndarray] | None = None,
                ) -> Iterator[tuple[mi.UInt32, mi.UInt32, Echoes]]:
-        """Ensonify the surfaces."""
-        # origins (P, 3) [m]; source (P,); choose (F, 3) -> place, label (R,)
+        """Yield numbers of pings, labels and echoes of the surfaces, seen from pings at `origins` (P, 3) [m].
+
+        `choose`, called with a ping, centres (F, 3) and radii (F,), returns True for the facets to take.
+        """
         if not self:
             return
         place = _TargetPlaces(self.lib, np.asarray(origins, float), source)
         yield from self._single(sources, place, choose)
         for there, back, sign in self.sights.ways():
-            if there <= back:                        # the others are these the other way round
+            if there <= back:                        # the reverse paths share a computation
                 yield from self._single(sources, place, choose, "s" * there, "s" * back, sign)
         for there, back in self.sights.bed_ways():
             if there <= back:
@@ -133,9 +125,9 @@ class SmoothTargets:
                 yield from self._several(sources, place, choose, True)
 
     def edges(self, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Longest side of cells of every facet, (F,) [m], and which facets may be seen.
+        """Return the longest side of cells of every facet, (F,) [m], and which facets may be visible.
 
-        `origin` (3,) or (F, 3) [m] is where they are seen from.
+        They are seen from `origin` [m], (3,) or (F, 3).
         """
         facets = self.facets
         towards = facets.centre - origin
@@ -145,15 +137,15 @@ class SmoothTargets:
         edge = np.minimum(CURVED * np.sqrt(self.wavelength * nearest), DEEP * self.resolution)
         if self.reach > 0 or self.drift > 0:
             edge = np.minimum(edge, ASIDE * self.wavelength * nearest / (self.reach + self.drift * nearest))
-        # a bent surface is seen a little beyond where its facets are seen from behind
+        # a curved surface is visible from a little behind the plane of its facets
         hidden = facets.outward * plane < -BEHIND * facets.side
         return edge, (distance - facets.radius < self.farthest) & (facets.area > 0) & ~hidden
 
     def _blocks(self, places, tubes, choose, views):
-        """Lists of cells as (place, facet, s, n, m): to be lit as a whole and integrated over in m² parts.
+        """Yield cells to be lit as a whole as (place, facet, s, n, m), for integration over m² parts.
 
-        Those that `tubes` start from are smaller, and of one part. `views` are those that they are seen in, straight
-        ("") or by way of the mirror ("s") or the bed ("b").
+        Cells that `tubes` start from are smaller, and of one part. `views` are the ways by which the cells are seen:
+        straight (""), the mirror ("s") or the bed ("b").
         """
         facets, runs = self.facets, []
         for number, origin in enumerate(places.origins):
@@ -168,38 +160,39 @@ class SmoothTargets:
             seen = np.flatnonzero(seen)
             if tubes:
                 bent = facets.bent[seen]
-                for some, (share, most) in ((seen[~bent], FLAT_CELLS), (seen[bent], BENT_CELLS)):
-                    affordable = np.sqrt(facets.area[some].sum() * 4 / (np.sqrt(3) * most))
-                    edge[some] = np.minimum(edge[some], max(share * self.wavelength, affordable))
+                for own, (share, most) in ((seen[~bent], FLAT_CELLS), (seen[bent], BENT_CELLS)):
+                    affordable = np.sqrt(facets.area[own].sum() * 4 / (np.sqrt(3) * most))
+                    edge[own] = np.minimum(edge[own], max(share * self.wavelength, affordable))
             n = divisions(facets.side[seen], edge[seen]).astype(np.int64)
             n = np.maximum(n, facets.fewest[seen] if tubes else facets.fewest_lit[seen])
             parts = -(-facets.fewest[seen] // n)
             if n.max(initial=1) > MOST_CUTS:
-                raise ValueError(f"a smooth facet of {facets.side[seen].max():.0f} m has to be cut into cells of "
-                                 f"{edge[seen].min():.2g} m, more than {MOST_CUTS} to a side; take smaller facets")
+                raise ValueError(f"A smooth facet of {facets.side[seen].max():.0f} m needs cells of "
+                                 f"{edge[seen].min():.2g} m, more than {MOST_CUTS} to a side. Use smaller facets.")
             cells = int(np.sum((n * parts) ** 2))
             if cells > MOST_CELLS:
-                raise ValueError(f"smooth surfaces within reach of a ping take {cells:.2g} cells, of half a wavelength "
-                                 f"where they are bent, and {MOST_CELLS:.0e} is the most; make large surfaces rough, "
-                                 "or take a shorter range or a lower frequency")
-            if cells >= WORTH_SAYING and not self._said:
-                self._said = True
-                warnings.warn(f"smooth surfaces within reach take {cells:.2g} cells each time they are ensonified, at "
-                              f"least once a ping: about {LIT * cells:.2g} s of one core; make large surfaces rough, "
-                              "or take a shorter range, less bandwidth or a lower frequency", stacklevel=2)
+                raise ValueError(f"Smooth surfaces within reach of a ping need {cells:.2g} cells, of half a wavelength "
+                                 f"where they are curved; the limit is {MOST_CELLS:.0e}. Make large surfaces rough, or "
+                                 "use a shorter range or a lower frequency.")
+            if cells >= WORTH_SAYING and not self._warned:
+                self._warned = True
+                warnings.warn(f"smooth surfaces within reach need {cells:.2g} cells each time they are ensonified, at "
+                              f"least once a ping: about {LIT * cells:.2g} s of one core. To save time, make large "
+                              "surfaces rough, or use a shorter range, less bandwidth or a lower frequency",
+                              stacklevel=2)
             runs.append(np.stack([np.full(len(seen), number), seen, n, parts], 1))
             if number + 1 == len(places.origins) or sum(map(len, runs)) > RUNS_PER_BLOCK:
                 yield from _listed(np.concatenate(runs))
                 runs = []
 
     def _image(self, point, by):
-        """Where points (F, 3), or one (3,), appear to lie by way of something; of the bed, that under each facet."""
+        """Return the images of points (F, 3), or of one (3,), in the mirror or in the bed under each facet."""
         if by == "b" and self.sights.bed is not None:
             return self.sights.bed.planes.image(point, self.facets.label)
         return point * np.array([1, 1, -1 if by == "s" else 1])
 
     def _seen(self, sources, places, number, cells, by):
-        """Cells as they are seen by way of something."""
+        """Return the sights of cells, straight, by way of the mirror or of the bed."""
         origin, source = places.at(number)
         if by == "b" and self.sights.bed is not None:
             return self.sights.bed.see(sources, origin, source, cells.point, cells.normal,
@@ -207,7 +200,7 @@ class SmoothTargets:
         return self.sights.see(sources, origin, source, cells.point, cells.normal, folded=by == "s")
 
     def _single(self, sources, places, choose, there="", back="", sign=1.0):
-        """Echoes of one facet, seen straight, by way of the mirror or of the bed."""
+        """Yield the echoes of single facets, seen straight, by way of the mirror or of the bed."""
         for number, facet, s, n, parts in self._blocks(places, False, choose, {there, back}):
             cells = self.facets.cells(facet, s, n)
             sights = [self._seen(sources, places, number, cells, by) for by in sorted({there, back})]
@@ -221,23 +214,22 @@ class SmoothTargets:
             mean = mean_sent_back(self.facets, cells, parts, waves, wavenumber, active)
             gain = sights[0].gain if len(sights) == 1 else pressure_along_legs(1.0, sights[0].gain, sights[1].gain)
             pressure = gain * wavenumber * cells.area * float(sign * 0.5 / np.pi)
-            # off the specular direction the mean of both angles' coefficients: the same both ways
+            # off the specular direction, the mean of the coefficients at both angles, so that it is reciprocal
             factors = [self._coefficient(facet, cells.point, direction, way.sound_speed, active)
                        for way, (direction, _) in zip(ways, waves)]
             factor = tuple(sum(column) * (1 / len(factors)) for column in zip(*factors))
             amplitude, later = _turned(factor, mean, pressure), dr.zeros(mi.Float64, dr.width(s))
             if "b" in there + back:
-                (real, imaginary), later = product(sights[0], sights[-1])
-                amplitude = (amplitude[0] * real - amplitude[1] * imaginary,
-                             amplitude[0] * imaginary + amplitude[1] * real)
+                factors, later = product(sights[0], sights[-1])
+                amplitude = complex_product(amplitude, factors)
             for out, home in [(0, -1)] if len(sights) == 1 else [(0, 1), (1, 0)]:
-                # by way of the bed on both legs these are two, for the time between to count
+                # by way of the bed on both legs, a copy, so that the time between counts
                 leg = None if there == back != "b" else replace(sights[home].leg)
                 yield from _sent(number, self.facets.facts(facet)[2], sights[out].leg, leg, later, amplitude,
                                  path_of(there, back), active)
 
     def _several(self, sources, places, choose, folded):
-        """Echoes of more facets, of tubes that start straight or by way of the mirror."""
+        """Yield the echoes of several facets, by tubes that start straight or by way of the mirror."""
         for number, facet, s, n, _ in self._blocks(places, True, choose, {"s" * folded}):
             cells = self.facets.cells(facet, s, n)
             origin, source = places.at(number)
@@ -268,11 +260,11 @@ class SmoothTargets:
                     yield from self._sent_back(tube, sight, name, 1.0 if back == folded else -1.0)
 
     def _normal(self, facet, point):
-        """Of the surface that facets stand for, at points of them."""
+        """Return the normals of the surface that facets stand for, at points of the facets."""
         return self.facets.normals_at(facet, point, [dr.zeros(mi.Vector3f, dr.width(facet))])[0]
 
     def _coefficient(self, facet, point, direction, sound_speed, active):
-        """Reflection coefficient for sound that comes along `direction`."""
+        """Return the reflection coefficient for sound that arrives along `direction`."""
         shape, primitive, _ = self.facets.facts(facet)
         normal = self._normal(facet, point)
         hits = Hits.on_surface(valid=active, point=point, normal=normal, arrival_direction=direction,
@@ -281,13 +273,12 @@ class SmoothTargets:
         return reflection(hits, active, self.frequency)
 
     def _reflected(self, tube, sound_speed):
-        """The tube with the coefficient of the facet it meets."""
-        real, imaginary = self._coefficient(tube.facet, tube.point, tube.directions[0], sound_speed, tube.active)
-        a, b = tube.reflected
-        return replace(tube, reflected=(a * real - b * imaginary, a * imaginary + b * real))
+        """Return the tube, multiplied by the coefficient of the facet that it meets."""
+        coefficient = self._coefficient(tube.facet, tube.point, tube.directions[0], sound_speed, tube.active)
+        return replace(tube, reflected=complex_product(tube.reflected, coefficient))
 
     def _sent_back(self, tube, sight, path, sign):
-        """What the footprints of tubes send back to where they are seen from."""
+        """Yield the echoes of the tubes' footprints along the legs of a sight."""
         way = sight.way
         normal, towards, back = self._normal(tube.facet, tube.point), tube.directions[0], way.arrival_direction
         wavenumber = self.turn_rate / mi.Float(way.sound_speed)
@@ -303,7 +294,7 @@ class SmoothTargets:
                          _turned(tube.reflected, mean, pressure), path, active)
 
     def _on(self, sources, tube, way):
-        """Mirror tubes and follow them to the next smooth facet: the tubes that meet one, or None."""
+        """Mirror tubes and follow them to the next smooth facet; return the tubes that meet one, or None."""
         zero = dr.zeros(mi.Vector3f, dr.width(tube.facet))
         normals = self.facets.normals_at(tube.facet, tube.point, [zero, *tube.corners])
         directions = [d - 2 * dr.dot(d, n) * n for d, n in zip(tube.directions, normals)]
@@ -322,9 +313,8 @@ class SmoothTargets:
         index = compressed(active)
         if not dr.width(index):
             return None
-        tube, facet = tube.chosen(index), dr.gather(mi.UInt32, facet, index)
-        directions, side = _picked(directions, index), _picked(side, index)
-        speed, height = _picked(way.sound_speed, index), _picked(tube.point.z, dr.arange(mi.UInt32, dr.width(index)))
+        tube, facet = entries(tube, index), dr.gather(mi.UInt32, facet, index)
+        directions, side, speed = entries(directions, index), entries(side, index), entries(way.sound_speed, index)
         normal = self.facets.flat_normal(facet)
         direction, a = directions[0], self.facets.corners_of(facet)[0]
         length = dr.dot(a - tube.point, wide(normal)) / dr.dot(wide(direction), wide(normal))
@@ -337,7 +327,7 @@ class SmoothTargets:
             falling = dr.dot(other, normal)
             active &= falling * steep > FLATTEST * abs(steep)
             more = -dr.dot(aside, normal) / falling
-            # from the facet on to the bent surface
+            # from the facet on to the curved surface
             ((u, v),) = self.facets.barycentric(facet, point, [aside + more * other])
             more += self.facets.height(facet, u, v) / falling
             corners.append(aside + more * other)
@@ -345,7 +335,7 @@ class SmoothTargets:
         area = 0.5 * dr.norm(dr.cross(corners[1] - corners[0], corners[2] - corners[0]))
         # power in the tube: its cross-section before and after
         widening = area * abs(steep) / dr.maximum(tube.area * abs(dr.dot(side, direction)), 1e-30)
-        loss_db = 0.5 * self.water.direct.loss_db(mi.Float(-height), mi.Float(-point.z), short,
+        loss_db = 0.5 * self.water.direct.loss_db(mi.Float(-tube.point.z), mi.Float(-point.z), short,
                                                   dr.zeros(mi.Float, dr.width(short)))
         pressure = tube.pressure * dr.sqrt(absorbed(loss_db) / dr.maximum(widening, 1 / STRONGEST_FOCUS))
         tube = _Tube(active=active & (area > 0), place=tube.place, facet=facet, point=point, corners=corners, ways=ways,
@@ -356,13 +346,13 @@ class SmoothTargets:
 
 
 def _turned(factor, mean, pressure):
-    """i times complex factor, mean and a real pressure."""
+    """Return i times a complex factor, a complex mean and a real pressure."""
     (a, b), (real, imaginary) = factor, mean
     return -pressure * (a * imaginary + b * real), pressure * (a * real - b * imaginary)
 
 
 def _sent(place, label, out, back, between, amplitude, path, active):
-    """Yield what of some echoes is there; `back` None: the way out."""
+    """Yield the active echoes with ping and label; without `back`, they return along the way out."""
     energy = dr.square(amplitude[0]) + dr.square(amplitude[1])
     echoes = Echoes(out=out, back=out if back is None else back, between=between, energy=energy, amplitude=amplitude,
                     path=path).evaluated()
@@ -375,7 +365,7 @@ def _sent(place, label, out, back, between, amplitude, path, active):
 
 
 class _TargetPlaces:
-    """Where sound leaves from: look-ups by number."""
+    """Sources of sound, looked up by number."""
 
     def __init__(self, lib, origins, source):
         self.lib, self.origins = lib, origins
@@ -384,13 +374,13 @@ class _TargetPlaces:
         dr.eval(self._origin, self._source)
 
     def at(self, number: mi.UInt32) -> tuple[dr.ArrayBase, mi.UInt32]:
-        """Place, Array3f64 (R,) [m], and index of the source."""
+        """Return places, Array3f64 (R,) [m], and indices of the sources."""
         row = dr.gather(self.lib.Array4f64, self._origin, number)
         return self.lib.Array3f64(row[0], row[1], row[2]), dr.gather(mi.UInt32, self._source, number)
 
 
 def _listed(runs):
-    """Yield cells (place, facet, s, n, m), UInt32, of runs (K, 4) of all but s, CELLS_PER_BLOCK at most."""
+    """Yield cells (place, facet, s, n, m), UInt32, of runs (K, 4) without s; at most CELLS_PER_BLOCK at a time."""
     counts = runs[:, 2].astype(np.int64) ** 2
     ends = np.cumsum(counts)
     total = int(ends[-1]) if len(ends) else 0

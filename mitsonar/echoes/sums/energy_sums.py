@@ -1,9 +1,9 @@
-"""Echo energy per time bin, summed exactly.
+"""Exact sums of echo energy per time bin.
 
-Sums are kept in 64-bit integers, so they do not depend on the order of additions, hence not on the number of threads.
-One unit is 2^-50 of 10^(SL/10) 10^(-2 α R / 10) Φ / R², Φ the sonar's equivalent beam, R the bin's slant range, α
-the least absorption of the water: 60 dB finer than a typical ray of a typical bin, with room for a bin 30 dB above a
-perfect reflector that fills the beam.
+Sums are 64-bit integers, so they depend neither on the order of additions nor on the number of threads.
+One unit is 2^-50 of 10^(SL/10) 10^(-2 α R / 10) Φ / R², with Φ the sonar's equivalent beam, R the bin's slant range and
+α the least absorption of the water. That is 60 dB finer than a typical ray of a typical bin, and leaves room for a bin
+30 dB above a perfect reflector that fills the beam.
 """
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from mitsonar.device.arrays import arrays_of
 from mitsonar.device.types import DrJitArray
 
 UNIT_BITS = 50
-LARGEST = 2.0 ** 58                # units a single echo may bring
+LARGEST = 2.0 ** 58                # most units of a single echo
 
 
 def sum_size(needed: int) -> int:
-    """Return the number of entries to allocate for sums of so many.
+    """Return the number of entries to allocate for `needed` sums: a power of two, from 65536.
 
-    Dr.Jit compiles the size of a scatter's target into the kernel, so few sizes exist: powers of two, from 65536.
+    Dr.Jit compiles the size of a scatter's target into the kernel; with few sizes, few kernels are compiled.
     """
     return max(1 << 16, 1 << (int(needed) - 1).bit_length())
 
 
 def add_words(target: DrJitArray, words: Sequence[DrJitArray], index: DrJitArray, active: DrJitArray) -> None:
-    """Scatter 2, 4 or 8 words of UInt64 each to rows of as many words, where `index` (R,) is the number of the row.
+    """Add 2, 4 or 8 words of UInt64 to rows of as many words; `index` (R,) is the number of the row.
 
-    As a packet they cost little more than one of them, where every thread has a copy of the sums of its own.
+    Where every thread has its own copy of the sums, a packet of words costs little more than a single word.
     """
     if dr.width(target) <= dr.expand_threshold():
         dr.scatter_add(target, arrays_of(target).ArrayXu64(list(words)), index, active)
@@ -43,22 +43,22 @@ def add_words(target: DrJitArray, words: Sequence[DrJitArray], index: DrJitArray
 
 @dataclass(frozen=True, kw_only=True)
 class SummedEnergy:
-    """Energies of a block of pings."""
+    """Energies of a block of pings in physical units."""
 
     intensity: np.ndarray  # [µPa²]
-    label_intensity: np.ndarray  # [µPa²]: of every instance
-    path_intensity: np.ndarray | None  # [µPa²]: none where paths are not told apart
+    label_intensity: np.ndarray  # [µPa²]: of each instance
+    path_intensity: np.ndarray | None  # [µPa²]: of each path; None if paths are not separated
     depth: np.ndarray  # [m]: mean, weighted by energy
     rays: np.ndarray
     rays_in_beam: np.ndarray
-    meets: np.ndarray  # whether a ray of the main lobe arrives from an instance
+    meets: np.ndarray  # True where a ray of the main lobe arrives from an instance
 
 
 class EchoSums:
-    """Integer sums of a block of pings, and their reading in physical units."""
-    # depth_range [m]
+    """Integer sums of a block of pings."""
 
-    def __init__(self, lib: ModuleType, rows: int, labels: int, bins: int, depth_range: tuple[float, float],
+    def __init__(self, lib: ModuleType, rows: int, labels: int, bins: int,
+                 depth_range: tuple[float, float],                                             # [m]
                  paths: int = 1):
         top, bottom = self.depth_range = depth_range
         self._top, self._per_depth = dr.opaque(lib.Float, top), dr.opaque(lib.Float, 1 / max(bottom - top, 1e-6))
@@ -66,14 +66,14 @@ class EchoSums:
         self.energy = dr.zeros(lib.UInt64, sum_size(rows * labels * bins))
         self.depth_and_count = dr.zeros(lib.UInt64, sum_size(2 * rows * bins))
         self.path_energy = dr.zeros(lib.UInt64, sum_size(rows * paths * bins)) if paths > 1 else None
-        # a bit for each label
+        # one bit per label
         self.words = -(-labels // 64)
         self.met = dr.zeros(lib.UInt64, sum_size(rows * self.words * bins))
 
     def add(self, *, row: DrJitArray, label: DrJitArray, bin: DrJitArray, units: DrJitArray, depth: DrJitArray,
             in_beam: DrJitArray, active: DrJitArray, path: DrJitArray | None = None, counted: bool = True) -> None:
-        """Scatter echoes into their bins."""
-        # row, label, bin (R,); units (R,); depth (R,) [m]; in_beam (R,); active (R,); path (R,)
+        """Add echoes to their bins."""
+        # all (R,); units of 2^-50, see above; depth [m]
         lib = self.lib
         U = lib.UInt64
         units = dr.minimum(units, LARGEST)
@@ -85,7 +85,7 @@ class EchoSums:
             paths = dr.opaque(lib.UInt32, self.paths)
             dr.scatter_add(self.path_energy, whole, (row * paths + (path - 1)) * bins + bin, active)
         height = dr.clip((depth - self._top) * self._per_depth, 0, 1)
-        # a quarter: depths must not overflow before the energies they are divided by
+        # a quarter, so that depths do not overflow before the energies that they are divided by
         depth_share = U(units * lib.Float64(height) * 0.25 + 0.5)
         if counted:
             words, number = dr.opaque(lib.UInt32, self.words), label - 1
@@ -96,12 +96,11 @@ class EchoSums:
             dr.scatter_add(self.depth_and_count, depth_share, 2 * place, active)
 
     def sums(self) -> list[DrJitArray]:
-        """Arrays to evaluate."""
+        """Return the arrays to evaluate."""
         return [array for array in (self.energy, self.depth_and_count, self.met, self.path_energy) if array is not None]
 
     def read(self, unit: np.ndarray) -> SummedEnergy:
-        """Return the sums as physical arrays."""
-        # unit [µPa²]
+        """Return the sums in physical units, from the size of a unit [µPa²] in each bin."""
         shape = (self.rows, self.bins)
 
         def values(sums, *shape):

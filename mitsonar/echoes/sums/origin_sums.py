@@ -1,9 +1,9 @@
-"""Where the echoes of a time bin come from: integer sums beside those of `energy_sums`, of the same rays.
+"""Origin of the echoes of a time bin: integer sums beside those of `energy_sums`, from the same rays.
 
-For every bin the sums hold the mean place of the seabed that the main lobe sees there, weighted by echo energy; what
-the seabed behind objects would send if the objects were not there, by object; and from which sectors rays of the main
-lobe arrive, as a mask of bits. Sectors order the directions of a ping by where they would meet a level bed (`sector`):
-where a slope faces the sonar or an object stands up, sound from separate sectors falls into one bin (layover).
+For every bin the sums hold the mean place of the seabed in the main lobe, weighted by echo energy; the energy that each
+object hides, which the seabed behind it would send; and the sectors from which rays of the main lobe arrive, as a bit
+mask. Sectors order the directions of a ping by the place where they would meet a level bed (`sector`). Where a slope
+faces the sonar or an object stands up, sound from separate sectors falls into one bin (layover).
 """
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from .energy_sums import LARGEST, add_words, sum_size
 
 SECTORS = 256
 PLACE, MASK = 8, SECTORS // 64     # words of a bin: seabed's energy, that of the main lobe, by x, y, depth, 3 idle;
-WORDS = PLACE + MASK               # those of the sectors; all
-FINER = 16                         # than a unit: places far off count, and a bin 30 dB above a perfect reflector fits
-ROUNDING = 0.02                    # [m] that the rounding of an echo's share in a place to 1 may move it
+WORDS = PLACE + MASK               # sectors; total
+FINER = 16                         # parts of a unit, for far places; a bin 30 dB above a perfect reflector still fits
+ROUNDING = 0.02                    # [m] tolerated shift of a place by rounding an echo's share to 1
 
 
 def sector(sine: DrJitArray, depth_below: DrJitArray, farthest: DrJitArray) -> DrJitArray:
-    """Sector of directions: how far along the record they would meet a level bed."""
-    # sine (R,); depth_below (R,) [m]; farthest [m] -> (R,)
+    """Return the sectors of directions by how far along the record they would meet a level bed."""
+    # sine (R,); depth_below (R,) [m]; farthest [m]
     slant_range = depth_below / dr.maximum(sine, 1e-6)
     share = (slant_range - depth_below) / dr.maximum(farthest - depth_below, 1e-3)
     return dr.uint32_array_t(type(sine))(held(share, 0, 1) * (SECTORS - 1e-3))
@@ -36,16 +36,16 @@ def sector(sine: DrJitArray, depth_below: DrJitArray, farthest: DrJitArray) -> D
 
 @dataclass(frozen=True, kw_only=True)
 class SummedOrigins:
-    """Where the energies of a block of pings come from."""
+    """Origins of the energies of a block of pings."""
 
-    seabed_place: np.ndarray  # [m]: x, y and depth of the seabed that the main lobe sees, NaN where that is hardly any
+    seabed_place: np.ndarray  # [m]: x, y and depth of the seabed in the main lobe; NaN where its energy is too low
     seabed_intensity: np.ndarray  # [µPa²]
-    hidden_intensity: np.ndarray | None  # [µPa²]: what each object hides of the seabed
+    hidden_intensity: np.ndarray | None  # [µPa²]: of the seabed that each object hides
     layover: np.ndarray  # number of separate runs of sectors
 
 
 class OriginSums:
-    """Sums of a block of pings."""
+    """Integer sums of a block of pings."""
 
     def __init__(self, lib: ModuleType, rows: int, labels: int, bins: int, hidden: bool):
         self.lib, self.rows, self.labels, self.bins = lib, rows, labels, bins
@@ -55,8 +55,7 @@ class OriginSums:
 
     def add(self, *, row: DrJitArray, bin: DrJitArray, units: DrJitArray, place: Sequence[DrJitArray],
             sector: DrJitArray, seabed: DrJitArray, in_beam: DrJitArray, active: DrJitArray) -> None:
-        """Scatter rays that arrive from where they hit."""
-        # row, bin (R,); units (R,); place (R,); sector (R,); seabed (R,); in_beam, active (R,)
+        """Add rays to the bins in which they arrive; all arguments (R,)."""
         U = self.lib.UInt64
         index = row * dr.opaque(self.lib.UInt32, self.bins) + bin
         units = dr.minimum(units, LARGEST)
@@ -69,19 +68,18 @@ class OriginSums:
 
     def add_hidden(self, *, row: DrJitArray, label: DrJitArray, bin: DrJitArray, units: DrJitArray,
                    active: DrJitArray) -> None:
-        """Scatter what the seabed behind objects would send; `label` is the object's number."""
+        """Add the energy of the seabed behind objects; `label` is the number of the object."""
         lib = self.lib
         bins, labels = dr.opaque(lib.UInt32, self.bins), dr.opaque(lib.UInt32, self.labels)
         dr.scatter_add(self.hidden, lib.UInt64(0.25 * dr.minimum(units, LARGEST) + 0.5),
                        (row * labels + (label - 1)) * bins + bin, active)
 
     def sums(self) -> list[DrJitArray]:
-        """Arrays to evaluate."""
+        """Return the arrays to evaluate."""
         return [array for array in (self.place, self.sectors, self.hidden) if array is not None]
 
     def read(self, unit: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> SummedOrigins:
-        """Return the sums as physical arrays."""
-        # unit [µPa²]; lower, upper (3,) [m]
+        """Return the sums in physical units, from the size of a unit [µPa²] and the limits (3,) [m] of places."""
         def values(sums, *shape):
             return sums.numpy()[:int(np.prod(shape))].reshape(shape)
 
@@ -98,9 +96,9 @@ class OriginSums:
 
 
 def runs(masks: np.ndarray) -> np.ndarray:
-    """Count the runs of ones in masks (..., words) of 64 bits, the lowest first: uint8 (...).
+    """Return the number of runs of ones in masks (..., words) of 64 bits, the lowest first: uint8 (...).
 
-    A single zero between ones is taken for a sector that no ray happened to come from.
+    A single zero between ones counts as a sector from which no ray happened to come.
     """
     masks = masks | _raised(masks) & _lowered(masks)
     first = np.ascontiguousarray(masks & ~_raised(masks))
@@ -108,14 +106,14 @@ def runs(masks: np.ndarray) -> np.ndarray:
 
 
 def _raised(masks: np.ndarray) -> np.ndarray:
-    """Every bit one place up."""
+    """Return masks with every bit one place up."""
     out = masks << np.uint64(1)
     out[..., 1:] |= masks[..., :-1] >> np.uint64(63)
     return out
 
 
 def _lowered(masks: np.ndarray) -> np.ndarray:
-    """Every bit one place down."""
+    """Return masks with every bit one place down."""
     out = masks >> np.uint64(1)
     out[..., :-1] |= masks[..., 1:] << np.uint64(63)
     return out
