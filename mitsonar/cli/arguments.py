@@ -1,22 +1,25 @@
-"""What the commands' arguments have in common: the parser, scenes, ``-D KEY=VALUE``, seeds and threads."""
+"""Arguments that commands share: the parser, scenes, ``-D KEY=VALUE``, seeds, threads, and names of output files."""
 import argparse
+import os
 import re
 import sys
 from collections.abc import Sequence
-from typing import NoReturn, TypeAlias
+from typing import Any, NoReturn, TypeAlias
 
+from mitsonar.device.files import check_writable
 from mitsonar.device.spelling import meant
 
-from .completion import SCENES, complete_with
+from .completion import add_file
 
 MOST_THREADS = 1024
-Commands: TypeAlias = "argparse._SubParsersAction[Parser]"      # what commands are added to
+Commands: TypeAlias = "argparse._SubParsersAction[Parser]"      # to which each command is added
+GAINS = ("seabed", "target", "recorder", "none")
 
 
 class Parser(argparse.ArgumentParser):
-    """Argument parser whose complaints are errors like all others."""
+    """Argument parser that raises ValueError, as every other check does."""
 
-    _words: Sequence[str] = ()         # that were parsed last
+    _words: Sequence[str] = ()         # those parsed last
 
     def error(self, message: str) -> NoReturn:
         choice = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)$", message)
@@ -28,7 +31,7 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(  # pyright: ignore[reportIncompatibleMethodOverride]  one form of several
             self, args: Sequence[str] | None = None,
             namespace: argparse.Namespace | None = None) -> tuple[argparse.Namespace, list[str]]:
-        """Parse, and remember the words for what `error` says of them."""
+        """Parse the words, and keep them for the hint of `error`."""
         self._words = list(sys.argv[1:] if args is None else args)
         return super().parse_known_args(self._words, argparse.Namespace() if namespace is None else namespace)
 
@@ -43,44 +46,82 @@ class Parser(argparse.ArgumentParser):
     def parse_args(  # pyright: ignore[reportIncompatibleMethodOverride]  one form of two
             self, args: Sequence[str] | None = None,
             namespace: argparse.Namespace | None = None) -> argparse.Namespace:
-        """Parse, and say of an unknown option which one may be meant."""
-        found = argparse.Namespace() if namespace is None else namespace
-        found, rest = self.parse_known_args(args, found)
-        behind = getattr(found, "behind_options", None)                    # argparse takes none there into a list
+        """Parse all words, and suggest a known option for an unknown one."""
+        parsed, rest = self.parse_known_args(args, namespace)
+        behind = getattr(parsed, "behind_options", None)       # a list whose words may also follow the options
         if behind is not None and not any(word.startswith("-") for word in rest):
-            setattr(found, behind, [*getattr(found, behind), *rest])
+            setattr(parsed, behind, [*getattr(parsed, behind), *rest])
             rest = []
         if rest:
             commands = next(action for action in self._actions if isinstance(action, argparse._SubParsersAction))
-            command = commands.choices[found.command]
+            command = commands.choices[parsed.command]
             hint = meant(rest[0].partition("=")[0], command._option_string_actions)
             command.error(f"unrecognized arguments: {' '.join(rest)}{hint}")
-        return found
+        return parsed
 
 
-def add_scene(command: argparse.ArgumentParser, also: str = "") -> None:
-    """Add what a command that loads a scene takes: the scene (or what ``also`` says), parameters, seed and threads."""
-    scene = command.add_argument("scene", help="Mitsuba XML file, or the name of a scene that comes with mitsonar"
-                                               f"{also}")
-    complete_with(scene, SCENES)
+def add_scene(command: argparse.ArgumentParser, also: str = "", sensors: str = "") -> None:
+    """Add a scene, its parameters, seed, threads and sonar; ``also`` and ``sensors`` extend the help."""
+    add_file(command, "scene", shipped=True,
+             help=f"Mitsuba XML file, or the name of a scene that comes with mitsonar{also}")
+    add_parameters(command)
+    command.add_argument("--seed", type=whole, default=0, metavar="N", help="random seed; default: 0")
+    add_threads(command)
+    command.add_argument("--sensor", default=0, metavar="ID",
+                         help=f"id of one of the scene's sonars{sensors}; default: the first")
+
+
+def add_parameters(command: argparse._ActionsContainer) -> None:
+    """Add ``-D KEY=VALUE``."""
     command.add_argument("-D", dest="parameters", action="append", default=[], metavar="KEY=VALUE",
                          help="value for a $parameter of the scene; repeatable")
-    command.add_argument("--seed", type=whole, default=0, metavar="N", help="of all that is random; default: 0")
+
+
+def add_threads(command: argparse._ActionsContainer) -> None:
+    """Add ``--threads``."""
     command.add_argument("--threads", type=whole, metavar="N", help="worker threads, at least 2; default: one per core")
 
 
 def parameters(arguments: argparse.Namespace) -> dict[str, str]:
     """Return the values of ``-D`` by name, as text."""
     values = {}
-    for key, value in map(_key_value, arguments.parameters):
+    for text in arguments.parameters:
+        key, equals, value = text.partition("=")
+        if not (equals and key):
+            raise ValueError(f"-D takes KEY=VALUE, got {text!r}; for example -D pings=200")
         if key in values:
             raise ValueError(f"-D {key} is given twice, as {values[key]} and {value}; leave one out")
         values[key] = value
     return values
 
 
+def gain(arguments: argparse.Namespace) -> Any:
+    """Return the display gain of ``--tvg``."""
+    return None if arguments.tvg == "none" else arguments.tvg
+
+
+def check_output(path: str, suffixes: Sequence[str], advice: str = "") -> str:
+    """Check the folder and the suffix of an output file before any work is spent on it; return the suffix."""
+    check_writable(path)
+    suffix = os.path.splitext(path)[1].lower()
+    if suffix not in suffixes:
+        *others, last = suffixes
+        known = f"{', '.join(others)} or {last}" if others else last
+        raise ValueError(f"cannot write {path}: its name must end in {known}{advice}")
+    return suffix
+
+
+def check_picture(path: str | None) -> None:
+    """Check the name of a picture, if there is one."""
+    if path is not None:
+        from mitsonar.plots.canvas import file_format
+
+        file_format(path)
+        check_writable(path)
+
+
 def set_up(threads: int | None) -> None:
-    """Silence what Mitsuba says beside its errors, and set the number of threads."""
+    """Silence Mitsuba's log below errors, and set the number of threads."""
     import drjit as dr
     import mitsuba as mi
 
@@ -109,10 +150,3 @@ def number(text: str) -> float:
         return float(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
-
-
-def _key_value(text):
-    key, equals, value = text.partition("=")
-    if not (equals and key):
-        raise ValueError(f"-D takes KEY=VALUE, got {text!r}; for example -D pings=200")
-    return key, value

@@ -17,13 +17,13 @@ PREAMBLE = {
 }}"""}
 
 
-def complete_with(argument: argparse.Action, names: dict[str, str]) -> None:
-    """Say what completes an argument: `FILES` or `SCENES`."""
-    setattr(argument, "complete", names)               # where shtab looks for it
+def add_file(command: argparse._ActionsContainer, *names: str, shipped: bool = False, **options: Any) -> None:
+    """Add an argument that shells complete by names of files, and of shipped scenes where `shipped` is True."""
+    setattr(command.add_argument(*names, **options), "complete", SCENES if shipped else FILES)
 
 
 class Completion(argparse.Action):
-    """Print the script for a shell, and end."""
+    """Print the completion script of a shell, and end."""
 
     def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any,
                  option_string: str | None = None) -> None:

@@ -1,68 +1,123 @@
-"""The commands that make what sidescan software and GIS read: convert, mosaic."""
+"""The commands that write files for sidescan software and GIS: raster, convert, mosaic, grid."""
 import datetime
 import os
 
-from .arguments import Commands, number, whole
-from .completion import FILES, complete_with
+from .arguments import GAINS, Commands, check_output, gain, number, whole
+from .completion import add_file
 from .words import announce, warn
 
-RECORDS = (".exr", ".nc")
-GAINS = ("seabed", "target", "none")
+RECORDS, PICTURE, GEOTIFFS = (".exr", ".nc"), ".png", (".tif", ".tiff")
+NEEDED = ("x", "y", "depth", "valid", "uncertainty")
+LAYERS = ("depth", "count", "deviation", "uncertainty")
 
 
 def add(commands: Commands) -> None:
     """Add the commands to the parser's."""
-    convert = commands.add_parser("convert", help="write sidescan images as XTF; EXR as netCDF and back; focused "
-                                                  "images as GeoTIFF; all as HDF5")
-    complete_with(convert.add_argument("images", metavar="IN.exr", nargs="+",
-                                       help="EXR or netCDF; for XTF several frequencies of one track"), FILES)
-    complete_with(convert.add_argument("output", metavar="OUT.xtf|nc|exr|tif|h5"), FILES)
-    convert.add_argument("--tvg", default="seabed", choices=GAINS,
-                         help="gain over range in the samples of an XTF; its scale is written beside them")
-    convert.add_argument("--start", metavar="DATE", help="of time 0, such as 2026-05-01T10:00:00Z; default: 1970")
+    raster = commands.add_parser("raster", help="draw fans of beams as pictures in metres, with their labels")
+    add_file(raster, "image", metavar="IN.exr", help="image of a fan or a rotating head")
+    raster.add_argument("-o", "--output", metavar="OUT.exr|nc|png",
+                        help="all frames with their labels, or the grey levels of one frame; default: IN_raster.exr")
+    raster.add_argument("--cell", type=float, metavar="M",
+                        help="side of a cell; default: a bin, with at most 1024 cells a side")
+    raster.add_argument("--only", metavar="NAMES", help="variables to write, such as \"level, label\"; default: all")
+    raster.add_argument("--frame", type=whole, metavar="N",
+                        help="number of the only frame to draw, from 0; default: all, in a PNG the first")
+    raster.set_defaults(run=_raster)
+
+    convert = commands.add_parser("convert", help="convert sidescan images to XTF, EXR to netCDF and back, focused "
+                                                  "images to GeoTIFF, and any image to HDF5")
+    add_file(convert, "images", metavar="IN.exr", nargs="+",
+             help="EXR or netCDF; for XTF several frequencies of one track")
+    add_file(convert, "output", metavar="OUT.xtf|nc|exr|tif|h5", help="converted image")
+    convert.add_argument("--tvg", default="seabed", choices=[name for name in GAINS if name != "recorder"],
+                         help="gain over range in the samples of an XTF; their scale is printed")
+    convert.add_argument("--start", metavar="DATE",
+                         help="date of time 0, such as 2026-05-01T10:00:00Z; default: 1970")
     convert.add_argument("--coordinates", choices=("degrees", "metres"),
                          help="of an XTF's positions; default: degrees where the scene's coordinate system is known")
     convert.set_defaults(run=_convert)
 
     mosaic = commands.add_parser("mosaic", help="lay sidescan images on a map, as a GeoTIFF")
-    complete_with(mosaic.add_argument("images", metavar="IN.exr", nargs="+", help="EXR or netCDF"), FILES)
-    complete_with(mosaic.add_argument("-o", "--output", metavar="OUT.tif", required=True), FILES)
+    add_file(mosaic, "images", metavar="IN.exr", nargs="+", help="EXR or netCDF")
+    add_file(mosaic, "-o", "--output", metavar="OUT.tif", required=True, help="map")
     mosaic.add_argument("--resolution", type=number, metavar="M",
-                        help="side of a cell; default: the longer of a bin and the way between pings")
+                        help="side of a cell; default: the longer of a bin and the distance between pings")
     mosaic.add_argument("--quantity", default="level", metavar="NAME",
                         help="level (default), mean_level, label, class, shadow, seabed_depth, ...")
     mosaic.add_argument("--place", default="flat", choices=("flat", "truth"),
-                        help="of bins: a level bed below each ping (default), or where the image knows their bed")
+                        help="position of bins: on a level bed below each ping (default), or at the image's true depth")
     mosaic.add_argument("--blend", default="nearest", choices=("nearest", "feather", "mean"),
-                        help="of swaths: the nearest track (default), less weight towards the edges, or all alike")
-    mosaic.add_argument("--gain", default="seabed", choices=(*GAINS[:2], "angle", "none"),
-                        help="of levels: over range, or for the same median at every angle from nadir")
+                        help="of swaths: the nearest track (default), less weight towards the edges, or the mean")
+    mosaic.add_argument("--gain", default="seabed", choices=("seabed", "target", "angle", "none"),
+                        help="of levels: over range, or angle: equal medians at every angle from nadir")
     mosaic.add_argument("--fill", type=number, metavar="M",
-                        help="pings farther apart leave a hole; default: four cells or twice the way between pings")
+                        help="fill gaps up to this distance between pings; default: four cells or twice the usual "
+                             "distance")
     mosaic.add_argument("--nadir", type=number, default=0.0, metavar="DEG",
-                        help="leave empty what is steeper, from the vertical; default: 0")
-    mosaic.add_argument("--epsg", type=whole, metavar="N",
-                        help="coordinate system; default: that of the first image")
+                        help="leave out angles nearer to the vertical; default: 0")
+    mosaic.add_argument("--epsg", type=whole, metavar="N", help="coordinate system; default: that of the first image")
     mosaic.set_defaults(run=_mosaic)
+
+    grid = commands.add_parser("grid", help="lay lines of soundings on a map, as a GeoTIFF")
+    add_file(grid, "lines", metavar="LINE", nargs="+", help=".nc, .gsf, .kmall or .all")
+    add_file(grid, "-o", "--output", metavar="OUT.tif", required=True, help="map")
+    grid.add_argument("--cell", type=number, default=1.0, metavar="M", help="side of a cell; default: 1")
+    grid.add_argument("--rule", default="mean", choices=("mean", "weighted", "shoalest"),
+                      help="combination of the depths in a cell; weighted: by their uncertainties")
+    grid.add_argument("--least", type=whole, default=1, metavar="N",
+                      help="least number of soundings in a cell; default: 1")
+    grid.add_argument("--layer", default="depth", choices=LAYERS, help="quantity to write; default: depth")
+    grid.set_defaults(run=_grid)
+
+
+def _raster(arguments):
+    from mitsonar.imaging.maps.raster import bearings, cartesian
+    from mitsonar.io import reading
+    from mitsonar.io.records import exr
+
+    output = arguments.output or f"{os.path.splitext(arguments.image)[0]}_raster.exr"
+    suffix = check_output(output, (*RECORDS, PICTURE))
+    if suffix == PICTURE and arguments.only is not None:
+        raise ValueError("a PNG shows levels only; leave --only out, or write an .exr or .nc.")
+    dataset = exr.read(arguments.image)
+    frame = arguments.frame if arguments.frame is not None or suffix != PICTURE else 0
+    if frame is not None:
+        _, pings = bearings(dataset)
+        if not 0 <= frame < len(pings):
+            raise ValueError(f"there is no frame {frame}; there are {len(pings)}, the first is 0.")
+        dataset = dataset.isel(ping=pings[frame])
+    if suffix == PICTURE:
+        _write_grey(dataset, output, arguments.cell)
+    else:
+        names = None if arguments.only is None else [name.strip() for name in arguments.only.split(",")]
+        reading.write(cartesian(dataset, arguments.cell, names=names), output)
+    announce(output)
+
+
+def _write_grey(dataset, path, cell):
+    from mitsonar.dataset.labels.frames import frames
+    from mitsonar.dataset.labels.pictures import greys, write_png
+    from mitsonar.device.files import replacing
+
+    frame, = frames(dataset, "the record", "cartesian", cell)
+    picture = greys(dataset, [frame]).draw(frame)
+    with replacing(path) as temporary:
+        write_png(picture, temporary)
 
 
 def _convert(arguments):
-    from mitsonar.device.files import check_writable
     from mitsonar.io import reading
     from mitsonar.io.records import hdf5
 
-    suffix = os.path.splitext(arguments.output)[1].lower()
-    if suffix not in (".xtf", *RECORDS, *reading.GEOTIFF, *hdf5.SUFFIXES):
-        raise ValueError(f"cannot write {arguments.output}: its name says no kind of file; let it end in .xtf, .nc, "
-                         ".exr, .tif or .h5. Lines of soundings are converted by `mitsonar soundings`.")
-    check_writable(arguments.output)
+    suffix = check_output(arguments.output, (".xtf", *RECORDS, *reading.GEOTIFF, *hdf5.SUFFIXES),
+                          ". Lines of soundings are converted by `mitsonar soundings`.")
     if suffix == ".xtf":
         _write_xtf(arguments)
         return
     if len(arguments.images) > 1:
         raise ValueError(f"{len(arguments.images)} images do not go into one {suffix[1:]} file; give one.")
-    asked = [f"--{name}" for name, plain in (("tvg", "seabed"), ("start", None), ("coordinates", None))
-             if getattr(arguments, name) != plain]
+    asked = [f"--{name}" for name, usual in (("tvg", "seabed"), ("start", None), ("coordinates", None))
+             if getattr(arguments, name) != usual]
     if asked:
         raise ValueError(f"{asked[0]} is of XTF files; leave it out.")
     reading.write(_image(arguments.images[0]), arguments.output)
@@ -70,21 +125,37 @@ def _convert(arguments):
 
 
 def _mosaic(arguments):
-    from mitsonar.device.files import check_writable
     from mitsonar.imaging.maps.mosaics import mosaic
+
+    check_output(arguments.output, GEOTIFFS)
+    _write_map(mosaic([_image(path) for path in arguments.images], arguments.resolution, quantity=arguments.quantity,
+                      place=arguments.place, blend=arguments.blend,
+                      gain=None if arguments.gain == "none" else arguments.gain, fill=arguments.fill,
+                      nadir_deg=arguments.nadir, crs=None if arguments.epsg is None else f"EPSG:{arguments.epsg}"),
+               arguments.output, "the images name no coordinate system, so the map is in plain metres; give --epsg")
+
+
+def _grid(arguments):
+    from mitsonar.hydrography.gridding import gridded
+    from mitsonar.io import survey_lines
+
+    check_output(arguments.output, GEOTIFFS)
+    blocks = [block[[name for name in NEEDED if name in block]].assign_attrs(block.attrs)
+              for path in arguments.lines for block in survey_lines.read_blocks(path, column=False)]
+    chart = gridded(blocks, arguments.cell, rule=arguments.rule, least=arguments.least)
+    if arguments.layer not in chart:
+        raise ValueError(f"there is no {arguments.layer} without the rule weighted; give --rule weighted.")
+    _write_map(chart[[arguments.layer]], arguments.output,
+               "the lines name no coordinate system, so the map is in plain metres")
+
+
+def _write_map(chart, path, without_crs):
     from mitsonar.io.records import geotiff
 
-    if os.path.splitext(arguments.output)[1].lower() not in (".tif", ".tiff"):
-        raise ValueError(f"cannot write {arguments.output}: its name must end in .tif.")
-    check_writable(arguments.output)
-    chart = mosaic([_image(path) for path in arguments.images], arguments.resolution, quantity=arguments.quantity,
-                   place=arguments.place, blend=arguments.blend,
-                   gain=None if arguments.gain == "none" else arguments.gain, fill=arguments.fill,
-                   nadir_deg=arguments.nadir, crs=None if arguments.epsg is None else f"EPSG:{arguments.epsg}")
-    geotiff.write(chart, arguments.output)
-    announce(arguments.output)
+    geotiff.write(chart, path)
+    announce(path)
     if chart.attrs["crs"] is None:
-        warn("the images name no coordinate system, so the map is in plain metres; say it by --epsg")
+        warn(without_crs)
 
 
 def _write_xtf(arguments):
@@ -92,9 +163,8 @@ def _write_xtf(arguments):
 
     start = _seconds(arguments.start)
     images = [_image(path) for path in arguments.images]
-    wanted = None if arguments.coordinates is None else arguments.coordinates == "degrees"
-    written = xtf.write(images, arguments.output, tvg=None if arguments.tvg == "none" else arguments.tvg, start=start,
-                        geographic=wanted)
+    geographic = None if arguments.coordinates is None else arguments.coordinates == "degrees"
+    written = xtf.write(images, arguments.output, tvg=gain(arguments), start=start, geographic=geographic)
     announce(arguments.output)
     scales = "; ".join(scale.words() for scale in written.scales)
     full = f", {written.saturated} of them saturated" if written.saturated else ""
@@ -117,7 +187,7 @@ def _image(path):
 
 
 def _seconds(text):
-    """Seconds since 1970 of a date with time."""
+    """Return the seconds since 1970 of a date with time."""
     if text is None:
         return 0.0
     try:

@@ -1,9 +1,8 @@
-"""The command line: render, signals, demo, focus, soundings, like, scenes, describe, sweep, plot, video, raster,
-convert, mosaic, plan, published, validate, gradient-check, fit, labels, doctor.
+"""The command line.
 
-Exit codes: 0 done, 1 where `validate` finds too large an error, `gradient-check` a wrong gradient, or renders of a
-`sweep` failed, 2 for what the user can mend, 128 + n where signal n ended it (130 for Ctrl-C). What is refused or
-interrupted leaves no file, nor half of one.
+Exit codes: 0 done; 1 if `validate` finds too large an error, `gradient-check` finds a wrong gradient or cannot decide,
+`doctor` cannot render, or renders of a `sweep` failed; 2 for errors that the user can mend; 128 + n after signal n (130
+for Ctrl-C). A command that is refused or interrupted leaves no file, nor half of one.
 """
 import signal
 import sys
@@ -18,13 +17,9 @@ from . import (
     exporting,
     fitting,
     focusing,
-    gradient_checking,
-    gridding,
     labels,
     machine,
     planning,
-    raster,
-    recorded,
     rendering,
     results,
     sounding,
@@ -35,8 +30,7 @@ from .completion import SHELLS, Completion
 from .words import InterruptSignals, mute, warn
 
 # in the order of the help
-GROUPS = (rendering, focusing, sounding, recorded, describing, sweep, results, raster, exporting, gridding, planning,
-          gradient_checking, fitting, labels, machine)
+GROUPS = (rendering, focusing, sounding, describing, sweep, results, exporting, planning, fitting, labels, machine)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -61,10 +55,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser():
-    parser = Parser(prog="mitsonar", description="Render sonar images of Mitsuba scenes.")
+    parser = Parser(prog="mitsonar", description="Render sonar images of Mitsuba scenes.",
+                    epilog="Begin with `mitsonar demo`; `mitsonar COMMAND --help` lists the options of a command.")
     parser.add_argument("-v", "--version", action="version", version=f"mitsonar {__version__}")
     parser.add_argument("--print-completion", action=Completion, metavar="SHELL", choices=SHELLS,
-                        help="a script that completes commands and options: bash or zsh")
+                        help="print a script that completes commands and options in bash or zsh")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command", parser_class=Parser)
     for group in GROUPS:
         group.add(commands)

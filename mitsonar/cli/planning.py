@@ -1,9 +1,9 @@
-"""The command that plans a survey: plan."""
+"""The command plan: lines of a multibeam survey, their coverage and errors."""
 import os
 from typing import TYPE_CHECKING
 
-from .arguments import Commands, number, whole
-from .completion import FILES, SCENES, complete_with
+from .arguments import Commands, check_picture, number, whole
+from .completion import add_file
 from .words import announce, warn
 
 if TYPE_CHECKING:
@@ -12,121 +12,118 @@ if TYPE_CHECKING:
     from mitsonar.planning.bed import PlannedBed
     from mitsonar.water.profile import SoundSpeedProfile
 
-LAYER = 10.0                       # [m] that --cast-error is in unless told
+LAYER = 10.0                       # [m], default thickness of the layer of --cast-error
 
 
 def add(commands: Commands) -> None:
     """Add the command to the parser's."""
     plan = commands.add_parser("plan", help="plan the lines of a multibeam survey: time, coverage, errors of the cast")
-    complete_with(plan.add_argument("bathymetry", metavar="BATHYMETRY", nargs="?",
-                                    help="GeoTIFF, BAG, netCDF, ESRI ASCII, text of x, y, z; or --depth"), FILES)
-    complete_with(plan.add_argument("-o", "--output", metavar="OUT.csv|geojson|gpx", action="append", default=[],
-                                    help="lines to write; repeatable"), FILES)
+    add_file(plan, "bathymetry", metavar="BATHYMETRY", nargs="?",
+             help="GeoTIFF, BAG, netCDF, ESRI ASCII, or text of x, y, z; or give --depth")
+    add_file(plan, "-o", "--output", metavar="OUT.csv|geojson|gpx", action="append", default=[],
+             help="file of the lines; repeatable")
     bed = plan.add_argument_group("the bed and the area")
-    bed.add_argument("--depth", type=number, metavar="M", help="a level bed, in place of a bathymetry")
+    bed.add_argument("--depth", type=number, metavar="M", help="depth of a level bed, in place of a bathymetry")
     bed.add_argument("--area", metavar="CORNERS|FILE",
                      help='"x y, x y, x y" [m], "37.75N 122.38W, ...", or GeoJSON; default: the whole bathymetry')
     bed.add_argument("--crs", metavar="NAME", help='coordinate system of a bathymetry that names none: "EPSG:32632"')
     bed.add_argument("--vertical", default="auto", choices=("auto", "depth", "elevation"),
-                     help="how the bathymetry's numbers are meant; default: by their sign")
-    bed.add_argument("--resolution", type=number, metavar="M", help="of the bathymetry; default: its own")
+                     help="meaning of the bathymetry's numbers; default: by their sign")
+    bed.add_argument("--resolution", type=number, metavar="M", help="cell of the bathymetry; default: its own")
     bed.add_argument("--least-depth", type=number, metavar="M",
-                     help="shoaler bed is left out; default: a metre below the sonar's head")
+                     help="leave out shoaler bed; default: a metre below the sonar's head")
     sonar = plan.add_argument_group("the sonar and the water")
-    complete_with(sonar.add_argument("--sonar", metavar="PRESET|SCENE", help="a preset of `multibeam`, or a scene with "
-                                     "one; what follows goes before it"), SCENES)
-    sonar.add_argument("--swath", type=number, metavar="DEG", help="between the outermost beams; default: 130")
+    add_file(sonar, "--sonar", metavar="PRESET|SCENE", shipped=True,
+             help="a preset of `multibeam`, or a scene with one; the options below override it")
+    sonar.add_argument("--swath", type=number, metavar="DEG", help="angle between the outermost beams; default: 130")
     sonar.add_argument("--beams", type=whole, metavar="N", help="soundings of a ping; default: 256")
-    sonar.add_argument("--beam-spacing", choices=("angle", "distance"), help="that is even; default: distance")
-    sonar.add_argument("--rate", type=number, metavar="HZ", help="most pings a second; default: what the water allows")
-    sonar.add_argument("--head-depth", type=number, metavar="M", help="of the sonar below the surface; default: 0")
-    sonar.add_argument("--max-range", type=number, metavar="M", help="that the bed is heard from; default: any")
-    complete_with(sonar.add_argument("--cast", metavar="FILE", help="sound speed over depth; default: 1500 m/s"), FILES)
+    sonar.add_argument("--beam-spacing", choices=("angle", "distance"), help="even in; default: distance")
+    sonar.add_argument("--rate", type=number, metavar="HZ",
+                       help="highest ping rate; default: as the travel times allow")
+    sonar.add_argument("--head-depth", type=number, metavar="M",
+                       help="depth of the sonar below the surface; default: 0")
+    sonar.add_argument("--max-range", type=number, metavar="M", help="largest slant range; default: none")
+    add_file(sonar, "--cast", metavar="FILE", help="sound speed over depth; default: 1500 m/s")
     lines = plan.add_argument_group("the lines")
-    lines.add_argument("--spacing", type=number, metavar="M", help="between lines; default: by --overlap")
+    lines.add_argument("--spacing", type=number, metavar="M", help="distance between lines; default: by --overlap")
     lines.add_argument("--overlap", type=number, metavar="PERCENT", help="of neighbouring swaths; default: 10")
     lines.add_argument("--swath-at", choices=("line", "shoalest", "mean"),
-                       help="whose swath --overlap is of: each line's own (default), or that of one depth for all")
+                       help="swath for --overlap: each line's own (default), or that of one depth for all lines")
     lines.add_argument("--heading", metavar="DEG|best", default="best",
                        help="clockwise from north; default: best, along the contours")
     lines.add_argument("--speed", type=number, default=5.0, metavar="KNOTS", help="default: 5")
-    lines.add_argument("--run-in", type=number, default=50.0, metavar="M", help="before each line; default: 50")
-    lines.add_argument("--turn-radius", type=number, default=50.0, metavar="M", help="default: 50; 0: none")
+    lines.add_argument("--run-in", type=number, default=50.0, metavar="M",
+                       help="distance before each line; default: 50")
+    lines.add_argument("--turn-radius", type=number, default=50.0, metavar="M", help="default: 50; 0: no turns")
     errors = plan.add_argument_group("a wrong cast")
-    errors.add_argument("--cast-error", type=number, metavar="M/S", help="of the surface layer")
-    errors.add_argument("--layer", type=number, metavar="M", help=f"depth of that layer; default: {LAYER:g}")
-    complete_with(errors.add_argument("--other-cast", metavar="FILE", help="that depths are made with instead"), FILES)
+    errors.add_argument("--cast-error", type=number, metavar="M/S", help="error of the surface layer's sound speed")
+    errors.add_argument("--layer", type=number, metavar="M", help=f"thickness of that layer; default: {LAYER:g}")
+    add_file(errors, "--other-cast", metavar="FILE", help="cast that reduces the soundings instead of the true one")
     errors.add_argument("--order", default="1a", metavar="ORDER",
-                        help="of IHO S-44 that errors are held to: exclusive, special, 1a (default), 1b or 2")
-    plan.add_argument("--picture", metavar="OUT.png", help="a map: depths, lines, swaths, gaps in red")
-    plan.add_argument("--scene", metavar="OUT.xml", help="a scene of `multibeam` that sails the lines")
-    plan.add_argument("--json", metavar="OUT.json", help="all numbers")
+                        help="order of IHO S-44 to compare with: exclusive, special, 1a (default), 1b or 2")
+    plan.add_argument("--picture", metavar="OUT.png", help="draw a map: depths, lines, swaths, gaps in red")
+    plan.add_argument("--scene", metavar="OUT.xml", help="write a scene of `multibeam` that sails the lines")
+    plan.add_argument("--json", metavar="OUT.json", help="write all numbers")
     plan.set_defaults(run=_plan)
 
 
 def _plan(arguments):
     from mitsonar.hydrography.survey_orders import survey_order
-    from mitsonar.planning import line_files as planned_lines, scene_of_plan as planned_scene, summary as plan_summary
+    from mitsonar.planning import line_files, scene_of_plan, summary
+    from mitsonar.planning.area import polygon
+    from mitsonar.planning.areas import read
     from mitsonar.planning.plan import plan
 
     order = survey_order(arguments.order)
-    _check_outputs(arguments)
+    outputs = _checked_outputs(arguments)
     layout = _layout(arguments)
-    corners = _corners(arguments)
+    corners = None if arguments.area is None else read(arguments.area)
     sonar, profile, cast = _sonar_and_water(arguments)
     used = _used(arguments, profile)
     bed, frame = _bed(arguments, corners)
     for path in arguments.output:
-        planned_lines.check(path, frame)
-    if corners is not None:
-        from mitsonar.planning.area import polygon
-
-        area = polygon(corners.placed(frame))
-    else:
-        area = None
-    found = plan(bed, profile, sonar, layout, area=area, used=used, order=order)
-    numbers = plan_summary.summary(found, frame)
+        line_files.check(path, frame)
+    planned = plan(bed, profile, sonar, layout, area=None if corners is None else polygon(corners.placed(frame)),
+                   used=used, order=order)
+    numbers = summary.summary(planned, frame)
     for path in arguments.output:
-        planned_lines.write(found, path, frame)
+        line_files.write(planned, path, frame)
     if arguments.scene:
-        planned_scene.write(found, arguments.scene, frame, planned_scene.BedFile(
+        scene_of_plan.write(planned, arguments.scene, frame, scene_of_plan.BedFile(
             bathymetry=arguments.bathymetry, vertical=arguments.vertical, resolution=arguments.resolution,
             crs=arguments.crs, cast=cast))
     if arguments.json:
-        plan_summary.write(numbers, arguments.json)
+        summary.write(numbers, arguments.json)
     if arguments.picture:
         from mitsonar.plots.sheets.survey_plan import survey_plan
 
-        survey_plan(found, arguments.picture, frame, title=_title(arguments), subtitle=plan_summary.subtitle(numbers))
-    for said in _doubts(found, numbers, None if cast is None else float(profile.depth[-1])):
-        warn(said)
-    print(plan_summary.report(numbers))
-    for path in _outputs(arguments):
+        name = f"a level bed {arguments.depth:g} m deep" if arguments.bathymetry is None else os.path.basename(
+            arguments.bathymetry)
+        survey_plan(planned, arguments.picture, frame, title=f"Survey plan: {name}",
+                    subtitle=summary.subtitle(numbers))
+    for doubt in _doubts(planned, numbers, None if cast is None else float(profile.depth[-1])):
+        warn(doubt)
+    print(summary.report(numbers))
+    for path in outputs:
         announce(path)
 
 
-def _outputs(arguments):
-    return [*arguments.output, *filter(None, (arguments.scene, arguments.json, arguments.picture))]
-
-
-def _check_outputs(arguments):
-    """Refuse what cannot be written before any work is spent."""
+def _checked_outputs(arguments):
+    """Return the names of all outputs, checked before any work is spent on them."""
     from mitsonar.device import files
-    from mitsonar.planning import line_files as planned_lines, scene_of_plan as planned_scene
+    from mitsonar.planning import line_files, scene_of_plan
 
     for path in arguments.output:
-        planned_lines.check(path)
-    if arguments.picture:
-        from mitsonar.plots import canvas
-
-        canvas.file_format(arguments.picture)
+        line_files.check(path)
+    check_picture(arguments.picture or None)
     if arguments.scene:
-        planned_scene.check(arguments.scene)
-    outputs = _outputs(arguments)
+        scene_of_plan.check(arguments.scene)
+    outputs = [*arguments.output, *filter(None, (arguments.scene, arguments.json, arguments.picture))]
     targets = [files.check_writable(path) for path in outputs]
-    for number_, target in enumerate(targets):
-        if target in targets[:number_]:
-            raise ValueError(f"{outputs[number_]} is to be written twice; give every output a name of its own.")
+    for index, target in enumerate(targets):
+        if target in targets[:index]:
+            raise ValueError(f"{outputs[index]} is to be written twice; give every output a name of its own.")
+    return outputs
 
 
 def _layout(arguments):
@@ -147,16 +144,8 @@ def _layout(arguments):
                   turn_radius=arguments.turn_radius, least_depth=arguments.least_depth)
 
 
-def _corners(arguments) -> "Corners | None":
-    if arguments.area is None:
-        return None
-    from mitsonar.planning import areas
-
-    return areas.read(arguments.area)
-
-
 def _sonar_and_water(arguments):
-    """The sonar, the profile, and the file of its cast."""
+    """Return the sonar, the profile, and the file of its cast."""
     from mitsonar.io import casts
     from mitsonar.planning.coverage import SwathSonar
     from mitsonar.planning.sonar import planned_sonar
@@ -168,27 +157,25 @@ def _sonar_and_water(arguments):
              "rate": arguments.rate, "head_depth": arguments.head_depth, "max_range": arguments.max_range}
     asked = {"swath_deg": 130.0, "even": "distance"} | known | {name: value for name, value in given.items()
                                                                 if value is not None}
-    cast = arguments.cast or asked.pop("cast", None)
-    asked.pop("cast", None)
+    known_cast = asked.pop("cast", None)
+    cast = arguments.cast or known_cast
     sonar = SwathSonar(swath=float(radians_from_deg(asked.pop("swath_deg"))), **asked)
-    if cast is None:
-        return sonar, SoundSpeedProfile.constant(1500.0), None
-    return sonar, casts.read(cast).profile, cast
+    return sonar, SoundSpeedProfile.constant(1500.0) if cast is None else casts.read(cast).profile, cast
 
 
 def _used(arguments, profile: "SoundSpeedProfile") -> "SoundSpeedProfile | None":
-    """The profile that depths are made with, if it is another one."""
+    """Return the profile that reduces the soundings, if it is not the true one."""
     from mitsonar.io import casts
     from mitsonar.planning.errors import surface_layer_error
 
     if arguments.cast_error is None:
         if arguments.layer is not None:
-            raise ValueError("--layer says where --cast-error is; give both.")
+            raise ValueError("--layer is the thickness of the layer of --cast-error; give both.")
         return None if arguments.other_cast is None else casts.read(arguments.other_cast).profile
     if arguments.other_cast is not None:
         raise ValueError("--cast-error and --other-cast are both given; leave one out.")
     if abs(arguments.cast_error) > 1e4:
-        raise ValueError(f"--cast-error is {arguments.cast_error:g} m/s; give what the cast is off.")
+        raise ValueError(f"--cast-error is {arguments.cast_error:g} m/s; give a smaller error of the cast.")
     layer = LAYER if arguments.layer is None else arguments.layer
     if not 0 < layer < 1e5:
         raise ValueError(f"--layer is {layer:g} m; give a depth above 0.")
@@ -196,7 +183,7 @@ def _used(arguments, profile: "SoundSpeedProfile") -> "SoundSpeedProfile | None"
 
 
 def _bed(arguments, corners: "Corners | None") -> "tuple[PlannedBed, Frame]":
-    """The bed, and where its origin lies."""
+    """Return the bed and the place of its origin."""
     from mitsonar.imaging.maps.georeference import named_system
     from mitsonar.io.grids import bathymetry, rasters
     from mitsonar.io.tracks.navigation import Frame
@@ -225,24 +212,18 @@ def _bed(arguments, corners: "Corners | None") -> "tuple[PlannedBed, Frame]":
     return bed, Frame(crs=frame.crs, origin=(float(middle[0]), float(middle[1])))
 
 
-def _title(arguments):
-    name = f"a level bed {arguments.depth:g} m deep" if arguments.bathymetry is None else os.path.basename(
-        arguments.bathymetry)
-    return f"Survey plan: {name}"
-
-
-def _doubts(found, numbers, deepest_sample):
-    """What a hydrographer should know before trusting the plan."""
-    _, _, deepest = found.depths
+def _doubts(planned, numbers, deepest_sample):
+    """Yield warnings to read before the plan is trusted."""
+    _, _, deepest = planned.depths
     if deepest_sample is not None and deepest_sample < deepest:
         yield (f"the cast ends at {deepest_sample:.4g} m and the bed lies down to {deepest:.4g} m; sound speed is "
                "taken as constant below the cast")
     unknown = numbers["area"]["without_depth_percent"]
     if unknown >= 0.05:
         yield f"{unknown:.1f} % of the area has no depth; it is not counted in the coverage"
-    if found.shoal >= 0.0005:
-        yield f"{100 * found.shoal:.1f} % of the area is shoaler than {found.least_depth:.4g} m, and is left out"
-    aground = [line.number for line in found.lines if line.track.depth.min() <= found.sonar.head_depth]
+    if planned.shoal >= 0.0005:
+        yield f"{100 * planned.shoal:.1f} % of the area is shoaler than {planned.least_depth:.4g} m, and is left out"
+    aground = [line.number for line in planned.lines if line.track.depth.min() <= planned.sonar.head_depth]
     if aground:
-        some = f"{', '.join(map(str, aground[:8]))}{' ...' if len(aground) > 8 else ''}"
-        yield f"line {some} leads over bed no deeper than the sonar's head, {found.sonar.head_depth:g} m"
+        names = f"{', '.join(map(str, aground[:8]))}{' ...' if len(aground) > 8 else ''}"
+        yield f"line {names} leads over bed no deeper than the sonar's head, {planned.sonar.head_depth:g} m"

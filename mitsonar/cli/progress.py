@@ -1,19 +1,20 @@
-"""How far a command has come."""
+"""Progress of a command, and the expected time of a long one."""
 import datetime
 import sys
 import time
 
 from .words import end_if_interrupted
 
-QUIET_SECONDS = 2.0                # progress is shown on anything longer
-LINE_SECONDS = 10.0                # where there is no terminal, a line this often
-SLOW = 0.1                         # a second; below, it is told by the hour
+QUIET_SECONDS = 2.0                # progress is shown of anything longer
+LINE_SECONDS = 10.0                # without a terminal, a line this often
+SLOW = 0.1                         # [1/s]; below, the rate is shown per hour
+WORTH_SAYING = 10.0                # [s]; a shorter run needs no warning
 
 
 class Progress:
-    """Show how many are done, how many a second or hour, and the time left, once a run lasts longer than a moment.
+    """Show how many are done, the rate, and the time left, once a run lasts longer than a moment.
 
-    Rate and time left are those since the first report: what comes before it loads and compiles, which happens once.
+    Rate and time left count from the first report: before it, the command loads and compiles, which happens once.
     """
 
     def __init__(self, unit: str = "pings", verb: str = "rendering", *, warm_up: int = 1, at_most: bool = False):
@@ -44,34 +45,33 @@ class Progress:
             often = f"{rate:.1f} {self.unit}/s" if rate > SLOW else f"{rate * 3600:.0f} {self.unit}/h"
             pace = f"{often}, {self.left.format(datetime.timedelta(seconds=round((total - done) / rate)))}"
         pace += f", {failed} failed" if failed else ""
+        count = f"{done:.2f}".rstrip("0").rstrip(".")          # hundredths of the ping that is under way
         if not sys.stderr.isatty():
             if now - self.last_line > LINE_SECONDS:
                 self.last_line = now
-                print(f"{_count(done)} of {total} {self.unit}, {pace}", file=sys.stderr)
+                print(f"{count} of {total} {self.unit}, {pace}", file=sys.stderr)
         elif self.bar is None or self.task is None:
-            self._open(done, total, pace)
+            self._open(done, total, count, pace)
         else:
-            self.bar.update(self.task, completed=done, count=_count(done), pace=pace)
+            self.bar.update(self.task, completed=done, count=count, pace=pace)
 
-    def _open(self, done, total, pace):
+    def _open(self, done, total, count, pace):
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn
 
         self.bar = Progress(TextColumn(self.verb), BarColumn(), TextColumn("{task.fields[count]}/{task.total}"),
                             TextColumn(f"{self.unit}, {{task.fields[pace]}}"), console=Console(stderr=True),
                             transient=True)
-        self.task = self.bar.add_task(self.unit, completed=done, total=total, count=_count(done), pace=pace)
+        self.task = self.bar.add_task(self.unit, completed=done, total=total, count=count, pace=pace)
         self.bar.start()
 
 
-def duration(seconds: float) -> str:
-    """Say how long something takes, about."""
+def long_run(began: float, count: int) -> str:
+    """Return the expected time of `count` pings, the first of which began at `began` [s]; empty if it is short."""
+    seconds = (time.monotonic() - began) * count
+    if seconds <= WORTH_SAYING:
+        return ""
     for length, unit in ((3600.0, "h"), (60.0, "min")):
         if seconds >= 2 * length:
-            return f"{seconds / length:.2g} {unit}"
-    return f"{seconds:.0f} s"
-
-
-def _count(done):
-    """A number of pings, with hundredths of the one that is under way."""
-    return f"{done:.2f}".rstrip("0").rstrip(".")
+            return f"at most about {seconds / length:.2g} {unit}"
+    return f"at most about {seconds:.0f} s"

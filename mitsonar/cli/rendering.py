@@ -1,92 +1,143 @@
-"""The commands that render: render, signals, demo."""
+"""The commands that render: render, signals, demo.
+
+Raw echoes of a synthetic aperture are written ping by ping, and the same command continues after an interruption.
+"""
+from __future__ import annotations
+
+import argparse
 import os
+import time
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from mitsonar.io.scene_files import scenes
 
-from .arguments import Commands, add_scene, parameters, set_up, whole
-from .completion import FILES, complete_with
-from .progress import Progress
-from .words import announce, warn
+from .arguments import Commands, add_scene, check_output, check_picture, parameters, set_up, whole
+from .completion import add_file
+from .progress import Progress, long_run
+from .words import announce, leave_if_interrupted, warn
+
+if TYPE_CHECKING:
+    import mitsuba as mi
+    import xarray as xr
 
 EVERY = "all"                      # of the sensors
 DEMO = {"rays": 60_000}            # a ping: 32 a bin, whose noise is a fourteenth of the speckle's
+OF_ARRAYS = (("--ping", "ping", None), ("--response", "response", False), ("--kernel", "kernel", "band_limited"),
+             ("--return-path", "return_path", "vector"), ("--path", "path", None))     # option, name, default
 
 
 def add(commands: Commands) -> None:
     """Add the commands to the parser's."""
     render = commands.add_parser("render", help="render a scene to an EXR")
-    add_scene(render)
-    complete_with(render.add_argument("-o", "--output", required=True, metavar="OUT.exr"), FILES)
-    preview = render.add_argument("--preview", metavar="OUT.png", help="also write a picture with axes and scale")
-    complete_with(preview, FILES)
+    add_scene(render, sensors=", or all, each to a file of its own, OUT_ID.exr")
+    add_file(render, "-o", "--output", required=True, metavar="OUT.exr", help="sonar image")
+    add_file(render, "--preview", metavar="OUT.png", help="also write a picture with axes and scale")
     render.add_argument("--each-ping", action="store_true",
-                        help="of a fan of beams: a file a ping, OUT_0000.exr and so on, whatever their number")
-    _add_sensor(render, "or all, each to a file of its own: OUT_ID.exr; ")
+                        help="write each ping of a fan of beams to a file of its own, OUT_0000.exr and so on")
     render.set_defaults(run=_render)
 
-    signals = commands.add_parser("signals", help="write what the elements of an array hear, or the raw echoes of "
-                                                   "a synthetic aperture, to a netCDF file")
+    signals = commands.add_parser("signals", help="write the signals of an array's elements, or the raw echoes of "
+                                                  "a synthetic aperture, to a netCDF file")
     add_scene(signals)
-    complete_with(signals.add_argument("-o", "--output", required=True, metavar="OUT.nc"), FILES)
+    add_file(signals, "-o", "--output", required=True, metavar="OUT.nc", help="signals")
     signals.add_argument("--ping", type=whole, action="append", metavar="N",
-                         help="which ping; repeatable; default: all")
+                         help="number of a ping, from 0; repeatable; default: all")
     signals.add_argument("--response", action="store_true",
-                         help="the impulse response of every pair of elements instead")
+                         help="write the impulse response of every pair of elements instead")
     signals.add_argument("--kernel", default="band_limited", help="band_limited (default), peterson or nearest")
     signals.add_argument("--return-path", default="vector", help="vector (default), paper or eigenray")
     signals.add_argument("--path", action="append", metavar="NAME",
-                         help="only echoes along this path, such as b, bs or v; may be repeated; default: all")
-    complete_with(signals.add_argument("--scatterers", metavar="OUT.nc",
-                                       help="of a synthetic aperture: write the scatterers of its echoes, too"),
-                  FILES)
-    _add_sensor(signals)
+                         help="only echoes along this path, such as b, bs or v; repeatable; default: all")
+    add_file(signals, "--scatterers", metavar="OUT.nc",
+             help="also write the scatterers behind the echoes of a synthetic aperture")
     signals.set_defaults(run=_signals)
 
     demo = commands.add_parser("demo", help="render the demo scene into demo.exr and demo.png here")
-    demo.add_argument("--seed", type=whole, default=0, metavar="N")
-    demo.set_defaults(run=_demo)
+    demo.add_argument("--seed", type=whole, default=0, metavar="N", help="random seed; default: 0")
+    demo.set_defaults(run=lambda arguments: _render_to(scenes.find("sidescan_targets"), DEMO, arguments.seed,
+                                                       "demo.exr", "demo.png", None))
 
 
 def _render(arguments):
     if arguments.each_ping:
         _render_pings(arguments)
-        return
-    _render_to(scenes.find(arguments.scene), parameters(arguments), arguments.seed, arguments.output,
-               arguments.preview, arguments.threads, arguments.sensor)
+    else:
+        _render_to(scenes.find(arguments.scene), parameters(arguments), arguments.seed, arguments.output,
+                   arguments.preview, arguments.threads, arguments.sensor)
 
 
 def _signals(arguments):
-    from mitsonar.device import files
     from mitsonar.io.records import signals as netcdf
 
     path = scenes.find(arguments.scene)
-    files.check_writable(arguments.output)
-    if os.path.splitext(arguments.output)[1].lower() != ".nc":
-        raise ValueError(f"cannot write {arguments.output}: its name must end in .nc")
+    check_output(arguments.output, (".nc",))
     from mitsonar.scene.loading import load_file
-    from mitsonar.verbs.images import element_signals, impulse_response, pings
-
-    from .strip_signals import is_strip, write_strip
+    from mitsonar.survey.kinds import KINDS, kind_of
+    from mitsonar.verbs.images import element_signals, impulse_response, opened, pings
 
     set_up(arguments.threads)
     scene = load_file(path, **parameters(arguments))
-    if is_strip(scene, arguments.sensor):
-        write_strip(arguments, scene)
+    if kind_of(opened(scene, arguments.sensor)[1]) is KINDS["synthetic_aperture"]:
+        _write_strip(arguments, scene)
         return
     if arguments.scatterers is not None:
         raise ValueError("--scatterers is of a synthetic aperture, and this sensor is none; leave it out.")
     compute = impulse_response if arguments.response else element_signals
     with Progress() as progress:
-        which = arguments.sensor
-        recorded = compute(scene, arguments.ping or range(pings(scene, sensor=which)), kernel=arguments.kernel,
-                           return_path=arguments.return_path, seed=arguments.seed, sensor=which,
+        sensor = arguments.sensor
+        recorded = compute(scene, arguments.ping or range(pings(scene, sensor=sensor)), kernel=arguments.kernel,
+                           return_path=arguments.return_path, seed=arguments.seed, sensor=sensor,
                            paths=arguments.path, progress=progress, say=warn)
     netcdf.write(arguments.output, recorded)
     announce(arguments.output)
 
 
-def _demo(arguments):
-    _render_to(scenes.find("sidescan_targets"), DEMO, arguments.seed, "demo.exr", "demo.png", None)
+def _write_strip(arguments: argparse.Namespace, scene: mi.Scene) -> None:
+    """Write the raw echoes of a scene's synthetic aperture."""
+    from mitsonar.device.files import check_writable
+    from mitsonar.io.records import netcdf, raw_echoes
+    from mitsonar.verbs.strips import raw_pings, scatterers
+
+    for option, name, usual in OF_ARRAYS:
+        if getattr(arguments, name) != usual:
+            raise ValueError(f"{option} is of arrays whose pings stand alone, and this sensor is a synthetic_aperture; "
+                             "leave it out.")
+    if arguments.scatterers is not None:
+        check_output(arguments.scatterers, (".nc",))
+        if os.path.realpath(arguments.scatterers) == os.path.realpath(arguments.output):
+            raise ValueError(f"{arguments.scatterers} is asked for scatterers and for echoes; give another name.")
+        netcdf.write(scatterers(scene, sensor=arguments.sensor), arguments.scatterers)
+        announce(arguments.scatterers)
+    counts: list[int] = []
+    start = raw_echoes.written(arguments.output)
+    planned = raw_pings(scene, arguments.seed, sensor=arguments.sensor, count=counts.append)
+    leave_if_interrupted(raw_echoes.part_of(check_writable(arguments.output)))
+    with Progress() as progress:
+        def pings_from(number: int) -> Iterator[xr.Dataset]:
+            made = planned if number == 0 else raw_pings(scene, arguments.seed, sensor=arguments.sensor, start=number)
+            return _with_estimate(made, number, counts[0])
+
+        raw_echoes.write(pings_from, arguments.output, count=counts[0],
+                         progress=lambda done, total: progress(done - start, total - start))
+    announce(arguments.output)
+    if start:
+        warn(f"{start} of {counts[0]} pings were there from before")
+
+
+def _with_estimate(made: Iterator[xr.Dataset], start: int, count: int) -> Iterator[xr.Dataset]:
+    """Yield the pings; after the first, print the expected size and time of a long run."""
+    from mitsonar.io.records.raw_echoes import size_of
+
+    began = time.monotonic()
+    for number, ping in enumerate(made, start):
+        if number == start and (expected := long_run(began, count - start)):
+            _, receivers, samples = ping["signal"].shape
+            size = size_of(ping, count)
+            text = f"{size / 1e9:.3g} GB" if size >= 1e9 else f"{size / 1e6:.3g} MB"
+            warn(f"{count - start} pings of {receivers} receivers x {samples} samples: {text}, {expected}; if "
+                 "interrupted, the same command goes on")
+        yield ping
 
 
 def _render_to(path, values, seed, output, preview, threads, sensor=0):
@@ -110,8 +161,8 @@ def _render_to(path, values, seed, output, preview, threads, sensor=0):
 
 
 def _sensors(scene, asked):
-    """The sensors that are asked for, by number or id, each with what its file's name has in addition."""
-    ids = [one.id() for one in scene.sensors()]
+    """Return the sensors to render, by number or id, each with the suffix of its file's name."""
+    ids = [sensor.id() for sensor in scene.sensors()]
     if asked == EVERY and EVERY not in ids:
         return [(number, f"_{name}".replace(os.sep, "_")) for number, name in enumerate(ids)]
     if asked == 0 and len(ids) > 1:
@@ -123,11 +174,6 @@ def _sensors(scene, asked):
 def _with_suffix(path, suffix):
     base, ending = os.path.splitext(path)
     return f"{base}{suffix}{ending}"
-
-
-def _add_sensor(command, more=""):
-    command.add_argument("--sensor", default=0, metavar="ID",
-                         help=f"which of the scene's sonars: its id, {more}default: the first")
 
 
 def _render_pings(arguments):
@@ -154,18 +200,10 @@ def _render_pings(arguments):
 
 
 def _check_outputs(output, preview):
-    """An hour of rendering must not end in a missing folder."""
-    from mitsonar.device.files import check_writable
-
+    """Check both names: an hour of rendering must not end in a missing folder."""
     try:
         f"{output}{preview}".encode()
     except UnicodeEncodeError:
         raise ValueError("cannot write a file whose name is not UTF-8; give another name") from None
-    check_writable(output)
-    if os.path.splitext(output)[1].lower() != ".exr":
-        raise ValueError(f"cannot write {output}: its name must end in .exr; pictures are made by --preview")
-    if preview is not None:
-        from mitsonar.plots.canvas import file_format
-
-        file_format(preview)
-        check_writable(preview)
+    check_output(output, (".exr",), "; pictures are made by --preview")
+    check_picture(preview)

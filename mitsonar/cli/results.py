@@ -1,57 +1,54 @@
-"""The commands that look at results: plot, video, published, validate."""
+"""The commands that show and check results: plot, video, published, validate."""
 import contextlib
 import importlib
 import os
 
-from .arguments import Commands, number, set_up, whole
-from .completion import FILES, complete_with
+from .arguments import GAINS, Commands, gain, number, set_up, whole
+from .completion import add_file
 from .progress import Progress
 from .words import announce
 
 
 def add(commands: Commands) -> None:
     """Add the commands to the parser's."""
-    plot = commands.add_parser("plot", help="draw what an EXR or netCDF file, or a sounder's line, holds")
-    complete_with(plot.add_argument("image", metavar="IN.exr|nc|kmall|all|gsf",
-                                    help="an image, or a line of soundings"), FILES)
+    plot = commands.add_parser("plot", help="draw an image, a line of soundings or a fit's answer")
+    add_file(plot, "image", metavar="IN.exr|nc|kmall|all|gsf", help="an image, a line of soundings or a fit's answer")
     plot.add_argument("--what", metavar="VIEW",
-                      help="of an image waterfall (default), objects, ping, mean, labels, class, share, hidden, "
-                           "shadow, layover, depth or rays; of soundings overview (default), column, curtain, swath, "
+                      help="view of an image: waterfall (default), objects, ping, mean, labels, class, share, hidden, "
+                           "shadow, layover, depth or rays; of soundings: overview (default), column, curtain, swath, "
                            "error, error_detection, error_refraction, error_motion, backscatter, smile, rays, quality "
-                           "or motion; of a focused image image (default), phase, coherence, height, labels, shadow or "
-                           "depth; of a fit's answer fit alone")
-    plot.add_argument("-o", "--output", metavar="OUT.png", help="default: the name of the file with the view's name")
+                           "or motion; of a focused image: image (default), phase, coherence, height, labels, shadow "
+                           "or depth; of a fit's answer: fit")
+    plot.add_argument("-o", "--output", metavar="OUT.png", help="picture; default: IN_VIEW.png")
     plot.add_argument("--ping", type=whole, metavar="N",
-                      help="which ping the view `ping` shows (the middle one by default), a fan (the first), "
-                           "or column and rays of soundings (the middle one)")
-    plot.add_argument("--tvg", default="recorder", choices=("seabed", "target", "recorder", "none"),
-                      help="display gain over range")
+                      help="number of the ping, from 0; default: the middle one, of a fan the first")
+    plot.add_argument("--tvg", default="recorder", choices=GAINS, help="display gain over range; default: recorder")
     plot.add_argument("--colours", default="copper", choices=("copper", "grey"),
-                      help="of a waterfall, a fan, a water column or a focused image")
-    plot.add_argument("--bank", type=whole, metavar="N", help="of a focused image; default: the first")
+                      help="of a waterfall, a fan, a water column or a focused image; default: copper")
+    plot.add_argument("--bank", type=whole, metavar="N",
+                      help="bank of receivers of a focused image; default: the first")
     plot.set_defaults(run=_plot)
 
-    video = commands.add_parser("video", help="draw the pings of an array's records, or the water column of a line of "
-                                               "soundings, as a GIF, an MP4 or PNG files")
-    complete_with(video.add_argument("records", metavar="IN.exr|nc|kmall|all", nargs="+",
-                                     help="in their order; of the same beams; or one line of soundings"), FILES)
-    output = video.add_argument("output", metavar="OUT", help="OUT.gif, OUT.mp4, or a folder for PNG files")
-    complete_with(output, FILES)
-    video.add_argument("--fps", type=number, metavar="N", help="frames a second; default: as the pings came, 1 to 30")
-    video.add_argument("--tvg", default="seabed", choices=("seabed", "target", "recorder", "none"),
-                       help="display gain over range")
-    video.add_argument("--colours", default="copper", choices=("copper", "grey"))
+    video = commands.add_parser("video", help="draw the pings of fans, or the water column of a line of soundings, as "
+                                              "a GIF, an MP4 or PNG files")
+    add_file(video, "records", metavar="IN.exr|nc|kmall|all", nargs="+",
+             help="images of the same beams, in their order, or one line of soundings")
+    add_file(video, "output", metavar="OUT", help="OUT.gif, OUT.mp4, or a folder for PNG files")
+    video.add_argument("--fps", type=number, metavar="N",
+                       help="frames a second; default: the ping rate, between 1 and 30")
+    video.add_argument("--tvg", default="seabed", choices=GAINS, help="display gain over range; default: seabed")
+    video.add_argument("--colours", default="copper", choices=("copper", "grey"), help="default: copper")
     video.set_defaults(run=_video)
 
-    published = commands.add_parser("published", help="compute a table or figure of the published method anew")
+    published = commands.add_parser("published", help="compute a table or figure of the published method again")
     published.add_argument("result", metavar="RESULT", help="table_1, effective_speed, figure_2 or figure_3")
     published.add_argument("-o", "--output", metavar="OUT.png|OUT.csv",
-                           help="figure or numbers; default: say the result here")
+                           help="figure or numbers; default: print the result")
     published.set_defaults(run=_published)
 
     validate = commands.add_parser("validate", help="compare with closed forms, published numbers and exact eigenrays")
-    validate.add_argument("-o", "--output", metavar="FOLDER", help="write report.md and pictures there; default: none")
-    validate.add_argument("--only", nargs="+", metavar="NAME", help="of the comparisons; default: all")
+    validate.add_argument("-o", "--output", metavar="FOLDER", help="folder for report.md and pictures; default: none")
+    validate.add_argument("--only", nargs="+", metavar="NAME", help="names of comparisons; default: all")
     validate.add_argument("--quick", action="store_true", help="fewer rays and sediments: a minute in place of several")
     validate.set_defaults(run=_validate)
 
@@ -64,14 +61,13 @@ def _plot(arguments):
             return _plot_fit(arguments, dataset)
         what = arguments.what or plots.usual_plot(dataset)
         output = arguments.output or f"{os.path.splitext(arguments.image)[0]}_{what}.png"
-        tvg = None if arguments.tvg == "none" else arguments.tvg
-        plots.plot(dataset, what, output, tvg=tvg, ping=arguments.ping, colours=arguments.colours,
+        plots.plot(dataset, what, output, tvg=gain(arguments), ping=arguments.ping, colours=arguments.colours,
                    bank=arguments.bank)
     announce(output)
 
 
 def _plot_fit(arguments, answer):
-    """Draw a fit's answer, which has one picture and none of an image's options."""
+    """Draw a fit's answer, which has one view and no options."""
     from mitsonar.plots.canvas import save
     from mitsonar.plots.sheets.fit_sheet import fit_figure
 
@@ -90,7 +86,7 @@ def _plot_fit(arguments, answer):
 
 @contextlib.contextmanager
 def _opened(path):
-    """An EXR, a line of an instrument, or a netCDF file, whose water column may be larger than memory."""
+    """Open an EXR, an instrument's line, or a netCDF file, whose water column may be larger than memory."""
     from mitsonar.io.reading import is_netcdf
     from mitsonar.io.records import exr, netcdf
 
@@ -109,12 +105,12 @@ def _opened(path):
 
 
 def _sounders_line(path):
-    """The line in a file that begins as those of echo sounders and survey software do; None of any other."""
+    """Return the soundings of an echo sounder's or survey software's file, by its first bytes; None for others."""
     if not os.path.isfile(path):
         return None
     with open(path, "rb") as stream:
         head = stream.read(8)
-    if head.startswith(b"\x76\x2f\x31\x01"):                       # an EXR, whose readers should stay light
+    if head.startswith(b"\x76\x2f\x31\x01"):                       # an EXR needs none of the imports below
         return None
     from mitsonar.io.survey_lines import reading
 
@@ -129,7 +125,7 @@ def _video(arguments):
         if len(records) == 1:
             records = _sounders_line(records[0]) or records[0]
         plots.video(records, arguments.output, fps=arguments.fps, colours=arguments.colours,
-                    tvg=None if arguments.tvg == "none" else arguments.tvg, progress=progress)
+                    tvg=gain(arguments), progress=progress)
     announce(arguments.output)
 
 

@@ -1,51 +1,53 @@
-"""The command soundings: those of a scene, or of a line that was recorded, as a file that survey software opens."""
+"""The commands about lines of soundings: soundings, like."""
 import os
 
 from mitsonar.io.scene_files import scenes
 
-from .arguments import Commands, add_scene, number, parameters, set_up, whole
-from .completion import FILES, complete_with
+from .arguments import Commands, add_scene, check_output, number, parameters, set_up, whole
+from .completion import add_file
 from .progress import Progress
-from .words import InterruptSignals, announce, warn
+from .words import announce, leave_if_interrupted, warn
 
-LINES = (".all", ".gsf", ".kmall", ".kmwcd", ".nc", ".wcd")        # that are read in place of a scene
+LINES = (".all", ".gsf", ".kmall", ".kmwcd", ".nc", ".wcd")        # read as recorded lines, not as scenes
 
 
 def add(commands: Commands) -> None:
-    """Add the command to the parser's."""
+    """Add the commands to the parser's."""
     command = commands.add_parser("soundings", help="sound the bed of a scene with its multibeam, or convert a line of "
                                                     "soundings")
-    add_scene(command)
-    output = command.add_argument("-o", "--output", required=True, metavar="OUT.nc|csv|gsf|kmall|las")
-    complete_with(output, FILES)
-    complete_with(command.add_argument("--profile", metavar="CAST",
-                                       help="file of the cast that soundings are made with; default: the water's own"),
-                  FILES)
+    add_scene(command, ", or a recorded line")
+    add_file(command, "-o", "--output", required=True, metavar="OUT.nc|csv|gsf|kmall|las", help="soundings")
+    add_file(command, "--profile", metavar="CAST",
+             help="file of the cast that reduces the soundings; default: the water's own")
     command.add_argument("--head-speed", type=number, metavar="M/S",
-                         help="of a line that was recorded: another sound speed at the head")
+                         help="another sound speed at the head, for a recorded line")
     command.add_argument("--column", action="store_true", help="keep the water column")
     command.add_argument("--snippets", type=whole, default=0, metavar="N",
-                         help="keep so many samples of the bed's strength about each sounding")
+                         help="samples of the bed's backscatter strength to keep about each sounding; default: 0")
     command.add_argument("--start", metavar="DATE",
-                         help="of time 0, such as 2026-05-01T10:00:00Z; default: as the line or a dated track "
-                              "says, or 2000")
+                         help="date of time 0, such as 2026-05-01T10:00:00Z; default: that of the line or of a dated "
+                              "track, or 2000")
     command.add_argument("--place", nargs=2, type=number, metavar=("LAT", "LON"),
-                         help="of x = y = 0 where the scene names no coordinate system; default: 0 0")
-    command.add_argument("--sensor", default=0, metavar="ID", help="which of the scene's sonars; default: the first")
+                         help="position of x = y = 0 if the scene names no coordinate system; default: 0 0")
     command.set_defaults(run=_soundings)
+
+    like = commands.add_parser("like", help="make a scene like a recorded line: its track, cast, sounder and bed")
+    add_file(like, "line", metavar="LINE.all|kmall|gsf", help="line of soundings")
+    add_file(like, "-o", "--output", required=True, metavar="SCENE.xml",
+             help="scene; its track, cast and bed are written beside it")
+    like.add_argument("--cell", type=number, metavar="M",
+                      help="cell of the bed's grid; default: by the density of soundings")
+    like.add_argument("--pings", type=whole, metavar="N", help="number of first pings to use; default: all")
+    like.set_defaults(run=_like)
 
 
 def _soundings(arguments):
     from mitsonar.io import survey_lines
 
-    suffix = os.path.splitext(arguments.output)[1].lower()
-    if suffix not in survey_lines.SUFFIXES:
-        raise ValueError(f"cannot write {arguments.output}: its name says no kind of file; let it end in one of "
-                         f"{', '.join(survey_lines.SUFFIXES)}.")
+    check_output(arguments.output, tuple(survey_lines.SUFFIXES))
     place = None if arguments.place is None else tuple(arguments.place)
-    before = 0
+    before, words = 0, []
     with Progress() as progress:
-        words: list[str] = []
         if _is_recorded(arguments.scene):
             written = survey_lines.write(_recorded(arguments, words), arguments.output, place=place,
                                          start=arguments.start)
@@ -57,10 +59,10 @@ def _soundings(arguments):
 
 
 def _is_recorded(path):
-    """Return whether a line stands in a scene's place: by its name, or by how it begins."""
+    """Return True for a recorded line in place of a scene, by its name or its first bytes."""
     if os.path.splitext(path)[1].lower() in LINES:
         return True
-    if not (os.path.isfile(path) and os.access(path, os.R_OK)):            # whoever reads a scene says so
+    if not (os.path.isfile(path) and os.access(path, os.R_OK)):            # the reader of scenes reports it
         return False
     from mitsonar.io.survey_lines import reading
 
@@ -70,9 +72,9 @@ def _is_recorded(path):
 
 
 def _simulated(arguments, place, progress):
-    """Write soundings of a scene; give the number of an interrupted command's pings, and what was written.
+    """Write soundings of a scene; return the number of pings from an interrupted run, and the written line.
 
-    Pings go into a file beside the output, which the same command goes on with; at the end the output is made of it.
+    Pings go into a file beside the output, from which the same command continues; the output is made of it at the end.
     """
     if arguments.head_speed is not None:
         raise ValueError("--head-speed is of a line that was recorded; a scene says head_speed_error in its sensor.")
@@ -95,11 +97,10 @@ def _simulated(arguments, place, progress):
 
     began: list[int] = []
     made = pings_from(0)
-    if InterruptSignals.active is not None:
-        InterruptSignals.active.left = part
+    leave_if_interrupted(part)
     ping_file.fill(lambda number: made if number == 0 else pings_from(number), part, count=total[0],
                    check=lambda first: survey_lines.check_asked(place, arguments.start, first),
-                   progress=lambda done, all_of_them: progress(done - began[-1], all_of_them - began[-1]))
+                   progress=lambda done, pings: progress(done - began[-1], pings - began[-1]))
     files.clear_left(arguments.output)
     written = survey_lines.write(survey_lines.stored(part), arguments.output, place=place, start=arguments.start)
     part.unlink()
@@ -107,7 +108,10 @@ def _simulated(arguments, place, progress):
 
 
 def _recorded(arguments, words):
-    """A line of a file, reduced anew where that is asked for, by the instrument's own rules, which go into `words`."""
+    """Yield the blocks of a recorded line, reduced anew by the instrument's own rules if a cast or speed is given.
+
+    Remarks on the line and the rules are appended to `words`.
+    """
     given = [option for option, there in (("-D", arguments.parameters), ("--seed", arguments.seed),
                                           ("--sensor", arguments.sensor), ("--snippets", arguments.snippets),
                                           ("--threads", arguments.threads is not None)) if there]
@@ -120,7 +124,7 @@ def _recorded(arguments, words):
     if os.path.exists(arguments.output):
         for source in survey_lines.sources(arguments.scene):
             if os.path.samefile(source, arguments.output):
-                raise ValueError(f"{arguments.output} is the line itself, and what is written may hold less than it; "
+                raise ValueError(f"{arguments.output} is the line itself, and the output may hold less than it; "
                                  "give another name.")
     profile = None if arguments.profile is None else casts.read(arguments.profile).profile
     rules = None
@@ -133,8 +137,19 @@ def _recorded(arguments, words):
         if rules is None:
             rules = rules_of(block)
             words.extend(rules.words)
-        about = rules.arguments(block)
+        reduction = rules.arguments(block)
         if arguments.head_speed is not None:
-            about |= {"head_speed": arguments.head_speed, "node": True}
-        yield resounded(block, profile, **about)
+            reduction |= {"head_speed": arguments.head_speed, "node": True}
+        yield resounded(block, profile, **reduction)
 
+
+def _like(arguments):
+    from mitsonar.planning.like_line import like
+
+    if arguments.cell is not None and not 0 < arguments.cell < 1e4:
+        raise ValueError(f"--cell is {arguments.cell:g} m; give a number above 0, up to 10 000.")
+    if arguments.pings is not None and arguments.pings < 2:
+        raise ValueError(f"--pings is {arguments.pings}; a track takes two or more.")
+    for path in like(arguments.line, arguments.output, cell=arguments.cell, say=warn,
+                     pings=None if arguments.pings is None else slice(0, arguments.pings)):
+        announce(path)

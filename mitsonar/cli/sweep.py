@@ -1,27 +1,27 @@
-"""The command that renders many: sweep."""
+"""The command sweep: many renders from a plan."""
 import datetime
 import os
 
 from .arguments import Commands, whole
-from .completion import FILES, complete_with
+from .completion import add_file
 from .progress import Progress
 from .words import announce, warn
 
-SHOWN = 5                          # failures told at the end
+SHOWN = 5                          # failures printed at the end
 
 
 def add(commands: Commands) -> None:
     """Add the command to the parser's."""
-    sweep = commands.add_parser("sweep", help="render all that a plan asks for and is not there yet")
-    plan = sweep.add_argument("plan", metavar="PLAN.toml", help="or the name of a plan that comes with mitsonar")
-    complete_with(plan, FILES)
+    sweep = commands.add_parser("sweep", help="render all images of a plan that are missing")
+    add_file(sweep, "plan", metavar="PLAN.toml", help="plan, or the name of a plan that comes with mitsonar")
     sweep.add_argument("-o", "--output", metavar="FOLDER", help="default: the plan's name without .toml, beside it")
-    sweep.add_argument("--dry-run", action="store_true", help="say how many renders, how long and how large, and end")
+    sweep.add_argument("--dry-run", action="store_true", help="estimate number, time and disk space, and end")
     sweep.add_argument("--verify", action="store_true",
-                       help="read the images that are there, and make those anew that are not as they were written")
-    sweep.add_argument("--processes", type=whole, metavar="N", help="on this machine; default: one for two cores")
+                       help="check the existing images, and render damaged or changed ones again")
+    sweep.add_argument("--processes", type=whole, metavar="N",
+                       help="processes on this machine; default: one for two cores")
     sweep.add_argument("--threads", type=whole, metavar="N",
-                       help="of each process, at least 2; default: the cores shared out")
+                       help="threads of each process, at least 2; default: the cores shared out")
     sweep.add_argument("--workers", type=whole, metavar="N", help="start a Dask cluster of N workers here instead")
     sweep.add_argument("--scheduler", metavar="ADDRESS",
                        help="use a running Dask cluster instead; it can run any code as you")
@@ -35,7 +35,7 @@ def _sweep(arguments):
 
     plan = load_plan(arguments.plan)
     if arguments.dry_run:
-        return _tell(plan, arguments)
+        return _print_estimate(plan, arguments)
     at_once = arguments.workers or shares(arguments.processes, arguments.threads)[0]
     with Progress("renders", warm_up=at_once) as progress:
         outcome = run(plan, arguments.output, processes=arguments.processes, threads=arguments.threads,
@@ -55,26 +55,26 @@ def _sweep(arguments):
     return 1 if outcome.failed else 0
 
 
-def _tell(plan, arguments):
+def _print_estimate(plan, arguments):
     from mitsonar.sweep.estimate import estimate
     from mitsonar.sweep.execute import unplanned_said
 
     if arguments.scheduler is not None:
         raise ValueError("--dry-run estimates for this machine, not for the cluster of --scheduler; leave one out")
-    found = estimate(plan, arguments.output, processes=arguments.workers or arguments.processes,
-                     threads=arguments.threads, verify=arguments.verify, say=warn)
-    there = f"{found.total - found.missing} of them there" if found.missing < found.total else "none of them there yet"
-    announce(f"{_count(found.total, 'render')} into {found.folder}, {there}"
-             + (f", {found.changed + found.damaged} to be made anew" if found.changed + found.damaged else ""))
-    if found.unplanned:
-        warn(unplanned_said(found.unplanned, found.folder))
-    if found.seconds is not None and found.bytes is not None and found.duration is not None:
-        how = f"tried {found.trials}" if found.trials else "as those there took"
-        length = datetime.timedelta(seconds=round(found.duration))
-        announce(f"time: about {length}, {found.seconds:.2g} s each ({how}), by "
-                 f"{_count(found.processes, 'process')} of {found.threads} threads"
-                 + (f", of which the cores bear {found.at_once} at once" if found.at_once < found.processes else ""))
-        announce(f"disk: about {_size(found.bytes * found.missing)}, and {_size(found.free)} are free")
+    cost = estimate(plan, arguments.output, processes=arguments.workers or arguments.processes,
+                    threads=arguments.threads, verify=arguments.verify, say=warn)
+    there = f"{cost.total - cost.missing} of them there" if cost.missing < cost.total else "none of them there yet"
+    announce(f"{_count(cost.total, 'render')} into {cost.folder}, {there}"
+             + (f", {cost.changed + cost.damaged} to be made anew" if cost.changed + cost.damaged else ""))
+    if cost.unplanned:
+        warn(unplanned_said(cost.unplanned, cost.folder))
+    if cost.seconds is not None and cost.bytes is not None and cost.duration is not None:
+        how = f"tried {cost.trials}" if cost.trials else "as those there took"
+        length = datetime.timedelta(seconds=round(cost.duration))
+        announce(f"time: about {length}, {cost.seconds:.2g} s each ({how}), by "
+                 f"{_count(cost.processes, 'process')} of {cost.threads} threads"
+                 + (f", of which the cores bear {cost.at_once} at once" if cost.at_once < cost.processes else ""))
+        announce(f"disk: about {_size(cost.bytes * cost.missing)}, and {_size(cost.free)} are free")
     return 0
 
 

@@ -1,4 +1,4 @@
-"""What a command says beside its results: files it wrote, warnings, and that it was interrupted."""
+"""Messages of a command beside its results: names of written files, warnings and interruptions."""
 import os
 import signal
 import sys
@@ -6,16 +6,16 @@ from pathlib import Path
 
 
 class InterruptSignals:
-    """Let Ctrl-C and a request to terminate end the command by the same way, and remember which of them came."""
+    """Context in which Ctrl-C and SIGTERM end the command alike; `received` is the signal that came."""
 
-    active: "InterruptSignals | None" = None            # those of the command that runs
+    active: "InterruptSignals | None" = None            # that of the running command
 
     def __enter__(self):
         self.received, self.before = None, {}
-        self.left: Path | None = None          # an unfinished file that the same command goes on with
+        self.left: Path | None = None          # an unfinished file that the same command continues
         InterruptSignals.active = self
         for number in (signal.SIGINT, signal.SIGTERM):
-            if signal.getsignal(number) is not signal.SIG_IGN:                 # whoever started us wants it ignored
+            if signal.getsignal(number) is not signal.SIG_IGN:                 # the parent process wants it ignored
                 self.before[number] = signal.signal(number, self._stop)
         return self
 
@@ -29,9 +29,9 @@ class InterruptSignals:
         raise KeyboardInterrupt
 
     def end(self) -> int:
-        """Say that the command was interrupted, and end it, or give its exit code where no signal came."""
+        """Report the interruption and end the process; return the exit code if no signal came."""
         for number in self.before:
-            signal.signal(number, signal.SIG_IGN)      # a second Ctrl-C shall not break into the last words
+            signal.signal(number, signal.SIG_IGN)      # a second Ctrl-C must not break into the message
         after_echo = "\n" if self.received == signal.SIGINT and sys.stderr.isatty() else ""     # the terminal's ^C
         kept = self.left is not None and self.left.exists()
         left = f"{self.left} is left, and the same command goes on with it" if kept else "no unfinished file is left"
@@ -42,14 +42,20 @@ class InterruptSignals:
         os._exit(128 + self.received)
 
 
+def leave_if_interrupted(path: str | Path) -> None:
+    """Name the unfinished file from which the same command continues after an interruption."""
+    if InterruptSignals.active is not None:
+        InterruptSignals.active.left = Path(path)
+
+
 def end_if_interrupted() -> None:
-    """Interrupt the command once more if it goes on after a signal: libraries may swallow what that raised."""
+    """Raise KeyboardInterrupt again after a signal: libraries may swallow the first one."""
     if InterruptSignals.active is not None and InterruptSignals.active.received:
         raise KeyboardInterrupt
 
 
 def announce(path: object) -> None:
-    """Print the name of a file that was written; a closed output is no error, the file stays."""
+    """Print the name of a written file; a closed output is no error, the file stays."""
     try:
         print(path, flush=True)
     except OSError:
@@ -57,7 +63,7 @@ def announce(path: object) -> None:
 
 
 def mute() -> None:
-    """Send what is left to print to nowhere, else Python complains about it when it ends."""
+    """Discard further output, else Python complains about the closed output when it ends."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

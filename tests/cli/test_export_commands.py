@@ -63,7 +63,7 @@ def test_a_mosaic_is_a_geotiff_of_the_lines(record):
 
 
 @pytest.mark.parametrize("arguments, words", [
-    (["convert", "low.exr", "a.jsf"], "let it end in .xtf, .nc, .exr, .tif or .h5"),
+    (["convert", "low.exr", "a.jsf"], "must end in .xtf, .exr, .nc, .tif, .tiff, .h5 or .hdf5"),
     (["convert", "none.exr", "a.xtf"], "there is no such file"),
     (["convert", "scene.xml", "a.xtf"], "it is no EXR, netCDF"),
     (["convert", "low.exr", "none/a.xtf"], "does not exist; make it first"),

@@ -14,7 +14,7 @@ from focused_image import focused_image
 from small_strip import TEXT
 
 import mitsonar
-from mitsonar.cli import focusing, main as cli
+from mitsonar.cli import main as cli, progress
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def peak(image):
 
 def test_scenes_and_files_of_their_echoes_give_the_same_image(here, capfd, monkeypatch):
     with monkeypatch.context() as context:             # what takes longer is told after the first ping
-        context.setattr(focusing, "WORTH_SAYING", 0.0)
+        context.setattr(progress, "WORTH_SAYING", 0.0)
         assert cli.main(["focus", "raw.nc", "-o", "a.exr"]) == 0
     assert "mitsonar: 12 pings onto 41 x " in capfd.readouterr().err
     assert cli.main(["focus", "strip.xml", "-o", "b.h5", "--preview", "b.png"]) == 0
@@ -102,7 +102,7 @@ def test_two_banks_give_an_interferogram(here, capfd):
 
 
 @pytest.mark.parametrize("options, words", [
-    (("raw.nc", "-o", "e.jpg"), "its name says no kind of file; let it end in one of .exr, .nc, .h5"),
+    (("raw.nc", "-o", "e.jpg"), "its name must end in .exr, .nc, .h5"),
     (("raw.nc", "-o", "e.tif", "--grid", "slant"), "a slant grid is not even on a map"),
     (("raw.nc", "-o", "raw.nc"), "raw.nc holds the raw echoes; give another name"),
     (("raw.nc", "-o", "e.exr", "--seed", "3"), "--seed is of scenes, and raw.nc holds raw echoes"),

@@ -159,7 +159,7 @@ COMMANDS = {
     "bed heard from nowhere": ([*LEVEL, "--max-range", "1e-30"], "apart would be 1000000000 in the area"),
     "cells beyond number": (["plan", SANDWAVES, "--resolution", "1e-9"], "give a larger resolution"),
     "error beyond water": ([*LEVEL, "--cast-error", "9999"], "outside 300..3000 m/s"),
-    "layer without an error": ([*LEVEL, "--layer", "5"], "--layer says where --cast-error is"),
+    "layer without an error": ([*LEVEL, "--layer", "5"], "--layer is the thickness of the layer of --cast-error"),
     "two errors": ([*LEVEL, "--cast-error", "1", "--other-cast", SUMMER], "leave one out"),
     "no order": ([*LEVEL, "--order", "3"], "S-44 has no order '3'"),
     "lines of no format": ([*LEVEL, "-o", "a.kml"], "let it end in .csv, .geojson or .gpx"),

@@ -37,7 +37,7 @@ def test_a_png_is_one_frame_in_grey(record):
 
 @pytest.mark.parametrize("arguments, words", [
     (["fan.exr", "--frame", "2"], "there is no frame 2; there are 2, the first is 0"),
-    (["fan.exr", "-o", "a.tif"], "let it end in .exr, .nc or .png"),
+    (["fan.exr", "-o", "a.tif"], "its name must end in .exr, .nc or .png"),
     (["fan.exr", "-o", "a.png", "--only", "label"], "a PNG shows levels only"),
     (["fan.exr", "--cell", "0"], "length above 0"), (["fan.exr", "--only", "depth"], "no variable 'depth' to draw"),
     (["none.exr"], "there is no such file"), (["fan.exr", "-o", "none/a.exr"], "does not exist; make it first")])

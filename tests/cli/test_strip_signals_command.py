@@ -47,9 +47,9 @@ def test_the_file_holds_what_python_gives_and_an_interrupted_one_goes_on(variant
 
 def test_scatterers_are_written_beside_and_longer_work_is_told(variant, folder, capfd, monkeypatch):
     import mitsonar
-    from mitsonar.cli import strip_signals
+    from mitsonar.cli import progress
 
-    monkeypatch.setattr(strip_signals, "WORTH_SAYING", 0.0)
+    monkeypatch.setattr(progress, "WORTH_SAYING", 0.0)
     assert cli.main([*SIGNALS, "-D", "pings=2", "--scatterers", "points.nc"]) == 0
     out, err = capfd.readouterr()
     assert out == "points.nc\nraw.nc\n" and err.startswith("mitsonar: 2 pings of 4 receivers x ")
