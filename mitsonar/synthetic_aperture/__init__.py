@@ -1,4 +1,4 @@
-"""Synthetic aperture: from the echoes that a moving array records to focused images and what they show."""
+"""Synthetic aperture: focusing of a moving array's echoes, micronavigation, and products of the focused images."""
 from mitsonar.device.lazy import attach
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -1,23 +1,23 @@
-"""Back-projection of one ping: every receiver is read where the echo of a point stands, for all points in the beam.
+"""Back-projection of one ping: for every point of the beam, the sum of all receivers' signals at the point's delay.
 
     N(p) += Σ_r v_r w(u_r) R_t R_r 10^(α (R_t + R_r)/20) m_r(τ - (η - 1) f₀/k) e^(i2πf₀τ)
     D(p) += Σ_r v_r w(u_r) g(u_r)
     c₀ τ = R_t (1 + r_t) + R_r (1 + r_r),     u_r = (sine of the angle from abreast, out + back) / 2
 
 m -> compressed signals, r -> residuals of `delays`, g -> the beams of the elements' lengths, at u from abreast of the
-body; w -> the aperture's weights, tapered by u from abreast of the way, so that yaw does not move the aperture; v ->
-the receivers' ``shares``. N/D 10^(-SL/20) is the image. The transmitter is where the body has it when the pulse's
-middle leaves, whose frequency is the carrier; receivers are where the body has them when that comes in, at τ by
-iteration. An echo that comes compressed in time by η has its sweep of rate k shifted: peaks stand (η - 1) f₀/k too
-early.
+body; w -> the aperture's weights, tapered by u from abreast of the track, so that yaw does not move the aperture; v ->
+the receivers' ``shares``. N/D 10^(-SL/20) is the image. The transmitter's place is that at the middle of the pulse,
+where the frequency is the carrier. A receiver's place is that at the arrival of this middle, at τ, by iteration. Motion
+compresses an echo in time by η, which shifts a sweep of rate k: its peak stands (η - 1) f₀/k too early.
 
-Of a point everything is computed once for the receivers' centre, in float64; a receiver's own way differs by
-ΔR = q / (R + sqrt(R² + q)), q = |a|² - 2 a·p, a its place from the centre and p the point, both in the axes of the body
-at reception. The residual follows a to first order, through the receiver's distance and depth.
+For each point, everything is computed once for the receivers' centre, in float64. The path of a single receiver differs
+by ΔR = q / (R + sqrt(R² + q)), q = |a|² - 2 a·p, where a is its place from the centre and p the point, both in body
+axes at reception. The residual follows a to first order, through the receiver's distance and depth.
 """
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import drjit as dr
@@ -32,13 +32,13 @@ from .motion import Moving
 
 TILE = 16                          # points along a tile's side
 WEIGHTS = 1024                     # nodes of the weights over |u|
-TOGETHER = 2                       # receivers in one go of the loop
+TOGETHER = 2                       # receivers per step of the loop
 TINY = 1e-3                        # [m]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImageAperture:
-    """The angles that are used, and how."""
+    """Range of angles that an image uses, and their weights."""
 
     widest: float  # largest |u| from abreast of the way
     taper: np.ndarray  # W at even steps of |u| from 0 to `widest`
@@ -49,30 +49,31 @@ class ImageAperture:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sender:
-    """A transmitter at its instant."""
+    """Transmitter at the middle of its pulse."""
 
-    place: np.ndarray  # (3,) [m/s]
+    place: np.ndarray  # (3,) [m]
     velocity: np.ndarray  # (3,) [m/s]
     rotation: np.ndarray  # (3, 3)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImageWater:
-    """What a ping's delays are made with."""
+    """Sound speed, residuals and absorption of one ping."""
 
     sound_speed: float  # [m/s]
-    sender: FocalPlane | None = None  # residuals at the depths of the transmitter and of the receivers' centre
-    receivers: FocalPlane | None = None  # residuals at the depths of the transmitter and of the receivers' centre
+    sender: FocalPlane | None = None  # residuals at the transmitter's depth; None: straight rays
+    receivers: FocalPlane | None = None  # residuals at the depth of the receivers' centre
     absorption_db: float = 0.0  # [dB/m]
 
 
 class BackProjection:
-    """An image in the making, of the receivers of one bank."""
-    # frequency [s]; rate [s]; first [s]; coupling [s]; look (3,)
+    """Sums of an image, to which pings of one bank of receivers are added."""
 
-    def __init__(self, lib: ArrayTypes, grid: Grid, aperture: ImageAperture, *, frequency: float, rate: float,
-                 first: float,
-                 samples: int, coupling: float, look: np.ndarray):
+    def __init__(self, lib: ArrayTypes, grid: Grid, aperture: ImageAperture, *, frequency: float,  # [Hz]
+                 rate: float,                           # [Hz], of the compressed signals
+                 first: float,                          # [s], their first sample
+                 samples: int, coupling: float,         # [s], f₀/k of the module's equation
+                 look: np.ndarray):                     # (3,), body frame
         self.lib, self.grid, self.aperture, self.look = lib, grid, aperture, np.asarray(look, float)
         self.frequency, self.rate, self.first = frequency, rate, first
         self.samples, self.coupling = samples, coupling
@@ -85,26 +86,24 @@ class BackProjection:
         self._centres, self._radius = self._tile_places()
 
     def _tile_places(self) -> tuple[np.ndarray, np.ndarray]:
-        """Middles (N, 3) of the tiles, and the radii (N,) of spheres about their points."""
-        grid = self.grid
-        corners = []
-        for end in (0, TILE - 1):
-            rows = np.minimum(np.arange(self.tiles[0]) * TILE + end, len(grid.along_track) - 1)
-            for other in (0, TILE - 1):
-                columns = np.minimum(np.arange(self.tiles[1]) * TILE + other, len(grid.ground) - 1)
-                a, g = grid.along_track[rows][:, None], grid.ground[columns]
-                corners.append(np.stack([grid.origin[0] + a * np.sin(grid.heading) + g * np.cos(grid.heading),
-                                         grid.origin[1] + a * np.cos(grid.heading) - g * np.sin(grid.heading),
-                                         grid.depth[np.ix_(rows, columns)]], -1).reshape(-1, 3))
+        """Return the centres (N, 3) of the tiles and the radii (N,) of spheres about their points."""
+        grid, corners = self.grid, []
+        for row_end, column_end in product((0, TILE - 1), repeat=2):
+            rows = np.minimum(np.arange(self.tiles[0]) * TILE + row_end, len(grid.along_track) - 1)
+            columns = np.minimum(np.arange(self.tiles[1]) * TILE + column_end, len(grid.ground) - 1)
+            a, g = grid.along_track[rows][:, None], grid.ground[columns]
+            corners.append(np.stack([grid.origin[0] + a * np.sin(grid.heading) + g * np.cos(grid.heading),
+                                     grid.origin[1] + a * np.cos(grid.heading) - g * np.sin(grid.heading),
+                                     grid.depth[np.ix_(rows, columns)]], -1).reshape(-1, 3))
         middle = np.mean(corners, 0)
-        radius = np.max([np.linalg.norm(one - middle, axis=-1) for one in corners], 0)
-        depths = [np.maximum.reduceat(np.maximum.reduceat(some, np.arange(self.tiles[0]) * TILE, 0),
-                                      np.arange(self.tiles[1]) * TILE, 1).ravel() for some in (grid.depth, -grid.depth)]
+        radius = np.max([np.linalg.norm(corner - middle, axis=-1) for corner in corners], 0)
+        depths = [np.maximum.reduceat(np.maximum.reduceat(z, np.arange(self.tiles[0]) * TILE, 0),
+                                      np.arange(self.tiles[1]) * TILE, 1).ravel() for z in (grid.depth, -grid.depth)]
         return middle, radius + np.maximum(depths[0] - middle[:, 2], depths[1] + middle[:, 2])
 
     def in_sight(self, sender: Sender, receivers: Moving, places: np.ndarray, ahead: np.ndarray,
                  sound_speed: float) -> np.ndarray:
-        """Return the numbers of the tiles that the ping may touch: in the beam, abreast, and within the record."""
+        """Return the numbers of the tiles that the ping may reach: in the beam, abreast, and within the record."""
         away = self._centres - receivers.place
         distance = np.maximum(np.linalg.norm(away, axis=1), TINY)
         out = np.maximum(np.linalg.norm(self._centres - sender.place, axis=1), TINY)
@@ -115,35 +114,36 @@ class BackProjection:
         last = self.first + self.samples / self.rate
         # residuals of the straight line and the array's own extent are far below the margin
         margin = 0.05 * (distance + out) + 2 * reach + 1.0
-        heard = ((distance + out + margin > self.first * sound_speed) & (distance + out - margin < last * sound_speed))
-        return np.flatnonzero(beam & abreast & heard).astype(np.uint32)
+        recorded = (distance + out + margin > self.first * sound_speed) & (distance + out - margin < last * sound_speed)
+        return np.flatnonzero(beam & abreast & recorded).astype(np.uint32)
 
-    def add(self, signals: np.ndarray, sender: Sender, receivers: Moving, places: np.ndarray, shares: np.ndarray,
-            ahead: np.ndarray, water: ImageWater) -> None:
-        """Add a ping."""
-        # places [m]; ahead (3,)
+    def add(self, signals: np.ndarray, sender: Sender, receivers: Moving,
+            places: np.ndarray,             # (rx, 3) [m], from the receivers' centre, body frame
+            shares: np.ndarray,             # (rx,)
+            ahead: np.ndarray,              # (3,), mean direction of the track
+            water: ImageWater) -> None:
+        """Add a ping's compressed signals (rx, sample) to the sums."""
         tiles = self.in_sight(sender, receivers, places, ahead, water.sound_speed)
         if not len(tiles):
             return
         lib = self.lib
         inside, pixel, point = self._points(tiles)
         ways = _PingWays(lib, point, sender, receivers, ahead, water, self)
-        further = np.column_stack([places @ receivers.rotation[2], shares, places @ (ahead @ receivers.rotation),
-                                   np.zeros(len(places))])
+        tilts = np.column_stack([places @ receivers.rotation[2], shares, places @ (ahead @ receivers.rotation),
+                                 np.zeros(len(places))])
         elements = np.column_stack([places, (places ** 2).sum(1)])
-        missing = -len(places) % TOGETHER          # none of which has a share
-        elements, further = (np.pad(one, ((0, missing), (0, 0))) for one in (elements, further))
-        elements = upload(lib.Float, elements.astype(np.float32))
-        others = upload(lib.Float, further.astype(np.float32))
-        dr.sync_thread()           # the ping before may still run: no more than one waits, whatever the strip's length
+        padding = -len(places) % TOGETHER          # receivers whose share is 0
+        elements, tilts = (upload(lib.Float, np.pad(table, ((0, padding), (0, 0))).astype(np.float32))
+                           for table in (elements, tilts))
+        dr.sync_thread()           # the ping before may still run: at most one waits, however long the strip
         values = upload(lib.Float, signals.view(np.float32))
-        real, imaginary, weight = self._summed(ways, values, elements, others, len(places), inside, water)
+        real, imaginary, weight = self._summed(ways, values, elements, tilts, len(places), inside, water)
         for total, part in ((self.real, real), (self.imaginary, imaginary), (self.weight, weight)):
             dr.scatter(total, dr.gather(lib.Float, total, pixel, inside) + part, pixel, inside)
         dr.eval(self.real, self.imaginary, self.weight)
 
     def _points(self, tiles: np.ndarray) -> tuple[Any, UInt32, list[Float64]]:
-        """Which threads have a point, its number, and its place: x, y, depth."""
+        """Return a mask of the threads that have a point, the point's number, and its place: x, y, depth."""
         lib, (rows, columns) = self.lib, self.grid.depth.shape
         thread = dr.arange(lib.UInt32, len(tiles) * TILE * TILE)
         tile = dr.gather(lib.UInt32, upload(lib.UInt32, tiles), thread // (TILE * TILE))
@@ -157,15 +157,15 @@ class BackProjection:
         a = dr.gather(lib.Float64, self.along, row, inside)
         g = dr.gather(lib.Float64, self.ground, column, inside)
         s, c = (dr.opaque(lib.Float64, float(f(self.grid.heading))) for f in (np.sin, np.cos))
-        x, y = (dr.opaque(lib.Float64, one) for one in self.grid.origin)
+        x, y = (dr.opaque(lib.Float64, value) for value in self.grid.origin)
         z = lib.Float64(dr.gather(lib.Float, self.depth, pixel, inside))
         return inside, pixel, [x + a * s + g * c, y + a * c - g * s, z]
 
-    def _summed(self, ways: _PingWays, values: Float, elements: Float, others: Float, count: int, inside: Any,
+    def _summed(self, ways: _PingWays, values: Float, elements: Float, tilts: Float, count: int, inside: Any,
                 water: ImageWater) -> tuple[Float, Float, Float]:
-        """Sum over the receivers, for every thread."""
+        """Return the sums over the receivers, for every thread."""
         lib = self.lib
-        one, last = dr.opaque(lib.UInt32, 1), dr.opaque(lib.UInt32, count)
+        unit_step, stop = dr.opaque(lib.UInt32, 1), dr.opaque(lib.UInt32, count)
         steps = [dr.opaque(lib.UInt32, k) for k in range(TOGETHER + 1)]   # literals make iterations wait
         row, end = dr.opaque(lib.UInt32, self.samples), dr.opaque(lib.Float, float(self.samples - 1))
         per_metre = dr.opaque(lib.Float, self.rate / water.sound_speed)
@@ -180,14 +180,14 @@ class BackProjection:
         def fallen(apart: Float) -> Float:
             return dr.maximum(dr.fma(apart * apart, fall, 1), 0.5)
 
-        def heard(n: UInt32, real: Float, imaginary: Float, weight: Float) -> tuple[Float, Float, Float]:
+        def add_receiver(n: UInt32, real: Float, imaginary: Float, weight: Float) -> tuple[Float, Float, Float]:
             a = dr.gather(lib.Array4f, elements, n)
             q = dr.fma(a[0], bx, dr.fma(a[1], by, dr.fma(a[2], bz, a[3])))
             slant = dr.sqrt(dr.fma(ways.slant, ways.slant, q))
             further = q / (slant + ways.slant) * ways.stretch
-            other = dr.gather(lib.Array4f, others, n)
+            tilt = dr.gather(lib.Array4f, tilts, n)
             if bent:
-                bend = dr.fma(dr.fma(ways.by_depth_square, other[0], ways.by_depth), other[0], ways.by_square * q)
+                bend = dr.fma(dr.fma(ways.by_depth_square, tilt[0], ways.by_depth), tilt[0], ways.by_square * q)
                 further += bend
             place = dr.fma(further, per_metre, ways.fraction)
             whole = dr.floor(place)
@@ -195,14 +195,14 @@ class BackProjection:
             place = ways.whole + whole
             per_slant = 0.5 / slant
             back_sine = (ways.ahead - a[0]) * per_slant
-            node = dr.fma(dr.abs(dr.fma(ways.way_ahead - other[2], per_slant, ways.way_half_sine)), to_taper, 0.5)
+            node = dr.fma(dr.abs(dr.fma(ways.way_ahead - tilt[2], per_slant, ways.way_half_sine)), to_taper, 0.5)
             in_beam = dr.fma(dr.abs(back_sine + ways.half_sine), to_beam, 0.5)
             on = (place >= 0) & (place < end) & (node < WEIGHTS) & (in_beam < WEIGHTS)
             at = dr.minimum(n, final) * row + lib.UInt32(held(place, 0, end))
             beam = dr.gather(lib.Array2f, self.beams, lib.UInt32(held(in_beam, 0, WEIGHTS - 1)), on)
-            share_here = other[1] * dr.gather(lib.Float, self.taper, lib.UInt32(held(node, 0, WEIGHTS - 1)), on)
+            share_here = tilt[1] * dr.gather(lib.Float, self.taper, lib.UInt32(held(node, 0, WEIGHTS - 1)), on)
             first = dr.gather(lib.Array2f, values, at, on)
-            second = dr.gather(lib.Array2f, values, at + one, on)
+            second = dr.gather(lib.Array2f, values, at + unit_step, on)
             re, im = dr.lerp(first[0], second[0], share), dr.lerp(first[1], second[1], share)
             turn = dr.fma(further, cycles, ways.phase)
             s, c = _sine_cosine(turn)
@@ -213,18 +213,18 @@ class BackProjection:
 
         def body(n: UInt32, *sums: Float) -> tuple:
             for k in range(TOGETHER):
-                sums = heard(n + steps[k], *sums)
+                sums = add_receiver(n + steps[k], *sums)
             return (n + steps[-1], *sums)
 
         size = dr.width(ways.slant)
-        nothing = [dr.zeros(lib.Float, size) for _ in range(3)]
+        zeros = [dr.zeros(lib.Float, size) for _ in range(3)]
         start = dr.zeros(lib.UInt32, size)
-        _, real, imaginary, weight = looped((start, *nothing), lambda n, *_: (n < last) & inside & ways.abreast, body)
+        _, real, imaginary, weight = looped((start, *zeros), lambda n, *_: (n < stop) & inside & ways.abreast, body)
         return real * ways.loss, imaginary * ways.loss, weight
 
 
 def _sine_cosine(turns: Float) -> tuple[Float, Float]:
-    """Sine and cosine of whole turns, to 1e-6: Taylor series over a quarter of a turn, doubled twice."""
+    """Return sine and cosine of turns, to 1e-6: Taylor series over a quarter of a turn, doubled twice."""
     angle = (turns - dr.round(turns)) * (0.5 * np.pi)
     square = angle * angle
     s = angle * dr.fma(square, dr.fma(square, dr.fma(square, -1 / 5040, 1 / 120), -1 / 6), 1)
@@ -235,7 +235,7 @@ def _sine_cosine(turns: Float) -> tuple[Float, Float]:
 
 
 class _PingWays:
-    """Of every thread's point: the way out, and the way back to the receivers' centre."""
+    """Path out to each thread's point, and path back to the receivers' centre."""
 
     def __init__(self, lib: ArrayTypes, point: list[Float64], sender: Sender, receivers: Moving, ahead: np.ndarray,
                  water: ImageWater, image: BackProjection):
@@ -247,7 +247,7 @@ class _PingWays:
 
         out = [p - exact(s) for p, s in zip(point, sender.place, strict=True)]
         out_slant = dr.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
-        out_axis = [lib.Float(one) for one in out]
+        out_axis = [lib.Float(value) for value in out]
         out_way = out_slant
         residual = None
         if water.sender is not None:
@@ -278,12 +278,12 @@ class _PingWays:
         time = when(out_way + early)
         moved, back, slant = back_at(time)
         self.slant = lib.Float(slant)
-        axis = [lib.Float(one) for one in back]
-        unit = [one / self.slant for one in axis]
+        axis = [lib.Float(value) for value in back]
+        unit = [value / self.slant for value in axis]
         closing = sum(u * number(v / water.sound_speed) for u, v in zip(unit, receivers.velocity, strict=True))
         out_closing = sum(d * number(v / water.sound_speed) for d, v in zip(out_axis, sender.velocity, strict=True))
         out_near = lib.Float(out_slant)
-        # who hears later has moved on meanwhile: dτ = dR / (1 + closing)
+        # a later arrival meets a receiver that has moved on: dτ = dR / (1 + closing)
         self.stretch = 1 / (1 + closing)
         way = slant
         self.by_square = self.by_depth = self.by_depth_square = number(0)
@@ -308,7 +308,7 @@ class _PingWays:
         self.body = [axis[0] * turned[k] + axis[1] * turned[3 + k] + axis[2] * turned[6 + k] for k in range(3)]
         self.ahead = self.body[0]
         forward = sender.rotation[:, 0]
-        way = [number(one) for one in ahead]
+        way = [number(value) for value in ahead]
         self.way_ahead = sum(b * w for b, w in zip(axis, way, strict=True))
         self.way_half_sine = 0.5 * sum(d * w for d, w in zip(out_axis, way, strict=True)) / out_near
         self.half_sine = 0.5 * sum(d * number(f) for d, f in zip(out_axis, forward, strict=True)) / out_near
@@ -317,7 +317,7 @@ class _PingWays:
 
 
 class _Residual:
-    """Residual of the straight line, read from a plane: value, slope over the distance; derivatives over the depth."""
+    """Residual of the straight line, read from a plane: value, slope over the distance, derivatives over the depth."""
 
     def __init__(self, lib: ArrayTypes, plane: FocalPlane, axis: list[Float], depth: Float):
         rows, columns = plane.values.shape[:2]

@@ -1,12 +1,10 @@
-"""Range compression: the pulses of raw echoes to their delays, on a time axis fine enough to be read between samples.
+"""Range compression of raw echoes, on a time axis fine enough for linear interpolation; windows over an image.
 
     m(t) = ∫ s(t + u) r*(u) du / ∫ b(u) r*(u) du,    r = b w      as `signal.matched_filter`
 
 b -> ``pulse``, w -> ``window`` of the replica. An echo of amplitude a and delay τ peaks at τ with the value a. The fine
-axis has `FINER` samples to a cycle of the band, and the spectrum is divided by that of the straight lines between two
-of them, sinc²(f / rate): lines then err by -52 dB of an echo (rms over a flat band).
-
-Windows over an image, in metres and in points.
+axis has `FINER` samples per cycle of the band. The spectrum is divided by that of linear interpolation between samples,
+sinc²(f / rate), whose error is then -52 dB of an echo (rms over a flat band).
 """
 from __future__ import annotations
 
@@ -18,9 +16,12 @@ from mitsonar.signal.reception import band_filter, check_record, padded_length
 from mitsonar.sonar.arrays.shading import window_weights
 from mitsonar.sonar.pulses.pulse import Pulse, Window
 
+FINER = 8.0                        # samples of the fine axis per cycle of the band
+TRIED = 64                         # samples that a window is tried on
+
 
 def window_samples(image: xr.Dataset, window: tuple[float, float]) -> tuple[int, int]:
-    """Return the odd numbers of points along and across that a window [m] holds, the image's at most."""
+    """Return the odd numbers of points along and across that a window [m] holds, at most those of the image."""
     size = []
     for name, length in zip(("along_track", "across_track"), window):
         step = float(np.abs(np.diff(image[name].values)).mean()) if image.sizes[name] > 1 else np.inf
@@ -30,29 +31,25 @@ def window_samples(image: xr.Dataset, window: tuple[float, float]) -> tuple[int,
     return size[0], size[1]
 
 
-FINER = 8.0                        # samples of the fine axis to a cycle of the band
-TRIED = 64                         # samples that a window is tried on
-
-
 def window_of(text: str | tuple | None) -> Window | None:
-    """Return a window with its numbers as scipy takes them: "taylor 4 30" as a tuple; "none" and None are none."""
+    """Return a window as scipy takes it, "taylor 4 30" as a tuple, or None for "none" and None."""
     if text is None or text == "none":
         return None
     if not isinstance(text, str):
         return text
     name, *numbers = text.split() or [""]
     try:
-        values = [int(one) if one.lstrip("+-").isdigit() else float(one) for one in numbers]
+        values = [int(number) if number.lstrip("+-").isdigit() else float(number) for number in numbers]
     except ValueError:
         raise ValueError(f'window is "{text}"; give a name and its numbers, such as "hann" or "taylor 4 30"') from None
     return (name, *values) if values else name
 
 
 class Compressor:
-    """Compress pings of one length."""
-    # sampling_rate [Hz]; rate [Hz]
+    """Range compression of pings of one length."""
 
-    def __init__(self, pulse: Pulse, sampling_rate: float, samples: int, window: str | tuple | None = None):
+    def __init__(self, pulse: Pulse, sampling_rate: float,  # [Hz]
+                 samples: int, window: str | tuple | None = None):
         check_record(pulse, sampling_rate, samples)
         self.length = padded_length(samples, pulse.duration, sampling_rate)
         band = 2 * max(-pulse.band[0], pulse.band[1])
@@ -64,13 +61,13 @@ class Compressor:
         sent = pulse.spectrum(sampling_rate, self.length)
         shape = window_of(window)
         if shape is not None:
-            window_weights(shape, TRIED)                   # refuses what is none
+            window_weights(shape, TRIED)                   # refuses an unknown window
         replica = np.conj(pulse.replica(shape).spectrum(sampling_rate, self.length))
         gain = np.mean(sent * replica * band_filter(frequency, sampling_rate)).real
         self._transfer = (finer * replica / gain / np.sinc(frequency / self.rate) ** 2).astype(np.complex64)
 
     def compressed(self, signals: np.ndarray) -> np.ndarray:
-        """Compress signals complex (rx, sample): complex64 (rx, `samples`)."""
+        """Return the compressed signals complex64 (rx, `samples`) of signals (rx, sample)."""
         spectrum = fft.fft(np.asarray(signals, np.complex64), self.length) * self._transfer
         fine = np.zeros((len(signals), self.fine_length), np.complex64)
         half = (self.length + 1) // 2

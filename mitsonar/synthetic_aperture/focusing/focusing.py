@@ -1,16 +1,16 @@
-"""Raw echoes to a focused image: compression, then back-projection, ping after ping.
+"""Focusing of raw echoes to an image: compression, then back-projection, ping after ping.
 
     image = 10^(-SL/20) Σ v w R_t R_r 10^(α (R_t + R_r)/20) m(τ) e^(i2πf₀τ) / Σ v w g          see `back_projection`
 
 g -> sinc(L_t u/λ) sinc(L_r u/λ), the beams of the elements' lengths; v -> `overlap_shares`, w -> the aperture's weights
 over |u| <= ``aperture``:
 
-    window none      w = 1                  the beams themselves taper the aperture
-    another          w = W(u / aperture) / g        it is tapered by the window alone
+    no window        w = 1                        the beams themselves taper the aperture
+    a window W       w = W(u / aperture) / g      the window alone tapers it
 
-A point target has |image|² = 10^(TS/10) at its peak; beams across the track are not undone, so that one off the axis of
-look comes out weaker by them. ``aperture`` λ/2L, L the longer of the two, gives L/2 along the track: with no window
-0.50 L, with a boxcar 0.44 L, with a Hann window 0.72 L at -3 dB.
+A point target has |image|² = 10^(TS/10) at its peak. Beams across the track are not undone: a target off the axis of
+look is weaker by them. The default ``aperture`` λ/2L, where L is the longer element, resolves L/2 along the track: at
+-3 dB 0.50 L with no window, 0.44 L with a boxcar, 0.72 L with a Hann window.
 """
 from __future__ import annotations
 
@@ -26,18 +26,19 @@ from mitsonar.sonar.pulses.pulses import pulse_of
 from mitsonar.units import amplitude_from_db, db_from_amplitude
 from mitsonar.water.profile import SoundSpeedProfile
 
-from ..record import IMAGE_VARIABLES, check_image, check_raw
+from ..record import check_image, check_raw
 from .back_projection import WEIGHTS, BackProjection, ImageAperture, ImageWater, Sender
 from .compression import Compressor, window_of
 from .delays import TravelTables, bends
+from .geometry import image_variables
 from .grids import Grid, default_grid
 from .motion import ApertureMotion
 
 STEPS = 257                        # of the mean heading
-STRAIGHT = np.deg2rad(20.0)        # that headings may differ by on a straight strip
-WIDEST = 0.9                       # sine of the angle that an aperture may reach to either side
-LEAST_BEAM = 0.15                  # of the elements' beams, that a window divides by
-REACH = 1.02                       # of the tables beyond the grid's farthest point
+STRAIGHT = np.deg2rad(20.0)        # range of headings on a straight strip
+WIDEST = 0.9                       # sine of the largest angle of an aperture, to either side
+LEAST_BEAM = 0.15                  # least value of the elements' beams that a window divides by
+REACH = 1.02                       # reach of the tables over the distance of the grid's farthest point
 
 
 def focus(raw: xr.Dataset, grid: Grid | None = None, profile: SoundSpeedProfile | float | None = None, *,
@@ -49,35 +50,35 @@ def focus(raw: xr.Dataset, grid: Grid | None = None, profile: SoundSpeedProfile 
     Parameters
     ----------
     raw : xarray.Dataset
-        See `record`.
+        Raw echoes, as `record` describes them.
     grid : Grid or None
-        None: `grids.default_grid`.
+        Points to focus at. None: `grids.default_grid`.
     profile : SoundSpeedProfile, float [m/s] or None
-        Water that delays are made with, along exact eigenrays; a number: straight lines at one sound speed; None: the
-        record's own.
+        Water that delays are computed with, along exact eigenrays. A number: straight lines at this sound speed. None:
+        the record's own profile.
     window, range_window : None, str or tuple
-        Over the aperture's angles and over the pulse's sweep; "none" or None leave the beams and the sweep as they are.
+        Windows over the aperture's angles and over the pulse's sweep. "none" or None: no window.
     trajectory : xarray.Dataset or None
-        Another than the record's, such as a navigated one: ``motion_time``, ``motion_x`` and the like.
+        Trajectory to use instead of the record's, such as a navigated one: ``motion_time``, ``motion_x`` and so on.
     aperture : float or None [-]
-        Sine of the largest angle from abreast that is used; None: as the module says.
+        Sine of the largest angle from abreast that is used. None: λ/2L, see the module.
     like : Dr.Jit array or type, optional
         Where to compute; by default on a GPU if there is one, else on the CPU.
 
     Returns
     -------
     xarray.Dataset
-        A focused image of `record`; one bank after the other. Points that no ping saw are 0, their level -inf.
+        Focused image as `record` describes it, every bank apart. Points that no ping saw are 0, their level -inf.
 
     Raises
     ------
     ValueError
-        If `raw` holds no raw echoes or fewer than two pings, numbers are not finite, a window is unknown, the
+        If `raw` has no raw echoes or fewer than two pings, numbers are not finite, a window is unknown, the
         trajectory does not cover the pings, or no ping sees the grid.
     """
     check_raw(raw)
     if raw.sizes["ping"] < 2:
-        raise ValueError(f"an aperture is made of two or more pings, got {raw.sizes['ping']}")
+        raise ValueError(f"an aperture needs two or more pings, got {raw.sizes['ping']}; give a longer strip")
     if grid is None:
         grid = default_grid(raw if trajectory is None else raw.assign(_as_variables(trajectory)))
     focuser = Focuser(raw, grid, profile, window=window, range_window=range_window, trajectory=trajectory,
@@ -87,7 +88,7 @@ def focus(raw: xr.Dataset, grid: Grid | None = None, profile: SoundSpeedProfile 
 
 
 class Focuser:
-    """Focus pings one after the other: memory does not grow with their number."""
+    """Focusing of pings one after the other; memory does not grow with their number."""
 
     def __init__(self, raw: xr.Dataset, grid: Grid, profile: SoundSpeedProfile | float | None = None, *,
                  window: str | tuple | None = "taylor 4 30", range_window: str | tuple | None = "taylor 4 30",
@@ -125,72 +126,68 @@ class Focuser:
             for _ in self.banks]
         self._before: dict[int, np.ndarray] = {}
         self._waiting: dict[int, tuple[float, np.ndarray]] = {}
-        self._about = {name: raw.attrs[name] for name in raw.attrs if name not in ("sampling_rate",)}
-        self._about |= {"window": _text(window), "range_window": _text(range_window),
-                        "aperture": self.aperture.widest}
+        self._about = {name: value for name, value in raw.attrs.items() if name != "sampling_rate"} | {
+            "window": _text(window), "range_window": _text(range_window), "aperture": self.aperture.widest}
 
     @property
     def _moved(self) -> tuple[float, float]:
-        """Window of reception [s] after a transmission: a ping is where it is when its pulse's middle passes."""
+        """Window of reception [s] after a transmission; the pulse's middle counts for the place of a ping."""
         half = 0.5 * self.pulse.duration
         return self.window[0] + half, self.window[1] + half
 
     def _travel_tables(self, place: np.ndarray) -> TravelTables | None:
-        """Tables for bent rays; None where sound goes straight."""
+        """Return tables for bent rays, or None where sound travels along straight lines."""
         if not bends(self.profile):
             self.sound_speed = float(self.profile.sound_speed[0])
             return None
         low, high = float(self.grid.depth.min()), float(self.grid.depth.max())
         between = np.linspace(min(low, place[:, 2].min()), max(high, place[:, 2].max()), 201)
         self.sound_speed = float(1 / np.mean(1 / self.profile.at(between)))
-        x, y = (one[[0, 0, -1, -1], [0, -1, 0, -1]] for one in (self.grid.x, self.grid.y))
+        x, y = (axes[[0, 0, -1, -1], [0, -1, 0, -1]] for axes in (self.grid.x, self.grid.y))
         farthest = float(np.hypot(x[:, None] - place[:, 0], y[:, None] - place[:, 1]).max())
-        heard = 0.55 * self.sound_speed * (self.time[-1] + self.pulse.duration)
-        nearest = 0.0
-        return TravelTables(self.profile, self.sound_speed, (low, high),
-                            (nearest, min(farthest * REACH + 1.0, heard + 5.0)))
+        recorded = 0.55 * self.sound_speed * (self.time[-1] + self.pulse.duration)
+        reach = min(farthest * REACH + 1.0, recorded + 5.0)
+        return TravelTables(self.profile, self.sound_speed, (low, high), (0.0, reach))
 
     def add(self, raw: xr.Dataset) -> None:
         """Add pings of the same strip, in their order."""
         signals = raw["signal"]
         if signals.shape[1:] != (len(self.places[0]), len(self.time)):
-            raise ValueError(f"pings have {signals.shape[1]} receivers and {signals.shape[2]} samples, and the strip "
+            raise ValueError(f"the pings have {signals.shape[1]} receivers and {signals.shape[2]} samples, the strip "
                              f"{len(self.places[0])} and {len(self.time)}; give pings of one strip")
         times = np.asarray(raw["ping_time"].values, float)
         senders = np.asarray(raw["transmitter"].values)
         if not np.all(np.isfinite(times)):
             raise ValueError("ping_time holds numbers that are not finite; leave those pings out")
         if not np.all((senders >= 0) & (senders < len(self.places[1]))):
-            raise ValueError(f"transmitter holds {senders.min()} to {senders.max()}, and there are "
-                             f"{len(self.places[1])}; count them from 0")
+            raise ValueError(f"`transmitter` ranges from {senders.min()} to {senders.max()}, and there are "
+                             f"{len(self.places[1])} transmitters; number them from 0")
         self.motion.check_covers(float(times.min()), float(times.max()) + self._moved[1])
         for ping, start in enumerate(times):
-            heard = np.asarray(signals[ping].values)
-            if not np.all(np.isfinite(heard)):
-                raise ValueError(f"ping {self.pings} of those to focus, counted from 0, holds signals that are not "
-                                 "finite; leave it out")
-            self._next(float(start), int(senders[ping]), heard)
+            signal = np.asarray(signals[ping].values)
+            if not np.all(np.isfinite(signal)):
+                raise ValueError(f"ping {self.pings}, counted from 0, holds signals that are not finite; leave it out")
+            self._next(float(start), int(senders[ping]), signal)
 
-    def _next(self, start: float, number: int, heard: np.ndarray) -> None:
-        """Add a ping, once the way from the one before it of its transmitter is known, or for the first to the next."""
+    def _next(self, start: float, number: int, signal: np.ndarray) -> None:
+        """Add a ping, once the step from the previous ping of its transmitter is known (for the first, to the next)."""
         self.pings += 1
         place, rotation = self.motion.place(np.array(start)), self.motion.rotation(np.array(start))
         before = self._before.get(number)
         self._before[number] = place
         if before is None:
-            self._waiting[number] = start, heard
+            self._waiting[number] = start, signal
             return
         step = float(abs((place - before) @ rotation[:, 0]))
-        first = self._waiting.pop(number, None)
-        for one in (first, (start, heard)):
-            if one is not None:
-                self._add(one[0], self.places[1][number], one[1], step)
+        for waiting in (self._waiting.pop(number, None), (start, signal)):
+            if waiting is not None:
+                self._add(waiting[0], self.places[1][number], waiting[1], step)
 
-    def _add(self, start: float, transmitter: np.ndarray, heard: np.ndarray, step: float) -> None:
+    def _add(self, start: float, transmitter: np.ndarray, signal: np.ndarray, step: float) -> None:
         sent = start + 0.5 * self.pulse.duration
         at = self.motion.of_point(np.array([sent, sent - 1e-4, sent + 1e-4]), transmitter)
         sender = Sender(place=at[0], velocity=(at[2] - at[1]) / 2e-4, rotation=self.motion.rotation(np.array(sent)))
-        compressed = self.compressor.compressed(heard)
+        compressed = self.compressor.compressed(signal)
         for image, bank in zip(self._images, self.banks, strict=True):
             places = self.places[0][bank]
             centre = places.mean(0)
@@ -202,7 +199,7 @@ class Focuser:
                       self._ahead(start), water)
 
     def _ahead(self, start: float) -> np.ndarray:
-        """Where the body looks ahead on the mean, level: unit vector (3,); of a strip that turns over an aperture."""
+        """Return the mean direction ahead, level, unit vector (3,); over one aperture where the strip turns."""
         motion, reach = self.motion, 2 * self._sailed
         between = (motion.first, motion.last) if self._straight else (
             max(start - reach, motion.first), min(start + reach, motion.last))
@@ -212,35 +209,33 @@ class Focuser:
 
     def image(self) -> xr.Dataset:
         """Return the image of the pings so far; see `focus`."""
-        for number, (start, heard) in self._waiting.items():        # alone with its transmitter
-            self._add(start, self.places[1][number], heard, np.inf)
+        for number, (start, signal) in self._waiting.items():        # the only ping of its transmitter
+            self._add(start, self.places[1][number], signal, np.inf)
         self._waiting.clear()
         shape = self.grid.depth.shape
         values, loudness = [], amplitude_from_db(self.source_level_db)
-        for one in self._images:
-            weight = one.weight.numpy()
-            total = one.real.numpy() + 1j * one.imaginary.numpy()
+        for sums in self._images:
+            weight = sums.weight.numpy()
+            total = sums.real.numpy() + 1j * sums.imaginary.numpy()
             seen = weight > 0
             scale = np.divide(1, weight, out=np.zeros(len(weight)), where=seen) / loudness
             values.append((total * scale).astype(np.complex64).reshape(shape))
-        if not any(one.weight.numpy().any() for one in self._images):
-            raise ValueError(f"none of {self.pings} pings sees the grid within its beam and record; lay the grid where "
-                             "the record looks, or give none")
+        if not any(sums.weight.numpy().any() for sums in self._images):
+            raise ValueError(f"none of {self.pings} pings sees the grid within its beam and record; lay the grid on "
+                             "the side and range of the record, or give none")
         image = np.stack(values)
-        unseen = np.mean([one.weight.numpy() == 0 for one in self._images])
+        unseen = np.mean([sums.weight.numpy() == 0 for sums in self._images])
         if unseen:
             warnings.warn(f"no ping sees {100 * unseen:.2g} % of the grid's points: their level is -inf; check the "
-                          "trajectory, or lay the grid where the record looks", stacklevel=2)
+                          "trajectory, or lay the grid on the side and range of the record", stacklevel=2)
         if not np.all(np.isfinite(image)):
-            raise ValueError(f"levels overflow, with an absorption of {self.absorption_db:g} dB/m undone and a source "
-                             f"level of {self.source_level_db:g} dB; mend these attributes, or lay the grid nearer")
+            raise ValueError(f"levels overflow: an absorption of {self.absorption_db:g} dB/m and a source level of "
+                             f"{self.source_level_db:g} dB are undone; correct them, or move the grid nearer")
         grid = self.grid
-        arrays = {"image": image, "level": db_from_amplitude(np.abs(image)).astype(np.float32),
-                  "along_track": grid.along_track, "across_track": grid.across_track, "x": grid.x, "y": grid.y,
-                  "depth": grid.depth}
-        record = xr.Dataset({name: (IMAGE_VARIABLES[name].dims, some, {
-            "units": IMAGE_VARIABLES[name].unit, "long_name": IMAGE_VARIABLES[name].meaning})
-            for name, some in arrays.items()}, attrs={
+        record = xr.Dataset(image_variables({
+            "image": image, "level": db_from_amplitude(np.abs(image)).astype(np.float32),
+            "along_track": grid.along_track, "across_track": grid.across_track, "x": grid.x, "y": grid.y,
+            "depth": grid.depth}), attrs={
             **self._about, "grid": grid.kind, "grid_origin_x": grid.origin[0], "grid_origin_y": grid.origin[1],
             "grid_heading": grid.heading, "pings": self.pings})
         check_image(record)
@@ -248,12 +243,11 @@ class Focuser:
 
 
 def overlap_shares(along: np.ndarray, step: float) -> np.ndarray:
-    """Return the receivers' weights v that make an even aperture of pings that overlap."""
-    # along [m]; step [m]
-    apart = np.diff(np.unique(np.round(along, 6)))
-    if not len(apart):
+    """Return the weights v of receivers at `along` [m] that make overlapping pings, `step` [m] apart, even."""
+    gaps = np.diff(np.unique(np.round(along, 6)))
+    if not len(gaps):
         return np.ones(len(along))
-    spacing = 0.5 * float(np.median(apart))
+    spacing = 0.5 * float(np.median(gaps))
     middle = 0.5 * (0.5 * (along.max() + along.min()) - along)
     filled = 0.5 * float(np.ptp(along)) + spacing
     if not 1e-3 * spacing < step < filled - 1e-3 * spacing:
@@ -263,7 +257,7 @@ def overlap_shares(along: np.ndarray, step: float) -> np.ndarray:
 
 
 def _as_variables(trajectory: xr.Dataset) -> dict[str, tuple[str, np.ndarray]]:
-    ApertureMotion(trajectory)             # refuses what is none
+    ApertureMotion(trajectory)             # refuses a broken trajectory
     return {str(name): ("other_motion", np.asarray(trajectory[name].values)) for name in trajectory.variables
             if str(name).startswith("motion_")}
 
@@ -277,13 +271,13 @@ def _profile(raw: xr.Dataset, profile: SoundSpeedProfile | float | None) -> Soun
 
 
 def _aperture(raw: xr.Dataset, wavelength: float, widest: float | None, window: str | tuple | None) -> ImageAperture:
-    """The angles that are used, and their weights."""
+    """Return the range of angles and its weights."""
     lengths = float(raw.attrs["tx_length"]), float(raw.attrs["rx_length"])
     if widest is None:
         widest = min(0.5 * wavelength / max(*lengths, 1e-9), WIDEST)
     if not 0 < widest <= WIDEST:
-        raise ValueError(f"aperture is {widest}, the sine of the largest angle from abreast; give one above 0 and up "
-                         f"to {WIDEST}")
+        raise ValueError(f"aperture is {widest}; give the sine of the largest angle from abreast, above 0 and at most "
+                         f"{WIDEST}")
     reach = min(2 * widest, 1.0)
     sine = np.linspace(0, reach, WEIGHTS) / wavelength
     beam = np.sinc(lengths[0] * sine) * np.sinc(lengths[1] * sine)

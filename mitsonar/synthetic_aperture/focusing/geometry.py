@@ -1,9 +1,9 @@
-"""Where the arrays were when they passed a row of an image: what phases of its banks are read with.
+"""Places of the arrays when they passed each row of an image, from which the phases of its banks follow.
 
     ρ_b(p) = |p - P_t| + |p - P_b|                       two-way path of bank b, in the plane across the track
 
-P_t -> ``sender``, P_b -> ``bank``: places to starboard of the line through the grid's first points, and z, up. An
-image of bank b holds at p the echo of s with the phase -k (ρ_b(s) - ρ_b(p)).
+P_t -> ``sender``, P_b -> ``bank``: distance to starboard of the line through the grid's first points, and z, up. In the
+image of bank b, the echo of s is focused at p with the phase -k (ρ_b(s) - ρ_b(p)).
 """
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..micronavigation.pairs import arrays_of
 from ..record import IMAGE_VARIABLES
 from .poses import poses_of
 
-FINE = 2001                        # moments along the track, splined between
+FINE = 2001                        # moments along the track, splines between them
 PATHS = ("sender_across", "sender_depth", "bank_across", "bank_depth")
 
 
@@ -31,8 +31,14 @@ class ArrayPaths:
     bank: np.ndarray  # (B, A, 2) [m]
 
 
+def image_variables(values: dict[str, np.ndarray]) -> dict[str, tuple]:
+    """Return arrays with the dimensions, units and meanings of `IMAGE_VARIABLES`, as `xarray.Dataset` takes them."""
+    rows = {name: IMAGE_VARIABLES[name] for name in values}
+    return {name: (row.dims, values[name], {"units": row.unit, "long_name": row.meaning}) for name, row in rows.items()}
+
+
 def with_array_paths(image: xr.Dataset, raw: xr.Dataset, trajectory: xr.Dataset | None = None) -> xr.Dataset:
-    """Add to an image where the arrays were when they passed each of its rows."""
+    """Add to an image the places of the arrays when they passed each of its rows."""
     poses = poses_of(raw if trajectory is None else trajectory)
     along, across, start = _axes(image)
     time = np.linspace(poses.first, poses.last, FINE)
@@ -45,30 +51,29 @@ def with_array_paths(image: xr.Dataset, raw: xr.Dataset, trajectory: xr.Dataset 
     bank, half = np.asarray(raw["rx_bank"].values), 0.5 * pulse_of(raw.attrs["pulse"]).duration
     passed = CubicSpline(way, time)(np.clip(rows, way[0], way[-1]))
     sender = _seen(poses.place(passed, tx.mean(0)), across, start)
-    # A receiver hears while the sonar sails on: as far as that moves it aside, it counts.
+    # A receiver moves on until the echo arrives; only its movement aside matters.
     later = passed + half + float(raw["time"].values.mean())
     banks = [_seen(poses.place(later, rx[bank == number].mean(0)), across, start) for number in np.unique(bank)]
-    values = {"sender_across": sender[:, 0], "sender_depth": -sender[:, 1],
-              "bank_across": np.stack([one[:, 0] for one in banks]),
-              "bank_depth": np.stack([-one[:, 1] for one in banks])}
-    return image.assign({name: (IMAGE_VARIABLES[name].dims, some, {
-        "units": IMAGE_VARIABLES[name].unit, "long_name": IMAGE_VARIABLES[name].meaning})
-        for name, some in values.items()}).assign_attrs(sound_speed=arrays_of(raw).sound_speed)
+    return image.assign(image_variables({
+        "sender_across": sender[:, 0], "sender_depth": -sender[:, 1],
+        "bank_across": np.stack([place[:, 0] for place in banks]),
+        "bank_depth": np.stack([-place[:, 1] for place in banks])})).assign_attrs(
+            sound_speed=arrays_of(raw).sound_speed)
 
 
 def array_paths(image: xr.Dataset) -> ArrayPaths:
-    """Take them out of an image that has them."""
+    """Return the places of the arrays that `with_array_paths` added to an image."""
     missing = [name for name in PATHS if name not in image.variables]
     if missing:
-        raise ValueError(f"the image lacks {', '.join(missing)}: where its arrays were; take with_array_paths(image, "
-                         "raw) first")
+        raise ValueError(f"the places of the arrays are needed, and the image lacks {', '.join(missing)}; call "
+                         "with_array_paths(image, raw) first")
     values = {name: np.asarray(image[name].values, float) for name in PATHS}
     return ArrayPaths(sender=np.stack([values["sender_across"], -values["sender_depth"]], -1),
                       bank=np.stack([values["bank_across"], -values["bank_depth"]], -1))
 
 
 def ground_across(image: xr.Dataset) -> np.ndarray:
-    """Return how far (A, C) [m] an image's points are to starboard of its first one's line along the track."""
+    """Return the distances (A, C) [m] of an image's points to starboard of its first column."""
     _, across, start = _axes(image)
     return (np.stack([image["x"].values, image["y"].values], -1) - start) @ across
 
@@ -80,15 +85,14 @@ def bank_paths(paths: ArrayPaths, bank: int, across: np.ndarray, height: np.ndar
 
 
 def _axes(image: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The grid's directions ahead and to starboard, and its origin, from the places of its points."""
-    x, y = image["x"].values, image["y"].values
-    rows = image["along_track"].values
+    """Return the grid's directions ahead and to starboard, and its origin, from the places of its points."""
+    x, y, rows = (image[name].values for name in ("x", "y", "along_track"))
     if x.shape[0] < 2:
-        raise ValueError("the image has one row; where the sonar passed it is told from two or more")
+        raise ValueError("the image has one row, and the track's direction needs two or more; focus a larger grid")
     along = np.array([x[-1, 0] - x[0, 0], y[-1, 0] - y[0, 0]]) / (rows[-1] - rows[0])
     return along, np.array([along[1], -along[0]]), np.array([x[0, 0], y[0, 0]]) - rows[0] * along
 
 
 def _seen(place: np.ndarray, across: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """Places (A, 3) as (A, 2): to starboard of the grid's first column's line, and z."""
+    """Return places (A, 3) as (A, 2): distance to starboard of the grid's first column, and z."""
     return np.stack([(place[:, :2] - start) @ across, place[:, 2]], -1)

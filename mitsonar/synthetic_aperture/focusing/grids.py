@@ -1,15 +1,15 @@
-"""Grids that images are focused on: points of the bed, in rows along a heading and columns to starboard of it.
+"""Grids for focused images: points of the bed, in rows along a heading and columns to starboard of it.
 
     ground    x = x_0 + a sin ψ + g cos ψ,    y = y_0 + a cos ψ - g sin ψ,    g = s
     slant     the same with g = ± sqrt(s² - h²): s is the distance from a straight line at height h over the points
 
-ψ -> ``heading``, (x_0, y_0) -> ``origin``, a -> ``along_track``, s -> ``across_track``, positive to starboard. Where
-|s| < h points of a slant grid lie straight below the line, in the water.
+ψ -> ``heading``, (x_0, y_0) -> ``origin``, a -> ``along_track``, s -> ``across_track``, positive to starboard. Points
+of a slant grid with |s| < h lie straight below the line, in the water.
 """
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -22,28 +22,27 @@ __all__ = ["Grid", "circle_grid", "default_grid", "ground_grid", "slant_grid", "
 
 Bed = float | np.ndarray | Callable[[np.ndarray, np.ndarray], np.ndarray]
 MOST_POINTS = 1 << 28
-CIRCLE = np.pi                     # [rad] that a track turns by, from which on it is a circle
-ROUND_POINTS = 512                 # to a side, most of a circle's default grid
+CIRCLE = np.pi                     # [rad], least turn of a circular track
+ROUND_POINTS = 512                 # most points a side of a circle's default grid
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Grid:
-    """Points to focus at.
+    """Points of a focused image.
 
     Attributes
     ----------
     kind : {"ground", "slant"}
     origin : (float, float) [m]
-        East, north.
+        East and north.
     heading : float [rad]
-        Of the rows' direction, clockwise from north.
+        Direction of the rows, clockwise from north.
     along_track : (A,) [m]
     across_track : (C,) [m]
-        To starboard; of a slant grid the distance from the line, negative to port.
+        Distance to starboard; in a slant grid the distance from the line, negative to port.
     ground : (C,) [m]
         Horizontal distance to starboard.
     depth : float32 (A, C) [m]
-        Of the points.
     """
 
     kind: str
@@ -57,14 +56,13 @@ class Grid:
     def __post_init__(self) -> None:
         shape = len(self.along_track), len(self.across_track)
         if min(shape) < 1 or shape[0] * shape[1] > MOST_POINTS:
-            raise ValueError(f"a grid of {shape[0]} by {shape[1]} points was asked for; give 1 to "
-                             f"{MOST_POINTS:,} in all")
+            raise ValueError(f"the grid has {shape[0]} by {shape[1]} points; give 1 to {MOST_POINTS:,} in all")
         if self.depth.shape != shape:
             raise ValueError(f"the grid has {shape} points, and its depths have the shape {self.depth.shape}; give one "
                              "for every point")
-        numbers = *self.origin, self.heading, *(one.sum() for one in (self.along_track, self.ground, self.depth))
+        numbers = *self.origin, self.heading, self.along_track.sum(), self.ground.sum(), self.depth.sum()
         if not np.all(np.isfinite(numbers)):
-            raise ValueError("a grid's origin, heading, axes and depths must be finite; the bed may not reach so far")
+            raise ValueError("a grid's origin, heading, axes and depths must be finite; check the bed's extent too")
 
     @property
     def x(self) -> np.ndarray:
@@ -81,10 +79,10 @@ class Grid:
 
 def _axes(first: tuple[str, tuple[float, float]], second: tuple[str, tuple[float, float]],
           spacing: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """The two axes, counted before either is laid."""
-    counts = [_count(*one, step) for one, step in zip((first, second), spacing, strict=True)]
+    """Return both axes; points are counted before an axis is made."""
+    counts = [_count(*axis, step) for axis, step in zip((first, second), spacing, strict=True)]
     if counts[0] * counts[1] > MOST_POINTS:
-        raise ValueError(f"a grid of {counts[0]} by {counts[1]} points was asked for; give 1 to {MOST_POINTS:,} in all")
+        raise ValueError(f"the grid has {counts[0]} by {counts[1]} points; give 1 to {MOST_POINTS:,} in all")
     along, across = (between[0] + step * np.arange(count)
                      for (_, between), step, count in zip((first, second), spacing, counts, strict=True))
     return along, across
@@ -92,7 +90,7 @@ def _axes(first: tuple[str, tuple[float, float]], second: tuple[str, tuple[float
 
 def _count(name: str, between: tuple[float, float], spacing: float) -> int:
     first, last = between
-    if not (np.isfinite(spacing) and spacing > 0 and np.isfinite(first) and np.isfinite(last) and last >= first):
+    if not (np.all(np.isfinite([spacing, first, last])) and spacing > 0 and last >= first):
         raise ValueError(f"the grid's {name} goes from {first:g} to {last:g} m in steps of {spacing:g} m; give a first "
                          "that is not above the last, and a step above 0")
     count = np.floor((last - first) / spacing * (1 + 1e-12)) + 1
@@ -103,36 +101,32 @@ def _count(name: str, between: tuple[float, float], spacing: float) -> int:
 
 def _finished(kind: str, origin: tuple[float, float], heading: float, along: np.ndarray, across: np.ndarray,
               ground: np.ndarray, bed: Bed) -> Grid:
-    shape = len(along), len(across)
     flat = Grid(kind=kind, origin=(float(origin[0]), float(origin[1])), heading=float(heading), along_track=along,
-                across_track=across, ground=ground, depth=np.zeros(shape, np.float32))
-    depth = bed(flat.x, flat.y) if callable(bed) else bed
-    depth = np.asarray(depth, np.float32)
-    if depth.ndim == 0:
-        depth = np.full(shape, depth, np.float32)
-    return Grid(**{**flat.__dict__, "depth": depth})
+                across_track=across, ground=ground, depth=np.zeros((len(along), len(across)), np.float32))
+    depth = np.asarray(bed(flat.x, flat.y) if callable(bed) else bed, np.float32)
+    return replace(flat, depth=np.full(flat.depth.shape, depth, np.float32) if depth.ndim == 0 else depth)
 
 
 def ground_grid(along_track: tuple[float, float], across_track: tuple[float, float], spacing: tuple[float, float],
                 bed: Bed, *, origin: tuple[float, float] = (0.0, 0.0), heading: float = 0.0) -> Grid:
-    """Make a grid over a bed.
+    """Make a grid on the bed.
 
     Parameters
     ----------
     along_track, across_track : (float, float) [m]
         First and last.
     spacing : (float, float) [m]
-        Along and across.
+        Steps along and across.
     bed : float, array (A, C) or callable(x, y) [m]
         Depth of the points.
     origin : (float, float) [m]
-        East, north.
+        East and north.
     heading : float [rad]
 
     Raises
     ------
     ValueError
-        If a number is not finite, an interval is empty, or points are too many.
+        If a number is not finite, an interval is empty, or there are too many points.
     """
     along, across = _axes(("along_track", along_track), ("across_track", across_track), spacing)
     return _finished("ground", origin, heading, along, across, across, bed)
@@ -147,12 +141,12 @@ def slant_grid(along_track: tuple[float, float], slant_range: tuple[float, float
     ----------
     along_track, slant_range, spacing : (float, float) [m]
     depth : float [m]
-        Of the level bed that points lie on.
+        Depth of the level bed on which the points lie.
     line_depth : float [m]
     side : {1, -1}
         Starboard, port.
     origin, heading
-        Of the line.
+        Start and direction of the line.
     """
     along, slant = _axes(("along_track", along_track), ("slant_range", slant_range), spacing)
     if slant[0] < 0:
@@ -167,7 +161,7 @@ def slant_grid(along_track: tuple[float, float], slant_range: tuple[float, float
 
 def default_grid(raw: xr.Dataset, *, spacing: tuple[float, float] | float | None = None, kind: str = "ground",
                  ping_time: np.ndarray | None = None) -> Grid:
-    """Make the grid that a record suggests: `circle_grid` of a track that turns by half a circle, else `strip_grid`."""
+    """Make the grid that fits a record: `circle_grid` if the track turns by half a circle, else `strip_grid`."""
     heading = np.asarray(raw["motion_heading"].values, float)
     if np.ptp(heading) >= CIRCLE:
         return circle_grid(raw, spacing=spacing, ping_time=ping_time)
@@ -176,17 +170,17 @@ def default_grid(raw: xr.Dataset, *, spacing: tuple[float, float] | float | None
 
 def strip_grid(raw: xr.Dataset, *, spacing: tuple[float, float] | float | None = None, kind: str = "ground",
                ping_time: np.ndarray | None = None) -> Grid:
-    """Make the grid of a strip: along the mean line from the first ping to the last, across as far as the record hears.
+    """Make the grid of a strip: along the mean line from the first ping to the last, across as far as echoes reach.
 
     Parameters
     ----------
     raw : xarray.Dataset
-        Raw echoes; of one ping, too, where `ping_time` names all.
+        Raw echoes. They may hold one ping if `ping_time` names all.
     spacing : float, (float, float) or None [m]
         None: half the resolution, a quarter of the longer element along and c/4B across.
     kind : {"ground", "slant"}
     ping_time : (P,) [s] or None
-        None: the record's.
+        Times of all pings. None: those of the record.
     """
     if kind not in ("ground", "slant"):
         raise ValueError(f'the grid is "{kind}"; give "ground" or "slant"')
@@ -194,7 +188,7 @@ def strip_grid(raw: xr.Dataset, *, spacing: tuple[float, float] | float | None =
     middle = place.mean(0)
     run = place[-1, :2] - place[0, :2]
     if not np.linalg.norm(run) > 0:
-        raise ValueError("the pings are all in one place, so that no strip's grid can be laid; give a grid")
+        raise ValueError("all pings are in one place, so that no strip can be laid; give a grid")
     way = np.linalg.svd(place[:, :2] - middle[:2], full_matrices=False)[2][0]
     way = way * np.sign(way @ run)
     along = (place[:, :2] - middle[:2]) @ way
@@ -210,7 +204,7 @@ def strip_grid(raw: xr.Dataset, *, spacing: tuple[float, float] | float | None =
     if kind == "slant":
         return slant_grid(lengths, (max(nearest, height), farthest), step, depth, line_depth=float(middle[2]),
                           side=side, origin=(origin[0], origin[1]), heading=heading)
-    across = [np.sqrt(max(one ** 2 - height ** 2, 0.0)) for one in (nearest, farthest)]
+    across = [np.sqrt(max(slant ** 2 - height ** 2, 0.0)) for slant in (nearest, farthest)]
     between = (across[0], across[1]) if side > 0 else (-across[1], -across[0])
     return ground_grid(lengths, between, step, depth, origin=(origin[0], origin[1]), heading=heading)
 
@@ -222,9 +216,9 @@ def circle_grid(raw: xr.Dataset, *, size: float | None = None, spacing: tuple[fl
     Parameters
     ----------
     raw, ping_time
-        As of `strip_grid`.
+        As in `strip_grid`.
     size : float or None [m]
-        Of a side; None: what lies within the beams of all pings, 512 points at most.
+        Length of a side. None: the area within the beams of all pings, at most 512 points a side.
     spacing : float, (float, float) or None [m]
         None: an eighth of the wavelength.
     """
@@ -241,23 +235,23 @@ def circle_grid(raw: xr.Dataset, *, size: float | None = None, spacing: tuple[fl
 
 
 def _seen(raw: xr.Dataset, ping_time: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, float]:
-    """Times of the pings, their places, and the mean sound speed from there to the bed."""
+    """Return the times of the pings, their places, and the mean sound speed from there to the bed."""
     times = np.asarray(raw["ping_time"].values if ping_time is None else ping_time, float)
     if times.ndim != 1 or len(times) < 2:
-        raise ValueError(f"a grid is laid along two or more pings, got {times.size}; give a grid, or ping_time of all")
+        raise ValueError(f"a grid needs two or more pings, got {times.size}; give a grid, or ping_time of all pings")
     if not np.all(np.isfinite(times)):
         raise ValueError("ping_time holds numbers that are not finite; leave those pings out")
     motion = ApertureMotion(raw)
     motion.check_covers(float(times.min()), float(times.max()))
     place = motion.place(times)
-    # that of the way down to the bed: 1 / mean of 1 / c
+    # mean over the travel time to the bed: 1 / mean of 1 / c
     down = np.linspace(place[:, 2].mean(), float(raw.attrs["bed_depth"]), 101)
     speed = float(1 / np.mean(1 / np.interp(down, raw["cast_depth"].values, raw["cast_sound_speed"].values)))
     return times, place, speed
 
 
 def _ranges(raw: xr.Dataset, speed: float) -> tuple[float, float]:
-    """Slant ranges [m] of the first and last whole echo."""
+    """Return the slant ranges [m] of the first and last whole echo."""
     time, duration = raw["time"].values, float(raw.attrs["pulse"]["duration"])
     return max(0.5 * speed * float(time[0]), 0.0), 0.5 * speed * float(time[-1] - duration)
 

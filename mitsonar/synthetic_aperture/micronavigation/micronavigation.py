@@ -1,15 +1,16 @@
-"""Micronavigation by displaced phase centres: the way of a sonar from ping to ping, out of its own echoes.
+"""Micronavigation by displaced phase centres: the track of a sonar from ping to ping, estimated from its own echoes.
 
     X_(p+1) = X_p + R(ψ_p) (R(ψ°_p)ᵀ (X°_(p+1) - X°_p) + [surge, sway, heave]_p)
     ψ_(p+1) = ψ_p + ψ°_(p+1) - ψ°_p + yaw_p
 
-X°, ψ° -> the ``trajectory`` that was believed; surge, sway, heave, yaw -> what the overlap of two pings says of it, in
-the frame of the first (`micronavigation_step`). Receivers hear while they move. So positions are those half a delay
-after each transmission, and headings those a delay after it.
+X°, ψ° -> the ``trajectory`` of the navigation; surge, sway, heave, yaw -> its errors from one ping to the next, in the
+frame of the first ping, from the overlap of both pings (`step`). Receivers move while echoes arrive, so positions are
+those half a delay after each transmission, and headings those one delay after it.
 
-Coherence falls with the distance of phase centres, which tells the surge; delays over windows of range tell sway and
-heave, as far as their angles differ, else together; their tilt along the receivers tells the yaw. Errors of yaw add up
-to errors of sway. Roll and pitch are believed.
+The coherence falls with the distance of phase centres, which determines the surge. Delays over windows of range
+determine sway and heave separately where the windows' grazing angles differ, else only their sum. The tilt of the
+delays along the receivers determines the yaw. Errors of yaw add up to errors of sway. Roll and pitch are not estimated;
+they are those of the navigation.
 
 References
 ----------
@@ -47,43 +48,44 @@ from .step import (
 )
 from .track import PARTS, integrated, since, step_record
 
-PASSES = 2                         # over the strip, the second with what the first has found
-NEAR = 0.01                        # [m] that the first pass may leave
-TURNS = 4                          # the first by envelopes, the others by phases, each with the last one's correction
-STEEP = 1.05                       # altitudes: nearer, a window of range is a wide window of angles
-WIDE = 0.625                       # of the receivers' spacing: phase centres that tell the surge
+PASSES = 2                         # over the strip; the second starts from the result of the first
+NEAR = 0.01                        # [m], search of the second pass
+TURNS = 4                          # the first by envelopes, the others by phases, each with the previous correction
+STEEP = 1.05                       # least range in altitudes: nearer, a window of range spans many angles
+WIDE = 0.625                       # of the receivers' spacing: phase centres that determine the surge
 TABLE = 1025
 
 
 def micronavigate(raw: xr.Dataset, trajectory: xr.Dataset | None = None, *, window: float = 4.0,
                   search: float = 0.05, trust: Trust | None = None) -> xr.Dataset:
-    """Estimate the way of a sonar from the overlap of its successive pings.
+    """Estimate the track of a sonar from the overlap of its successive pings.
 
     Parameters
     ----------
     raw : Dataset
-        Raw echoes. Their true trajectory is not looked at, unless none is given.
+        Raw echoes. Their true trajectory is used only if `trajectory` is None.
     trajectory : Dataset or None
-        That is believed at first: motion_time, motion_x and so on. None: `straightened` of the true one.
+        Navigation to correct: motion_time, motion_x and so on. None: `straightened` of the true trajectory.
     window : float [m]
-        Length of windows of slant range; the record is cut into as many as fit.
+        Length of the windows of slant range; the record is cut into as many as fit.
     search : float [m]
-        Most slant range from ping to ping that the believed trajectory may be off.
+        Largest error of the navigation from ping to ping, in slant range.
     trust : Trust or None
-        In the believed trajectory; None: its defaults.
+        Standard deviations of the navigation; None: the defaults of `Trust`.
 
     Returns
     -------
     Dataset
-        Of ``step`` (from one ping to the next) and ``window``: surge, sway, heave [m] and yaw [rad] beside what was
-        believed, each with its _deviation by theory; slant [m], what the bed is nearer by, with its deviation;
-        coherence of the nearest phase centres and what theory expects of it; of every pair its coherence and how far
-        its phase centres are found to be apart; and the corrected trajectory, motion_*, which `focus` takes.
+        Variables over ``step`` (from one ping to the next) and ``window``. surge, sway, heave [m] and yaw [rad] are the
+        errors of the navigation, each with its theoretical standard deviation, _deviation. slant [m] is the decrease
+        of the distance to the bed, with slant_deviation. coherence is that of the nearest phase centres, expected its
+        theoretical value. pair_apart and pair_coherence are the distance of the phase centres and the coherence of
+        every pair. motion_* is the corrected trajectory, which `focus` takes.
 
     Raises
     ------
     ValueError
-        If these are no raw echoes, there are fewer than two pings, pings do not overlap, or no window fits.
+        If `raw` has no raw echoes or fewer than two pings, pings do not overlap, or no window fits.
     """
     check_raw(raw)
     believed = straightened(raw) if trajectory is None else trajectory
@@ -104,7 +106,7 @@ def micronavigate(raw: xr.Dataset, trajectory: xr.Dataset | None = None, *, wind
 
 
 def straightened(raw: xr.Dataset) -> xr.Dataset:
-    """Return the straight line of even speed, depth and attitude that is nearest to the true trajectory."""
+    """Return the straight line of constant speed, depth and attitude that is nearest to the true trajectory."""
     time = raw["motion_time"].values
     even = np.polynomial.polynomial.polyvander((time - time.mean()) / max(np.ptp(time), 1e-9), 1)
 
@@ -119,7 +121,7 @@ def straightened(raw: xr.Dataset) -> xr.Dataset:
 
 @dataclass(frozen=True, kw_only=True)
 class _Strip:
-    """Raw echoes, and what is believed of their trajectory."""
+    """Raw echoes with the present trajectory and the options of `micronavigate`."""
 
     raw: xr.Dataset
     poses: Poses
@@ -128,14 +130,14 @@ class _Strip:
     trust: Trust
 
     def steps(self, known: np.ndarray | None) -> list[SurgeEstimate]:
-        """Estimate all steps; `known` (P - 1, 4) is how far the trajectory was corrected already."""
-        found, before = [], self.compressed(0)
+        """Return the estimates of all steps; `known` (P - 1, 4) are the corrections made so far."""
+        steps, before = [], self.compressed(0)
         for ping in range(1, self.raw.sizes["ping"]):
             after = self.compressed(ping)
             so_far = Correction() if known is None else Correction(**dict(zip(PARTS, map(float, known[ping - 1]))))
-            found.append(self.step(ping, before, after, so_far))
+            steps.append(self.step(ping, before, after, so_far))
             before = after
-        return found
+        return steps
 
     @cached_property
     def arrays(self) -> Arrays:
@@ -143,7 +145,7 @@ class _Strip:
 
     @cached_property
     def time(self) -> np.ndarray:
-        """When the middle of each pulse is sent: echoes of a moving sonar have that moment's phase."""
+        """Times (P,) [s] of the middle of each pulse; echoes of a moving sonar have the phase of that time."""
         return np.asarray(self.raw["ping_time"].values, float) + 0.5 * pulse_of(self.raw.attrs["pulse"]).duration
 
     @cached_property
@@ -160,7 +162,7 @@ class _Strip:
 
     @cached_property
     def looks(self) -> float:
-        """Independent samples of a window."""
+        """Number of independent samples of a window."""
         return 2 * self.window / (self.arrays.sound_speed * self.pulse_length)
 
     @cached_property
@@ -174,20 +176,20 @@ class _Strip:
         count = int((farthest - nearest) / self.window)
         if count < 1:
             raise ValueError(f"a window of {self.window:g} m does not fit into the {max(farthest - nearest, 0):.3g} m "
-                             "of bed that the echoes show; give a shorter window")
+                             "of bed that the echoes cover; give a shorter window")
         size = int(self.window / (0.5 * speed / self.rate))
         return nearest + self.window * (np.arange(count)[:, None] + (np.arange(size) + 0.5) / size)
 
     @cached_property
     def theory(self) -> CubicSpline:
-        """Coherence by the distance of phase centres [m], of elements without noise."""
+        """Coherence as a function of the distance of phase centres [m], for elements without noise."""
         lengths = float(self.raw.attrs["tx_length"]), float(self.raw.attrs["rx_length"])
         wide = np.linspace(-2.5 * max(lengths), 2.5 * max(lengths), TABLE)
         return CubicSpline(wide, aperture_coherence(wide, *lengths, self.arrays.sound_speed / self.frequency))
 
     @cached_property
     def spread(self) -> float:
-        """How far the sine of echoes' directions deviates from abeam, less than where the nearest bed ends."""
+        """Rms sine of the echoes' directions from abeam, limited where the nearest bed ends."""
         above = self.arrays.bed_depth - float(self.poses.spline(self.time)[:, 2].mean())
         return min(beam_spread(float(self.raw.attrs["tx_length"]), float(self.raw.attrs["rx_length"]),
                                self.arrays.sound_speed / self.frequency),
@@ -196,11 +198,11 @@ class _Strip:
     def compressed(self, ping: int) -> np.ndarray:
         signal = self.raw["signal"].isel(ping=ping).values
         if not np.isfinite(signal).all():
-            raise ValueError(f"signals of ping {ping} hold values that are no numbers; give raw echoes that are whole")
+            raise ValueError(f"the signals of ping {ping} contain values that are no numbers; repair or remove it")
         return finer(matched_filter(signal.astype(np.complex128), pulse_of(self.raw.attrs["pulse"]), self.rate))
 
     def step(self, ping: int, before: np.ndarray, after: np.ndarray, so_far: Correction) -> SurgeEstimate:
-        """Estimate the step to a ping from the one before; trust is in what was before the correction `so_far`."""
+        """Return the estimate of the step to a ping; `trust` applies to the navigation before `so_far`."""
         correction, middle = Correction(), float(self.ranges.mean())
         time, sender = self.time[ping - 1:ping + 1], self.raw["transmitter"].values[ping - 1:ping + 1]
         spacing = np.diff(np.unique(np.round(self.arrays.rx[:, 0], 9)))
@@ -221,39 +223,40 @@ class _Strip:
         shorter, deviation = slants(late[chosen] - (change[chosen] @ (offset * [0, 0, 1])), change[chosen], weight,
                                     self.arrays.sound_speed, self.trust)
         sway, heave, yaw = np.sqrt(np.diagonal(covariance))
-        # what the last turn's correction brought before it, along each window's own way to the bed
-        told = np.mean(change[chosen][..., :2], 0) @ [known.sway, known.heave]
+        # change of each window's distance to the bed by the correction before the last turn
+        known_delay = np.mean(change[chosen][..., :2], 0) @ [known.sway, known.heave]
         return SurgeEstimate(correction=correction, pairs=pairs, apart=pairs.apart + surge,
                      deviation=Correction(surge=surge_error, sway=float(sway), heave=float(heave), yaw=float(yaw)),
-                     slant=shorter - 0.5 * self.arrays.sound_speed * told, slant_deviation=deviation,
+                     slant=shorter - 0.5 * self.arrays.sound_speed * known_delay, slant_deviation=deviation,
                      coherence=np.abs(coherence), expected=self.theory(pairs.apart + surge))
 
     def _measured(self, pairs: PingPairs, time: np.ndarray, sender: np.ndarray, before: np.ndarray, after: np.ndarray,
                   correction: Correction, by_envelope: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Lateness (Q, W) [s], its change with sway, heave and yaw, and coherence (Q, W)."""
+        """Return lateness (Q, W) [s], its derivatives by sway, heave and yaw, and coherence (Q, W)."""
         ranges = self.ranges
         nodes = np.linspace(ranges[0, 0], ranges[-1, -1], NODES)
         ways = [pair_delays(self.poses, self.arrays, time, sender, pairs,
                             ground_points(self.poses, self.arrays, time, sender, pairs, nodes, correction, ahead),
                             correction) for ahead in (-self.spread, self.spread)]
-        delays, change = (0.5 * (one + other) for one, other in zip(*ways))
+        delays, change = (0.5 * (astern + ahead) for astern, ahead in zip(*ways))
         first = float(self.raw["time"].values[0])
-        one, two = (laid_on_ground(signal, channel, first, self.rate, nodes, delay, ranges.ravel(), self.frequency)
-                    for signal, channel, delay in ((before, pairs.first, delays[0]), (after, pairs.second, delays[1])))
-        coherence = correlated(one, two, len(ranges))
+        before_bed, after_bed = (
+            laid_on_ground(signal, channel, first, self.rate, nodes, delay, ranges.ravel(), self.frequency)
+            for signal, channel, delay in ((before, pairs.first, delays[0]), (after, pairs.second, delays[1])))
+        coherence = correlated(before_bed, after_bed, len(ranges))
         change = CubicSpline(nodes, change, axis=1)(ranges.mean(1))
         if by_envelope:
             spacing = float(ranges[0, 1] - ranges[0, 0])
-            lag, height = lagged(one, two, len(ranges), max(int(np.ceil(self.search / spacing)), 2))
+            lag, height = lagged(before_bed, after_bed, len(ranges), max(int(np.ceil(self.search / spacing)), 2))
             return 2 * spacing * lag / self.arrays.sound_speed, change, height
         return -np.angle(coherence) / (2 * np.pi * self.frequency), change, coherence
 
     def _weight(self, pairs: PingPairs, chosen: np.ndarray, surge: float, strength: float, coherence: np.ndarray,
                 by_envelope: bool) -> np.ndarray:
-        """Inverse covariances (W, Q, Q) of the lateness."""
+        """Return the inverse covariances (W, Q, Q) of the lateness."""
         if by_envelope:
-            told = np.clip(np.abs(coherence[chosen]), LEAST, HIGHEST)
-            spread = delay_deviation(told, self.looks, 1 / (self.pulse_length * np.sqrt(12)))
+            clipped = np.clip(np.abs(coherence[chosen]), LEAST, HIGHEST)
+            spread = delay_deviation(clipped, self.looks, 1 / (self.pulse_length * np.sqrt(12)))
             return np.stack([np.diag(1 / part ** 2) for part in spread.T])
         phases = phase_covariance(pairs, chosen, surge, self.theory, strength, self.looks)
         weight = np.linalg.inv(phases) * (2 * np.pi * self.frequency) ** 2
@@ -261,6 +264,6 @@ class _Strip:
 
 
 def _nearest(pairs: PingPairs, surge: float) -> np.ndarray:
-    """Of every receiver of the second ping the pair whose phase centres are nearest."""
+    """Return, for every receiver of the second ping, the pair whose phase centres are nearest."""
     order = np.argsort(np.abs(pairs.apart + surge), kind="stable")
     return np.sort(order[np.unique(pairs.second[order], return_index=True)[1]])

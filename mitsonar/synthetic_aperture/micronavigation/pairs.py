@@ -1,12 +1,12 @@
-"""Displaced phase centres: which receivers of one ping stand where receivers of the ping before have stood.
+"""Displaced phase centres: receivers of one ping at the place of receivers of the previous ping.
 
     C = (P_t(t) + P_r(t + τ)) / 2          the phase centre of a transmitter and a receiver
     d = (C' - C) · a                       of a pair of them from successive pings, along the array's axis a
 
-Echoes of a bed are alike in both as far as |d| is small beside half an element (see `coherence.aperture_coherence`).
-Delays are told from the bed beside a pair's middle, perpendicular to the array: the mean of two directions, ahead and
-astern of abeam by what the beam's power deviates. The whole beam hears a sway s as s (1 - <sin²θ> / 2 cos² g), g the
-grazing angle.
+Both echoes of a bed are alike while |d| is small compared with half an element (see `coherence.aperture_coherence`).
+Delays are computed for the bed beside a pair's middle, perpendicular to the array, as the mean of two directions, ahead
+and astern of abeam by the rms angle of the beam's power. Averaged over the beam, a sway s counts as
+s (1 - <sin²θ> / 2 cos² g), g the grazing angle.
 """
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ import xarray as xr
 
 from ..focusing.poses import Poses, two_way_delay
 
-NODES = 49                         # of delays along a line of the bed; cubic between: 1e-12 s beyond 1.05 altitudes
+NODES = 49                         # of delays along a line of the bed; cubics err by 1e-12 s beyond 1.05 altitudes
 
 
 @dataclass(frozen=True, kw_only=True)
 class Arrays:
-    """What stands still in the body."""
+    """Arrays in the body frame, and the water and bed below them."""
 
-    tx: np.ndarray  # [m]
-    rx: np.ndarray  # [m]
-    bank: np.ndarray
-    side: float  # 1
-    sound_speed: float  # [m/s]
+    tx: np.ndarray  # (tx, 3) [m]
+    rx: np.ndarray  # (rx, 3) [m]
+    bank: np.ndarray  # (rx,)
+    side: float  # 1 to starboard, -1 to port
+    sound_speed: float  # [m/s], one value between arrays and bed
     bed_depth: float  # [m]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Correction:
-    """What the second ping of two is off where it was believed, in the frame of the first: metres and radians."""
+    """Error of the navigation at the second of two pings, in the frame of the first: metres and radians."""
 
     surge: float = 0.0
     sway: float = 0.0
@@ -52,15 +52,15 @@ def together(one: Correction, other: Correction) -> Correction:
 class PingPairs:
     """Pairs of phase centres of two successive pings."""
 
-    first: np.ndarray  # (Q,): receivers
-    second: np.ndarray  # (Q,): receivers
-    apart: np.ndarray  # (Q,) [m]: of their phase centres along the array, as far as is believed
-    centre_first: np.ndarray  # (Q,) [m]: of the phase centres along the array, from the first ping's body
-    centre_second: np.ndarray  # (Q,) [m]: of the phase centres along the array, from the first ping's body
+    first: np.ndarray  # (Q,), receivers of the first ping
+    second: np.ndarray  # (Q,), receivers of the second
+    apart: np.ndarray  # (Q,) [m], distance of their phase centres along the array, by navigation
+    centre_first: np.ndarray  # (Q,) [m], phase centres along the array, from the first ping's body
+    centre_second: np.ndarray  # (Q,) [m], the same of the second ping
 
 
 def arrays_of(raw: xr.Dataset) -> Arrays:
-    """Take the arrays out of raw echoes, and one sound speed between them and the bed: the mean slowness's inverse."""
+    """Return the arrays of raw echoes and one sound speed between them and the bed: that of the mean slowness."""
     bed = float(raw.attrs["bed_depth"])
     depth, speed = (np.asarray(raw[name].values, float) for name in ("cast_depth", "cast_sound_speed"))
     inside = np.linspace(float(np.mean(raw["motion_depth"].values)), bed, 257)
@@ -69,15 +69,16 @@ def arrays_of(raw: xr.Dataset) -> Arrays:
                   sound_speed=float(1 / np.mean(1 / np.interp(inside, depth, speed))), bed_depth=bed)
 
 
-def overlapping(poses: Poses, arrays: Arrays, time: np.ndarray, sender: np.ndarray, slant_range: float,
-                reach: float | None, correction: Correction) -> PingPairs:
-    """Find the pairs of two pings whose phase centres are at most `reach` [m] apart along the array."""
-    # time (2,) [s]; sender (2,); slant_range [m]; reach [m]
+def overlapping(poses: Poses, arrays: Arrays,
+                time: np.ndarray, sender: np.ndarray,  # (2,) [s]; (2,)
+                slant_range: float, reach: float | None,  # [m]
+                correction: Correction) -> PingPairs:
+    """Return the pairs of two pings whose phase centres are at most `reach` apart along the array."""
     delay = 2 * slant_range / arrays.sound_speed
     centres = [0.5 * (_placed(poses, arrays, time[n], time[n], arrays.tx[sender[n]], n, correction)
                       + _placed(poses, arrays, time[n], time[n] + delay, arrays.rx, n, correction)) for n in (0, 1)]
     axis = poses.rotation(time[0] + delay)[:, 0]
-    along = [(one - poses.position(time[0])) @ axis for one in centres]
+    along = [(centre - poses.position(time[0])) @ axis for centre in centres]
     between = along[1][None, :] - along[0][:, None]
     steps = np.diff(np.unique(np.round(arrays.rx[:, 0], 9)))
     near = reach if reach is not None else 0.375 * float(steps.min() if len(steps) else np.inf)
@@ -86,20 +87,20 @@ def overlapping(poses: Poses, arrays: Arrays, time: np.ndarray, sender: np.ndarr
         raise ValueError(f"pings at {time[0]:.3f} and {time[1]:.3f} s have no phase centres in common within "
                          f"{near:.3g} m; micronavigation needs pings that overlap: sail slower, or give overlap")
     return PingPairs(first=first, second=second, apart=between[first, second], centre_first=along[0][first],
-                 centre_second=along[1][second])
+                     centre_second=along[1][second])
 
 
 def ground_points(poses: Poses, arrays: Arrays, time: np.ndarray, sender: np.ndarray, pairs: PingPairs,
                   slant_range: np.ndarray, correction: Correction, ahead: float) -> np.ndarray:
     """Return points of the bed at slant ranges from every pair's middle, (Q, N, 3) [m].
 
-    They lie abeam, or `ahead` of that: by the sine of the angle.
+    The sine of their angle from abeam, positive ahead, is `ahead`.
     """
     delay = 2 * float(np.mean(slant_range)) / arrays.sound_speed
     middle = 0.5 * np.mean([
         _placed(poses, arrays, time[n], time[n], arrays.tx[sender[n]], n, correction)
-        + _placed(poses, arrays, time[n], time[n] + delay, arrays.rx[one], n, correction)
-        for n, one in ((0, pairs.first), (1, pairs.second))], axis=0)
+        + _placed(poses, arrays, time[n], time[n] + delay, arrays.rx[receivers], n, correction)
+        for n, receivers in ((0, pairs.first), (1, pairs.second))], axis=0)
     heading = float(np.mean([poses.heading(time[n] + part) for n in (0, 1) for part in (0.0, delay)]))
     heading += 0.5 * correction.yaw
     abeam = arrays.side * np.array([np.cos(heading), -np.sin(heading)])
@@ -110,19 +111,16 @@ def ground_points(poses: Poses, arrays: Arrays, time: np.ndarray, sender: np.nda
 
 
 def pair_delays(poses: Poses, arrays: Arrays, time: np.ndarray, sender: np.ndarray, pairs: PingPairs,
-                target: np.ndarray,
-                correction: Correction) -> tuple[np.ndarray, np.ndarray]:
-    """Return two-way delays (2, Q, N) [s] of both pings' receivers, and what they change by (Q, N, 3) [s/m, s/m,
-    s/rad].
+                target: np.ndarray, correction: Correction) -> tuple[np.ndarray, np.ndarray]:
+    """Return two-way delays (2, Q, N) [s] of both pings' receivers, and derivatives (Q, N, 3) [s/m, s/m, s/rad].
 
-    The change is that of the second ping's delay with its sway, heave and yaw.
+    The derivatives are those of the second ping's delay by its sway, heave and yaw.
     """
     first = two_way_delay(poses, np.full(target.shape[:2], time[0]), arrays.tx[sender[0]],
                           arrays.rx[pairs.first][:, None], target, arrays.sound_speed)
-    # A body that is moved and turned sees what it would see unmoved of a bed that is moved and turned back.
-    believed = two_way_delay(poses, np.full(target.shape[:2], time[1]), arrays.tx[sender[1]],
-                             arrays.rx[pairs.second][:, None], target, arrays.sound_speed)
-    second = believed
+    # Moving and turning the body has the same effect as moving and turning the bed back.
+    second = two_way_delay(poses, np.full(target.shape[:2], time[1]), arrays.tx[sender[1]],
+                           arrays.rx[pairs.second][:, None], target, arrays.sound_speed)
     for _ in range(3):
         out = _placed(poses, arrays, time[1], np.full(target.shape[:2], time[1]), arrays.tx[sender[1]], 1, correction)
         home = _placed(poses, arrays, time[1], time[1] + second, arrays.rx[pairs.second][:, None], 1, correction)
@@ -139,14 +137,14 @@ def pair_delays(poses: Poses, arrays: Arrays, time: np.ndarray, sender: np.ndarr
 
 
 def _frame(heading: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Ahead, to starboard and down in the scene's frame, z up."""
+    """Return the directions ahead, to starboard and down in the scene's frame, z up."""
     sine, cosine = np.sin(heading), np.cos(heading)
     return np.array([sine, cosine, 0.0]), np.array([cosine, -sine, 0.0]), np.array([0.0, 0.0, -1.0])
 
 
 def _placed(poses: Poses, arrays: Arrays, sent: float, time: np.ndarray | float, lever: np.ndarray, number: int,
             correction: Correction) -> np.ndarray:
-    """Where elements are; the second ping's (number 1) are moved and turned by the correction."""
+    """Return the places of elements; those of the second ping (number 1) are moved and turned by the correction."""
     place = poses.place(np.asarray(time, float), lever)
     if not number:
         return place

@@ -1,7 +1,7 @@
-"""Steps from ping to ping as a record, the trajectory that they add up to, and both beside the truth.
+"""Steps from ping to ping as a record, the trajectory that they add up to, and their errors against the truth.
 
-See `micronavigation` for the sum. Between pings the correction is a cubic spline in time; it goes on for one delay
-beyond the first and the last, and then stays.
+`micronavigation` has the sum. Between pings the correction is a cubic spline in time; the spline extends one delay
+beyond the first and the last ping, and stays constant from there.
 """
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ from ..focusing.poses import MOTION, Poses, poses_of
 from .pairs import Arrays
 from .step import SurgeEstimate
 
-BENDS = 6                          # rounds, each a tenth of the last one's correction or less
+BENDS = 6                          # rounds; each changes the correction by a tenth of the previous change or less
 PARTS = ("surge", "sway", "heave", "yaw")
 
 
-def step_record(found: list[SurgeEstimate], window_range: np.ndarray, arrays: Arrays, time: np.ndarray, poses: Poses
+def step_record(steps: list[SurgeEstimate], window_range: np.ndarray, arrays: Arrays, time: np.ndarray, poses: Poses
                 ) -> xr.Dataset:
-    """Lay steps beside each other; see `micronavigation.micronavigate`."""
-    nearest = [int(np.argmin(np.abs(one.apart))) for one in found]
-    values = {name: ("step", np.array([getattr(one.correction, name) for one in found])) for name in PARTS}
-    values |= {f"{name}_deviation": ("step", np.array([getattr(one.deviation, name) for one in found]))
+    """Return the estimated steps as one record, described in `micronavigation.micronavigate`."""
+    nearest = [int(np.argmin(np.abs(step.apart))) for step in steps]
+    values = {name: ("step", np.array([getattr(step.correction, name) for step in steps])) for name in PARTS}
+    values |= {f"{name}_deviation": ("step", np.array([getattr(step.deviation, name) for step in steps]))
                for name in PARTS}
     above = arrays.bed_depth - poses.spline(time)[:-1, 2]
     values |= {
-        "slant": (("step", "window"), np.stack([one.slant for one in found])),
-        "slant_deviation": (("step", "window"), np.stack([one.slant_deviation for one in found])),
-        "coherence": (("step", "window"), np.stack([one.coherence[k] for k, one in zip(nearest, found)])),
-        "expected": ("step", np.array([one.expected[k] for k, one in zip(nearest, found)])),
-        "pairs": ("step", np.array([len(one.pairs.first) for one in found])),
+        "slant": (("step", "window"), np.stack([step.slant for step in steps])),
+        "slant_deviation": (("step", "window"), np.stack([step.slant_deviation for step in steps])),
+        "coherence": (("step", "window"), np.stack([step.coherence[k] for k, step in zip(nearest, steps)])),
+        "expected": ("step", np.array([step.expected[k] for k, step in zip(nearest, steps)])),
+        "pairs": ("step", np.array([len(step.pairs.first) for step in steps])),
         "grazing": (("step", "window"), np.arcsin(np.minimum(above[:, None] / window_range, 1.0)))}
-    most = max(len(one.expected) for one in found)
-    values |= {name: (("step", "pair"), np.stack([np.pad(some, (0, most - len(some)), constant_values=np.nan)
-                                                  for some in parts]))
-               for name, parts in (("pair_apart", [one.apart for one in found]),
-                                   ("pair_coherence", [one.coherence.mean(1) for one in found]))}
+    most = max(len(step.expected) for step in steps)
+    values |= {name: (("step", "pair"), np.stack([np.pad(row, (0, most - len(row)), constant_values=np.nan)
+                                                  for row in rows]))
+               for name, rows in (("pair_apart", [step.apart for step in steps]),
+                                  ("pair_coherence", [step.coherence.mean(1) for step in steps]))}
     record = xr.Dataset(values, coords={"window_range": ("window", window_range), "sent": ("node", time)})
     units = {"yaw": "rad", "yaw_deviation": "rad", "coherence": "1", "expected": "1", "pairs": "1",
              "pair_coherence": "1", "grazing": "rad", "sent": "s"}
@@ -47,7 +47,7 @@ def step_record(found: list[SurgeEstimate], window_range: np.ndarray, arrays: Ar
 
 
 def increments(poses: Poses, sent: np.ndarray, delay: float) -> np.ndarray:
-    """Return the ways (P - 1, 4) from ping to ping in the frames of their first pings: ahead, to starboard, down, yaw.
+    """Return the steps (P - 1, 4) from ping to ping in the frames of their first pings: ahead, to starboard, down, yaw.
 
     Positions are means of those at transmission and at reception, headings those at reception.
     """
@@ -60,7 +60,7 @@ def increments(poses: Poses, sent: np.ndarray, delay: float) -> np.ndarray:
 
 
 def since(steps: xr.Dataset, poses: Poses, first: Poses) -> xr.Dataset:
-    """Return steps beside the trajectory `first` that were estimated beside `poses`."""
+    """Return steps, estimated as errors of `poses`, as errors of the trajectory `first`."""
     sent, speed = steps["sent"].values, steps.attrs["sound_speed"]
     more = increments(poses, sent, steps.attrs["delay"]) - increments(first, sent, steps.attrs["delay"])
     values = {name: steps[name] + more[:, k] for k, name in enumerate(PARTS)}
@@ -72,12 +72,12 @@ def since(steps: xr.Dataset, poses: Poses, first: Poses) -> xr.Dataset:
 
 
 def nearness(way: np.ndarray, grazing: np.ndarray, side: float) -> np.ndarray:
-    """Return how much nearer (P - 1,) [m] the bed comes by ways (P - 1, 4) as of `increments`."""
+    """Return the decrease (P - 1,) [m] of the distance to the bed by steps (P - 1, 4) as of `increments`."""
     return side * way[:, 1] * np.cos(grazing) + way[:, 2] * np.sin(grazing)
 
 
 def integrated(steps: xr.Dataset, believed: xr.Dataset, poses: Poses) -> xr.Dataset:
-    """Add steps up to a trajectory: what was believed, corrected."""
+    """Return the trajectory that steps add up to: the navigation, corrected."""
     sent, delay = steps["sent"].values, steps.attrs["delay"]
     way = increments(poses, sent, delay) + np.stack([steps[name].values for name in PARTS], -1)
     heading = poses.heading(sent[0] + delay) + np.concatenate([[0.0], np.cumsum(way[:, 3])])
@@ -87,7 +87,7 @@ def integrated(steps: xr.Dataset, believed: xr.Dataset, poses: Poses) -> xr.Data
     place = first + np.concatenate([np.zeros((1, 3)), np.cumsum(moved, 0)])
     was = 0.5 * (poses.spline(sent) + poses.spline(sent + delay))[:, :3]
     time = believed["motion_time"].values
-    # the mean of two moments is not the middle one's where a way bends: nodes give way until their means are right
+    # where a track bends, the mean of two times is not the place at the middle: move nodes until their means are right
     node, wanted = place - was, place - was
     for _ in range(BENDS):
         means = 0.5 * sum(_joined(sent + 0.5 * delay, node, moment, delay) for moment in (sent, sent + delay))
@@ -101,11 +101,11 @@ def integrated(steps: xr.Dataset, believed: xr.Dataset, poses: Poses) -> xr.Data
 
 
 def compare(navigated: xr.Dataset, raw: xr.Dataset, trajectory: xr.Dataset) -> xr.Dataset:
-    """Return the errors of micronavigation beside the truth."""
+    """Return the errors of micronavigation against the true trajectory."""
     truth, believed = poses_of(raw), poses_of(trajectory)
     sent, speed = navigated["sent"].values, navigated.attrs["sound_speed"]
-    found = np.stack([navigated[name].values for name in PARTS], -1)
-    error = found - (increments(truth, sent, navigated.attrs["delay"])
+    estimates = np.stack([navigated[name].values for name in PARTS], -1)
+    error = estimates - (increments(truth, sent, navigated.attrs["delay"])
                      - increments(believed, sent, navigated.attrs["delay"]))
     slant = np.empty_like(navigated["slant"].values)
     for number, reach in enumerate(navigated["window_range"].values):
@@ -124,5 +124,5 @@ def compare(navigated: xr.Dataset, raw: xr.Dataset, trajectory: xr.Dataset) -> x
 
 
 def _joined(node: np.ndarray, values: np.ndarray, time: np.ndarray, beyond: float) -> np.ndarray:
-    """A spline through nodes that goes on for a delay: the last ping's echoes come in after its node."""
+    """Return a spline through nodes at times; it extends one delay, as the last ping's echoes arrive after its node."""
     return CubicSpline(node, values, axis=0)(np.clip(time, node[0] - beyond, node[-1] + beyond))

@@ -1,13 +1,13 @@
-"""Coherence as it is estimated: its windows, its chance and its bias.
+"""Estimated coherence: windows, chance and bias.
 
     γ̂ = Σ s₂ s₁* / √(Σ |s₁|² Σ |s₂|²)                                             over a window
     |γ̂|² ~ Beta(1 + K, L - 1),      K ~ NegativeBinomial(L, γ²)                    the density of Touzi and others
     p(φ) = (1 - γ²)^L [ Γ(L+½) β / (2√π Γ(L) (1 - β²)^(L+½)) + F(L, 1; ½; β²) / 2π ],     β = γ cos φ
 
-γ -> ``coherence``, L -> ``looks``: independent samples within the window. The mixture is the series of the
-hypergeometric function in the density, term by term; it holds for any L above 1 and overflows nowhere.
+γ -> ``coherence``, L -> ``looks``: independent samples within the window. The mixture is the series of the density's
+hypergeometric function, term by term; it holds for any L above 1 without overflow.
 
-    L = n² / Σ_ij |ρ(i - j)|²,      ρ the correlation of neighbours in the picture
+    L = n² / Σ_ij |ρ(i - j)|²,      ρ the correlation of neighbouring samples of the image
 
 References
 ----------
@@ -26,14 +26,14 @@ from .coherence import phase_deviation
 __all__ = ["coherence_at", "coherence_chance", "independent_looks", "mean_coherence", "phase_spread",
            "unbiased_coherence", "windowed_coherence"]
 
-HIGHEST = 0.995                    # above, no series: nothing is biased there
-SPREADS = 12.0                     # of the negative binomial, in standard deviations
+HIGHEST = 0.995                    # coherence; above, the bias is negligible and no series is needed
+SPREADS = 12.0                     # standard deviations of the negative binomial
 NODES, TABLE = 24, 2049
 PHASES = 2049
 
 
 def windowed_coherence(first: np.ndarray, second: np.ndarray, window: tuple[int, int]) -> np.ndarray:
-    """Estimate the complex coherence of two pictures in windows.
+    """Estimate the complex coherence of two images in windows.
 
     Parameters
     ----------
@@ -44,40 +44,40 @@ def windowed_coherence(first: np.ndarray, second: np.ndarray, window: tuple[int,
     Returns
     -------
     complex (along, across)
-        Its phase is that of `second` less that of `first`; NaN where a window holds no power or a NaN.
+        Its phase is that of `second` minus that of `first`. NaN where a window has no power or holds a NaN.
 
     Raises
     ------
     ValueError
-        If the pictures' shapes differ or the window does not fit in.
+        If the shapes of the images differ or the window does not fit in.
     """
     if first.ndim != 2 or first.shape != second.shape:
-        raise ValueError(f"two pictures of one shape are compared, and these have {first.shape} and {second.shape}")
+        raise ValueError(f"images of one shape are compared, and these have {first.shape} and {second.shape}")
     if any(not 1 <= part <= size for part, size in zip(window, first.shape)) or np.prod(window) < 2:
-        raise ValueError(f"the window has {window[0]} x {window[1]} samples, and the pictures {first.shape[0]} x "
+        raise ValueError(f"the window has {window[0]} x {window[1]} samples, and the images {first.shape[0]} x "
                          f"{first.shape[1]}; give one of two samples or more that fits in")
     known = np.isfinite(first) & np.isfinite(second)
-    one, two = (np.where(known, part, 0).astype(np.complex128) for part in (first, second))
-    product = two * np.conj(one)
+    left, right = (np.where(known, part, 0).astype(np.complex128) for part in (first, second))
+    product = right * np.conj(left)
     mean = _mean(product.real, window) + 1j * _mean(product.imag, window)
-    power = _mean(np.abs(one) ** 2, window) * _mean(np.abs(two) ** 2, window)
-    whole = ndimage.minimum_filter(known, window, mode="nearest")
+    power = _mean(np.abs(left) ** 2, window) * _mean(np.abs(right) ** 2, window)
+    complete = ndimage.minimum_filter(known, window, mode="nearest")
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(whole & (power > 0), mean / np.sqrt(power), np.nan)
+        return np.where(complete & (power > 0), mean / np.sqrt(power), np.nan)
 
 
 def independent_looks(picture: np.ndarray, window: tuple[int, int]) -> float:
-    """Return how many independent looks a window of a picture of speckle holds.
+    """Return the number of independent looks in a window of speckle.
 
     Parameters
     ----------
     picture : complex (along, across)
-        Of even speckle mostly: the correlation of its neighbours is measured, whatever its carrier.
+        Mostly even speckle. The correlation of its neighbours is measured, whatever its carrier.
     window : (int, int)
     """
     filled = np.where(np.isfinite(picture), picture, 0)
-    even = filled / np.maximum(np.sqrt(_mean(np.abs(filled) ** 2, (min(32, filled.shape[0]), min(32, filled.shape[1]))
-                                             )), 1e-300)
+    level = _mean(np.abs(filled) ** 2, (min(32, filled.shape[0]), min(32, filled.shape[1])))
+    even = filled / np.maximum(np.sqrt(level), 1e-300)
     shape = [fft.next_fast_len(count + size) for count, size in zip(even.shape, window)]
     lagged = fft.ifft2(np.abs(fft.fft2(even, shape)) ** 2)
     step, aside = (np.arange(1 - size, size) for size in window)
@@ -88,22 +88,22 @@ def independent_looks(picture: np.ndarray, window: tuple[int, int]) -> float:
 
 
 def coherence_chance(value: ArrayLike, coherence: float, looks: float) -> np.ndarray:
-    """Return the chance that an estimate of `looks` looks lies below `value` where the coherence is `coherence`."""
+    """Return the probability that an estimate from `looks` looks lies below `value` for a true `coherence`."""
     weights, count = _mixture(coherence, looks)
     squared = np.clip(np.asarray(value, float), 0, 1)[..., None] ** 2
     return special.betainc(1 + count, looks - 1, squared) @ weights
 
 
 def coherence_at(chance: float, coherence: float, looks: float) -> float:
-    """Return the estimate that is fallen short of with the given chance; the threshold of a test by coherence."""
+    """Return the value below which estimates lie with the probability `chance`: the threshold of a test."""
     if not 0 < chance < 1:
-        raise ValueError(f"a chance of {chance} is asked for; give one above 0 and below 1")
+        raise ValueError(f"chance is {chance}; give a probability above 0 and below 1")
     return float(optimize.brentq(lambda value: float(coherence_chance(value, coherence, looks)) - chance, 0, 1,
                                  xtol=1e-9))
 
 
 def mean_coherence(coherence: float, looks: float) -> float:
-    """Return the mean of estimates from `looks` looks: never below the coherence itself."""
+    """Return the mean of estimates from `looks` looks; it is never below the coherence itself."""
     if coherence > HIGHEST:
         return float(coherence)
     weights, count = _mixture(coherence, looks)
@@ -112,7 +112,7 @@ def mean_coherence(coherence: float, looks: float) -> float:
 
 
 def unbiased_coherence(estimate: ArrayLike, looks: float) -> np.ndarray:
-    """Return the coherence whose estimates have the mean `estimate`; 0 below the mean of none at all."""
+    """Return the coherence whose estimates have the mean `estimate`; 0 below the mean estimate of coherence 0."""
     nodes = np.append(HIGHEST * np.sin(np.linspace(0, 0.5 * np.pi, NODES)), 1.0)
     means = PchipInterpolator(nodes, [mean_coherence(node, looks) for node in nodes])
     fine = np.linspace(0, 1, TABLE)
@@ -120,9 +120,9 @@ def unbiased_coherence(estimate: ArrayLike, looks: float) -> np.ndarray:
 
 
 def phase_spread(coherence: float, looks: float) -> float:
-    """Return the standard deviation [rad] of the phase of a mean over looks, by its density."""
+    """Return the standard deviation [rad] of the phase of a mean over looks, from its density."""
     if not 0 <= coherence <= 1 or looks < 1:
-        raise ValueError(f"coherence is {coherence} and looks {looks}; give one from 0 to 1, and 1 or more")
+        raise ValueError(f"coherence is {coherence} and looks {looks}; give 0 to 1, and 1 or more")
     least = float(phase_deviation(coherence, looks))
     if least < 0.02:               # the density is normal, and too narrow for even steps
         return least
@@ -136,9 +136,9 @@ def phase_spread(coherence: float, looks: float) -> float:
 
 
 def _mixture(coherence: float, looks: float) -> tuple[np.ndarray, np.ndarray]:
-    """Weights and numbers K of the mixture of beta densities."""
+    """Return the weights and numbers K of the mixture of beta densities."""
     if not 0 <= coherence < 1 or not looks > 1:
-        raise ValueError(f"coherence is {coherence} and looks {looks}; give one from 0 to below 1, and more than 1")
+        raise ValueError(f"coherence is {coherence} and looks {looks}; give 0 to below 1, and more than 1")
     squared = min(coherence, HIGHEST) ** 2
     middle = looks * squared / (1 - squared)
     reach = SPREADS * np.sqrt(middle / (1 - squared)) + 60

@@ -1,11 +1,11 @@
-"""How a point target looks in a focused image: where, how high, how wide, and how high beside it.
+"""Image of a point target: place, level, phase, widths and side lobes of its peak.
 
     I(a, s) = Σ_kl S_kl e^{i2π(k a/A + l s/C)},     S the spectrum of the points about the peak
 
-A focused image is limited in band about a carrier that the grid may fold; the spectrum is taken about its own middle,
-so that the sum leads through the points as sinc interpolation does. Widths, side lobes and their energy are those of
-the two cuts through the peak. A boxcar of sines |u| <= U gives 0.886 λ/4U along the track at -3 dB, a sweep of
-bandwidth B 0.886 c/2B across it, over the cosine of the grazing angle on the ground (Cumming and Wong 2005, ch. 2).
+A focused image has a limited band about a carrier, which the grid may alias. The spectrum is taken about its own
+middle, so that the sum interpolates the points as a sinc does. Widths, side lobes and their energy are those of the two
+cuts through the peak. At -3 dB, a boxcar of sines |u| <= U gives 0.886 λ/4U along the track, a sweep of bandwidth B
+0.886 c/2B across it, over the cosine of the grazing angle on the ground (Cumming and Wong 2005, ch. 2).
 """
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from mitsonar.units import db_from_amplitude, db_from_power
 from ..record import check_image
 
 REACH = 64                         # points to either side of the peak, at most
-FINER = 32                         # points of the cuts to one of the grid
+FINER = 32                         # points of the cuts per point of the grid
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cut:
-    """A line through the peak."""
+    """Cut of the image through the peak."""
 
-    place: float  # [m]: of the peak on this axis
-    width: float  # [m]: at -3 dB
-    side_lobe_db: float  # [dB]: highest side lobe to the peak, and energy outside the main lobe to that within
-    integrated_db: float  # [dB]: highest side lobe to the peak, and energy outside the main lobe to that within
+    place: float  # [m], of the peak on this axis
+    width: float  # [m], at -3 dB
+    side_lobe_db: float  # [dB], highest side lobe relative to the peak
+    integrated_db: float  # [dB], energy outside the main lobe relative to that inside
 
 
 @dataclass(frozen=True, kw_only=True)
 class PointResponse:
-    """A point target's image.
+    """Measured image of a point target.
 
     Attributes
     ----------
@@ -51,14 +51,14 @@ class PointResponse:
 
 def point_response(image: xr.Dataset, place: tuple[float, float] | None = None, *, bank: int = 0,
                    within: float = 0.5) -> PointResponse:
-    """Measure the highest peak about a place.
+    """Measure the highest peak near a place.
 
     Parameters
     ----------
     image : xarray.Dataset
         A focused image.
     place : (float, float) or None [m]
-        ``along_track`` and ``across_track``; None: anywhere.
+        ``along_track`` and ``across_track``. None: the whole image.
     bank : int
     within : float [m]
         Of the place, on either axis.
@@ -78,7 +78,7 @@ def point_response(image: xr.Dataset, place: tuple[float, float] | None = None, 
             for axis, at in zip(axes, place or (0, 0), strict=True)]
     power = np.where(near[0][:, None] & near[1], np.abs(values) ** 2, 0.0)
     if not power.max(initial=0) > 0:
-        raise ValueError(f"the image has no value within {within:g} m of {place}; give a place that it shows")
+        raise ValueError(f"the image has no value within {within:g} m of {place}; give a place inside the image")
     peak = np.unravel_index(int(power.argmax()), power.shape)
     cuts = tuple(slice(max(0, int(at) - REACH), int(at) + REACH) for at in peak)
     patch = _ImagePatch(values[cuts])
@@ -91,7 +91,7 @@ def point_response(image: xr.Dataset, place: tuple[float, float] | None = None, 
 
 
 class _ImagePatch:
-    """A piece of an image (A, C) as a sum of waves; places are counted in points."""
+    """Part of an image (A, C) as a sum of waves; places are counted in points."""
 
     def __init__(self, values: np.ndarray):
         self.shape = values.shape
@@ -104,31 +104,31 @@ class _ImagePatch:
             self._waves.append(wave + np.round(middle - wave))
 
     def at(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """Values (R, C) at rows (R,) and columns (C,)."""
+        """Return the values (R, C) at rows (R,) and columns (C,)."""
         left, right = (np.exp(2j * np.pi * np.outer(places, wave))
                        for places, wave in zip((rows, columns), self._waves, strict=True))
         return left @ self._spectrum @ right.T
 
     def peak(self, about: np.ndarray) -> np.ndarray:
-        """Place (2,) of the peak next to a point."""
+        """Return the place (2,) of the peak next to a point."""
         step = 1.0
         for _ in range(4):
             offsets = np.linspace(-step, step, 17)
-            found = np.abs(self.at(about[0] + offsets, about[1] + offsets))
-            row, column = np.unravel_index(int(found.argmax()), found.shape)
+            values = np.abs(self.at(about[0] + offsets, about[1] + offsets))
+            row, column = np.unravel_index(int(values.argmax()), values.shape)
             about = about + [offsets[row], offsets[column]]
             step /= 6
         return about
 
     def along(self, axis: int, peak: np.ndarray) -> np.ndarray:
-        """Power along one axis through the peak, `FINER` values to a point."""
+        """Return the power along one axis through the peak, `FINER` values per point."""
         places = np.arange((self.shape[axis] - 1) * FINER + 1) / FINER
         lines = (places, peak[1:]) if axis == 0 else (peak[:1], places)
         return np.abs(self.at(*lines).ravel()) ** 2
 
 
 def _cut(axis: np.ndarray, power: np.ndarray, peak: float) -> Cut:
-    """Measure a cut whose peak is at a place in points."""
+    """Return the measures of a cut with its peak at a place in points."""
     top = int(round(peak * FINER))
     highest = power[top]
     step = (axis[1] - axis[0]) / FINER

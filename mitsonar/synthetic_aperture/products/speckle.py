@@ -1,12 +1,12 @@
-"""Speckle of a focused image: how its intensity fluctuates, and what that says of the bed.
+"""Speckle of a focused image: statistics of its intensity, which depend on the bed.
 
-    SI  = <I²> / <I>² - 1                        scintillation index: 1 of fully developed speckle
-    SI  = 1 + 2 / ν                              of a K distribution of shape ν; infinite ν is Rayleigh's envelope
-    CV  = std(A) / <A>                           A = √I; 0.523 of Rayleigh's
+    SI  = <I²> / <I>² - 1                        scintillation index: 1 for fully developed speckle
+    SI  = 1 + 2 / ν                              for a K distribution of shape ν; infinite ν: Rayleigh's envelope
+    CV  = std(A) / <A>                           A = √I; 0.523 for Rayleigh's
     C   = std(I) / <I> in windows                contrast, whose windows follow slow changes of level
 
-I -> ``image`` squared over its slow trend, a Gaussian mean of ``trend`` metres. The trend follows the level, so it
-takes from fluctuations about the share that a look has of it, 1 / n of n looks; it is put back.
+I -> ``image`` squared over its slow trend, a Gaussian mean of ``trend`` metres. In a trend of n looks, a look has the
+share 1 / n, which reduces the fluctuations by about that share; the index is corrected for it.
 
 References
 ----------
@@ -25,7 +25,7 @@ from ..focusing.compression import window_samples
 from ..record import check_image
 from .coherence_statistics import independent_looks
 
-LEAST = 64                         # looks that statistics are told from
+LEAST = 64                         # looks, fewer give no statistics
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,15 +36,15 @@ class Speckle:
     ----------
     scintillation : float [-]
     shape : float [-]
-        Of the K distribution by its second moment; infinite where the intensity fluctuates no more than Rayleigh's.
+        Shape of the K distribution from its second moment; infinite if the fluctuation does not exceed Rayleigh's.
     variation : float [-]
-        Of amplitudes.
+        Coefficient of variation of amplitudes.
     contrast : float [-]
         Median over windows.
     deviation : float [-]
-        Standard deviation of the scintillation index by theory, were it speckle alone: √(20 / looks).
+        Theoretical standard deviation of the scintillation index for pure speckle: √(20 / looks).
     looks : float
-        Independent ones in the picture.
+        Number of independent looks in the image.
     """
 
     scintillation: float
@@ -63,9 +63,9 @@ def speckle(image: xr.Dataset, *, bank: int = 0, trend: float = 1.0, keep: np.nd
     image : Dataset
     bank : int
     trend : float [m]
-        Standard deviation of the mean that levels are divided by.
+        Standard deviation of the Gaussian mean that levels are divided by.
     keep : (A, C) bool or None
-        Ground that counts; None: all that was focused.
+        Ground to use. None: all focused points.
 
     Returns
     -------
@@ -74,11 +74,11 @@ def speckle(image: xr.Dataset, *, bank: int = 0, trend: float = 1.0, keep: np.nd
     Raises
     ------
     ValueError
-        If it is no focused image, has no such bank, or less than 64 looks of it count.
+        If it is no focused image, has no such bank, or fewer than 64 looks count.
     """
     check_image(image)
     if not 0 <= bank < image.sizes["bank"]:
-        raise ValueError(f"bank {bank} is asked for, and the image has {image.sizes['bank']}, counted from 0")
+        raise ValueError(f"bank {bank} was asked for, and the image has {image.sizes['bank']}, counted from 0")
     field = image["image"].values[bank].astype(complex)
     known = np.isfinite(field) & (field != 0)
     if keep is not None:
@@ -87,17 +87,19 @@ def speckle(image: xr.Dataset, *, bank: int = 0, trend: float = 1.0, keep: np.nd
         known = known & keep
     size = window_samples(image, (trend, trend))
     field = np.where(known, field, 0)
-    correlated = 1 / _looks_of_a_point(field, size)
+    # looks per point, from a window of 33 points a side at most
+    sample = min(size[0], 33), min(size[1], 33)
+    correlated = 1 / (float(np.prod(sample)) / independent_looks(field, sample))
     count = known.sum() * correlated
     if count < LEAST:
-        raise ValueError(f"{count:.0f} looks of speckle count, and {LEAST} are the least; give a larger image")
+        raise ValueError(f"the image has {count:.0f} looks of speckle, and {LEAST} are needed; give a larger one")
     level = np.abs(field) ** 2
     steps = [float(np.abs(np.diff(image[name].values)).mean()) for name in ("along_track", "across_track")]
     width = [trend / step for step in steps]
     share = np.maximum(ndimage.gaussian_filter(known.astype(float), width), 1e-6)
     mean = ndimage.gaussian_filter(level, width) / share
     ratio = (level / np.maximum(mean, 1e-300))[known]
-    # A Gaussian mean of deviation w holds 4π w² of points' area in independent ones.
+    # A Gaussian mean of standard deviation w [points] averages 4π w² points.
     own = 1 / (4 * np.pi * width[0] * width[1] * correlated)
     index = (np.mean(ratio ** 2) / np.mean(ratio) ** 2 - 1) * (1 + 2 * own)
     amplitude = np.sqrt(ratio)
@@ -106,15 +108,9 @@ def speckle(image: xr.Dataset, *, bank: int = 0, trend: float = 1.0, keep: np.nd
                    deviation=float(np.sqrt(20 / count)), looks=float(count))
 
 
-def _looks_of_a_point(field: np.ndarray, size: tuple[int, int]) -> float:
-    """Points that a look takes."""
-    window = min(size[0], 33), min(size[1], 33)
-    return float(np.prod(window)) / independent_looks(field, window)
-
-
 def _contrast(level: np.ndarray, known: np.ndarray, size: tuple[int, int]) -> float:
-    whole = ndimage.minimum_filter(known, size, mode="constant", cval=0)
+    complete = ndimage.minimum_filter(known, size, mode="constant", cval=0)
     mean, square = (ndimage.uniform_filter(part, size, mode="nearest") for part in (level, level ** 2))
-    if not whole.any():
+    if not complete.any():
         return float("nan")
-    return float(np.median(np.sqrt(np.maximum(square[whole] / mean[whole] ** 2 - 1, 0.0))))
+    return float(np.median(np.sqrt(np.maximum(square[complete] / mean[complete] ** 2 - 1, 0.0))))
