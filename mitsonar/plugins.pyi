@@ -1,10 +1,10 @@
 # In a checkout the package mitsonar.plugins is the folder plugins/ at the top: here checkers and editors find it.
 from plugins import (
-    LOCK as LOCK,
+    BASES as BASES,
+    MODULES as MODULES,
     PLUGINS as PLUGINS,
     attributes as attributes,
     install as install,
     page as page,
     reference as reference,
-    register as register,
 )

@@ -1,1 +1,1 @@
-"""A Mitsuba scene as sound meets it: loading, errors, geometry, labels, materials."""
+"""A Mitsuba scene for sound: plugin registration, loading, errors, geometry, labels and materials."""

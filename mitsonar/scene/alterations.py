@@ -1,7 +1,7 @@
-"""Which values of a scene were altered through ``mi.traverse`` since it was loaded.
+"""Values of a scene that were altered through ``mi.traverse`` since it was loaded.
 
-What a scene holds is kept as it was loaded: Dr.Jit's arrays are never written in place while somebody else holds them,
-so keeping them costs no copy, and one that is still the same variable needs no look at its numbers.
+The values are kept as they were loaded. Dr.Jit never writes in place into an array that has a second owner, so keeping
+them costs no copy. An array that is still the same variable is not compared number by number.
 """
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ import mitsuba as mi
 
 
 def held(scene: mi.Scene) -> dict[str, Any]:
-    """Keep every value that ``mi.traverse`` shows, by its name."""
+    """Return every value that ``mi.traverse`` shows, by its name."""
     parameters = mi.traverse(scene)
     values = ((name, _numbers(parameters[name])) for name in parameters.keys())
-    # under names of their own, which stay when others are written to
+    # in variables of their own, which stay when the scene's are written to
     return {name: type(value)(value) if dr.is_array_v(value) else value for name, value in values}
 
 
 def altered(scene: mi.Scene, before: dict[str, Any]) -> list[str]:
-    """Names of the values that are not as they were."""
+    """Return the names of values that differ from those kept before."""
     parameters = mi.traverse(scene)
     now, then = set(parameters.keys()), set(before)
     return sorted({*(now ^ then), *(name for name in now & then
@@ -44,5 +44,5 @@ def _same(value, other):
     if dr.is_jit_v(value) and dr.depth_v(value) == 1 and value.index == other.index:
         return True
     value, other = dr.detach(value), dr.detach(other)
-    # numbers that are none count as alike
+    # NaN counts as equal to NaN
     return bool(dr.all((value == other) | ((value != value) & (other != other)), axis=None))

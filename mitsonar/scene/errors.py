@@ -1,15 +1,16 @@
-"""Turn the texts Mitsuba raises while it loads or renders into one sentence for people.
+"""Messages that Mitsuba raises while it loads or renders, turned into one sentence for users.
 
-Mitsuba wraps what went wrong in tags of its source files, places, plugin names and Python tracebacks. `plain` keeps
-``file, line: plugin: sentence``. Texts it does not know come out joined to one line, never lost.
+Mitsuba wraps the cause in tags of its source files, places, plugin names and Python tracebacks. `plain` keeps
+``file, line: plugin: sentence``. A message of unknown form is joined to one line and kept.
 """
 import re
 
 from mitsonar.device.sentences import shortened
 from mitsonar.device.spelling import meant
-from mitsonar.plugins import PLUGINS as OURS
 
-# ours, and those of Mitsuba that a sonar's scene has use for
+from .registration import PLUGINS as OURS
+
+# mitsonar's own, and those of Mitsuba that are useful in a sonar scene
 PLUGINS = (*(name.rpartition(".")[2] for name in OURS), "bitmap", "checkerboard", "cube", "cylinder", "diffuse",
            "disk", "instance", "mesh_attribute", "obj", "ply", "rectangle", "shapegroup", "sphere", "twosided")
 _TAG = re.compile(r"\s*\[(?:\w+\.cpp:\d+|[A-Z]\w*)\] ")
@@ -23,30 +24,30 @@ _WRAPPERS = (
 _SYNTAX = re.compile(r"(?:Parsing of XML file \"(?P<file>.*?)\"|XML parsing) failed: (?P<what>.*?) "
                      r"\(line (?P<line>\d+), col \d+\)")
 _RAISED = re.compile(r"^(?P<kind>[A-Za-z_][\w.]*?)(?:: (?P<what>.*))?$", re.DOTALL)
-WANTED = {"integrator": "sonar_path", "film": "sonar_film"}        # the only ones that sonars work with
+WANTED = {"integrator": "sonar_path", "film": "sonar_film"}        # the only types that sonars work with
 _USER_ERRORS = ("ValueError", "RuntimeError")
 
 
 def plain(error: BaseException) -> str:
-    """Say in one sentence what an exception raised by loading or rendering a scene means."""
+    """Return one sentence for users about an exception raised by loading or rendering a scene."""
     while error.__cause__ is not None and "(see above)" in str(error):
         error = error.__cause__  # Dr.Jit hides what a plugin raised behind its own message
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-    # what Mitsuba quotes of a damaged file may be no text
+    # bytes that Mitsuba quotes of a damaged file may not be text
     text = error.object.decode(errors="replace") if isinstance(error, UnicodeDecodeError) else str(error)
     text, place, plugin = _TAG.sub("", text, count=1) if _TAG.match(text) else text, "", ""
     if match := _SYNTAX.match(text):
         return f"{_at(match['file'] or 'scene', match['line'])}: the XML is broken: {match['what']}"
     while match := next(filter(None, (wrapper.match(text) for wrapper in _WRAPPERS)), None):
-        found = match.groupdict()
-        if found.get("line"):
-            place = _at(found["file"], found["line"])
-        elif found.get("node"):
-            place = f'object "{found["node"]}"'
-        elif found.get("file"):
-            place = found["file"]
-        plugin = found.get("plugin") or plugin
+        groups = match.groupdict()
+        if groups.get("line"):
+            place = _at(groups["file"], groups["line"])
+        elif groups.get("node"):
+            place = f'object "{groups["node"]}"'
+        elif groups.get("file"):
+            place = groups["file"]
+        plugin = groups.get("plugin") or plugin
         text = _strip_tag(text[match.end():])
     sentence = _sentence(text)
     if plugin and not re.match(rf"{re.escape(plugin)}[ :]", sentence) and not sentence.startswith("there is no plugin"):
@@ -55,7 +56,7 @@ def plain(error: BaseException) -> str:
 
 
 def as_exception(error: BaseException) -> ValueError | KeyboardInterrupt:
-    """Make the exception to raise instead of one that Mitsuba raised: a `ValueError`, or the Ctrl-C that it wraps."""
+    """Return the exception to raise in place of one from Mitsuba: a `ValueError`, or the Ctrl-C that it wraps."""
     sentence, cause = plain(error), error
     while cause is not None and not isinstance(cause, KeyboardInterrupt):
         cause = cause.__cause__
@@ -82,7 +83,7 @@ def _sentence(text):
 
 
 def _raised(traceback):
-    # Frames are indented, what was raised is not: it is everything after the last indented line.
+    # Frames are indented; the exception is everything after the last indented line.
     lines = traceback.splitlines()
     last = max(index for index, line in enumerate(lines) if line.startswith(" ") or index == 0)
     match = _RAISED.match("\n".join(lines[last + 1:]))
@@ -94,7 +95,7 @@ def _raised(traceback):
 
 def _unreferenced(match):
     names = re.findall(r"^  - (\w+) \"(.*?)\"", match["list"], re.MULTILINE)
-    if all(name.startswith("_arg_") for _, name in names):                 # nested without a name of its own
+    if all(name.startswith("_arg_") for _, name in names):                 # nested without a name
         return f"{match['plugin']}: something is nested that a {match['kind']} of this type does not take."
     listed = ", ".join(f'"{name}" ({kind})' for kind, name in names)
     wanted = WANTED.get(match["kind"], match["plugin"])
@@ -110,7 +111,7 @@ def _unused(match):
 
 
 def _spectrum(match):
-    """A table in a file, without what Mitsuba quotes of it: the file may be any that its reader may open."""
+    """Return the message about a table file, without Mitsuba's quotes from it: the file may be a private one."""
     what = match["what"]
     if line := re.search(r" in line (\d+) of spectrum file", what):
         return (f'the file "{match["file"]}", line {line[1]}, is no table; expected two numbers a line, such as 10 '
@@ -131,7 +132,7 @@ def _unparsable(match):
     # Python refuses to read thousands of digits
     if kind.startswith("integer") and (len(value.strip(" +-0")) > 100 or abs(int(value)) >= 1 << 63):
         return f'"{value}" is too large for an integer.'
-    return f'the value "{value}" cannot be set: is the attribute written twice?'  # how Mitsuba words a repetition
+    return f'the value "{value}" cannot be set: is the attribute written twice?'  # Mitsuba's message for a repetition
 
 
 def _not_pairs(match):

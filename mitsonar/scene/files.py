@@ -1,9 +1,9 @@
-"""The files that a scene names, checked before Mitsuba opens them.
+"""Checks of the files that a scene names, before Mitsuba opens them.
 
-Mitsuba's readers believe what they read: a mesh whose face names a vertex that is not there is read and written outside
-memory, and as much memory is taken as the header of a picture claims. So the scene is parsed first, by Mitsuba's own
-parser, with parameters filled in and included files followed, and each file that an object names is looked at here,
-before any object is made. The plugins that it asks for are compared with those that may run (`libraries`).
+Mitsuba's readers trust their files: a mesh face that names a missing vertex is read and written outside memory, and a
+picture gets as much memory as its header claims. The scene is therefore parsed first, by Mitsuba's own parser, with
+parameters filled in and included files followed; each file that an object names is checked here before any object is
+made. The scene's plugins are compared with those that may run (`libraries`).
 """
 import os
 import re
@@ -20,23 +20,20 @@ from . import labels, libraries
 
 MESHES = ("ply", "obj", "serialized", "linearcurve", "bsplinecurve")
 PICTURES, VOLUMES = ("bitmap", "envmap"), ("gridvolume", "sdfgrid")
-# their readers take memory or write outside of it as the file says, and none of them is of use to sound
+# their readers take memory, or write outside of it, as the file says; none of these plugins is useful for sound
 REFUSED = ("ellipsoids", "ellipsoidsmesh", "measured", "measured_polarized")
 MOST_WAYS = 100_000
-TAKEN = ("config", "filename")     # arguments of Mitsuba's parser
+TAKEN = ("config", "filename")     # argument names of Mitsuba's parser
 
 
 def check(path: str, values: Mapping[str, str]) -> None:
-    """Check every plugin and every file that a scene names.
-
-    Files that are not there are left to who opens them.
-    """
+    """Check every plugin and every file that a scene names; missing files are left to the readers."""
     folders = scenes.check(path, values)
-    mitsuba: Any = mi                              # whose declarations know no resolver of files
+    mitsuba: Any = mi                              # its type stubs lack file_resolver
     former = mitsuba.file_resolver()
     resolver = mitsuba.FileResolver(former)
     resolver.prepend(os.path.dirname(path))
-    if set(TAKEN) & set(values):                   # within an include Mitsuba forgets the folders of <path>
+    if set(TAKEN) & set(values):                   # Mitsuba forgets the folders of <path> within an include
         for folder in reversed(folders):
             resolver.prepend(folder)
     mitsuba.set_file_resolver(resolver)
@@ -54,7 +51,7 @@ def check(path: str, values: Mapping[str, str]) -> None:
     for index, node in enumerate(state.nodes):
         kind = node.props.plugin_name()
         if kind == "bitmap" and not any(name in node.props for name in ("filename", "bitmap", "data")):
-            # which ends the process in Mitsuba 3.9
+            # Mitsuba 3.9 ends the process on such a bitmap
             raise ValueError(f'{path}: the bitmap "{_name(state, index)}" has no filename; write <string '
                              'name="filename" value="..."/> into it')
         try:
@@ -67,26 +64,26 @@ def _parsed(path, values):
     config = mi.parser.ParserConfig(mi.variant() or "")
     if not set(TAKEN) & set(values):
         return mi.parser.parse_file(config, path, **values)
-    around = ElementTree.Element("scene", version="3.0.0")
-    around.extend(ElementTree.Element("default", name=name, value=value) for name, value in values.items()
-                  if name in TAKEN)
-    ElementTree.SubElement(around, "include", filename=os.path.abspath(path))
+    wrapper = ElementTree.Element("scene", version="3.0.0")
+    wrapper.extend(ElementTree.Element("default", name=name, value=value) for name, value in values.items()
+                   if name in TAKEN)
+    ElementTree.SubElement(wrapper, "include", filename=os.path.abspath(path))
     others = {name: value for name, value in values.items() if name not in TAKEN}
-    return mi.parser.parse_string(config, ElementTree.tostring(around, encoding="unicode"), **others)
+    return mi.parser.parse_string(config, ElementTree.tostring(wrapper, encoding="unicode"), **others)
 
 
 def _check_node(node, resolver):
     props, kind = node.props, node.props.plugin_name()
     if node.type == mi.ObjectType.Shape:
         labels.check_name(props.id())
-    # Mitsuba takes a ball of radius -1 for one that is turned inside out
+    # Mitsuba reads a radius of -1 as a ball turned inside out
     if "radius" in props and props.type("radius").name in ("Float", "Integer") and props["radius"] < 0:
         raise ValueError(f"radius is {props['radius']:g}; expected a number [m] above 0")
     if "filename" not in props or props.type("filename").name != "String":
         return
     path = str(resolver.resolve(props["filename"]))
     if kind in REFUSED:
-        raise ValueError(f"its files are not checked, and Mitsuba believes them: {kind} cannot be used here")
+        raise ValueError(f"{kind} cannot be used here: Mitsuba's reader of its files is not safe; remove the object")
     if not props["filename"] or not os.path.exists(path):
         return
     if kind in MESHES:
@@ -101,7 +98,7 @@ def _check_node(node, resolver):
 
 
 def _check_ways(state, path):
-    """Refuse objects that hold others in too many ways: Mitsuba takes memory for each way down, and asks each."""
+    """Refuse objects reached in too many ways: Mitsuba takes memory for each way down, and visits each."""
     places = {node.props.id(): index for index, node in enumerate(state.nodes) if node.props.id()}
     ways: dict[int, int] = {}
     waiting: list[tuple[int, list[int] | None]] = [(0, None)]
@@ -127,7 +124,7 @@ def _check_ways(state, path):
 
 
 def _name(state, index):
-    """What an object is called: its id, or what the object that holds it calls it."""
+    """Return an object's id, or its name in the object that holds it."""
     if state.nodes[index].props.id():
         return state.nodes[index].props.id()
     for node in state.nodes:
@@ -138,10 +135,10 @@ def _name(state, index):
 
 
 def _place_or(state, node, path):
-    """Return the place of an object in its file, or the path where Mitsuba has read the scene from a text."""
+    """Return the place of an object in its file, or the path if Mitsuba has parsed the scene from a string."""
     return _place(state, node) if len(state.files) and state.files[0] != "<string>" else path
 
 
 def _place(state, node):
-    found = re.fullmatch(r"(.*) \(line (\d+), col \d+\)(?: \[.*\])?", mi.parser.file_location(state, node), re.DOTALL)
-    return f"{found[1]}, line {found[2]}" if found else "the scene"
+    match = re.fullmatch(r"(.*) \(line (\d+), col \d+\)(?: \[.*\])?", mi.parser.file_location(state, node), re.DOTALL)
+    return f"{match[1]}, line {match[2]}" if match else "the scene"

@@ -1,10 +1,10 @@
-"""A Mitsuba scene's facets and what they are called, gathered once for the tracer.
+"""Facets and labels of a Mitsuba scene, gathered once for the tracer.
 
-Normals at the nodes of a mesh: those of the faces there, each by its angle at the node.
+The normal at a vertex is the mean of the normals of its faces, weighted by their angles at the vertex:
 
     n_v = Σ_f α_fv n_f / |Σ_f α_fv n_f|                             (Thürmer and Wüthrich 1998, J. Graphics Tools 3, 43)
 
-Mitsuba computes the same, but sums on all cores in any order, so that the last bits differ from run to run.
+Mitsuba computes the same, but adds on all cores in any order, so that the last bits differ from run to run.
 """
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from mitsonar.scattering.bodies.scattering_functions import ScatteringFunction
 from .labels import ShapeLabels
 
 
-def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Compute the normals at vertices."""
-    # vertices (V, 3) [m]; faces (F, 3) -> (V, 3) [-]
+def vertex_normals(vertices: np.ndarray,    # (V, 3) [m]
+                   faces: np.ndarray) -> np.ndarray:
+    """Compute the normals at vertices, float32 (V, 3), from faces (F, 3)."""
     corners = np.ascontiguousarray(vertices.astype(float).T[:, faces.T])                  # axis, corner, face
     share = np.empty((3, len(faces), 3))                                                  # axis, face, corner
     for corner in range(3):
         ahead, back = corners[:, (corner + 1) % 3] - corners[:, corner], corners[:, corner - 1] - corners[:, corner]
-        across = [ahead[one] * back[other] - ahead[other] * back[one] for one, other in ((1, 2), (2, 0), (0, 1))]
+        across = [ahead[i] * back[j] - ahead[j] * back[i] for i, j in ((1, 2), (2, 0), (0, 1))]
         twice_area = np.sqrt(across[0] ** 2 + across[1] ** 2 + across[2] ** 2)
         angle = np.arctan2(twice_area, ahead[0] * back[0] + ahead[1] * back[1] + ahead[2] * back[2])
         weight = angle / np.where(twice_area > 0, twice_area, np.inf)
         for axis in range(3):
             share[axis, :, corner] = across[axis] * weight
-    total = np.stack([np.bincount(faces.ravel(), one.ravel(), len(vertices)) for one in share], -1)
+    total = np.stack([np.bincount(faces.ravel(), part.ravel(), len(vertices)) for part in share], -1)
     length = np.linalg.norm(total, axis=-1, keepdims=True)
     return (total / np.where(length > 0, length, 1)).astype(np.float32)
 
@@ -43,13 +43,13 @@ class Target(NamedTuple):
     """A point target."""
 
     position: np.ndarray | Sequence[float]  # (3,) [m]
-    strength_db: float  # [dB re 1 m²]: not a number where it scatters by a function of its own
+    strength_db: float                         # [dB re 1 m²]; NaN if a function of its own scatters
     label: int
     scattering: ScatteringFunction | None = None
-    rotation: np.ndarray | None = None  # (3, 3): from its own axes to the scene's, where it has a function
+    rotation: np.ndarray | None = None         # (3, 3): from the target's axes to the scene's, if it has a function
 
     def strength_at(self, frequency: float, sound_speed: float) -> float:
-        """Return its target strength at a frequency [Hz], backwards [dB re 1 m²]; of its aspects the mean."""
+        """Return the backscattering target strength at a frequency [Hz], mean over aspects [dB re 1 m²]."""
         if self.scattering is None:
             return float(self.strength_db)
         form = self.scattering.form(np.array([frequency]), *self.scattering.examples(), sound_speed)
@@ -57,8 +57,10 @@ class Target(NamedTuple):
 
 
 class Geometry:
-    """A scene's facets, gathered once so that hit points can be rebuilt without a call per shape."""
-    # labels [int, str]; depth_range [m]; horizontal_bounds [m]; local_origin (3,) [m]
+    """Facets of a scene, gathered once so that hit points can be rebuilt without a call for each shape.
+
+    Has `labels` {number: name}, `depth_range` [m], `horizontal_bounds` [m] and `local_origin` (3,) [m] or None.
+    """
 
     def __init__(self, scene: mi.Scene, *, smooth_beds: bool = False):
         shapes = scene.shapes()
@@ -72,21 +74,21 @@ class Geometry:
         pointers: Any = scene.shapes_dr()
         numbers: Any = dr.reinterpret_array(mi.UInt32, pointers)
         registry = numbers.numpy()
-        # Mitsuba's own materials may read textures; those of sonar say whether they do
+        # Mitsuba's own materials may read textures; mitsonar's have an attribute for it
         self.textured = any(getattr(shape.bsdf(), "textured", True) for shape in shapes)
-        # label, first face, is a mesh, has texture coordinates
+        # columns: label, first face, is a mesh, has texture coordinates
         rows = np.zeros((int(registry.max()) + 1, 4), np.uint32)
         vertices, faces, texcoords, normals, first_vertex, first_face = [], [], [], [], 0, 0
         self.meshes, self.others, self.first_vertices, self.smooth_beds = [], [], [], smooth_beds
         for index, shape in zip(registry, shapes):
             rows[index, 0] = self.named.of(shape)
             parameters: Any = mi.traverse(shape)
-            if "vertex_positions" not in parameters:                        # a rectangle calls itself a mesh
+            if "vertex_positions" not in parameters:                        # Mitsuba's rectangle calls itself a mesh
                 self.others.append((int(index), shape))
                 continue
             vertex = dr.detach(parameters["vertex_positions"]).numpy().reshape(-1, 3)
             face = parameters["faces"].numpy().reshape(-1, 3)
-            if face.max(initial=0) >= len(vertex):     # in a scene that Mitsuba itself loaded, or made in Python
+            if face.max(initial=0) >= len(vertex):     # in a scene that Mitsuba itself loaded, or built in Python
                 raise ValueError(f'a face of the mesh "{shape.id()}" names vertex {face.max()}, and the vertices count '
                                  f"from 0 to {len(vertex) - 1}; repair the mesh")
             rows[index, 1:] = first_face, 1, self.textured and shape.has_vertex_texcoords()
@@ -102,7 +104,7 @@ class Geometry:
             first_vertex, first_face = first_vertex + len(vertex), first_face + len(face)
         self.only_meshes = len(faces) == len(shapes)
         self.rows, self.kinds = upload(mi.UInt32, rows), upload(mi.UInt32, self.named.label_kinds()[rows[:, 0]])
-        # four wide, so that a vertex is one aligned packet, and a face with its label another
+        # four wide, so that a vertex is one aligned packet, and a face with its label another one
         self.vertices = upload(mi.Float, _padded(vertices))
         self.faces = upload(mi.UInt32, np.concatenate(faces) if faces else np.zeros((1, 4), np.uint32))
         self.texcoords = upload(mi.Float, np.concatenate(texcoords)) if self.textured and texcoords else None
@@ -126,24 +128,24 @@ class Geometry:
         self.crs = getattr(known[0], "crs", None) if known else None
 
     def mesh(self, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices (V, 3) [m] and corners of faces (count, 3) of a mesh with these rows in `faces`."""
+        """Return vertices (V, 3) [m] and corners of faces (count, 3) of the mesh with these rows in `faces`."""
         faces = self.faces.numpy().reshape(-1, 4)[first:first + count, :3]
         lowest, highest = int(faces.min()), int(faces.max())
         return self.vertices.numpy().reshape(-1, 4)[lowest:highest + 1, :3], faces - np.uint32(lowest)
 
     def moving(self) -> list[int]:
-        """Return the numbers in `meshes` of those whose vertices carry gradients."""
+        """Return the indices in `meshes` of those whose vertices carry gradients."""
         return [number for number, (_, shape, *_) in enumerate(self.meshes)
                 if dr.grad_enabled(mi.traverse(shape)["vertex_positions"])]
 
     def is_smooth(self, shape: mi.Shape) -> bool:
-        """Return whether a mesh is met by the normals between its nodes."""
+        """Return True if a mesh scatters by normals interpolated between its vertices."""
         if getattr(shape, "smooth_normals", False):
             return True
         return self.smooth_beds and self.named.of(shape) in self.named.seabed
 
     def targets(self) -> list[Target]:
-        """Point targets."""
+        """Return the point targets."""
         return [Target(np.asarray(shape.position, float), float(shape.target_strength_db), self.named.of(shape),
                        getattr(shape, "scattering", None), getattr(shape, "rotation", None))
                 for _, shape, *_ in self.meshes if hasattr(shape, "target_strength_db")]
@@ -158,7 +160,7 @@ def interpolated(lib: Any, normals: mi.Float, face: Any, u: mi.Float, v: mi.Floa
 
 
 def _check_merged(shapes):
-    """Refuse meshes that Mitsuba has joined into one without a name: their labels are gone."""
+    """Refuse meshes that Mitsuba has merged into one without a name: their labels are lost."""
     if any(type(shape) is mi.Mesh and shape.class_name() == "Mesh" and not shape.id() for shape in shapes):
         raise ValueError("Mitsuba has merged meshes of one material in this scene, and their names with them; load it "
                          "by mitsonar.load_file, or by mi.load_file or mi.load_dict with optimize=False")
@@ -168,7 +170,7 @@ def _check_extents(shapes):
     for shape in shapes:
         box = shape.bbox()
         extents = np.array(box.max, float) - np.array(box.min, float)
-        # a point target has none: rays pass it
+        # point targets have no extent: rays pass them
         if not (np.isfinite(extents).all() and (np.sum(extents > 0) >= 2 or hasattr(shape, "target_strength_db"))):
             name = f'"{shape.id()}"' if shape.id() else f"of the kind {shape.class_name().lower()}"
             raise ValueError(f"the shape {name} has no extent; give it a radius, a length or a scale above 0")

@@ -1,9 +1,9 @@
-"""Names, numbers and classes of what a scene holds: which shape an echo comes from, and what kind of thing that is.
+"""Names, numbers and classes of a scene's instances, which label the echoes.
 
-A shape's id is the name of its instance; its class is what stands before the first dot: "cylinder.3" is a cylinder,
-"wreck" a wreck. A mesh may hold several instances; it says so by ``part_names`` and ``part_of_face``. What bears the
-attribute ``seabed``, or is of a class such as "seabed", is seabed; ``sea_surface`` the sea surface; all else are
-objects.
+A shape's id is the name of its instance; the part before the first dot is its class: "cylinder.3" is a cylinder,
+"wreck" a wreck. A mesh may hold several instances, listed in ``part_names`` and ``part_of_face``. A shape with the
+attribute ``seabed``, or of a class such as "seabed", is seabed; one with ``sea_surface`` is the sea surface; all other
+shapes are objects.
 """
 from __future__ import annotations
 
@@ -16,14 +16,13 @@ import numpy as np
 if TYPE_CHECKING:
     import mitsuba as mi
 
-SEABED, OBJECT = 1, 2              # kinds, as `ShapeLabels.label_kinds` gives them
-LONGEST = 200                      # bytes of a name; channels of an EXR file, which hold it, have names of up to 255
+SEABED, OBJECT = 1, 2              # kinds returned by `ShapeLabels.label_kinds`
+LONGEST = 200                      # bytes of a name; channel names of EXR files, which hold it, have at most 255
 SEABED_CLASSES = ("seabed", "bed", "bottom", "seafloor")
 
 
 class ShapeLabels:
-    """Number the instances of a scene."""
-    # names [int, str]; classes [int, str]; class_of [int, int]
+    """Numbers of a scene's instances: `names` and `classes` {number: name}, `class_of` {label: class}."""
 
     def __init__(self, shapes: Sequence[mi.Shape]):
         names = sorted({name for shape in shapes for name in _names(shape)})
@@ -44,20 +43,20 @@ class ShapeLabels:
 
     @property
     def hides(self) -> bool:
-        """Return whether there are objects that may hide a seabed."""
+        """Return True if there are objects that may hide a seabed."""
         return bool(self.objects) and bool(self.seabed)
 
     def of(self, shape: mi.Shape) -> int:
-        """Number of a shape, of its first part where it has parts."""
+        """Return the number of a shape, or of its first part if it has parts."""
         return self._number[_names(shape)[0]]
 
     def of_faces(self, shape: mi.Shape, faces: int) -> np.ndarray:
-        """Numbers of a mesh's `faces` faces, uint32 (faces,)."""
+        """Return the numbers of a mesh's `faces` faces, uint32 (faces,)."""
         numbers = np.array([self._number[name] for name in _names(shape)], np.uint32)
         return numbers[part_of_face(shape)] if hasattr(shape, "part_names") else np.full(faces, numbers[0])
 
     def label_kinds(self) -> np.ndarray:
-        """Kind of every number from 0, uint32: 1 seabed, 2 object, 0 neither."""
+        """Return the kind of every number from 0, uint32: 1 seabed, 2 object, 0 neither."""
         kinds = np.zeros(len(self.names) + 1, np.uint32)
         kinds[list(self.seabed)], kinds[list(self.objects)] = 1, 2
         return kinds
@@ -71,25 +70,24 @@ def check_name(name: str) -> None:
 
 
 def class_name(name: str) -> str:
-    """Class of an instance."""
+    """Return the class of an instance: its name up to the first dot."""
     return name.partition(".")[0] or name
 
 
 def classes_of(names: Mapping[int, str]) -> tuple[dict[int, str], dict[int, int]]:
-    """Number the classes of instances."""
-    # names [int, str] -> classes [int, str], class_of [int, int]
+    """Number the classes of instances; return {number: class} and {label: number of its class}."""
     classes = dict(enumerate(sorted({class_name(name) for name in names.values()}), 1))
     number_of = {name: number for number, name in classes.items()}
     return classes, {number: number_of[class_name(name)] for number, name in names.items()}
 
 
 def part_of_face(shape: mi.Shape) -> np.ndarray:
-    """Part that each face of a mesh with several belongs to, (F,)."""
+    """Return the index of the part that each face of a mesh with several parts belongs to, (F,)."""
     return np.asarray(getattr(shape, "part_of_face")).astype(np.int64).ravel()
 
 
 def fingerprint(meshes: Iterable[tuple[np.ndarray, np.ndarray]]) -> str:
-    """Hash of the geometry of meshes given as (vertices, faces), in any order: 16 hexadecimal digits."""
+    """Return a hash of the geometry of meshes (vertices, faces) in any order, as 16 hexadecimal digits."""
     digests = []
     for vertices, faces in meshes:
         digest = hashlib.sha256(np.ascontiguousarray(vertices, np.float32).data)

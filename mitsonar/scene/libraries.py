@@ -1,10 +1,10 @@
-"""Libraries of program code that a scene may have Mitsuba open: those of the Mitsuba package, and no others.
+"""Program libraries that a scene may have Mitsuba open: those of the Mitsuba package only.
 
 For an object of ``type="NAME"`` Mitsuba opens ``plugins/NAME.so``. It looks for that file beside the scene, in the
 folders of ``<path>`` and in the current folder before it looks in its own package, and opening a library runs it. A
-plugin may also make others that the scene does not name, such as the film of a camera, and a dictionary has Mitsuba
-look for a library under the names of plugins written in Python. So a scene's types are compared with a list, and no
-library may lie where Mitsuba would take it for any name of that list.
+plugin may also make others that the scene does not name, such as the film of a camera, and for dictionaries Mitsuba
+looks for a library under the names of Python plugins, too. The types in a scene are therefore compared with a list, and
+no library may lie where Mitsuba would open it under a name of that list.
 """
 import functools
 import os
@@ -22,24 +22,24 @@ SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 
 
 def check_type(name: str) -> None:
-    """Refuse a plugin that is neither one of mitsonar nor one of the Mitsuba package."""
+    """Refuse a plugin that belongs neither to mitsonar nor to the Mitsuba package."""
     if name not in _known():
         raise ValueError(shortened(f'there is no plugin of type "{name}"{meant(name, PLUGINS)}; a scene may use the '
                                    "plugins of mitsonar and those of the Mitsuba package"))
 
 
 def check_folders(resolver: Any) -> None:
-    """Refuse folders in which a library lies that Mitsuba would open as one of its plugins."""
+    """Refuse a folder with a library that Mitsuba would open as one of its plugins."""
     for name, own in _known().items():
-        found = str(resolver.resolve(f"plugins/{name}{SUFFIX}"))
-        if os.path.exists(found) and not (own and os.path.samefile(found, own)):
-            raise ValueError(f'{found} would run as program code wherever a scene needs the plugin "{name}"; remove '
+        library = str(resolver.resolve(f"plugins/{name}{SUFFIX}"))
+        if os.path.exists(library) and not (own and os.path.samefile(library, own)):
+            raise ValueError(f'{library} would run as program code wherever a scene needs the plugin "{name}"; remove '
                              "this file if you do not know what it is, or work in another folder")
 
 
 @functools.cache
 def _known():
-    """Paths of the libraries of the Mitsuba package by the names of their plugins; None for plugins without one."""
+    """Return the library paths of the Mitsuba package by plugin name; None for plugins without a library."""
     folder = os.path.join(os.path.dirname(mi.__file__), "plugins")
     own = {os.path.splitext(file)[0]: os.path.join(folder, file) for file in os.listdir(folder)
            if file.endswith(SUFFIX)}

@@ -1,4 +1,4 @@
-"""Load a scene file as mitsonar means it: variant set, ids kept, parameters filled in."""
+"""Load a scene file for mitsonar: variant set, shape ids kept, parameters filled in."""
 from __future__ import annotations
 
 import functools
@@ -16,31 +16,30 @@ from mitsonar.device.sentences import shortened
 from mitsonar.device.spelling import meant
 from mitsonar.io.scene_files.scenes import filled, find, root, text
 
-from . import files as scene_files, libraries
+from . import files as scene_files, libraries, registration
 from .alterations import held
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")    # the GPU comes second until it has been tried on one
-TAKEN = ("path", "parallel", "optimize")       # arguments of Mitsuba's own loader
-_LOADING = threading.RLock()       # the folder in which files are looked for is Mitsuba's, one for all threads
+TAKEN = ("path", "parallel", "optimize")       # argument names of Mitsuba's own loader
+_LOADING = threading.RLock()       # Mitsuba's file resolver is one for all threads
 
 
 def prepare() -> None:
-    """Set a JIT variant if none is set: LLVM on all cores, or CUDA where there is a GPU but no libLLVM."""
+    """Set a JIT variant if none is set: LLVM on all cores, or CUDA if there is a GPU but no libLLVM."""
     import drjit as dr
 
-    from mitsonar import plugins
     from mitsonar.device import llvm
 
-    with plugins.LOCK:                         # of several threads, the first prepares and the others wait
-        plugins.install()                      # Mitsuba can be seen before its first import has come to that
+    with registration.LOCK:                    # of several threads, the first prepares and the others wait
+        registration.install()                 # Mitsuba is visible before its first import has called this
         if (mi.variant() or "scalar").startswith("scalar"):
             llvm.check()
             mi.set_variant(*(VARIANTS if dr.has_backend(dr.JitBackend.LLVM) else VARIANTS[1:]))
         if (variant := mi.variant()) is not None:
-            plugins.register(variant)          # another thread may have set the variant just now
+            registration.register(variant)     # another thread may have set the variant just now
         if dr.thread_count() < 2:
-            dr.set_thread_count(2)             # with one worker Mitsuba's file readers wait for themselves for ever
-    mitsuba: Any = mi                              # whose declarations know no resolver of files
+            dr.set_thread_count(2)             # with one worker Mitsuba's file readers wait for themselves forever
+    mitsuba: Any = mi                              # its type stubs lack file_resolver
     libraries.check_folders(mitsuba.file_resolver())
 
 
@@ -63,16 +62,16 @@ def load_file(path: FilePath, /, **parameters: object) -> mi.Scene:
     FileNotFoundError
         If there is no such file.
     PermissionError
-        If it may not be read.
+        If the file may not be read.
     ValueError
-        If the scene, a file that it names or a parameter is wrong; names file, line and attribute.
+        If the scene, a file that it names or a parameter is wrong. The message names file, line and attribute.
     TypeError
-        If a parameter's value is of a kind that cannot be written in XML.
+        If the value of a parameter cannot be written in XML.
 
     Notes
     -----
     Meshes stay apart even if they share a material (``optimize=False``), because their ids are the labels of the image.
-    What the scene names is checked before Mitsuba opens it (`scene_files`), which ``mi.load_file`` does not do.
+    Files that the scene names are checked before Mitsuba opens them, which ``mi.load_file`` does not do.
     """
     path = find(os.fspath(path))
     check_readable(path, "the scene", "a Mitsuba XML file")
@@ -88,8 +87,8 @@ def load_file(path: FilePath, /, **parameters: object) -> mi.Scene:
     try:
         with _LOADING:
             scene_files.check(path, values)
-            # one after the other: a shape of ours that waits for the device while it is made lets Mitsuba's worker make
-            # the next one meanwhile, within it, and hundreds of them end in a RecursionError; it is as fast
+            # One object after the other: while a shape of ours waits for the device, Mitsuba's worker would make the
+            # next one within it, and hundreds of them end in a RecursionError. This is as fast.
             scene = mi.load_file(path, optimize=False, parallel=False, **values)
     except (RuntimeError, UnicodeDecodeError) as error:
         raise _naming_parameters(as_exception(error), path) from None
@@ -98,20 +97,20 @@ def load_file(path: FilePath, /, **parameters: object) -> mi.Scene:
     values_now = held(scene)
     provenance = {"file": os.path.basename(path), "scene": resolved(path, values), "parameters": values}
     for sensor in scene.sensors():
-        if getattr(sensor, "kind", None):                # a sonar, no camera
+        if getattr(sensor, "kind", None):                # a sonar, not a camera
             sensor.provenance, sensor.loaded, sensor.path = provenance, values_now, path
     return scene
 
 
 def resolved(path: FilePath, parameters: Mapping[str, str]) -> str:
-    """Text of a scene file with its parameters filled in, so that it renders the same beside the original."""
+    """Return the text of a scene file with its parameters filled in, which renders the same beside the original."""
     top, values = root(path), dict(parameters)
-    elements = list(top.iter())                    # in the order of the document, which is that of Mitsuba's reader
+    elements = list(top.iter())                    # in document order, the order of Mitsuba's reader
     for element in elements:
         for key, template in element.attrib.items():
             element.set(key, filled(template, values))
         if element.tag == "default":
-            # the first one, or who loads it, wins
+            # the caller's value wins, then the first default
             values.setdefault(element.get("name", ""), element.get("value", ""))
     for element in elements:
         for default in element.findall("default"):
@@ -123,23 +122,20 @@ def resolved(path: FilePath, parameters: Mapping[str, str]) -> str:
 
 @functools.cache
 def _first_scene():
-    """Load nothing, alone: with the first scene Mitsuba makes its Embree device, and two of them with two at once."""
-    from mitsonar import plugins
-
-    with plugins.LOCK:
+    """Load an empty scene alone: the first one makes Mitsuba's Embree device, and two threads would make two."""
+    with registration.LOCK:
         mi.load_dict({"type": "scene"})
 
 
 def _naming_parameters(error, path):
-    """The same error; where it is about an unknown parameter, with the names of the known ones."""
-    said = re.search("the scene has no parameter ([^;]*);", str(error))
-    if said is None:
+    """Return the error, with the known parameters named if it is about an unknown one."""
+    match = re.search("the scene has no parameter ([^;]*);", str(error))
+    if match is None:
         return error
     names = sorted({element.get("name", "") for element in root(path).iter("default")})
-    unused = [name for name in said[1].split(", ") if name in names]
+    unused = [name for name in match[1].split(", ") if name in names]
     if unused:
-        name = unused[0]
-        return ValueError(f'{path}: no attribute takes the parameter {name}, which has a <default> there; write '
-                          f'value="${name}" into the attribute that it is for, or set other parameters')
-    return ValueError(shortened(f"{path}: {str(error).replace(';', f'{meant(said[1], names)};', 1)} Known: "
+        return ValueError(f'{path}: the parameter {unused[0]} has a <default> there, but no attribute uses it; write '
+                          f'value="${unused[0]}" into the attribute that it is for, or set other parameters')
+    return ValueError(shortened(f"{path}: {str(error).replace(';', f'{meant(match[1], names)};', 1)} Known: "
                                 f"{', '.join(names) or 'none'}."))

@@ -1,7 +1,7 @@
-"""What surfaces send back and on: the laws of the hits' materials, whatever kind of material each is.
+"""Scattering and reflection by the materials of hits, mitsonar's own and Mitsuba's.
 
-What is asked of hits is a `Meeting`, as `tracing.hits.Hits` are. Materials are mitsonar's own
-(`plugins.bsdfs.material`) or Mitsuba's, which are taken at their value f_r cos θ_o: σ = f_r sin θ_i sin θ_s.
+Hits are passed as a `Meeting`, the part of `tracing.hits.Hits` that materials need. Mitsuba's materials
+(those that are not `plugins.bsdfs.material`) count by their value f_r cos θ_o: σ = f_r sin θ_i sin θ_s.
 """
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SCATTERING = (mi.BSDFFlags.DiffuseReflection, mi.BSDFFlags.GlossyReflection)
 
 
 class Meeting(Protocol):
-    """Where sound meets surfaces, one a ray: places, normals on its side, and what they belong to."""
+    """Hits of rays on surfaces, one for each ray: their places, normals and materials."""
 
     @property
     def point(self) -> dr.ArrayBase:
@@ -29,32 +29,32 @@ class Meeting(Protocol):
 
     @property
     def normal(self) -> mi.Vector3f:
-        """Unit, on the side that sound comes from."""
+        """Unit normal of the facet, on the side that sound comes from."""
         ...
 
     @property
     def smooth(self) -> mi.Vector3f | None:
-        """What they scatter by in place of the normal, on the same side."""
+        """Normal to scatter by in place of the facet's, on the same side."""
         ...
 
     @property
     def arrival_direction(self) -> mi.Vector3f:
-        """Unit, along the travel."""
+        """Unit vector along the travel."""
         ...
 
     @property
     def sound_speed(self) -> mi.Float64:
-        """In the water there [m/s]."""
+        """Sound speed of the water at the hit [m/s]."""
         ...
 
     @property
     def shape(self) -> mi.ShapePtr:
-        """What is met."""
+        """Shape that is hit."""
         ...
 
     @property
     def primitive(self) -> mi.UInt32:
-        """Its facet."""
+        """Facet of the shape."""
         ...
 
     @property
@@ -64,8 +64,7 @@ class Meeting(Protocol):
 
 
 def check(geometry: Geometry, profile: SoundSpeedProfile, frequency: float) -> None:
-    """Ask every material of a scene whether its law holds, and whether it sends anything back as it is put together."""
-    # frequency [Hz]
+    """Check that every material of a scene scatters or reflects at a frequency [Hz], and that its law holds there."""
     slowest = float(np.min(profile.at(np.linspace(*geometry.depth_range, 9))))
     for shape in geometry.scene.shapes():
         material, inside = shape.bsdf(), _inside(shape.bsdf())
@@ -78,33 +77,30 @@ def check(geometry: Geometry, profile: SoundSpeedProfile, frequency: float) -> N
 
 
 def _inside(thing):
-    """What an object of Mitsuba's holds, however deep; what is shared, once."""
-    found, waiting = {}, [thing]
+    """Return the objects within an object of Mitsuba's, however deep; shared ones once."""
+    parts, waiting = {}, [thing]
     while waiting:
         for part in _children(waiting.pop()):
-            if id(part) not in found:
-                found[id(part)] = part               # and kept, so that no other gets its address
+            if id(part) not in parts:
+                parts[id(part)] = part               # kept, so that no other object gets its address
                 waiting.append(part)
-    return list(found.values())
+    return list(parts.values())
 
 
 def _children(thing):
-    class Collector(mi.TraversalCallback):          # of the variant that is set now
-        def __init__(self):
-            super().__init__()
-            self.found = []
+    children = []
 
+    class Collector(mi.TraversalCallback):          # of the variant that is set now
         def put(self, _name: str, value: Any, *_: Any) -> None:
             if isinstance(value, mi.Object):
-                self.found.append(value)
+                children.append(value)
 
-    collector = Collector()
-    thing.traverse(collector)
-    return collector.found
+    thing.traverse(Collector())
+    return children
 
 
 def _check_kind(shape, material, inside):
-    """Mitsuba's own materials are asked for their value, which knows neither frequency nor mirrors."""
+    """Refuse a material of Mitsuba's that holds one of mitsonar's: its value knows neither frequency nor mirrors."""
     if hasattr(material, "patchy_strength"):
         return
     for part in inside:
@@ -115,22 +111,22 @@ def _check_kind(shape, material, inside):
             raise ValueError(f"the material of {_name(shape)} holds another of a coherence, {part}, which must stand "
                              "alone; give that one to the shape itself")
     if not any(mi.has_flag(material.flags(), flag) for flag in SCATTERING):
-        raise ValueError(f"the material of {_name(shape)}, {material.class_name()}, scatters nothing that could be "
-                         "heard; take rigid, soft or impedance for what is smooth, lambert for what is rough")
+        raise ValueError(f"the material of {_name(shape)}, {material.class_name()}, scatters nothing back to the "
+                         "sonar; use rigid, soft or impedance for a smooth surface, lambert for a rough one")
 
 
 def _check_texture(shape, texture):
-    """A texture that finds nothing to read at a shape is 0 there, and would pass for a parameter."""
+    """Refuse a texture that finds no values at a shape: it would be 0 there, and pass for a parameter."""
     if texture.class_name() == "MeshAttribute":
-        found = re.search(r'name = "(.*?)"', str(texture))
-        name = found[1] if found else ""
+        match = re.search(r'name = "(.*?)"', str(texture))
+        name = match[1] if match else ""
         if not np.any(shape.has_attribute(name)):
             raise ValueError(f'a texture of {_name(shape)} reads the mesh attribute "{name}", which this shape does '
                              'not have; in a PLY file, face_mud is the property "mud_1" of the faces, vertex_mud of '
                              "the vertices")
     elif texture.is_spatially_varying() and "vertex_positions" in mi.traverse(shape) \
             and not shape.has_vertex_texcoords():
-        raise ValueError(f"{_name(shape)} has a texture but no texture coordinates; write them into the mesh, or take "
+        raise ValueError(f"{_name(shape)} has a texture but no texture coordinates; write them into the mesh, or use "
                          "a mesh_attribute")
 
 
@@ -140,8 +136,7 @@ def _name(shape):
 
 def scattering_strength(hits: Meeting, active: mi.Bool, frequency: float, *,
                         smooth_patches: bool = False) -> tuple[mi.Float, mi.Float]:
-    """Scattering strength of each hit's material towards where the ray came from, and sin of the grazing angle."""
-    # active (R,); frequency [Hz] -> strength, sin_grazing (R,)
+    """Return each hit's backscattering strength and the sine of its grazing angle, (R,); frequency in [Hz]."""
     si = _interaction(hits, active)
 
     def backwards(material: Any, si: mi.SurfaceInteraction3f, frequency: mi.Float, sound_speed: mi.Float,
@@ -155,8 +150,7 @@ def scattering_strength(hits: Meeting, active: mi.Bool, frequency: float, *,
 
 def bistatic_strength(hits: Meeting, towards: mi.Vector3f, active: mi.Bool,
                       frequency: float) -> tuple[mi.Float, mi.Float]:
-    """Scattering strength of each hit's material towards given directions, Vector3f (R,) in the scene."""
-    # -> strength, sin_grazing (R,)
+    """Return each hit's scattering strength towards given directions, Vector3f (R,), and sin of its grazing angle."""
     si = _interaction(hits, active)
     wo = si.to_local(towards)
     seen = active & (mi.Frame3f.cos_theta(wo) > 0) & (mi.Frame3f.cos_theta(si.wi) > 0)
@@ -166,10 +160,7 @@ def bistatic_strength(hits: Meeting, towards: mi.Vector3f, active: mi.Bool,
 
 
 def reflection(hits: Meeting, active: mi.Bool, frequency: float) -> tuple[mi.Float, mi.Float]:
-    """Reflection coefficient of each hit's material for sound that comes in there: real and imaginary part, e^(+iωt).
-
-    It is 0 where the material is not a smooth one.
-    """
+    """Return real and imaginary part (e^(+iωt)) of each hit's reflection coefficient, 0 on materials that are rough."""
     si = _interaction(hits, active)
 
     def law(material: Any, si: mi.SurfaceInteraction3f, frequency: mi.Float, sound_speed: mi.Float,
@@ -182,15 +173,15 @@ def reflection(hits: Meeting, active: mi.Bool, frequency: float) -> tuple[mi.Flo
 
 
 def reflects(geometry: Geometry) -> bool:
-    """Return whether a bed's material has a reflection coefficient (`coherent_reflection`)."""
+    """Return True if a bed's material has a reflection coefficient (`coherent_reflection`)."""
     return any(getattr(shape.bsdf(), "reflects", False) for shape in geometry.scene.shapes()
                if geometry.named.of(shape) in geometry.named.seabed)
 
 
 def coherent_reflection(hits: Meeting, sin_grazing: mi.Float, active: mi.Bool, frequency: float,
-                        lowest_wavenumber: mi.Float, *, smooth_too: bool = True) -> tuple[mi.Float, mi.Float]:
-    """What a surface throws on in one phase, as a plane that is rough: real and imaginary part, e^(+iωt)."""
-    # sin_grazing (R,); active (R,); frequency [Hz]; lowest_wavenumber (R,) [rad/m] -> real, imaginary (R,)
+                        lowest_wavenumber: mi.Float,    # (R,) [rad/m]
+                        *, smooth_too: bool = True) -> tuple[mi.Float, mi.Float]:
+    """Return the coherent reflection coefficient of a rough plane at hits: real and imaginary part, e^(+iωt)."""
     si = _interaction(hits, active)
 
     def law(material: Any, si: mi.SurfaceInteraction3f, sin_grazing: mi.Float, frequency: mi.Float,
@@ -204,9 +195,9 @@ def coherent_reflection(hits: Meeting, sin_grazing: mi.Float, active: mi.Bool, f
 
 
 def loses_coherence(geometry: Geometry, pass_number: int) -> bool:
-    """Return whether what scatters in a pass is not all what does in any: a material's `coherence` is below 1.
+    """Return True if scatterers differ between passes, that is, if a material's `coherence` is below 1.
 
-    Where it is 0, pass 0 has what scatters as it would be without passes.
+    Where the coherence is 0, pass 0 has the scatterers of a scene without passes.
     """
     known = [getattr(shape.bsdf(), "coherence", 1.0) for shape in geometry.scene.shapes()]
     return any(isinstance(value, mi.Texture) or 0 < value < 1 or value == 0 and pass_number for value in known)
@@ -214,8 +205,7 @@ def loses_coherence(geometry: Geometry, pass_number: int) -> bool:
 
 def coherence(point: dr.ArrayBase, normal: mi.Vector3f, shape: mi.ShapePtr, primitive: mi.UInt32,
               uv: mi.Point2f) -> mi.Float:
-    """Return the coherence of scatterers between any two passes, as their materials say."""
-    # -> (R,)
+    """Return the coherence (R,) of scatterers between any two passes, from their materials."""
     si: Any = dr.zeros(mi.SurfaceInteraction3f, dr.width(normal))
     si.t, si.p, si.n, si.sh_frame = mi.Float(1), mi.Point3f(point), normal, mi.Frame3f(normal)
     si.uv, si.shape, si.prim_index, si.wi = uv, shape, primitive, mi.Vector3f(0, 0, 1)
@@ -230,12 +220,11 @@ def coherence(point: dr.ArrayBase, normal: mi.Vector3f, shape: mi.ShapePtr, prim
 
 def next_direction(hits: Meeting, active: mi.Bool, frequency: float, sample1: mi.Float,
                    sample2: mi.Point2f) -> tuple[mi.Vector3f, mi.Float, mi.Bool]:
-    """Draw where sound goes on from each hit."""
-    # active (R,); frequency [Hz]; sample1, sample2 (R,) -> direction (R,), share (R,), mirrored (R,)
+    """Draw the direction in which sound goes on from each hit; return it, its energy share and if it is mirrored."""
     si = _interaction(hits, active)
 
-    def on(material: Any, si: mi.SurfaceInteraction3f, frequency: mi.Float, sound_speed: mi.Float, sample1: mi.Float,
-           sample2: mi.Point2f, active: mi.Bool) -> Any:
+    def law(material: Any, si: mi.SurfaceInteraction3f, frequency: mi.Float, sound_speed: mi.Float, sample1: mi.Float,
+            sample2: mi.Point2f, active: mi.Bool) -> Any:
         if not hasattr(material, "drawn_direction"):
             sample, weight = material.sample(mi.BSDFContext(), si, sample1, sample2, active)
             return sample.wo, weight[0], mi.Bool(False)
@@ -249,9 +238,9 @@ def next_direction(hits: Meeting, active: mi.Bool, frequency: float, sample1: mi
         share = strength / (dr.select(good, density, 1) * mi.Frame3f.cos_theta(si.wi))
         return wo, dr.select(good, share, 0), mi.Bool(False)
 
-    wo, share, mirrored = dr.dispatch(hits.shape.bsdf(), on, si, dr.opaque(mi.Float, frequency),
-                                      mi.Float(hits.sound_speed),
-                                      sample1, sample2, active & (mi.Frame3f.cos_theta(si.wi) > 1e-6))
+    wo, share, mirrored = dr.dispatch(hits.shape.bsdf(), law, si, dr.opaque(mi.Float, frequency),
+                                      mi.Float(hits.sound_speed), sample1, sample2,
+                                      active & (mi.Frame3f.cos_theta(si.wi) > 1e-6))
     return si.to_world(wo), share, mirrored
 
 
@@ -262,7 +251,7 @@ def _strength(material, si, wo, frequency, sound_speed, active):
 
 
 def _interaction(hits, active):
-    """The hits as Mitsuba's materials want them."""
+    """Return the hits as surface interactions, which Mitsuba's materials take."""
     frame = mi.Frame3f(hits.normal if hits.smooth is None else hits.smooth)
     si: Any = dr.zeros(mi.SurfaceInteraction3f, dr.width(hits.normal))
     si.t = dr.select(active, 1.0, dr.inf)
@@ -274,7 +263,7 @@ def _interaction(hits, active):
 
 
 def _sine(hits, si):
-    """Sine of the grazing angle on the facets, by which a ray's patch is as large as it is."""
+    """Return the sine of the grazing angle on the facets, which sets the size of a ray's patch."""
     if hits.smooth is None:
         return mi.Float(mi.Frame3f.cos_theta(si.wi))
     return mi.Float(-dr.dot(hits.normal, hits.arrival_direction))

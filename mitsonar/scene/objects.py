@@ -1,7 +1,4 @@
-"""What an image says about the things in its scene: the boxes of objects, and which seabed they lie on.
-
-Scenes of some of a scene's shapes: what rays are traced against that look for one kind of thing alone.
-"""
+"""Attributes of an image that describe its scene: the objects' boxes and classes, and a hash of the seabed."""
 from __future__ import annotations
 
 import warnings
@@ -18,42 +15,41 @@ from .shadows.exposure import exposed_shares
 
 
 def scene_of(shapes: Sequence[mi.Shape]) -> mi.Scene:
-    """Make a scene of shapes that belong to another one, which keep their names."""
+    """Return a scene of some shapes of another one, which keep their ids, to trace rays against these alone."""
     names = [shape.id() for shape in shapes]
     scene = mi.load_dict({"type": "scene", **{f"part{number}": shape for number, shape in enumerate(shapes)}},
                          optimize=False)
-    # Mitsuba names what it is given after its key
+    # Mitsuba has renamed the shapes after their keys
     for shape, name in zip(shapes, names):
         shape.set_id(name)
     return cast(mi.Scene, scene)
 
 
-MOST_NAMES = 5                     # told of what no ping sees
+MOST_NAMES = 5                     # in the warning about objects that no ping sees
 
 
 def annotated(image: xr.Dataset, classes: dict[int, str], class_of: dict[int, int], geometry: Geometry,
-              places: np.ndarray) -> xr.Dataset:
-    """Write into an image's attributes what it shows of the scene."""
-    # places (P, 3) [m]
+              places: np.ndarray) -> xr.Dataset:    # places (P, 3) [m]: the sonar's
+    """Return an image with attributes that describe its scene, and which objects it does not show."""
     image = image.assign_attrs(known(classes, class_of, geometry, places))
     return image.assign_attrs(unseen=unseen(image))
 
 
 def known(classes: dict[int, str], class_of: dict[int, int], geometry: Geometry,
           places: np.ndarray) -> dict[str, Any]:
-    """Return what every image of a scene says of it; arguments as of `annotated`."""
+    """Return the attributes that all images of a scene share; arguments as in `annotated`."""
     return {"classes": {str(number): name for number, name in classes.items()},
             "label_class": {str(label): number for label, number in class_of.items()}, **described(geometry, places)}
 
 
 def described(geometry: Geometry, places: np.ndarray) -> dict[str, Any]:
-    """Describe a scene's objects and its seabed."""
+    """Return the attributes ``objects`` and ``seabed`` of a scene."""
     named = geometry.named
     boxes, placed, beds = {}, {}, []
     for _, shape, first, count in geometry.meshes:
         labels = named.of_faces(shape, count)
         if hasattr(shape, "placed"):
-            placed.update(shape.placed)                    # none placed is a grain under the seabed, labelled as that
+            placed.update(shape.placed)
         elif int(labels[0]) in named.seabed:
             beds.append(geometry.mesh(first, count))
             continue
@@ -67,7 +63,7 @@ def described(geometry: Geometry, places: np.ndarray) -> dict[str, Any]:
     for _, shape in geometry.others:
         label = named.of(shape)
         if label in named.seabed:
-            beds.append(_whole(shape))
+            beds.append(_fingerprint_of(shape))
         _widen(boxes, label, shape.bbox())
     shown = exposed_shares(geometry, [label for label in boxes if label in named.objects], places)
     objects = {str(label): {"class": class_name(named.names[label]),
@@ -79,7 +75,7 @@ def described(geometry: Geometry, places: np.ndarray) -> dict[str, Any]:
 
 
 def unseen(image: xr.Dataset, *, warn: bool = True) -> list[str]:
-    """Objects of which neither an echo nor a shadow is in an image, and tell of them by a warning if asked to."""
+    """Return the names of objects with neither an echo nor a shadow in an image, and warn of them."""
     seen = {*(np.flatnonzero(np.any(image["share"].values, axis=tuple(range(1, image["share"].ndim)))) + 1).tolist(),
              *np.unique(image["object_shadow"].values).tolist()}
     names = [image.attrs["labels"][label] for label in image.attrs["objects"] if int(label) not in seen]
@@ -90,18 +86,18 @@ def unseen(image: xr.Dataset, *, warn: bool = True) -> list[str]:
     return names
 
 
-def _whole(shape):
-    """Numbers that tell a shape without facets from others, and those of its kind's name."""
+def _fingerprint_of(shape):
+    """Return numbers that distinguish a shape without facets, and the bytes of its type's name."""
     known: Any = mi.traverse(shape)
     matrix = known["to_world"].matrix if "to_world" in known else ()
-    # entry by entry: of the whole a kernel would be compiled, another for every matrix
+    # entry by entry: the whole would compile a kernel, another one for every matrix
     numbers = [float(entry[0]) for row in matrix for entry in row]
     kind = np.frombuffer(shape.class_name().encode(), np.uint8)
     return np.array([*shape.bbox().min, *shape.bbox().max, *numbers]), kind
 
 
 def _widen(boxes, label, low, high=None):
-    """Let the box of an instance hold another."""
+    """Widen the box of an instance so that it holds another box."""
     if high is None:
         low, high = low.min, low.max
     low, high = np.array(low, float), np.array(high, float)

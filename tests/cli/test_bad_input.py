@@ -93,7 +93,7 @@ SCENES = {
     "attribute that the mesh has not": ([('<float name="mu_db" value="-27"/>', MESH_ATTRIBUTE)],
                                         'a texture of "bed" reads the mesh attribute "face_mud", which this'),
     "attribute of a sphere": ([ball(f'<bsdf type="lambert">{MESH_ATTRIBUTE}</bsdf>')], 'a texture of "ball" reads the'),
-    "mirror of Mitsuba's": ([ball('<bsdf type="conductor"/>')], "take rigid, soft or impedance for what is smooth"),
+    "mirror of Mitsuba's": ([ball('<bsdf type="conductor"/>')], "use rigid, soft or impedance for a smooth surface"),
     "smooth material within another": ([ball('<bsdf type="twosided"><bsdf type="rigid"/></bsdf>')],
                                        'the material of "ball" holds another, Rigid[], which must stand alone'),
     "bitmap without a file": ([('<float name="mu_db" value="-27"/>', '<texture type="bitmap" name="mu_db"/>')],
@@ -266,7 +266,7 @@ COMMANDS = {
 def test_a_default_that_no_attribute_takes(folder, refusal):
     (folder / "scene.xml").write_text(spoilt(('value="$pings"', 'value="2"')), encoding="utf-8")
     said = refusal(*RENDER, "-D", "pings=3")
-    assert 'no attribute takes the parameter pings' in said and 'write value="$pings"' in said
+    assert 'pings has a <default> there, but no attribute uses it' in said and 'write value="$pings"' in said
 
 
 @pytest.mark.parametrize("edits, words", SCENES.values(), ids=SCENES)

@@ -1,1 +1,1 @@
-"""Shadows of a scene: of objects, of the bed, of its cover."""
+"""Shadows in a scene: those of objects and of the bed, and objects under the bed."""

@@ -1,4 +1,4 @@
-"""What lies under the seabed: vertical rays against the scene, through what is no bed."""
+"""Points under the seabed, found by vertical rays that pass through everything else."""
 from __future__ import annotations
 
 import drjit as dr
@@ -11,13 +11,13 @@ from ..geometry import Geometry
 from ..labels import SEABED
 from ..tracing.tracer import registry_index
 
-SURFACES = 4                       # that may lie over the bed, or between it and what is under it
-ROUNDING = 2e-6                    # of a height: what hits are good to
-BEYOND = 1e-4                      # [m] that the next ray begins behind a hit
+SURFACES = 4                       # at most, over the bed or between it and what is under it
+ROUNDING = 2e-6                    # relative error of a height from a hit
+BEYOND = 1e-4                      # [m] behind a hit, where the next ray begins
 
 
 def bed_height(geometry: Geometry, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Heights of the bed at places (N,) [m], under whatever lies over it; NaN where there is none."""
+    """Return the heights of the bed at places (N,) [m], under anything that lies over it; NaN where there is no bed."""
     start, found = np.full(len(x), float(-geometry.depth_range[0]) + 1.0), np.full(len(x), np.nan)
     if not len(x):                 # a launch without rays ends the process
         return found
@@ -37,7 +37,7 @@ def bed_height(geometry: Geometry, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def covered(geometry: Geometry, point: mi.Point3f, active: mi.Bool) -> mi.Bool:
-    """Tell over which points the bed lies: Bool (R,)."""
+    """Return True for points (R,) that the bed lies over."""
     up, start, found = mi.Vector3f(0, 0, dr.opaque(mi.Float, 1.0)), mi.Point3f(point), mi.Bool(False)
     for _ in range(2):
         pi = geometry.scene.ray_intersect_preliminary(mi.Ray3f(start, up), coherent=mi.Bool(False), active=active)

@@ -1,14 +1,14 @@
-"""What a seabed hides of itself and of what stands on it: its horizon, azimuth by azimuth.
+"""Parts of a seabed, and of things on it, that the bed hides: its horizon, azimuth by azimuth.
 
     hidden at (φ, x)   where   sin θ_0(x, z) < H(φ, x),     H(φ, x) = max over x' < x of sin θ_0(x', z_b(φ, x'))
 
-θ_0 is the elevation at which the eigenray to a point leaves (`launch_rise`), z_b the bed. A ray that leaves lower than
-the one to a nearer crest of the same azimuth passes below that crest. This is exact for rays that do not cross before
-the crest, and costs look-ups in place of rays.
+θ_0 is the launch elevation of the eigenray to a point (`launch_rise`), z_b the height of the bed. A ray that leaves
+lower than the one to a nearer crest of the same azimuth passes below that crest. This is exact for rays that do not
+cross before the crest, and needs table look-ups instead of rays.
 
-A bed whose vertices are the nodes of a grid is taken as it is. Any other is sampled by vertical rays at the nodes of
-one, so any mesh will do that is a single height at every place. Nodes have fixed places on the ground: what is hidden
-does not depend on which part of a bed is looked at.
+A bed whose vertices are the nodes of a grid is used as it is. Any other is sampled by vertical rays at the nodes of a
+grid, so any mesh will do that has a single height at every place. Nodes are fixed on the ground: shadows do not depend
+on the part of the bed that is looked at.
 """
 from __future__ import annotations
 
@@ -26,32 +26,31 @@ from ..labels import SEABED
 from ..objects import scene_of
 
 AZIMUTHS = 2048
-FINEST, COARSEST = 1 / 1200, 1 / 100   # of the reach, that the grid's step may be
+FINEST, COARSEST = 1 / 1200, 1 / 100   # limits of the grid's step, relative to the reach
 LOOKED_AT = 20_000                 # facets, at least, that decide the step
 INSET = 1e-3                       # steps, inside the rim, where vertical rays begin
 OFF_NODE = 0.01                    # steps that a vertex may lie off its node
 AREA_SHARE = 25                    # percentile of the facets' areas that the step follows
-WALK = 0.5                         # of the grid's step, between two places that the horizon is known at
+WALK = 0.5                         # distance of places at which the horizon is known, in steps of the grid
 MOST_PLACES = 2400                 # of these along an azimuth
-AHEAD = 1.5                        # places short of a point at which its horizon is taken: it does not hide itself
-NO_BED = -1e9                      # [m]: the height where there is none
+AHEAD = 1.5                        # places short of a point at which its horizon is read, so it does not hide itself
+NO_BED = -1e9                      # [m]: the height where there is no bed
 OPEN = -2.0                        # sine that hides nothing
 SLACK = 2e-4                       # sine below its own horizon at which the bed still counts as seen
-SLACK_ABOVE = 6e-4                 # the same of what stands on it
-WINDOW = 0.5                       # of the reach, by which the sampled window moves on
+SLACK_ABOVE = 6e-4                 # the same for things on the bed
+WINDOW = 0.5                       # step of the sampled window, relative to the reach
 
 
 @dataclass(frozen=True, kw_only=True)
 class Horizon:
-    """The horizon around one place, on the device."""
+    """Horizon around a place, on the device."""
 
     sine: mi.Float  # H
     places: int
     step: float  # [m]: between places
 
     def hidden(self, heading: mi.Vector2f, horizontal_range: mi.Float, rise: mi.Float, on_bed: mi.Bool) -> mi.Bool:
-        """Tell which points the bed hides."""
-        # heading (R,); horizontal_range (R,) [m]; rise (R,); on_bed (R,)
+        """Return True for points (R,) that the bed hides, at horizontal ranges [m] and launch sines `rise`."""
         turn = dr.atan2(heading.y, heading.x) * float(AZIMUTHS / (2 * np.pi))
         turn = held(dr.select(turn < 0, turn + AZIMUTHS, turn), 0.0, AZIMUTHS - 1e-3)
         a, places = mi.UInt32(turn), dr.opaque(mi.UInt32, self.places)
@@ -64,8 +63,7 @@ class Horizon:
 
 
 class BedHorizon:
-    """Find the horizon of a scene's seabed."""
-    # farthest [m]
+    """Horizon of a scene's seabed, up to the range `farthest` [m]."""
 
     def __init__(self, geometry: Geometry, farthest: float):
         self.lib, self.farthest = arrays_of(mi.Float), float(farthest)
@@ -77,7 +75,7 @@ class BedHorizon:
         boxes = [bed.bbox() for bed in beds]
         self._low = np.min([np.array(box.min, float) for box in boxes], axis=0)
         self._high = np.max([np.array(box.max, float) for box in boxes], axis=0)
-        own, meshes = _facet_size(geometry, beds, self.farthest), [one for one in geometry.meshes if one[1] in beds]
+        own, meshes = _facet_size(geometry, beds, self.farthest), [mesh for mesh in geometry.meshes if mesh[1] in beds]
         self._beds, self._sampled = beds, None
         self._grid = _as_grid(geometry, meshes[0], own) if len(meshes) == len(beds) == 1 else None
         self._step = np.full(2, _grid_step(own, self.farthest))                  # along x and y [m]
@@ -87,12 +85,11 @@ class BedHorizon:
 
     @property
     def highest(self) -> float:
-        """The height of the beds' highest point [m]; minus infinity where there is no seabed."""
+        """Height of the beds' highest point [m]; minus infinity if there is no seabed."""
         return float(self._high[2]) if self.exists else -np.inf
 
     def around(self, origin: np.ndarray, launch_rise: Callable[[mi.Float, mi.Float], mi.Float]) -> Horizon | None:
-        """Return the horizon around a place; None where there is no seabed."""
-        # origin (3,) [m]
+        """Return the horizon around a place (3,) [m]; None if there is no seabed."""
         if not self.exists:
             return None
         first, size = self._span(origin)
@@ -106,7 +103,7 @@ class BedHorizon:
         return Horizon(sine=sine, places=places, step=step)
 
     def _span(self, origin: np.ndarray) -> tuple[tuple[int, int], tuple[int, int]]:
-        """First node and number of nodes, along x and y, of the window about a place."""
+        """Return the first node and the number of nodes, along x and y, of the window about a place."""
         move = WINDOW * self.farthest
         corner = np.floor(origin[:2] / move) * move - self.farthest
         low, high = np.maximum(corner, self._low[:2]), np.minimum(corner + move + 2 * self.farthest, self._high[:2])
@@ -116,11 +113,11 @@ class BedHorizon:
         return (int(first[0]), int(first[1])), (int(size[0]), int(size[1]))
 
     def _heights(self, first: tuple[int, int], size: tuple[int, int]) -> mi.Float:
-        """Heights at the nodes, rows of y; those of the last window are kept."""
+        """Return the heights at the nodes, rows of y; those of the last window are kept."""
         key = (*first, *size)
         if self._grid is not None and (self._window is None or self._window[0] != key):
             part = self._grid[first[1]:first[1] + size[1], first[0]:first[0] + size[0]]
-            missing = [(0, wanted - there) for wanted, there in zip(size[::-1], part.shape)]
+            missing = [(0, wanted - present) for wanted, present in zip(size[::-1], part.shape)]
             self._window = key, upload(mi.Float, np.pad(part, missing, constant_values=NO_BED))
         if self._window is None or self._window[0] != key:
             i = dr.arange(mi.UInt32, size[0] * size[1])
@@ -129,7 +126,7 @@ class BedHorizon:
             x, y = (dr.opaque(mi.Float, float(low)) + mi.Float(dr.opaque(mi.UInt32, begin) + node) * dr.opaque(
                 mi.Float, float(step)) for low, begin, node, step in zip(self._low, first, (i - row * columns, row),
                                                                         self._step))
-            # a hair inside, so that nodes on the rim and on edges meet facets
+            # slightly inside, so that nodes on the rim and on edges meet facets
             x, y = (dr.clip(v, dr.opaque(mi.Float, float(low + INSET * step)),
                             dr.opaque(mi.Float, float(high - INSET * step)))
                     for v, low, high, step in zip((x, y), self._low, self._high, self._step))
@@ -145,26 +142,26 @@ class BedHorizon:
 
 
 def _facet_size(geometry: Geometry, beds: list, otherwise: float) -> float:
-    """Side [m] of the squares that two of the bed's facets make, as a quarter of them are smaller."""
+    """Return the side [m] of squares of two of the bed's facets, where a quarter of the facets are smaller."""
     areas = []
     for _, shape, first, count in geometry.meshes:
         if shape in beds:
             vertices, faces = geometry.mesh(first, count)
             corner = vertices[faces[::max(1, count // LOOKED_AT)]]
-            (ax, ay), (bx, by) = (corner[:, one, :2].T - corner[:, 0, :2].T for one in (1, 2))
+            (ax, ay), (bx, by) = (corner[:, end, :2].T - corner[:, 0, :2].T for end in (1, 2))
             areas.append(0.5 * np.abs(ax * by - ay * bx))
     own = float(np.sqrt(2 * np.percentile(np.concatenate(areas), AREA_SHARE))) if areas else otherwise
     return max(own, 1e-6)
 
 
 def _grid_step(own: float, farthest: float) -> float:
-    """The step [m] of a grid that rays sample: that of the bed's facets, divided or multiplied to suit the reach."""
+    """Return the step [m] of a grid sampled by rays: that of the facets, divided or multiplied to suit the reach."""
     finest, coarsest = FINEST * farthest, COARSEST * farthest
     return own / np.ceil(own / coarsest) if own > coarsest else own * np.ceil(finest / own)
 
 
 def _as_grid(geometry: Geometry, mesh: tuple, own: float) -> np.ndarray | None:
-    """Heights (rows of y, columns of x) of a mesh whose vertices are the nodes of a grid; None where they are not."""
+    """Return the heights (rows of y, columns of x) of a mesh whose vertices are nodes of a grid, else None."""
     vertices = geometry.mesh(*mesh[2:])[0].astype(float)
     low, extent = vertices[:, :2].min(0), np.ptp(vertices[:, :2], axis=0)
     nodes = np.maximum(np.rint(extent / own).astype(int), 1)
@@ -182,7 +179,7 @@ def _as_grid(geometry: Geometry, mesh: tuple, own: float) -> np.ndarray | None:
 
 @dr.syntax
 def _walked(lib, heights, launch_rise, numbers, columns, rows, places, total):
-    """Running maxima of the launch sines along every azimuth: Float (total,)."""
+    """Return the running maxima of the launch sines along every azimuth: Float (total,)."""
     step, per_x, per_y, x0, y0, z0 = numbers
     azimuth = dr.arange(lib.UInt32, AZIMUTHS)
     sine, cosine = dr.sincos(lib.Float(azimuth) * float(2 * np.pi / AZIMUTHS))
@@ -196,7 +193,7 @@ def _walked(lib, heights, launch_rise, numbers, columns, rows, places, total):
         j, i = lib.UInt32(dr.select(inside, px, 0)), lib.UInt32(dr.select(inside, py, 0))
         fx, fy, at = px - lib.Float(j), py - lib.Float(i), i * columns + j
         a, b = dr.gather(lib.Float, heights, at, inside), dr.gather(lib.Float, heights, at + 1, inside)
-        c, d = (dr.gather(lib.Float, heights, at + columns + one, inside) for one in (0, 1))
+        c, d = (dr.gather(lib.Float, heights, at + columns + right, inside) for right in (0, 1))
         inside &= dr.minimum(dr.minimum(a, b), dr.minimum(c, d)) > NO_BED * 0.5
         low, high = a + (b - a) * fx, c + (d - c) * fx
         rise = launch_rise(x, low + (high - low) * fy - z0)

@@ -1,8 +1,8 @@
-"""Shares of objects' surfaces that the sonar could see: what labels call ``exposed``.
+"""Shares of objects' surfaces that the sonar could see, written to labels as ``exposed``.
 
-Points are drawn evenly over an object's surface. Of those on the side that faces the sonar, at the ping nearest to the
-object, a share is seen along a straight line. The rest is buried, behind something else, or behind the object itself.
-Refraction and the beam are left out: this is a property of the scene, the same for every kind of sonar.
+Points are drawn evenly over an object's surface. The share is that of points seen along a straight line, among those on
+the side that faces the sonar at the ping nearest to the object. The others are buried, or behind something, which may
+be the object itself. Refraction and the beam are left out: the share belongs to the scene, the same for every sonar.
 """
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from mitsonar.device.arrays import upload
 
 from ..geometry import Geometry
 
-POINTS = 256                       # an object: a share is good to some 3 %
-CLEAR = 2e-3                       # [m] in front of the surface at which a line of sight begins
-STREAM = 0x5ee                     # of the points, the same for every render of a scene
+POINTS = 256                       # for each object: the share is good to about 3 %
+CLEAR = 2e-3                       # [m] in front of the surface, where a line of sight begins
+STREAM = 0x5ee                     # random key of the points, the same for every render of a scene
 
 
-def exposed_shares(geometry: Geometry, objects: Sequence[int], places: np.ndarray) -> dict[int, float]:
+def exposed_shares(geometry: Geometry, objects: Sequence[int],
+                   places: np.ndarray) -> dict[int, float]:    # places (P, 3) [m]
     """Compute the share of every object's facing surface that is seen from the sonar's nearest place."""
-    # places (P, 3) [m]
     samples = {label: surface for label, surface in _surfaces(geometry, set(objects)) if len(surface[0])}
     if not samples:
         return {}
@@ -33,14 +33,14 @@ def exposed_shares(geometry: Geometry, objects: Sequence[int], places: np.ndarra
     away = sonar - points
     away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
     faces = np.sum(away * normals, axis=1) > 0
-    seen = faces & ~_in_the_way(geometry.scene, points + CLEAR * away, sonar)
+    seen = faces & ~_blocked(geometry.scene, points + CLEAR * away, sonar)
     ends = np.cumsum([len(surface[0]) for surface in samples.values()])[:-1]
     return {label: round(float(lit.sum() / max(1, front.sum())), 3)
             for label, lit, front in zip(samples, np.split(seen, ends), np.split(faces, ends))}
 
 
 def _surfaces(geometry: Geometry, wanted: set[int]):
-    """Yield labels with points (N, 3) on their surface and the normals there, outward of closed meshes."""
+    """Yield labels with points (N, 3) on their surface and the normals there, outward on closed meshes."""
     for _, shape, first, count in geometry.meshes:
         labels = geometry.named.of_faces(shape, count)
         present = wanted.intersection(np.unique(labels).tolist())
@@ -59,7 +59,7 @@ def _surfaces(geometry: Geometry, wanted: set[int]):
 
 
 def _on_facets(corners: np.ndarray, label: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return points evenly over triangles (F, 3, 3), and their normals."""
+    """Return points spread evenly over triangles (F, 3, 3), and their normals."""
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(across, axis=1)
     if not area.sum() > 0:
@@ -76,8 +76,8 @@ def _nearest(points: np.ndarray, places: np.ndarray) -> np.ndarray:
     return places[np.linalg.norm(places - points.mean(0), axis=1).argmin()]
 
 
-def _in_the_way(scene: mi.Scene, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Return where something lies between points (N, 3) and (N, 3)."""
+def _blocked(scene: mi.Scene, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Return True where something lies between points (N, 3) and (N, 3)."""
     length = np.linalg.norm(end - start, axis=1)
     origin, direction = (mi.Vector3f(*(upload(mi.Float, column.astype(np.float32)) for column in vectors.T))
                          for vectors in (start, (end - start) / np.maximum(length, 1e-9)[:, None]))

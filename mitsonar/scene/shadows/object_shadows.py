@@ -1,7 +1,7 @@
-"""What objects hide: rays along coarse chords against a scene of the objects alone, where they may stand in the way.
+"""Shadows of objects: rays along coarse chords against a scene of the objects alone.
 
-A point is looked at only if an object lies in its azimuth, nearer than it. Chords keep within 8 mm of the ray: that is
-enough to say whether something is in the way, not where (`tracing.occlusion`).
+A point is tested only if an object lies in its azimuth, nearer than the point. Chords keep within 8 mm of the ray. This
+is enough to decide if something is in the way, but not where (`tracing.occlusion`).
 """
 from __future__ import annotations
 
@@ -16,32 +16,30 @@ from mitsonar.device.arrays import arrays_of, held, upload
 from ..geometry import Geometry
 from ..labels import OBJECT
 from ..objects import scene_of
-from ..tracing.tracer import Sources, Tracer
+from ..tracing.tracer import Sources, Tracer, angles
 from ..tracing.water import DeviceWater
 from .occlusion import LIFT, LIFT_PER_RANGE, TOLERANCE, along_fan
 
 SECTORS = 1024                     # of azimuth
-NOWHERE = 1e9                      # [m]: the nearest object of a sector without one
+NOWHERE = 1e9                      # [m]: the distance in a sector without objects
 
 
 class Sectors:
-    """How near objects come in every sector of azimuth around a place."""
-    # nearest (SECTORS,) [m]
+    """Distance of the nearest object in every sector of azimuth around a place, (SECTORS,) [m]."""
 
     def __init__(self, nearest: np.ndarray):
         self._nearest = upload(mi.Float, nearest.astype(np.float32))
         dr.eval(self._nearest)
 
     def behind(self, heading: mi.Vector2f, horizontal_range: mi.Float) -> mi.Bool:
-        """Tell which points may have an object in front of them."""
+        """Return True for points that may have an object in front of them."""
         turn = dr.atan2(heading.y, heading.x) * float(SECTORS / (2 * np.pi))
         turn = held(dr.select(turn < 0, turn + SECTORS, turn), 0.0, SECTORS - 1e-3)
         return horizontal_range > dr.gather(mi.Float, self._nearest, mi.UInt32(turn))
 
 
 class ObjectShadows:
-    """Tell which points objects hide."""
-    # farthest [m]
+    """Shadows that objects cast on points of the scene, up to the range `farthest` [m]."""
 
     def __init__(self, geometry: Geometry, water: DeviceWater, farthest: float):
         self.lib, self.geometry = arrays_of(mi.Float), geometry
@@ -61,7 +59,7 @@ class ObjectShadows:
         return self._tracer.sources([depth])
 
     def sectors(self, origin: np.ndarray) -> Sectors:
-        """Return how near objects come around a place (3,) [m]."""
+        """Return the distances of the nearest objects around a place (3,) [m]."""
         nearest, here = np.full(SECTORS, NOWHERE), origin[:2]
         away = np.maximum(np.maximum(self._low - here, here - self._high), 0)
         distance = np.hypot(*away.T)
@@ -79,8 +77,7 @@ class ObjectShadows:
 
     def hidden(self, sources: Sources, origin: mi.Point3f, launch: mi.Vector3f, arrival: mi.Vector3f,
                point: mi.Point3f, normal: mi.Vector3f, horizontal_range: mi.Float, active: mi.Bool) -> mi.Bool:
-        """Tell which points objects hide."""
-        # launch, arrival (R,); point (R,); normal (R,); horizontal_range (R,) [m]; active (R,)
+        """Return True for points (R,) that objects hide, at horizontal ranges [m]."""
         angle, heading = angles(launch)
         lift = LIFT + LIFT_PER_RANGE * horizontal_range
         aside = cast(mi.Float, dr.copysign(lift, -dr.dot(normal, arrival)))
@@ -89,10 +86,10 @@ class ObjectShadows:
                          active)
 
     def first(self, sources: Sources, origin: mi.Point3f, launch: mi.Vector3f, horizontal_range: mi.Float) -> mi.UInt32:
-        """Return the number of the first object along rays up to a horizontal range, 0 where there is none."""
+        """Return the label of the first object along rays up to a horizontal range, 0 where there is none."""
         angle, heading = angles(launch)
-        registry, facet = _first(self._scene, sources.ray_fans, origin, angle, heading, horizontal_range)
-        found, primitive = cast(mi.UInt32, registry), cast(mi.UInt32, facet)
+        registry, primitive = _first(self._scene, sources.ray_fans, origin, angle, heading, horizontal_range)
+        found, primitive = cast(mi.UInt32, registry), cast(mi.UInt32, primitive)
         rows = self.geometry.rows
         label = dr.gather(mi.UInt32, rows, 4 * found, found != 0)
         mesh = (found != 0) & (dr.gather(mi.UInt32, rows, 4 * found + 2, found != 0) != 0)
@@ -101,18 +98,9 @@ class ObjectShadows:
         return dr.select(mesh, own, label)
 
 
-def angles(direction: mi.Vector3f) -> tuple[mi.Float, mi.Vector2f]:
-    """Launch angle [rad], positive down, and horizontal unit vector of directions."""
-    across = dr.sqrt(dr.fma(direction.x, direction.x, direction.y * direction.y))
-    upright = across < 1e-9
-    scale = dr.rcp(dr.select(upright, 1, across))
-    return (cast(mi.Float, dr.atan2(-direction.z, across)),
-            mi.Vector2f(dr.select(upright, 1, direction.x * scale), direction.y * scale))
-
-
 @dr.syntax
 def _first(scene, fans, origin, launch_angle, heading, reach):
-    """Registry index and facet of the first object met, 0 where none is."""
+    """Return registry index and facet of the first object met, 0 where there is none."""
     row, off = fans.row(mi.UInt32(0), launch_angle)
     base = row * fans.stride
     size = dr.gather(mi.UInt32, fans.size, row)

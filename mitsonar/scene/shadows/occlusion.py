@@ -1,7 +1,7 @@
-"""Whether a ray between two points is free, chord by chord.
+"""Test if the ray between two points is free, chord by chord.
 
-The chords are those of a source's ray fan where the ray starts at one, the last of them ended just before the point;
-else the ray is walked arc by arc. Both end in front of the surface that the point lies on, so that it does not hide
+A ray that starts at a source follows the chords of its ray fan, and its last chord ends just before the point. Any
+other ray is walked arc by arc. Both end in front of the surface that the point lies on, so that it does not hide
 itself.
 """
 from __future__ import annotations
@@ -14,11 +14,11 @@ from mitsonar.propagation.device_rays.layer_table import LayerTable
 from mitsonar.propagation.device_rays.ray_fans import RayFans, arc_step, first_layer
 
 TOLERANCE = 0.008      # [m] chord against arc: 1e-11 s in time, which is stationary in the path
-LIFT, LIFT_PER_RANGE = 5e-4, 2e-5     # [m], [-] a ray ends this far in front of the surface it is to reach
+LIFT, LIFT_PER_RANGE = 5e-4, 2e-5     # [m], [-] distance at which a ray ends in front of its target's surface
 
 
 def segment(start: mi.Point3f, stop: mi.Point3f, beyond: float = 0.0) -> tuple[mi.Ray3f, mi.Bool]:
-    """Return the ray along a chord, of unit direction, and on `beyond` its end [m]; and whether it has any length."""
+    """Return the ray along a chord, of unit direction and `beyond` its end [m], and if it has any length."""
     way = mi.Vector3f(stop - start)
     length = dr.norm(way)
     return mi.Ray3f(mi.Ray3f(start, way / dr.maximum(length, 1e-9)), length + beyond), length > 1e-6
@@ -27,7 +27,7 @@ def segment(start: mi.Point3f, stop: mi.Point3f, beyond: float = 0.0) -> tuple[m
 @dr.syntax
 def along_fan(scene: mi.Scene, ray_fans: RayFans, origin: mi.Point3f, source: mi.UInt32, launch_angle: mi.Float,
               heading: mi.Vector2f, end: mi.Point3f, reach: mi.Float, active: mi.Bool) -> mi.Bool:
-    """Tell whether something lies on the way to `end`, at horizontal range `reach`."""
+    """Return True if something lies on the way to `end`, at horizontal range `reach`, along a source's ray fan."""
     row, off = ray_fans.row(source, launch_angle)
     base = row * ray_fans.stride
     size = dr.gather(mi.UInt32, ray_fans.size, row)
@@ -36,7 +36,7 @@ def along_fan(scene: mi.Scene, ray_fans: RayFans, origin: mi.Point3f, source: mi
     r0, z0 = dr.fma(off, v[2], v[0]), dr.fma(off, v[3], v[1])    # start of the present chord
     i = mi.UInt32(1)                                             # its end
     blocked = mi.Bool(False)
-    # a row that never comes to the scene's depths has no chords, and its first vertex was never written
+    # a row that never reaches the scene's depths has no chords, and its first vertex was never written
     active = mi.Bool(active) & (size > 1)
     one = dr.opaque(mi.UInt32, 1)
     while active:
@@ -48,8 +48,8 @@ def along_fan(scene: mi.Scene, ray_fans: RayFans, origin: mi.Point3f, source: mi
         stop = dr.select(last, end, stop)
         way = mi.Vector3f(stop - start)
         length = dr.norm(way)
-        # of unit direction: Mitsuba's spheres and cylinders misplace hits of others; and backwards, for of those that
-        # are far from where a ray starts they do not know the edge, and a point on one is in its own shadow or not
+        # Of unit direction, because Mitsuba's spheres and cylinders misplace other hits. And backwards, because their
+        # edges are inexact far from a ray's start, and a point on one would be in its own shadow.
         ray = mi.Ray3f(mi.Ray3f(stop, -way / dr.maximum(length, 1e-9)), length)
         met = scene.ray_test(ray, coherent=mi.Bool(True), active=active & (length > 1e-6))
         blocked |= met & active
@@ -63,7 +63,7 @@ def along_fan(scene: mi.Scene, ray_fans: RayFans, origin: mi.Point3f, source: mi
 def along_arcs(scene: mi.Scene, table: LayerTable, lib: ArrayTypes, start: mi.Point3f, heading: mi.Vector2f,
                z: mi.Float64, s: mi.Float64, p: mi.Float64, end: mi.Point3f, reach: mi.Float64, longest: mi.Float64,
                folded: bool, only_meshes: bool, active: mi.Bool) -> mi.Bool:
-    """Tell whether something lies on the way to `end`, at horizontal range `reach`."""
+    """Return True if something lies on the way to `end`, at horizontal range `reach`, arc by arc."""
     F = lib.Float64
     # -------------------------------------------------- loop state
     z, s, r = F(z), F(s), F(0)
@@ -75,11 +75,11 @@ def along_arcs(scene: mi.Scene, table: LayerTable, lib: ArrayTypes, start: mi.Po
     while active:
         k2, z2, s2, advance, descent, c1, c2, g = arc_step(table, k, z, s, p, longest, active)
         r = r + advance
-        # a steep ray may end a hair short of it: it ends with its depth, then
+        # a steep ray may end slightly short of its range: then it ends by its depth
         last = ~(r < reach) | (k2 < 0) | (k2 > last_layer)         # so that NaN ends, too
         flat, height = mi.Float(r), -mi.Float(z2)
         if dr.hint(folded, mode="scalar"):
-            # a hair below, so that the surface that mirrors does not block
+            # slightly below, so that the mirroring surface does not block
             height = -dr.maximum(abs(height), LIFT)
         there = mi.Point3f(dr.fma(flat, heading.x, start.x), dr.fma(flat, heading.y, start.y), height)
         stop = dr.select(last, end, there)
@@ -87,8 +87,8 @@ def along_arcs(scene: mi.Scene, table: LayerTable, lib: ArrayTypes, start: mi.Po
             ray, long_enough = segment(here, stop)
             blocked |= scene.ray_test(ray, coherent=mi.Bool(False), active=active & long_enough) & active & long_enough
         else:
-            # from both ends: of spheres and cylinders far from where a ray starts they do not know the edge, and a
-            # point on one is in its own shadow or not
+            # from both ends: edges of spheres and cylinders are inexact far from a ray's start, and a point on one
+            # would be in its own shadow
             middle = 0.5 * (here + stop)
             ray, long_enough = segment(here, middle)
             blocked |= scene.ray_test(ray, coherent=mi.Bool(False), active=active & long_enough) & active & long_enough

@@ -1,1 +1,1 @@
-"""Bent rays against a scene: where they are sent, where they meet it, and how two points are connected."""
+"""Bent rays in a scene: launch, hits on surfaces, and connections between two points."""

@@ -1,8 +1,8 @@
-"""Directions of the rays that an array sends out, drawn where time and beams need them, each with its solid angle.
+"""Launch directions of an array's rays, drawn where time and beams need them, each with its solid angle.
 
-Half of what is not spread evenly over directions is drawn evenly over the time that a flat bed, and a surface where
-there is one, send echoes back at; all of it follows the beams. What a ray stands for is the reciprocal of the density
-it was drawn with (`launch`): no choice can bias a level.
+A share of the rays is spread evenly over directions. The others are spread evenly over the time at which a flat bed,
+and a surface if there is one, send echoes back. All rays follow the beams. A ray's weight is the reciprocal of the
+density it was drawn with (`launch`), so no choice of density can bias a level.
 """
 from __future__ import annotations
 
@@ -19,29 +19,27 @@ from mitsonar.water.profile import SoundSpeedProfile
 from .launch import Strata, draw, quantiles
 
 AZIMUTHS, ELEVATIONS = 256, 512    # cells of the density that rays are drawn from
-EVEN_SHARE = 0.2                   # of the rays that are spread evenly over directions
-FAINTEST = 1e-3                    # beam intensity that directions count with at least, relative to the strongest
+EVEN_SHARE = 0.2                   # of the rays, which is spread evenly over directions
+FAINTEST = 1e-3                    # least beam intensity that directions count with, relative to the strongest
 
 
 class DrawnRays:
-    """Draw directions."""
-    # window [s]
+    """Random launch directions of rays whose echoes come back within a window of time [s]."""
 
     def __init__(self, profile: SoundSpeedProfile, *, window: tuple[float, float], rays: int,
                  pattern: Callable | None, surface: bool):
         self.speed, self.window, self.rays = float(np.mean(profile.sound_speed)), window, rays
         self.pattern, self.surface = pattern, surface
 
-    def draw(self, origin: dr.ArrayBase, rotation: np.ndarray, depth_below: float | None,
+    def draw(self, origin: dr.ArrayBase, rotation: np.ndarray, depth_below: float | None,    # [m]
              key: int) -> tuple[mi.Vector3f, mi.Float, Strata]:
-        """Draw the rays of a source."""
-        # origin [m]; rotation (3, 3); depth_below [m] -> direction (R,), solid_angle (R,) [sr]
+        """Draw the rays of a source; return directions (R,), solid angles (R,) [sr] and strata."""
         azimuth, across = np.linspace(-np.pi, np.pi, AZIMUTHS + 1), np.linspace(-np.pi / 2, np.pi / 2, ELEVATIONS + 1)
         a, e = (0.5 * (edges[1:] + edges[:-1]) for edges in (azimuth, across))
         a, e = np.meshgrid(a, e, indexing="ij")
         towards = np.stack([np.sin(a) * np.cos(e), np.cos(a) * np.cos(e), -np.sin(e)], -1)
         beam = np.ones(a.shape) if self.pattern is None else self.pattern(towards, rotation)
-        beam = np.maximum(beam / max(beam.max(), 1e-30), FAINTEST)      # beams that look apart leave nothing
+        beam = np.maximum(beam / max(beam.max(), 1e-30), FAINTEST)      # beams of other directions leave nothing
         everywhere = np.cos(e) * beam
         density = everywhere / everywhere.sum()
         if depth_below is not None:
@@ -54,7 +52,7 @@ class DrawnRays:
         return _rays(self.rays, first, second, azimuth, key)
 
     def _times(self, across, below, above):
-        """Two-way times at which directions that far down meet level planes, within the window."""
+        """Return the two-way times, within the window, at which rays of these depressions meet level planes."""
         with np.errstate(divide="ignore"):
             time = np.where(across > 0, 2 * abs(below) / (self.speed * np.sin(across)), np.inf)
             if above is not None:
@@ -63,7 +61,7 @@ class DrawnRays:
 
 
 def _rays(rays, first, second, azimuth, key):
-    """Stratified draws through the quantile tables of azimuth, and of elevation within each cell of azimuth."""
+    """Draw stratified directions through the quantile tables of azimuth, and of elevation in each cell of azimuth."""
     steps = max(4, 4 * round(np.sqrt(rays / 4) / 2))
     rows = max(4, 4 * round(rays / (4 * steps)))
     lib = arrays_of(mi.Float)

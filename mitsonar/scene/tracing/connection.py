@@ -1,8 +1,8 @@
-"""Points of a scene connected along the exact bent ray, and whether the way is free.
+"""Connections between points of a scene along the exact bent ray, and if the way is free.
 
-The ray is the earliest arrival (`propagation.arrivals`), an exact eigenray. It starts at a source, whose ray fan is
-there, or at any point of the water; that may be by way of a flat surface that mirrors, through water unfolded about it
-(`tracing.water`). The way is free if none of the ray's chords meets anything (`tracing.occlusion`).
+The ray is the earliest arrival (`propagation.arrivals`), an exact eigenray. It starts at a source that has a ray fan,
+or at any point of the water. It may be reflected by a flat surface; it then runs through water unfolded about that
+surface (`tracing.water`). The way is free if none of the ray's chords meets anything (`tracing.occlusion`).
 """
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ from ..shadows.occlusion import LIFT, LIFT_PER_RANGE, TOLERANCE, along_arcs, alo
 from .tracer import Sources
 from .water import DeviceWater
 
-UPRIGHT = 1e-6         # [m] horizontal range below which a way leads straight up or down
+UPRIGHT = 1e-6         # [m] horizontal range below which a way runs straight up or down
 
 
 @dataclass(frozen=True, kw_only=True)
 class Connection:
-    """Ways to points, one each."""
+    """Ways to points, one for each."""
 
-    exists: mi.Bool  # (R,): A direct ray, or one that turns between, was found
-    free: mi.Bool  # (R,): nothing is in its way
+    exists: mi.Bool  # (R,): a ray was found, direct or with a turning point
+    free: mi.Bool  # (R,): nothing is in the way
     horizontal_range: mi.Float64  # (R,) [m]
     travel_time: mi.Float64  # (R,) [s]
     arc_length: mi.Float  # (R,) [m]
     spreading_area: mi.Float  # (R,) [m²/sr]
-    launch_direction: mi.Vector3f  # (R,): unit, along the travel, at the start and at the point
-    arrival_direction: mi.Vector3f  # (R,): unit, along the travel, at the start and at the point
+    launch_direction: mi.Vector3f  # (R,): unit, along the travel, at the start
+    arrival_direction: mi.Vector3f  # (R,): unit, along the travel, at the point
     ray_parameter: mi.Float64  # (R,) [s/m]
     sound_speed: mi.Float64  # (R,) [m/s]: at the point
 
 
 class Connector:
-    """Connect points in the water and the scene."""
+    """Connect points in the water and the scene by eigenrays."""
 
     def __init__(self, geometry: Geometry, water: DeviceWater):
         self.geometry, self.water = geometry, water
@@ -51,8 +51,7 @@ class Connector:
     def connect(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, point: dr.ArrayBase,
                 normal: mi.Vector3f, active: mi.Bool | bool = True, *, occlusion: bool = True,
                 short: float = 0.0, coarse: bool = False) -> Connection:
-        """Connect points to sources, one pair an entry."""
-        # origin (R,) [m]; source (R,); point (R,) [m]; normal (R,); active (R,); short [m]
+        """Connect each point (R,) to a source (R,) at `origin`, and stop `short` [m] of the point."""
         x, heading = _seen_from(origin, point)
         way, (cosine, _) = self._eigenray(self.water.layers(), sources.state, source, x, heading, -point.z, active)
         if not occlusion:
@@ -66,8 +65,7 @@ class Connector:
     def join(self, start: dr.ArrayBase, start_normal: mi.Vector3f, end: dr.ArrayBase, end_normal: mi.Vector3f,
              active: mi.Bool | bool = True, *, folded: bool = False, occlusion: bool = True,
              short: float = 0.0) -> Connection:
-        """Connect points to points, wherever they lie, one pair an entry."""
-        # start, end (R,) [m]; start_normal, end_normal (R,); active (R,)
+        """Connect each start point (R,) to an end point (R,), anywhere in the water."""
         table = self.water.medium(folded).layers
         z0 = start.z if folded else -start.z
         x, heading = _seen_from(start, end)
@@ -90,14 +88,14 @@ class Connector:
 
     def launch_direction(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32,
                          point: dr.ArrayBase) -> mi.Vector3f:
-        """Where the ray to each point leaves for, Vector3f (R,), as aimed; arguments as of `connect`."""
+        """Return the direction in which the ray to each point leaves, as aimed; arguments as in `connect`."""
         x, heading = _seen_from(origin, point)
         sine, cosine, _ = aim(self.water.layers(), self.lib, sources.state, source, x, -point.z,
                               self.lib.Bool(True))
         return mi.Vector3f(heading.x * mi.Float(cosine), heading.y * mi.Float(cosine), -mi.Float(sine))
 
     def _eigenray(self, table, state, source, x, heading, z, active):
-        """Ways of eigenrays, all of them free; cosine, Float, and sine, Float64, of the launch angle, positive down."""
+        """Return ways, all of them free, and cosine (Float) and sine (Float64) of the launch angle, positive down."""
         ray = earliest(table, self.lib, state, source, x, z, self.lib.Bool(active))
         time, area, p, c = ray.travel_time, ray.spreading_area, ray.ray_parameter, ray.sound_speed
         _, c0, _ = state.gather(self.lib, source)
@@ -113,7 +111,7 @@ class Connector:
 
 
 def _seen_from(origin, point):
-    """Horizontal distance [m], Float64, of points, and the horizontal unit vector towards them."""
+    """Return the horizontal distance [m], Float64, of points, and the horizontal unit vector towards them."""
     dx, dy = point.x - origin.x, point.y - origin.y
     x = dr.sqrt(dr.fma(dx, dx, dy * dy))
     upright = x < UPRIGHT
@@ -122,7 +120,7 @@ def _seen_from(origin, point):
 
 
 def _end(way, point, normal, heading, short):
-    """Where a way ends in front of its point's surface, and how much nearer that is in horizontal range [m], <= 0."""
+    """Return a way's end in front of its point's surface, and the change of horizontal range [m], <= 0."""
     lift = LIFT + LIFT_PER_RANGE * mi.Float(way.horizontal_range)
     arrival = way.arrival_direction
     back = cast(mi.Float, dr.copysign(lift, -dr.dot(normal, arrival))) * normal - short * arrival

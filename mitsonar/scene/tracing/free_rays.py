@@ -1,7 +1,7 @@
-"""Rays that start anywhere in the water, not only at a source with a ray fan: the legs between bounces.
+"""Rays that start anywhere in the water, not at a source with a ray fan: the legs between bounces.
 
-A ray is followed arc by arc (`propagation.ray_fans.arc_step`), in chords within `TOLERANCE` of it, one triangle query a
-chord.
+A ray is followed arc by arc (`propagation.ray_fans.arc_step`), in chords within `TOLERANCE` of the ray, with one
+triangle query for each chord.
 """
 from __future__ import annotations
 
@@ -22,15 +22,14 @@ LEVELLEST = 1e-6                   # sine: exactly level rays spread 0/0
 
 
 class FreeRays:
-    """Follow rays in the water and the scene of a tracer."""
+    """Follow rays in the water and scene of a tracer."""
 
     def __init__(self, tracer: Tracer):
         self.tracer, self.lib = tracer, tracer.lib
 
     def hit(self, start: dr.ArrayBase, normal: mi.Vector3f, direction: mi.Vector3f,
             active: mi.Bool | bool = True) -> Hits:
-        """Follow rays to their first hit."""
-        # start (R,) [m]; normal (R,); direction (R,); active (R,)
+        """Follow rays (R,) to their first hit, from points [m] on surfaces with these normals."""
         lib, table, geometry = self.lib, self.tracer.water.layers(), self.tracer.geometry
         across = dr.sqrt(dr.fma(direction.x, direction.x, direction.y * direction.y))
         scale = dr.rcp(dr.maximum(across, 1e-9))
@@ -70,7 +69,10 @@ class FreeRays:
 
 @dr.syntax
 def _followed(scene, table, lib, start, heading, z, s, p, limits, active):
-    """Walk chords to the first hit: validity, preliminary intersection, chord (r0, z0, r1, z1), time and arc before."""
+    """Walk chords to the first hit.
+
+    Returns validity, preliminary intersection, chord (r0, z0, r1, z1), and time and arc length before the chord.
+    """
     F = lib.Float64
     longest, max_range, deepest = limits
     # -------------------------------------------------- loop state
@@ -87,7 +89,7 @@ def _followed(scene, table, lib, start, heading, z, s, p, limits, active):
         r1, z1 = mi.Float(r + advance), mi.Float(z2)
         a = mi.Point3f(dr.fma(r0, heading.x, start.x), dr.fma(r0, heading.y, start.y), -z0)
         b = mi.Point3f(dr.fma(r1, heading.x, start.x), dr.fma(r1, heading.y, start.y), -z1)
-        # chords end at the layers' edges, and one that ends on a flat bed there must not pass it by a rounding
+        # chords end at the layers' edges; rounding must not let one pass a flat bed there
         ray, long_enough = segment(a, b, LIFT)
         pi = scene.ray_intersect_preliminary(ray, coherent=False, active=active & long_enough)
         valid = pi.is_valid() & active & long_enough
@@ -97,7 +99,7 @@ def _followed(scene, table, lib, start, heading, z, s, p, limits, active):
         arc = dr.select(going, arc + arc_length(p * g, d2), arc)
         r = dr.select(going, r + advance, r)
         z, s, k = dr.select(going, z2, z), dr.select(going, s2, s), dr.select(going, k2, k)
-        # it ends at the surface of the water, below the scene, or far away
+        # a ray ends at the water's surface, below the scene, or far away
         active = going & (r < max_range) & (z > -0.01) & ((z < deepest) | (s < 0)) & (k >= 0) & (k <= last_layer)
         r0, z0 = dr.select(active, r1, r0), dr.select(active, z1, z0)
     return valid, pi, (r0, z0, r1, z1), t, arc

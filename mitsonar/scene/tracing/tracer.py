@@ -1,10 +1,9 @@
-"""Bent rays against a Mitsuba scene: the one room of physics that knows Mitsuba.
+"""Bent rays against a Mitsuba scene.
 
-Each ray follows the chords of its row of the ray fan (`propagation.ray_fans`), one triangle query a chord, until the
-first hit. The hit point is rebuilt in float64 from barycentrics and vertices (float32 along the ray would cost 1e-5 m),
-and the exact eigenray to that point gives time, spreading and angles (`propagation.two_point`).
+Each ray follows the chords of its row of the ray fan (`propagation.ray_fans`), with one triangle query for each chord,
+until the first hit. The hit point is rebuilt in float64 from barycentrics and vertices (float32 along the ray would
+cost 1e-5 m), and the exact eigenray to that point gives time, spreading and angles (`propagation.two_point`).
 """
-
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -25,15 +24,15 @@ from ..labels import OBJECT, SEABED
 from .hits import Hits, towards_sound
 from .water import DeviceWater
 
-# [m] chord against arc: where neighbouring rows of a ray fan have other chords the hits of random rays leap by as much,
-# over the sine of the grazing angle, and leave a gap or crowd: a tenth of a bin of 0.1 m at 5 degrees would be 0.4 dB
+# [m] chord against arc. Neighbouring rows of a ray fan have different chords, so the hits of random rays jump by as
+# much over the sine of the grazing angle, and leave gaps or crowd: 0.1 of a 0.1 m bin at 5 degrees would be 0.4 dB.
 FAN_TOLERANCE = 0.0002
-SHADOW_TOLERANCE = 0.002         # [m] the same where only what lies in the way is looked for: a third of the chords
-BEYOND = 0.001         # [m] behind a hit on an object at which its ray goes on, over what float32 knows of places
+SHADOW_TOLERANCE = 0.002         # [m] the same for occlusion alone: a third of the chords
+BEYOND = 0.001         # [m] behind a hit on an object, where its ray goes on; more than the rounding of float32
 
 
 class Sources(Record):
-    """Ray fans and medium of the depths that a block's pings are sent from."""
+    """Ray fans and medium for the source depths of a block of pings."""
 
     ray_fans: RayFans  # for hits
     state: SourceState
@@ -41,13 +40,12 @@ class Sources(Record):
 
     @cached_property
     def shadow_fans(self) -> RayFans:
-        """Ray fans of fewer chords, for occlusion alone: made when first asked for."""
+        """Ray fans of fewer chords, for occlusion alone, made at first use."""
         return self.coarser()
 
 
 class Tracer:
-    """Find what refracted rays hit."""
-    # max_range [m]; tolerance [m]
+    """Find the hits of refracted rays, up to a range [m], on chords within a tolerance [m] of them."""
 
     def __init__(self, scene: mi.Scene | Geometry, water: DeviceWater, *, max_range: float,
                  tolerance: float = FAN_TOLERANCE):
@@ -61,7 +59,7 @@ class Tracer:
         self._room = FEWEST_VERTICES
 
     def sources(self, source_depth: np.ndarray | list[float]) -> Sources:
-        """Prepare the ray fans of the source depths (D,) [m]; the last answer is kept: a straight track asks again."""
+        """Return the ray fans of source depths (D,) [m]; the last ones are kept for a straight track."""
         source_depth = np.atleast_1d(np.asarray(source_depth, float))
         key = source_depth.tobytes()
         known, sources = self._known
@@ -69,7 +67,7 @@ class Tracer:
             build = partial(build_ray_fans, self._layers, self.water.profile, source_depth,
                             slab=self.geometry.depth_range, max_range=self.max_range)
             fans = build(tolerance=self.tolerance, max_vertices=self._room)
-            self._room = int(fans.stride[0])        # found by trials; the next depths will need as much
+            self._room = int(fans.stride[0])        # found by trials; the next depths will need about as much
             sources = Sources(ray_fans=fans, state=self.water.direct.at(source_depth),
                               coarser=partial(build, tolerance=max(self.tolerance, SHADOW_TOLERANCE)))
             self._known = key, sources
@@ -77,23 +75,22 @@ class Tracer:
 
     def trace(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, direction: mi.Vector3f,
               active: mi.Bool | bool = True) -> Hits:
-        """Trace one ray per entry of `direction`."""
-        # origin (R,) [m]; source (R,); direction (R,); active (R,)
+        """Trace one ray per entry of `direction` (R,) from `origin` (R,) [m]."""
         return self.trace_met(sources, origin, source, direction, active)[0]
 
     def trace_met(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, direction: mi.Vector3f,
                   active: mi.Bool | bool = True) -> tuple[Hits, mi.PreliminaryIntersection3f]:
-        """Trace as `trace` does, and tell what Mitsuba met: of `facet`."""
-        launch_angle, heading = _angles(direction)
+        """Trace as `trace` does, and return Mitsuba's intersections, too, for `facet`."""
+        launch_angle, heading = angles(direction)
         found = _first_hit(self.geometry.scene, sources.ray_fans, mi.Point3f(origin), source, launch_angle, heading,
                            mi.Bool(active))
         return self._hits(sources, origin, source, direction, heading, *found[:3]), found[1]
 
     def trace_with_hidden(self, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32, direction: mi.Vector3f,
                           add_hidden: Callable[[Hits, Hits], None]) -> Hits:
-        """Trace as `trace` does, and on through objects to the seabed that they hide."""
+        """Trace as `trace` does, and on through objects to the seabed behind them."""
         scene, kinds, o = self.geometry.scene, self.geometry.kinds, mi.Point3f(origin)
-        launch_angle, heading = _angles(direction)
+        launch_angle, heading = angles(direction)
         valid, pi, chord, vertex = _first_hit(scene, sources.ray_fans, o, source, launch_angle, heading, mi.Bool(True))
         hits = self._hits(sources, origin, source, direction, heading, valid, pi, chord)
 
@@ -106,7 +103,7 @@ class Tracer:
         return hits
 
     def _hits(self, sources, origin, source, direction, heading, valid, pi, chord):
-        """Complete the hits that were found on chords by their eigenrays."""
+        """Complete hits on chords with their eigenrays."""
         lib = self.lib
         point, facet_normal, smooth, uv, label, shape = self.rebuilt(pi, chord, mi.Point3f(origin), heading, valid)
         dx, dy = point.x - origin.x, point.y - origin.y
@@ -114,7 +111,7 @@ class Tracer:
         s0, cosine0 = _unit_sine(direction, lib.Float64)
         time, arc, area, p, sine, c = to_hit(self._layers, lib, sources.state, source, s0, cosine0, x, -point.z, valid,
                                              dr.opaque(lib.Float64, self.tolerance))
-        # the hit may lie a hair off the launch bearing: directions are those of the eigenray
+        # the hit may lie slightly off the launch bearing: directions are those of the eigenray
         along = mi.Vector2f(dx, dy) * dr.rcp(dr.maximum(mi.Float(x), 1e-9))
         along = dr.select(mi.Float(x) > 1e-6, along, heading)
         _, c0, _ = sources.state.gather(lib, source)
@@ -136,13 +133,13 @@ class Tracer:
         if not geometry.only_meshes:
             mesh = valid & (dr.gather(mi.UInt32, geometry.rows, 4 * row + 2, valid) != 0)
         face = dr.gather(self.lib.Array4u, geometry.faces, dr.select(mesh, first_face + pi.prim_index, 0), mesh)
-        # a miss leaves its barycentrics undefined; a NaN depth would later index a table with anything
+        # a miss leaves its barycentrics undefined, and a NaN depth would later be any index of a table
         u, v = (self.lib.Float64(dr.select(mesh, w, 0)) for w in (pi.prim_uv.x, pi.prim_uv.y))
         return mesh, face, u, v
 
     def rebuilt(self, pi: mi.PreliminaryIntersection3f, chord: tuple[mi.Float, ...], origin: mi.Point3f,
                 heading: mi.Vector2f, valid: mi.Bool) -> tuple:
-        """Hit point in float64, facet normal, smooth one, texture coordinates, label and shape of hits on chords."""
+        """Return float64 point, facet normal, smooth normal, texture coordinates, label and shape of hits on chords."""
         geometry, wide = self.geometry, self.lib.Array3f64
         row = registry_index(pi)
         mesh, face, u, v = self.facet(pi, valid)
@@ -168,33 +165,33 @@ class Tracer:
             point = dr.select(mesh, point, dr.select(valid, wide(si.p), 0))
             normal = dr.select(mesh, normal, si.n)
             label = dr.select(mesh, face[3], dr.gather(mi.UInt32, geometry.rows, 4 * row, valid & ~mesh))
-            # of an instance, the shape within its group: until then nobody knows it
+            # on an instance, the shape within its group is not known before
             return point, normal, smooth, uv, label, dr.select(valid & ~mesh, si.shape, pi.shape)
         return point, normal, smooth, uv, face[3], pi.shape
 
 
 def registry_index(pi: mi.PreliminaryIntersection3f | mi.SurfaceInteraction3f) -> mi.UInt32:
-    """Return the row of `Geometry.rows` and `Geometry.kinds` of what was hit: of an instance, the instance's."""
+    """Return the row of `Geometry.rows` and `Geometry.kinds` for a hit; an instance has its own row."""
     solid = dr.select(pi.instance != None, pi.instance, pi.shape)    # noqa: E711  (element-wise)
     return cast(mi.UInt32, dr.reinterpret_array(mi.UInt32, solid))
 
 
 def _kind(kinds, pi, active):
-    """Kind of what was hit."""
+    """Return the kinds of the shapes hit."""
     return dr.gather(mi.UInt32, kinds, registry_index(pi), active)
 
 
-def _angles(direction):
-    """Launch angle, positive down, and unit horizontal heading of directions."""
+def angles(direction: mi.Vector3f) -> tuple[mi.Float, mi.Vector2f]:
+    """Return the launch angle [rad], positive down, and the horizontal unit vector of directions."""
     across = dr.sqrt(dr.fma(direction.x, direction.x, direction.y * direction.y))
     upright = across < 1e-9
     scale = dr.rcp(dr.select(upright, 1, across))
-    heading = mi.Vector2f(dr.select(upright, 1, direction.x * scale), direction.y * scale)
-    return dr.atan2(-direction.z, across), heading
+    return (cast(mi.Float, dr.atan2(-direction.z, across)),
+            mi.Vector2f(dr.select(upright, 1, direction.x * scale), direction.y * scale))
 
 
 def _unit_sine(direction, wide):
-    """Sine (positive down) and cosine of the launch angle in float64, unit to the last bit."""
+    """Return sine (positive down) and cosine of the launch angle in float64, with squares that add up to 1."""
     x, y, z = wide(direction.x), wide(direction.y), wide(direction.z)
     across = dr.sqrt(dr.fma(x, x, y * y))
     scale = dr.rsqrt(dr.fma(z, z, across * across))
@@ -203,7 +200,7 @@ def _unit_sine(direction, wide):
 
 
 def _chord_ray(origin, heading, r0, z0, r1, z1):
-    """Ray along a chord. Of unit direction: Mitsuba's spheres and cylinders misplace hits of others by centimetres."""
+    """Return the ray along a chord, of unit direction: Mitsuba's spheres and cylinders misplace others' hits by cm."""
     across, down = r1 - r0, z1 - z0
     square = dr.fma(across, across, down * down)
     per_length = dr.rsqrt(dr.maximum(square, 1e-12))
@@ -223,9 +220,9 @@ def _first_hit(scene, fans, origin, source, launch_angle, heading, active):
     size = dr.gather(mi.UInt32, fans.size, row)
     v = dr.gather(fans.lib.Array4f, fans.vertex, base)
     # -------------------------------------------------- loop state
-    r0, z0 = dr.fma(off, v[2], v[0]), dr.fma(off, v[3], v[1])    # start of the present chord
-    r1, z1 = mi.Float(r0), mi.Float(z0)                          # its end
-    i = mi.UInt32(1)                                             # its vertex
+    r0, z0 = dr.fma(off, v[2], v[0]), dr.fma(off, v[3], v[1])    # start of the current chord
+    r1, z1 = mi.Float(r0), mi.Float(z0)                          # end of the chord
+    i = mi.UInt32(1)                                             # vertex of the end
     pi = dr.zeros(mi.PreliminaryIntersection3f, dr.width(launch_angle))
     valid = mi.Bool(False)
     active &= size > 1
@@ -244,14 +241,14 @@ def _first_hit(scene, fans, origin, source, launch_angle, heading, active):
 def _seabed_behind(scene, kinds, fans, origin, source, launch_angle, heading, chord, vertex, distance, active):
     """Follow rays on, from an object hit at a `distance` along a chord, through all objects to the seabed.
 
-    Returns what `_first_hit` does, but for the vertex.
+    Returns the same as `_first_hit`, without the vertex.
     """
     row, off = fans.row(source, launch_angle)
     base = row * fans.stride
     size = dr.gather(mi.UInt32, fans.size, row)
     # -------------------------------------------------- loop state
-    r0, z0, r1, z1 = (mi.Float(end) for end in chord)            # the present chord, from the last hit on
-    i, t = mi.UInt32(vertex), mi.Float(distance)                 # the vertex after it; how far along it the last hit is
+    r0, z0, r1, z1 = (mi.Float(end) for end in chord)            # the current chord, from the last hit on
+    i, t = mi.UInt32(vertex), mi.Float(distance)                 # the vertex after it; distance of the last hit
     pi = dr.zeros(mi.PreliminaryIntersection3f, dr.width(launch_angle))
     valid = mi.Bool(False)
     while active:
@@ -262,7 +259,7 @@ def _seabed_behind(scene, kinds, fans, origin, source, launch_angle, heading, ch
         met = pi.is_valid() & active
         valid = met & (_kind(kinds, pi, met) == SEABED)
         t = dr.select(met, pi.t, 0)
-        # past the end of a chord the next begins, where there is one; else, through what was met and on
+        # past the end of a chord, the next one begins if there is one; else the ray goes on through the object met
         ended = active & ~met
         more = ended & (i < size)
         v = dr.gather(fans.lib.Array4f, fans.vertex, base + i, more)

@@ -1,16 +1,15 @@
-"""The water on the device: everything that rays and echoes ask of it, made in one place.
+"""The water on the device: everything that rays and echoes need from it.
 
     layers        sound speed by depth, in layers that rays are exact in         `propagation.layer_table`
     absorption    two-way loss along bent rays                                   `water.absorption_table`
-    volume        what the water itself sends back                               `water.volume_table`
+    volume        backscatter of the water itself                                `water.volume_table`
 
-A flat surface mirrors. Above it lies the same water upside down, and a ray that is reflected runs on there as if the
-surface were not there: the water is unfolded about the surface. Legs by way of the mirror are called folded; they start
-at the image of where they really do, in the medium that is called folded.
+A flat surface mirrors. Above it, imagine the same water upside down: a reflected ray runs on there as if the surface
+did not exist. The water is unfolded about the surface. Legs by way of the mirror are called folded; they start at the
+image of their true start, in the folded medium.
 
-A profile of its own for every ping would be put in here. All kernels take what they know of the water from a
-`DeviceWater`, and a survey makes its own in one place (`survey.Survey.water`): that would become one `DeviceWater` for
-each stretch of pings with the same profile.
+A profile for every ping would be added here. All kernels take the water from a `DeviceWater`, and a survey makes its
+own in one place (`survey.Survey.water`); there would then be one for each stretch of pings with the same profile.
 """
 from __future__ import annotations
 
@@ -31,22 +30,21 @@ from mitsonar.water.volume_table import VolumeTable, volume_table
 
 
 class Way(Protocol):
-    """What of a way through the water decides its absorption: `Hits` and `Connection` have it."""
+    """Quantities of a way through the water that set its absorption, such as `Hits` and `Connection` have."""
 
     @property
     def arc_length(self) -> mi.Float:
-        """Float (R,) [m]."""
+        """Arc length (R,) [m]."""
         ...
 
     @property
     def ray_parameter(self) -> mi.Float64:
-        """Float64 (R,) [s/m]."""
+        """Ray parameter (R,) [s/m]."""
         ...
 
 
 class Medium:
-    """Layers and absorption of water, as it is or unfolded."""
-    # deepest [m]; top [m]
+    """Layers and absorption of water, as it is or unfolded, between the depths `top` and `deepest` [m]."""
 
     def __init__(self, profile: SoundSpeedProfile, absorption: AbsorptionColumn | None, *, deepest: float,
                  top: float = 0.0):
@@ -54,30 +52,29 @@ class Medium:
 
     @cached_property
     def layers(self) -> LayerTable:
-        """Of the sound speed."""
+        """Layers of the sound speed."""
         return layer_table(self.profile, mi.Float)
 
     @cached_property
     def absorption(self) -> Absorption | None:
-        """Of sound; None where nothing is lost."""
+        """Absorption table, or None without absorption."""
         if self._column is None:
             return None
         return Absorption(self._column, self.profile, self._deepest, mi.Float, top=self._top)
 
     def loss_db(self, z0: mi.Float, z1: mi.Float, arc_length: mi.Float, ray_parameter: mi.Float) -> mi.Float:
-        """Two-way absorption [dB] along rays between depths z0 and z1 [m], Float (R,)."""
+        """Return the two-way absorption [dB] along rays between depths z0 and z1 [m], (R,)."""
         if self.absorption is None:
             return dr.zeros(mi.Float, dr.width(arc_length))
         return self.absorption.two_way_db(z0, z1, arc_length, ray_parameter)
 
     def at(self, depth: np.ndarray | float) -> SourceState:
-        """What rays need to know of the depths (D,) [m] that they start from."""
+        """Return the state of rays at source depths (D,) [m]."""
         return source_state(self.layers, np.atleast_1d(np.asarray(depth, float)))
 
 
 class DeviceWater:
-    """All that the water does."""
-    # deepest [m]
+    """Sound speed, absorption and scattering of the water, down to `deepest` [m]."""
 
     def __init__(self, profile: SoundSpeedProfile, absorption: AbsorptionColumn | None = None,
                  volume: VolumeScattering | None = None, *, deepest: float = 0.0):
@@ -86,51 +83,50 @@ class DeviceWater:
 
     @cached_property
     def direct(self) -> Medium:
-        """The water as it is."""
+        """Water as it is."""
         return Medium(self.profile, self._absorption, deepest=self._deepest)
 
     @cached_property
     def folded(self) -> Medium:
-        """The water unfolded about the surface."""
+        """Water unfolded about the surface."""
         absorption = None if self._absorption is None else self._absorption.mirrored()
         return Medium(self.profile.mirrored(), absorption, deepest=self._deepest, top=-self._deepest)
 
     def medium(self, folded: bool = False) -> Medium:
-        """The water that legs run through, straight ones or folded ones."""
+        """Return the water for straight legs or for folded ones."""
         return self.folded if folded else self.direct
 
     def layers(self, folded: bool = False) -> LayerTable:
-        """Sound speed by depth, of the water or of the water unfolded."""
+        """Return the sound speed by depth, of the water or of the water unfolded."""
         return self.medium(folded).layers
 
     def loss_db(self, start: dr.ArrayBase, end: dr.ArrayBase, way: Way, folded: bool = False) -> mi.Float:
-        """Two-way absorption [dB], Float (R,), along ways between points, Array3f64 (R,) [m]."""
-        # start, end (R,) [m]
+        """Return the two-way absorption [dB] (R,) along ways between points (R,) [m]."""
         z0 = start.z if folded else -start.z
         return self.medium(folded).loss_db(mi.Float(z0), mi.Float(-end.z), way.arc_length, mi.Float(way.ray_parameter))
 
     def one_way_db(self, start: dr.ArrayBase, end: dr.ArrayBase, way: Way, folded: bool = False) -> mi.Float:
-        """One-way absorption [dB], Float (R,), along ways between points; arguments as of `loss_db`."""
+        """Return the one-way absorption [dB] (R,) along ways between points; arguments as in `loss_db`."""
         return 0.5 * self.loss_db(start, end, way, folded)
 
     @property
     def slowest(self) -> float:
-        """Sound speed [m/s]."""
+        """Lowest sound speed [m/s]."""
         return float(np.min(self.profile.sound_speed))
 
     @property
     def fastest(self) -> float:
-        """Sound speed [m/s]."""
+        """Highest sound speed [m/s]."""
         return float(np.max(self.profile.sound_speed))
 
     @property
     def scatters(self) -> bool:
-        """Return whether the water itself sends something back."""
+        """True if the water itself scatters sound back."""
         return self._volume is not None
 
     @cached_property
     def volume(self) -> VolumeTable:
-        """Strength of that by depth."""
+        """Volume scattering strength by depth."""
         if self._volume is None:
             raise ValueError("this water sends nothing back; it was made without volume scattering")
         return volume_table(self._volume, mi.Float)
