@@ -76,7 +76,7 @@ def test_a_damaged_line_is_read_or_refused_in_one_sentence(tmp_path, name):
     ("a.all", all_file(1).replace(b"\0\0\0\2U", b"\0\0\0\2V"), "it has no cast of sound speed"),
     ("a.all", all_file(1).replace(b"\0\0\0\2P", b"\0\0\0\2Q"), "it has no position of the vessel"),
     ("a.all", all_file(1).replace(b"\0\0\0\2X", b"\0\0\0\2D"), "of an older kind"),
-    ("a.all", all_file(1, beams=5000), "says that it has 5000 beams"),
+    ("a.all", all_file(1, beams=5000), "its ping 7 has 5000 beams"),
     ("a.kmall", b"\x18\0\0\0#SPO" + bytes(12) + b"\x18\0\0\0", "it has no soundings"),
 ])
 def test_what_is_no_line_is_said(tmp_path, name, content, sentence):

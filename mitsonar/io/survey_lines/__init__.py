@@ -1,12 +1,13 @@
-"""Lines of soundings in the files of survey software, as a file's name asks.
+"""Read and write lines of soundings in the file formats of survey software; the file suffix selects the format.
 
     .gsf          Generic Sensor Format 03.09: soundings, sectors, cast, attitude, snippets
-    .kmall        Kongsberg's datagrams: the same, and the water column
-    .nc           the record itself, every bit of it, and beside it the groups of SONAR-netCDF4
-    .csv          one sounding a line, with units
+    .kmall        Kongsberg datagrams: the same, and the water column
+    .nc           the record itself without loss, and beside it the groups of SONAR-netCDF4
+    .csv          one sounding a row, units in the header
     .las          a point cloud
 
-Pings come in blocks, and memory holds one block at a time. A file is whole or not there. `reading` knows what is read.
+Pings are written in blocks, so that memory holds one block at a time. An unfinished file is not left behind.
+`reading` lists the formats that are read.
 """
 from __future__ import annotations
 
@@ -30,29 +31,29 @@ SUFFIXES = tuple(_WRITERS)
 
 
 def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: str | None = None) -> Written:
-    """Write a line of soundings as the name of the file asks; whole or not at all.
+    """Write a line of soundings in the format that the file suffix names.
 
     Parameters
     ----------
-    blocks : xarray.Dataset or iterable of them
-        As `mitsonar.hydrography.record` says, some pings each.
+    blocks : xarray.Dataset or iterable of xarray.Dataset
+        The line, whole or in blocks of pings, with the variables of `mitsonar.hydrography.record`.
     path : str or path
-        Ends in one of `SUFFIXES`.
+        Output file; its suffix is one of `SUFFIXES`.
     place : (latitude, longitude) [degrees], optional
-        Of x = y = 0, where the scene names no coordinate system; default: 0, 0.
+        Position of x = y = 0, for scenes without a coordinate system. The default is 0, 0.
     start : str, optional
-        ISO 8601, UTC, of time 0; default: as the line says, or 1970.
+        UTC date and time of time 0, ISO 8601. The default is the start that the line states, else 1970.
 
     Returns
     -------
     Written
-        With words on what the format cannot hold.
+        Numbers of pings and soundings, and remarks on what the format cannot hold.
 
     Raises
     ------
     ValueError
-        If the name ends otherwise, there is no ping, a block is no line of soundings or unlike the first, ``place`` or
-        ``start`` are none or not needed, or the values do not fit.
+        If the suffix is unknown, there is no ping, a block is not a line of soundings or differs from the first block,
+        ``place`` or ``start`` is invalid or superfluous, or values do not fit the format.
     FileNotFoundError, PermissionError, OSError
         If the file cannot be written there.
 
@@ -62,35 +63,35 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
     """
     suffix = os.path.splitext(path)[1].lower()
     if suffix not in _WRITERS:
-        raise ValueError(f"cannot write {path}: its name says no kind of file; let it end in one of "
+        raise ValueError(f"cannot write {path}: the suffix {suffix!r} names no format of soundings; use one of "
                          f"{', '.join(SUFFIXES)}.")
     check_writable(path)
     return importlib.import_module(f"{__name__}.{_WRITERS[suffix]}").write(blocks, path, place=place, start=start)
 
 
 def read_blocks(path: FilePath, *, column: bool = True, size: int = BLOCK) -> Iterator[xr.Dataset]:
-    """Read a line of soundings some pings at a time.
+    """Read a line of soundings block by block.
 
     Parameters
     ----------
     path : str or path
-        .all, .wcd, .kmall, .kmwcd, .gsf, or a record in netCDF.
+        An .all, .wcd, .kmall, .kmwcd or .gsf file, or a record in netCDF.
     column : bool
-        Take the water column, where there is one.
+        Read the water column where there is one.
     size : int
-        Pings of a block.
+        Number of pings of a block.
 
     Yields
     ------
     xarray.Dataset
-        As `mitsonar.hydrography.record` says.
+        Record of soundings, see `mitsonar.hydrography.record`.
 
     Raises
     ------
     FileNotFoundError, PermissionError
-        If there is no such file, or it may not be read.
+        If the file does not exist or may not be read.
     ValueError
-        If it is none of these, damaged, or holds no soundings.
+        If the file has another format, is damaged, or holds no soundings.
     """
     if os.path.splitext(path)[1].lower() != ".nc":
         from . import reading
@@ -110,7 +111,7 @@ def read_blocks(path: FilePath, *, column: bool = True, size: int = BLOCK) -> It
 
 
 def check_asked(place: Place | None, start: str | None, first: xr.Dataset | None = None) -> None:
-    """Check ``place`` and ``start`` as `write` does, before the pings are made; with the first, also against it.
+    """Check ``place`` and ``start`` of `write` before pings are computed, if possible against the first block.
 
     Raises
     ------
@@ -123,7 +124,7 @@ def check_asked(place: Place | None, start: str | None, first: xr.Dataset | None
 
 
 def stored(path: FilePath) -> Iterator[xr.Dataset]:
-    """Return the pings of a line that was made ping by ping (`io.ping_file`), one a block; raises as `read_blocks`."""
+    """Yield the pings of a line stored ping by ping (`io.ping_file`), one a block; raises as `read_blocks`."""
     from ..records import netcdf
 
     with netcdf.opened(path, unfinished=True) as record:
@@ -132,12 +133,12 @@ def stored(path: FilePath) -> Iterator[xr.Dataset]:
 
 
 def sources(path: FilePath) -> tuple[str, ...]:
-    """Name the files that `read_blocks` would open: the soundings', and the water column's beside them.
+    """Return the files that `read_blocks` would open: the soundings and, if present, the water column beside them.
 
     Raises
     ------
     FileNotFoundError, PermissionError, ValueError
-        As `read_blocks`, of a file that cannot be opened.
+        As `read_blocks`, if a file cannot be opened.
     """
     if os.path.splitext(path)[1].lower() == ".nc":
         check_readable(path, "the record", "a netCDF file")

@@ -1,4 +1,4 @@
-"""Soundings one by one, as tables and point clouds have them: flat arrays of those that have a place, ping by ping."""
+"""Soundings of a line as flat arrays, for tables and point clouds; soundings without a position are left out."""
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -17,19 +17,17 @@ Cloud = dict[str, np.ndarray]              # variables of soundings by name, eac
 
 
 def cloud(line: LineToWrite, block: xr.Dataset, at: int) -> Iterator[Cloud]:
-    """Return the soundings of a block's pings that have a place, valid or not."""
+    """Yield the soundings of each ping that have a position, valid or not; ``at`` is the number of the first ping."""
     names = [str(name) for name, value in block.variables.items() if value.dims == ("ping", "beam")]
-    for number, ping in enumerate(pings(line, block)):
-        there = np.isfinite(ping["x"]) & np.isfinite(ping["y"]) & np.isfinite(ping["depth"])
-        one = {name: ping[name][there] for name in (*names, "latitude", "longitude")}
-        count = int(there.sum())
-        one |= {"ping": np.full(count, at + number), "beam": ping["beam"][there],
-                "since": np.full(count, float(ping["since"])), "easting": one["x"] + line.frame.origin[0],
-                "northing": one["y"] + line.frame.origin[1]}
-        yield one
+    for number, ping in enumerate(pings(line, block), at):
+        placed = np.isfinite(ping["x"]) & np.isfinite(ping["y"]) & np.isfinite(ping["depth"])
+        points = {name: ping[name][placed] for name in (*names, "latitude", "longitude", "beam")}
+        count = int(placed.sum())
+        yield points | {"ping": np.full(count, number), "since": np.full(count, float(ping["since"])),
+                        "easting": points["x"] + line.frame.origin[0], "northing": points["y"] + line.frame.origin[1]}
 
 
 def of_soundings(line: LineToWrite) -> list[str]:
-    """Name the variables that a line has of its soundings, snippets left out, in the record's order."""
-    return [name for name, one in VARIABLES.items() if one.dims == ("ping", "beam") and one.group != "snippet"
-            and name in line.first.variables]
+    """Return the names of a line's variables of soundings without snippets, in the record's order."""
+    return [name for name, variable in VARIABLES.items() if variable.dims == ("ping", "beam")
+            and variable.group != "snippet" and name in line.first.variables]

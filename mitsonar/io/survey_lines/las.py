@@ -1,8 +1,8 @@
-"""A line of soundings as a point cloud, LAS 1.4 with points of format 6: 1 mm, one return a sounding.
+"""Write a line of soundings as a point cloud, LAS 1.4 with point format 6: 1 mm resolution, one return a sounding.
 
-    z = -depth            intensity = 100 (backscatter [dB] + 100)            class 1 valid, 7 (noise) not
+    z = -depth            intensity = 100 (backscatter [dB] + 100)            class 1 valid, 7 (noise) not valid
 
-The record's other variables of soundings are extra bytes of their own names. Times are GPS standard time less 1e9 s.
+Other variables of the soundings are extra bytes under their own names. Times are GPS standard time less 1e9 s.
 """
 from __future__ import annotations
 
@@ -16,35 +16,35 @@ from mitsonar.hydrography.record import VARIABLES
 from mitsonar.version import __version__
 
 from .clouds import ONLY_SOUNDINGS, cloud, of_soundings
-from .lines import Blocks, Place, Written, line_of
+from .lines import NO_SYSTEM, Blocks, Place, Written, line_of
 
 SCALE = 0.001                              # [m]
 VALID, NOISE = 1, 7                        # classes of the American Society for Photogrammetry and Remote Sensing
 GPS = 315_964_800 - 18 + 1_000_000_000     # [s] from 1970; GPS is 18 s ahead of UTC since 2017
 SCAN_STEP = 0.006                          # degrees
-OWN = {"x", "y", "depth", "valid"}         # have fields of their own
+OWN = {"x", "y", "depth", "valid"}         # variables with a field of their own in the point format
 
 
 def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: str | None = None) -> Written:
-    """Write a line of soundings as LAS; whole or not at all.
+    """Write a line of soundings as LAS.
 
-    Arguments, result and errors as `mitsonar.io.survey_lines.write`; with a place the cloud lies in a transverse
-    Mercator projection about it.
+    Arguments, result and errors are those of `mitsonar.io.survey_lines.write`. With ``place``, the cloud lies in a
+    transverse Mercator projection centred there.
     """
-    line, some = line_of(blocks, place=place, start=start)
+    line, remaining = line_of(blocks, place=place, start=start)
     crs = line.frame.crs if line.first.attrs.get("crs") or place is not None else None
     extra = [name for name in of_soundings(line) if name not in OWN]
     header = _header(line, extra, crs)
-    number = found = 0
+    number = valid = 0
     with replacing(path) as temporary, open(temporary, "wb") as stream, \
             laspy.open(stream, mode="w", header=header, closefd=False) as writer:
-        for block in some:
-            for one in cloud(line, block, number):
-                writer.write_points(_points(header, one, extra))
-                found += int(one["valid"].sum())
+        for block in remaining:
+            for soundings in cloud(line, block, number):
+                writer.write_points(_points(header, soundings, extra))
+                valid += int(soundings["valid"].sum())
             number += block.sizes["ping"]
-    return Written(pings=number, soundings=found, words=tuple(text for text in (
-        "" if crs else "x and y are metres of the scene, which names no coordinate system",
+    return Written(pings=number, soundings=valid, words=tuple(text for text in (
+        "" if crs else NO_SYSTEM,
         "intensity is 100 (backscatter [dB] + 100)" if "backscatter_db" in extra else "",
         ONLY_SOUNDINGS) if text))
 
@@ -53,8 +53,10 @@ def _header(line, extra, crs):
     header = laspy.LasHeader(version="1.4", point_format=6)
     header.scales = np.full(3, SCALE)
     header.offsets = np.floor([line.frame.origin[0] / 1000, line.frame.origin[1] / 1000, 0.0]) * 1000
-    header.add_extra_dims([laspy.ExtraBytesParams(name=name, type=_kind(name), description=_described(name))
-                           for name in ("ping", "beam", *extra)])
+    header.add_extra_dims([laspy.ExtraBytesParams(name="ping", type="u4", description=""),
+                           laspy.ExtraBytesParams(name="beam", type="u2", description=""),
+                           *(laspy.ExtraBytesParams(name=name, type=VARIABLES[name].dtype, description=_unit(name))
+                             for name in extra)])
     header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
     header.creation_date = datetime.datetime.fromtimestamp(line.start, datetime.timezone.utc).date()
     header.generating_software, header.system_identifier = f"mitsonar {__version__}", "simulation"
@@ -69,25 +71,21 @@ def _header(line, extra, crs):
     return header
 
 
-def _kind(name):
-    return {"ping": "u4", "beam": "u2"}.get(name) or VARIABLES[name].dtype
-
-
-def _described(name):
-    unit = VARIABLES[name].unit if name in VARIABLES else "1"
+def _unit(name):
+    unit = VARIABLES[name].unit
     return "" if unit == "1" else unit.replace("µ", "u")[:31]
 
 
-def _points(header, one, extra):
-    points = laspy.ScaleAwarePointRecord.zeros(one["x"].size, header=header)
-    points.x, points.y, points.z = one["easting"], one["northing"], -one["depth"]
-    points.classification = np.where(one["valid"], VALID, NOISE)
+def _points(header, soundings, extra):
+    points = laspy.ScaleAwarePointRecord.zeros(soundings["x"].size, header=header)
+    points.x, points.y, points.z = soundings["easting"], soundings["northing"], -soundings["depth"]
+    points.classification = np.where(soundings["valid"], VALID, NOISE)
     points.return_number[:] = points.number_of_returns[:] = 1
-    points.gps_time = one["since"] - GPS
-    points.scan_angle = np.clip(np.rint(np.degrees(one["angle"]) / SCAN_STEP), -30_000, 30_000)
-    if "backscatter_db" in one:
-        level = np.rint(100 * (np.nan_to_num(one["backscatter_db"], nan=-100.0) + 100))
+    points.gps_time = soundings["since"] - GPS
+    points.scan_angle = np.clip(np.rint(np.degrees(soundings["angle"]) / SCAN_STEP), -30_000, 30_000)
+    if "backscatter_db" in soundings:
+        level = np.rint(100 * (np.nan_to_num(soundings["backscatter_db"], nan=-100.0) + 100))
         points.intensity = np.clip(level, 0, 65_535)
     for name in ("ping", "beam", *extra):
-        points[name] = one[name]
+        points[name] = soundings[name]
     return points

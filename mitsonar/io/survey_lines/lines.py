@@ -1,9 +1,7 @@
-"""What the writers of a line of soundings share: its blocks, its start, its place on Earth, its pings one by one.
+"""Parts that the writers of a line of soundings share: start, position on Earth, and pings one by one.
 
-    since 1970 = start + time                    latitude, longitude = on the globe (x, y)
+    since 1970 = start + time                    latitude, longitude = position on the globe of (x, y)
     true heading = heading from the y axis + convergence of the meridians there
-
-What the formats of soundings hold of the record, for the words on what they do not.
 """
 from __future__ import annotations
 
@@ -20,65 +18,76 @@ from mitsonar.version import __version__
 
 from ..tracks.navigation import Frame
 
+# Variables that formats of soundings hold; those of a water column; those of a line of several heads.
 SOUNDINGS = frozenset({
     "cast_depth", "cast_sound_speed", "transmit_offset", "receive_offset", "transmit_mounting", "receive_mounting",
     "motion_time", "motion_x", "motion_y", "motion_depth", "motion_roll", "motion_pitch", "motion_heading",
     "ping_time", "ping_x", "ping_y", "ping_depth", "ping_roll", "ping_pitch", "ping_heading", "head_sound_speed",
     "sector_frequency", "sector_delay", "sector_angle", "sector_pulse_length", "sector_bandwidth",
-    "sector_source_level_db", "sector_absorption_db", "travel_time", "angle", "transmit_angle", "sector", "depth",
-    "x", "y", "across_track", "along_track", "detection", "quality", "uncertainty", "horizontal_uncertainty",
+    "sector_source_level_db", "sector_absorption_db", "valid", "travel_time", "angle", "transmit_angle", "sector",
+    "depth", "x", "y", "across_track", "along_track", "detection", "quality", "uncertainty", "horizontal_uncertainty",
     "backscatter_db", "snippet_rate", "snippet_start", "snippet_db", "head",
 })
 COLUMN = frozenset({"column_angle", "column_sector", "column_start", "column_rate", "column_level_db"})
-
+HEADS = frozenset({"head_receive_offset", "head_receive_mounting"})
 
 Blocks = xr.Dataset | Iterable[xr.Dataset]
 Place = tuple[float, float]                # latitude and longitude [degrees]
 Ping = dict[str, Any]                      # a ping's variables by name, without the dimension ping
 NOWHERE: Place = (0.0, 0.0)
-_NEVER_LOST = ("valid",)
+NO_SYSTEM = "x and y are metres of the scene, which names no coordinate system"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Written:
-    """Say what went into a file."""
+    """Summary of a written file."""
 
     pings: int
     soundings: int  # valid ones
-    words: tuple[str, ...] = ()  # what the format cannot hold, and what had to be settled for it
+    words: tuple[str, ...] = ()  # remarks: contents that the format cannot hold, assumptions made for it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LineToWrite:
-    """Hold what all pings of a line share."""
+    """What all pings of a line share."""
 
-    first: xr.Dataset  # its first block
-    start: float  # [s]: since 1970, UTC, of time 0
-    frame: Frame  # where x = y = 0 lies
-    placed: str  # in words, where that is not from the scene's own coordinate system
+    first: xr.Dataset  # the first block
+    start: float  # [s]: of time 0, since 1970, UTC
+    frame: Frame  # position of x = y = 0
+    placed: str  # remark on that position if the scene has no coordinate system, else ""
 
     def array(self, name: str) -> np.ndarray:
-        """Return a variable that is not of pings."""
+        """Return a variable that has no dimension ping."""
         return np.asarray(self.first[name].values, float)
 
     @property
     def receivers(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lever arms (R, 3) [m] and mountings (R, 3) [rad] of the receive arrays, one or those of several heads."""
+        """Lever arms (R, 3) [m] and mountings (R, 3) [rad] of the receive arrays, one per head."""
         if "head_receive_offset" in self.first:
             return self.array("head_receive_offset"), self.array("head_receive_mounting")
         return self.array("receive_offset")[None], self.array("receive_mounting")[None]
 
     @property
     def sonar(self) -> str:
-        """Its name."""
+        """Name of the sonar."""
         return str(self.first.attrs.get("sonar") or "multibeam")
 
     def provenance(self) -> str:
-        """Say in one sentence where the line comes from."""
+        """Return one sentence on the origin of the line."""
         about = {name: self.first.attrs.get(name)
                  for name in ("title", "scene", "seed", "preset", "profile", "backscatter")}
-        said = "; ".join(f"{name}: {value}" for name, value in about.items() if value is not None)
-        return f"written by mitsonar {__version__}; {said}"
+        return f"written by mitsonar {__version__}; " + "; ".join(
+            f"{name}: {value}" for name, value in about.items() if value is not None)
+
+    def remarks(self, name: str, held: frozenset[str], empty: int, *others: str) -> tuple[str, ...]:
+        """Return remarks on what a format does not hold: ``held`` are its variables, ``empty`` counts empty pings."""
+        lost = ", ".join(variable for variable in VARIABLES
+                         if variable in self.first.variables and variable not in held)
+        return tuple(text for text in (
+            self.placed, f"{empty} ping{'s' if empty > 1 else ''} without beams left out" if empty else "",
+            f"{name} has no room for {lost}: write a .nc to keep them" if lost else "", *others,
+            f"snippets lack snippet_rate, so {name} holds none" if "snippet_db" in self.first
+            and "snippet_rate" not in self.first else "") if text)
 
 
 def check_asked(place: Place | None, start: str | None) -> None:
@@ -89,23 +98,24 @@ def check_asked(place: Place | None, start: str | None) -> None:
         _seconds(start)
 
 
-def line_of(blocks: Blocks, *, place: Place | None = None,
+def line_of(blocks: Blocks, *, place: Place | None = None,     # (latitude, longitude) [degrees]
             start: str | None = None) -> tuple[LineToWrite, Iterator[xr.Dataset]]:
-    """Open a line of soundings that comes block by block."""
-    # place [degrees]
-    check_asked(place, start)          # before a ping is made
-    some = iter([blocks] if isinstance(blocks, xr.Dataset) else blocks)
-    for first in some:
+    """Return what the pings of a line share, and its blocks, checked one by one as they are taken."""
+    check_asked(place, start)          # before a ping is computed
+    remaining = iter([blocks] if isinstance(blocks, xr.Dataset) else blocks)
+    for first in remaining:
         check(first)
         if first.sizes["ping"]:
             break
     else:
         raise ValueError("there are no soundings: no ping was given.")
     if not first.sizes[first["motion_time"].dims[0]]:
-        raise ValueError("the line has no motion: motion_time is empty; give that of the platform.")
+        raise ValueError("the line has no motion: motion_time is empty; give the motion of the platform.")
     crs = first.attrs.get("crs") or None
     if crs is None:
-        frame, placed = Frame.about(*_checked(place or NOWHERE)), _placed(place)
+        frame = Frame.about(*_checked(place or NOWHERE))
+        placed = "" if place is not None else ("the scene names no coordinate system, so x = y = 0 is put at latitude "
+                                               "0, longitude 0 (set another place with --place)")
     elif place is not None:
         raise ValueError(f"the line lies in {crs}, so its place is known; leave place out.")
     else:
@@ -115,34 +125,32 @@ def line_of(blocks: Blocks, *, place: Place | None = None,
             raise ValueError(f"the line's origin is {first.attrs['origin']!r}; give easting and northing.") from None
         frame, placed = Frame(crs=str(crs), origin=(float(east), float(north))), ""
     since = _seconds(first.attrs.get("start") if start is None else start)
-    line = LineToWrite(first=first, start=since, frame=frame, placed=placed)
-    return line, _alike(first, some)
+    return LineToWrite(first=first, start=since, frame=frame, placed=placed), _alike(first, remaining)
 
 
 def pings(line: LineToWrite, block: xr.Dataset) -> Iterator[Ping]:
-    """Return a block's pings one by one, without padding and with their places on Earth.
+    """Yield the pings of a block without padding and with their positions on Earth.
 
-    Each has the record's variables, beams without an angle and sectors without a frequency left out. More are ``beam``
-    (numbers in the record), ``since`` [s since 1970], ``ping_latitude``, ``ping_longitude``, ``latitude`` and
+    Each has the variables of the record; beams without an angle and sectors without a frequency are left out. Added are
+    ``beam`` (number in the record), ``since`` [s since 1970], ``ping_latitude``, ``ping_longitude``, ``latitude`` and
     ``longitude`` (of beams; NaN where there is no sounding) [degrees] and ``true_heading`` [rad].
     """
     arrays = {str(name): value.values for name, value in block.variables.items() if value.dims[:1] == ("ping",)}
     of_beams = {name for name in arrays if block[name].dims[1:2] == ("beam",)}
     of_sectors = {name for name in arrays if block[name].dims[1:2] == ("transmission",)}
-    here = np.stack([arrays["ping_x"], arrays["ping_y"]], -1)
-    latitude, longitude, convergence = line.frame.on_globe(here)
+    latitude, longitude, convergence = line.frame.on_globe(np.stack([arrays["ping_x"], arrays["ping_y"]], -1))
     valid = arrays["valid"]
     beam_latitude, beam_longitude = np.full(valid.shape, np.nan), np.full(valid.shape, np.nan)
     if valid.any():
-        found = np.stack([arrays["x"][valid], arrays["y"][valid]], -1)
-        beam_latitude[valid], beam_longitude[valid], _ = line.frame.on_globe(found)
+        beam_latitude[valid], beam_longitude[valid], _ = line.frame.on_globe(
+            np.stack([arrays["x"][valid], arrays["y"][valid]], -1))
     for number in range(block.sizes["ping"]):
         ping: Ping = {name: value[number] for name, value in arrays.items()}
         ping |= {"latitude": beam_latitude[number], "longitude": beam_longitude[number]}
-        there = np.isfinite(ping["angle"]) & np.isfinite(ping["transmit_angle"])
-        ping["beam"] = np.arange(there.size)
+        formed = np.isfinite(ping["angle"]) & np.isfinite(ping["transmit_angle"])
+        ping["beam"] = np.arange(formed.size)
         for name in (*of_beams, "latitude", "longitude", "beam"):
-            ping[name] = ping[name][there]
+            ping[name] = ping[name][formed]
         sent = np.flatnonzero(np.isfinite(ping["sector_frequency"]))
         sectors = 1 + int(sent[-1]) if sent.size else 1
         for name in of_sectors:
@@ -153,60 +161,48 @@ def pings(line: LineToWrite, block: xr.Dataset) -> Iterator[Ping]:
         yield ping
 
 
-def rated(some: Iterable[Ping]) -> Iterator[tuple[Ping, float]]:
-    """Yield pings with the rate [Hz] at which their cycles follow each other.
+def rated(line_pings: Iterable[Ping]) -> Iterator[tuple[Ping, float]]:
+    """Yield pings with the repetition rate of their ping cycle [Hz].
 
-    Pings that are sent before the first echo is back, of a second swath or another head, are of one cycle. The last
-    cycle has the rate of the one before; a single one has 0.
+    Pings of a second swath or another head, sent before the first echo returns, belong to the same cycle. The last
+    cycle has the rate of the cycle before; a single cycle has 0.
     """
     cycle: list[Ping] = []
     rate = 0.0
-    for ping in some:
+    for ping in line_pings:
         if cycle:
             first, apart = np.nanmin(cycle[0]["travel_time"], initial=np.inf), ping["since"] - cycle[0]["since"]
             if not 0 <= apart <= (0.5 * first if np.isfinite(first) else 0.0):
                 rate = 1.0 / apart if apart > 0 else rate
-                yield from ((one, rate) for one in cycle)
+                yield from ((member, rate) for member in cycle)
                 cycle = []
         cycle.append(ping)
-    yield from ((one, rate) for one in cycle)
+    yield from ((member, rate) for member in cycle)
 
 
 def rotation(roll: float, pitch: float, heading: float) -> np.ndarray:
-    """Return the matrix (3, 3) from forward, starboard, down of a body to those of what it is turned in."""
-    sr, cr, sp, cp, sh, ch = (turn(one) for one in (roll, pitch, heading) for turn in (np.sin, np.cos))
+    """Return the matrix (3, 3) from the frame of a body (forward, starboard, down) to the frame it is turned in."""
+    sr, cr, sp, cp, sh, ch = (function(angle) for angle in (roll, pitch, heading) for function in (np.sin, np.cos))
     return np.array([[ch * cp, ch * sp * sr - sh * cr, ch * sp * cr + sh * sr],
                      [sh * cp, sh * sp * sr + ch * cr, sh * sp * cr - ch * sr],
                      [-sp, cp * sr, cp * cr]])
 
 
-def lost(line: LineToWrite, held: Iterable[str]) -> tuple[str, ...]:
-    """Name the variables of a line that a format does not hold."""
-    known = {*held, *_NEVER_LOST}
-    return tuple(name for name in VARIABLES if name in line.first.variables and name not in known)
-
-
-def left_out(empty: int) -> str:
-    """Say how many pings had no beams."""
-    return f"{empty} ping{'s' if empty > 1 else ''} without beams left out" if empty else ""
-
-
 def _alike(first: xr.Dataset, others: Iterable[xr.Dataset]) -> Iterator[xr.Dataset]:
+    """Yield blocks with pings and check that each has the variables, sizes and motion of the first."""
+    def sizes(block: xr.Dataset) -> dict:
+        return {name: size for name, size in block.sizes.items() if name != "ping"}
+
     yield first
-    names, sizes = set(first.variables), _sizes(first)
     for block in others:
         check(block)
         if not block.sizes["ping"]:
             continue
-        if set(block.variables) != names or _sizes(block) != sizes or not np.array_equal(
+        if set(block.variables) != set(first.variables) or sizes(block) != sizes(first) or not np.array_equal(
                 block["motion_time"].values, first["motion_time"].values):
             raise ValueError("a block of pings has other variables, beams, samples or motion than the first one; pad "
                              "them to the same, and give every block the motion of the whole line.")
         yield block
-
-
-def _sizes(block):
-    return {name: size for name, size in block.sizes.items() if name != "ping"}
 
 
 def _checked(place: Place) -> Place:
@@ -216,13 +212,8 @@ def _checked(place: Place) -> Place:
     return latitude, longitude
 
 
-def _placed(place):
-    if place is not None:
-        return ""
-    return "the scene names no coordinate system, so x = y = 0 is put at latitude 0, longitude 0 (--place says another)"
-
-
 def _seconds(text: str | None) -> float:
+    """Return seconds since 1970 of a date, which is UTC unless it names a zone."""
     if text is None:
         return 0.0
     try:

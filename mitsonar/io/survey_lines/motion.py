@@ -1,7 +1,7 @@
-"""How a vessel moved, from its sensors' records: places and attitude at any time of the line.
+"""Position and attitude of a vessel at any time of the line, from the records of its sensors.
 
-Places are of the reference point: the antenna's less its lever arm. Between samples everything is linear; before the
-first and after the last a place goes on as it went, for a few seconds, and an attitude stays.
+Positions are those of the reference point: the antenna's position less its lever arm. Samples are interpolated
+linearly. Before the first and after the last sample, positions continue straight for a few seconds and attitudes stay.
 """
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
 
 DEEPEST = 1e3                      # [m] of an array on a vessel
 ANGLES = ("roll", "pitch", "heading")
-CLEARLY = 0.5                      # share of what the other rule leaves unexplained
-BEYOND = 5.0                       # [s] that a course is followed without a position
+CLEARLY = 0.5                      # share of the other rule's residual, below which a rule is chosen
+BEYOND = 5.0                       # [s] that a course is continued without a position
 STIFFNESS = 1e-6                   # of splines where there are no samples, relative to that of samples
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionSamples:
-    """Hold the streams and what they lie in."""
+    """Motion of a vessel in the plane of a zone."""
 
     zone: Zone
     streams: dict[str, np.ndarray]  # (M,): time, x, y, depth, roll, pitch, heading
-    fixes: np.ndarray  # (P, 3) [m]: time, x and y of the positions' sensor
+    fixes: np.ndarray  # (P, 3) [s], [m], [m]: time, x and y of the position sensor
     antenna: np.ndarray  # (3,) [m]: its lever arm
 
     def at(self, time: float) -> dict[str, float]:
@@ -40,10 +40,11 @@ class MotionSamples:
             values |= {"x": float(x[0]), "y": float(y[0])}
         return values | {"time": float(time)}
 
-
-    def sunk(self, time: np.ndarray, depth: np.ndarray, offset: np.ndarray) -> MotionSamples:
-        """Return the motion whose transmit array is as deep at pings as their soundings say."""
-        # time, depth (P,) [m]; offset (3,) [m]
+    def sunk(self, time: np.ndarray,       # (P,) [s] of the pings
+             depth: np.ndarray,            # (P,) [m] of the transmit array
+             offset: np.ndarray,           # (3,) [m] of the transmit array
+             ) -> MotionSamples:
+        """Return the motion corrected so that the transmit array has the depths stated with the soundings."""
         streams = self.streams
         known = np.flatnonzero(np.isfinite(depth) & (np.abs(depth) < DEEPEST))
         known = known[np.unique(time[known], return_index=True)[1]]
@@ -57,10 +58,14 @@ class MotionSamples:
         return replace(self, streams=streams | {"depth": ways[best] + np.interp(streams["time"], time, off[best])})
 
 
-def motion_of(attitude: np.ndarray, positions: np.ndarray, start: float, *, waterline: float,
-              mounting: np.ndarray | None = None, antenna: np.ndarray | None = None) -> MotionSamples:
-    """Make the streams."""
-    # attitude (M, 5) [m]; positions (P, 3) [degrees]; start [s]; waterline [m]; mounting (3,) [rad]; antenna (3,) [m]
+def motion_of(attitude: np.ndarray,        # (M, 5): time [s], roll, pitch, heading [rad], heave [m, down]
+              positions: np.ndarray,       # (P, 3): time [s], longitude, latitude [degrees]
+              start: float, *,             # [s] of time 0
+              waterline: float,            # [m] of the still surface below the reference point
+              mounting: np.ndarray | None = None,          # (3,) [rad] of the attitude sensor
+              antenna: np.ndarray | None = None,           # (3,) [m], its lever arm
+              ) -> MotionSamples:
+    """Return the motion of the reference point from the samples of the sensors; times of samples are since 1970."""
     positions = positions[(np.abs(positions[:, 2]) <= 90) & (np.abs(positions[:, 1]) <= 360)]
     positions = positions[np.unique(positions[:, 0], return_index=True)[1]] if len(positions) else positions
     if not len(positions):
@@ -89,24 +94,27 @@ def _carried(time, fixes, antenna, roll, pitch, heading):
 
 
 def _followed(time, times, places):
-    """Return places (T, 2) at times, going on straight for a little at either end."""
+    """Return places (T, 2) at times; the track continues straight for a few seconds at either end."""
     values = np.column_stack([np.interp(time, times, places[:, axis]) for axis in (0, 1)])
     if times.size > 1:
         for near, end in ((1, 0), (-2, -1)):
-            pace = (places[end] - places[near]) / (times[end] - times[near])
+            velocity = (places[end] - places[near]) / (times[end] - times[near])
             past = time - times[end]
             past = np.clip(past, -BEYOND, 0) if end == 0 else np.clip(past, 0, BEYOND)
-            values += past[:, None] * pace
+            values += past[:, None] * velocity
     return values
 
 
-def smoothed(time: np.ndarray, values: np.ndarray, step: float, until: float | None = None) -> BSpline:
-    """Return the cubic spline of least squares through samples, with a knot every ``step``.
+def smoothed(time: np.ndarray,             # (N,) [s], increasing
+             values: np.ndarray,           # (N, C)
+             step: float,                  # [s] between knots
+             until: float | None = None,   # [s], end of the spline where it is later than the last sample
+             ) -> BSpline:
+    """Return the least-squares cubic spline through samples, with a knot every ``step``.
 
-    Records of motion have steps, of their last digit and of the sensor's own rate, and a spline through every sample
-    follows them. This one leaves out what is faster than two knots. Where it has no samples it goes on nearly straight.
+    Records of motion have steps, of their last digit and of the sensor's own rate, which a spline through every sample
+    would follow. This spline removes changes faster than two knots. Between samples far apart it is nearly straight.
     """
-    # time (N,) [s]; values (N, C); step [s]; until [s]
     from scipy.interpolate import BSpline
     from scipy.sparse import csr_array, diags_array
     from scipy.sparse.linalg import spsolve
@@ -115,9 +123,9 @@ def smoothed(time: np.ndarray, values: np.ndarray, step: float, until: float | N
     count = max(int(np.ceil((end - time[0]) / step)), 1)
     step = (end - time[0]) / count
     knots = time[0] + step * np.arange(-3, count + 4)
-    knots[count + 3] = end                             # not a rounding before it
+    knots[count + 3] = end                             # exactly, without the rounding of the sum
     sums = csr_array(BSpline.design_matrix(time, knots, 3))
     bends = diags_array([1.0, -2.0, 1.0], offsets=[0, 1, 2], shape=(count + 1, count + 3))
     normal = sums.T @ sums + STIFFNESS * max(time.size / count, 1.0) * (bends.T @ bends)
-    found = spsolve(normal.tocsc(), sums.T @ values)
-    return BSpline(knots, np.reshape(found, (count + 3, -1)), 3)
+    coefficients = spsolve(normal.tocsc(), sums.T @ values)
+    return BSpline(knots, np.reshape(coefficients, (count + 3, -1)), 3)

@@ -1,18 +1,16 @@
-"""A line of soundings as netCDF-4: the record, bit for bit, and beside it the groups of SONAR-netCDF4.
+"""Write a line of soundings as netCDF-4: the record without loss, and beside it the groups of SONAR-netCDF4.
 
-The record's variables stand in the root, where `mitsonar.read` and xarray find them. What the convention calls by other
-names or in other units stands in its groups, see `sonar_netcdf4`. Pings are appended block by block.
-
-The groups of SONAR-netCDF4 2.0 (ICES 2018 and later) beside a record of soundings, in one netCDF-4 file.
+The variables of the record are in the root group, where `mitsonar.read` and xarray find them. Pings are appended block
+by block. The groups follow SONAR-netCDF4 2.0 (ICES 2018 and later):
 
     /Environment                            sound speed, absorption; Sound_speed_profile: the cast
     /Platform                               arrays and sensors; Attitude/001, Position/001: the motion
-    /Sonar/Beam_group1                      the water column's beams (the soundings', where none is kept), the sectors
-    /Provenance                             who wrote it
+    /Sonar/Beam_group1                      beams of the water column (of the soundings if there is none), sectors
+    /Provenance                             software that wrote the file
 
-Names and units are the convention's: degrees, nanoseconds since 1970. Three things are not: dimensions keep the
-record's names; samples are a rectangle with NaN, not ragged, and ``backscatter_r`` [dB re 1 µPa] is the record's
-``column_level_db`` itself by another name, so that the water column is in the file once.
+Names and units are those of the convention: degrees, nanoseconds since 1970. Three points differ: dimensions keep the
+names of the record; samples form a rectangle padded with NaN, not ragged arrays; and ``backscatter_r`` [dB re 1 µPa] is
+a second name of the record's ``column_level_db``, so that the water column is stored once.
 """
 from __future__ import annotations
 
@@ -33,28 +31,21 @@ from mitsonar.version import __version__
 from ..records.netcdf import BESIDE, full_disk_told, has_room, packing, store
 from ..records.records import encoded
 from .lines import Blocks, LineToWrite, Place, Written, line_of
-from .passage import LinePassage, passage_of
+from .passage import passage_of
 
 BACKSCATTER = "Sonar/Beam_group1/backscatter_r"
-
 VERSION = "2.0"
 TIME = "nanoseconds since 1970-01-01 00:00:00Z"
 RECEIVE_ONLY, TRANSMIT_ONLY = 0, 1
+CHUNK_BYTES, CHUNK_PINGS = 1 << 18, 512
+_SHADOWED = "_nc4_non_coord_"             # before the name of a variable that has the name of a dimension
 
 
 def root_attributes(line: LineToWrite) -> dict[str, str]:
-    """Return the attributes that the convention wants of a file."""
+    """Return the global attributes that the convention requires."""
     return {"Conventions": f"CF-1.7, SONAR-netCDF4-{VERSION}, ACDD-1.3", "keywords": line.sonar,
             "sonar_convention_authority": "ICES", "sonar_convention_name": "SONAR-netCDF4",
             "sonar_convention_version": VERSION, "summary": line.provenance()}
-
-
-def add_groups(file: h5netcdf.File, line: LineToWrite, passage: LinePassage) -> None:
-    """Add the convention's groups to a file that holds a record in its root."""
-    _environment(file, line, passage)
-    _platform(file, line, passage)
-    _sonar(file, line)
-    _provenance(file, line)
 
 
 def _put(group: h5netcdf.Group, name: str, dims: tuple[str, ...], values: Any, units: str = "",
@@ -74,7 +65,7 @@ def _environment(file, line, passage):
     group = file.create_group("Environment")
     sectors, lost = line.array("sector_frequency")[0], line.array("sector_absorption_db")[0]
     frequency = np.unique(sectors)
-    absorption = [float(lost[(sectors == one) | (np.isnan(sectors) & np.isnan(one))].mean()) for one in frequency]
+    absorption = [float(lost[(sectors == value) | (np.isnan(sectors) & np.isnan(value))].mean()) for value in frequency]
     group.dimensions["frequency"] = frequency.size
     _put(group, "frequency", ("frequency",), frequency, "Hz", "acoustic frequency")
     _put(group, "absorption_indicative", ("frequency",), np.array(absorption), "dB/m", "indicative acoustic absorption")
@@ -106,9 +97,9 @@ def _platform(file, line, passage):
     _put(group, "water_level", (), -passage.draught, "m", "of the still surface from the platform's origin, down")
     attitude = group.create_group("Attitude").create_group("001")
     position = group.create_group("Position").create_group("001")
-    for one in (attitude, position):
-        one.dimensions["time"] = passage.time.size
-        _put(one, "time", ("time",), _nanoseconds(passage.time), TIME, "time of the sample")
+    for sensor in (attitude, position):
+        sensor.dimensions["time"] = passage.time.size
+        _put(sensor, "time", ("time",), _nanoseconds(passage.time), TIME, "time of the sample")
     for name, values, about in (("roll", passage.roll, "starboard down"), ("pitch", passage.pitch, "bow up"),
                                 ("heading", passage.heading % (2 * np.pi), "from true north")):
         _put(attitude, name, ("time",), np.degrees(values), "arc_degree", about)
@@ -134,7 +125,7 @@ def _sonar(file, line):
     _put(group, "rx_beam_rotation_phi", ("ping", beam), np.degrees(angle), "arc_degree",
          "receiving beam about forward, positive to starboard, from the receive array's normal")
     _put(group, "transmit_beam_index", ("ping", beam), file.variables["column_sector" if columns else "sector"][:], "",
-         "sector that the beam hears")
+         "sector that the beam receives")
     _transmissions(file, group)
     group.attrs["beam_mode"] = "vertical"
     if not columns:
@@ -180,27 +171,16 @@ def _transmissions(file, group):
         _put(group, name, ("ping", "sector"), values, units, about)
 
 
-def _provenance(file, line):
-    group = file.create_group("Provenance")
-    for name, text in (("conversion_software_name", "mitsonar"), ("conversion_software_version", __version__),
-                       ("history", line.provenance())):
-        group.attrs[name] = text
-
-
-CHUNK_BYTES, CHUNK_PINGS = 1 << 18, 512
-_SHADOWED = "_nc4_non_coord_"             # before the name of a variable that a dimension has too
-
-
 def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: str | None = None) -> Written:
-    """Write a line of soundings as netCDF-4; arguments, result and errors as `mitsonar.io.survey_lines.write`.
+    """Write a line of soundings as netCDF-4; arguments, result and errors are those of `survey_lines.write`.
 
-    An attribute of a kind that files cannot hold is a TypeError.
+    Raises TypeError for an attribute of a type that files cannot hold.
     """
-    line, some = line_of(blocks, place=place, start=start)
-    first = next(some)
+    line, remaining = line_of(blocks, place=place, start=start)
+    first = next(remaining)
     if start is not None:
         first = first.assign_attrs(start=start)
-    number, found = first.sizes["ping"], int(first["valid"].sum())
+    number, valid = first.sizes["ping"], int(first["valid"].sum())
     with replacing(path) as temporary, full_disk_told():
         record = encoded(first)
         beside = {name: value for name, value in root_attributes(line).items() if name not in record.attrs}
@@ -210,42 +190,50 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
         with h5py.File(temporary, "a", rdcc_nbytes=2 * CHUNK_BYTES) as file:
             growing = {str(name): file[_SHADOWED + str(name) if _SHADOWED + str(name) in file else str(name)]
                        for name, variable in first.variables.items() if variable.dims[:1] == ("ping",)}
-            for block in some:
+            for block in remaining:
                 _check_room(temporary, block.nbytes)
-                number, found = number + _append(growing, block, number), found + int(block["valid"].sum())
+                _append(growing, block, number)
+                number, valid = number + block.sizes["ping"], valid + int(block["valid"].sum())
             _settle(file, number)
         with h5netcdf.File(temporary, "a") as file:
-            add_groups(file, line, passage_of(line))
+            passage = passage_of(line)
+            _environment(file, line, passage)
+            _platform(file, line, passage)
+            _sonar(file, line)
+            file.create_group("Provenance").attrs.update({
+                "conversion_software_name": "mitsonar", "conversion_software_version": __version__,
+                "history": line.provenance()})
         if "column_level_db" in record:
             with h5py.File(temporary, "a") as file:    # a second name of the same data, not a copy
                 file[BACKSCATTER] = file["column_level_db"]
-    return Written(pings=number, soundings=found, words=(line.placed,) if line.placed else ())
+    return Written(pings=number, soundings=valid, words=(line.placed,) if line.placed else ())
 
 
 def _check_room(path: Path, size: int) -> None:
-    """Raise the error of a full disk before HDF5 meets one: it can end the process."""
+    """Raise the error of a full disk here, since HDF5 can end the process when the disk is full."""
     if not has_room(path, size):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def _encoding(record: xr.Dataset) -> dict[str, dict[str, bool | int | tuple[int, ...]]]:
-    packed: dict[str, dict[str, bool | int | tuple[int, ...]]] = {}
-    for name, kept in packing(record).items():
-        one = packed[name] = {**kept}
+    """Return the encoding of each variable; variables of pings are chunked by pings."""
+    encoding: dict[str, dict[str, bool | int | tuple[int, ...]]] = {}
+    for name, packed in packing(record).items():
+        encoding[name] = {**packed}
         variable = record.variables[name]
         if variable.dims[:1] == ("ping",):
             others = variable.shape[1:]
             size = max(1, variable.dtype.itemsize * int(np.prod(others)))
-            most = int(np.clip(CHUNK_BYTES // size, 1, CHUNK_PINGS))
-            one["chunksizes"] = (most, *(max(1, other) for other in others))
-    return packed
+            pings = int(np.clip(CHUNK_BYTES // size, 1, CHUNK_PINGS))
+            encoding[name]["chunksizes"] = (pings, *(max(1, other) for other in others))
+    return encoding
 
 
 def _settle(file: h5py.File, pings: int) -> None:
-    """Return the dimension ``ping`` its final size: h5netcdf reads what may grow ten times more slowly."""
+    """Fix the dimension ``ping`` at its final size: h5netcdf reads an unlimited dimension ten times more slowly."""
     growing = file["ping"]
-    users = [name for name, one in file.items() if isinstance(one, h5py.Dataset) and name != "ping" and one.ndim
-             and len(one.dims[0]) and one.dims[0][0] == growing]
+    users = [name for name, data in file.items() if isinstance(data, h5py.Dataset) and name != "ping" and data.ndim
+             and len(data.dims[0]) and data.dims[0][0] == growing]
     kept = {name: growing.attrs[name] for name in ("_Netcdf4Dimid",) if name in growing.attrs}
     for name in users:
         file[name].dims[0].detach_scale(growing)
@@ -258,11 +246,10 @@ def _settle(file: h5py.File, pings: int) -> None:
         file[name].dims[0].attach_scale(settled)
 
 
-def _append(growing: dict[str, h5py.Dataset], block: xr.Dataset, at: int) -> int:
-    pings = block.sizes["ping"]
-    # The data sets stay open, so that a chunk is packed once it is full and not at every block.
-    for name, one in growing.items():
-        one.resize(at + pings, axis=0)
+def _append(growing: dict[str, h5py.Dataset], block: xr.Dataset, at: int) -> None:
+    end = at + block.sizes["ping"]
+    # The data sets stay open, so that a chunk is compressed once it is full and not at every block.
+    for name, data in growing.items():
+        data.resize(end, axis=0)
         values = block[name].values
-        one[at:at + pings] = values.astype(np.int8) if values.dtype == bool else values
-    return pings
+        data[at:end] = values.astype(np.int8) if values.dtype == bool else values

@@ -1,8 +1,8 @@
-"""Degrees to metres of a zone, and attitude from sensors to the vessel.
+"""Convert positions from degrees to metres of a zone, and attitudes and lever arms between sensor, vessel and level.
 
-The zone is UTM's (UPS beyond 84 degrees) of the line's first position. Offsets of soundings from their ping are not
-shrunk by the zone's scale (0.9996 to 1.0010): a record's distances are metres, as a scene's are. Headings are clockwise
-from the grid's north, so that x and y follow from them.
+The zone is the UTM zone (UPS beyond 84 degrees) of the line's first position. Offsets of soundings from their ping are
+not multiplied by the zone's scale (0.9996 to 1.0010): distances of a record are metres, as those of a scene. Headings
+are clockwise from grid north, so that x and y follow from them.
 """
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-STEP = 1e-5                        # [degrees] over which north is looked for
+STEP = 1e-5                        # [degrees] of latitude over which the direction of north is measured
 
 
 @dataclass(frozen=True, kw_only=True)
 class Zone:
-    """Hold a line's plane."""
+    """Plane of projection of a line."""
 
     crs: str
-    origin: tuple[float, float]  # (2,) [m]: easting and northing of x = y = 0
-    convergence: float  # [rad]: bearing of true north there, clockwise from the grid's
+    origin: tuple[float, float]  # [m]: easting and northing of x = y = 0
+    convergence: float  # [rad]: bearing of true north there, clockwise from grid north
 
     @cached_property
     def _projection(self):
@@ -31,7 +31,7 @@ class Zone:
         return pyproj.Transformer.from_crs("EPSG:4326", self.crs, always_xy=True)
 
     def places(self, longitude: np.ndarray, latitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return x and y [m] of longitudes and latitudes [degrees], NaN where they are none."""
+        """Return x and y [m] of longitudes and latitudes [degrees], NaN where these are invalid."""
         on_earth = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360)
         east, north = self._projection.transform(np.where(on_earth, longitude, np.nan),
                                                  np.where(on_earth, latitude, np.nan))
@@ -40,7 +40,7 @@ class Zone:
 
 
 def zone_of(longitude: float, latitude: float) -> Zone:
-    """Make the zone around a position [degrees]."""
+    """Return the zone of a position [degrees]."""
     import pyproj
 
     if not (abs(latitude) <= 90 and abs(longitude) <= 360):
@@ -51,21 +51,21 @@ def zone_of(longitude: float, latitude: float) -> Zone:
         crs = f"EPSG:{326 if latitude >= 0 else 327}{int((longitude + 180) % 360 // 6) + 1:02d}"
     projection = pyproj.Transformer.from_crs("EPSG:4326", crs, always_xy=True)
     east, north = projection.transform(longitude, latitude)
-    step = -STEP if latitude > 0 else STEP        # towards the equator: there is no north at a pole
-    east_on, north_on = projection.transform(longitude, latitude + step)
-    convergence = np.arctan2((east_on - east) / step, (north_on - north) / step)
+    step = -STEP if latitude > 0 else STEP        # towards the equator: a pole has no north
+    next_east, next_north = projection.transform(longitude, latitude + step)
+    convergence = np.arctan2((next_east - east) / step, (next_north - north) / step)
     return Zone(crs=crs, origin=(float(np.round(east)), float(np.round(north))), convergence=float(convergence))
 
 
 def levelled(offset: np.ndarray, roll: ArrayLike, pitch: ArrayLike) -> np.ndarray:
-    """Turn lever arms (..., 3) of the body to forward, starboard and down of a level vessel."""
+    """Return lever arms (..., 3) of the body as forward, starboard and down of the levelled vessel."""
     angles = np.stack(np.broadcast_arrays(0.0 * np.asarray(roll), pitch, roll), -1)
     return Rotation.from_euler("ZYX", angles).apply(offset)
 
 
 def from_sensor(roll: np.ndarray, pitch: np.ndarray, heading: np.ndarray,
                 mounting: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the vessel's roll, pitch and heading from a sensor's that is mounted askew by (roll, pitch, heading)."""
+    """Return the vessel's roll, pitch and heading from those of a sensor and its mounting (roll, pitch, heading)."""
     if heading.size == 0 or not np.any(mounting):
         return roll, pitch, heading
     sensor = Rotation.from_euler("ZYX", np.stack([heading, pitch, roll], -1))
@@ -75,10 +75,10 @@ def from_sensor(roll: np.ndarray, pitch: np.ndarray, heading: np.ndarray,
 
 
 def straight(mounting: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Return the mounting (roll, pitch, heading) of an array as if its cable left aft, and whether it leaves forward.
+    """Return the mounting (roll, pitch, heading) of an array with its cable turned aft, and True if it left forward.
 
-    An array turned by half a circle about its normal is the same array with its own forward and starboard exchanged for
-    aft and port: Rz(h) Ry(p) Rx(r) Rz(180) = Rz(h + 180) Ry(-p) Rx(-r).
+    An array turned by half a circle about its normal is the same array with forward and starboard exchanged for aft and
+    port: Rz(h) Ry(p) Rx(r) Rz(180) = Rz(h + 180) Ry(-p) Rx(-r).
     """
     roll, pitch, heading = mounting
     heading = np.remainder(heading + np.pi, 2 * np.pi) - np.pi
@@ -89,11 +89,11 @@ def straight(mounting: np.ndarray) -> tuple[np.ndarray, bool]:
 
 def across_and_along(x: ArrayLike, y: ArrayLike, heading: ArrayLike, across: np.ndarray,
                      along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return x and y of points across and along track from a place."""
+    """Return x and y of points at distances across and along track from a position."""
     sine, cosine = np.sin(heading), np.cos(heading)
     return x + along * sine + across * cosine, y + along * cosine - across * sine
 
 
 def turned(roll: float, pitch: float, heading: float = 0.0) -> np.ndarray:
-    """Return the matrix (3, 3) that turns the body's directions by heading, pitch and roll, of an array or a vessel."""
+    """Return the matrix (3, 3) from the frame of a body (an array, a vessel) to the frame it is turned in."""
     return Rotation.from_euler("ZYX", [heading, pitch, roll]).as_matrix()

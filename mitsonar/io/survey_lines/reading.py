@@ -1,8 +1,8 @@
-"""Lines of soundings from files of survey software, whole or in blocks of pings.
+"""Read lines of soundings from files of survey software, whole or in blocks of pings.
 
-    .all, .wcd      Kongsberg's datagrams until 2018       .kmall, .kmwcd   since then      .gsf   Generic Sensor Format
+    .all, .wcd      Kongsberg datagrams until 2018       .kmall, .kmwcd   since then      .gsf   Generic Sensor Format
 
-A water column is taken from the file itself or from the one beside it (LINE.wcd, LINE.kmwcd).
+A water column is read from the file itself or from the file beside it (LINE.wcd, LINE.kmwcd).
 """
 from __future__ import annotations
 
@@ -27,30 +27,30 @@ READERS = {"all": AllFile, "kmall": KmallFile, "gsf": GsfFile}
 
 
 def recognised(head: bytes) -> str | None:
-    """Tell by a file's first eight bytes what it is: 'all', 'kmall', 'gsf' or None."""
+    """Return the format of a file, 'all', 'kmall', 'gsf' or None, from its first eight bytes."""
     if head[4:5] == b"#":
         return "kmall"
-    if head[4:8] == b"\x00\x00\x00\x01" or head[4:8] == b"\x80\x00\x00\x01":
+    if head[4:8] in (b"\x00\x00\x00\x01", b"\x80\x00\x00\x01"):
         return "gsf"
     return "all" if head[4:5] == b"\x02" else None
 
 
 def read(path: FilePath, *, pings: slice | None = None, water_column: bool = True,
          head: int | None = None) -> xr.Dataset:
-    """Read a line of soundings."""
-    whole = next(blocks(path, pings=pings, water_column=water_column, size=None))
-    return whole if head is None else of_head(whole, head)
+    """Read a line of soundings, or a range of its pings, or the pings of one receiving head."""
+    line = next(blocks(path, pings=pings, water_column=water_column, size=None))
+    return line if head is None else of_head(line, head)
 
 
 def blocks(path: FilePath, *, pings: slice | None = None, water_column: bool = True,
            size: int | None = BLOCK) -> Iterator[xr.Dataset]:
-    """Read a line of soundings some pings at a time; memory holds one block. Arguments and errors as `read`."""
+    """Read a line of soundings in blocks of ``size`` pings; arguments and errors as `read`."""
     main, column = _pair(path)
     try:
-        reader = READERS[_kind(main)](main, column, water_column=water_column)
+        reader = READERS[_format(main)](main, column, water_column=water_column)
         start, stop, step = (pings or slice(None)).indices(len(reader))
         if step != 1 or stop <= start:
-            raise ValueError(f"it has the pings 0 to {len(reader) - 1}; {pings} are none of these in a row.")
+            raise ValueError(f"it has the pings 0 to {len(reader) - 1}; {pings} selects no consecutive pings of these.")
         line, held = reader.line, []
         for ping in reader.pings(start, stop):
             held.append(ping)
@@ -64,7 +64,7 @@ def blocks(path: FilePath, *, pings: slice | None = None, water_column: bool = T
 
 
 def of_head(soundings: xr.Dataset, head: int) -> xr.Dataset:
-    """Pick the pings of one receiving head of a line of several, with its lever arm and mounting."""
+    """Return the pings of one of several receiving heads, with its lever arm and mounting."""
     if "head" not in soundings:
         if head != 0:
             raise ValueError(f"the line has one receiving head, 0; head {head} was asked for.")
@@ -72,37 +72,39 @@ def of_head(soundings: xr.Dataset, head: int) -> xr.Dataset:
     count = soundings.sizes["receive_head"]
     if not 0 <= head < count:
         raise ValueError(f"the line has the receiving heads 0 to {count - 1}; head {head} was asked for.")
-    one = soundings.isel(ping=np.flatnonzero(soundings["head"].values == head))
-    mine = {name: one[f"head_{name}"][head].drop_vars(one.coords, errors="ignore") for name in (
-        "receive_offset", "receive_mounting")}
-    return one.assign(mine).drop_vars(["head", "head_receive_offset", "head_receive_mounting"])
+    kept = soundings.isel(ping=np.flatnonzero(soundings["head"].values == head))
+    arrays = {name: kept[f"head_{name}"][head].drop_vars(kept.coords, errors="ignore")
+              for name in ("receive_offset", "receive_mounting")}
+    return kept.assign(arrays).drop_vars(["head", "head_receive_offset", "head_receive_mounting"])
 
 
 def sources(path: FilePath) -> tuple[str, ...]:
-    """Name the files that `read` would open: that of soundings, and that of the water column beside it."""
-    return tuple(one for one in _pair(path) if one)
+    """Return the files that `read` would open: soundings and, if present, the water column beside them."""
+    return tuple(file for file in _pair(path) if file)
 
 
 def _pair(path):
-    """Return the file of soundings and that of the water column beside it, or None."""
+    """Return the file of soundings and the file of the water column beside it, or None."""
     files.check_readable(path, "the line", "an .all, .kmall or .gsf file")
-    name, suffix = os.path.splitext(os.fspath(path))
-    main = os.fspath(path)
-    if suffix.lower() in MAINS:
-        main = next((name + ending for ending in (MAINS[suffix.lower()], MAINS[suffix.lower()].upper())
-                     if os.path.isfile(name + ending)), "")
-        if not main:
-            raise ValueError(f"cannot read {path}: it has a water column alone; put {os.path.basename(name)}"
-                             f"{MAINS[suffix.lower()]}, the soundings, beside it.")
-        return main, os.fspath(path)
-    ending = COLUMNS.get(_kind(main) or "", "")
-    return main, next((name + one for one in (ending, ending.upper()) if one and os.path.isfile(name + one)), None)
+    path = os.fspath(path)
+    name, suffix = os.path.splitext(path)
+    if main := MAINS.get(suffix.lower()):
+        if soundings := _beside(name, main):
+            return soundings, path
+        raise ValueError(f"cannot read {path}: it has a water column alone; put {os.path.basename(name)}{main}, the "
+                         "soundings, beside it.")
+    return path, _beside(name, COLUMNS.get(_format(path), ""))
 
 
-def _kind(path):
+def _beside(name, suffix):
+    paths = (name + suffix, name + suffix.upper())
+    return next((path for path in paths if suffix and os.path.isfile(path)), None)
+
+
+def _format(path):
     with open(path, "rb") as stream:
         kind = recognised(stream.read(8))
-    # an EXR image looks like the first bytes of an .all file
+    # an EXR image begins like an .all file
     if kind is None or files.described(path):
         if not os.path.getsize(path):
             raise ValueError(f"cannot read {path}: it is empty.")

@@ -1,7 +1,7 @@
-"""A line of soundings as a table: one sounding a line, with units in the header.
+"""Write a line of soundings as CSV: one sounding a row, units in the header.
 
-Angles are degrees, times of day UTC. Eastings and northings stand where the scene has a coordinate system, latitudes
-and longitudes there and where a place is said. Soundings without a place are left out.
+Angles are degrees, times of day UTC. Eastings and northings are written if the scene has a coordinate system, latitudes
+and longitudes also if a place is given. Soundings without a position are left out.
 """
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mitsonar.device.files import FilePath, replacing
 from mitsonar.hydrography.record import VARIABLES
 
 from .clouds import ONLY_SOUNDINGS, cloud, of_soundings
-from .lines import Blocks, Place, Written, line_of
+from .lines import NO_SYSTEM, Blocks, Place, Written, line_of
 
 UNITS = {"rad": "deg", "1": "", "dB re 1": "dB", "dB re 1 µPa": "dB"}
 DECIMALS = {"m": 4, "s": 9, "deg": 5, "dB": 3}
@@ -19,29 +19,29 @@ EARTH = {"easting": ("m", 4), "northing": ("m", 4), "latitude": ("deg", 9), "lon
 
 
 def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: str | None = None) -> Written:
-    """Write a line of soundings as CSV; arguments, result and errors as `mitsonar.io.survey_lines.write`."""
+    """Write a line of soundings as CSV; arguments, result and errors are those of `mitsonar.io.survey_lines.write`."""
     import pandas as pd
 
-    line, some = line_of(blocks, place=place, start=start)
-    known = bool(line.first.attrs.get("crs"))
+    line, remaining = line_of(blocks, place=place, start=start)
+    georeferenced = bool(line.first.attrs.get("crs"))
     names = of_soundings(line)
-    earth = [name for name in EARTH if known or (place is not None and name in ("latitude", "longitude"))]
-    number = found = 0
+    earth = [name for name in EARTH if georeferenced or (place is not None and name in ("latitude", "longitude"))]
+    number = valid = 0
     with replacing(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as stream:
         stream.write(",".join(["time [UTC]", "ping", "beam", *(_titled(name, EARTH[name][0]) for name in earth),
                                *(_titled(name, _unit(name)) for name in names)]) + "\n")
-        for block in some:
+        for block in remaining:
             rows = []
-            for one in cloud(line, block, number):
-                time = np.rint(one["since"] * 1e6).astype("int64").view("datetime64[us]")
-                columns = {"time": np.datetime_as_string(time, "us"), "ping": one["ping"], "beam": one["beam"]}
-                columns |= {name: np.round(one[name], EARTH[name][1]) for name in earth}
-                rows.append(pd.DataFrame(columns | {name: _plain(name, one[name]) for name in names}))
-                found += int(one["valid"].sum())
+            for soundings in cloud(line, block, number):
+                time = np.rint(soundings["since"] * 1e6).astype("int64").view("datetime64[us]")
+                columns = {"time": np.datetime_as_string(time, "us"), "ping": soundings["ping"],
+                           "beam": soundings["beam"]}
+                columns |= {name: np.round(soundings[name], EARTH[name][1]) for name in earth}
+                rows.append(pd.DataFrame(columns | {name: _plain(name, soundings[name]) for name in names}))
+                valid += int(soundings["valid"].sum())
             pd.concat(rows).to_csv(stream, index=False, header=False)
             number += block.sizes["ping"]
-    return Written(pings=number, soundings=found, words=(
-        *(() if known else ("x and y are metres of the scene, which names no coordinate system",)), ONLY_SOUNDINGS))
+    return Written(pings=number, soundings=valid, words=(*(() if georeferenced else (NO_SYSTEM,)), ONLY_SOUNDINGS))
 
 
 def _unit(name):
@@ -54,8 +54,8 @@ def _titled(name, unit):
 
 
 def _plain(name, values):
+    """Return values as written: whole numbers, or rounded in the unit of the header."""
     if values.dtype.kind != "f":
         return values.astype(int)
-    turned = np.degrees(values) if VARIABLES[name].unit == "rad" else values
-    return np.round(turned.astype(float), DECIMALS.get(_unit(name), 6))
-
+    converted = np.degrees(values) if VARIABLES[name].unit == "rad" else values
+    return np.round(converted.astype(float), DECIMALS.get(_unit(name), 6))

@@ -1,14 +1,10 @@
-"""A line of soundings as a Generic Sensor Format file, version 03.09; see `gsf_pings` for scales and signs.
+"""Write a line of soundings in Generic Sensor Format (GSF) 03.09.
 
-GSF records that are not of pings: parameters, casts, attitudes, comments, the summary.
+Records follow the specification 03.06 (Leidos, 2014). Each is a multiple of four bytes long, 512 KiB at most; angles
+outside pings are hundredths of degrees, heave and offsets hundredths of metres.
 
-As the Generic Sensor Format specification 03.06 (Leidos, 2014) has them. Its records are multiples of four bytes long
-and 512 KiB at most; angles of records are hundredths of degrees, heave and offsets hundredths of metres.
-
-A ping of soundings as GSF has it: the header, arrays of beams, the sectors, the intensity series.
-
-Arrays are whole numbers of a scale: depth, across and along track 0.1 mm, travel time 10 ns (up to 42.9 s), angles
-0.003 and 0.006 degrees, amplitudes 0.01 dB, errors 1 mm, quality 0.02. Positions are 1e-7 degrees (1 cm).
+Arrays of beams are whole multiples of a step: depth, across and along track 0.1 mm, travel time 10 ns (up to 42.9 s),
+angles 0.003 and 0.006 degrees, amplitudes 0.01 dB, errors 1 mm, quality 0.02. Positions are 1e-7 degrees (1 cm).
 
     beam_angle          from the vertical       beam_angle_forward   azimuth, counterclockwise from starboard
     vertical_error      1.96 sigma              horizontal_error     2.448 sigma / sqrt(2)      (95 %)
@@ -26,19 +22,30 @@ from mitsonar.device.files import FilePath, replacing
 from mitsonar.units import deg_from_radians, knots_from_metres_per_second
 
 from ..directions import level
-from ..lines import SOUNDINGS, Blocks, LineToWrite, Ping, Place, Written, left_out, line_of, lost, pings, rotation
+from ..lines import HEADS, SOUNDINGS, Blocks, LineToWrite, Ping, Place, Written, line_of, pings, rotation
 from ..passage import LinePassage, passage_of
 from ..snippets import runs_of
 
 VERSION = "GSF-v03.09"
-ATTITUDE_SECONDS = 10.0                    # of an attitude record; it takes 65 at most
+ATTITUDE_SECONDS = 10.0                    # of an attitude record; the format allows 65
 NOT_APPLIED = ("DRAFT", "PITCH", "ROLL", "GYRO")
 MOST_RECEIVERS = 2
 OFFSETS = ("POSITION", "ANTENNA", "MRU", "CENTER_OF_ROTATION", "DEPTH_SENSOR")
+KMALL_SPECIFIC = 156
+MOST_SECTORS = 9
+# Multiplier, offset, bytes, signed, by the number of the array in the format.
+SCALES = {1: (1e4, 0.0, 4, False), 2: (1e4, 0.0, 4, True), 3: (1e4, 0.0, 4, True), 4: (1e8, 0.0, 4, False),
+          5: (300.0, 0.0, 2, True), 6: (100.0, 0.0, 2, True), 9: (50.0, 0.0, 1, False), 18: (180.0, 0.0, 2, False),
+          19: (1e3, 0.0, 2, False), 20: (1e3, 0.0, 2, False), 22: (1.0, 0.0, 1, False), 23: (1.0, 0.0, 1, False),
+          27: (1e3, 0.0, 2, False), 28: (1e3, 0.0, 2, False), 30: (100.0, 0.0, 2, False)}
+LARGEST_ERROR = 65.0                               # [m]
+ERRORS = (("uncertainty", "VerticalError_m", "SonarVertUncert_m", 1.960),
+          ("horizontal_uncertainty", "HorizontalError_m", "SonarHorzUncert_m", 2.448 / np.sqrt(2)))
+SILENCE, STEPS = 20_000, 100                       # of samples: value of 0 dB, steps per dB
 
 
 class GsfWriter(gsf):
-    """A GSF file that is being written to an open stream."""
+    """Writer of GSF records to an open stream."""
 
     def __init__(self, stream: IO[bytes]) -> None:
         super().__init__()
@@ -55,34 +62,34 @@ class GsfWriter(gsf):
 
 
 def order_of(line: LineToWrite) -> np.ndarray:
-    """Return the numbers (R,) of the receive arrays from port to starboard, as GSF lists them, two at most."""
+    """Return the numbers (R,) of the receive arrays from port to starboard, the order of GSF, two at most."""
     return np.argsort(line.receivers[0][:, 1], kind="stable")[:MOST_RECEIVERS]
 
 
 def parameters(line: LineToWrite, passage: LinePassage) -> dict[str, Any]:
-    """Return the processing parameters: what has been applied, and that nothing is left to apply."""
-    zero, none = "+0.000", "+0.000,+0.000,+0.000"
+    """Return the processing parameters: all corrections are marked as applied."""
+    zero, zeros = "+0.000", "+0.000,+0.000,+0.000"
     values = {"REFERENCE TIME": "1970/001 00:00:00", "PLATFORM_TYPE": "SURFACE_SHIP", "FULL_RAW_DATA": "TRUE",
               "ROLL_COMPENSATED": "YES", "PITCH_COMPENSATED": "YES", "HEAVE_COMPENSATED": "YES",
               "TIDE_COMPENSATED": "NO", "NUMBER_OF_RECEIVERS": f"{len(order_of(line))}", "NUMBER_OF_TRANSMITTERS": "1",
               "DEPTH_CALCULATION": "CORRECTED", "RAY_TRACING": "YES", "MSB_APPLIED_TO_ATTITUDE": "NO",
               "HEAVE_REMOVED_FROM_GPS_TC": "NO", "UTC_OFFSET": "0", "ROLL_REFERENCE": "ROTATED"}
     values |= {f"{name}_TO_APPLY": zero for name in NOT_APPLIED}
-    values |= {f"{name}_OFFSET_TO_APPLY": none for name in (*OFFSETS, "TRANSDUCER", "RX_TRANSDUCER")}
+    values |= {f"{name}_OFFSET_TO_APPLY": zeros for name in (*OFFSETS, "TRANSDUCER", "RX_TRANSDUCER")}
     values |= {"APPLIED_DRAFT": f"{passage.draught:+.3f}"}
-    values |= {f"APPLIED_{name}_OFFSET": none for name in OFFSETS}
-    sending = line.array("transmit_offset")[None], line.array("transmit_mounting")[None]
-    for prefix, (offsets, turned) in (("", sending), ("RX_", tuple(one[order_of(line)] for one in line.receivers))):
-        values[f"APPLIED_{prefix}TRANSDUCER_OFFSET"] = _record_words(offsets)
-        values |= {f"APPLIED_{prefix}TRANSDUCER_{name}_OFFSET": _record_words(deg_from_radians(angle))
-                   for name, angle in zip(("ROLL", "PITCH", "HEADING"), turned.T)}
+    values |= {f"APPLIED_{name}_OFFSET": zeros for name in OFFSETS}
+    transmitter = line.array("transmit_offset")[None], line.array("transmit_mounting")[None]
+    receivers = tuple(array[order_of(line)] for array in line.receivers)
+    for prefix, (offsets, mountings) in (("", transmitter), ("RX_", receivers)):
+        values[f"APPLIED_{prefix}TRANSDUCER_OFFSET"] = _text(offsets)
+        values |= {f"APPLIED_{prefix}TRANSDUCER_{name}_OFFSET": _text(deg_from_radians(angle))
+                   for name, angle in zip(("ROLL", "PITCH", "HEADING"), mountings.T)}
     values |= {f"APPLIED_{name}_LATENCY": zero for name in ("POSITION", "ATTITUDE", "DEPTH_SENSOR")}
     values |= {"GEOID": "WGS-84", "TIDAL_DATUM": "UNKNOWN"}
     return {"ParamTime": passage.time[0], "Parameters": values}
 
 
-def _record_words(numbers: np.ndarray) -> str:
-    """Write the numbers of one array after the other."""
+def _text(numbers: np.ndarray) -> str:
     return ",".join(f"{value:+.4f}" for value in np.ravel(numbers))
 
 
@@ -94,18 +101,18 @@ def cast(line: LineToWrite, passage: LinePassage) -> dict[str, Any]:
 
 
 def attitudes(passage: LinePassage) -> Iterator[dict[str, Any]]:
-    """Return the attitude records, each of ten seconds."""
-    number = np.floor((passage.time - passage.time[0]) / ATTITUDE_SECONDS)
+    """Yield the attitude records, ten seconds each."""
+    record = np.floor((passage.time - passage.time[0]) / ATTITUDE_SECONDS)
     nanoseconds = np.rint(passage.time * 1e9).astype("int64").view("datetime64[ns]")
-    for one in np.unique(number):
-        some = number == one
-        yield {"Time": nanoseconds[some], "Pitch_deg": deg_from_radians(passage.pitch[some]),
-               "Roll_deg": deg_from_radians(passage.roll[some]), "Heave_m": passage.heave[some],
-               "Heading_deg": deg_from_radians(passage.heading[some]) % 360.0}
+    for number in np.unique(record):
+        part = record == number
+        yield {"Time": nanoseconds[part], "Pitch_deg": deg_from_radians(passage.pitch[part]),
+               "Roll_deg": deg_from_radians(passage.roll[part]), "Heave_m": passage.heave[part],
+               "Heading_deg": deg_from_radians(passage.heading[part]) % 360.0}
 
 
 def comments(line: LineToWrite, passage: LinePassage) -> Iterator[dict[str, Any]]:
-    """Return the comments: where the line comes from, and what its numbers mean where the format leaves it open."""
+    """Yield the comments: the origin of the line, and definitions that the format leaves open."""
     for text in (line.provenance(), line.placed,
                  "depths are below the still surface, across and along track about the reference point; heave is "
                  "positive upwards; beam angles are from the vertical, beam angles forward counterclockwise from "
@@ -117,21 +124,8 @@ def comments(line: LineToWrite, passage: LinePassage) -> Iterator[dict[str, Any]
             yield {"CommentTime": passage.time[0], "Comment": plain + "\0"}
 
 
-KMALL_SPECIFIC = 156
-MOST_SECTORS = 9
-# Multiplier, offset, bytes, signed, by the number of the array in the format.
-SCALES = {1: (1e4, 0.0, 4, False), 2: (1e4, 0.0, 4, True), 3: (1e4, 0.0, 4, True), 4: (1e8, 0.0, 4, False),
-          5: (300.0, 0.0, 2, True), 6: (100.0, 0.0, 2, True), 9: (50.0, 0.0, 1, False), 18: (180.0, 0.0, 2, False),
-          19: (1e3, 0.0, 2, False), 20: (1e3, 0.0, 2, False), 22: (1.0, 0.0, 1, False), 23: (1.0, 0.0, 1, False),
-          27: (1e3, 0.0, 2, False), 28: (1e3, 0.0, 2, False), 30: (100.0, 0.0, 2, False)}
-LARGEST_ERROR = 65.0                               # [m]
-ERRORS = (("uncertainty", "VerticalError_m", "SonarVertUncert_m", 1.960),
-          ("horizontal_uncertainty", "HorizontalError_m", "SonarHorzUncert_m", 2.448 / np.sqrt(2)))
-SILENCE, STEPS = 20_000, 100                       # of samples: value of 0 dB, steps a dB
-
-
 def swath(line: LineToWrite, passage: LinePassage, ping: Ping, number: int) -> dict[str, Any]:
-    """Return the record of a ping, as GSFU takes it."""
+    """Return the record of a ping in the terms of GSFU."""
     course, speed = passage.way(ping["since"])
     roll, pitch = float(ping["ping_roll"]), float(ping["ping_pitch"])
     array = ping["ping_depth"] + (rotation(roll, pitch, 0.0) @ line.array("transmit_offset"))[2]
@@ -169,7 +163,7 @@ def _beams(line, ping):
 
 
 def _specific(line, ping, number, array):
-    """What KMALL says of a ping: GSF has no generic record of sectors."""
+    """Return the sensor-specific record of a KMALL sounder, since GSF has no generic record of sectors."""
     low = ping["sector_frequency"] - ping["sector_bandwidth"] / 2
     high = ping["sector_frequency"] + ping["sector_bandwidth"] / 2
     length = ping["sector_pulse_length"]
@@ -195,15 +189,15 @@ def _specific(line, ping, number, array):
                 "NumSoundingsMaxMain": ping["valid"].size, "NumSoundingsValidMain": int(ping["valid"].sum()),
                 "NumBytesPerSounding": 120, "SeabedImageSampleRate": 0.0 if runs is None else runs.rate,
                 "WCSampleRate": float(rates[0]) if rates.size else 0.0}
-    some = slice(0, MOST_SECTORS)
     sectors = {"TxSectorNumb": np.arange(length.size), "SectorTransmitDelay_sec": ping["sector_delay"],
                "TiltAngleReTx_deg": np.degrees(ping["sector_angle"]), "CentreFreq_Hz": ping["sector_frequency"],
                "TxNominalSourceLevel_dB": ping["sector_source_level_db"], "TotalSignalLength_sec": length,
                "SignalBandWidth_Hz": ping["sector_bandwidth"], "EffectiveSignalLength_sec": length}
-    return specific | {"TxSectors": {name: values[some] for name, values in sectors.items()}}
+    return specific | {"TxSectors": {name: values[:MOST_SECTORS] for name, values in sectors.items()}}
 
 
 def _series(ping):
+    """Return the intensity series of the snippets, None if there are none."""
     runs = runs_of(ping)
     if runs is None or not runs.count.size:
         return None
@@ -216,11 +210,11 @@ def _series(ping):
 
 
 def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: str | None = None) -> Written:
-    """Write a line of soundings as GSF; arguments, result and errors as `mitsonar.io.survey_lines.write`.
+    """Write a line of soundings as GSF; arguments, result and errors are those of `mitsonar.io.survey_lines.write`.
 
-    A ping may also not fit into a record.
+    Raises ValueError also for a ping that does not fit into a record.
     """
-    line, some = line_of(blocks, place=place, start=start)
+    line, remaining = line_of(blocks, place=place, start=start)
     passage = passage_of(line)
     number = soundings = empty = 0
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
@@ -233,39 +227,26 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
         file.write_sound_velocity_profile(cast(line, passage))
         for attitude in attitudes(passage):
             file.write_attitude(attitude)
-        for block in some:
-            for ping in pings(line, block):
-                if not ping["valid"].size:
-                    empty += 1
-                    continue
-                _add(file, swath(line, passage, ping, number), number)
-                found = np.stack([ping["latitude"], ping["longitude"], ping["depth"]])[:, ping["valid"]]
-                low = np.minimum(low, found.min(1, initial=np.inf))
-                high = np.maximum(high, found.max(1, initial=-np.inf))
-                number, soundings, time = number + 1, soundings + found.shape[1], float(ping["since"])
+        for ping in (ping for block in remaining for ping in pings(line, block)):
+            if not ping["valid"].size:
+                empty += 1
+                continue
+            record = swath(line, passage, ping, number)
+            try:
+                file.write_swath_bathymetry_ping(record, SCALES)
+            except (struct.error, OverflowError, ValueError) as error:
+                raise ValueError(f"ping {number} does not go into a GSF record: {error}; check its values, or write a "
+                                 ".nc.") from None
+            points = np.stack([ping["latitude"], ping["longitude"], ping["depth"]])[:, ping["valid"]]
+            low = np.minimum(low, points.min(1, initial=np.inf))
+            high = np.maximum(high, points.max(1, initial=-np.inf))
+            number, soundings, time = number + 1, soundings + points.shape[1], float(ping["since"])
         if soundings:
             file.write_swath_bathy_summary({
                 "StartTime": line.start + float(line.first["ping_time"][0]), "EndTime": time,
                 "MinLatitude_deg": low[0], "MinLongitude_deg": low[1], "MinDepth_m": low[2],
                 "MaxLatitude_deg": high[0], "MaxLongitude_deg": high[1], "MaxDepth_m": high[2]})
-    return Written(pings=number, soundings=soundings, words=_words(line, empty))
-
-
-def _add(file, record, number):
-    try:
-        file.write_swath_bathymetry_ping(record, SCALES)
-    except (struct.error, OverflowError, ValueError) as error:
-        raise ValueError(f"ping {number} does not go into a GSF record: {error}; check its values, or write a "
-                         ".nc.") from None
-
-
-def _words(line, empty):
-    few = len(line.receivers[0]) <= MOST_RECEIVERS
-    out = lost(line, SOUNDINGS | ({"head_receive_offset", "head_receive_mounting"} if few else set()))
+    held = SOUNDINGS | HEADS if len(line.receivers[0]) <= MOST_RECEIVERS else SOUNDINGS
     sectors = line.first.sizes["transmission"]
-    return tuple(text for text in (
-        line.placed, left_out(empty),
-        f"GSF has no room for {', '.join(out)}: write a .nc to keep them" if out else "",
-        f"GSF lists {MOST_SECTORS} sectors of the {sectors}" if sectors > MOST_SECTORS else "",
-        "snippets lack snippet_rate, so GSF holds none" if "snippet_db" in line.first
-        and "snippet_rate" not in line.first else "") if text)
+    return Written(pings=number, soundings=soundings, words=line.remarks(
+        "GSF", held, empty, f"GSF holds {MOST_SECTORS} of the {sectors} sectors" if sectors > MOST_SECTORS else ""))

@@ -1,1 +1,1 @@
-"""Lines of soundings in the files of Kongsberg."""
+"""Lines of soundings in Kongsberg's file formats."""

@@ -1,4 +1,4 @@
-"""Datagrams of Kongsberg's .all and .wcd files: their frames and tables, every length checked before it is believed.
+"""Datagrams of Kongsberg .all and .wcd files: frames and tables, every length checked before it is used.
 
 Layouts: Kongsberg, EM Series Multibeam echo sounder, Datagram formats (850-160692). A datagram is its length [bytes]
 without these four, STX, a letter, model, date, milliseconds, counter, serial number; tables; ETX and a checksum.
@@ -51,20 +51,20 @@ COLUMN_BEAM = np.dtype([("angle", "<i2"), ("start", "<u2"), ("samples", "<u2"), 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AllDatagram:
-    """Hold one datagram."""
+    """One datagram."""
 
     offset: int  # [bytes]: in the file
-    raw: bytes  # all of it, in the order of bytes that the tables have
+    raw: bytes  # the whole datagram, in the byte order of the file
     order: Order
 
     @cached_property
     def frame(self) -> Any:
-        """First fields, by their names."""
+        """First fields, by name."""
         return np.frombuffer(self.raw, FRAME.newbyteorder(self.order), 1)[0]
 
     @property
     def kind(self) -> str:
-        """Letter of its type."""
+        """Letter of the datagram's type."""
         return chr(self.raw[5])
 
     @cached_property
@@ -74,25 +74,25 @@ class AllDatagram:
 
     @property
     def key(self) -> tuple[int, int, int, int]:
-        """What datagrams of one ping share: serial number, counter, date and time."""
+        """Fields that datagrams of one ping share: serial number, counter, date and time."""
         serial, counter, date, time = (int(self.frame[name]) for name in ("serial", "counter", "date", "time"))
         return serial, counter, date, time
 
     @cached_property
     def head(self) -> Any:
-        """Fields before the tables, by their names."""
+        """Fields before the tables, by name."""
         return self.table(HEADS[self.kind], 1, HEAD)[0]
 
     def table(self, layout: np.dtype, count: int, offset: int | None = None) -> np.ndarray:
-        """Return a table of ``count`` rows, by default the one after the head."""
-        start = HEAD + HEADS[self.kind].itemsize if offset is None else offset
+        """Return a table of ``count`` rows, by default the table after the head."""
+        start = self.after() if offset is None else offset
         if start + count * layout.itemsize > len(self.raw) - END:
-            raise ValueError(f"its datagram {self.kind!r} at byte {self.offset} says that it holds {count} entries, "
-                             "more than it has room for; it is damaged.")
+            raise ValueError(f"its datagram {self.kind!r} at byte {self.offset} is too short for its {count} entries; "
+                             "it is damaged.")
         return np.frombuffer(self.raw, layout.newbyteorder(self.order), count, start)
 
     def after(self, *tables: np.ndarray) -> int:
-        """Return the offset behind the head and tables that follow it."""
+        """Return the offset after the head and the tables that follow it."""
         return HEAD + HEADS[self.kind].itemsize + sum(table.nbytes for table in tables)
 
 
@@ -101,25 +101,25 @@ def seconds(date: int, milliseconds: int) -> float:
     try:
         day = datetime(date // 10000, date // 100 % 100, date % 100, tzinfo=timezone.utc)
     except ValueError:
-        raise ValueError(f"a datagram is of the date {date}, which there is not; the file is damaged.") from None
+        raise ValueError(f"a datagram has the date {date}, which does not exist; the file is damaged.") from None
     return day.timestamp() + 1e-3 * milliseconds
 
 
 def datagrams(stream: BinaryIO, kinds: str, passed: set[str] | None = None) -> Iterator[AllDatagram]:
-    """Walk through a file's datagrams of some kinds; others are passed over, and their letters go into ``passed``."""
+    """Yield the datagrams of some kinds; the letters of the others are added to ``passed``."""
     size, offset = os.fstat(stream.fileno()).st_size, 0
     stream.seek(0)
     head = stream.read(HEAD)
     orders: tuple[Order, ...] = "<", ">"
-    order: Order | None = next((one for one in orders if _plausible(head, one)), None)
+    order: Order | None = next((order for order in orders if _length(head, order)), None)
     if order is None:
         raise ValueError("it is no .all or .wcd file: it does not begin with a datagram.")
     while offset < size:
         stream.seek(offset)
         head = stream.read(HEAD)
-        if not _plausible(head, order):
+        length = _length(head, order)
+        if not length:
             raise ValueError(f"it is damaged or cut at byte {offset}: there is no datagram.")
-        length = int.from_bytes(head[:4], "little" if order == "<" else "big")
         if offset + 4 + length > size:
             raise ValueError(f"it is cut: its last datagram, at byte {offset}, has {size - offset} of {length + 4} "
                              "bytes; copy the file again.")
@@ -131,15 +131,15 @@ def datagrams(stream: BinaryIO, kinds: str, passed: set[str] | None = None) -> I
 
 
 def at(stream: BinaryIO, offset: int, length: int, order: Order) -> AllDatagram:
-    """Read one datagram of a length [bytes] that was checked."""
+    """Read one datagram of a checked length [bytes]."""
     stream.seek(offset)
     raw = stream.read(4 + length)
     if len(raw) != 4 + length or raw[-END] != 3:
-        raise ValueError(f"its datagram at byte {offset} does not end where it says; it is damaged.")
+        raise ValueError(f"its datagram at byte {offset} does not end after its {length} bytes; it is damaged.")
     return AllDatagram(offset=offset, raw=raw, order=order)
 
 
-def _plausible(head, order):
-    """Return whether a datagram begins so."""
+def _length(head, order):
+    """Return the length [bytes] in the first bytes of a datagram, 0 if no datagram begins with them."""
     length = int.from_bytes(head[:4], "little" if order == "<" else "big")
-    return len(head) == HEAD and HEAD - 4 + END <= length <= LONGEST and head[4] == 2
+    return length if len(head) == HEAD and HEAD - 4 + END <= length <= LONGEST and head[4] == 2 else 0

@@ -1,15 +1,13 @@
-"""A line of soundings as Kongsberg's KMALL, the water column in the same file.
+"""Write a line of soundings as Kongsberg KMALL, with the water column in the same file.
 
-Installation, settings and cast come first, then motion (#SKM), positions (#SPO), the head's sound speed (#SVT), pings
-(#MRZ) and their water column (#MWC) in the order of time. See `kmall_pings` and `column` for signs and steps.
-
-#MRZ, a ping of soundings in KMALL, and how a sounding says where it lies in the water column.
+Installation, settings and cast come first, then in the order of time motion (#SKM), positions (#SPO), sound speed at
+the head (#SVT), pings (#MRZ) and their water column (#MWC, see `column`). In #MRZ:
 
     z = depth - depth of the reference point             z of the water line = - depth of the reference point
     beam angle = - angle        (positive to port)        tilt = angle of the sector  (positive forward)
     quality factor [%] = 100 / 10^quality                 seabed image: 0.1 dB
 
-A sounding's own ``transmit_angle`` finds no place: its sector's tilt stands for it.
+The format has no ``transmit_angle`` of a sounding; the tilt of its sector is written instead.
 """
 from __future__ import annotations
 
@@ -22,21 +20,7 @@ from KMALL.kmall import kmall
 from mitsonar.device.files import FilePath, replacing
 
 from ..directions import from_vertical
-from ..lines import (
-    COLUMN,
-    SOUNDINGS,
-    Blocks,
-    LineToWrite,
-    Ping,
-    Place,
-    Written,
-    left_out,
-    line_of,
-    lost,
-    pings,
-    rated,
-    rotation,
-)
+from ..lines import COLUMN, HEADS, SOUNDINGS, Blocks, LineToWrite, Ping, Place, Written, line_of, pings, rated, rotation
 from ..passage import passage_of
 from ..snippets import Runs, runs_of
 from .column import KongsbergColumn, column_of, offset_of, water_column
@@ -44,15 +28,15 @@ from .kmall_sensors import BODY, MODEL, NO_HEIGHT, body, head_speed, installatio
 
 VERSION = 3
 INFO, SECTOR, RECEIVER, SOUNDING = 152, 48, 32, 120      # bytes
-NO_SOUNDING_DB = -100.0                                    # reflectivity of what is no sounding
+NO_SOUNDING_DB = -100.0                                # reflectivity of beams without a sounding
 NORMAL, REJECTED = 0, 2                                # types of detections
 NO_SAMPLE = -32_768
+HELD = (SOUNDINGS - {"transmit_angle"}) | COLUMN | HEADS
 
 
 def soundings(stream: IO[bytes], line: LineToWrite, ping: Ping, number: int, sounder: int,
-              column: KongsbergColumn | None,
-              rate: float = 0.0) -> None:
-    """Append a ping's #MRZ; ``rate`` is that of its cycles [Hz], 0 where it is not known."""
+              column: KongsbergColumn | None, rate: float) -> None:
+    """Append a ping's #MRZ; ``rate`` is that of the ping cycles [Hz], 0 if unknown."""
     runs = runs_of(ping)
     sectors, count = ping["sector_frequency"].size, ping["valid"].size
     samples = 0 if runs is None else int(runs.count.sum())
@@ -110,7 +94,7 @@ def _sectors(ping, sectors) -> dict[str, list[Any]]:
                                      0)}, sectors)
 
 
-def _receiver(ping, runs: Runs | None, column: KongsbergColumn | None) -> dict[str, Any]:
+def _receiver(ping, runs, column) -> dict[str, Any]:
     return {"numBytesRxInfo": RECEIVER, "numSoundingsMaxMain": ping["valid"].size,
             "numSoundingsValidMain": int(ping["valid"].sum()), "numBytesPerSounding": SOUNDING,
             "WCSampleRate": 0.0 if column is None else column.rate,
@@ -121,14 +105,14 @@ def _receiver(ping, runs: Runs | None, column: KongsbergColumn | None) -> dict[s
 def _soundings(line, ping, runs: Runs | None, column: KongsbergColumn | None) -> dict[str, Any]:
     valid = ping["valid"]
 
-    def told(name: str, otherwise: float = 0.0, factor: float = 1.0) -> np.ndarray:
+    def filled(name: str, otherwise: float = 0.0) -> np.ndarray:
+        """Return the values of valid soundings, ``otherwise`` where they are missing."""
         values = ping.get(name)
-        if values is None:
-            return np.full(valid.size, otherwise)
-        return np.where(valid & np.isfinite(values), factor * values, otherwise)
+        return np.full(valid.size, otherwise) if values is None else np.where(
+            valid & np.isfinite(values), 1.0 * values, otherwise)
 
     sector = ping["sector"]
-    quality = np.where(valid, 100.0 / 10.0 ** told("quality", 2.0), 0.0) if "quality" in ping else np.zeros(valid.size)
+    quality = np.where(valid, 100.0 / 10.0 ** filled("quality", 2.0), 0.0) if "quality" in ping else 0.0
     zeros = dict.fromkeys(("rejectionInfo1", "rejectionInfo2", "postProcessingInfo", "detectionClass",
                            "detectionConfidenceLevel", "padding", "detectionWindowLength_sec", "echoLength_sec",
                            "receiverSensitivityApplied_dB", "BScalibration_dB", "TVG_dB", "beamAngleCorrection_deg",
@@ -137,22 +121,22 @@ def _soundings(line, ping, runs: Runs | None, column: KongsbergColumn | None) ->
                            "SInumSamples"), 0)
     out = zeros | {
         "soundingIndex": ping["beam"], "txSectorNumb": sector, "rangeFactor": np.full(valid.size, 100.0),
-        "detectionType": np.where(valid, NORMAL, REJECTED), "detectionMethod": told("detection").astype(int),
-        "qualityFactor": quality, "detectionUncertaintyVer_m": told("uncertainty"),
-        "detectionUncertaintyHor_m": told("horizontal_uncertainty"),
+        "detectionType": np.where(valid, NORMAL, REJECTED), "detectionMethod": filled("detection").astype(int),
+        "qualityFactor": quality, "detectionUncertaintyVer_m": filled("uncertainty"),
+        "detectionUncertaintyHor_m": filled("horizontal_uncertainty"),
         "meanAbsCoeff_dbPerkm": 1e3 * ping["sector_absorption_db"][sector],
-        "reflectivity1_dB": told("backscatter_db", NO_SOUNDING_DB),
-        "reflectivity2_dB": told("backscatter_db", NO_SOUNDING_DB),
+        "reflectivity1_dB": filled("backscatter_db", NO_SOUNDING_DB),
+        "reflectivity2_dB": filled("backscatter_db", NO_SOUNDING_DB),
         "sourceLevelApplied_dB": ping["sector_source_level_db"][sector],
-        "beamAngleReRx_deg": -np.degrees(ping["angle"]), "twoWayTravelTime_sec": told("travel_time"),
-        "z_reRefPoint_m": np.where(valid, told("depth") - ping["ping_depth"], 0.0),
+        "beamAngleReRx_deg": -np.degrees(ping["angle"]), "twoWayTravelTime_sec": filled("travel_time"),
+        "z_reRefPoint_m": np.where(valid, filled("depth") - ping["ping_depth"], 0.0),
         "deltaLatitude_deg": np.where(valid, ping["latitude"] - ping["ping_latitude"], 0.0),
         "deltaLongitude_deg": np.where(valid, ping["longitude"] - ping["ping_longitude"], 0.0),
-        "y_reRefPoint_m": told("across_track"), "x_reRefPoint_m": told("along_track")}
+        "y_reRefPoint_m": filled("across_track"), "x_reRefPoint_m": filled("along_track")}
     if column is not None and column.angle.size:
-        beam = column.nearest(ping["angle"])
+        beam = np.argmin(np.abs(column.angle[None] - ping["angle"][:, None]), axis=1)
         out |= {"WCBeamNumb": beam, "WCNomBeamAngleAcross_deg": column.vertical_deg[beam],
-                "WCrange_samples": np.clip(np.rint(told("travel_time") * column.rate), 0, 65_535).astype(int)}
+                "WCrange_samples": np.clip(np.rint(filled("travel_time") * column.rate), 0, 65_535).astype(int)}
     if runs is not None:
         out |= {"SIstartRange_samples": runs.start, "SIcentreSample": runs.centre, "SInumSamples": runs.count}
     return out
@@ -166,26 +150,23 @@ def _image(runs: Runs | None) -> list[int]:
 
 
 def _columns(values: dict[str, Any], count: int) -> dict[str, list[Any]]:
-    return {name: np.broadcast_to(one, (count,)).tolist() for name, one in values.items()}
-
-
-HELD = (SOUNDINGS - {"transmit_angle"}) | COLUMN | {"head_receive_offset", "head_receive_mounting"}
+    return {name: np.broadcast_to(column, (count,)).tolist() for name, column in values.items()}
 
 
 def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: str | None = None) -> Written:
-    """Write a line of soundings as KMALL; arguments, result and errors as `mitsonar.io.survey_lines.write`.
+    """Write a line of soundings as KMALL; arguments, result and errors are those of `mitsonar.io.survey_lines.write`.
 
-    A ping may also not fit into a datagram.
+    Raises ValueError also for a ping that does not fit into a datagram.
     """
-    line, some = line_of(blocks, place=place, start=start)
+    line, remaining = line_of(blocks, place=place, start=start)
     passage, sounder, offset = passage_of(line), model(line), None
     waiting = sensors(line, passage)
     due = next(waiting, None)
-    number = found = empty = louder = quieter = 0
+    number = valid = empty = louder = quieter = 0
     with replacing(path) as temporary, open(temporary, "wb") as stream:
         for datagram in (installation, settings, profile):
             stream.write(datagram(line, passage))
-        for ping, rate in rated(ping for block in some for ping in pings(line, block)):
+        for ping, rate in rated(ping for block in remaining for ping in pings(line, block)):
             while due is not None and due[0] <= ping["since"]:
                 stream.write(due[1])
                 due = next(waiting, None)
@@ -198,31 +179,18 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
                 stream.write(head_speed(line, ping))
                 soundings(stream, line, ping, number, sounder, column, rate)
                 if column is not None and offset is not None:
-                    stream.write(water_column(line, passage, ping, number, sounder, column, offset=offset))
+                    stream.write(water_column(passage, ping, number, sounder, column, offset))
                     louder, quieter = louder + column.outside[0], quieter + column.outside[1]
             except (struct.error, OverflowError) as error:
                 raise ValueError(f"ping {number} does not go into a KMALL datagram: {error}; check its values, or "
                                  "write a .nc.") from None
-            number, found = number + 1, found + int(ping["valid"].sum())
+            number, valid = number + 1, valid + int(ping["valid"].sum())
         while due is not None:
             stream.write(due[1])
             due = next(waiting, None)
-    return Written(pings=number, soundings=found, words=(
-        *_words(line, sounder, empty), *_steps(offset, louder, quieter)))
-
-
-def _words(line, sounder, empty):
-    out = lost(line, HELD)
-    return tuple(text for text in (
-        line.placed, left_out(empty),
-        f"KMALL has no room for {', '.join(out)}: write a .nc to keep them" if out else "",
-        f"KMALL knows Kongsberg's sounders only, so it says EM {MODEL}" if f"{sounder}" not in line.sonar else "",
-        "snippets lack snippet_rate, so KMALL holds none" if "snippet_db" in line.first
-        and "snippet_rate" not in line.first else "") if text)
-
-
-def _steps(offset, louder, quieter):
-    if offset is None:
-        return ()
-    outside = f", {louder} samples are louder and {quieter} quieter" if louder or quieter else ""
-    return (f"the water column is in steps of 0.5 dB from {-64 - offset} to {63.5 - offset:g} dB{outside}",)
+    words = line.remarks("KMALL", HELD, empty, "" if f"{sounder}" in line.sonar else
+                         f"KMALL is for Kongsberg's sounders only, so the file names an EM {MODEL}")
+    if offset is not None:
+        outside = f", {louder} samples are louder and {quieter} quieter" if louder or quieter else ""
+        words += (f"the water column is in steps of 0.5 dB from {-64 - offset} to {63.5 - offset:g} dB{outside}",)
+    return Written(pings=number, soundings=valid, words=words)

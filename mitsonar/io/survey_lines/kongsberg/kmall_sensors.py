@@ -1,7 +1,7 @@
-"""KMALL datagrams that are not of pings: installation, settings, cast, motion, positions, the head's sound speed.
+"""Write the KMALL datagrams other than pings: installation, settings, cast, motion, positions, sound speed at the head.
 
-After Kongsberg's datagram description, revision J, as instruments' files have it: little-endian, each with its length
-before and after. Angles are degrees; roll is positive with starboard down, pitch with the bow up, heave downwards.
+Layouts follow Kongsberg's datagram description, revision J: little-endian, each datagram with its length before and
+after. Angles are degrees; roll is positive with starboard down, pitch with the bow up, heave downwards.
 """
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from mitsonar.version import __version__
 from ..lines import LineToWrite, Ping
 from ..passage import LinePassage
 
-MODEL = 2040                               # of sounders that are none of Kongsberg's
+MODEL = 2040                               # written for sounders of other makers
 SKM_SECONDS, SPO_SECONDS = 1.0, 0.1        # of a motion datagram; between positions
 ACTIVE, CLOCKED, CORRECTED = 1, 1 << 9, 1 << 10        # of a sensor's status
 CONTENTS = 0b11111                         # position, roll and pitch, heading, heave, accelerations
-UNKNOWN = 0b1100000                        # error fields and delayed heave are no data
-NO_HEIGHT = -999.0                         # [m] above the ellipsoid, which a line does not know
+UNKNOWN = 0b1100000                        # error fields and delayed heave hold no data
+NO_HEIGHT = -999.0                         # [m] above the ellipsoid, which is unknown
 MOTION = np.dtype([("type", "S4"), ("bytes", "<u2"), ("version", "<u2"), ("seconds", "<u4"), ("nanoseconds", "<u4"),
                    ("status", "<u4"), ("latitude", "<f8"), ("longitude", "<f8"), ("height", "<f4"), ("roll", "<f4"),
                    ("pitch", "<f4"), ("heading", "<f4"), ("heave", "<f4"), ("rates", "<f4", 3), ("velocity", "<f4", 3),
@@ -34,48 +34,47 @@ BODY = 12                                  # bytes
 
 
 def model(line: LineToWrite) -> int:
-    """Return the number of the sounder: the one in its name, 2040 where there is none."""
-    found = re.search(r"\bEM\s*(\d{3,4})\b", line.sonar)
-    return int(found[1]) if found else MODEL
+    """Return the number in the name of an EM sounder, 2040 for other sonars."""
+    name = re.search(r"\bEM\s*(\d{3,4})\b", line.sonar)
+    return int(name[1]) if name else MODEL
 
 
 def datagram(kind: str, version: int, sounder: int, since: float, content: bytes) -> bytes:
-    """Return a whole datagram."""
+    """Return a datagram with its frame."""
     length = 24 + len(content)
     head = struct.pack("<I4s2BH2I", length, f"#{kind}".encode(), version, 0, sounder, *_clock(since))
     return head + content + struct.pack("<I", length)
 
 
 def body(ping: Ping, number: int) -> dict[str, int]:
-    """Return what all datagrams of a ping begin with, in the order of the file.
+    """Return the first fields of all datagrams of a ping, in the order of the file.
 
-    Counters begin at 1: readers take a change of the counter for a new ping, and their own begins at 0.
+    The counter begins at 1: readers detect a new ping by a change of the counter, and their own begins at 0.
     """
-    head = int(ping.get("head", 0))
     return {"numBytesCmnPart": BODY, "pingCnt": 1 + number % 65_535, "rxFansPerPing": 1, "rxFanIndex": 0,
-            "swathsPerPing": 1, "swathAlongPosition": 0, "txTransducerInd": 0, "rxTransducerInd": head,
-            "numRxTransducers": 1, "algorithmType": 0}
+            "swathsPerPing": 1, "swathAlongPosition": 0, "txTransducerInd": 0,
+            "rxTransducerInd": int(ping.get("head", 0)), "numRxTransducers": 1, "algorithmType": 0}
 
 
 def installation(line: LineToWrite, passage: LinePassage) -> bytes:
-    """Give #IIP: arrays and sensors in the ship."""
+    """Return #IIP: lever arms and mountings of arrays and sensors."""
     number = model(line)
-    # Readers look for the versions before they find the serial numbers.
+    # Readers search the versions before the serial numbers.
     parts = ["OSCV:Empty", f"EMXV:EM{number}", "\nPU_0", "\nSN=0", "\nVERSIONS:", f"\nCPU:mitsonar {__version__}",
              "\nVERSIONS-END", "\nSERIALno:\nTX:1", "\nRX:1", "\nSERIALno-END",
              "\nKMALL:Rev J 2023-09-15", f"\nSYSTEM:EM {number} - Single Tx single Rx",
              f"TRAI_TX1:N=1;{_mounted(line.array('transmit_offset'), line.array('transmit_mounting'))}"]
     parts += [f"TRAI_RX{head + 1}:N={head + 1};{_mounted(offset, mounting)};G=0.00"
               for head, (offset, mounting) in enumerate(zip(*line.receivers))]
-    nothing = "X=0.000;Y=0.000;Z=0.000"
-    parts += [f"POSI_1:{nothing};D=0.000;G=WGS84;T=Datagram;C=On;F=GGA;Q=Off;I=Net port 1;U=ACTIVE",
-              f"ATTI_1:{nothing};R=0.000;P=0.000;H=0.000;D=0.000;M=Rotation;F=KM Binary;I=Net port 2;U=ACTIVE",
+    zero = "X=0.000;Y=0.000;Z=0.000"
+    parts += [f"POSI_1:{zero};D=0.000;G=WGS84;T=Datagram;C=On;F=GGA;Q=Off;I=Net port 1;U=ACTIVE",
+              f"ATTI_1:{zero};R=0.000;P=0.000;H=0.000;D=0.000;M=Rotation;F=KM Binary;I=Net port 2;U=ACTIVE",
               "SVPI:F=AML NMEA;I=Integrated probe;U=ACTIVE", f"EMXI:SWLZ={-passage.draught:.4f}", "\n"]
     return datagram("IIP", 0, number, passage.time[0], _text(",".join(parts)))
 
 
 def settings(line: LineToWrite, passage: LinePassage) -> bytes:
-    """Give #IOP: what an operator would have chosen, and where the line comes from."""
+    """Return #IOP: settings of the sounder, and the origin of the line as a remark."""
     frequency = float(line.first["sector_frequency"][0].mean())
     remark = line.provenance().replace(":", "")
     kept = "On" if "column_level_db" in line.first else "Off"
@@ -86,7 +85,7 @@ def settings(line: LineToWrite, passage: LinePassage) -> bytes:
 
 
 def profile(line: LineToWrite, passage: LinePassage) -> bytes:
-    """Give #SVP: the cast."""
+    """Return #SVP: the cast."""
     points = np.zeros(line.first.sizes["node"], POINT)
     points["depth"], points["speed"] = line.array("cast_depth"), line.array("cast_sound_speed")
     head = struct.pack("<2H4sI2d", 28, len(points), b"S00\0", int(passage.time[0]), passage.latitude[0],
@@ -95,7 +94,7 @@ def profile(line: LineToWrite, passage: LinePassage) -> bytes:
 
 
 def head_speed(line: LineToWrite, ping: Ping) -> bytes:
-    """Give #SVT: what the head's own sensor says at a ping."""
+    """Return #SVT: the sound speed at the head during a ping."""
     since = float(ping["since"])
     about = struct.pack("<6H2f", 20, ACTIVE, 1, 1, 24, 1, 0.0, 0.0)
     sample = struct.pack("<2I4f", *_clock(since), float(ping["head_sound_speed"]), 0.0, -9999.0, -9999.0)
@@ -103,8 +102,8 @@ def head_speed(line: LineToWrite, ping: Ping) -> bytes:
 
 
 def sensors(line: LineToWrite, passage: LinePassage) -> Iterator[tuple[float, bytes]]:
-    """Give #SKM and #SPO with their times [s since 1970], in their order."""
-    return heapq.merge(_motion(line, passage), _positions(line, passage), key=lambda one: one[0])
+    """Return #SKM and #SPO with their times [s since 1970], in the order of time."""
+    return heapq.merge(_motion(line, passage), _positions(line, passage), key=lambda timed: timed[0])
 
 
 def _motion(line, passage) -> Iterator[tuple[float, bytes]]:
@@ -118,12 +117,12 @@ def _motion(line, passage) -> Iterator[tuple[float, bytes]]:
     samples["heading"], samples["heave"] = deg_from_radians(passage.heading) % 360.0, -passage.heave
     samples["rates"], samples["velocity"] = deg_from_radians(rates), passage.velocity
     samples["acceleration"] = passage.rate(passage.velocity)
-    number = np.floor((passage.time - passage.time[0]) / SKM_SECONDS)
-    for one in np.unique(number):
-        some = samples[number == one]
-        head = struct.pack("<H2B4H", 12, 0, ACTIVE, 1, len(some), MOTION.itemsize, CONTENTS)
-        since = float(passage.time[np.argmax(number == one)])
-        yield since, datagram("SKM", 1, model(line), since, head + some.tobytes())
+    second = np.floor((passage.time - passage.time[0]) / SKM_SECONDS)
+    for number in np.unique(second):
+        part = samples[second == number]
+        head = struct.pack("<H2B4H", 12, 0, ACTIVE, 1, len(part), MOTION.itemsize, CONTENTS)
+        since = float(passage.time[np.argmax(second == number)])
+        yield since, datagram("SKM", 1, model(line), since, head + part.tobytes())
 
 
 def _positions(line, passage) -> Iterator[tuple[float, bytes]]:
@@ -141,14 +140,13 @@ def _positions(line, passage) -> Iterator[tuple[float, bytes]]:
 
 
 def _gga(since, latitude, longitude, height):
-    """NMEA 0183's sentence of a fix: the height is above the still surface, the geoid's own is not known."""
+    """Return a fix as an NMEA 0183 sentence: the height is above the still surface, that of the geoid is unknown."""
     time = datetime.datetime.fromtimestamp(since, datetime.timezone.utc).strftime("%H%M%S.%f")[:9]
     sides = []
     for value, digits, names in ((latitude, 2, "NS"), ((longitude + 180) % 360 - 180, 3, "EW")):
-        # A ten-millionth of a minute at once, so that no minute rounds up to 60.
-        minutes = round(abs(value) * 60e7)
-        whole, part = divmod(minutes, 600_000_000)
-        sides.append(f"{whole:0{digits}d}{part / 1e7:010.7f},{names[value < 0]}")
+        # Rounded to a ten-millionth of a minute first, so that no minute rounds up to 60.
+        degrees, minutes = divmod(round(abs(value) * 60e7), 600_000_000)
+        sides.append(f"{degrees:0{digits}d}{minutes / 1e7:010.7f},{names[value < 0]}")
     text = f"INGGA,{time},{sides[0]},{sides[1]},4,12,0.7,{height:.2f},M,,M,1.0,0000"
     checksum = 0
     for letter in text.encode():
@@ -156,10 +154,10 @@ def _gga(since, latitude, longitude, height):
     return f"${text}*{checksum:02X}\r\n".encode()
 
 
-def _mounted(offset, turned):
-    angles = deg_from_radians(np.asarray(turned))
-    named = [*zip("XYZ", offset), *zip("RPH", (angles[0], angles[1], angles[2] % 360.0))]
-    return ";".join(f"{name}={value:.4f}" for name, value in named)
+def _mounted(offset, mounting):
+    roll, pitch, heading = deg_from_radians(np.asarray(mounting))
+    values = (*offset, roll, pitch, heading % 360.0)
+    return ";".join(f"{name}={value:.4f}" for name, value in zip("XYZRPH", values))
 
 
 def _text(text):
@@ -169,4 +167,4 @@ def _text(text):
 
 def _clock(since):
     seconds = int(since)
-    return seconds, int((since - seconds) * 1e9)       # as pykmall has it, so that a ping's datagrams have one time
+    return seconds, int((since - seconds) * 1e9)       # as pykmall rounds, so that a ping's datagrams have one time

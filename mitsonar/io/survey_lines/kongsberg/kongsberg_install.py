@@ -1,6 +1,6 @@
-"""Where a Kongsberg survey line's arrays and sensors are, from the text of its installation parameters.
+"""Lever arms and mounting angles of a Kongsberg survey line, from the text of its installation parameters.
 
-.all: ``WLZ=1.031,S1X=12.341,...`` (STC tells which of S0 to S3 send and receive). KMALL: ``TRAI_TX1:X=..;Y=..``.
+.all: ``WLZ=1.031,S1X=12.341,...`` (STC defines which of S0 to S3 transmit and receive). KMALL: ``TRAI_TX1:X=..;Y=..``.
 Angles are R, P, H of an array whose cable leaves forward or aft: see `places.straight`.
 """
 from __future__ import annotations
@@ -13,25 +13,25 @@ import numpy as np
 
 from ..places import straight
 
-# Of an EM 2040's arrays in their housings: port, middle and starboard part of the transmitter, and the receiver, as the
-# installation text of its KMALL files lists them; .all files leave them to the reader.
+# Positions of an EM 2040's arrays in their housings: port, middle and starboard part of the transmitter, and the
+# receiver, as the installation text of its KMALL files lists them; .all files do not contain them.
 _HOUSED = np.array([[0.0, -0.05538, -0.012], [0.0, 0.01315, -0.006], [0.0, 0.05538, -0.012]])
 _HOUSED_RECEIVER = np.array([0.011, 0.0, -0.006])
 _EM2040 = 2040
-_SENDING = {0: "1", 1: "1", 2: "1", 3: "1", 4: "0", 5: "1", 6: "1"}           # by STC: number of the first that sends
-_RECEIVING = {0: "2", 1: "1", 2: "12", 3: "23", 4: "23", 5: "1", 6: "2"}      # of those that receive
+_SENDING = {0: "1", 1: "1", 2: "1", 3: "1", 4: "0", 5: "1", 6: "1"}           # by STC: the first transmit array
+_RECEIVING = {0: "2", 1: "1", 2: "12", 3: "23", 4: "23", 5: "1", 6: "2"}      # by STC: the receive arrays
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KongsbergInstallation:
-    """Hold lever arms and mounting angles."""
+    """Lever arms and mounting angles."""
 
     waterline: float  # [m]: below the reference point
-    transmit_offset: np.ndarray  # (3,) [rad]
+    transmit_offset: np.ndarray  # (3,) [m]
     transmit_mounting: np.ndarray  # (3,) [rad]
-    receive_offset: np.ndarray  # (R, 3) [rad]
+    receive_offset: np.ndarray  # (R, 3) [m]
     receive_mounting: np.ndarray  # (R, 3) [rad]
-    transmit_parts: np.ndarray  # (3, 3) [m]
+    transmit_parts: np.ndarray  # (3, 3) [m]: port, middle and starboard part, from transmit_offset
     antenna: np.ndarray  # (3,) [m]: of the active position sensor
     motion_mounting: np.ndarray  # (3,) [rad]: of the active attitude sensor
     backwards: bool  # the transmit array's cable leaves forward
@@ -39,10 +39,10 @@ class KongsbergInstallation:
 
 
 def of_all(text: str, model: int) -> KongsbergInstallation:
-    """Read the parameters of an .all file of a sounder's model."""
+    """Parse the parameters of an .all file of an echo sounder model."""
     values = dict(re.findall(r"(\w+)=([^,\x00]*)", text))
     configuration = int(_number(values, "STC"))
-    arrays = [f"S{_SENDING.get(configuration, '1')}"] + [f"S{one}" for one in _RECEIVING.get(configuration, "2")]
+    arrays = [f"S{number}" for number in _SENDING.get(configuration, "1") + _RECEIVING.get(configuration, "2")]
     active = int(_number(values, "APS")) + 1
     sensor = "NS" if int(_number(values, "ARO")) in (3, 9) else "MS"
     mountings = [np.deg2rad(_three(values, array, "RPH")) for array in arrays]
@@ -59,7 +59,7 @@ def of_all(text: str, model: int) -> KongsbergInstallation:
 
 
 def of_kmall(text: str) -> KongsbergInstallation:
-    """Read the parameters of a KMALL file."""
+    """Parse the parameters of a KMALL file."""
     groups = {name: dict(re.findall(r"(\w+)=([^;,]*)", rest))
               for name, rest in re.findall(r"(\w+):(\w+=[^,]*)", text)}
     names = sorted(name for name in groups if re.fullmatch(r"TRAI_RX\d", name))
@@ -85,12 +85,12 @@ def of_kmall(text: str) -> KongsbergInstallation:
 
 
 def part_of(installed: KongsbergInstallation, sector: np.ndarray) -> np.ndarray:
-    """Return where the parts lie that send sectors (S,): 0 port, 1 middle, 2 starboard of the vessel."""
+    """Return the positions (S, 3) of the parts that transmit sectors (S,): 0 port, 1 middle, 2 starboard."""
     return installed.transmit_parts[2 - sector if installed.backwards else sector]
 
 
 def _installation(*, waterline, parts, offsets, mountings, antenna, motion):
-    """Put it together; the first array sends."""
+    """Return the installation; the first array transmits."""
     turned = [straight(mounting) for mounting in mountings]
     return KongsbergInstallation(
         waterline=waterline, transmit_parts=parts, antenna=antenna, motion_mounting=motion,
@@ -100,7 +100,7 @@ def _installation(*, waterline, parts, offsets, mountings, antenna, motion):
 
 
 def _turned(mounting, inside):
-    """Return a place in an array's frame in the body's."""
+    """Return a position in the frame of an array as one in the body frame."""
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_euler("ZYX", mounting[::-1]).apply(inside)
@@ -111,12 +111,12 @@ def _three(values: Mapping[str, str], prefix: str, letters: str) -> np.ndarray:
 
 
 def _number(values: Mapping[str, str], name: str) -> float:
-    """Return a parameter, 0 where it is not there."""
+    """Return a parameter, 0 if it is missing."""
     text = values.get(name, "0") or "0"
     try:
         number = float(text)
     except ValueError:
-        raise ValueError(f"its installation parameter {name} is {text!r}, no number; it is damaged.") from None
+        raise ValueError(f"its installation parameter {name} is {text!r}, not a number; it is damaged.") from None
     if not abs(number) < 1e4:
-        raise ValueError(f"its installation parameter {name} is {number:g}, which is no ship's; it is damaged.")
+        raise ValueError(f"its installation parameter {name} is {number:g}, too large for a ship; it is damaged.")
     return number

@@ -1,28 +1,24 @@
-"""KMALL files of Kongsberg's echo sounders as lines of soundings, block after block.
+"""Read Kongsberg .kmall files as lines of soundings.
 
-The sounder says where a sounding lies from the vessel's reference point, levelled, along its heading (#MRZ), and when
-and under which angles it was heard. Angles in the file are positive to port, tilts positive towards an array's own
-forward; travel times are from the sector's transmission. The motion sensor's samples (#SKM) are its own: its mounting
-is taken out here. Extra detections, in the water column, are left out.
+The sounder gives the position of a sounding relative to the vessel's reference point, levelled, along its heading, with
+travel time and angles (#MRZ). Angles in the file are positive to port, tilts positive towards an array's own forward;
+travel times are from the transmission of the sector. Samples of the motion sensor (#SKM) are relative to the sensor:
+its mounting is corrected here. Extra detections, in the water column, are left out.
 """
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import BinaryIO
 
 import numpy as np
 
-from ..assembly import MOST_BEAMS, MOST_SECTORS, AssembledLine, LineColumn, Ping, cast_of
+from ..assembly import LineColumn, Ping
 from ..motion import motion_of
 from ..places import across_and_along
 from .kmall_datagrams import KmallDatagram, at, beams_of, column_of, datagrams, decoded, position_of
-from .kongsberg_file import KongsbergFile
+from .kongsberg_file import KongsbergFile, KongsbergRecords
 from .kongsberg_install import of_kmall
 
-_BACKSCATTER = ("as the sounder gives it (reflectivity 1): its source level, beam patterns, spreading and absorption "
-                "taken out, flattened near normal incidence and by Lambert's law where its operator asked for it")
 _NORMAL = 0                        # type of a detection
 WHOLE = ("txSectorNumb", "detectionType", "detectionMethod")
 REAL = ("twoWayTravelTime_sec", "beamAngleReRx_deg", "z_reRefPoint_m", "y_reRefPoint_m", "x_reRefPoint_m",
@@ -31,82 +27,49 @@ REAL = ("twoWayTravelTime_sec", "beamAngleReRx_deg", "z_reRefPoint_m", "y_reRefP
 _ACTIVE = 1                        # of a sensor
 
 
-@dataclass(kw_only=True, eq=False)
-class _KmallRecords:
-    """What the first walk through a file has found."""
-
-    text: str = ""
-    cast: np.ndarray | None = None
-    model: int = 0
-    soundings: dict = field(default_factory=dict)       # key -> where it is
-    column: dict = field(default_factory=dict)
-    positions: list = field(default_factory=list)
-    attitude: dict = field(default_factory=dict)        # whether the sensor is active -> samples
-    passed: set[str] = field(default_factory=set)
-    extra: int = 0                                      # detections in the water column
-    beams: int = 0
-    sectors: int = 0
-    column_beams: int = 0
-    column_samples: int = 0
-
-
 class KmallFile(KongsbergFile):
     """Read a .kmall file, with the .kmwcd file beside it for the water column."""
 
+    BACKSCATTER = ("as the sounder gives it (reflectivity 1): its source level, beam patterns, spreading and "
+                   "absorption taken out, flattened near normal incidence and by Lambert's law where its operator "
+                   "asked for it")
+    COLUMN_KIND = "MWC"
+
     def __init__(self, path: str, column_path: str | None, *, water_column: bool) -> None:
         super().__init__(path, column_path, water_column=water_column)
-        found = self._found = self._walked()
+        found = self._found
         if not found.soundings:
             raise ValueError("it has no soundings (#MRZ).")
         self._installation = of_kmall(found.text)
+        self._heads = len(self._installation.receive_offset)
         self._keys = sorted(found.soundings, key=lambda key: (*key[3:], key[2], key[1]))
         self._start = self._keys[0][3] + 1e-9 * self._keys[0][4]
-        attitude = np.concatenate(found.attitude.get(True) or found.attitude.get(False) or [np.zeros((0, 5))])
-        self._motion = motion_of(attitude[np.argsort(attitude[:, 0], kind="stable")],
-                                 np.array(sorted(found.positions)).reshape(-1, 3), self._start,
-                                 mounting=self._installation.motion_mounting, waterline=self._installation.waterline)
+        self._motion = motion_of(found.samples(True, False), np.array(sorted(found.positions)).reshape(-1, 3),
+                                 self._start, mounting=self._installation.motion_mounting,
+                                 waterline=self._installation.waterline)
 
-    @property
-    def line(self) -> AssembledLine:
-        """What the pings share."""
-        found, installed, motion = self._found, self._installation, self._motion
-        depth, speed = cast_of(found.cast)
-        return AssembledLine(sonar=f"EM {found.model}", title=os.path.basename(self._paths[0]), start=self._start,
-                    crs=motion.zone.crs, origin=motion.zone.origin, cast_depth=depth, cast_sound_speed=speed,
-                    transmit_offset=installed.transmit_offset, transmit_mounting=installed.transmit_mounting,
-                    receive_offset=installed.receive_offset, receive_mounting=installed.receive_mounting,
-                    motion=motion.streams, backscatter=_BACKSCATTER, profile="the cast of the file", beams=found.beams,
-                    sectors=found.sectors, column_beams=found.column_beams, column_samples=found.column_samples,
-                    left_out=self._left_out(found.passed, ("MWC",), found.extra))
+    def _walk(self, stream: BinaryIO, number: int) -> None:
+        kinds = ("IIP", "SVP", "SKM", "MRZ") if number == 0 else ()
+        for datagram in datagrams(stream, (*kinds, "MWC") if self._water_column else kinds,
+                                  self._found.passed if number == 0 else None):
+            _note(self._found, datagram, number)
 
-    def _walked(self):
-        """Go through both files once."""
-        found = _KmallRecords()
-        for number, path in enumerate(self._paths):
-            with open(path, "rb") as stream:
-                kinds = ("IIP", "SVP", "SKM", "MRZ") if number == 0 else ()
-                for one in datagrams(stream, (*kinds, "MWC") if self._water_column else kinds,
-                                     found.passed if number == 0 else None):
-                    _note(found, one, number)
-        return found
-
-    @np.errstate(invalid="ignore", over="ignore")      # of numbers that are none; `dataset` sorts them out
+    @np.errstate(invalid="ignore", over="ignore")      # `dataset` removes NaN and infinity
     def _ping(self, streams: Sequence[BinaryIO], key: tuple[int, ...]) -> Ping:
         installed = self._installation
         datagram = _read(streams, self._found.soundings[key])
-        whole = decoded(datagram)
-        info, receiver = whole["pingInfo"], whole["rxInfo"]
+        content = decoded(datagram)
+        info, receiver = content["pingInfo"], content["rxInfo"]
         count = receiver["numSoundingsMaxMain"]
-        sounding = {name: np.asarray(values)[:count] for name, values in whole["sounding"].items()} if count else \
+        sounding = {name: np.asarray(values)[:count] for name, values in content["sounding"].items()} if count else \
             {name: np.zeros(0, int if name in WHOLE else float) for name in (*WHOLE, *REAL)}
-        head = whole["cmnPart"]["rxTransducerInd"]
-        if head >= len(installed.receive_offset):
-            raise ValueError(f"its ping {key[0]} is of receiver {head + 1} of {len(installed.receive_offset)}; it is "
-                             "damaged.")
+        head = content["cmnPart"]["rxTransducerInd"]
+        if head >= self._heads:
+            raise ValueError(f"its ping {key[0]} is of receiver {head + 1} of {self._heads}; it is damaged.")
         waterline = info["z_waterLevelReRefPoint_m"]
         place = self._motion.at(datagram.time - self._start)
         place["depth"] = -waterline
-        shots = {name: np.asarray(values) for name, values in whole["txSectorInfo"].items()}
+        shots = {name: np.asarray(values) for name, values in content["txSectorInfo"].items()}
         sectors = _sectors(shots, sounding)
         sectors["angle"] = np.deg2rad(shots["tiltAngleReTx_deg"]) * (-1.0 if installed.backwards else 1.0)
         if installed.transmit_parts.any():
@@ -129,74 +92,58 @@ class KmallFile(KongsbergFile):
                        "horizontal_uncertainty": sounding["detectionUncertaintyHor_m"]},
             column=self._column(streams, key, place, head, sectors["absorption_db"]) if self._water_column else None)
 
-    def _column(self, streams, key, place, head, absorption):
-        """Put the water column of a ping together."""
+    def _column(self, streams, key, place, head, absorption) -> LineColumn | None:
         where = self._found.column.get(key)
         if where is None:
             return None
-        whole = decoded(_read(streams, where))
-        receiver, beams = whole["rxInfo"], dict(whole["beamData"].items())
-        rate, speed = receiver["sampleFreq_Hz"], receiver["soundVelocity_mPerSec"]
-        if not (0 < rate < np.inf and 0 < speed < np.inf) or not beams:
-            raise ValueError(f"its water column of ping {key[0]} has {rate:g} samples a second; it is damaged.")
-        count, start = np.asarray(beams["numSampleData"]), np.asarray(beams["startRangeSampleNum"])
-        sector = np.asarray(beams["beamTxSectorNum"])
-        within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-        reach = (np.repeat(start, count) + within + 0.5) * speed / (2 * rate)
-        lost = np.repeat(absorption[np.minimum(sector, absorption.size - 1)], count)
-        level = 0.5 * np.concatenate([np.asarray(values, np.int8) for values in beams["sampleAmplitude05dB_p"]]) \
-            - receiver["TVGoffset_dB"] - receiver["TVGfunctionApplied"] * np.log10(reach) - 2 * lost * reach
-        vertical = -np.deg2rad(np.asarray(beams["beamPointAngReVertical_deg"]))
-        return LineColumn(angle=vertical + place["roll"] + self._installation.receive_mounting[head][0],
-                      start=start / rate, rate=np.full(count.size, rate), sector=sector, count=count, level_db=level)
+        content = decoded(_read(streams, where))
+        receiver, beams = content["rxInfo"], dict(content["beamData"].items())
+        if not beams:
+            raise ValueError(f"its water column of ping {key[0]} has no beams; it is damaged.")
+        samples = np.concatenate([np.asarray(values, np.int8) for values in beams["sampleAmplitude05dB_p"]])
+        return self._column_of(
+            key[0], place, head, absorption, rate=receiver["sampleFreq_Hz"], speed=receiver["soundVelocity_mPerSec"],
+            angle=np.asarray(beams["beamPointAngReVertical_deg"]), start=np.asarray(beams["startRangeSampleNum"]),
+            count=np.asarray(beams["numSampleData"]), sector=np.asarray(beams["beamTxSectorNum"]), samples=samples,
+            offset=receiver["TVGoffset_dB"], spreading=receiver["TVGfunctionApplied"])
 
 
-def _note(found: _KmallRecords, one: KmallDatagram, number: int) -> None:
-    """Keep what a datagram says, or where it is."""
-    where = (number, one.offset, len(one.raw))
-    if one.kind == "MRZ":
-        beams, sectors, extra = beams_of(one)
-        if beams > MOST_BEAMS or not 0 < sectors <= MOST_SECTORS:
-            raise ValueError(f"its ping {one.key[0]} says that it has {beams} soundings and {sectors} sectors; at most "
-                             f"{MOST_BEAMS} and {MOST_SECTORS} are believed.")
-        found.soundings[one.key] = where
+def _note(found: KongsbergRecords, datagram: KmallDatagram, number: int) -> None:
+    """Keep the contents of a datagram, or its place in file ``number``."""
+    where = (number, datagram.offset, len(datagram.raw))
+    if datagram.kind == "MRZ":
+        beams, sectors, extra = beams_of(datagram)
+        if not sectors:
+            raise ValueError(f"its ping {datagram.key[0]} has no sectors; it is damaged.")
+        found.note_ping(datagram.key[0], beams, sectors)
+        found.soundings[datagram.key] = where
         found.extra += extra
-        found.beams, found.sectors = max(found.beams, beams), max(found.sectors, sectors)
-        found.positions.append((one.time, *position_of(one)))
-        found.model = one.model
-    elif one.kind == "MWC":
-        beams, samples = column_of(one)
-        if beams > MOST_BEAMS:
-            raise ValueError(f"its water column of ping {one.key[0]} says that it has {beams} beams; at most "
-                             f"{MOST_BEAMS} are believed.")
-        found.column[one.key] = where
-        found.column_beams = max(found.column_beams, beams)
-        found.column_samples = max(found.column_samples, samples)
-    elif one.kind == "IIP" and not found.text:
-        found.text = one.raw[26:-4].decode("utf-8", "replace")
-    elif one.kind == "SVP" and found.cast is None:
-        nodes = decoded(one)["sensorData"]
+        found.positions.append((datagram.time, *position_of(datagram)))
+        found.model = datagram.model
+    elif datagram.kind == "MWC":
+        found.note_column(datagram.key[0], *column_of(datagram))
+        found.column[datagram.key] = where
+    elif datagram.kind == "IIP" and not found.text:
+        found.text = datagram.raw[26:-4].decode("utf-8", "replace")
+    elif datagram.kind == "SVP" and found.cast is None:
+        nodes = decoded(datagram)["sensorData"]
         found.cast = np.column_stack([nodes["depth_m"], nodes["soundVelocity_mPerSec"]]) if nodes else None
-    elif one.kind == "SKM":
-        whole = decoded(one)
-        samples = whole["sample"]["KMdefault"]
-        if samples:
+    elif datagram.kind == "SKM":
+        content = decoded(datagram)
+        if samples := content["sample"]["KMdefault"]:
             angles = [np.deg2rad(samples[name]) for name in ("roll_deg", "pitch_deg", "heading_deg")]
-            found.attitude.setdefault(bool(whole["infoPart"]["sensorStatus"] & _ACTIVE), []).append(
+            found.attitude.setdefault(bool(content["infoPart"]["sensorStatus"] & _ACTIVE), []).append(
                 np.column_stack([samples["dgtime"], *angles, samples["heave_m"]]))
 
 
 def _sectors(shots, sounding):
-    """Return what sectors are like, by the record's names."""
-    absorption = [_mean(1e-3 * sounding["meanAbsCoeff_dbPerkm"][sounding["txSectorNumb"] == number])
-                  for number in shots["txSectorNumb"]]
+    """Return the sectors by the names of the record; each has the mean absorption of its soundings."""
+    values = [1e-3 * sounding["meanAbsCoeff_dbPerkm"][sounding["txSectorNumb"] == number]
+              for number in shots["txSectorNumb"]]
+    absorption = [float(np.mean(of_sector)) if of_sector.size else 0.0 for of_sector in values]
     return {"frequency": shots["centreFreq_Hz"], "delay": shots["sectorTransmitDelay_sec"],
             "pulse_length": shots["totalSignalLength_sec"], "bandwidth": shots["signalBandWidth_Hz"],
             "source_level_db": shots["txNominalSourceLevel_dB"], "absorption_db": np.array(absorption)}
-
-
-def _mean(values):
-    return float(np.mean(values)) if values.size else 0.0
 
 
 def _read(streams, where):
