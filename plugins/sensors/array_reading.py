@@ -1,4 +1,4 @@
-"""From the attributes of an array (`array_attributes`) to its elements."""
+"""Make an array from the attributes of `array_attributes`."""
 import contextlib
 import zlib
 from collections.abc import Callable, Iterator
@@ -23,13 +23,12 @@ from mitsonar.units import radians_from_deg
 
 from ..attributes import Attributes
 
-SOUND_SPEED = 1500.0               # [m/s] where the sensor knows no better
+SOUND_SPEED = 1500.0               # [m/s] where the sensor gives none
 
 
-def read_array(attributes: Attributes, prefix: str, sound_speed_hint: float | None = None, *,
-               frequency: float | None = None) -> Array:
-    """Make the array that attributes with a prefix describe."""
-    # sound_speed_hint [m/s]; frequency [Hz]
+def read_array(attributes: Attributes, prefix: str, sound_speed_hint: float | None = None, *,     # [m/s]
+               frequency: float | None = None) -> Array:                                           # [Hz]
+    """Make the array that the attributes with a prefix describe."""
     sound_speed = SOUND_SPEED if sound_speed_hint is None else sound_speed_hint
     array = _Prefixed(attributes, prefix, None if frequency is None else 0.5 * sound_speed / frequency)
     make = KINDS[getattr(attributes, prefix)](array)
@@ -42,7 +41,8 @@ def read_array(attributes: Attributes, prefix: str, sound_speed_hint: float | No
 
 
 def nominal_sound_speed(written: float | None, water: Water, route: Route) -> float:
-    """Return the sound speed [m/s] at arrays before their track is laid: as written, or of the profile at the start."""
+    """Return the sound speed [m/s] at the arrays before the track is laid: as written, or the profile's at the start.
+    """
     if written:
         return written
     profile = water.profile
@@ -50,7 +50,7 @@ def nominal_sound_speed(written: float | None, water: Water, route: Route) -> fl
 
 
 def with_elements_changed(attributes: Attributes, prefix: str, made: Array) -> Array:
-    """Return an array with the shading, the failures and the errors of place that attributes with a prefix describe."""
+    """Return an array with the shading, failures and position errors that the attributes with a prefix describe."""
     array = _Prefixed(attributes, prefix, None)
     changes = [*_elements(array)]
     with array.named():
@@ -60,7 +60,7 @@ def with_elements_changed(attributes: Attributes, prefix: str, made: Array) -> A
 
 
 class _Prefixed:
-    """Attributes whose names begin alike; spacing [m] is the default pitch."""
+    """Attributes with a common prefix; `spacing` [m] is the default pitch."""
 
     def __init__(self, attributes: Attributes, prefix: str, spacing: float | None) -> None:
         self.attributes, self.prefix, self.spacing = attributes, prefix, spacing
@@ -73,21 +73,21 @@ class _Prefixed:
 
     @contextlib.contextmanager
     def named(self) -> Iterator[None]:
-        """Say plugin and prefix in front of what an array's maker has to say."""
+        """Put plugin and prefix in front of errors of an array maker."""
         try:
             yield
         except ValueError as error:
             raise self.attributes.error(f"{self.prefix}: {error}") from None
 
     def spaced(self) -> float:
-        """The pitch as written, or half a wavelength."""
+        """Return the pitch as written, or half a wavelength."""
         pitch = self.spacing if self.pitch is None else self.pitch
         if pitch is None:
             raise self.attributes.error(f"attribute {self.name('pitch')} is missing; expected a number [m] above 0.")
         return pitch
 
     def direction(self, suffix: str, default: str | None) -> np.ndarray | None:
-        """A direction of the body's frame."""
+        """Return a direction of the body's frame."""
         text = getattr(self, suffix) if getattr(self, suffix) is not None else default
         if text is None:
             return None
@@ -101,7 +101,7 @@ class _Prefixed:
             raise self.attributes.error(error) from None
 
     def curved(self, from_pitch: Callable[[float], float]) -> float:
-        """The radius as written, or that which spaces the elements at the pitch."""
+        """Return the radius as written, or the radius that spaces the elements at the pitch."""
         both = self.attributes.given(self.name("radius"), self.name("pitch"))
         if len(both) == 2:
             raise self.attributes.error(f"{' and '.join(both)} are both given; one follows from the other, leave one "
@@ -109,7 +109,7 @@ class _Prefixed:
         return from_pitch(self.spaced()) if self.radius is None else self.radius
 
 
-# ---- the kinds: each takes its attributes and gives a maker that still wants the elements' faces
+# ---- the kinds: each returns a maker that still needs the elements' faces
 
 def _point(array):
     return partial(element_array, [0.0, 0.0, 0.0], normal=array.direction("normal", "down"))
@@ -147,7 +147,7 @@ KINDS = {"point": _point, "line": _line, "planar": _planar, "cylindrical": _cyli
          "file": _file}
 
 
-# ---- what all kinds have
+# ---- attributes of all kinds
 
 def _face(array):
     length, height = array.element_length, array.element_height
@@ -156,7 +156,7 @@ def _face(array):
 
 
 def _steering(array, sound_speed):
-    """Changes of the array that steer or focus it."""
+    """Yield changes of the array that steer or focus it."""
     angles, focus, direction = array.steer_deg, array.focus, None
     if angles is not None:
         if abs(angles[1]) > 90:
@@ -164,13 +164,13 @@ def _steering(array, sound_speed):
                                          "azimuth first, then a depression from -90 to 90.")
         direction = body_direction(*radians_from_deg(angles))
     if focus is not None:
-        yield lambda made: made.focused(focus * _looking(made, direction), sound_speed)
+        yield lambda made: made.focused(focus * _focus_direction(made, direction), sound_speed)
     elif direction is not None:
         yield lambda made: made.steered(direction, sound_speed)
 
 
-def _looking(array, direction):
-    """The direction, or where the array's elements look together."""
+def _focus_direction(array, direction):
+    """Return the direction, or by default the mean normal of the elements."""
     if direction is None:
         direction = array.normal.mean(axis=0)
         if np.linalg.norm(direction) < 1e-2:
@@ -180,13 +180,13 @@ def _looking(array, direction):
 
 
 def _elements(array):
-    """Changes of single elements: shading, failures, errors of place."""
+    """Yield changes of single elements: shading, failures, position errors."""
     windows, failed, jitter = array.shading, array.failed, array.jitter
     if windows is not None:
         yield lambda made: made.shaded(*windows.split(","))
     if failed is not None:
-        whole = failed.astype(int) if np.array_equal(failed, np.rint(failed)) else failed
-        yield lambda made: made.failing(whole)
+        numbers = failed.astype(int) if np.array_equal(failed, np.rint(failed)) else failed
+        yield lambda made: made.failing(numbers)
     # arrays of one sensor must not share their errors
     seed = zlib.crc32(array.prefix.encode()) if array.jitter_seed is None else array.jitter_seed
     if jitter is not None:

@@ -1,12 +1,13 @@
-"""Elements of a sonar's arrays as `mi.traverse` names them: what is written there is what later renders have.
+"""Numbers of a sonar's elements under the names of `mi.traverse`; later renders use what is written there.
 
-    tx_position, rx_position   [m]   three numbers an element, body frame, about the arrays' centre
-    tx_delay, rx_delay         [s]   one an element: by which it sends, or its signal comes, later
-    tx_weight, rx_weight       [-]   one an element; 0 is one that has failed
+    tx_position, rx_position   [m]   three numbers an element, body frame, from the arrays' centre
+    tx_delay, rx_delay         [s]   one number an element: delay of its transmission, or of its signal
+    tx_weight, rx_weight       [-]   one number an element; 0 for a failed one
 
-Renders follow them. Of arrays and forward-looking sonars, gradients of what transmits go through the coherent picture,
-`mitsonar.gradients.elements.coherent_levels`; `mitsonar.coherent_model` has those of receivers that beams do not know
-of. Of the elements' own signals `mitsonar.differentiable_signals` has all but ``rx_weight``, which shades beams alone.
+For arrays and forward-looking sonars, gradients of the transmit elements go through the coherent picture
+(`mitsonar.gradients.elements.coherent_levels`), and `mitsonar.coherent_model` has the gradients of receivers whose
+delays do not steer. `mitsonar.differentiable_signals` has the gradients of the elements' signals by all of them but
+``rx_weight``, which shades beams only.
 """
 from __future__ import annotations
 
@@ -35,31 +36,29 @@ class ElementKeys:
             for side, array in self._arrays.items() for number in numbers}
 
     def traverse(self, callback: mi.TraversalCallback) -> None:
-        """Show them."""
+        """Show the numbers to `mi.traverse`."""
         for name, value in self._values.items():
             followed = name != "rx_weight"           # it shades beams: signals of elements do not depend on it
             callback.put(name, value, mi.ParamFlags.Differentiable if followed else mi.ParamFlags.NonDifferentiable)
 
     def changed(self) -> tuple[Array, Array]:
-        """Return the transmit and the receive array of the numbers as they are now; the same objects if none changed.
-        """
-        arrays = {side: self._array(side, array) for side, array in self._arrays.items()}
-        self._arrays = arrays
-        return arrays["tx"], arrays["rx"]
+        """Return the transmit and receive array of the present numbers; the same objects if none changed."""
+        self._arrays = {side: self._array(side, array) for side, array in self._arrays.items()}
+        return self._arrays["tx"], self._arrays["rx"]
 
     def _array(self, side: str, array: Array) -> Array:
-        found = {}
+        changes = {}
         for number in self._numbers:
-            name, now = f"{side}_{number}", getattr(array, number)
+            name, old = f"{side}_{number}", getattr(array, number)
             value = dr.detach(self._values[name]).numpy()
-            if value.size != now.size:
-                raise ValueError(f"{self._kind}: {name} has {value.size} numbers; give {now.size}, "
-                                 f"{now.size // array.elements} for each of {array.elements} elements.")
-            if not np.array_equal(value.reshape(now.shape), now):
-                found[number] = value.reshape(now.shape)
-        if not found:
+            if value.size != old.size:
+                raise ValueError(f"{self._kind}: {name} has {value.size} numbers; give {old.size}, "
+                                 f"{old.size // array.elements} for each of {array.elements} elements.")
+            if not np.array_equal(value.reshape(old.shape), old):
+                changes[number] = value.reshape(old.shape)
+        if not changes:
             return array
         try:
-            return replace(array, **found, **({"layout": ()} if "position" in found else {}))
+            return replace(array, **changes, **({"layout": ()} if "position" in changes else {}))
         except ValueError as error:
             raise ValueError(f"{self._kind}: {ARRAYS[side]} {error}") from None

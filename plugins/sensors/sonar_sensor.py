@@ -1,4 +1,4 @@
-"""What sensors of all kinds of sonar share."""
+"""Base classes of the sensors of all kinds of sonar."""
 from dataclasses import replace
 from typing import Any, NoReturn
 
@@ -12,48 +12,49 @@ from mitsonar.io.scene_files import scenes
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.survey.sensor import slowest_speed
 from mitsonar.survey.voyage import Route
+from mitsonar.units import hertz_from_khz
 from mitsonar.water.profile import FASTEST, SLOWEST
 
 from ..attributes import Attribute, Attributes, Boolean, Group, Integer, Nested, Number
 from .element_keys import ElementKeys
 from .platform import OF_THE_TRACK, read_route
 
-LOWEST_DB, HIGHEST_DB = -200, 300                 # what energies in float32 can hold
+LOWEST_DB, HIGHEST_DB = -200, 300                 # range of energies in float32
 
 SOUND_SPEED = Number("sound_speed", default=None, above=SLOWEST, below=FASTEST, unit="m/s", otherwise="the profile's",
-                     text="at the sonar, makes slant range of time; the profile's is that at the track's mean depth")
+                     text="sound speed at the sonar, which converts time to slant range; from a profile, the speed at "
+                          "the track's mean depth")
 NOISE = (
-    Boolean("noise", default=True, text="ambient noise in the receivers' band and beams, coherent between close "
-                                        "elements"),
+    Boolean("noise", default=True,
+            text="ambient noise in the receivers' band and beams, coherent between close elements"),
     Number("noise_level_db", default=None, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa²/Hz",
            otherwise="the water's", text="spectrum level of that noise"),
 )
 PASS = Integer("pass", default=None, minimum=0, maximum=1_000_000,
                otherwise="0, or that of the sonar whose track it shares",
-               text="number of the pass over the same ground: what scatters there stays as coherent as the "
-                    "`coherence` of its material says, noise and water are others")
+               text="number of the pass over the same ground; between passes, scatterers stay as coherent as the "
+                    "`coherence` of their material states, and noise and water differ")
 SELF_NOISE = Number("self_noise_db", default=None, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa²/Hz",
-                    text="noise of each receiver by itself")
+                    text="self-noise of each receiver")
 NESTED = (
-    Nested("medium", default=None, otherwise="needed", text="a `seawater`, the water it works in"),
-    Nested("film", default=None, otherwise="needed", text="a `sonar_film`, the record it makes"),
+    Nested("medium", default=None, otherwise="needed", text="the water around the sonar, a `seawater`"),
+    Nested("film", default=None, otherwise="needed", text="the record of the sonar, a `sonar_film`"),
     Nested("sensor", default=None,
-           text="another sonar, by `<ref>`: this one pings at the same places and times, and takes none of the track's "
-                "attributes but `offset`; its last echo must be in before the other one's next ping"),
+           text="another sonar, by `<ref>`: this sonar pings at the same places and times, and takes no attribute of "
+                "the track except `offset`; its last echo must arrive before the next ping of the other sonar"),
 )
 
 
 class SonarSensor(mi.Sensor):
     """A sonar in its water, on its route, with its film.
 
-    A subclass says which kind of sonar it is and what it declares, and takes the attributes that no other kind has
-    (`read`).
+    A subclass has a `kind`, declares its attributes, and reads those that are its own (`read`).
     """
-    # sound_speed [m/s]; position_offset [rad]; attitude_offset [rad]
+    # sound_speed [m/s]; position_offset, attitude_offset (3 pings,) [m], [rad]
 
-    follows_offsets = True             # whether its run takes a track's offsets, not its trajectory alone
+    follows_offsets = True             # whether a run uses the offsets of the track besides its trajectory
     kind: str  # one of `mitsonar.survey.kinds.KINDS`
-    declared: tuple[Attribute | Group, ...]  # those of the kind, `SOUND_SPEED`, `NOISE`, `NESTED` and the route's
+    declared: tuple[Attribute | Group, ...]  # attributes of the kind, `SOUND_SPEED`, `NOISE`, `NESTED`, route
     frequency: float  # [Hz]: set by `read`
 
     def __init__(self, props: mi.Properties) -> None:
@@ -77,28 +78,28 @@ class SonarSensor(mi.Sensor):
         self._check_in_time(attributes)
 
     def _shared(self, attributes: Attributes) -> Route:
-        """Take the track of another sonar, ping by ping."""
+        """Return the route of another sonar with the offset of this one."""
         leader = self.leader
         if not isinstance(leader, SonarSensor) or "sector_scan" in (self.kind, leader.kind):
-            raise attributes.error("the nested <sensor> is the sonar whose track it shares, and must be one that does "
-                                   "not turn, nor may this one; name a sidescan or an array by <ref>.")
+            raise attributes.error("the nested <sensor> is the sonar whose track it shares; neither of the two may be "
+                                   "a sector_scan: name a sidescan or an array by <ref>.")
         if written := attributes.given(*OF_THE_TRACK):
             raise attributes.error(f"{', '.join(written)} and a nested <sensor> are both given; the track is that of "
                                    f'"{leader.id()}", leave one of them out.')
-        # as fast as the range of the other one allows: its own range must not change where both are
+        # as fast as the range of the leader allows: the range of this sonar must not change their places
         interval = None if leader.route.ping_rate else leader.route.interval or _shortest(leader)
         offset = attributes.offset if attributes.given("offset") else leader.route.offset
         return replace(leader.route, interval=interval, offset=offset)
 
     def _pass_number(self, attributes: Attributes) -> int:
-        """The number that is written, or that of the sonar it shares a track with; 0 of kinds that take none."""
+        """Return the number as written, or that of the sonar whose track is shared; 0 for kinds without passes."""
         written = getattr(attributes, "pass", None)
         if written is not None:
             return written
         return 0 if self.leader is None else self.leader.pass_number
 
     def _check_in_time(self, attributes: Attributes) -> None:
-        """Refuse a range whose last echo is not in before the sonar whose track it shares pings again."""
+        """Refuse a range whose last echo arrives after the next ping of the sonar whose track is shared."""
         if self.leader is None or self.route.interval is None:
             return
         interval, needed = self.route.interval, _shortest(self)
@@ -108,26 +109,33 @@ class SonarSensor(mi.Sensor):
                                    "the track to the sonar of the longer range, or write its ping_rate_hz.")
 
     def own_seed(self, seed: int) -> int:
-        """Return the seed of its rays, speckle and noise: one of its own in each pass, and beside another sonar."""
+        """Return the seed of this sonar's rays, speckle and noise, different for each pass and each sonar of a track.
+        """
         seed = pass_seed(seed, self.pass_number)
         return seed if self.leader is None else sonar_seed(seed, self.id())
 
     def read(self, attributes: Attributes) -> None:
-        """Take what this kind of sonar alone has."""
+        """Read the attributes of this kind of sonar."""
         # Mitsuba's classes have a metaclass of their own, so they cannot be abstract ones
         raise NotImplementedError(f"{type(self).__name__} lacks the method read")
 
+    def read_transmission(self, attributes: Attributes) -> None:
+        """Read preset, carrier, source level and self-noise."""
+        self.preset = getattr(attributes, "preset", None)
+        self.frequency = float(hertz_from_khz(attributes.frequency_khz))
+        self.source_level_db, self.self_noise_db = attributes.source_level_db, attributes.self_noise_db
+
     def noise_level_db(self) -> float:
-        """Ambient noise spectrum level [dB re 1 µPa²/Hz] at the sonar's frequency."""
+        """Return the ambient noise spectrum level [dB re 1 µPa²/Hz] at the sonar's frequency."""
         if self.given_noise_level_db is not None:
             return self.given_noise_level_db
         return self.water.noise_level_db(self.frequency)
 
     def place_of(self, tag: str, name: str) -> str:
-        """Return where the scene's file writes an attribute of a kind of element, to begin an error with."""
+        """Return the beginning of an error: file and line where the scene writes an attribute."""
         return f"{self.kind}: " if self.path is None else f"{scenes.place(self.path, tag, name)}: "
 
-    # ---- what Mitsuba asks of a sensor that no camera ray leaves
+    # ---- methods that Mitsuba needs; no camera ray leaves a sonar
 
     def traverse(self, callback: mi.TraversalCallback) -> None:
         super().traverse(callback)
@@ -142,31 +150,22 @@ class SonarSensor(mi.Sensor):
         super().parameters_changed(keys)
         if self.elements is not None:
             self.take_elements(*self.elements.changed())
-        found = {}
+        errors = {}
         for name in ("position", "attitude"):
             offset = dr.detach(getattr(self, f"{name}_offset")).numpy()
             if len(offset) != 3 * self.rows or not np.all(np.isfinite(offset)):
                 raise ValueError(f"{self.kind}: {name}_offset has {len(offset)} numbers, finite or not; give "
-                                 f"{3 * self.rows} finite ones, three for each of its pings.")
-            found[f"{name}_error"] = offset.reshape(-1, 3).copy() if np.any(offset) else None
-        self.route = replace(self.route, **found)
+                                 f"{3 * self.rows} finite numbers, three for each ping.")
+            errors[f"{name}_error"] = offset.reshape(-1, 3).copy() if np.any(offset) else None
+        self.route = replace(self.route, **errors)
 
     def element_keys(self) -> ElementKeys | None:
-        """Return the numbers of its elements that can be changed; None: it has none."""
+        """Return the numbers of the elements that can be changed; None if there are none."""
         return None
 
     def take_elements(self, transmit: Array, receive: Array) -> None:
-        """Have other elements from now on; of a kind with `element_keys`."""
+        """Use other elements from now on; for kinds with `element_keys`."""
         self.transmit, self.receive = transmit, receive
-
-    def way_with_delays(self, written: str | None, receive: Array, steering: np.ndarray) -> str | None:
-        """Return how a picture is made of receivers with delays other than those of steering: of elements alone."""
-        if np.array_equal(receive.delay, steering):
-            return written
-        if written == "beams":
-            raise ValueError(f"{self.kind}: rx_delay is written, and picture is beams, which know no delays of "
-                             "receivers; leave picture out, or make it elements.")
-        return "elements"
 
     def sample_ray(self, *_: Any, **__: Any) -> NoReturn:
         raise ValueError(f"a sonar ({self.kind}) sends sound; render it with the integrator sonar_path")
@@ -178,6 +177,29 @@ class SonarSensor(mi.Sensor):
         return f"{type(self).__name__}[{self.frequency / 1000:g} kHz, {self.route.pings} pings]"
 
 
+class FanSensor(SonarSensor):
+    """A sonar with one transmit and one receive array, whose picture is a fan of beams."""
+
+    picture: str | None  # as written, or "elements"; set by `read`
+    delays_from_file: tuple[bool, ...] = (False, False)
+
+    def element_keys(self) -> ElementKeys:
+        """Note picture and steering as loaded, and return the numbers of the elements."""
+        self.written_picture = self.picture
+        self.steering_delays = self.transmit.delay, self.receive.delay
+        return ElementKeys(self.kind, self.transmit, self.receive)
+
+    def take_elements(self, transmit: Array, receive: Array) -> None:
+        """Use other elements; with receive delays other than those of steering, the picture is made of signals."""
+        self.picture = self.written_picture
+        if not np.array_equal(receive.delay, self.steering_delays[1]):
+            if self.picture == "beams":
+                raise ValueError(f"{self.kind}: rx_delay is written, but picture `beams` ignores delays of receivers; "
+                                 "leave picture out, or make it elements.")
+            self.picture = "elements"
+        super().take_elements(transmit, receive)
+
+
 def _shortest(sonar: Any) -> float:
-    """Time [s] until the last echo of a ping is in."""
+    """Return the time [s] until the last echo of a ping arrives."""
     return float(sonar.film().window(slowest_speed(sonar))[0][1])
