@@ -23,7 +23,7 @@ _OUTER_SCALE = 1e6                  # [m]: no levelling off within any survey
 def radial_spectrum(patches: Sequence[np.ndarray],
                     steps: tuple[float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Measure the spectrum of a bed by the mean of its patches, in rings of wavenumber."""
-    # patches (N, N) [m]; steps [m] -> wavenumber, power (K,) [m^4], modes (K,)
+    # patches (N, N) [m]; steps [m] -> wavenumber (K,) [rad/m], power (K,) [m^4], modes of a ring (K,)
     size = patches[0].shape[0]
     window = np.hanning(size + 1)[:-1]
     window = np.outer(window, window)

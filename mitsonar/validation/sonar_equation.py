@@ -23,10 +23,10 @@ class FlatBed:
     """Hold the direct eigenrays from a sonar to a level plane, at ranges (x,) from nadir to where there are no more."""
 
     across: np.ndarray  # [m]: horizontal range
-    time: np.ndarray  # [m]: one way
+    time: np.ndarray  # [s]: one way
     length: np.ndarray  # [m]: one way
-    launch: np.ndarray  # [rad]: at sonar and plane, from the horizontal
-    grazing: np.ndarray  # [rad]: at sonar and plane, from the horizontal
+    launch: np.ndarray  # [rad]: at the sonar, from the horizontal
+    grazing: np.ndarray  # [rad]: at the plane, from the horizontal
     spread: np.ndarray  # [1/m^4]: (c_b/c_0)² / A², the loss of a point scatterer there and back
 
     @classmethod

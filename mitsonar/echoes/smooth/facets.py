@@ -48,7 +48,7 @@ class SmoothCells:
 
 class SmoothFacets:
     """The facets of a scene's smooth surfaces."""
-    # wavelength [m]; corner (F, 3, 3) [m]; centre (F, 3) [-]; normal (F, 3) [-]; radius (F,) [m]; side (F,) [m]; bent
+    # wavelength [m]; corner (F, 3, 3) [m]; centre (F, 3) [m]; normal (F, 3) [-]; radius (F,) [m]; side (F,) [m]; bent
     # (F,); fewest (F,); fewest_lit (F,); outward (F,); label (F,)
 
     def __init__(self, geometry: Geometry, wavelength: float):

@@ -53,7 +53,7 @@ class RayShift:
     travel_time: mi.Float64  # (R,) [s]
     arc_length: mi.Float  # (R,) [m]
     spreading: mi.Float  # (R,) [-]: of the logarithm of the spreading area
-    ray_parameter: mi.Float64  # (R,) [m/s]
+    ray_parameter: mi.Float64  # (R,) [s/m]
     sound_speed: mi.Float64  # (R,) [m/s]
     heading: mi.Vector2f  # (R,) [-]
     widens: mi.Bool  # (R,): where `spreading` is known

@@ -66,8 +66,8 @@ class XtfPassage:
 
     time: np.ndarray  # [s]: since 1970
     number: np.ndarray  # of the ping
-    x: np.ndarray  # [m]: longitude and latitude, or easting and northing
-    y: np.ndarray  # [m]: longitude and latitude, or easting and northing
+    x: np.ndarray  # longitude [degrees] or easting [m]
+    y: np.ndarray  # latitude [degrees] or northing [m]
     heading: np.ndarray  # [degrees]
     pitch: np.ndarray  # [degrees]
     roll: np.ndarray  # [degrees]

@@ -30,21 +30,21 @@ _PLACES, _WEIGHTS = ((1 + np.polynomial.legendre.leggauss(7)[0]) / 2, np.polynom
 
 
 class ArcDerivatives(NamedTuple):
-    """Of one arc; see the equations."""
+    """Derivatives of the time and range of one arc; see the equations."""
 
-    time: Numbers  # [s²]: F0, F1
-    time_slope: Numbers  # [s²]: F0, F1
-    range: Numbers  # [m s]: G0, G1
-    range_slope: Numbers  # [m s]: G0, G1
+    time: Numbers  # [s²/m]: F0
+    time_slope: Numbers  # [s²]: F1
+    range: Numbers  # [s]: G0
+    range_slope: Numbers  # [m s]: G1
     spread: Numbers  # [m²/s]: dX/dp
 
 
 class SpreadDerivatives(NamedTuple):
-    """Of dX/dp of one arc; see the equations."""
+    """Derivatives of dX/dp of one arc; see the equations."""
 
     parameter: Numbers  # [m³/s²]: dD/dp
-    speed: Numbers  # [m²]: H0, H1
-    slope: Numbers  # [m²]: H0, H1
+    speed: Numbers  # [m]: H0
+    slope: Numbers  # [m²]: H1
 
 
 def spread_derivatives(parameter: Numbers, gradient: Numbers, descent: Numbers, c1: Numbers, s1: Numbers, c2: Numbers,

@@ -24,8 +24,8 @@ class Arrival:
     """Rays from sources to points, (R,) each."""
 
     found: Bool
-    travel_time: Float64  # [s/m]
-    arc_length: Float  # [m²/sr]
+    travel_time: Float64  # [s]
+    arc_length: Float  # [m]
     spreading_area: Float  # [m²/sr]
     ray_parameter: Float64  # [s/m]
     launch_sine: Float64  # positive down

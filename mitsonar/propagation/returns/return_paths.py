@@ -57,8 +57,8 @@ def return_paths(table: LayerTable, source: SourceState | PointState, source_ind
                  travel: Travel, method: Literal["vector", "paper"] = "vector",
                  elapsed: Float64 | None = None) -> ReturnPaths:
     """Carry the echoes of traced hits back to the centre of the moving, turning array."""
-    # source_index (H,); displacement (H,) [m]; travel_time, ray_parameter (H,) [s/m]; spreading_area (H,) [m²/sr];
-    # launch_sine (H,); elapsed (H,) [s]
+    # source_index (H,); displacement (H,) [m]; travel_time (H,) [s]; ray_parameter (H,) [s/m];
+    # spreading_area (H,) [m²/sr]; launch_sine (H,); elapsed (H,) [s]
     lib = table.lib
     F, wide = lib.Float, lib.Float64
     elapsed = travel_time if elapsed is None else elapsed

@@ -22,11 +22,11 @@ from mitsonar.device.types import Numbers, Record, Triple
 class Travel(Record):
     """The way of a platform after one transmission."""
 
-    displacement: Sequence[Triple]  # [rad/s^k]: plain numbers, or opaque Float64
-    turn: Sequence[Triple]  # [rad/s^k]: plain numbers, or opaque Float64
-    duration: Numbers  # [s]: up to when the polynomials hold
-    end_velocity: Triple  # [rad/s]: v and dr/dt at that time, with which it does
-    end_turn_rate: Triple  # [rad/s]: v and dr/dt at that time, with which it does
+    displacement: Sequence[Triple]  # [m/s^k]: K triples of plain numbers or opaque Float64; none at rest
+    turn: Sequence[Triple]  # [rad/s^k]: likewise
+    duration: Numbers  # [s]: end of the time in which the polynomials hold
+    end_velocity: Triple  # [m/s]: at that time; the platform keeps it from then on
+    end_turn_rate: Triple  # [rad/s]: dr/dt at that time, kept likewise
 
     @classmethod
     def within(cls, displacement: np.ndarray, turn: np.ndarray, duration: float,

@@ -24,8 +24,8 @@ class RoughSeabed(ABC):
     """Return the scattering of a seabed; subclasses hold what it is."""
     # mesh_resolution [m]
 
-    w2: float  # the roughness spectrum w2 K^-gamma
-    gamma: float  # the roughness spectrum w2 K^-gamma
+    w2: float  # [m^(4 - gamma)]: the roughness spectrum is w2 K^-gamma
+    gamma: float  # [-]
     name: str  # how errors call it
     mesh_resolution = 0.0
     steepest, steep = 1.7, 1.0     # of sandy gravel, the coarsest that is fluid, at 950 and 230 kHz

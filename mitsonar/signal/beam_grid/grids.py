@@ -16,15 +16,15 @@ MARGIN = 16                        # [samples] kept before and after a record, s
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridShape:
-    """What a grid is like."""
+    """Size and bells of a grid of sine and time."""
 
-    rows: int  # rows, samples of the record, and columns that are kept of a row
-    samples: int  # rows, samples of the record, and columns that are kept of a row
-    length: int  # rows, samples of the record, and columns that are kept of a row
-    along: Bell  # over samples, and over rows
-    across: Bell  # over samples, and over rows
-    first: float  # sine of row 0, and from each to the next
-    step: float  # sine of row 0, and from each to the next
+    rows: int  # number of rows
+    samples: int  # number of samples of the record
+    length: int  # number of columns in memory of a row
+    along: Bell  # over samples
+    across: Bell  # over rows
+    first: float  # sine of row 0
+    step: float  # of the sine, from row to row
     absorption: AbsorptionTerms | None = None
 
     def sums(self, like: DrJitArray | type) -> GridSums:

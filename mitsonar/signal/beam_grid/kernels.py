@@ -24,22 +24,22 @@ from .transforms import divided, tiles
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sizes:
-    """Of a grid and its spectra."""
+    """Sizes of a grid and its spectra."""
 
-    rows: int  # rows and columns of the grid
-    length: int  # rows and columns of the grid
-    period: int  # rows of a period
+    rows: int  # number of rows of the grid
+    length: int  # number of columns of the grid
+    period: int  # number of rows of a period
     used: UInt32  # (F,): columns of the frequencies that are used, a multiple of `transforms.TILE`
 
     @property
     def frequencies(self) -> int:
-        """F."""
+        """Return the number F of frequencies."""
         return dr.width(self.used)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Noise:
-    """What is drawn."""
+    """Noise that is drawn on the grid."""
 
     key: int
     row: Float  # (R,): root of the power of rows

@@ -42,23 +42,23 @@ def strum_frequency(speed: float, diameter: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class RandomMotion:
-    """Hold how strongly a platform rocks, how slowly, and which realisation."""
+    """Random motion of a platform: its strength, its periods and its seed."""
 
-    roll: float = 0.0  # [rad]: root mean squares
-    pitch: float = 0.0  # [rad]: root mean squares
-    yaw: float = 0.0  # [rad]: root mean squares
-    heave: float = 0.0  # [m]: root mean squares, up, forward and to starboard
-    surge: float = 0.0  # [m]: root mean squares, up, forward and to starboard
-    sway: float = 0.0  # [m]: root mean squares, up, forward and to starboard
-    period: float = 8.0  # [s]: about which the motion's spectrum lies
-    roll_period: float | None = None  # [s]: the same of each
-    pitch_period: float | None = None  # [s]: the same of each
-    yaw_period: float | None = None  # [s]: the same of each
-    heave_period: float | None = None  # [s]: the same of each
-    sway_period: float | None = None  # [s]: the same of each
-    strum_heave: float = 0.0  # [rad]: root mean squares of a cable's strum
-    strum_pitch: float = 0.0  # [rad]: root mean squares of a cable's strum
-    strum_frequency: float = 10.0  # [Hz]: about which that lies
+    roll: float = 0.0  # [rad] rms
+    pitch: float = 0.0  # [rad] rms
+    yaw: float = 0.0  # [rad] rms
+    heave: float = 0.0  # [m] rms, upwards
+    surge: float = 0.0  # [m] rms, forward; it follows the course of heave
+    sway: float = 0.0  # [m] rms, to starboard
+    period: float = 8.0  # [s]: middle of the spectrum of the motion
+    roll_period: float | None = None  # [s]: of the roll alone; None: `period`
+    pitch_period: float | None = None  # [s]: likewise
+    yaw_period: float | None = None  # [s]: likewise
+    heave_period: float | None = None  # [s]: likewise
+    sway_period: float | None = None  # [s]: likewise
+    strum_heave: float = 0.0  # [m] rms of a cable's strum
+    strum_pitch: float = 0.0  # [rad] rms of a cable's strum
+    strum_frequency: float = 10.0  # [Hz]: middle of the spectrum of the strum
     seed: int = 0  # the same seed gives the same motion
 
     def __post_init__(self):

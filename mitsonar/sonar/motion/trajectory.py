@@ -70,8 +70,8 @@ class Lead(ABC):
 class Recorded(Lead):
     """A track as it was recorded, or laid."""
 
-    position: SmoothCurve  # (3) [rad]
-    attitude: SmoothCurve  # (3) [rad]
+    position: SmoothCurve  # (3,) [m]
+    attitude: SmoothCurve  # (3,) [rad]: roll, pitch, heading
     height: SmoothCurve | None = None  # [m]: takes the place of z
     heave: SmoothCurve | None = None  # [m]: added to z
 
@@ -129,9 +129,9 @@ class Circled(Lead):
 class PingTravel:
     """How a sonar goes on while the echoes of its pings come in."""
 
-    displacement: np.ndarray  # (P, K, 3) [rad/s^k]: d_k and r_k of the module's equations, k = 1
-    turn: np.ndarray  # (P, K, 3) [rad/s^k]: d_k and r_k of the module's equations, k = 1
-    duration: float  # [s]: since the transmission, up to which they hold
+    displacement: np.ndarray  # (P, K, 3) [m/s^k]: d_k of the module's equations, k = 1 ... K; scene frame
+    turn: np.ndarray  # (P, K, 3) [rad/s^k]: r_k, likewise
+    duration: float  # [s]: after the transmission, in which the polynomials hold
 
     def trimmed(self) -> PingTravel:
         """Leave out the highest powers that stay below 1e-9 m and rad; a platform at rest has none.

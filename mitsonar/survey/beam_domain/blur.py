@@ -23,7 +23,7 @@ REACH = 3                          # bins to either side that the compressed pul
 
 class Blur:
     """Blur planes of energies."""
-    # sines (B,) [-]; place (N,) [-]; weight (N,) [-]
+    # sines (B,) [-]; place (N,) [wavelengths]; weight (N,) [-]
 
     def __init__(self, sines: np.ndarray, place: np.ndarray, weight: np.ndarray, bandwidth_share: float):
         self.beams = len(sines)

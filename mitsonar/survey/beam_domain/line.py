@@ -19,14 +19,14 @@ SEPARABLE = 1e-6                   # of the largest weight, that a product of ro
 
 @dataclass(frozen=True, kw_only=True)
 class LineArray:
-    """Hold an array seen as a line of columns."""
+    """An array seen as a line of columns."""
 
-    axis: np.ndarray  # (3,): unit vectors of the fan's plane, body frame
-    normal: np.ndarray  # (3,): unit vectors of the fan's plane, body frame
+    axis: np.ndarray  # (3,): unit vector along the line, in the fan's plane, body frame
+    normal: np.ndarray  # (3,): unit vector across it in the fan's plane, body frame
     centre: np.ndarray  # (3,) [m]: of the array, body frame
-    place: np.ndarray  # (N,) [-]: of the columns along the axis
-    weight: np.ndarray  # (N,) [-]: of the columns along the axis
-    row_place: np.ndarray  # (M,) [-]: of the rows
+    place: np.ndarray  # (N,) [m]: of the columns along the axis
+    weight: np.ndarray  # (N,) [-]: of the columns
+    row_place: np.ndarray  # (M,) [m]: of the rows; a line has one
     row_weight: np.ndarray  # (M,) [-]: of the rows
 
     @property

@@ -47,7 +47,7 @@ GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 def closing_speeds(survey: ArraySurvey, ping: int, *, fastest: float, acceleration: float,
                    nearest: float) -> tuple[float, float]:
     """Return the least and the largest closing speed of a ping's echoes, one way [m/s]."""
-    # fastest, acceleration [m/s²]; nearest [m]
+    # fastest [m/s]; acceleration [m/s²], of the fastest element; nearest [m], from which on echoes matter
     beams = ElementBeams(survey.transmit, survey.receive, survey.wavelength)
     if not (survey.thin_below and beams):
         return -fastest, fastest
