@@ -43,8 +43,8 @@ class EnergyRecord:
 
     intensity: np.ndarray  # (..., bins) [µPa²]: of all echoes but those that have a phase of their own
     depth: np.ndarray  # (..., bins) [m]: mean depth the echoes come from, weighted by their energy
-    rays: np.ndarray  # (..., bins): rays that arrive, and those of them within the main lobe
-    rays_in_beam: np.ndarray  # (..., bins): rays that arrive, and those of them within the main lobe
+    rays: np.ndarray  # (..., bins): number of rays that arrive
+    rays_in_beam: np.ndarray  # (..., bins): number of these within the main lobe
     path_intensity: np.ndarray | None = None  # (..., paths, bins) [µPa²]: none where paths are not told apart
     coherent: CoherentRecord | None = None  # none where nothing in the scene has a phase of its own
     truth: BinTruth

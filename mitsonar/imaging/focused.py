@@ -20,8 +20,8 @@ class EvenGrid:
     """Where the points of an even grid lie in the scene."""
 
     first: np.ndarray  # (2,) [m]: x and y of the first row's first point
-    ahead: np.ndarray  # (2,) [m]: from a row to the next, from a column to the next
-    abeam: np.ndarray  # (2,) [m]: from a row to the next, from a column to the next
+    ahead: np.ndarray  # (2,) [m]: from a row to the next
+    abeam: np.ndarray  # (2,) [m]: from a column to the next
 
 
 def is_focused(dataset: xr.Dataset) -> bool:

@@ -23,12 +23,12 @@ DECAY = np.log(1e6)                # of a power over the ringing
 class Recorder:
     """Receiver and recorder; by default without faults."""
 
-    back: float = 0.0  # powers of the other side that a side's channel has, by its face and by its wires
-    crosstalk: float = 0.0  # powers of the other side that a side's channel has, by its face and by its wires
+    back: float = 0.0  # share of the other side's power that a side receives through the back of its face
+    crosstalk: float = 0.0  # share of the other side's power that a channel receives through its wires
     bits: int = 0  # of a sample
     full_scale: float = np.inf  # [µPa²]: loudest intensity that a sample holds
-    blind: float = 0.0  # [s]: how long the compressed transmission lasts, and in what time it falls by 60 dB
-    ringing: float = 0.0  # [s]: how long the compressed transmission lasts, and in what time it falls by 60 dB
+    blind: float = 0.0  # [s]: length of the compressed transmission
+    ringing: float = 0.0  # [s]: time in which the transmission falls by 60 dB
 
     def __post_init__(self):
         for name in ("back", "crosstalk"):

@@ -85,15 +85,15 @@ class SurveyPlan:
     contours: bool | None  # whether the heading follows contours (True) or the area's longer axis (False)
     area: Area | None  # none
     bed: PlannedBed  # about the area
-    sonar: SwathSonar  # it was made with
-    layout: Layout  # it was made with
-    rays: SwathRays  # it was made with
+    sonar: SwathSonar  # with which the plan was made
+    layout: Layout  # likewise
+    rays: SwathRays  # likewise
     coverage: Coverage
     gaps: tuple[Gap, ...]  # the largest first
     refraction: tuple[CastError, ...]  # at the shoalest, mean and deepest depth
     order: SurveyOrder
-    unknown: float  # shares of the area without a depth, and shoaler than ``least_depth``
-    shoal: float  # shares of the area without a depth, and shoaler than ``least_depth``
+    unknown: float  # share of the area without a depth
+    shoal: float  # share of the area shoaler than ``least_depth``
     least_depth: float  # [m]
 
     def pings(self, line: SurveyLine) -> int:

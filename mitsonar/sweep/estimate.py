@@ -25,15 +25,15 @@ class Estimate:
     """What a sweep will take."""
 
     folder: str
-    total: int  # renders of the plan, and of these not there yet
-    missing: int  # renders of the plan, and of these not there yet
-    changed: int  # how many of the missing are there, made of other parameters, files or versions
-    damaged: int  # how many of the missing are there, made of other parameters, files or versions
-    processes: int  # that it was estimated for
-    threads: int  # that it was estimated for
+    total: int  # number of renders of the plan
+    missing: int  # number of renders that are not there yet
+    changed: int  # number of the missing whose image is there, from other parameters, files or versions
+    damaged: int  # number of the missing whose image is there with other content than was written
+    processes: int  # for which the estimate is made
+    threads: int  # likewise
     at_once: int  # how many of the processes the cores bear
-    seconds: float | None  # of one render, in the mean
-    bytes: float | None  # of one render, in the mean
+    seconds: float | None  # mean of a render
+    bytes: float | None  # mean of a render
     duration: float | None  # seconds of all that is missing
     trials: int  # renders made to find out
     free: int  # bytes free where the folder is

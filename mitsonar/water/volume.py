@@ -33,8 +33,8 @@ class Layer:
     """Hold a layer of scatterers that lies on top of the water's own."""
 
     name: str
-    top: float  # [m]: depths, top above bottom
-    bottom: float  # [m]: depths, top above bottom
+    top: float  # [m]: depth of the upper edge
+    bottom: float  # [m]: depth of the lower edge
     strength_db: float  # [dB re 1/m]
 
     def __post_init__(self):

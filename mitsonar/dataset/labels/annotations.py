@@ -32,7 +32,7 @@ class Annotation:
     class_name: str
     side: str  # ``port``, ``starboard`` or empty
     row: int  # of the upper left corner of ``mask`` in the picture
-    column: int  # of the upper left corner of ``mask`` in the picture
+    column: int  # likewise
     mask: np.ndarray  # true somewhere in every border row and column
     truncated: bool  # it touches an edge of what the sonar sees, beyond which it may go on
     visible: float = 1.0  # share of its bins that this picture has

@@ -89,7 +89,7 @@ class Waterfall(LabelFrame):
 class PolarFrame(LabelFrame):
     """A fan, a column per beam."""
 
-    columns: np.ndarray  # beams, or pings of a rotating head, in the order of the columns
+    columns: np.ndarray  # likewise
 
     def lay(self, values: np.ndarray) -> np.ndarray:
         """See `LabelFrame.lay`."""
@@ -145,7 +145,7 @@ class CartesianFrame(LabelFrame):
 class FocusedFrame(LabelFrame):
     """A focused image."""
 
-    rows: slice  # that bring its points into the picture's order
+    rows: slice  # order in which its rows are those of the picture
     columns: slice  # that bring its points into the picture's order
     along: tuple[float, float]  # [m]: of its grid
     across: tuple[float, float]  # [m]: of its grid

@@ -23,10 +23,10 @@ class MotionErrors:
     pitch_bias: float = 0.0  # [rad]
     heading_bias: float = 0.0  # [rad]
     latency: float = 0.0  # [s]: by which attitude and heave are those of an earlier time
-    attitude_noise: float = 0.0  # [rad]: of roll and of pitch, and of the heading
-    heading_noise: float = 0.0  # [rad]: of roll and of pitch, and of the heading
-    heave_noise: float = 0.0  # [m]: of the depth, and of x and of y
-    position_noise: float = 0.0  # [m]: of the depth, and of x and of y
+    attitude_noise: float = 0.0  # [rad] rms, of roll and of pitch
+    heading_noise: float = 0.0  # [rad] rms
+    heave_noise: float = 0.0  # [m] rms, of the depth
+    position_noise: float = 0.0  # [m] rms, of x and of y
     correlation: float = 5.0  # [s]: T
 
     def added(self, time: np.ndarray, seed: int) -> dict[str, np.ndarray]:

@@ -31,8 +31,8 @@ class Root:
 
     size: int  # of z
     deviation: np.ndarray  # of x
-    forward: Linear  # of flat float64 arrays (size,) and (n,)
-    transpose: Linear  # of flat float64 arrays (size,) and (n,)
+    forward: Linear  # of flat float64 arrays: z (size,) to x (n,)
+    transpose: Linear  # of flat float64 arrays: (n,) to (size,)
 
 
 def independent_root(deviation: np.ndarray) -> Root:

@@ -36,8 +36,8 @@ class FanView:
 
     angle: np.ndarray  # (B,) [rad]: of the beams, from the middle of the fan, positive to the right
     slant_range: np.ndarray  # (N,) [m]
-    facing: str  # names of the body's directions along the middle of the fan and to its right
-    right: str  # names of the body's directions along the middle of the fan and to its right
+    facing: str  # name of the body's direction along the middle of the fan
+    right: str  # name of the direction to its right
     grid: FanGrid
     map: FanMap
 

@@ -60,8 +60,8 @@ class Curtain:
     edges: np.ndarray  # of the pings, in time [s], or in numbers where times do not rise
     timed: bool  # they are times
     slant_range: np.ndarray  # [m]: edges of the rows
-    nadir: np.ndarray  # [dB]: mean power of the beam that is the nearest to the vertical
-    largest: np.ndarray  # [dB]: mean power of the beam that is the nearest to the vertical
+    nadir: np.ndarray  # (rows, P) [dB]: mean power of the beam that is the nearest to the vertical
+    largest: np.ndarray  # (rows, P) [dB]: largest level of any beam
     bottom: np.ndarray  # (P,) [m]: slant range of the sounding that is the nearest to the vertical
     gain: str
 

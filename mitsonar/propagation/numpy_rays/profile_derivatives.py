@@ -36,8 +36,8 @@ class RayDerivatives:
     """
 
     time_by_speed: np.ndarray  # (..., K) [s²/m]: of the travel time between fixed ends
-    time_by_source: np.ndarray  # (...) [s/m]: likewise by the depths of the ends
-    time_by_target: np.ndarray  # (...) [s/m]: likewise by the depths of the ends
+    time_by_source: np.ndarray  # (...) [s/m]: by the depth of the source
+    time_by_target: np.ndarray  # (...) [s/m]: by the depth of the target
     time_by_range: np.ndarray  # (...) [s/m]: likewise by the horizontal distance
     range_by_speed: np.ndarray  # (..., K) [s]: of the horizontal range at the target's depth, at fixed launch angle
     range_by_source: np.ndarray  # (...): likewise by the source's depth

@@ -22,8 +22,8 @@ class Fluid:
     """Hold the parameters of a fluid sediment, numbers or arrays of the kind that `arithmetic` computes with."""
 
     arithmetic: Arithmetic
-    density_ratio: Numbers  # those of the sediment over those of the water
-    sound_speed_ratio: Numbers  # those of the sediment over those of the water
+    density_ratio: Numbers  # density of the sediment over that of the water
+    sound_speed_ratio: Numbers  # sound speed of the sediment over that of the water
     loss: Numbers  # imaginary over real part of the wavenumber
     volume_parameter: Numbers  # volume cross section [1/m] over absorption [dB/m]
 

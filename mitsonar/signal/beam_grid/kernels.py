@@ -29,7 +29,7 @@ class Sizes:
     rows: int  # number of rows of the grid
     length: int  # number of columns of the grid
     period: int  # number of rows of a period
-    used: UInt32  # (F,): columns of the frequencies that are used, a multiple of `transforms.TILE`
+    used: UInt32  # (U,): numbers of the waves over the rows of beams
 
     @property
     def frequencies(self) -> int:
@@ -51,7 +51,7 @@ class Noise:
 class Waves:
     """What an aperture lets through."""
 
-    taken: UInt32  # (U,): numbers of the waves, over the rows of echoes and over those of beams
+    taken: UInt32  # (U,): numbers of the waves over the rows of echoes
     used: UInt32  # (U,): numbers of the waves, over the rows of echoes and over those of beams
     line: Float  # (F, U): its pattern, complex
 

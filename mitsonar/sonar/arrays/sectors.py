@@ -24,8 +24,8 @@ class Sector:
     delay: float  # [s]: after the ping's first transmission
     tilt: float  # [rad]: of the transmission, forward of the vertical plane across the track
     beams: np.ndarray  # (B,) [rad]: angles from the vertical, positive to starboard, rising
-    first: float  # [rad]: edges of the sector
-    last: float  # [rad]: edges of the sector
+    first: float  # [rad]: lower edge of the sector
+    last: float  # [rad]: upper edge
 
     @property
     def middle(self) -> float:

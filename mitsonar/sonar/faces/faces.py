@@ -27,14 +27,14 @@ class MeasuredBeam:
 class BuiltFace:
     """A face."""
 
-    width: float  # [rad]: full one-way -3 dB beam widths along and across the platform
-    vertical_width: float  # [rad]: full one-way -3 dB beam widths along and across the platform
+    width: float  # [rad]: full one-way -3 dB beam width along the platform
+    vertical_width: float  # [rad]: likewise, across
     window: str = "boxcar"  # shading along the platform, one of `shading.WINDOWS`
     sag: float = 0.0  # [wavelengths]: how far the edges stand back across the platform
-    floor: float = 0.0  # mean power of diffuse side lobes along and across, relative to the axis
-    vertical_floor: float = 0.0  # mean power of diffuse side lobes along and across, relative to the axis
-    pattern: MeasuredBeam | None = None  # beams as measured, in place of those that widths make
-    vertical_pattern: MeasuredBeam | None = None  # beams as measured, in place of those that widths make
+    floor: float = 0.0  # mean power of diffuse side lobes along, relative to the axis
+    vertical_floor: float = 0.0  # likewise, across
+    pattern: MeasuredBeam | None = None  # measured pattern along, instead of that of the width
+    vertical_pattern: MeasuredBeam | None = None  # likewise, across
 
     def aperture(self, wavelength: float) -> Aperture:
         """Return the face at a wavelength [m]."""

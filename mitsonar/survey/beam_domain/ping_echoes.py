@@ -37,14 +37,14 @@ from .patterns import Patterns
 class PlacedEchoes:
     """Hold echoes as they come back to where the sonar is at the transmission, without its beams, on the device."""
 
-    sent: mi.Vector3f  # (R,): unit, scene
-    towards: mi.Vector3f  # (R,): unit, scene
+    sent: mi.Vector3f  # (R,): unit vector of the way out, scene
+    towards: mi.Vector3f  # (R,): unit vector towards which the way back would leave, scene
     out_distance: mi.Float  # (R,) [m]
     back_distance: mi.Float  # (R,) [m]
-    out_time: mi.Float64  # (R,) [s]: until the last scatterer is reached, and from there on
-    back_time: mi.Float64  # (R,) [s]: until the last scatterer is reached, and from there on
-    out_offset: dr.ArrayBase  # (R,) [m]: of what is met first and last, from the sonar
-    back_offset: dr.ArrayBase  # (R,) [m]: of what is met first and last, from the sonar
+    out_time: mi.Float64  # (R,) [s]: until the last scatterer is reached
+    back_time: mi.Float64  # (R,) [s]: from there on
+    out_offset: dr.ArrayBase  # (R,) [m]: of the point met first, from the sonar
+    back_offset: dr.ArrayBase  # (R,) [m]: of the point met last, from the sonar
     energy: mi.Float  # (R,): mean square of the amplitude for a source level of 0 dB, as if the way were free
     real: mi.Float  # (R,): amplitude over the root of the energy
     imaginary: mi.Float  # (R,): amplitude over the root of the energy

@@ -27,8 +27,8 @@ class StripSurvey(ArraySurvey):
     bed_depth: float  # [m]: mean depth of the bed that the record sees
     grid: str  # of the picture
     grid_spacing: float | None  # [m]: between its points
-    aperture_window: str  # over the aperture's angles and over the pulse's band, of the picture
-    range_window: str  # over the aperture's angles and over the pulse's band, of the picture
+    aperture_window: str  # window over the aperture's angles, of the picture
+    range_window: str  # window over the pulse's band, of the picture
     preset: str
 
 
