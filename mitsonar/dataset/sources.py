@@ -1,4 +1,4 @@
-"""Which images there are: EXR and netCDF files by name, and the finished renders of sweeps by their manifests.
+"""Sources of images: EXR and netCDF files by name, and the finished renders of sweeps by their manifests.
 
 What failed in a sweep is left out; what `mitsonar.sweep.manifest` says of lines that are damaged holds here too.
 """

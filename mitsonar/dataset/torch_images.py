@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class LabelledImages(Protocol):
-    """What `TorchImages` asks of images: `mitsonar.dataset.Images` has it."""
+    """Interface that `TorchImages` needs; `mitsonar.dataset.Images` has it."""
 
     sources: "tuple[Source, ...]"
     classes: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""What a sonar receives as powers, row by row and bin by bin: the record that pictures and their truth are made of.
+"""Received powers of a sonar by row and bin: the record that pictures and their truth are made of.
 
 A row is what a beam of the sonar hears of one ping: a side of a sidescan, a beam of an array.
 """

@@ -17,7 +17,7 @@ EVEN = 0.01                        # of a cell: what a point may lie off its pla
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EvenGrid:
-    """Where the points of an even grid lie in the scene."""
+    """Places of the points of an even grid in the scene."""
 
     first: np.ndarray  # (2,) [m]: x and y of the first row's first point
     ahead: np.ndarray  # (2,) [m]: from a row to the next

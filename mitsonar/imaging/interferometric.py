@@ -24,7 +24,7 @@ DIMS = ("ping", "side", "range")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasuredRows:
-    """What is measured of pings, arrays (ping, side, bin), and NaN where no sounding is valid unless said otherwise."""
+    """Measurements of pings, arrays (ping, side, bin), NaN where no sounding is valid unless stated otherwise."""
 
     power: np.ndarray  # [µPa²]: of all bins
     phase: np.ndarray  # of all bins

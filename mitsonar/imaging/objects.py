@@ -1,4 +1,4 @@
-"""Which bins of a record show an object, and which its shadow: one rule for pictures, masks and boxes.
+"""Bins of a record that show an object or its shadow: one rule for pictures, masks and boxes.
 
     highlight   share of the object > threshold, and the bin's mean echo is no weaker than the noise, nor, in a shadow,
                 much weaker than the bed is at that range; of beams, nor a side lobe's (`highlights`)
@@ -59,7 +59,7 @@ class Patch:
 
 @dataclass(frozen=True, kw_only=True)
 class Highlights:
-    """What tells the highlights of a record's objects."""
+    """Thresholds of the highlights of a record's objects."""
 
     dims: tuple[str, ...]  # of the bins, and of all that follows
     share: np.ndarray  # of each shape
@@ -67,7 +67,7 @@ class Highlights:
     level: np.ndarray | None  # [dB]: mean echo of the bins
     speckled: bool
     floor: np.ndarray  # [dB]: what a highlight's level must reach
-    looks: tuple[slice, ...]  # of the pings, those whose beams hear each other's targets by their side lobes
+    looks: tuple[slice, ...]  # of the pings, those whose beams receive each other's targets by their side lobes
 
     @classmethod
     def of(cls, dataset: xr.Dataset, labels: Sequence[int], threshold: float, above_noise_db: float) -> "Highlights":

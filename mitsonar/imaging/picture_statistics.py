@@ -1,4 +1,4 @@
-"""What tells a sidescan's picture from another: statistics of amplitudes, the same for real and rendered records.
+"""Statistics of a sidescan's amplitudes, the same for real and rendered records.
 
     x = A / <A> - 1                          <A> the slow trend, a Gaussian mean of 12 pings by 12 samples
     CV = std(A') / mean(A')                  A' in windows of 16 x 16 over the plane that fits them; Rayleigh: 0.523

@@ -1,4 +1,4 @@
-"""What a sidescan's receiver and recorder make of the echoes of its sides.
+"""Receiver and recorder of a sidescan: gain, crosstalk, ringing and quantisation of its sides' echoes.
 
     p²_port  = p²_port + (a + x) p²_starboard,     z_port = z_port + √(a + x) z_starboard,    and so starboard
     A        = ⌊min(|z|, A_1) / q⌋ q + q/2,        q = A_1 / 2^bits

@@ -20,7 +20,7 @@ DIMS = ("ping", "range")
 
 @dataclass(frozen=True, kw_only=True)
 class Turns:
-    """Where a head looks at its pings."""
+    """Directions of a head at its pings."""
 
     bearing: np.ndarray  # (P,) [rad]: relative to the platform, within ±π
     turn: np.ndarray  # (P,): number of the turn, or of the way across the sector

@@ -39,12 +39,12 @@ def pulse_shares(bin_length: float, pulse_length: float) -> np.ndarray:
 
 
 def pulse_cells(bin_length: float, pulse_length: float) -> int:
-    """How many pulses follow each other in a bin: the cells whose intensities are averaged."""
+    """Return the number of pulses that follow each other in a bin: the cells whose intensities are averaged."""
     return max(1, round(bin_length / pulse_length))
 
 
 def speckle_gates(bin_length: float, pulse_length: float) -> int:
-    """How many gates of a bin have a speckle of their own: its cells, or its halves where the pulse is longer."""
+    """Return the number of gates of a bin with independent speckle: its cells, or 2 where the pulse is longer."""
     return pulse_cells(bin_length, pulse_length) if pulse_length <= bin_length else 2
 
 
@@ -192,7 +192,7 @@ def _mean_depth(depth, mean, coherent_depth, coherent_mean):
 
 
 def _crossed(z, coherent, cell):
-    """What the square of a sum has more than the sum of squares."""
+    """Return the excess of the square of a sum over the sum of squares."""
     return 0.0 if coherent is None else 2 * (z * np.conj(coherent[..., cell])).real
 
 

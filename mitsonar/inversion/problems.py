@@ -322,7 +322,7 @@ def _model(inputs: Sequence[str], options: Options, keys: Sequence[str],
 
 
 def _common(options: Options, progress: Progress) -> dict[str, Any]:
-    """What all fits to a speckled image take."""
+    """Arguments of all fits to a speckled image."""
     return {"looks": options.get("looks", 1.0), "farthest": options.get("farthest"),
             "state_file": options.get("state"), "told": progress}
 

@@ -1,4 +1,4 @@
-"""What a plan's swaths cover: how often each node of the bed is seen, and how densely it is sounded.
+"""Coverage of a plan's swaths: how often each node of the bed is seen, and how densely it is sounded.
 
 A node at s along a line and r to its side is seen where r is within the edge of the swath there, and where no bed
 nearer to the line hides it, that is where the angle θ(r) of the ray to it is the largest so far. With N beams, n pings

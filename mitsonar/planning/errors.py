@@ -1,4 +1,4 @@
-"""How wrong the depths of a swath are when they are made with another sound-speed profile: the smile.
+"""Errors of a swath's depths that are made with another sound-speed profile: the smile.
 
 The sonar measures the angle of a beam at its head and the time of the echo. Its own sensor knows the sound speed at the
 head, so p = sin(θ) / c(h) is right. The water bends the ray by the true profile; the survey follows it through its own,

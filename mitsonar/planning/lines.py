@@ -1,4 +1,4 @@
-"""Where survey lines lie: even ones, or each as far from the last as its swath allows over the bed that is there.
+"""Places of survey lines: evenly spaced, or each as far from the last as its swath over the bed allows.
 
 The edge of a swath is where its distance to the side r first exceeds what the bed there allows,
 
@@ -55,7 +55,7 @@ class Segment:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Edges:
-    """How far a swath reaches to port and to starboard, arrays (S,) [m]."""
+    """Return the reach of a swath to port and to starboard, arrays (S,) [m]."""
 
     port: np.ndarray
     starboard: np.ndarray

@@ -1,4 +1,4 @@
-"""How far to the side a swath reaches over a bed of any depth, through water that bends its rays.
+"""Reach of a swath to the sides over a bed of any depth, through water that bends its rays.
 
 A level sonar at depth h sends its outermost beam at the angle Θ from the vertical. A ray of angle θ at the head keeps
 

@@ -1,4 +1,4 @@
-"""What a plan needs of a sonar, from a preset of `multibeam` or from a scene with one."""
+"""The sonar of a plan, from a preset of `multibeam` or from a scene with one."""
 from __future__ import annotations
 
 import os

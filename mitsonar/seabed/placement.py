@@ -23,7 +23,7 @@ Box: TypeAlias = tuple[float, float, float, float]    # [m] west, south, east, n
 
 @dataclass(frozen=True, kw_only=True)
 class Rules:
-    """What targets may be like; pairs are the bounds of uniform distributions.
+    """Distributions of targets; pairs are the bounds of uniform distributions.
 
     Parameters
     ----------

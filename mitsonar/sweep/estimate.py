@@ -1,4 +1,4 @@
-"""What a sweep will take, from what is there already or from a few renders made to see."""
+"""Estimate of a sweep's cost, from finished renders or from a few trials."""
 import math
 import os
 import shutil
@@ -22,7 +22,7 @@ LONG_SECONDS = 300.0               # unless it alone lasts so long that compilin
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """What a sweep will take."""
+    """Estimate of a sweep's cost."""
 
     folder: str
     total: int  # number of renders of the plan

@@ -30,7 +30,7 @@ MOST_REDRAWN = 20                  # times that a refused scene is drawn again
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """How a sweep went.
+    """Result of a sweep.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Outcome:
 
 @dataclass(frozen=True, kw_only=True)
 class Standing:
-    """How far a sweep has come."""
+    """Progress of a sweep."""
 
     missing: "array.array[int]"  # numbers of the renders to be made
     changed: int  # how many of them are there, made of other parameters, files or versions

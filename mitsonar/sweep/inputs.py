@@ -1,4 +1,4 @@
-"""What a scene is made of: its parameters, and the files it reads, known by their content.
+"""Inputs of a scene: its parameters, and the files it reads, known by their content.
 
 Every string of a scene that names a file counts as one it reads: looked for beside the scene, then beside the plan,
 where the renders run. A folder stands for the files in it.

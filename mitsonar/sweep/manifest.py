@@ -1,4 +1,4 @@
-"""What a sweep has done: ``manifest.jsonl`` in its folder, a line of JSON for every render that ended.
+"""Manifest of a sweep: ``manifest.jsonl`` in its folder, a line of JSON for every render that ended.
 
 Each line holds ``index``, ``output``, ``parameters``, ``seed``, ``inputs`` (SHA-256 of the scene and the files it
 reads), ``versions``, ``instruction_set`` (of the machine that rendered it), ``status`` ("ok" or "failed"),
@@ -28,7 +28,7 @@ LEFTOVER = re.compile(r"\..+\.([0-9a-f]+-)?[0-9a-f]{8}\.(exr|png)", re.I)  # as 
 
 
 class ManifestEntry(NamedTuple):
-    """What the manifest says of one output: what it was made of, and how that went."""
+    """Entry of one output in the manifest: its inputs and its result."""
 
     key: bytes
     status: str

@@ -21,7 +21,7 @@ DIGITS = 12                        # of what is computed here: enough for any so
 
 @dataclass(frozen=True, kw_only=True)
 class Draw:
-    """How a parameter is drawn."""
+    """Distribution of a parameter."""
 
     what: str  # as the plan says it
     at: Callable[[int], Any]  # the value for a whole number of 256 random bits

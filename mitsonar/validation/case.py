@@ -1,4 +1,4 @@
-"""What a comparison is: a case with rows of got and expected numbers, and panels of curves to look at.
+"""A comparison: a case with rows of computed and expected numbers, and panels of curves.
 
 A row holds if |got - expected| is at most what is allowed; its ``share`` is the error over that.
 """

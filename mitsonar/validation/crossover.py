@@ -76,7 +76,7 @@ def _run(quick):
 
 
 def _crossing(r, excess):
-    """Where a curve falls through 0 for the last time, between bins."""
+    """Return the place where a curve falls through 0 for the last time, between bins."""
     k = np.flatnonzero(excess > 0)[-1]
     return root_of(lambda one: float(np.interp(one, r[k:k + 2], excess[k:k + 2])), r[k], r[k + 1])
 

@@ -130,7 +130,7 @@ def _laws():
 
 
 def _kept(quick):
-    """What every law must keep: reciprocity, and no more power than arrives."""
+    """Check that a law is reciprocal and returns no more power than arrives."""
     rng = np.random.default_rng(3)
     way_in, way_out = np.arcsin(rng.uniform(0.02, 1, (2, 300)))
     azimuth = rng.uniform(-np.pi, np.pi, 300)

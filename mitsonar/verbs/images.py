@@ -334,7 +334,7 @@ def checked_seed(seed: int) -> int:
 
 
 def provenance(scene: mi.Scene, sensor: Any, survey: Survey) -> dict[str, Any]:
-    """Where a result comes from: scene, parameters, versions, origin."""
+    """Return the provenance of a result: scene, parameters, versions, origin."""
     passage, geometry = survey.passage, survey.geometry
     origin, crs = geometry.local_origin, geometry.crs
     if origin is None and passage.frame is not None:

@@ -1,4 +1,4 @@
-"""What the formulas of this folder may be asked: wider than any sea, narrow enough to catch a swapped column."""
+"""Ranges of the formulas of this folder: wider than any sea, narrow enough to catch a swapped column."""
 from __future__ import annotations
 
 from collections.abc import Mapping

@@ -232,7 +232,7 @@ def _with_head(attributes, profile):
 
 
 def _volume(attributes):
-    """What the water sends back; None for nothing."""
+    """Return the volume scattering of the water; None for none."""
     table = attributes.volume_strength_db
     if table is None and not attributes.layers.strip():
         return None

@@ -1,4 +1,4 @@
-"""What carries a sonar: where its platform goes, how deep, and how it moves.
+"""Platform of a sonar: its course, its depth and its motion.
 
 Where it goes is one of these:
 

@@ -1,4 +1,4 @@
-"""How the faces of a sidescan are built, and its receiver: attributes that make pictures as deep and as flawed as real
+"""Faces and receiver of a sidescan: attributes that make pictures as deep and as flawed as real
 ones. -200 dB leaves a flaw out.
 """
 from mitsonar.imaging.recorder import Recorder

@@ -138,7 +138,7 @@ class Bathymetry(mi.Mesh):
 
 
 def _relief(attributes):
-    """What is asked for below the survey's resolution, or None."""
+    """Return the relief below the survey's resolution, or None."""
     given = attributes.given("relief_seed", "relief_w2", "relief_gamma")
     if given and not attributes.given("relief"):
         raise attributes.error(f"{given[0]} is written without relief; write relief true.")
@@ -152,7 +152,7 @@ def _relief(attributes):
 
 
 def _class_table(attributes):
-    """What the codes of the map mean; None where there is no map."""
+    """Return the meaning of the map's codes; None where there is no map."""
     path, classes = attributes.sediment_map, attributes.sediment_classes
     if path is None or not classes:
         given = attributes.given("sediment_map", "sediment_classes", "sediment_map_crs", "sediment_border")

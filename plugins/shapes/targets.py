@@ -207,7 +207,7 @@ def _bed(attributes, shape):
 
 
 def _circles(shape):
-    """What a shape occupies, seen from above: (x, y, radius) [m]."""
+    """Return the circle that a shape occupies, seen from above: (x, y, radius) [m]."""
     placed = getattr(shape, "placed", None)
     if placed is not None:
         return [(*target["position"][:2], target["radius"]) for target in placed.values()]

@@ -24,7 +24,7 @@ LIT_SHARE = 0.1                    # of a piece, or of the bins around it, that 
 
 @dataclass(frozen=True, kw_only=True)
 class Annotation:
-    """What an object brings to a picture, or hides from it."""
+    """Highlight or shadow of an object in a picture."""
 
     kind: str  # ``highlight``, ``shadow``, or ``whole`` for both together
     label: int  # number of the object in its record
@@ -40,7 +40,7 @@ class Annotation:
 
     @property
     def bins(self) -> int:
-        """How many bins it has."""
+        """Return the number of bins."""
         return int(self.mask.sum())
 
     @property

@@ -1,4 +1,4 @@
-"""What labels are to be written, and by which rules: one record, checked before any work."""
+"""Kinds of labels to write, and their rules: one record, checked before any work."""
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from .yolo import FORMS
 
 @dataclass(frozen=True, kw_only=True)
 class Labels:
-    """What to write, and by which rules.
+    """Kinds of labels to write, and their rules.
 
     Attributes
     ----------

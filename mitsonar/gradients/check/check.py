@@ -186,7 +186,7 @@ def check_gradients(model: ForwardModel, keys: Sequence[str] | None = None, *, d
 
 
 class _CheckedPart(NamedTuple):
-    """What is moved of one parameter, and its directions (D, ...)."""
+    """The moved part of one parameter, and its directions (D, ...)."""
 
     key: str
     name: str

@@ -1,4 +1,4 @@
-"""Where a platform is and how it is held at any time, from the samples of its motion sensors.
+"""Position and attitude of a platform at any time, from the samples of its motion sensors.
 
 A vector of the body (x forward, y starboard, z down) in the scene (x east, y north, depth down) is
 

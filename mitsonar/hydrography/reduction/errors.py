@@ -32,7 +32,7 @@ Bed = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reduction:
-    """What a reduction goes by: the arguments of `mitsonar.hydrography.reduction.reduction.located`.
+    """Arguments of `mitsonar.hydrography.reduction.reduction.located`.
 
     Attributes
     ----------

@@ -116,7 +116,7 @@ class RayLeg(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Starts:
-    """Where rays start, in which water."""
+    """Start of rays, and their water."""
 
     profile: SoundSpeedProfile
     depth: np.ndarray  # (N,) [m]

@@ -1,4 +1,4 @@
-"""What motion sensors say, beside what they measure.
+"""Errors of motion sensors.
 
     said(t) = true(t - latency) + bias + n(t),     n(t) = σ √(2/K) Σ_k cos(2π f_k t + φ_k)
 

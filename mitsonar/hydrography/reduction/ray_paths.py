@@ -1,4 +1,4 @@
-"""Which way the sound of beams went: directions by two cones, and rays by the layers of a profile.
+"""Paths of the sound of beams: directions by two cones, and rays by the layers of a profile.
 
 With a_t and a_r along the transmit and the receive array and g = a_t·a_r, the direction l that is seen at the angles
 t and r of the two is (see `mitsonar.hydrography.record`)

@@ -37,7 +37,7 @@ Plane = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Installation:
-    """Where the arrays are, and how they are held.
+    """Positions and attitudes of the arrays.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class Installation:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Measured:
-    """What the sonar measured; all of one shape, NaN where there is no sounding.
+    """Measurements of the sonar; all of one shape, NaN where there is no sounding.
 
     Attributes
     ----------
@@ -287,7 +287,7 @@ def _solved(legs: _Legs) -> np.ndarray:
 
 
 def _share(sides: list[_Side], step: np.ndarray, z: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """What of a step (3, N) to go: at most a quarter of the range, and of the way up to the arrays half."""
+    """Return the share of a step (3, N) to take: at most a quarter of the range, and half the way up to the arrays."""
     long = np.sqrt((step**2).sum(0)) / (0.125 * time * sides[0].starts.speed)
     up = -step[2] / (0.5 * (z - np.maximum(sides[0].place[:, 2], sides[1].place[:, 2])))
     return 1 / np.maximum(1, np.maximum(long, up))

@@ -107,7 +107,7 @@ def heads_of(soundings: xr.Dataset) -> list[tuple[int | None, np.ndarray]]:
 
 
 def parts_of(soundings: xr.Dataset, pings: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Where parts of the transmit array lie from its offset (3,), and the soundings (ping, beam) of their sectors."""
+    """Return the places (3,) of parts of the transmit array from its offset, and the soundings (ping, beam) of each."""
     valid = soundings["valid"].values[pings]
     if "sector_offset" not in soundings:
         return [(np.zeros(3), np.ones_like(valid))]

@@ -194,7 +194,7 @@ def _time(soundings: xr.Dataset, accuracies: Accuracies) -> np.ndarray:
 
 
 def _rates(soundings: xr.Dataset) -> list[np.ndarray]:
-    """Of roll, pitch and heave, and the speed over ground, at every ping (ping,)."""
+    """Return the rates of roll, pitch and heave, and the speed over ground, at every ping (ping,)."""
     time, when = soundings["motion_time"].values, soundings["ping_time"].values
     if time.size < 2:
         return [np.zeros(when.size)] * 4

@@ -1,4 +1,4 @@
-"""Where a record lies on Earth: its coordinate system, its origin, and its pings in another system.
+"""Georeference of a record: its coordinate system, its origin, and its pings in another system.
 
     p' = P' + A (p - P)            within a swath of P, A the derivative of the projection there
 

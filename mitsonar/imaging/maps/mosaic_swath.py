@@ -1,4 +1,4 @@
-"""Where the bins of a sidescan lie on a map, in even steps over the ground.
+"""Places of a sidescan's bins on a map, in even steps over the ground.
 
     flat     p = P + v r/c + h tan(pitch) f + g s,      r² = h² (1 + tan²(pitch)) + g²       the bed level below a ping
     truth    p = the place of the bed that the record knows of every bin, between them by straight lines
@@ -68,7 +68,7 @@ class MosaicSwath:
 
     @property
     def around(self) -> float:
-        """How far from a ping its bins can lie on the map [m]."""
+        """Return the largest distance of a ping's bins from it on the map [m]."""
         stretch = float(np.linalg.norm(self.derivative, axis=(1, 2), ord=2).max())
         speed = float(np.linalg.norm(self.velocity, axis=1).max())
         return 1.01 * stretch * self.reach * (1 + speed / float(self.record.attrs["sound_speed"]))

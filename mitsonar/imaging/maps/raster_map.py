@@ -1,4 +1,4 @@
-"""Where the bins of a fan of beams lie in a picture of square elements [m]: made once, used for every frame.
+"""Places of a fan's bins in a picture of square elements [m]: made once, used for every frame.
 
 The middle of an element at x aside and y along the fan's middle lies, in bins,
 
@@ -42,7 +42,7 @@ class FanGrid:
 
 @dataclass(frozen=True, kw_only=True)
 class FanMap:
-    """Which bins (beam, range) make which elements of a picture."""
+    """Assignment of bins (beam, range) to elements of a picture."""
 
     shape: tuple[int, int]  # rows and columns of the picture
     inside: np.ndarray  # (M,): elements within the fan, counted along rows, in the order of `weights`

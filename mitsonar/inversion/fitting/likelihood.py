@@ -1,4 +1,4 @@
-"""How likely a record is where a model gives its means: the data's side of a fit.
+"""Likelihood of a record whose means a model gives.
 
     Gaussian    D = (y - m)² / σ²
     gamma       D = 2 L (y / m - 1 - ln(y / m)),    variance m² / L
@@ -37,7 +37,7 @@ class Terms:
 
 
 class Likelihood(Protocol):
-    """What a fit asks of the data.
+    """Interface between a fit and its data.
 
     Attributes
     ----------
@@ -149,7 +149,7 @@ def _tamed(deviance: np.ndarray, slope: np.ndarray, weight: np.ndarray, robust: 
 
 
 def _normal_deviance(robust: float | None) -> float:
-    """What a deviance is on average, of a normal number at the truth."""
+    """Return the mean deviance of a normal number at the truth."""
     from scipy.special import ndtri
 
     if robust is None:
@@ -159,7 +159,7 @@ def _normal_deviance(robust: float | None) -> float:
 
 
 def _gamma_deviance(looks: np.ndarray, robust: float | None) -> np.ndarray:
-    """What deviances are on average, of intensities of looks (n,) at the truth."""
+    """Return the mean deviances of intensities of looks (n,) at the truth."""
     from scipy.special import digamma, gammaincinv
 
     if robust is None:

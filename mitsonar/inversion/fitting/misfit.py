@@ -1,4 +1,4 @@
-"""What a fit makes small, about its unknowns z, and the linear problem of a step.
+"""The function that a fit minimises over its unknowns z, and the linear problem of a step.
 
     Φ(z) = ½ Σ D(F(x(z))) + ½ |z|² + classes,       A = √w J ∂x/∂z,    b = -slope / √w
 

@@ -1,4 +1,4 @@
-"""What a record tells of its unknowns: the posterior's covariance by the few directions that are seen.
+"""Observability of the unknowns of a record: the posterior's covariance by the few directions that are seen.
 
     A = U s Vᵀ,     posterior of z = I - V s² / (1 + s²) Vᵀ,     q = m + S z,     x = b(q)
 
@@ -29,7 +29,7 @@ UNSEEN = 6                         # patterns that are given
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Observability:
-    """What was told of x."""
+    """Observability of x."""
 
     singular_values: np.ndarray  # s, falling
     complete: bool  # whether these are all, or there may be more, none above the last
@@ -37,11 +37,11 @@ class Observability:
     resolved: np.ndarray  # 1 - posterior / prior variance
     seen: np.ndarray  # patterns of x, each as large as the prior's deviation along it
     unseen: np.ndarray  # patterns of x that are least known, each of one posterior deviation
-    unseen_resolved: np.ndarray  # share of each that is told
+    unseen_resolved: np.ndarray  # share of each that the record determines
 
     @property
     def effective(self) -> float:
-        """The number of parameters that the record tells."""
+        """Return the number of parameters that the record determines."""
         square = self.singular_values ** 2
         return float((square / (1 + square)).sum())
 

@@ -1,4 +1,4 @@
-"""What is believed of a parameter before the record is looked at.
+"""Prior of a parameter.
 
     x = b(m + S z),     z ~ N(0, 1)
 

@@ -30,7 +30,7 @@ POOR = 1.5                         # of speckle's deviance, above which a bed do
 
 @dataclass(frozen=True, kw_only=True)
 class HeightPrior:
-    """What is believed of a bed beforehand.
+    """Prior of a bed's heights.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What of a speckled image a fit compares: intensities summed over a few bins, where they count.
+"""The part of a speckled image that a fit compares: intensities summed over a few bins.
 
     Y = Σ_k (y + f),    M = Σ_k (m + f),    Y ~ Gamma(L_k, M),    1/L_k = 1/(k L) + ε²
 

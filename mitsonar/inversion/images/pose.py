@@ -1,4 +1,4 @@
-"""Where a target lies and how it is turned, from one sidescan image of it.
+"""Fit of a target's position and attitude to one sidescan image.
 
     v' = c + t + R(ψ, θ, φ) (v - c),    R = R_z(ψ) R_y(θ) R_x(φ)        c -> the middle of its vertices at the start
 

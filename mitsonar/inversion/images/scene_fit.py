@@ -70,7 +70,7 @@ ROBUST = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class KeyPrior:
-    """What is believed of a parameter of a scene.
+    """Prior of a parameter of a scene.
 
     Parameters
     ----------

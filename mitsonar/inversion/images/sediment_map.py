@@ -26,7 +26,7 @@ STAGES = Stage(bins=4, steps=4, products=10), Stage(bins=2, steps=2, products=10
 
 @dataclass(frozen=True, kw_only=True)
 class StrengthPrior:
-    """What is believed of a bed's strength beforehand.
+    """Prior of a bed's strength.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What a fit of a sound-speed profile answers: the speeds, how well they are known, and what could not be seen."""
+"""Answer of a fit of a sound-speed profile: the speeds, their deviations, and what could not be observed."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -89,7 +89,7 @@ class ProfileFit:
 
     @property
     def parameters(self) -> float:
-        """How many numbers the soundings have told."""
+        """Return the number of independent values that the soundings determine."""
         square = self.singular_values ** 2
         return float((square / (1 + square)).sum())
 
@@ -122,7 +122,7 @@ class ProfileFit:
 
     @property
     def verdict(self) -> str:
-        """What was observable, in a sentence or two."""
+        """Return what was observable, in a sentence or two."""
         low, _, high = self.bed_depths
         mean = (f"the mean sound speed from the head to the bed is {self.column_mean:.2f} +- "
                 f"{self.column_mean_deviation:.2f} m/s")

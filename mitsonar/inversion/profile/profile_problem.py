@@ -176,7 +176,7 @@ class ProfileProblem:
         return float(data + dense @ own @ dense + sensor ** 2 + bed @ (self.bed_precision @ bed))
 
     def _off(self, state: _ProfileState) -> tuple[np.ndarray, np.ndarray]:
-        """How far values are from what is believed."""
+        """Return the deviations of values from the prior."""
         dense = state.speed - self.start.sound_speed
         return np.append(dense, state.roll) if self.rolls else dense, state.bed - self.bed_middle
 
@@ -293,7 +293,7 @@ class ProfileProblem:
         return sums.T @ sums
 
     def _patches(self, state: _ProfileState) -> Any:
-        """Which soundings are on which patch of the bed: sparse (P, N) of ones."""
+        """Return which soundings are on which patch of the bed: sparse (P, N) of ones."""
         from scipy import sparse
 
         j, i = np.divmod(np.asarray(state.by_bed.argmax(axis=1)).ravel(), self.bed.x.size)
@@ -301,7 +301,7 @@ class ProfileProblem:
         return sparse.csr_array((np.ones(len(patch)), (patch, np.arange(len(patch)))))
 
     def _directions(self, state: _ProfileState) -> float:
-        """How far apart the directions are from which a place of the bed was seen; nothing matters of a known bed.
+        """Return how far apart the directions are from which a place of the bed was seen; 0 for a known bed.
 
         Along one line the direction changes with the place, and evenly: on each patch what a plane through the
         directions leaves is what another look brought.
@@ -331,7 +331,7 @@ class ProfileProblem:
 
 
 def _larger(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Of two covariances, the second with each deviation made no less than the first's."""
+    """Return the second of two covariances, with no deviation less than the first's."""
     scale = np.sqrt(np.maximum(1, np.diag(one) / np.diag(other)))
     return scale[:, None] * other * scale
 

@@ -1,4 +1,4 @@
-"""What a cast does not say itself: depth from pressure, salinity from conductivity, sound speed from both, and on down.
+"""Completion of casts: depth from pressure, salinity from conductivity, sound speed from both, and extension downwards.
 
     z = z(p, latitude)    S = S(C, T, p)    c = c(S, T, z)                                     TEOS-10, by gsw
     c(z) = c(z_K) + c(S_K, T_K, z) - c(S_K, T_K, z_K)    below the deepest sample K           extension "gradient"

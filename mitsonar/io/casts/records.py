@@ -1,4 +1,4 @@
-"""What a file of a cast holds (`Samples`), what was left out of it (`Cleaning`), and the cast itself (`Cast`)."""
+"""Content of a cast's file (`Samples`), what was left out of it (`Cleaning`), and the cast itself (`Cast`)."""
 import datetime
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -135,7 +135,7 @@ def utm(x: float, y: float, source: "CRS") -> "CRS":
 
 @dataclass(frozen=True, kw_only=True)
 class RasterPart:
-    """Which part of a raster to read: a ``crop``, a ``size`` about a ``centre``, or all of it.
+    """Part of a raster to read: a ``crop``, a ``size`` about a ``centre``, or all of it.
 
     ``crop`` is west, south, east, north; ``frame`` tells whether it and ``centre`` are in the file's own coordinates
     ("projected") or in metres from the middle of the file's extent, rounded to metres ("local").

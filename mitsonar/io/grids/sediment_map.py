@@ -121,7 +121,7 @@ class ClassTable:
 
 @dataclass(frozen=True, kw_only=True)
 class Painting:
-    """What a map paints on the cells of a survey."""
+    """Sediments of a map on the cells of a survey."""
 
     number: np.ndarray  # (N,): places in `ClassTable.sediments`
     other: np.ndarray  # (N,): the class beyond the nearest border

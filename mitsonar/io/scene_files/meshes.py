@@ -1,4 +1,4 @@
-"""Which files are meshes, and whether they are sound enough to be handed to Mitsuba's readers."""
+"""Checks of mesh files before Mitsuba's readers open them."""
 import mmap
 import os
 import re

@@ -1,4 +1,4 @@
-"""What a scene file says of itself: its heading, its parameters with their defaults, and what they are given to.
+"""Description of a scene file: its heading, its parameters with their defaults, and where these are used.
 
 The heading is the comment before ``<scene>``. A comment behind a ``<default>``, on its line, says what the parameter
 means.

@@ -44,7 +44,7 @@ def check_counts(name: str, beams: int, sectors: int = 0) -> None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AssembledLine:
-    """What all pings of a line share."""
+    """Content that all pings of a line share."""
 
     sonar: str
     title: str

@@ -49,7 +49,7 @@ class Written:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LineToWrite:
-    """What all pings of a line share."""
+    """Content that all pings of a line share."""
 
     first: xr.Dataset  # the first block
     start: float  # [s]: of time 0, since 1970, UTC

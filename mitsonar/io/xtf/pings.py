@@ -1,4 +1,4 @@
-"""What XTF's ping headers say of a track: time, place, attitude, height, sound speed.
+"""Track of XTF's ping headers: time, place, attitude, height, sound speed.
 
 A header's position is in degrees (WGS 84) or in metres, as the file's header says. Headings count from true north
 beside degrees, from the y axis beside metres. Times of ping headers are hundredths of a second; those of the navigation

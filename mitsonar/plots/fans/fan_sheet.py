@@ -32,7 +32,7 @@ TOWARDS = {"forward": "ahead", "aft": "astern", "starboard": "to starboard", "po
 
 @dataclass(frozen=True, kw_only=True)
 class FanView:
-    """Where the bins of a fan lie on the sheet, for all frames alike."""
+    """Places of a fan's bins on the sheet, the same for all frames."""
 
     angle: np.ndarray  # (B,) [rad]: of the beams, from the middle of the fan, positive to the right
     slant_range: np.ndarray  # (N,) [m]

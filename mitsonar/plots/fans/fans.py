@@ -211,7 +211,7 @@ def looks_down(dataset: xr.Dataset) -> bool:
 
 
 def _directions(dataset):
-    """Of the beams (B, 3), body frame."""
+    """Return the directions of the beams (B, 3), body frame."""
     lacking = [f"beam_{axis}" for axis in "xyz" if f"beam_{axis}" not in dataset.variables]
     if lacking:
         raise ValueError(f"the record has no {lacking[0]}, the direction of its beams: it is neither a whole image of "

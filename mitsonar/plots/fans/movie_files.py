@@ -28,7 +28,7 @@ _FAILED = "ffmpeg could not write the video, for the reason that it printed; wri
 
 
 class MovieFile(ABC):
-    """What takes frames."""
+    """A writer of frames."""
 
     @abstractmethod
     def add(self, pixels: np.ndarray) -> None:

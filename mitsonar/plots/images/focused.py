@@ -84,7 +84,7 @@ def draw_focused(image: xr.Dataset, what: str, path: FilePath | None, *, bank: i
 
 
 def _view(image: xr.Dataset, what: str) -> tuple[Callable[[Sheet], Figure], str]:
-    """What draws a view, and of which variable."""
+    """The drawing function of a view, and its variable."""
     plain = [str(name) for name, variable in image.data_vars.items()
              if set(variable.dims) == set(GROUND) and variable.dtype.kind in "biuf"]
     if what in FOCUSED_VIEWS:
@@ -117,7 +117,7 @@ def _grid(image: xr.Dataset) -> PlotGrid:
 
 
 def _words(image: xr.Dataset, of: str) -> str:
-    """How large, how fine, and where up is."""
+    """Size, resolution and orientation of a view."""
     steps = [abs(float(np.diff(image[dim].values[:2])[0])) for dim in GROUND
              if dim in image.coords and image.sizes[dim] > 1]
     sizes = [in_metres(step * image.sizes[dim]) for step, dim in zip(steps, GROUND, strict=False)]

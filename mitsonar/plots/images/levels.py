@@ -83,7 +83,7 @@ def in_the_water(part: xr.Dataset) -> np.ndarray:
 
 
 def _column_gain(dataset, grid, image, column, limits):
-    """What makes the strongest echoes of the water column bright, [dB]."""
+    """Return the gain that makes the strongest echoes of the water column bright [dB]."""
     noise = dataset.attrs.get("noise_db")
     faintest = HARDLY_DB if noise is None else noise + ABOVE_NOISE_DB
     audible = grid.mean(dataset, lambda part: part["mean_level"].values > faintest) > 0.5

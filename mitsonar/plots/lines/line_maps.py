@@ -33,7 +33,7 @@ MOST_EXAGGERATED = 30.0
 
 @dataclass(frozen=True, kw_only=True)
 class Mapped:
-    """What a map shows."""
+    """Content of a map."""
 
     name: str  # the variable
     words: str  # what it is called on the bar

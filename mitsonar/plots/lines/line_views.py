@@ -88,7 +88,7 @@ OF_A_PING, OF_LEVELS = ("column", "rays", "overview"), ("column", "curtain", "ov
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """What a view is asked for; see `line_figure`."""
+    """Options of a view; see `line_figure`."""
 
     ping: int
     tvg: Tvg

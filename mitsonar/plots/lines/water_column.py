@@ -161,7 +161,7 @@ def _held_gain(beams: _ColumnBeams, head: RayHead, tvg: Tvg) -> tuple[np.ndarray
 
 def _box(one: xr.Dataset, head: RayHead, beams: _ColumnBeams, edges: np.ndarray, ways: np.ndarray,
          times: np.ndarray) -> Box:
-    """How far the picture goes to port, to starboard and below the head [m]."""
+    """Return the extent of the picture to port, to starboard and below the head [m]."""
     within = times <= 0.5 * beams.ends[:, None]
     below = float((np.where(within, edges, 0) - head.depth).max())
     port, starboard = float(np.nanmin(np.where(within, ways, 0))), float(np.nanmax(np.where(within, ways, 0)))
@@ -243,7 +243,7 @@ def curtain(line: xr.Dataset, tvg: Tvg = "recorder") -> Curtain:
 
 
 def _reach(line: xr.Dataset, heads: list[RayHead]) -> tuple[float, float]:
-    """How far the curtain goes, and how long its longest samples are [m]."""
+    """Return the depth of the curtain and the length of its longest samples [m]."""
     rate, start = line["column_rate"].values, line["column_start"].values
     known = np.isfinite(start) & (rate > 0)
     if not known.any():

@@ -1,4 +1,4 @@
-"""How exact rays move with the sound-speed profile and with their ends (NumPy).
+"""Derivatives of exact rays by the sound-speed profile and by their ends (NumPy).
 
 With hat_k the share of node k in the speed at a depth, s the sine of grazing, positive down, p the ray parameter:
 
@@ -92,7 +92,7 @@ def ray_derivatives(profile: SoundSpeedProfile, source_depth: ArrayLike, target_
 
 
 class PassageDerivatives(NamedTuple):
-    """Of N rays of given ray parameter between two depths, and K nodes."""
+    """Return derivatives of N rays of given ray parameter between two depths, by K nodes."""
 
     time_by_speed: np.ndarray  # (N, K) [s²/m]: of the time between fixed ends
     range_by_speed: np.ndarray  # (N, K) [s]: of the range at fixed parameter

@@ -1,4 +1,4 @@
-"""How a platform goes on while echoes come in, as legs of rays need it: polynomials in the time since the transmission.
+"""Motion of a platform while echoes come in: polynomials in the time since the transmission.
 
     D(t) = Σ_k d_k t^k,    v = dD/dt,    R(t) = exp([r(t)]×),    r(t) = Σ_k r_k t^k,    ω ≈ dr/dt,    k = 1 ... K
 

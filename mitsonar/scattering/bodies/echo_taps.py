@@ -30,7 +30,7 @@ COVERED = 1e-9                     # rounding of a table's ends
 
 @dataclass(frozen=True, kw_only=True)
 class HeardBand:
-    """What a sonar hears."""
+    """Frequencies that a sonar receives."""
 
     frequency: float  # [Hz]: carrier
     low: float  # [Hz]: of the pulse

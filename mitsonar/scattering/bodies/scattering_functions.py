@@ -1,4 +1,4 @@
-"""How a target of its own answers sound: the pressure f at 1 m, by frequency and by where sound comes from and goes to.
+"""Scattering function of a target: the pressure f at 1 m, by frequency and by where sound comes from and goes to.
 
     f(frequency, incident, scattered)          [m],    20 log |f| the target strength
 
@@ -26,7 +26,7 @@ MOST_EXAMPLES = 64
 
 
 class ScatteringFunction(Protocol):
-    """How a target answers.
+    """Scattering function of a target.
 
     Attributes
     ----------

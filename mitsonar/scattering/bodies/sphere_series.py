@@ -26,7 +26,7 @@ WATER_DENSITY = 1026.0             # [kg/m³] where none is given
 
 @dataclass(frozen=True, kw_only=True)
 class Solid:
-    """What a sphere is made of.
+    """Material of a sphere.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ MATERIALS = {"tungsten_carbide": Solid(density=14900.0, compressional_speed=6853
 
 @dataclass(frozen=True, kw_only=True)
 class SphereBody:
-    """What a sphere is.
+    """A sphere.
 
     Attributes
     ----------

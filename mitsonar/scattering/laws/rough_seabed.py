@@ -1,4 +1,4 @@
-"""What seabeds share, fluid or solid: a rough surface by small slopes, and a volume below.
+"""Base of fluid and solid seabeds: a rough surface by small slopes, and a volume below.
 
     σ = |a|² × factor of the lobe + σ_volume          (a, σ_volume: `fluid`, `elastic`; the lobe: `small_slope`)
 

@@ -54,7 +54,7 @@ _NUMPY = SimpleNamespace(exp=np.exp, sqrt=np.sqrt, minimum=np.minimum, maximum=n
 
 
 class Roughness(NamedTuple):
-    """What a wind makes of the surface: all of the law that depends on the wind, as numbers or device numbers."""
+    """The surface under a wind: all of the law that depends on the wind, as numbers or device numbers."""
 
     slope_variance: Numbers  # s², of both components of the slope together
     crossover_deg: Numbers  # [degrees]: arctan t_f, the slope angle at which facets give way to ripples

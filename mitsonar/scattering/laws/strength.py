@@ -21,7 +21,7 @@ from .sediment import Sediment
 
 
 class ScatteringLaw(Protocol):
-    """What all laws give."""
+    """Interface of all laws."""
 
     def scattering_strength(self, grazing_in: np.ndarray, grazing_out: np.ndarray, azimuth: np.ndarray,
                             frequency: np.ndarray, sound_speed: np.ndarray, /) -> np.ndarray:

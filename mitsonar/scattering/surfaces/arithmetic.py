@@ -24,5 +24,5 @@ NUMPY = Arithmetic(np, lambda real, imaginary: real + 1j * imaginary)
 
 
 def power(number: Numbers) -> Numbers:
-    """Give |z|² of complex numbers of either kind."""
+    """Return |z|² of complex numbers of either kind."""
     return number.real * number.real + number.imag * number.imag

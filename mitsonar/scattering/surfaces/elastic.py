@@ -104,7 +104,7 @@ class Elastic:
         return first / (1 + self.w3 / STRONGEST_VOLUME * first)
 
     def _wave(self, sine: Numbers) -> "_Wave":
-        """What a plane wave from or to the water is below."""
+        """Return a plane wave from or to the water as it is below the surface."""
         rho, m, sqrt = self.density_ratio, self._shear_square(), self.arithmetic.module.sqrt
         cos2 = 1 - sine * sine
         down = sqrt(self._kappa_square() - cos2)

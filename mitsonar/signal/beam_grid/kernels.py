@@ -49,7 +49,7 @@ class Noise:
 
 @dataclass(frozen=True, eq=False)
 class Waves:
-    """What an aperture lets through."""
+    """The waves that an aperture passes, and its pattern."""
 
     taken: UInt32  # (U,): numbers of the waves over the rows of echoes
     used: UInt32  # (U,): numbers of the waves, over the rows of echoes and over those of beams
@@ -58,7 +58,7 @@ class Waves:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reading:
-    """How beams are read from rows."""
+    """Rows and taps from which beams are read."""
 
     rows: UInt32  # (B, 4)
     taps: Float  # (B, 4)

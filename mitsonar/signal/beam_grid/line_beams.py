@@ -125,7 +125,7 @@ class LineBeams:
         self._replica = upload(lib.Float, np.abs(self.pulse.replica).astype(np.float32))
 
     def _read_at(self, sines: np.ndarray) -> Reading:
-        """How beams at these sines are read."""
+        """Return the rows and taps from which beams at these sines are read."""
         lib, (low, high) = self.lib, self._within
         if not ((sines >= low - 1e-12) & (sines <= high + 1e-12)).all():
             raise ValueError(f"beams of a line made for sines from {low:.4g} to {high:.4g} are asked for from "

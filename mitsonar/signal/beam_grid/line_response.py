@@ -1,4 +1,4 @@
-"""What a line of elements makes of a grid's rows: its pattern as a spectrum over them, at every frequency.
+"""Response of a line of elements to a grid's rows: its pattern as a spectrum over them, at every frequency.
 
     W_f(y) = Σ_n w_n e^{-2πi x_n (1 + f/f0) y/λ} / Σ|w_n|,       Ŵ_f(ν) = Σ_m W_f(m ds) e^{-2πi ν m}            (1)
 
@@ -43,7 +43,7 @@ class ResponseRows:
 
     @property
     def numbers(self) -> np.ndarray:
-        """Of rows from an echo to a beam, int (period,), in order of an FFT."""
+        """Return the numbers of rows from an echo to a beam, int (period,), in order of an FFT."""
         return (np.arange(self.period) + self.before) % self.period - self.before
 
 
@@ -121,7 +121,7 @@ def _extent(position: np.ndarray, weight: np.ndarray) -> tuple[float, float]:
 
 
 def _taper(rows: ResponseRows, fade: int) -> np.ndarray:
-    """What lets a pattern fade at both ends of a period, float32 (period,), in order of an FFT."""
+    """Return the taper of a pattern at both ends of a period, float32 (period,), in order of an FFT."""
     place = rows.numbers + rows.before + 0.5 * (rows.period % 2)
     left = np.minimum(place, rows.period - place)
     fading = np.clip(1 - 2 * left / fade, 0, 1)

@@ -1,4 +1,4 @@
-"""What a grid's spectrum is multiplied with, row by row: pulse, receiver, matched filter, and the bell in time.
+"""Factors of a grid's spectrum, row by row: pulse, receiver, matched filter, and the bell in time.
 
     P_r(f) = S_η(f) F(f) S_r*(f) R(f) / (g K(f)) e^{-κ(f) t_m},        g = mean of S_1 S_r* F over f
 

@@ -1,4 +1,4 @@
-"""What is left of an echo's own Doppler where a row's factor stands for it: a delay and a turn of its compressed pulse.
+"""Rest of an echo's Doppler where its row's factor replaces its own: a delay and a turn of its compressed pulse.
 
     S_{1+d}(f) ≈ S_1(f) e^{-2πi f τ(d)} e^{2πi φ(d)}
 

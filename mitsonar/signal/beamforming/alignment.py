@@ -67,7 +67,7 @@ class ElementSignals:
         dr.eval(self.values, self.place)
 
     def detour(self, point: Sequence[Float], distance: Float, place: Sequence[Float] | Array4f) -> Float:
-        """Give |P - R| - |P| [m] of points (three Floats) at a distance |P| and elements (x, y, z, |R|²)."""
+        """Return |P - R| - |P| [m] of points (three Floats) at a distance |P| and elements (x, y, z, |R|²)."""
         q = dr.fma(-2 * point[0], place[0], dr.fma(-2 * point[1], place[1], dr.fma(-2 * point[2], place[2], place[3])))
         return q / dr.maximum(dr.sqrt(dr.maximum(dr.fma(distance, distance, q), 0)) + distance, TINY)
 

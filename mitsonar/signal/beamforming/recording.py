@@ -1,4 +1,4 @@
-"""What a beamformer takes and gives: labelled element signals in, labelled beams out.
+"""Input and output of beamformers: labelled element signals in, labelled beams out.
 
 An echo of amplitude a and delay τ reaches an element as a s_b(t - τ) exp(-2πi f0 τ): complex baseband about f0, time
 counted from the ping's transmission. Positions are in the body frame (x forward, y starboard, z down), metres from the

@@ -123,7 +123,7 @@ class Array:
 
     @property
     def working(self) -> np.ndarray:
-        """Which elements have a weight, bool (E,)."""
+        """Return True for elements that have a weight, bool (E,)."""
         return self.weight != 0
 
     @property

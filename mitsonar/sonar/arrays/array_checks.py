@@ -1,4 +1,4 @@
-"""What is asked of the numbers of an `Array`; errors name the first element that is wrong."""
+"""Checks of the numbers of an `Array`; errors name the first element that is wrong."""
 from __future__ import annotations
 
 import numpy as np

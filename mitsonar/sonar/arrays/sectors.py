@@ -70,7 +70,7 @@ def half_power_width(place: np.ndarray, weight: np.ndarray) -> float:
 
 
 def pattern_integral(array: Array, wavelength: float) -> float:
-    """Give ∫ |W(s)|² ds of an evenly spaced line over the sines from one grating lobe to the next.
+    """Return ∫ |W(s)|² ds of an evenly spaced line over the sines from one grating lobe to the next.
 
     By Parseval's theorem (λ / d) Σ w² / (Σ w)², d the pitch.
     """

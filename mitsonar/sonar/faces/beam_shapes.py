@@ -49,7 +49,7 @@ class BeamShape:
         return np.interp(s, np.linspace(-1, 1, len(self.table)), self.table)
 
     def pressure(self, s: Numbers, size: Numbers) -> Numbers:
-        """Give ±b, with the sign of p."""
+        """Return ±b, with the sign of p."""
         lobes = self.lobes(s, size)
         if not self.floor:
             return lobes

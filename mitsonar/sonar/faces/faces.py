@@ -1,4 +1,4 @@
-"""How the faces of a sidescan are built, whatever the water: the sides that their beams need follow from it.
+"""Construction of a sidescan's faces, whatever the water; their beams follow from it.
 
     L = x_3dB λ / sin(Δ / 2)
 

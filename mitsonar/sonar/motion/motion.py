@@ -1,4 +1,4 @@
-"""How a sonar rocks on its way: narrow-band random roll, pitch, yaw, heave and sway, and the strum of a cable.
+"""Random motion of a sonar: narrow-band roll, pitch, yaw, heave and sway, and the strum of a cable.
 
 Each of the five is a sum of sinusoids
 
@@ -99,7 +99,7 @@ class RandomMotion:
         return values, rates
 
     def _bands(self):
-        """What moves: name, stream of chance, root mean square, angular frequency [rad/s] and its relative width."""
+        """A moving component: name, random stream, rms, angular frequency [rad/s] and its relative width."""
         for name in (*_NAMES, *_ALONG_WITH):
             course = _ALONG_WITH.get(name, name)
             period = getattr(self, f"{course}_period") or self.period

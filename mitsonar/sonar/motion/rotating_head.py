@@ -43,7 +43,7 @@ class HeadSweep:
 
     @property
     def pings_per_turn(self) -> int:
-        """How many pings a turn, or one way across the sector, has."""
+        """Return the number of pings of a turn, or of one way across the sector."""
         steps = self.sector / self.step
         return int(np.ceil(steps - WHOLE)) if self.endless else int(np.floor(steps + WHOLE)) + 1
 
@@ -107,7 +107,7 @@ class HeadTrajectory(Trajectory):
 
     @property
     def platform(self) -> Trajectory:
-        """Of the place where the head is mounted, with the attitude of the platform."""
+        """Return the trajectory of the place where the head is mounted, with the attitude of the platform."""
         return Trajectory(lead=self.lead, motion=self.motion, offset=self.offset)
 
     def carried(self, offset: np.ndarray) -> HeadTrajectory:

@@ -58,7 +58,7 @@ class SmoothCurve:
 
 
 class Lead(ABC):
-    """Where a track leads, before random motion and lever arm."""
+    """The course of a track, before random motion and lever arm."""
 
     @abstractmethod
     def at(self, times: np.ndarray, since: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -127,7 +127,7 @@ class Circled(Lead):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PingTravel:
-    """How a sonar goes on while the echoes of its pings come in."""
+    """Motion of a sonar while the echoes of its pings come in."""
 
     displacement: np.ndarray  # (P, K, 3) [m/s^k]: d_k of the module's equations, k = 1 ... K; scene frame
     turn: np.ndarray  # (P, K, 3) [rad/s^k]: r_k, likewise

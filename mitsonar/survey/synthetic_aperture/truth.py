@@ -1,4 +1,4 @@
-"""What a focused image shows, point by point: labels, shadows and places, in the image's own axes.
+"""Truth of a focused image, point by point: labels, shadows and places, in the image's own axes.
 
 An aperture that is long against a range cell and short against the range sees as a sidescan does that passes along its
 straight mean line with a very narrow beam: an echo stands in the image where its time from abreast is that of the

@@ -100,7 +100,7 @@ class GsfFile:
 
     @property
     def line(self) -> AssembledLine:
-        """What the pings share."""
+        """Content that the pings share."""
         depth, speed = cast_of(self._cast)
         return AssembledLine(
             sonar="multibeam", title=os.path.basename(self._path), start=self._start, crs=self._motion.zone.crs,

@@ -75,7 +75,7 @@ class KongsbergFile(ABC):
 
     @property
     def line(self) -> AssembledLine:
-        """What the pings share."""
+        """Content that the pings share."""
         found, installed, motion = self._found, self._installation, self._motion
         depth, speed = cast_of(found.cast)
         kinds = sorted(kind for kind in found.passed - {self.COLUMN_KIND} if kind.isprintable())
