@@ -26,8 +26,9 @@ def entries(value: Kept, index: UInt32) -> Kept:
     """Return the entries with these numbers of all arrays in a record, list or tuple."""
     part: Any = value
     if isinstance(part, (list, tuple)):
-        return type(part)(entries(item, index) for item in part)
-    if is_dataclass(part):
+        part = type(part)(entries(item, index) for item in part)
+        return part
+    if is_dataclass(part) and not isinstance(part, type):
         return replace(part, **{field.name: entries(getattr(part, field.name), index) for field in fields(part)})
     return picked(part, index) if dr.is_array_v(part) else part
 

@@ -79,7 +79,7 @@ def staged(frames, rounds):
     import drjit as dr
 
     stages = {"echoes and shadows": (frames.echoes, "of_scatterers"), "who hides": (frames.echoes, "hiding"),
-              "targets": (frames.echoes, "of_targets"), "beams: FFTs, line, noise": (frames._beams, "form"),
+              "targets": (frames.echoes, "of_targets"), "beams: FFTs, line, noise": (frames._beams, "form_each"),
               "truth": (frames._truth, "of")}
     cost = {name: [] for name in stages}
 

@@ -23,7 +23,7 @@ import numpy as np
 from mitsonar.device.arrays import arrays_of
 from mitsonar.io import casts
 from mitsonar.scene.loading import prepare
-from mitsonar.scene.tracing.tracer import Tracer, _angles, _first_hit
+from mitsonar.scene.tracing.tracer import Tracer, _first_hit, angles
 from mitsonar.scene.tracing.water import DeviceWater
 from mitsonar.water import SoundSpeedProfile
 
@@ -102,7 +102,7 @@ def refracted(scene, direction, name, profile):
     source = dr.opaque(mi.UInt32, 0)
 
     def hits():
-        launch_angle, heading = _angles(direction)
+        launch_angle, heading = angles(direction)
         start = mi.Point3f(origin)
         valid, pi, *_ = _first_hit(scene, sources.ray_fans, start, source, launch_angle, heading, mi.Bool(True))
         finish(valid, pi.t, pi.prim_index, pi.prim_uv)

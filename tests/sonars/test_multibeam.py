@@ -326,7 +326,7 @@ def test_a_pulse_longer_than_the_record_finds_no_bed_and_warns_of_nothing():
 def test_soundings_are_asked_of_sonars_that_make_them():
     from sonar_scenes import sidescan
 
-    with pytest.raises(ValueError, match="or an interferometric sidescan, and this sensor is a sidescan"):
+    with pytest.raises(ValueError, match="interferometric sidescan makes soundings, and this sensor is a sidescan"):
         mitsonar.soundings(sidescan({"seabed": bed(40.0)}))
     with pytest.raises(ValueError, match="snippets is -1"):
         sounded(snippets=-1)

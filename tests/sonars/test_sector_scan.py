@@ -384,6 +384,6 @@ def test_large_smooth_surfaces_are_announced_and_reported_ping_by_ping(monkeypat
     scene = sector_scan({"seabed": bed(6.0, {"type": "rigid"}, size=1.0)}, integrator={"cell": 4.0, "rays": 500},
                         sensor={**slow, "depth": 5.0, "start": None}, film={"range": 2.0, "bins": 20})
     done = []
-    with pytest.warns(UserWarning, match="smooth surfaces within reach take .* cells each time they are ensonified"):
+    with pytest.warns(UserWarning, match="smooth surfaces within reach need .* cells each time they are ensonified"):
         mitsonar.render(scene, progress=lambda now, total: done.append(now))
     assert done == sorted(done) and len({now for now in done if now < 1}) >= 3 and done[-1] == pytest.approx(3)

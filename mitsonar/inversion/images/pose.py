@@ -73,8 +73,7 @@ class PosePrior:
 
 @dataclass(frozen=True)
 class TurnedModel:
-    """How far a mesh or another shape is moved and turned: `NAMES`, all 0 at the start: ``box.vertex_positions`` as
-    ``pose``."""
+    """Displacement and rotation of a shape: `NAMES`, all 0 at the start; ``box.vertex_positions`` as ``pose``."""
 
     key: str
 

@@ -72,7 +72,7 @@ def angle_bins(line: xr.Dataset, where: np.ndarray | None = None) -> Bins:
 
 
 def _known(line: xr.Dataset, *names: str) -> list[str]:
-    """Those of some variables of which a sounding has a number; `ValueError` if none has."""
+    """Return the variables that have a number at some sounding; raise `ValueError` if none has."""
     there = sounded(line)
     known = [name for name in names if name in line and np.isfinite(line[name].values[there]).any()]
     if not known:

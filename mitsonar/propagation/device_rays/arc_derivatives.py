@@ -1,4 +1,4 @@
-"""How range and time of a ray through one layer move with the sound speed in it, for NumPy and Dr.Jit numbers.
+"""Derivatives of range and time of a ray through one layer by the sound speed in it, for NumPy and Dr.Jit numbers.
 
 A ray of parameter p passes a layer of gradient g from depth z1, speed c1, sine s1 to z2, c2, s2; depths and sines are
 positive down, so that dz / s is positive on the way up, too. With u = z - z1 and a change of speed a + b u,

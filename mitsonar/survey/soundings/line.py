@@ -132,7 +132,9 @@ class Finding:
 
 
 class Instrument(Protocol):
-    """What measures the pings of a line. A measurement has ``valid`` (B,), ``sector`` (B,) and what else it needs.
+    """The sonar of a line as soundings need it.
+
+    A measurement has ``valid`` (B,), ``sector`` (B,) and what else it needs.
 
     Attributes
     ----------

@@ -193,8 +193,9 @@ def _column_beams(datagram: AllDatagram) -> tuple[np.ndarray, np.ndarray]:
     offset = datagram.after(datagram.table(COLUMN_SECTOR, int(datagram.head["sectors"])))
     rows, samples = [np.zeros(0, COLUMN_BEAM.newbyteorder(datagram.order))], [np.zeros(0, np.int8)]
     for _ in range(int(datagram.head["beams"])):
-        rows.append(datagram.table(COLUMN_BEAM, 1, offset))
-        samples.append(datagram.table(np.dtype(np.int8), int(rows[-1]["samples"][0]), offset + COLUMN_BEAM.itemsize))
+        beam: np.ndarray = datagram.table(COLUMN_BEAM, 1, offset)
+        rows.append(beam)
+        samples.append(datagram.table(np.dtype(np.int8), int(beam["samples"][0]), offset + COLUMN_BEAM.itemsize))
         offset += COLUMN_BEAM.itemsize + samples[-1].size
     return np.concatenate(rows), np.concatenate(samples)
 
