@@ -25,12 +25,15 @@ Kept = TypeVar("Kept")             # the type of the argument is that of the res
 def entries(value: Kept, index: UInt32) -> Kept:
     """Return the entries with these numbers of all arrays in a record, list or tuple."""
     part: Any = value
+    picks: Any = part
     if isinstance(part, (list, tuple)):
-        part = type(part)(entries(item, index) for item in part)
-        return part
-    if is_dataclass(part) and not isinstance(part, type):
-        return replace(part, **{field.name: entries(getattr(part, field.name), index) for field in fields(part)})
-    return picked(part, index) if dr.is_array_v(part) else part
+        picks = type(part)(entries(item, index) for item in part)
+    elif dr.is_array_v(part):
+        picks = picked(part, index)
+    elif is_dataclass(value):
+        picks = replace(part, **{field.name: entries(getattr(part, field.name), index) for field in fields(part)})
+    return picks
+
 
 @dataclass(frozen=True, kw_only=True)
 class EchoLeg:
