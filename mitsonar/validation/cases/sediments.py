@@ -8,7 +8,7 @@ from mitsonar.scattering.laws.elastic_sediment import ElasticSediment
 from mitsonar.scattering.laws.sediment import Sediment
 from mitsonar.scattering.laws.strength import LambertSeabed, backscatter_strength_db, bistatic_strength_db
 
-from .case import Case, Compared, Curve, Panel, Table, worst
+from ..case import Case, Compared, Curve, Panel, Table, worst
 
 SIX = ("sandy gravel", "coarse sand", "medium sand", "fine sand", "silt", "clay")
 KHZ = (30, 100, 300)

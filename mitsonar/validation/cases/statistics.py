@@ -3,8 +3,8 @@ import numpy as np
 from scipy.special import gamma, kv
 from scipy.stats import kstest
 
-from . import scenes
-from .case import Case, Compared, Curve, Panel, Table
+from .. import scenes
+from ..case import Case, Compared, Curve, Panel, Table
 
 LOG_MEAN_DB, LOG_SPREAD_DB = -2.506816, 5.570043   # of exponential intensity in decibels: mean and standard deviation
 KNOWN_MEAN, ESTIMATED_MEAN = 1.628, 1.28           # √n D at 1 % (Kolmogorov; Lilliefors for a mean that is estimated)

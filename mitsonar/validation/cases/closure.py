@@ -5,11 +5,11 @@ from mitsonar.scattering.laws.strength import backscatter_strength_db
 from mitsonar.sonar.faces.directivity import HALF_POWER
 from mitsonar.water.profile import SoundSpeedProfile
 
-from . import scenes
-from .case import Case, Compared, Curve, Panel, Table, worst
+from .. import scenes
+from ..case import Case, Compared, Curve, Panel, Table, worst
+from ..sonar_equation import FlatBed
 from .rays import SUMMER
 from .sediments import KHZ, SIX, holding
-from .sonar_equation import FlatBed
 
 SONAR_DEPTH, BED_DEPTH = 12.0, 22.0                # [m]
 RANGE, BINS = 122.0, 1220

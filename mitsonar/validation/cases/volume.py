@@ -3,8 +3,8 @@ import numpy as np
 
 from mitsonar.water.volume import volume_reverberation_db
 
-from . import scenes
-from .case import Case, Compared, Curve, Panel, Table, worst
+from .. import scenes
+from ..case import Case, Compared, Curve, Panel, Table, worst
 
 SONAR_DEPTH, BED_DEPTH, SPEED, ABSORPTION = 150.0, 600.0, 1500.0, 0.0334        # [m], [m], [m/s], [dB/m]
 STRENGTH_DB, LAYER, LAYER_DB = -80.0, (165.0, 172.0), -65.0                     # [dB re 1/m], depths [m]

@@ -4,8 +4,8 @@ import numpy as np
 from mitsonar.propagation.numpy_rays.eigenrays import eigenray
 from mitsonar.water.profile import SoundSpeedProfile
 
-from . import scenes
-from .case import Case, Compared, Curve, Panel, Table
+from .. import scenes
+from ..case import Case, Compared, Curve, Panel, Table
 from .rays import SUMMER
 
 SONAR_DEPTH, TARGET = 10.0, (4.0, 30.0, -15.0)     # [m]

@@ -4,7 +4,7 @@ import numpy as np
 from mitsonar.propagation.numpy_rays.eigenrays import eigenray, eigenrays
 from mitsonar.water.profile import SoundSpeedProfile
 
-from .case import Case, Compared, Curve, Panel, Table, worst
+from ..case import Case, Compared, Curve, Panel, Table, worst
 
 GRADIENTS = (-5.0, -0.5, -0.05, -1e-6, 1e-6, 0.05, 0.5, 4.0)         # [1/s]
 SIX_NODES = SoundSpeedProfile([0, 5, 12, 25, 40, 60], [1508, 1507.5, 1499, 1491, 1489.5, 1490.5])

@@ -6,8 +6,8 @@ from scipy.special import j1
 
 from mitsonar.scattering.bodies.spheres import sphere_target_strength_db
 
-from . import scenes
-from .case import Case, Compared, Curve, Panel, Table
+from .. import scenes
+from ..case import Case, Compared, Curve, Panel, Table
 
 WAVELENGTH, SPEED, FREQUENCY = 0.015, 1500.0, 100e3
 K = 2 * np.pi / WAVELENGTH

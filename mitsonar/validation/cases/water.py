@@ -6,7 +6,7 @@ from mitsonar.water.absorption import absorption_db
 from mitsonar.water.noise import ambient_noise_db, thermal_noise_db
 from mitsonar.water.seawater import sound_speed
 
-from .case import Case, Compared, Curve, Panel, Table, worst
+from ..case import Case, Compared, Curve, Panel, Table, worst
 
 LATITUDE = 45.0
 SPEEDS = {                         # temperature [deg C], salinity, depth [m] -> m/s by formula

@@ -13,7 +13,7 @@ from mitsonar.sonar.arrays.beam_patterns import beam_pattern, directivity_index_
 from mitsonar.sonar.arrays.shading import taper_loss_db, window_weights
 from mitsonar.sonar.faces.directivity import Aperture
 
-from .case import Case, Compared, Curve, Panel, Table, root_of, worst
+from ..case import Case, Compared, Curve, Panel, Table, root_of, worst
 
 SPEED, WAVELENGTH = 1500.0, 0.015
 WINDOWS = {  # over 16 elements: highest side lobe [dB], full -3 dB width in (d/λ) sin ψ, taper loss [dB]

@@ -4,10 +4,10 @@ import numpy as np
 from mitsonar.scattering.laws.sea_surface import bubble_loss_db
 from mitsonar.scattering.laws.strength import backscatter_strength_db
 
-from . import scenes
-from .case import Case, Compared, Curve, Panel, Table, worst
+from .. import scenes
+from ..case import Case, Compared, Curve, Panel, Table, worst
+from ..sonar_equation import FlatBed
 from .closure import WATERS
-from .sonar_equation import FlatBed
 
 LOSSES = {  # wind [m/s], kHz, grazing [deg] -> dB, TR 9407 part II
     (5, 20, 10): 0.464644, (10, 20, 10): 3.440138, (15, 20, 10): 6.501882, (3, 100, 30): 0.057496,

@@ -6,9 +6,9 @@ from mitsonar.water.absorption import absorption_db
 from mitsonar.water.noise import ambient_noise_db
 from mitsonar.water.profile import SoundSpeedProfile
 
-from . import scenes
-from .case import Case, Compared, Curve, Panel, Table, root_of
-from .sonar_equation import FlatBed
+from .. import scenes
+from ..case import Case, Compared, Curve, Panel, Table, root_of
+from ..sonar_equation import FlatBed
 
 SONAR_DEPTH, BED_DEPTH, SPEED = 20.0, 40.0, 1500.0         # [m], [m/s]
 CASES = {  # kHz, wind [m/s], sediment, source level [dB], pulse [ms], farthest range [m]

@@ -7,8 +7,8 @@ from mitsonar.propagation.numpy_rays.eigenrays import eigenray
 from mitsonar.propagation.numpy_rays.return_times import approximate, return_time
 from mitsonar.water.profile import SoundSpeedProfile
 
-from .case import Case, Compared, Curve, Panel, Table, worst
-from .published import effective_speed, table_1
+from ..case import Case, Compared, Curve, Panel, Table, worst
+from ..published import effective_speed, table_1
 from .rays import SIX_NODES, SUMMER
 
 DEPTH, OFFSETS = 8.0, (0.1, 0.5, 1.0)              # [m]

@@ -6,10 +6,10 @@ import numpy as np
 from mitsonar.scattering.laws.strength import backscatter_strength_db
 from mitsonar.water.profile import SoundSpeedProfile
 
-from . import scenes
-from .case import Case, Compared, Curve, Panel, Table, worst
+from .. import scenes
+from ..case import Case, Compared, Curve, Panel, Table, worst
+from ..sonar_equation import FlatBed
 from .rays import SUMMER
-from .sonar_equation import FlatBed
 
 SONAR_DEPTH, BED_DEPTH, RANGE, FREQUENCY = 12.0, 22.0, 116.0, 100e3                   # [m], [Hz]
 GATES = 2 / 1500.0 * np.r_[10.5, 13.0, 16.0, 20.0, 25.0, 32.0, 40.0, 50.0, 64.0, 80.0, 98.0, 114.0]   # [s], two-way
