@@ -37,6 +37,7 @@ from ..attributes import Angle, Attributes, Choice, FromTable, Number, Numbers, 
 from .array_reading import nominal_sound_speed
 from .motion_errors import DEPTH_GATE, MOTION_ERRORS, depth_gate, motion_errors
 from .platform import ROUTE, pings
+from .pulse_attributes import make_pulse
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SELF_NOISE, SOUND_SPEED, SonarSensor
 
 PRESETS = presets("interferometric")
@@ -82,7 +83,8 @@ class Interferometric(SonarSensor):
         self.preset = attributes.preset
         self.frequency = float(hertz_from_khz(attributes.frequency_khz))
         self.source_level_db, self.self_noise_db = attributes.source_level_db, attributes.self_noise_db
-        self.pulse = _pulse(attributes, self.frequency)
+        self.pulse = make_pulse(attributes, self.frequency, attributes.pulse_ms / 1000,
+                                float(hertz_from_khz(attributes.bandwidth_khz)))
         self.tilt = attributes.tilt_deg
         self.looks, self.least_coherence = attributes.looks, attributes.least_coherence
         self.head_speed_error, self.depth_gate = attributes.head_speed_error, depth_gate(attributes)
@@ -93,19 +95,6 @@ class Interferometric(SonarSensor):
     def to_string(self) -> str:
         rows = self.receive[0].elements
         return f"Interferometric[{self.frequency / 1000:g} kHz, 2 x {rows} rows, {self.route.pings} pings]"
-
-
-def _pulse(attributes: Attributes, frequency: float):
-    arguments = {"frequency": frequency, "duration": attributes.pulse_ms / 1000}
-    if attributes.pulse != "cw":
-        arguments["bandwidth"] = float(hertz_from_khz(attributes.bandwidth_khz))
-    elif attributes.given("bandwidth_khz"):
-        raise attributes.error("bandwidth_khz is given, but a cw pulse has that of its length; leave it out, or make "
-                               "the pulse lfm or hfm.")
-    try:
-        return PULSES[attributes.pulse](**arguments)
-    except ValueError as error:
-        raise attributes.error(error) from None
 
 
 def _faces(attributes: Attributes, wavelength: float) -> tuple[tuple[Array, Array], tuple[Array, Array]]:

@@ -45,6 +45,7 @@ from .array_attributes import MOST_ELEMENTS
 from .array_reading import nominal_sound_speed
 from .motion_errors import DEPTH_GATE, MOTION_ERRORS, depth_gate, motion_errors
 from .platform import ROUTE, pings
+from .pulse_attributes import make_pulse
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, SonarSensor
 
 PRESETS = presets("multibeam")
@@ -172,7 +173,8 @@ def _sectors(attributes: Attributes) -> tuple[Sector, ...]:
                 raise attributes.error(f"no beam lies in sector {k}, {edges[k]:g} to {edges[k + 1]:g} degrees; move "
                                        "the edges, or take more beams.")
             sectors.append(Sector(
-                pulse=_pulse(attributes, frequency[k], columns["pulse_ms"][k], columns["bandwidth_khz"][k]),
+                pulse=make_pulse(attributes, float(frequency[k]), float(columns["pulse_ms"][k]) / 1000,
+                                 float(hertz_from_khz(columns["bandwidth_khz"][k]))),
                 source_level_db=float(columns["source_level_db"][k]),
                 delay=float(columns["sector_delay_ms"][k] + later) / 1000,
                 tilt=float(np.deg2rad(columns["sector_tilt_deg"][k]) + forward), beams=angles[which == k],
@@ -187,19 +189,6 @@ def _column(attributes: Attributes, name: str, count: int) -> np.ndarray:
         raise attributes.error(f"{name} has {len(values)} numbers; give one, or one for each of the {count} sectors of "
                                "frequency_khz.")
     return np.broadcast_to(values, (count,))
-
-
-def _pulse(attributes: Attributes, frequency: float, length_ms: float, bandwidth_khz: float):
-    arguments = {"frequency": float(frequency), "duration": float(length_ms) / 1000}
-    if attributes.pulse != "cw":
-        arguments["bandwidth"] = float(hertz_from_khz(bandwidth_khz))
-    elif attributes.given("bandwidth_khz"):
-        raise attributes.error("bandwidth_khz is given, but a cw pulse has that of its length; leave it out, or make "
-                               "the pulse lfm or hfm.")
-    try:
-        return PULSES[attributes.pulse](**arguments)
-    except ValueError as error:
-        raise attributes.error(error) from None
 
 
 def _lines(attributes: Attributes, sectors: tuple[Sector, ...],

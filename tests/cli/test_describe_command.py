@@ -77,7 +77,7 @@ def test_attributes_of_a_plugin(said):
     assert 'preset: one of "towed_100khz", "towed_300khz", "towed_400khz"' in out and "default towed_400khz" in out
     assert "depth: a number [m], needed of the mean bed" in joined(said("describe", "seabed"))
     array = joined(said("describe", "array_sonar"))
-    assert "receive_rows: an integer at least 1 and at most 100000, default 1 of planes, or rings" in array
+    assert "receive_rows: an integer at least 1 and at most 100000, default 1 number of rows of a plane" in array
     assert "altitude: a number [m] at least 0, default 20, of a recorded track 0 above the seabed" in array
     assert "receive_steer_deg: 2 numbers [degrees] separated by commas" in array
 

@@ -202,7 +202,7 @@ def test_rows_share_the_height_and_elements_fail(variant):
     ({"preset": "multibeam_700khz"}, 'preset is the string "multibeam_700khz"; expected one of'),
     ({"beam_spacing": "cosine"}, 'expected one of "angle", "sine"'),
     ({"receive_rows": 2, "vertical_beam_width_deg": 180.0}, "no height to share"),
-    ({"pulse": "cw", "bandwidth_khz": 10.0}, "a cw pulse has that of its length"),
+    ({"pulse": "cw", "bandwidth_khz": 10.0}, "a cw pulse has the bandwidth of its length"),
     ({"receive_shading": "hammock"}, 'window is "hammock"'), ({"receive_failed": "48000"}, "receive: "),
     ({"receive": "line"}, 'unknown attribute "receive"'), ({"fan_deg": 200.0}, "at most 180")])
 def test_what_makes_no_such_sonar_is_refused(variant, written, sentence):

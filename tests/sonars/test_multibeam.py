@@ -284,7 +284,7 @@ def test_same_bytes_whatever_the_threads():
     ({"sector_edges_deg": "40, -40", **{"preset": "shallow_300khz_three_sectors"}}, "sector_edges_deg is"),
     ({"pulse_ms": "0.1, 0.2"}, "pulse_ms has 2 numbers; give one"),
     ({"pulse_ms": "-1"}, "pulse_ms is"),
-    ({"bandwidth_khz": "20"}, "a cw pulse has that of its length"),
+    ({"bandwidth_khz": "20"}, "a cw pulse has the bandwidth of its length"),
     ({"swath_deg": 175.0}, "no even distances"),
     ({"depth_gate": "30, 10"}, "depth_gate is 30 to 10 m"),
     ({"receive_shading": "cosin"}, "cosin"),

@@ -77,7 +77,7 @@ def test_a_written_ping_rate_holds_for_both(pair):
     ({"high": {"pings": 9}}, 'pings and a nested <sensor> are both given; the track is that of "low"'),
     ({"high": {"motion": "hull", "roll_deg": 2.0}}, "motion, roll_deg and a nested <sensor>"),
     ({"ranges": (50.0, 60.0)}, 'the pings of "low", whose track it shares, come every 0.06'),
-    ({"kind": "sector_scan"}, "does not turn, nor may this one"),
+    ({"kind": "sector_scan"}, "neither of the two may be a sector_scan"),
 ])
 def test_refusals(pair, how, words):
     assert words in refused(pair, **how)
