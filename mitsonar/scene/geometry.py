@@ -154,8 +154,13 @@ class Geometry:
 def interpolated(lib: Any, normals: mi.Float, face: Any, u: mi.Float, v: mi.Float,
                  active: mi.Bool | bool = True) -> mi.Vector3f:
     """Return Σ λ_i n_i, Vector3f (R,), from four-wide normals at the corners of faces, at barycentric (u, v)."""
-    a, b, c = (mi.Vector3f(n[0], n[1], n[2]) for n in
-               (dr.gather(lib.Array4f, normals, face[i], active) for i in range(3)))
+    return between_corners([mi.Vector3f(n[0], n[1], n[2]) for n in
+                            (dr.gather(lib.Array4f, normals, face[i], active) for i in range(3))], u, v)
+
+
+def between_corners(normals: list[mi.Vector3f], u: mi.Float, v: mi.Float) -> mi.Vector3f:
+    """Return Σ λ_i n_i, Vector3f (R,), from normals at three corners, at barycentric (u, v)."""
+    a, b, c = normals
     return a * (1 - u - v) + b * u + c * v
 
 

@@ -28,7 +28,6 @@ import mitsuba as mi
 
 from mitsonar.device.arrays import arrays_of
 from mitsonar.propagation.device_rays.layer_table import LayerTable
-from mitsonar.scene.geometry import interpolated
 from mitsonar.scene.tracing.hits import Hits, towards_sound
 
 from .geometry import AttachedGeometry
@@ -54,7 +53,7 @@ def finished(hits: Hits, facets: Facets, geometry: AttachedGeometry, layers: Lay
              distance: mi.Float, shift: RayShift | None, side: mi.Float | None = None) -> Hits:
     """Return the same hits with gradients."""
     t, n, valid = hits.arrival_direction, hits.normal, hits.valid
-    a, b, c = _corners(geometry.vertices, facets)
+    a, b, c = (geometry.vertex(facets.face[i], facets.on_mesh) for i in range(3))
     e1, e2 = b - a, c - a
     dx = tangent(a + e1 * facets.u + e2 * facets.v)
     on = None if geometry.shapes is None else geometry.shapes.on(facets.shape, valid & ~facets.on_mesh)
@@ -93,12 +92,6 @@ def finished(hits: Hits, facets: Facets, geometry: AttachedGeometry, layers: Lay
                    spreading_area=hits.spreading_area * (1 + widening), ray_parameter=parameter, sound_speed=speed,
                    arrival_direction=arrival, normal=normal, smooth=smooth,
                    uv=uv)
-
-
-def _corners(vertices: mi.Float, facets: Facets) -> list[mi.Vector3f]:
-    lib: Any = arrays_of(mi.Float)
-    rows = (dr.gather(lib.Array4f, vertices, facets.face[i], facets.on_mesh) for i in range(3))
-    return [mi.Vector3f(row[0], row[1], row[2]) for row in rows]
 
 
 def side_of(hits: Hits, layers: LayerTable, speeds: mi.Float64, origin: dr.ArrayBase,
@@ -159,7 +152,7 @@ def _normals(hits: Hits, facets: Facets, geometry: AttachedGeometry, edges: tupl
     normal = hits.normal + dr.select(there, tangent(facet), 0)
     if geometry.normals is None:
         return normal, None
-    between = interpolated(arrays_of(mi.Float), geometry.normals, facets.face, *place, facets.on_mesh)
+    between = geometry.normal(facets.face, *place, facets.on_mesh)
     return normal, towards_sound(between, normal, arrival)
 
 

@@ -73,11 +73,9 @@ class EdgeTerms:
 
     def add(self, sums: mi.Float64, tents: TentBins, geometry: AttachedGeometry, across: mi.Vector3f | None) -> None:
         """Add the terms to sums (rows x bins,) [1/m²]: 0, with gradients."""
-        lib: Any = arrays_of(mi.Float)
         speed = mi.Float(0)
         for vertex, part in self.points.motion:
-            row = dr.gather(lib.Array4f, geometry.vertices, vertex)
-            speed = speed + dr.dot(part, tangent(mi.Vector3f(row[0], row[1], row[2])))
+            speed = speed + dr.dot(part, tangent(geometry.vertex(vertex)))
         if self.points.shape is not None and geometry.shapes is not None:
             on = geometry.shapes.on(self.points.shape, self.points.hits.valid)
             speed = speed + dr.dot(self.points.covector, on.motion(mi.Vector3f(self.points.hits.point)))
