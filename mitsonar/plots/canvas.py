@@ -1,7 +1,4 @@
-"""The sheet a picture stands on: figures made without pyplot (no global state), colours, axes in metres, scale bar.
-
-What stands above a picture.
-"""
+"""Sheets of all plots: figures without pyplot's global state, colours, titles, axes in metres, scale bars and files."""
 from collections.abc import Mapping, Sequence
 from contextvars import ContextVar
 from pathlib import Path
@@ -32,14 +29,16 @@ from .images.grid import ONLY_SIDE, PlotGrid
 
 
 def title(dataset: xr.Dataset) -> str:
-    """Name the sonar and its frequency."""
+    """Return the name of the sonar and its frequency."""
     frequency = dataset.attrs.get("frequency")
-    words = f" {khz_from_hertz(float(frequency)):g} kHz" if frequency else ""
-    return f"{dataset.attrs.get('sonar', 'sonar')}{words}"
+    return dataset.attrs.get("sonar", "sonar") + (f" {khz_from_hertz(float(frequency)):g} kHz" if frequency else "")
 
 
-def subtitle(dataset: xr.Dataset, grid: PlotGrid, more_db: Mapping[str, float] | None = None) -> str:
-    """Say how many pings and how far, how long the bins are, the altitude, and gains [dB] of parts of it by name."""
+def subtitle(
+        dataset: xr.Dataset, grid: PlotGrid,
+        more_db: Mapping[str, float] | None = None,    # extra gains of parts of the picture, by their names
+) -> str:
+    """Return a line with the number of pings, the distances covered, the bin width, the altitude and extra gains."""
     pings = dataset.sizes["ping"]
     parts = [f"{pings} ping{'s' * (pings != 1)}" + f" over {in_metres(grid.along[-1] - grid.along[0])}" * grid.moving,
              in_metres(grid.across[-1]) + (" to each side" if grid.across[0] < 0 else " range")]
@@ -52,29 +51,29 @@ def subtitle(dataset: xr.Dataset, grid: PlotGrid, more_db: Mapping[str, float] |
 
 
 def in_metres(length: float) -> str:
-    """Return a length to three digits, without a power of ten."""
+    """Return a length to three digits in cm or m, without a power of ten."""
     return f"{100 * length:.3g} cm" if length < 1 else f"{length:.3g} m" if length < 999.5 else f"{length:.0f} m"
 
 
 DPI = 110
-EDGE = 12                            # picture elements between words and the end of the paper
-BAND = 0.25                          # opacity of bands behind curves there
-VISIBLE = 0.45                       # luminance of lines and words on the dark sheet, at least
-PAPER, INK, FAINT = "#14110e", "#f2e8d5", "#8c7b66"  # the dark sheet of the waterfalls
-KEY_HEIGHT = 24  # picture elements of a line of the legend
-BAR_FOOT, BAR_RISE = 18, 40  # picture elements: of the scale bars above the sheet's edge, and at most along the track
-SIDES = {"port": "#b3261e", "starboard": "#1b7a3d", ONLY_SIDE: "#1f4e79"}  # the colours of the side lights
+EDGE = 12                # pixels between text and the edge of the sheet
+BAND = 0.25              # least opacity of bands behind curves on the dark sheet
+VISIBLE = 0.45           # least luminance of lines and text on the dark sheet
+PAPER, INK, FAINT = "#14110e", "#f2e8d5", "#8c7b66"    # colours of the dark sheet
+KEY_HEIGHT = 24          # pixels of a line of the legend
+BAR_FOOT, BAR_RISE = 18, 40    # pixels: height of the scale bars above the sheet's edge; longest bar along the track
+SIDES = {"port": "#b3261e", "starboard": "#1b7a3d", ONLY_SIDE: "#1f4e79"}    # colours of a ship's side lights
 COPPER = LinearSegmentedColormap.from_list("sonar_copper", [
     (0.0, "#050302"), (0.18, "#2b1306"), (0.4, "#7a3c10"), (0.6, "#b86f22"), (0.78, "#e0a548"), (0.92, "#f6dc94"),
     (1.0, "#fffdf0")]).with_extremes(bad=PAPER)
 GREY = LinearSegmentedColormap.from_list("sonar_grey", ["#000000", "#ffffff"]).with_extremes(bad=PAPER)
 COLOURS = {"copper": COPPER, "grey": GREY}
 FORMATS = ("png", "pdf", "svg")
-MANAGED: ContextVar[list[Figure] | None] = ContextVar("managed", default=None)     # sheets that pyplot is to show
+MANAGED: ContextVar[list[Figure] | None] = ContextVar("managed", default=None)     # sheets that pyplot shows
 
 
 def file_format(path: FilePath) -> str:
-    """Return the format that a file name asks for, or refuse it."""
+    """Return the format that the suffix of a file name stands for; raise ValueError if plots have no such format."""
     suffix = Path(path).suffix.lower().removeprefix(".")
     if suffix not in FORMATS:
         raise ValueError(f"cannot draw {path}: its name must end in one of .{', .'.join(FORMATS)}.")
@@ -82,21 +81,27 @@ def file_format(path: FilePath) -> str:
 
 
 def check_path(path: FilePath | None) -> None:
-    """Refuse a file that cannot be drawn, before the work; None is no file."""
+    """Check that a plot can be written to a path, before any work is spent on it; None stands for no file."""
     if path is not None:
         file_format(path)
         check_writable(path)
 
 
+def check_ping(ping: int, pings: int) -> None:
+    """Check that a record has a ping of that index."""
+    if not 0 <= ping < pings:
+        raise ValueError(f"there is no ping {ping}; there are {pings}, the first is 0.")
+
+
 def colours_of(name: str) -> Colormap:
-    """Return the colours of a name of `COLOURS`, or refuse it."""
+    """Return a colour map of `COLOURS` by its name; raise ValueError if there is none."""
     if name not in COLOURS:
         raise ValueError(f"there are no colours {name!r}; choose one of {', '.join(COLOURS)}.")
     return COLOURS[name]
 
 
 def darkened(figure: Figure) -> Figure:
-    """Change a light sheet to the paper and ink of the waterfalls; colours that the paper hides get lighter."""
+    """Change a light sheet to dark paper and light ink, and lighten colours that would be hard to see on it."""
     if to_hex(figure.get_facecolor()) == PAPER:
         return figure
     figure.set_facecolor(PAPER)
@@ -122,7 +127,7 @@ def darkened(figure: Figure) -> Figure:
 
 
 def _lighter(colour: ColorType) -> ColorType:
-    """Return a colour that stands out from the paper: ink for black and dark grey, a tint of what is dark."""
+    """Return a colour that stands out from dark paper: light ink for dark greys, a tint of other dark colours."""
     if isinstance(colour, str) and colour in ("none", "auto", "inherit"):
         return colour
     red, green, blue, alpha = to_rgba(colour)
@@ -137,14 +142,14 @@ def _lighter(colour: ColorType) -> ColorType:
 
 
 def saved(figure: Figure, path: FilePath | None) -> Figure:
-    """Return a figure on dark paper, written to a file if one is named."""
+    """Return a figure on dark paper, and write it if a path is given."""
     if path is not None:
         save(figure, path)
     return darkened(figure)
 
 
 def save(figure: Figure, path: FilePath) -> None:
-    """Write a figure on dark paper, whole or not at all; a PNG has no date in it."""
+    """Write a figure on dark paper, completely or not at all, and without a date, so that files can be compared."""
     figure, kind = darkened(figure), file_format(path)
     metadata = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}[kind]
     with replacing(path) as temporary:
@@ -152,7 +157,7 @@ def save(figure: Figure, path: FilePath) -> None:
 
 
 def sheet(width: float, height: float, colour: str = "white") -> Figure:
-    """Make an empty figure of that many picture elements."""
+    """Return an empty figure of a size in pixels."""
     managed = MANAGED.get()
     if managed is not None:
         from matplotlib import pyplot
@@ -168,21 +173,23 @@ def picture(grid: PlotGrid, image: np.ndarray, title: str, *, subtitle: str = ""
             limits: tuple[float, float] | None = None, bar: str = "",
             bar_extend: Literal["neither", "both", "min", "max"] = "both",
             keys: Sequence[Artist] = ()) -> tuple[Figure, Axes]:
-    """Draw an image (height, width) over the ground it covers, a picture element a pixel.
+    """Draw an image over the ground that it covers, one pixel of the sheet for each pixel of the image.
 
     Parameters
     ----------
-    grid : Grid
+    grid : PlotGrid
     image : array (grid.height, grid.width)
-        The oldest ping in row 0; it is drawn at the bottom.
+        Values with the oldest ping in row 0, which is drawn at the bottom.
     title, subtitle : str
     colours : matplotlib colormap
     limits : pair of float, optional
         Values of the first and the last colour.
     bar : str
-        Label of the colour bar; none is drawn without.
+        Label of the colour bar; without a label there is no bar.
+    bar_extend : {'neither', 'both', 'min', 'max'}
+        Ends of the colour bar that are pointed.
     keys : sequence of matplotlib artists
-        Of the legend, which stands beside the picture, not on what it explains.
+        Entries of the legend, which stands beside the picture.
 
     Returns
     -------
@@ -191,7 +198,7 @@ def picture(grid: PlotGrid, image: np.ndarray, title: str, *, subtitle: str = ""
     left, right, bottom, top = 84, 128 if bar else 30, 90, 86
     if keys:
         right += legend(sheet(1, 1).add_subplot(), keys, grid.height).get_window_extent().width
-    # words above a narrow picture need their room
+    # titles may be wider than a narrow picture
     right = max(right, _words_width(title, subtitle) + EDGE - grid.width)
     figure = sheet(left + grid.width + right, bottom + grid.height + top, PAPER)
     axes = figure.add_axes(shares_of(figure, left, bottom, grid.width, grid.height), facecolor=PAPER)
@@ -210,7 +217,7 @@ def picture(grid: PlotGrid, image: np.ndarray, title: str, *, subtitle: str = ""
 
 
 def _words_width(title: str, subtitle: str) -> float:
-    """Return how wide the wider of both titles is [picture elements]."""
+    """Return the width of the wider of both titles [pixels]."""
     paper = sheet(1, 1, PAPER)
     second = headings(paper, 0, title, subtitle)
     return max(text.get_window_extent().width for text in (second, *paper.texts))
@@ -218,13 +225,13 @@ def _words_width(title: str, subtitle: str) -> float:
 
 def shares_of(figure: Figure, left: float, bottom: float, width: float,
               height: float) -> tuple[float, float, float, float]:
-    """Return a box in picture elements as shares of the sheet, as axes are placed."""
+    """Return a box in pixels as shares of the sheet, as `Figure.add_axes` takes it."""
     across, up = figure.bbox.width, figure.bbox.height
     return left / across, bottom / up, width / across, height / up
 
 
 def headings(figure: Figure, left: float, title: str, subtitle: str) -> Text:
-    """Write both titles at the top of a sheet, from a place [picture elements] on; give the second."""
+    """Write both titles at the top of a sheet, ``left`` pixels from its edge, and return the second."""
     x, top = left / figure.bbox.width, figure.bbox.height
     figure.text(x, 1 - 30 / top, title, color=INK, fontsize=14, fontweight="bold", va="center")
     return figure.text(x, 1 - 54 / top, subtitle, color=INK, fontsize=10.5, va="center")
@@ -232,7 +239,7 @@ def headings(figure: Figure, left: float, title: str, subtitle: str) -> Text:
 
 def colour_bar(drawn: AxesImage, axes: Axes, label: str, extend: Literal["neither", "both", "min", "max"],
                gap: float = 18) -> Colorbar:
-    """Put a bar of an image's colours beside its axes, a gap [picture elements] away."""
+    """Draw the colour bar of an image beside its axes, ``gap`` pixels away."""
     figure, box = cast(Figure, axes.figure), axes.get_position(original=True)
     across = figure.bbox.width
     room = figure.add_axes((box.x1 + gap / across, box.y0, 16 / across, box.height))
@@ -243,19 +250,19 @@ def colour_bar(drawn: AxesImage, axes: Axes, label: str, extend: Literal["neithe
 
 
 def outline(mask: np.ndarray) -> np.ndarray:
-    """Return the picture elements around those of a mask, which stay to be seen."""
+    """Return a mask of the outline around a mask; the masked pixels themselves stay visible."""
     return np.asarray(ndimage.binary_dilation(mask, iterations=2), bool) & ~mask
 
 
 def legend(axes: Axes, keys: Sequence[Artist], height: float) -> Legend:
-    """Put a legend to the right of the axes, in as many columns as that height asks for."""
+    """Draw a legend to the right of the axes, in as many columns as a height [pixels] requires."""
     columns = -(-len(keys) * KEY_HEIGHT // height)
     return axes.legend(handles=list(keys), loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=1.0, fontsize=10,
                        ncols=columns, facecolor=PAPER, edgecolor=FAINT, labelcolor=INK)
 
 
 def _metres(grid, axes):
-    """Mark slant range on both sides and the way along the track, newest on top."""
+    """Label slant range on both sides and distance along the track, newest ping on top."""
     axes.xaxis.set_major_locator(MaxNLocator(16, steps=[1, 2, 5, 10]))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{abs(value):g}"))
     axes.yaxis.set_major_locator(MaxNLocator(10, steps=[1, 2, 5, 10], integer=not grid.moving))
@@ -272,7 +279,7 @@ def _metres(grid, axes):
 
 
 def scale_bar(grid: PlotGrid, axes: Axes) -> None:
-    """Draw bars of round lengths across and along the track below the picture, and say how their scales differ."""
+    """Draw scale bars of round lengths across and along the track, and write how both scales differ."""
     figure = axes.figure
     pixel_x, pixel_y = ((edges[-1] - edges[0]) / size
                         for edges, size in ((grid.across, grid.width), (grid.along, grid.height)))
@@ -294,7 +301,7 @@ def scale_bar(grid: PlotGrid, axes: Axes) -> None:
 
 
 def _on_sheet(figure, x, y):
-    """Picture elements from the lower left corner as shares of the sheet."""
+    """Return pixels from the lower left corner as shares of the sheet."""
     return np.asarray(x) / figure.bbox.width, np.asarray(y) / figure.bbox.height
 
 
@@ -303,6 +310,6 @@ def _write(figure, x, y, words, **style):
 
 
 def round_length(length: float) -> float:
-    """Return the largest of 1, 2, 5 x 10^n that is no longer than ``length``."""
+    """Return the largest of 1, 2 or 5 x 10^n that is no longer than ``length``."""
     power = 10.0 ** np.floor(np.log10(length))
     return float(max(step * power for step in (1, 2, 5) if step * power <= length * (1 + 1e-9)))

@@ -1,4 +1,4 @@
-"""A drawn sheet's way to the reader: into a file, into axes that the caller has, or as a figure of pyplot's."""
+"""Output of plots: a file, axes that the caller gives, or a figure that pyplot shows."""
 from __future__ import annotations
 
 import contextlib
@@ -18,7 +18,7 @@ from . import canvas
 
 @contextlib.contextmanager
 def sheets_for(path: FilePath | None, axes: Axes | None) -> Iterator[None]:
-    """Let sheets be figures of pyplot's where they go neither into a file nor into axes: notebooks then show them."""
+    """Make sheets with pyplot if there is neither a path nor axes, so that notebooks show them."""
     if path is not None or axes is not None:
         yield
         return
@@ -32,28 +32,28 @@ def sheets_for(path: FilePath | None, axes: Axes | None) -> Iterator[None]:
             pyplot.close(figure)
         raise
     else:
-        for figure in (canvas.MANAGED.get() or [])[:-1]:           # that only measured a legend
+        for figure in (canvas.MANAGED.get() or [])[:-1]:           # these only measured a legend
             pyplot.close(figure)
     finally:
         canvas.MANAGED.reset(token)
 
 
 def moved(figure: Figure, axes: Axes | None) -> Axes:
-    """Return the first axes of a sheet, or what it shows moved into the axes that are given."""
+    """Return the first axes of a sheet, or move its content into the given axes and return these."""
     if axes is None:
         return figure.axes[0]
-    keys = [getattr(one, "colorbar", None) for panel in figure.axes for one in _artists(panel)]
-    bars = {id(key.ax) for key in keys if key is not None}
+    bars = {id(bar.ax) for panel in figure.axes for artist in _artists(panel)
+            if (bar := getattr(artist, "colorbar", None)) is not None}
     panels = [panel for panel in figure.axes if id(panel) not in bars]
     if len(panels) > 1:
-        raise ValueError(f"this plot has {len(panels)} panels, which do not fit into the axes that are given; leave "
-                         "axes out, and take the panels from the figure of the axes that are returned.")
+        raise ValueError(f"this plot has {len(panels)} panels, which do not fit into the given axes; leave axes out, "
+                         "and take the panels from the figure of the returned axes.")
     _move(figure, panels[0], axes)
     return axes
 
 
 def _move(figure: Figure, panel: Axes, axes: Axes) -> None:
-    """Move what a panel shows, its axes, key and colour bar into other axes."""
+    """Move the artists, labels, legend and colour bar of a panel into other axes."""
     limits, box = (panel.get_xlim(), panel.get_ylim()), panel.get_position().transformed(figure.transFigure)
     legend = panel.get_legend()
     for artist in _artists(panel):
@@ -64,25 +64,25 @@ def _move(figure: Figure, panel: Axes, axes: Axes) -> None:
         mine.set_major_formatter(theirs.get_major_formatter())
     across, up = (abs(float(np.ptp(pair))) / size for pair, size in zip(limits, (box.width, box.height), strict=True))
     axes.set_aspect("equal" if abs(across / up - 1) < 0.01 else "auto")
-    axes.set_title(next((one.get_text() for one in (*figure.texts[:1], panel.title) if one.get_text()), ""))
+    axes.set_title(next((text.get_text() for text in (*figure.texts[:1], panel.title) if text.get_text()), ""))
     if legend is not None:
-        axes.legend(handles=legend.legend_handles, labels=[one.get_text() for one in legend.get_texts()])
+        axes.legend(handles=legend.legend_handles, labels=[text.get_text() for text in legend.get_texts()])
 
 
 def _artists(panel: Axes) -> list[Artist]:
-    """Return what was drawn in a panel."""
+    """Return the artists that were drawn in a panel."""
     return [*panel.images, *panel.collections, *panel.patches, *panel.lines, *panel.texts]
 
 
 def _rehang(artist: Artist, panel: Axes, axes: Axes) -> None:
-    """Take an artist out of a panel and hang it into other axes, with its colour bar."""
-    ways = [(panel.transData, axes.transData), (panel.transAxes, axes.transAxes),
-            (panel.get_xaxis_transform("grid"), axes.get_xaxis_transform("grid")),
-            (panel.get_yaxis_transform("grid"), axes.get_yaxis_transform("grid"))]
-    way = next((there for here, there in ways if artist.get_transform() == here), axes.transData)
+    """Move an artist and its colour bar from a panel into other axes."""
+    transforms = [(panel.transData, axes.transData), (panel.transAxes, axes.transAxes),
+                  (panel.get_xaxis_transform("grid"), axes.get_xaxis_transform("grid")),
+                  (panel.get_yaxis_transform("grid"), axes.get_yaxis_transform("grid"))]
+    transform = next((new for old, new in transforms if artist.get_transform() == old), axes.transData)
     bar = getattr(artist, "colorbar", None)
     artist.remove()
-    artist.set_transform(way)
+    artist.set_transform(transform)
     axes.add_artist(artist)
     artist.set_clip_path(axes.patch)
     if bar is not None:

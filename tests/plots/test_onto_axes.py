@@ -80,7 +80,7 @@ def test_a_plot_in_axes_shows_what_its_sheet_shows(make, what, square):
 
 
 def test_plots_of_several_panels_do_not_fit_into_axes():
-    with pytest.raises(ValueError, match="2 panels, which do not fit into the axes .* leave axes out"):
+    with pytest.raises(ValueError, match="2 panels, which do not fit into the given axes; leave axes out"):
         plots.plot(small(), "ping", axes=Figure().add_subplot())
 
 

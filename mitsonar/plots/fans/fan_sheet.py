@@ -1,8 +1,8 @@
-"""The sheet that a fan of beams is drawn on: axes in metres, rings of equal range, headings, frame after frame.
+"""Sheet of a fan of beams: axes in metres, rings of equal range and titles, drawn frame by frame.
 
-An element of the picture is an element of the sheet. It shows the mean power of the bins that it covers, or lies
-between those around it (`mitsonar.imaging.maps.raster_map`): so far beams have no steps, near ones no moiré, and faint
-bins of a speckle no pepper. What must not be mixed, as labels, is that of the nearest bin.
+A pixel shows the mean power of the bins that it covers, or, where bins are larger, a value interpolated between them
+(`mitsonar.imaging.maps.raster_map`). Therefore far beams show no steps, near beams no moiré, and speckle no isolated
+dark pixels. Values that must not be mixed, such as labels, are those of the nearest bin.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,11 +21,11 @@ from mitsonar.imaging.maps.raster_map import FanGrid, FanMap, fan_grid, fan_map,
 
 from .. import canvas
 
-SIZE = 900                         # picture elements of the larger side of the fan
-BEFORE, BEHIND, UNDER, OVER = 84, 150, 62, 86                  # picture elements around it; behind: a colour bar
-BESIDE_RINGS = 60                  # picture elements that the rings' lengths take
-BESIDE_BAR = 40                    # picture elements from the fan to its colour bar, for the rings' lengths
-WAYS = (("aft", "forward"), ("port", "starboard"), ("up", "down"))               # against and along the body's axes
+SIZE = 900                         # pixels of the longer side of the fan
+BEFORE, BEHIND, UNDER, OVER = 84, 150, 62, 86          # pixels left of the fan, right (with colour bar), below, above
+BESIDE_RINGS = 60                  # width [pixels] of the ranges written at the rings
+BESIDE_BAR = 40                    # pixels between the fan and its colour bar, where the rings' ranges are written
+WAYS = (("aft", "forward"), ("port", "starboard"), ("up", "down"))     # directions against and along the body's axes
 TOWARDS = {"forward": "ahead", "aft": "astern", "starboard": "to starboard", "port": "to port", "down": "below",
            "up": "above"}
 
@@ -34,16 +34,16 @@ TOWARDS = {"forward": "ahead", "aft": "astern", "starboard": "to starboard", "po
 class FanView:
     """Places of a fan's bins on the sheet, the same for all frames."""
 
-    angle: np.ndarray  # (B,) [rad]: of the beams, from the middle of the fan, positive to the right
-    slant_range: np.ndarray  # (N,) [m]
-    facing: str  # name of the body's direction along the middle of the fan
-    right: str  # name of the direction to its right
+    angle: np.ndarray              # (B,) beams from the middle of the fan, positive to the right [rad]
+    slant_range: np.ndarray        # (N,) [m]
+    facing: str                    # name of the body's direction along the middle of the fan
+    right: str                     # name of the direction to its right
     grid: FanGrid
     map: FanMap
 
     @property
     def extent(self) -> tuple[float, float, float, float]:
-        """Left, right, lower and upper edge of the picture [m]; what lies below grows downwards."""
+        """Left, right, lower and upper edge of the picture [m]; in a fan that looks down, values grow downwards."""
         half = 0.5 * self.grid.cell
         x, y = self.grid.x, self.grid.y
         ends = (y.min() - half, y.max() + half)
@@ -51,8 +51,7 @@ class FanView:
 
 
 def view_of(angle: np.ndarray, slant_range: np.ndarray, facing: str, right: str) -> FanView:
-    """Lay a fan out over the sheet."""
-    # angle (B,) [rad]; slant_range (N,) [m]
+    """Return the layout of a fan on the sheet; the arguments are the fields of `FanView`."""
     left, farthest, near, far = reach(angle, slant_range)
     grid = fan_grid(angle, slant_range, max(farthest - left, far - near) / SIZE, downwards=facing == "down")
     return FanView(angle=angle, slant_range=slant_range, facing=facing, right=right, grid=grid,
@@ -60,7 +59,7 @@ def view_of(angle: np.ndarray, slant_range: np.ndarray, facing: str, right: str)
 
 
 class FanSheet:
-    """A sheet with the frame of a fan, on which pictures are shown one after the other."""
+    """Sheet with the axes of a fan, in which images are shown one after the other."""
 
     def __init__(self, view: FanView, *, title: str, subtitle: str = "", colours: Colormap = canvas.COPPER,
                  limits: tuple[float, float] = (0.0, 1.0), bar: str = "", keys: Sequence[Artist] = ()) -> None:
@@ -78,22 +77,21 @@ class FanSheet:
         self._rings = _rings(axes, view)
         _name_axes(axes, view)
         self._words = canvas.headings(self.figure, BEFORE, title, subtitle)
-        if keys:                                                             # beside the rings' lengths
+        if keys:                                                             # beside the rings' ranges
             canvas.legend(axes, keys, height).set_bbox_to_anchor((1 + 0.5 * BESIDE_RINGS / width, 1.0))
         if bar:
             canvas.colour_bar(self._image, axes, bar, "both", gap=BESIDE_BAR)
         self._still: Any = None
 
     def show(self, image: np.ndarray) -> None:
-        """Put a picture into the frame: values (rows, columns), or colours (rows, columns, 3)."""
+        """Show an image of values (rows, columns) or of colours (rows, columns, 3)."""
         self._image.set_data(image)
 
     def pixels(self, image: np.ndarray, subtitle: str) -> np.ndarray:
-        """Return the sheet with a picture and a subtitle as colours (rows, columns, 3) uint8; the rest is drawn once.
-        """
+        """Return the sheet with an image and a subtitle as colours (rows, columns, 3) uint8."""
         paper = cast(FigureCanvasAgg, self.figure.canvas)
         moving: list[Artist] = [self._image, *self._rings, self._words]
-        if self._still is None:
+        if self._still is None:                                              # the rest of the sheet is drawn once
             for artist in moving:
                 artist.set_animated(True)
             paper.draw()
@@ -116,7 +114,7 @@ def _name_axes(axes: Axes, view: FanView) -> None:
 
 
 def _rings(axes: Axes, view: FanView) -> list[Artist]:
-    """Mark a few ranges along the fan's rim."""
+    """Draw a few rings of equal range, with the range at their right ends."""
     step = canvas.round_length(float(np.ptp(view.slant_range)) / 3)
     angle, rings = np.linspace(view.angle.min(), view.angle.max(), 200), []
     for ring in np.arange(np.ceil(view.slant_range[0] / step) * step, view.slant_range[-1], step):

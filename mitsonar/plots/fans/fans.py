@@ -1,12 +1,12 @@
-"""A fan of beams seen across its plane: what a forward-looking, sector or multibeam sonar puts on its screen.
+"""Plots of fans of beams in the plane of the beams, as forward-looking, sector and multibeam sonars display them.
 
-A sample at time t of the beam at angle α lies r = c t / 2 from the array, r sin α aside and r cos α along the fan's
-middle: to starboard and ahead for a level fan, whose α is the azimuth; to starboard and below for one that looks down.
+A sample at time t in the beam at angle α lies at the slant range r = c t / 2, r sin α to the side and r cos α along the
+middle of the fan. For a level fan α is the azimuth, and these directions are starboard and ahead; for a fan that looks
+down they are starboard and below.
 
-A turn of a rotating head as a fan: its steps in the place of beams, so that all that draws fans draws it.
-
-The picture is the one on the head's screen: every step at its bearing from the platform, which is taken to stand still
-for a turn; ahead is up, or what is straight up where the head points forward.
+A turn of a rotating head is drawn as a fan, with its steps as beams. As on the head's own screen, each step lies at its
+bearing from the platform, which is assumed to stand still during a turn. Ahead is up; if the head is mounted to the
+front, up is up.
 """
 import numbers
 import os
@@ -32,19 +32,17 @@ from .fan_sheet import WAYS, FanSheet, FanView, view_of
 
 
 def is_scan(dataset: xr.Dataset) -> bool:
-    """Tell whether a dataset is of a rotating head: levels over (ping, range), a bearing for each of several pings."""
+    """Return True for a record of a rotating head: levels over (ping, range), and a bearing for each of its pings."""
     level, bearing = dataset.get("level"), dataset.coords.get("bearing")
     return level is not None and bearing is not None and set(level.dims) == {"ping", "range"} and (
         bearing.dims == ("ping",)) and bearing.size > 1
 
 
 def turn_of(dataset: xr.Dataset, ping: int = 0) -> xr.Dataset:
-    """Return the turn that a ping belongs to, or the way across the sector, as one ping of a fan."""
-    if not 0 <= ping < dataset.sizes["ping"]:
-        raise ValueError(f"there is no ping {ping}; there are {dataset.sizes['ping']}, the first is 0.")
+    """Return the turn, or the pass across a sector, that a ping belongs to, as one ping of a fan."""
+    canvas.check_ping(ping, dataset.sizes["ping"])
     _, turns = bearings(dataset)
-    where = next(one for one in turns if one.start <= ping < one.stop)
-    steps = dataset.isel(ping=where)
+    steps = dataset.isel(ping=next(turn for turn in turns if turn.start <= ping < turn.stop))
     if steps.sizes["ping"] < 2:
         raise ValueError(f"the turn of ping {ping} has no other ping, so it makes no picture; choose another ping.")
     angle = steps["bearing"].values.astype(float)
@@ -61,46 +59,45 @@ def turn_of(dataset: xr.Dataset, ping: int = 0) -> xr.Dataset:
     return fan.assign_coords(first)
 
 
-FAINT, BRIGHT = 3.0, 99.8          # percentiles of the first and the last colour
-BED, BED_DB = 75.0, 16.0           # the first is at most so far below this percentile, which the bed's echo is: beams'
-BRIGHT_BED, TARGET_DB = 90.0, 10.0             # skirts and shadows may be far darker; likewise, targets far brighter
+FAINT, BRIGHT = 3.0, 99.8          # percentiles of the levels of the first and the last colour
+# Side lobes and shadows may be far darker than the bed's echo, and targets far brighter. The first colour therefore is
+# at most 16 dB below one percentile of the levels, and the last colour at most 10 dB above another.
+BED, BED_DB = 75.0, 16.0
+BRIGHT_BED, TARGET_DB = 90.0, 10.0
 
 
 def fan(beams: xr.DataArray, path: FilePath | None = None, *, ping: int = 0, tvg: bool = True,
         limits: tuple[float, float] | None = None, title: str = "", subtitle: str = "",
         colours: str = "copper", axes: Axes | None = None) -> Axes:
-    """Draw the levels of a fan of beams: from above where they are level, from the end where they look down.
+    """Draw the levels of a fan of beams: seen from above for level beams, from the end for beams that look down.
 
     Parameters
     ----------
     beams : xarray.DataArray (ping, beam, sample)
-        As beamformers give them [µPa]; with ``azimuth`` [rad] over the beams, rising or falling. Where ``beam_z`` says
-        that they look down, the angles from below replace the azimuths.
-    path : str or path
-        A .png, .pdf or .svg to write; None: no file.
+        Output of a beamformer [µPa], with ``azimuth`` [rad] over the beams, rising or falling. For beams that look down
+        according to ``beam_z``, angles from the vertical replace the azimuths.
+    path : str or path, optional
+        File to write, ending in .png, .pdf or .svg.
     ping : int
-        By position.
+        Index of the ping.
     tvg : bool
-        Add 30 log r [dB], so that a level bed looks even over range.
+        If True, 30 log r [dB] is added, so that a level bed looks even over range.
     limits : pair of float, optional [dB]
-        Levels of the first and the last colour; by default what the picture needs.
+        Levels of the first and the last colour; by default percentiles of the picture.
     title, subtitle : str
-    colours : str
-        One of `canvas.COLOURS`.
+    colours : {'copper', 'grey'}
     axes : matplotlib.axes.Axes, optional
-        To draw into; without it, and without a path, the figure is one of pyplot's, and notebooks show it.
+        As for `mitsonar.plots.plot`.
 
     Returns
     -------
     matplotlib.axes.Axes
-        In metres, degrees or dB, as they are labelled; the sheet is its ``figure``.
 
     Raises
     ------
     ValueError
-        If there are fewer than two beams, or no azimuths or only one, or no such ping or colours, or the file is of
-        another kind.
-    FileNotFoundError, PermissionError, OSError
+        If there are fewer than two beams or fewer than two different azimuths, or an argument is not as above.
+    OSError
         If the file cannot be written.
     """
     shades = canvas.colours_of(colours)
@@ -119,10 +116,9 @@ def fan(beams: xr.DataArray, path: FilePath | None = None, *, ping: int = 0, tvg
 def fan_picture(dataset: xr.Dataset, path: FilePath | None, *, ping: int = 0, tvg: Tvg = "seabed", what: str = "",
                 marks: Iterable[tuple[np.ndarray, ColorType]] = (), keys: Sequence[Artist] = (),
                 colours: str = "copper") -> Figure:
-    """Draw one ping of what `mitsonar.render` gives of an array: its `fan`, or the levels of a single beam over range.
-    """
+    """Draw one ping of an array's image: its fan, or for a single beam the levels over range."""
     shades = canvas.colours_of(colours)
-    check_ping(ping, dataset.sizes["ping"])
+    canvas.check_ping(ping, dataset.sizes["ping"])
     if dataset.sizes["beam"] == 1:
         if what:
             raise ValueError(f"the {what} are outlined on a fan; this array has a single beam.")
@@ -144,9 +140,9 @@ def fan_picture(dataset: xr.Dataset, path: FilePath | None, *, ping: int = 0, tv
 
 
 def fan_view(dataset: xr.Dataset) -> FanView:
-    """Lay the fan of a dataset (ping, beam, range) out over the sheet; all pings have the same."""
+    """Return the layout of the fan of a dataset (ping, beam, range), which is the same for all pings."""
     direction = _directions(dataset)
-    if "turn" in dataset.coords:                             # a head's steps may go all around
+    if "turn" in dataset.coords:                             # directions of a full turn have no mean
         facing, right = "up" if np.any(direction[:, 2]) else "forward", "starboard"
     else:
         facing = _way(direction.mean(0))
@@ -154,7 +150,8 @@ def fan_view(dataset: xr.Dataset) -> FanView:
     return view_of(dataset["beam"].values, dataset["range"].values, facing, right)
 
 
-def fan_levels(dataset: xr.Dataset, ping: int, tvg: Tvg, heard: int | None = None) -> tuple[np.ndarray, str]:
+def fan_levels(dataset: xr.Dataset, ping: int, tvg: Tvg,
+               heard: int | None = None) -> tuple[np.ndarray, str]:    # heard: bin from which the gain is constant
     """Return the levels (beam, range) [dB] of a ping with their gain for display, and the gain's formula."""
     level, gain, words = _gained(dataset, ping, tvg)
     heard = heard_to(level, gain) if heard is None else heard
@@ -165,19 +162,19 @@ def fan_levels(dataset: xr.Dataset, ping: int, tvg: Tvg, heard: int | None = Non
 
 
 def fan_heard(dataset: xr.Dataset, pings: Iterable[int], tvg: Tvg) -> int:
-    """Return the bin from which the gain of all pings is held: where noise hides the bed in the last of these."""
+    """Return the bin from which the gain of all pings is constant: the last at which noise begins to hide the bed."""
     return max(heard_to(*_gained(dataset, ping, tvg)[:2]) for ping in pings)
 
 
 def _gained(dataset, ping, tvg):
-    """Levels (beam, range) of a ping, their gain (range,) [dB] and its formula."""
-    one = dataset.isel(ping=[ping])
-    gain, words = display_gain(one, tvg)
-    return one["level"].transpose("ping", "beam", "range").values[0], gain[0], words
+    """Return the levels (beam, range) of a ping, their gain (range,) [dB] and its formula."""
+    image = dataset.isel(ping=[ping])
+    gain, words = display_gain(image, tvg)
+    return image["level"].transpose("ping", "beam", "range").values[0], gain[0], words
 
 
 def fan_window(image: np.ndarray) -> tuple[float, float]:
-    """Return the levels of the first and the last colour of pictures [dB]; NaN is left out."""
+    """Return the levels of the first and the last colour of images that may hold NaN [dB]."""
     shown = image[np.isfinite(image)]
     if not shown.size:
         return 0.0, 1.0
@@ -187,12 +184,12 @@ def fan_window(image: np.ndarray) -> tuple[float, float]:
 
 
 def name_of(dataset: xr.Dataset) -> str:
-    """Return what a picture is called: its scene's file, or its kind of sonar."""
+    """Return the title of a plot: the name of the scene's file, or the kind of sonar."""
     return os.path.splitext(dataset.attrs.get("file") or "")[0] or dataset.attrs.get("sonar") or "sonar"
 
 
 def words_of(dataset: xr.Dataset, ping: int) -> str:
-    """Say which ping of what sonar it is."""
+    """Return the subtitle of a ping: its number, time, frequency and number of beams."""
     turns = "turn" in dataset.coords
     parts = [f"turn {int(dataset['turn'][ping])}" if turns else f"ping {int(dataset['ping'][ping])}"]
     if "ping_time" in dataset.coords:
@@ -200,13 +197,13 @@ def words_of(dataset: xr.Dataset, ping: int) -> str:
     if "frequency" in dataset.attrs:
         frequency = dataset.attrs["frequency"]
         if not isinstance(frequency, numbers.Real):
-            raise ValueError(f"the attribute frequency is {frequency!r}, not a number [Hz]; mend it.")
+            raise ValueError(f"the attribute frequency is {frequency!r}, not a number [Hz]; correct it.")
         parts.append(f"{khz_from_hertz(float(frequency)):g} kHz")
     return ", ".join([*parts, f"{dataset.sizes['beam']} {'steps' if turns else 'beams'}"])
 
 
 def looks_down(dataset: xr.Dataset) -> bool:
-    """Tell whether a dataset of beams is drawn from the end, ranges growing downwards."""
+    """Return True if the fan of a dataset looks down, so that ranges grow downwards in its plot."""
     return "beam_z" in dataset.coords and _way(_directions(dataset).mean(0)) == "down"
 
 
@@ -214,8 +211,8 @@ def _directions(dataset):
     """Return the directions of the beams (B, 3), body frame."""
     lacking = [f"beam_{axis}" for axis in "xyz" if f"beam_{axis}" not in dataset.variables]
     if lacking:
-        raise ValueError(f"the record has no {lacking[0]}, the direction of its beams: it is neither a whole image of "
-                         "a fan nor a whole line of soundings; give what mitsonar render or mitsonar soundings writes.")
+        raise ValueError(f"the record has no {lacking[0]}, the direction of its beams: it is no complete image of a "
+                         "fan and no complete line of soundings; give a file of mitsonar render or mitsonar soundings.")
     return np.stack([dataset[f"beam_{axis}"].values for axis in "xyz"], axis=-1)
 
 
@@ -233,7 +230,7 @@ def _draw_beam(dataset, path, ping):
 
 
 def _marked(view, grey, marks):
-    """A grey fan (0 to 1, NaN outside) in colours (rows, columns, 3), with outlines around masks of its samples."""
+    """Return the colours (rows, columns, 3) of a grey fan (0 to 1, NaN outside), with outlines around masks of bins."""
     inside = np.isfinite(grey)
     picture = np.where(inside[..., None], np.nan_to_num(grey)[..., None], to_rgb(canvas.PAPER))
     for mask, colour in marks:
@@ -241,33 +238,27 @@ def _marked(view, grey, marks):
     return picture
 
 
-def check_ping(ping: int, pings: int) -> None:
-    """Refuse a ping that there is not."""
-    if not 0 <= ping < pings:
-        raise ValueError(f"there is no ping {ping}; there are {pings}, the first is 0.")
-
-
 def _way(vector, beside=None):
-    """The name of the body's direction that is nearest to a vector, on another axis than ``beside``."""
+    """Return the name of the body's direction that is nearest to a vector, on another axis than ``beside``."""
     axis = np.argmax([abs(part) * (beside not in pair) for part, pair in zip(vector, WAYS)])
     return WAYS[axis][int(vector[axis] > 0)]
 
 
 def _levels(beams, ping):
-    """Rising angles [rad], slant ranges [m], levels (beam, sample) [dB]; where the fan looks, and what is right."""
+    """Return rising angles [rad], slant ranges [m], levels (beam, sample) [dB], and names of two directions."""
     if set(beams.dims) != {"ping", "beam", "sample"} or beams.sizes["beam"] < 2:
         raise ValueError(f"a fan is drawn of two or more beams (ping, beam, sample); these are {dict(beams.sizes)}.")
     if "azimuth" not in beams.coords:
         raise ValueError("the beams have no azimuth, so they make no fan; give beamformers level directions.")
-    check_ping(ping, beams.sizes["ping"])
+    canvas.check_ping(ping, beams.sizes["ping"])
     angle, facing, right = beams["azimuth"].values, "forward", "starboard"
     if "beam_z" in beams.coords and float(beams["beam_z"].mean()) > 0.5:
-        aside = max("yx", key=lambda axis: float(np.ptp(beams[f"beam_{axis}"].values)))
-        angle = np.arctan2(beams[f"beam_{aside}"].values, beams["beam_z"].values)
-        facing, right = "down", {"x": "forward", "y": "starboard"}[aside]
+        side = max("yx", key=lambda axis: float(np.ptp(beams[f"beam_{axis}"].values)))
+        angle = np.arctan2(beams[f"beam_{side}"].values, beams["beam_z"].values)
+        facing, right = "down", {"x": "forward", "y": "starboard"}[side]
     if np.ptp(angle) < 1e-6:
         raise ValueError(f"the beams have one azimuth, {np.degrees(angle[0]):.4g} degrees, so they make no fan seen "
-                         "from above; give level directions, or such as look down.")
+                         "from above; give level directions, or directions that look down.")
     pressure = np.abs(beams.isel(ping=ping).transpose("beam", "sample").values.astype(complex))
     order = np.argsort(angle, kind="stable")
     slant_range = 0.5 * beams.attrs["sound_speed"] * beams["time"].values

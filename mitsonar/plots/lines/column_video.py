@@ -43,13 +43,13 @@ def column_video(line: xr.Dataset, path: FilePath, *, fps: float | None = None, 
     box = (min(fan.box[0] for fan in sample), max(fan.box[1] for fan in sample), max(fan.box[2] for fan in sample))
     window = limits or column_window(*(fan.image for fan in sample))
     frame = _VideoFrame(line, sample, window, colours)
-    with movie_file(path, _fps(line) if fps is None else fps, colours) as movie:
+    with movie_file(path, _fps(line) if fps is None else fps, colours) as add_frame:
         for first in range(0, pings, BLOCK):
             some = line.isel(ping=slice(first, first + BLOCK)).load()
             for ping in range(some.sizes["ping"]):
                 fan = _fan(some, ping, tvg, box)
                 if fan is not None:
-                    movie.add(frame.pixels(fan, some, ping, first + ping))
+                    add_frame(frame.pixels(fan, some, ping, first + ping))
                 if progress is not None:
                     progress(first + ping + 1, pings)
 

@@ -1,4 +1,4 @@
-"""Beam patterns: what a beamformer made of a point target, against the closed form of the array."""
+"""Plots of beam patterns: levels of all beams for a point target, beside the closed form of the array."""
 from __future__ import annotations
 
 import numpy as np
@@ -13,7 +13,7 @@ from .. import canvas
 from ..onto import moved, sheets_for
 
 FLOOR_DB = -60.0                   # lowest level drawn
-COMPARED_DB = -40.0                # lowest closed form that a difference is drawn for
+COMPARED_DB = -40.0                # lowest level of the closed form at which the difference is drawn
 
 
 def beam_pattern(beams: xr.DataArray, path: FilePath | None = None, *, expected: npt.ArrayLike | None = None,
@@ -24,33 +24,32 @@ def beam_pattern(beams: xr.DataArray, path: FilePath | None = None, *, expected:
     Parameters
     ----------
     beams : xarray.DataArray (ping, beam, sample)
-        Of a point target, as beamformers give them.
-    path : str or path
-        A .png, .pdf or .svg to write; None: no file.
+        Output of a beamformer for a point target.
+    path : str or path, optional
+        File to write, ending in .png, .pdf or .svg.
     expected : array_like (beam,), optional
-        The closed form: pressure in each beam, of any scale, such as `mitsonar.sonar.beam_pattern` gives. The
-        difference is then drawn below, where the closed form is above -40 dB.
+        Closed form: pressure in each beam, of any scale, such as from `mitsonar.sonar.beam_pattern`. Its difference
+        from the beams is then drawn below, where the closed form is above -40 dB.
     along : str
-        The beams' coordinate [rad] to draw over: ``azimuth``, ``elevation`` or a fan's ``angle``.
+        Coordinate of the beams [rad] along the horizontal axis: ``azimuth``, ``elevation`` or a fan's ``angle``.
     ping : int
-        By position.
+        Index of the ping.
     time : float [s], optional
-        The nearest sample is drawn; by default that of the strongest echo.
+        Time whose nearest sample is drawn; by default that of the strongest echo.
     title : str
     axes : matplotlib.axes.Axes, optional
-        To draw into; without it, and without a path, the figure is one of pyplot's, and notebooks show it.
+        As for `mitsonar.plots.plot`.
 
     Returns
     -------
     matplotlib.axes.Axes
-        In metres, degrees or dB, as they are labelled; the sheet is its ``figure``.
 
     Raises
     ------
     ValueError
-        If the beams are none, lack the coordinate, or are silent; if ``expected`` does not fit them; if there is no
-        such ping, or the file is of another kind.
-    FileNotFoundError, PermissionError, OSError
+        If the beams have other dimensions, lack the coordinate or are silent, ``expected`` does not fit them, or an
+        argument is not as above.
+    OSError
         If the file cannot be written.
     """
     canvas.check_path(path)
@@ -61,7 +60,7 @@ def beam_pattern(beams: xr.DataArray, path: FilePath | None = None, *, expected:
 
 
 def _figure(angle, level, wanted, along, title):
-    """Draw levels over angles [deg], beside those expected, and return the sheet."""
+    """Draw levels over angles [deg], beside the expected levels, and return the sheet."""
     figure = canvas.sheet(1200, 720)
     rows = 1 if wanted is None else 2
     panels = figure.subplots(rows, 1, sharex=True, squeeze=False, height_ratios=(3, 1)[:rows])[:, 0]
@@ -85,14 +84,13 @@ def _figure(angle, level, wanted, along, title):
 
 
 def _levels(beams, expected, along, ping, time):
-    """Angles [deg] in rising order, levels and those expected there [dB]."""
+    """Return angles [deg] in rising order, the levels of the beams and the expected levels [dB]."""
     if set(beams.dims) != {"ping", "beam", "sample"} or not beams.size:
         raise ValueError(f"a beam pattern is drawn of beams (ping, beam, sample); these are {dict(beams.sizes)}.")
     if along not in beams.coords or beams[along].dims != ("beam",):
         raise ValueError(f"the beams have no coordinate {along!r}; choose one of "
                          f"{', '.join(str(name) for name, value in beams.coords.items() if value.dims == ('beam',))}.")
-    if not 0 <= ping < beams.sizes["ping"]:
-        raise ValueError(f"there is no ping {ping}; there are {beams.sizes['ping']}, the first is 0.")
+    canvas.check_ping(ping, beams.sizes["ping"])
     power = np.abs(beams.isel(ping=ping).transpose("beam", "sample").values.astype(complex)) ** 2
     sample = power.max(axis=0).argmax() if time is None else np.abs(beams["time"].values - time).argmin()
     power = power[:, sample]
@@ -105,7 +103,7 @@ def _levels(beams, expected, along, ping, time):
         expected = np.abs(np.asarray(expected)) ** 2
         if expected.shape != level.shape or not (np.isfinite(expected).all() and expected[highest] > 0):
             raise ValueError(f"the closed form has shape {expected.shape}; give {level.size} finite pressures, one per "
-                             "beam, that is not 0 in the highest beam.")
+                             "beam, and not 0 in the highest beam.")
         expected = _db(expected / expected[highest])[order]
     return np.degrees(beams[along].values[order]), level[order], expected
 
