@@ -2,7 +2,7 @@
 from collections.abc import Mapping, Sequence
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Literal, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 import xarray as xr
@@ -214,6 +214,11 @@ def picture(grid: PlotGrid, image: np.ndarray, title: str, *, subtitle: str = ""
         key = colour_bar(drawn, axes, bar, bar_extend)
         key.outline.set_edgecolor(FAINT)               # pyright: ignore[reportCallIssue]  declared as any artist
     return figure, axes
+
+
+def named_picture(dataset: xr.Dataset, grid: PlotGrid, image: np.ndarray, name: str, **options: Any) -> Figure:
+    """Draw a picture with the titles of a dataset and the name of a plot; the options are those of `picture`."""
+    return picture(grid, image, f"{title(dataset)}: {name}", subtitle=subtitle(dataset, grid), **options)[0]
 
 
 def _words_width(title: str, subtitle: str) -> float:

@@ -360,6 +360,6 @@ def test_plot_refuses_what_it_does_not_know(folder, refusal):
 
     assert cli.main(["render", "scene.xml", "-o", "o.exr"]) == 0
     assert "there is no plot 'fal'; choose one of waterfall, ping, mean" in refusal("plot", "o.exr", "--what", "fal")
-    assert "there is no ping 99; the dataset has 2" in refusal("plot", "o.exr", "--what", "ping", "--ping", "99")
+    assert "there is no ping 99; there are 2" in refusal("plot", "o.exr", "--what", "ping", "--ping", "99")
     assert "must end in one of .png" in refusal("plot", "o.exr", "-o", "p.xyz")
     assert "make it first" in refusal("plot", "o.exr", "-o", "no/p.png")

@@ -314,7 +314,7 @@ def test_round_lengths(length, bar):
     (sidescan(2, 3), "waterfall", "a", {}, ValueError, r"end in one of \.png"),
     (sidescan(2, 3), "waterfall", "missing/a.png", {}, FileNotFoundError, "folder .* does not exist"),
     (sidescan(2, 3), "waterfall", "a.png", {"tvg": "much"}, ValueError, "display gain is 'much'; use 'seabed'"),
-    (sidescan(2, 3), "ping", "a.png", {"ping": 2}, ValueError, "no ping 2; the dataset has 2"),
+    (sidescan(2, 3), "ping", "a.png", {"ping": 2}, ValueError, "no ping 2; there are 2"),
     (sidescan(2, 3).drop_vars("rays"), "rays", "a.png", {}, ValueError, "needs the variable 'rays'"),
     (sidescan(2, 3).isel(side=0), "waterfall", "a.png", {}, ValueError, "plots show a sidescan"),
     (sidescan(2, 3).isel(ping=[]), "mean", "a.png", {}, ValueError, "nothing to plot"),

@@ -12,7 +12,7 @@ from mitsonar.imaging.gain import Tvg
 from mitsonar.imaging.objects import object_bins
 
 from .. import canvas
-from ..images.label_key import label_key
+from ..images.label_key import counted, label_key
 from ..images.truth import LEGEND, SHADOW_COLOUR, SPECK, class_colours
 from .fan_sheet import FanSheet
 from .fans import fan_picture, fan_view, name_of, words_of
@@ -28,8 +28,7 @@ def fan_labels(dataset: xr.Dataset, path: FilePath | None, *, ping: int = 0) -> 
     canvas.check_ping(ping, dataset.sizes["ping"])
     canvas.check_path(path)
     label, view = dataset["label"].transpose("ping", "beam", "range").values[ping], fan_view(dataset)
-    key = label_key(dict(zip(*(column.tolist() for column in np.unique(label, return_counts=True)), strict=True)),
-                    dataset.attrs.get("labels", {}))
+    key = label_key(counted(label), dataset.attrs.get("labels", {}))
     sheet = FanSheet(view, title=f"{name_of(dataset)}: labels", subtitle=words_of(dataset, ping), colours=key.colours,
                      limits=key.limits, keys=key.keys)
     inside = view.map.labels(np.ones(label.shape, bool))

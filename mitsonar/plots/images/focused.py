@@ -1,7 +1,7 @@
-"""Focused images and what is made of them: levels, phases, heights, in metres of their own grid.
+"""Plots of focused images and their products, such as levels, phases and heights, in metres of their own grid.
 
-Across the picture runs the grid's ``across_track``, up the picture its ``along_track``, both to the same scale. An
-element that covers several points shows their mean: of intensities, of unit vectors for phases, else of values.
+The horizontal axis is ``across_track``, the vertical axis ``along_track``, both to the same scale. A pixel that covers
+several grid points shows their mean: of intensities for levels, of unit vectors for phases, else of the values.
 """
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from mitsonar.units import db_from_power, power_from_db
 from .. import canvas
 from ..canvas import in_metres, title
 from .grid import WIDEST, PlotGrid, edges_around, stretches
-from .label_key import label_key
+from .label_key import counted, label_key
 
 GROUND = ("along_track", "across_track")
 OF_THE_TRUTH = "labels", "shadow", "depth"
-NARROWEST, LOWEST, TALLEST = 560, 120, 4000            # picture elements
-RANGE_DB = 50.0                    # of levels, from black to white
-BRIGHTEST, LEAST_DB, MOST_DB = 99.9, 18.0, 28.0        # percentile that is white, and how far it may be above the bed
+NARROWEST, LOWEST, TALLEST = 560, 120, 4000            # pixels: least width, least and largest height
+RANGE_DB = 50.0                    # from the first to the last colour
+BRIGHTEST, LEAST_DB, MOST_DB = 99.9, 18.0, 28.0        # percentile of the last colour, and its limits above the median
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sheet:
-    """Hold a view of an image: the grid of its elements, and its variables as `PlotGrid.mean` takes them."""
+    """A view of an image: the grid of its pixels, and its variables as `PlotGrid.mean` takes them."""
 
     grid: PlotGrid
     rows: xr.Dataset
@@ -45,19 +45,19 @@ class Sheet:
     colours: Colormap
 
     def mean(self, values: Callable[[xr.Dataset], np.ndarray]) -> np.ndarray:
-        """Average over the elements, (height, width)."""
+        """Average values over the pixels, (height, width)."""
         return self.grid.mean(self.rows, values)
 
     def draw(self, elements: np.ndarray, what: str, *, colours: Colormap, limits: tuple[float, float], bar: str,
              extend: Literal["neither", "both", "min", "max"] = "both") -> Figure:
-        """Draw elements with a colour bar."""
+        """Draw pixels with a colour bar."""
         figure, _ = canvas.picture(self.grid, elements, f"{title(self.image)}{what}", subtitle=self.words,
                                    colours=colours, limits=limits, bar=bar, bar_extend=extend)
         return _named(self, figure)
 
 
 def is_focused(dataset: xr.Dataset) -> bool:
-    """Tell whether a dataset is an image over (along_track, across_track), or made of one."""
+    """Return True for a focused image or a product of one, over (along_track, across_track)."""
     return set(GROUND) <= set(dataset.dims)
 
 
@@ -78,13 +78,13 @@ def draw_focused(image: xr.Dataset, what: str, path: FilePath | None, *, bank: i
     shown = image.isel(bank=bank or 0) if "bank" in image.dims else image
     rows = shown[[name]].transpose(*GROUND).rename_dims(dict(zip(GROUND, ("ping", "range"), strict=True)))
     rows = rows.drop_vars(list(rows.coords)).expand_dims(side=[""])
-    of = f"bank {bank or 0} of {banks}" if banks > 1 and what == "image" else ""
-    sheet = Sheet(grid=_grid(image), rows=rows, image=image, words=_words(image, of), colours=shades)
+    name = f"bank {bank or 0} of {banks}" if banks > 1 and what == "image" else ""
+    sheet = Sheet(grid=_grid(image), rows=rows, image=image, words=_words(image, name), colours=shades)
     return canvas.saved(draw(sheet), path)
 
 
 def _view(image: xr.Dataset, what: str) -> tuple[Callable[[Sheet], Figure], str]:
-    """The drawing function of a view, and its variable."""
+    """Return the drawing function of a view and the variable that it needs."""
     plain = [str(name) for name, variable in image.data_vars.items()
              if set(variable.dims) == set(GROUND) and variable.dtype.kind in "biuf"]
     if what in FOCUSED_VIEWS:
@@ -94,7 +94,7 @@ def _view(image: xr.Dataset, what: str) -> tuple[Callable[[Sheet], Figure], str]
         there = [view for view, (_, needed) in FOCUSED_VIEWS.items() if needed in image.data_vars]
         raise ValueError(f"the plot {what!r} needs the variable {name!r}; of this image there are "
                          f"{', '.join(dict.fromkeys([*there, *plain]))}."
-                         + (" An image of raw echoes has no truth; render the scene, or focus the scene itself."
+                         + (" An image of raw echoes has no ground truth; render the scene, or focus the scene itself."
                             if what in OF_THE_TRUTH else ""))
     if what in plain:
         return partial(_values, name=what), what
@@ -104,7 +104,7 @@ def _view(image: xr.Dataset, what: str) -> tuple[Callable[[Sheet], Figure], str]
 
 
 def _grid(image: xr.Dataset) -> PlotGrid:
-    """Elements of one scale along and across, as large as fits; whole ones to a point where points are few."""
+    """Return square pixels, as small as the sheet allows; a whole number of them to a point if points are few."""
     along, across = (edges_around(image[dim].values if dim in image.coords else np.arange(image.sizes[dim]), 1.0)
                      for dim in GROUND)
     long, wide = abs(along[-1] - along[0]), abs(across[-1] - across[0])
@@ -116,8 +116,8 @@ def _grid(image: xr.Dataset) -> PlotGrid:
                 height=int(np.clip(round(scale * long), LOWEST, TALLEST)))
 
 
-def _words(image: xr.Dataset, of: str) -> str:
-    """Size, resolution and orientation of a view."""
+def _words(image: xr.Dataset, bank: str) -> str:
+    """Return the subtitle of a view: its size, resolution, orientation and bank."""
     steps = [abs(float(np.diff(image[dim].values[:2])[0])) for dim in GROUND
              if dim in image.coords and image.sizes[dim] > 1]
     sizes = [in_metres(step * image.sizes[dim]) for step, dim in zip(steps, GROUND, strict=False)]
@@ -126,11 +126,11 @@ def _words(image: xr.Dataset, of: str) -> str:
         east, north = (float(image[name].values[-1, 0] - image[name].values[0, 0]) for name in "xy")
         heading = round(np.degrees(np.arctan2(east, north))) % 360
         parts.append(f"up is {heading}°" if np.hypot(east, north) > 0 else "")
-    return "   ·   ".join(part for part in (*parts, of) if part)
+    return "   ·   ".join(part for part in (*parts, bank) if part)
 
 
 def _named(sheet: Sheet, figure: Figure) -> Figure:
-    """Say on the axes what they are of a focused image."""
+    """Label the axes as those of a focused image."""
     slant = sheet.image.attrs.get("grid") == "slant"
     drawn = figure.axes[0]
     drawn.set_xlabel("slant range [m]" if slant else "across track [m]", color=canvas.INK, fontsize=11)
@@ -181,10 +181,7 @@ def _values(sheet: Sheet, *, name: str, down: bool = False) -> Figure:
 
 
 def _labels(sheet: Sheet) -> Figure:
-    counts: Counter[int] = Counter()
-    for _, part in stretches(sheet.rows):
-        found, numbers = np.unique(part["label"].values, return_counts=True)
-        counts.update(dict(zip(found.tolist(), numbers.tolist(), strict=True)))
+    counts = sum((counted(part["label"].values) for _, part in stretches(sheet.rows)), Counter[int]())
     key = label_key(counts, sheet.image.attrs.get("labels", {}))
     elements = sheet.grid.largest(sheet.rows, lambda part: key.rank(part["label"].values))
     figure, _ = canvas.picture(sheet.grid, elements, f"{title(sheet.image)}: labels", subtitle=sheet.words,
@@ -192,7 +189,7 @@ def _labels(sheet: Sheet) -> Figure:
     return _named(sheet, figure)
 
 
-# what draws it, and the variable that it needs
+# drawing function, and the variable that it needs
 FOCUSED_VIEWS: dict[str, tuple[Callable[[Sheet], Figure], str]] = {
     "image": (_image, "level"), "phase": (_phase, "phase"),
     "coherence": (partial(_share, name="coherence", bar="coherence of the banks"), "coherence"),

@@ -1,10 +1,9 @@
-"""From bins to picture elements: pings and ranges laid out in metres and averaged over the area of each element.
+"""Grid of a picture's pixels: pings and ranges are laid out in metres and averaged over the area of each pixel.
 
-Across the picture runs the slant range, port mirrored on the left, starboard on the right; of a sonar with one row a
-ping, from left to right. Up the picture runs the way of the sonar, the newest ping on top, so that port is left and
-starboard right of somebody moving up the picture. An
-element that covers several bins shows their mean, each weighted with the share of the element it covers; one that is
-smaller than a bin shows the bin.
+The horizontal axis is the slant range: port mirrored on the left and starboard on the right, or from left to right for
+a sonar with one row per ping. The vertical axis is the distance along the track, with the newest ping on top. A pixel
+that covers several bins shows their mean, weighted with the share of the pixel that each covers; a pixel smaller than a
+bin shows the bin.
 """
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -13,48 +12,48 @@ import numpy as np
 import xarray as xr
 from scipy.sparse import csr_array
 
-WIDEST, LOWEST = 1400, 420  # picture elements
-LARGEST = 2**22  # bins of a variable worked on at a time
-ONLY_SIDE = ""  # name of the side of a sonar that has no sides
-FLATTEST, TALLEST = 0.4, 1.6  # height / width: beyond these the along-track scale is stretched or squeezed
+WIDEST, LOWEST = 1400, 420       # pixels
+LARGEST = 2**22                  # bins of a variable that are processed at a time
+ONLY_SIDE = ""                   # name of the side of a sonar that has no sides
+FLATTEST, TALLEST = 0.4, 1.6     # limits of height / width, beyond which the along-track scale is changed
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlotGrid:
-    """The picture elements of a dataset and the shares of the bins in them."""
+    """Grid of the pixels of a dataset."""
 
-    across: np.ndarray  # edges of the columns [m]: (2N + 2,) port, the gap under the sonar, starboard; or (N + 1,)
-    along: np.ndarray  # (P + 1,) edges of the pings [m], or in pings where the sonar stands still
+    across: np.ndarray       # edges of the bins [m]: (2N + 2,) port, the gap under the sonar, starboard; or (N + 1,)
+    along: np.ndarray        # (P + 1,) edges of the pings [m], or ping numbers if the sonar stands still
     moving: bool
     width: int
     height: int
 
     @property
     def stretch(self) -> float:
-        """Along-track scale over across-track scale; 1 where an element is square on the ground."""
+        """Ratio of the along-track scale to the across-track scale; 1 if a pixel is square on the ground."""
         return (self.height / (self.along[-1] - self.along[0])) / (self.width / (self.across[-1] - self.across[0]))
 
     def edges(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the edges of the picture's rows and columns, in the units of ``along`` and ``across``."""
+        """Return the edges of the pixels' rows and columns, in the units of ``along`` and ``across``."""
         return (np.linspace(self.along[0], self.along[-1], self.height + 1),
                 np.linspace(self.across[0], self.across[-1], self.width + 1))
 
     def mean(self, dataset: xr.Dataset, values: Callable[[xr.Dataset], np.ndarray]) -> np.ndarray:
-        """Average over the picture elements, leaving out NaN."""
+        """Average the values of the bins over the pixels (height, width), leaving out NaN."""
         rows, columns = self.edges()
         rows, columns = _shares(self.along, rows).tocsc(), _shares(self.across, columns)
         total, weight = np.zeros((2, self.height, self.width))
         for first, part in stretches(dataset):
             laid = _side_by_side(np.asarray(values(part), float), np.nan)
             known = np.isfinite(laid)
-            mine = rows[:, first:first + part.sizes["ping"]]
-            total += mine @ (columns @ np.where(known, laid, 0).T).T
-            weight += mine @ (columns @ known.T.astype(float)).T
+            shares = rows[:, first:first + part.sizes["ping"]]
+            total += shares @ (columns @ np.where(known, laid, 0).T).T
+            weight += shares @ (columns @ known.T.astype(float)).T
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(weight > 1e-9 * weight.max(initial=0), total / weight, np.nan)
 
     def largest(self, dataset: xr.Dataset, values: Callable[[xr.Dataset], np.ndarray]) -> np.ndarray:
-        """Return the largest of the values that meet in each picture element, (height, width); arguments as `mean`."""
+        """Return the largest value of the bins in each pixel (height, width); the arguments are those of `mean`."""
         first_row, first_column = (
             np.clip(np.searchsorted(source, target[:-1], side="right") - 1, 0, source.size - 2)
             for source, target in zip((self.along, self.across), self.edges(), strict=True))
@@ -64,20 +63,20 @@ class PlotGrid:
 
 
 def stretches(dataset: xr.Dataset) -> Iterator[tuple[int, xr.Dataset]]:
-    """Cut a dataset along the track into pieces of bounded memory: pairs of first ping and piece, sides in order."""
+    """Yield pieces of a dataset along the track of bounded memory, each with its first ping and its sides in order."""
     pings = max(1, LARGEST // (2 * dataset.sizes["range"]))
     for first in range(0, dataset.sizes["ping"], pings):
         yield first, dataset.isel(ping=slice(first, first + pings)).transpose("ping", "side", "range", ...)
 
 
 def with_sides(dataset: xr.Dataset) -> xr.Dataset:
-    """Return variables over (ping, range), a row a ping, a dimension side of one, as plots take them."""
+    """Return a dataset over (ping, range) with a dimension ``side`` of length 1 added, else unchanged."""
     no_sides = set(dataset["level"].dims) == {"ping", "range"} and "side" not in dataset.coords
     return dataset.expand_dims(side=[ONLY_SIDE]) if no_sides else dataset
 
 
 def make_grid(dataset: xr.Dataset) -> PlotGrid:
-    """Lay out the picture of a dataset whose pings have both sides of a sidescan, or one row (`with_sides`)."""
+    """Return the pixels of a dataset whose pings have both sides of a sidescan, or one row (`with_sides`)."""
     sides = dataset["side"].values.tolist() if "side" in dataset.coords else []
     if sides not in (["port", "starboard"], [ONLY_SIDE]) or not {"ping", "range"} <= set(dataset.dims):
         raise ValueError(f"plots show a sidescan with the dimensions ping, side (port, starboard) and range, or "
@@ -93,23 +92,23 @@ def make_grid(dataset: xr.Dataset) -> PlotGrid:
     moving = bool(steps.sum() > 1e-6)
     along = edges_around(np.r_[0, np.cumsum(steps)] if moving else np.arange(dataset.sizes["ping"]), 1)
     bins = len(sides) * dataset.sizes["range"]
-    width = bins * (WIDEST // bins) if bins < WIDEST else WIDEST  # whole picture elements to a bin, where they are many
+    width = bins * (WIDEST // bins) if bins < WIDEST else WIDEST     # a whole number of pixels per bin if bins are few
     square = width * (along[-1] - along[0]) / (across[-1] - across[0])
     height = square if moving else dataset.sizes["ping"]
     return PlotGrid(across=across, along=along, moving=moving, width=width,
-                height=int(np.clip(round(height), max(FLATTEST * width, LOWEST), TALLEST * width)))
+                    height=int(np.clip(round(height), max(FLATTEST * width, LOWEST), TALLEST * width)))
 
 
 def _side_by_side(values, gap):
-    """Lay out an array (p, 2, N) as (p, 2N + 1): port mirrored, a column under the sonar, starboard."""
-    if values.shape[1] == 1:           # a row a ping
+    """Return an array (p, 2, N) as (p, 2N + 1): port mirrored, a column under the sonar, starboard."""
+    if values.shape[1] == 1:           # one row per ping
         return values[:, 0]
     middle = np.full((values.shape[0], 1), gap, values.dtype)
     return np.concatenate([values[:, 0, ::-1], middle, values[:, 1]], axis=1)
 
 
 def edges_around(centres: np.ndarray, alone: float) -> np.ndarray:
-    """Return the edges half-way between centres and as far beyond the ends; a single one is ``alone`` wide."""
+    """Return edges half-way between centres and as far beyond the ends; a single cell is ``alone`` wide."""
     centres = np.asarray(centres, float)
     if centres.size == 1:
         return centres[0] + np.array([-0.5, 0.5]) * alone
@@ -118,7 +117,7 @@ def edges_around(centres: np.ndarray, alone: float) -> np.ndarray:
 
 
 def _shares(source, target):
-    """Return the lengths that intervals between ``target`` edges share with those between ``source`` edges, (T, S)."""
+    """Return the lengths (T, S) of the overlaps of intervals between ``target`` edges and between ``source`` edges."""
     cuts = np.unique(np.concatenate([source, target]))
     middle = (cuts[1:] + cuts[:-1]) / 2
     rows, columns = (np.searchsorted(edges, middle) - 1 for edges in (target, source))

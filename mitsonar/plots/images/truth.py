@@ -1,4 +1,4 @@
-"""Views of what is known of objects: outlines on the waterfall, classes, shares, what they hide, layover."""
+"""Plots of the ground truth of objects: outlines on the waterfall, classes, shares of echoes, hidden bed, layover."""
 from collections import Counter
 from collections.abc import Iterable
 
@@ -11,20 +11,21 @@ from mitsonar.imaging.objects import object_bins
 
 from .. import canvas
 from ..canvas import subtitle, title
+from .label_key import counted
 from .levels import shown_levels
 
 SHADOW_COLOUR = "#5aa9e6"
-SPECK = 8  # bins: smaller pieces are not outlined
+SPECK = 8                # bins; smaller pieces are not outlined
 BRIGHT = ("#ff9f1c", "#4cd137", "#ff5252", "#b98cff", "#ffe14d", "#ff7ad9", "#1ee3b0", "#d19a5b", "#c2f04a", "#ffb199",
-          "#f0f0f0", "#e056fd")  # to be told apart on grey, and from shadows
-LEGEND = 24  # classes named at most
+          "#f0f0f0", "#e056fd")          # easily distinguished on grey and from the colour of shadows
+LEGEND = 24              # entries of the legend
 
 
 def class_colours(classes: Iterable[str]) -> dict[str, tuple[float, float, float]]:
-    """Return every class a colour of its own."""
+    """Return a colour for every class."""
     names = sorted(set(classes))
-    return {name: to_rgb(BRIGHT[k] if k < len(BRIGHT) else colormaps["hsv"](0.618034 * k % 1))
-            for k, name in enumerate(names)}
+    return {name: to_rgb(BRIGHT[index] if index < len(BRIGHT) else colormaps["hsv"](0.618034 * index % 1))
+            for index, name in enumerate(names)}
 
 
 def _objects(dataset, grid, *, tvg):
@@ -43,14 +44,13 @@ def _objects(dataset, grid, *, tvg):
     keys = [Patch(facecolor=colours[name], label=f"{name}  ({count})")
             for name, count in sorted(counts.items()) if count]
     return canvas.picture(grid, picture, f"{title(dataset)}: objects", subtitle=subtitle(dataset, grid, more_db),
-                          keys=[*keys[:LEGEND], Patch(facecolor=SHADOW_COLOUR, label="shadow of one")])[0]
+                          keys=[*keys[:LEGEND], Patch(facecolor=SHADOW_COLOUR, label="shadow of an object")])[0]
 
 
 def _class(dataset, grid):
     names = {int(key): name for key, name in dataset.attrs.get("classes", {}).items()}
-    # where several meet in an element, the rarest shows
-    counts = Counter(dict(zip(*(found.tolist() for found in np.unique(dataset["class"], return_counts=True)),
-                              strict=True)))
+    # a pixel with several classes shows the rarest
+    counts = counted(dataset["class"].values)
     order = sorted(counts, key=lambda number: (number != 0, -counts[number], number))
     rank = np.zeros(max(order) + 1, np.uint32)
     rank[order] = np.arange(len(order))
@@ -59,15 +59,15 @@ def _class(dataset, grid):
     colours = ["#000000" if number == 0 else own.get(names.get(number, ""), to_rgb("#ffffff")) for number in order]
     keys = [Patch(facecolor=colour, edgecolor=canvas.FAINT, label=names.get(number, "none"))
             for number, colour in zip(order[:LEGEND], colours, strict=False)]
-    return canvas.picture(grid, image, f"{title(dataset)}: classes", subtitle=subtitle(dataset, grid),
-                          colours=ListedColormap(colours), limits=(-0.5, len(order) - 0.5), keys=keys)[0]
+    return canvas.named_picture(dataset, grid, image, "classes", colours=ListedColormap(colours),
+                                limits=(-0.5, len(order) - 0.5), keys=keys)
 
 
 def _share(dataset, grid):
     numbers = [int(number) - 1 for number in dataset.attrs.get("objects", {})]
     image = grid.mean(dataset, lambda part: part["share"].isel(shape=numbers).sum("shape").transpose(
         "ping", "side", "range").values)
-    return _shaded(dataset, grid, image, "share of objects", "share of the echo that objects send")
+    return _shaded(dataset, grid, image, "share of objects", "share of objects in the echo")
 
 
 def _hidden(dataset, grid):
@@ -76,9 +76,8 @@ def _hidden(dataset, grid):
 
 
 def _shaded(dataset, grid, image, what, bar):
-    return canvas.picture(grid, image, f"{title(dataset)}: {what}", subtitle=subtitle(dataset, grid),
-                          colours=colormaps["inferno"].with_extremes(bad=canvas.PAPER), limits=(0, 1), bar=bar,
-                          bar_extend="neither")[0]
+    return canvas.named_picture(dataset, grid, image, what, limits=(0, 1), bar=bar, bar_extend="neither",
+                                colours=colormaps["inferno"].with_extremes(bad=canvas.PAPER))
 
 
 def _layover(dataset, grid):
@@ -87,8 +86,8 @@ def _layover(dataset, grid):
     words = ("nothing", "one place", "two places", "three and more")
     keys = [Patch(facecolor=colour, edgecolor=canvas.FAINT, label=word)
             for colour, word in zip(colours, words, strict=True)]
-    return canvas.picture(grid, image, f"{title(dataset)}: layover", subtitle=subtitle(dataset, grid),
-                          colours=ListedColormap(colours), limits=(-0.5, 3.5), keys=keys)[0]
+    return canvas.named_picture(dataset, grid, image, "layover", colours=ListedColormap(colours), limits=(-0.5, 3.5),
+                                keys=keys)
 
 
 TRUTH = {"objects": (_objects, "share"), "class": (_class, "class"), "share": (_share, "share"),

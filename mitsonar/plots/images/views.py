@@ -1,9 +1,7 @@
-"""The pictures themselves, a function each, named in the table `PLOTS`.
+"""Plots of sonar images by name, one function for each entry of `PLOTS`, interferometric sidescans included.
 
-Levels are averaged as intensities and only then turned to decibels again, so that the brightness of a picture does not
+Levels are averaged as intensities and converted to decibels afterwards, so that the brightness of a picture does not
 depend on its size.
-
-Views of what an interferometric sidescan measures: phase, coherence, angle, and how far depths are off.
 """
 from __future__ import annotations
 
@@ -29,11 +27,11 @@ from ..lines.line_views import LINE_VIEWS, draw_line, is_line
 from ..onto import moved, sheets_for
 from .focused import FOCUSED_VIEWS, draw_focused, is_focused
 from .grid import PlotGrid, make_grid, stretches, with_sides
-from .label_key import label_key
+from .label_key import counted, label_key
 from .levels import in_the_water, shown_levels
 from .truth import TRUTH
 
-WIDEST = 98.0                      # per cent of errors that the colours tell apart
+WIDEST = 98.0                      # percentile of the errors at the ends of the colours
 
 
 def _phase(dataset: xr.Dataset, grid: PlotGrid) -> Figure:
@@ -62,50 +60,31 @@ def _error(dataset: xr.Dataset, grid: PlotGrid) -> Figure:
 
 def _map(dataset: xr.Dataset, grid: PlotGrid, image: np.ndarray, what: str, bar: str, colours: str,
          limits: tuple[float, float]) -> Figure:
-    return canvas.picture(grid, image, f"{title(dataset)}: {what}", subtitle=subtitle(dataset, grid),
-                          colours=colormaps[colours].with_extremes(bad="#000000"), limits=limits, bar=bar)[0]
+    return canvas.named_picture(dataset, grid, image, what, colours=colormaps[colours].with_extremes(bad="#000000"),
+                                limits=limits, bar=bar)
 
 
 PHASES = {"phase": (_phase, "phase"), "coherence": (_coherence, "coherence"), "angle": (_angle, "angle"),
           "depth_error": (_error, "uncertainty")}
-
-
-FANS = {"waterfall": fan_picture, "objects": fan_objects, "labels": fan_labels}  # the plots of an array's beams
+FANS = {"waterfall": fan_picture, "objects": fan_objects, "labels": fan_labels}        # plots of an array's beams
 
 
 def preview(dataset: xr.Dataset, path: FilePath | None = None, *, tvg: Tvg = "recorder",
             axes: Axes | None = None) -> Axes:
-    """Draw the waterfall of a sidescan, or of a row a ping, the fan of an array's first ping, or a line's overview.
+    """Draw the usual plot of a dataset: a waterfall, the fan of the first ping, or the overview of a line of soundings.
 
     Parameters
     ----------
     dataset : xarray.Dataset
-        As made by ``mitsonar.render``: level over (ping, side, range), (ping, beam, range) or (ping, range); or a line
-        of soundings.
-    path : str or path
-        A .png (or .pdf, .svg) to write; None: no file.
-    tvg : {'seabed', 'target', 'recorder', None}
-        Gain for display (see `mitsonar.plots.images.gain`); the data are not changed.
-    axes : matplotlib.axes.Axes, optional
-        To draw into; without it, and without a path, the figure is one of pyplot's, and notebooks show it.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-        In metres, degrees or dB, as they are labelled; the sheet is its ``figure``.
-
-    Raises
-    ------
-    ValueError
-        If the dataset has other dimensions, or ``path`` or ``tvg`` is not as above.
-    FileNotFoundError, PermissionError, OSError
-        If the file cannot be written.
+        Image with level over (ping, side, range), (ping, beam, range) or (ping, range), or a line of soundings.
+    path, tvg, axes
+        As for `plot`, whose return value and errors these are, too.
     """
     return plot(dataset, None, path, tvg=tvg, axes=axes)
 
 
 def usual_plot(dataset: xr.Dataset) -> str:
-    """Return the plot that a dataset has where none is asked for."""
+    """Return the name of the plot that `plot` draws by default."""
     return "overview" if is_line(dataset) else "image" if is_focused(dataset) else "waterfall"
 
 
@@ -117,38 +96,38 @@ def plot(dataset: xr.Dataset, what: str | None = None, path: FilePath | None = N
     ----------
     dataset : xarray.Dataset
     what : str, optional
-        By default the `usual_plot`. ``waterfall``, of an array the fan of one ping, of a rotating head a turn;
-        ``ping``: the levels of one ping;
-        ``mean``: levels against range over all pings; ``labels``, ``depth``, ``shadow``, ``rays``, ``class``,
-        ``share``, ``hidden``, ``layover``: the truth behind every bin; ``objects``: the waterfall or the fan with
-        objects and their shadows outlined. Of a line of soundings as `line_figure`, of a focused image as
-        `focused.draw_focused`.
-    path : str or path
-        A .png, .pdf or .svg to write; None: no file.
+        Name of the plot; by default the `usual_plot`. ``waterfall``: the image, the fan of one ping of an array, or one
+        turn of a rotating head; ``ping``: levels of one ping; ``mean``: levels against range over all pings;
+        ``labels``, ``depth``, ``shadow``, ``rays``, ``class``, ``share``, ``hidden``, ``layover``: ground truth of
+        every bin; ``objects``: the waterfall or the fan with outlines of objects and their shadows; ``phase``,
+        ``coherence``, ``angle``, ``depth_error``: results of an interferometric sidescan. A line of soundings has the
+        plots of `line_figure`, a focused image those of `FOCUSED_VIEWS`.
+    path : str or path, optional
+        File to write, ending in .png, .pdf or .svg.
     tvg : {'seabed', 'target', 'recorder', None}
-        Gain of the waterfall, and under ``objects``.
+        Gain over range for display (see `mitsonar.imaging.gain`); the data are not changed.
     ping : int, optional
-        For ``ping``, the middle one by default; for a fan, the first; of a rotating head, whose turn is drawn.
-    colours : str
-        Of the waterfall, the fan, or a focused image: ``copper`` or ``grey``.
+        Index of the ping to draw. The default is the middle ping for ``ping``, and the first ping or turn for a fan.
+    colours : {'copper', 'grey'}
+        Colours of a waterfall, a fan or a focused image.
     bank : int, optional
-        Of a focused image, the first by default.
+        Bank of a focused image; by default the first.
     axes : matplotlib.axes.Axes, optional
-        To draw into; without it, and without a path, the figure is one of pyplot's, and notebooks show it.
+        Axes to draw into. Without axes and without a path, pyplot makes the figure, and notebooks show it.
 
     Returns
     -------
     matplotlib.axes.Axes
-        In metres, degrees or dB, as they are labelled; the sheet is its ``figure``.
+        The first axes, in metres, degrees or dB as labelled; the sheet is their ``figure``.
 
     Raises
     ------
     ValueError
-        If the dataset lacks sides, beams or the variable, an argument is not as above, or a plot of several panels is
-        to be drawn into axes.
+        If the dataset lacks sides, beams or the variable, an argument is not as above, or ``axes`` are given for a plot
+        of several panels.
     TypeError
-        If ``dataset`` is no `xarray.Dataset`, such as the path of one, or ``axes`` are none.
-    FileNotFoundError, PermissionError, OSError
+        If ``dataset`` is no `xarray.Dataset`, but for example a path, or ``axes`` are no matplotlib axes.
+    OSError
         If the file cannot be written.
     """
     if not isinstance(dataset, xr.Dataset):
@@ -162,17 +141,17 @@ def plot(dataset: xr.Dataset, what: str | None = None, path: FilePath | None = N
 
 def _figure(dataset: xr.Dataset, what: str, path: FilePath | None, tvg: Tvg, ping: int | None, colours: str,
             bank: int | None) -> Figure:
-    """Draw a plot, write it if there is a path, and return its sheet; arguments as of `plot`."""
+    """Draw a plot, write it if there is a path, and return its sheet; the arguments are those of `plot`."""
     if bank is not None and not is_focused(dataset):
-        raise ValueError("banks are of focused images, and this dataset is none; leave the bank out.")
+        raise ValueError("banks are of focused images, and this dataset is no such image; leave the bank out.")
     if is_line(dataset):
         return draw_line(dataset, what, path, ping=ping, tvg=tvg, colours=colours)
     if is_focused(dataset):
         if ping is not None:
             raise ValueError("a focused image is of all its pings; leave the ping out.")
         if tvg != "recorder":
-            raise ValueError("a focused image has no gain over range: its levels are of what lies there; leave the "
-                             "gain out.")
+            raise ValueError("a focused image takes no gain over range, since its levels are those of the ground; "
+                             "leave the gain out.")
         return draw_focused(dataset, what, path, bank=bank, colours=colours)
     if what in FOCUSED_VIEWS and what not in PLOTS:
         raise ValueError(f"the plot {what!r} is of a focused image, over along_track and across_track; this dataset "
@@ -210,30 +189,24 @@ def _waterfall(dataset, grid, *, tvg, shades):
 
 
 def _labels(dataset, grid):
-    counts = Counter()
-    for _, part in stretches(dataset):
-        counts.update(dict(zip(*(found.tolist() for found in np.unique(part["label"], return_counts=True)),
-                               strict=True)))
+    counts = sum((counted(part["label"].values) for _, part in stretches(dataset)), Counter[int]())
     key = label_key(counts, dataset.attrs.get("labels", {}))
     image = grid.largest(dataset, lambda part: key.rank(part["label"].values))
-    return canvas.picture(grid, image, f"{title(dataset)}: labels", subtitle=subtitle(dataset, grid),
-                          colours=key.colours, limits=key.limits, keys=key.keys)[0]
+    return canvas.named_picture(dataset, grid, image, "labels", colours=key.colours, limits=key.limits, keys=key.keys)
 
 
 def _depth(dataset, grid):
-    image = grid.mean(dataset, _depth_of_what_is_seen)
-    colours = colormaps["viridis_r"].with_extremes(bad="#000000")
+    image = grid.mean(dataset, _depth_seen)
     known = image[np.isfinite(image)]
     low, high = np.percentile(known, [0.5, 99.5]) if known.size else (0.0, 0.0)
     limits = (low, high) if high > low else (low - 0.5, high + 0.5)
-    figure, _ = canvas.picture(grid, image, f"{title(dataset)}: depth of the hits",
-                               subtitle=subtitle(dataset, grid), colours=colours, limits=limits, bar="depth [m]")
+    figure = _map(dataset, grid, image, "depth of the hits", "depth [m]", "viridis_r", limits)
     figure.axes[-1].invert_yaxis()
     return figure
 
 
-def _depth_of_what_is_seen(part):
-    """Return depths but those of echoes in the water column and in shadows: side lobes bring these from anywhere."""
+def _depth_seen(part):
+    """Return depths, but NaN in the water column and in shadows, where side lobes bring echoes from anywhere."""
     hidden = in_the_water(part) if "seabed_depth" in part else np.zeros(part["depth"].shape, bool)
     if "shadow" in part:
         hidden = hidden | (part["shadow"].values > 0)
@@ -242,44 +215,41 @@ def _depth_of_what_is_seen(part):
 
 def _shadow(dataset, grid):
     image = grid.mean(dataset, lambda part: part["shadow"].values)
-    return canvas.picture(grid, image, f"{title(dataset)}: shadow", subtitle=subtitle(dataset, grid),
-                          colours=colormaps["gray"].with_extremes(bad=canvas.PAPER), limits=(0, 1),
-                          bar="share of the element in shadow", bar_extend="neither")[0]
+    return canvas.named_picture(dataset, grid, image, "shadow", limits=(0, 1), bar="share of the pixel in shadow",
+                                bar_extend="neither", colours=colormaps["gray"].with_extremes(bad=canvas.PAPER))
 
 
 def _rays(dataset, grid):
     image = grid.mean(dataset, lambda part: part["rays"].values)
     known = image[image > 0]
     top = float(np.percentile(known, 99.5)) if known.size else 1.0
-    return canvas.picture(grid, image, f"{title(dataset)}: rays", subtitle=subtitle(dataset, grid),
-                          colours=colormaps["magma"].with_extremes(bad=canvas.PAPER), limits=(0, top),
-                          bar="rays per bin", bar_extend="max")[0]
+    return canvas.named_picture(dataset, grid, image, "rays", limits=(0, top), bar="rays per bin", bar_extend="max",
+                                colours=colormaps["magma"].with_extremes(bad=canvas.PAPER))
 
 
 def _ping(dataset, grid, *, ping):
     pings = dataset.sizes["ping"]
     ping = pings // 2 if ping is None else ping
-    if not 0 <= ping < pings:
-        raise ValueError(f"there is no ping {ping}; the dataset has {pings}, the first is 0.")
+    canvas.check_ping(ping, pings)
     figure = canvas.sheet(1200, 720)
     sides = dataset["side"].values.tolist()
     panels = figure.subplots(len(sides), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
-    one = dataset.isel(ping=ping)
+    image = dataset.isel(ping=ping)
     slant_range = dataset["range"].values
     for axes, side in zip(panels, sides, strict=True):
         colour = canvas.SIDES[side]
-        axes.plot(slant_range, _with_gaps(one["level"].sel(side=side).values), color=colour, linewidth=0.7, alpha=0.7,
+        axes.plot(slant_range, _with_gaps(image["level"].sel(side=side).values), color=colour, linewidth=0.7, alpha=0.7,
                   label="level")
         if "mean_level" in dataset:
-            axes.plot(slant_range, _with_gaps(one["mean_level"].sel(side=side).values), color="black", linewidth=1.4,
+            axes.plot(slant_range, _with_gaps(image["mean_level"].sel(side=side).values), color="black", linewidth=1.4,
                       label="without speckle and noise")
-        if "altitude" in one.coords and np.isfinite(one["altitude"]):
-            axes.axvline(float(one["altitude"]), color="gray", linewidth=1, linestyle=":", label="altitude")
+        if "altitude" in image.coords and np.isfinite(image["altitude"]):
+            axes.axvline(float(image["altitude"]), color="gray", linewidth=1, linestyle=":", label="altitude")
         axes.set_title(side, loc="left", color=colour, fontsize=12, fontweight="bold")
         _line_axes(axes, slant_range)
     panels[0].legend(loc="upper right", fontsize=10, ncols=3)
     panels[-1].set_xlabel("slant range [m]", fontsize=11)
-    when = f" at {float(one['ping_time']):.3f} s" if "ping_time" in one.coords else ""
+    when = f" at {float(image['ping_time']):.3f} s" if "ping_time" in image.coords else ""
     figure.suptitle(f"{title(dataset)}: ping {ping}{when}", fontsize=14, fontweight="bold")
     figure.tight_layout()
     return figure
@@ -314,7 +284,7 @@ def _line_axes(axes, slant_range):
 
 
 def _with_gaps(level):
-    """Return levels with gaps where there is nothing."""
+    """Return levels with NaN in bins without an echo."""
     return np.where(level > HARDLY_DB, level, np.nan)
 
 
