@@ -1,4 +1,4 @@
-"""The picture of a fit of a scene: start, answer, what it may be off, how much of it was told, and the truth."""
+"""Plot of a fit: start, answer, its standard deviation, the share that the record determines, and the truth."""
 from __future__ import annotations
 
 import numpy as np
@@ -10,21 +10,21 @@ from matplotlib.ticker import MaxNLocator
 from ..canvas import sheet
 from ..lines.line_sheet import bar_beside, curve_axes, headed, key_above
 
-ROW, TALL, WIDTH, HEAD = 330, 640, 1300, 70     # picture elements
+ROW, TALL, WIDTH, HEAD = 330, 640, 1300, 70     # pixels
 VALUES, ERRORS, DEVIATIONS, SHARES = "viridis", "RdBu_r", "magma", "Greys"
 ANSWER, RIVAL, BEFORE = "#0072b2", "#d55e00", "#999999"
 MOST_ROWS = 8
-LONG = 2.0                         # times as long as wide: a map that is longer fills its axes
+LONG = 2.0                         # ratio of sides beyond which a map fills its axes
 
 
 def fit_figure(answer: xr.Dataset) -> Figure:
-    """Draw an answer of `mitsonar.inversion.fitting`.
+    """Draw the answer of a fit.
 
     Parameters
     ----------
     answer : xarray.Dataset
-        As `Fit.to_dataset` or `ProfileFit.to_dataset` makes it; ``NAME_truth`` is drawn, too; ``NAME_east``,
-        ``NAME_north`` [m] place numbers on a map, and ``depth`` along a profile.
+        Output of `Fit.to_dataset` or `ProfileFit.to_dataset`. ``NAME_truth`` is drawn, too, if it is there. Values with
+        ``NAME_east`` and ``NAME_north`` [m] are drawn as a map, values over ``depth`` as a profile.
 
     Returns
     -------
@@ -33,11 +33,11 @@ def fit_figure(answer: xr.Dataset) -> Figure:
     Raises
     ------
     ValueError
-        If the dataset is no such answer.
+        If the dataset is no answer of a fit.
     """
     names = list(answer.attrs.get("parameters", []))
     if not names or any(name not in answer or f"{name}_deviation" not in answer for name in names):
-        raise ValueError("this dataset is no answer of a fit; give what Fit.to_dataset makes")
+        raise ValueError("this dataset is no answer of a fit; give the output of Fit.to_dataset.")
     shown = names[:MOST_ROWS]
     row = TALL if "depth" in answer else ROW
     figure = sheet(WIDTH, HEAD + row * len(shown))
@@ -52,7 +52,7 @@ def fit_figure(answer: xr.Dataset) -> Figure:
 
 
 def _draw(figure: Figure, answer: xr.Dataset, name: str, place: dict[str, float]) -> None:
-    """One parameter's row."""
+    """Draw the row of one parameter."""
     if f"{name}_east" in answer or answer[name].ndim == 2 and min(answer[name].shape) > 3:
         _maps(figure, answer, name, place)
     elif "depth" in answer and answer["depth"].dims == answer[name].dims:
@@ -64,7 +64,7 @@ def _draw(figure: Figure, answer: xr.Dataset, name: str, place: dict[str, float]
 def _maps(figure: Figure, answer: xr.Dataset, name: str, place: dict[str, float]) -> None:
     unit = answer[name].attrs.get("units", "1")
     columns = [(f"{name}_start", "start", VALUES), (name, "answer", VALUES),
-               (f"{name}_deviation", "one deviation", DEVIATIONS), (f"{name}_resolved", "share told", SHARES)]
+               (f"{name}_deviation", "one deviation", DEVIATIONS), (f"{name}_resolved", "share determined", SHARES)]
     if f"{name}_truth" in answer:
         columns.insert(0, (f"{name}_truth", "truth", VALUES))
     same = np.concatenate([answer[key].values.ravel() for key, _, colours in columns if colours == VALUES])
@@ -87,10 +87,10 @@ def _maps(figure: Figure, answer: xr.Dataset, name: str, place: dict[str, float]
         else:
             across, up = answer[name].dims if answer[name].dims[0] == "x" else answer[name].dims[::-1]
             values = answer[key].transpose(up, across).values
-            placed = [answer[one].values if one in answer.coords else np.arange(answer.sizes[one])
-                      for one in (across, up)]
-            drawn = axes.pcolormesh(*placed, values, shading="nearest", cmap=colours, vmin=low, vmax=high)
-            curve_axes(axes, *(f"{one} [m]" if one in answer.coords else "" for one in (across, up)))
+            places = [answer[dim].values if dim in answer.coords else np.arange(answer.sizes[dim])
+                      for dim in (across, up)]
+            drawn = axes.pcolormesh(*places, values, shading="nearest", cmap=colours, vmin=low, vmax=high)
+            curve_axes(axes, *(f"{dim} [m]" if dim in answer.coords else "" for dim in (across, up)))
         if title != columns[0][1]:
             axes.set_ylabel("")
             axes.tick_params(labelleft=False)
@@ -102,25 +102,25 @@ def _maps(figure: Figure, answer: xr.Dataset, name: str, place: dict[str, float]
 
 
 def _profile(figure: Figure, answer: xr.Dataset, name: str, place: dict[str, float]) -> None:
-    """A parameter over depth, and beside it what was seen."""
+    """Draw a parameter over depth, and beside it the singular values of its patterns."""
     grid = figure.add_gridspec(1, 2, width_ratios=(3, 2), **{**place, "wspace": 0.3})
     left, right = grid.subplots(squeeze=False)[0]
     depth, values, deviation = (answer[key].values for key in ("depth", name, f"{name}_deviation"))
-    told = answer["told"].values.astype(bool)
+    determined = answer["told"].values.astype(bool)
     for kind, style, colour, label in (("truth", "-", "black", "truth"), ("start", ":", BEFORE, "start"),
-                                       ("rival", "--", RIVAL, "meets the times as well")):
+                                       ("rival", "--", RIVAL, "fits the times as well")):
         if f"{name}_{kind}" in answer:
             left.plot(answer[f"{name}_{kind}"], depth, style, color=colour, label=label)
     left.fill_betweenx(depth, values - deviation, values + deviation, color=ANSWER, alpha=0.2, linewidth=0,
                        label="one deviation")
     left.plot(values, depth, "-", color=ANSWER, linewidth=0.8)
-    for some, fill, label in ((told, ANSWER, "told"), (~told, "white", "not told")):
-        left.plot(values[some], depth[some], "o", color=fill, markeredgecolor=ANSWER, label=label)
+    for mask, fill, label in ((determined, ANSWER, "determined"), (~determined, "white", "not determined")):
+        left.plot(values[mask], depth[mask], "o", color=fill, markeredgecolor=ANSWER, label=label)
     left.invert_yaxis()
     curve_axes(left, f"{name.replace('_', ' ')} [{answer[name].attrs['units']}]", "depth [m]")
     key_above(left)
-    seen = np.maximum(answer["singular_value"].values, 1e-4)
-    right.semilogy(1 + np.arange(seen.size), seen, "o", color=ANSWER, label="singular values")
+    singular = np.maximum(answer["singular_value"].values, 1e-4)
+    right.semilogy(1 + np.arange(singular.size), singular, "o", color=ANSWER, label="singular values")
     right.axhline(1, color=BEFORE, label="above: known better than before")
     right.xaxis.set_major_locator(MaxNLocator(integer=True))
     curve_axes(right, "pattern", "")
@@ -128,14 +128,14 @@ def _profile(figure: Figure, answer: xr.Dataset, name: str, place: dict[str, flo
 
 
 def _curves(axes: Axes, answer: xr.Dataset, name: str) -> None:
-    """Few numbers: each with its bar."""
+    """Draw a few numbers with their deviations."""
     values = answer[name].values.ravel()
-    at = np.arange(values.size)
-    axes.errorbar(at, values, answer[f"{name}_deviation"].values.ravel(), fmt="o", color=ANSWER, capsize=3,
+    number = np.arange(values.size)
+    axes.errorbar(number, values, answer[f"{name}_deviation"].values.ravel(), fmt="o", color=ANSWER, capsize=3,
                   label="answer, and one deviation")
-    axes.plot(at, answer[f"{name}_start"].values.ravel(), "x", color=BEFORE, label="start")
+    axes.plot(number, answer[f"{name}_start"].values.ravel(), "x", color=BEFORE, label="start")
     if f"{name}_truth" in answer:
-        axes.plot(at, answer[f"{name}_truth"].values.ravel(), "+", color="black", markersize=12, label="truth")
+        axes.plot(number, answer[f"{name}_truth"].values.ravel(), "+", color="black", markersize=12, label="truth")
     unit = answer[name].attrs.get("units", "1")
     curve_axes(axes, f"number of {name}", f"[{unit}]")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))

@@ -1,4 +1,4 @@
-"""A plan of survey lines as a map: depths, lines with their numbers and directions, edges of swaths, gaps in red."""
+"""Map of a survey plan: depths, lines with their numbers and directions, edges of swaths, gaps in red."""
 from __future__ import annotations
 
 import numpy as np
@@ -11,22 +11,21 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 from matplotlib.transforms import IdentityTransform
 
-from mitsonar.device.files import FilePath, check_writable
+from mitsonar.device.files import FilePath
 from mitsonar.io.tracks.navigation import Frame
 from mitsonar.planning.area import corners
 from mitsonar.planning.plan import SurveyLine, SurveyPlan
 
 from .. import canvas
 
-LONGEST_SIDE = 1100                # picture elements of the map
+LONGEST_SIDE = 1100                # pixels of the map
 LINE, SWATH, TURN, GAP, BORDER = "#101010", "#ffffff", "#c490f0", "#e01414", "#f2c200"
-MOST_NODES = 1500                  # along a side of the relief that is drawn
+MOST_NODES = 1500                  # along a side of the drawn relief
 
 
 def survey_plan(plan: SurveyPlan, path: FilePath, frame: Frame, *, title: str = "", subtitle: str = "") -> None:
     """Draw the map of a plan."""
-    canvas.file_format(path)
-    check_writable(path)
+    canvas.check_path(path)
     west, south, east, north = _extent(plan)
     scale = LONGEST_SIDE / max(east - west, north - south)
     width, height = max((east - west) * scale, 320), max((north - south) * scale, 320)
@@ -53,14 +52,19 @@ def _extent(plan: SurveyPlan) -> tuple[float, float, float, float]:
     places = [np.array([[plan.bed.x[column.min()], plan.bed.y[row.min()]],
                          [plan.bed.x[column.max()], plan.bed.y[row.max()]]])]
     for line in plan.lines:
-        one = line.track
-        places += [np.stack(plan.frame.place(one.s, one.segment.offset + side * reach), -1)
-                   for side, reach in ((-1, one.edges.port), (1, one.edges.starboard))]
+        places += _swath_edges(plan, line)
         places += [np.stack([line.run_in, line.start, line.end]), *([line.turn.path] if line.turn is not None else [])]
-    corners = np.concatenate(places)
-    low, high = corners.min(0), corners.max(0)
+    points = np.concatenate(places)
+    low, high = points.min(0), points.max(0)
     margin = 0.03 * float(np.max(high - low))
     return float(low[0] - margin), float(low[1] - margin), float(high[0] + margin), float(high[1] + margin)
+
+
+def _swath_edges(plan: SurveyPlan, line: SurveyLine) -> list[np.ndarray]:
+    """Return the port and the starboard edge of a line's swath, each (N, 2) [m]."""
+    track = line.track
+    return [np.stack(plan.frame.place(track.s, track.segment.offset + side * reach), -1)
+            for side, reach in ((-1, track.edges.port), (1, track.edges.starboard))]
 
 
 def _relief(plan: SurveyPlan, axes: Axes) -> None:
@@ -80,32 +84,29 @@ def _relief(plan: SurveyPlan, axes: Axes) -> None:
     picture = colours(scale(filled))
     picture[..., :3] = np.clip(picture[..., :3] * (0.65 + 0.5 * shade[..., None]), 0, 1)
     picture[np.isnan(depth), 3] = 0.0
-    half = [0.5 * step for step in bed.step]
-    axes.imshow(picture, origin="lower", interpolation="nearest", aspect="equal",
-                extent=(bed.x[0] - half[0], bed.x[-1] + half[0], bed.y[0] - half[1], bed.y[-1] + half[1]), zorder=1)
+    axes.imshow(picture, origin="lower", interpolation="nearest", aspect="equal", extent=_bed_box(plan), zorder=1)
     drawn = axes.imshow(np.full((1, 1), np.nan), cmap=colours, norm=scale, extent=(0, 1, 0, 1), zorder=0)
     canvas.colour_bar(drawn, axes, "depth [m]", "neither").ax.invert_yaxis()
 
 
 def _gaps(plan: SurveyPlan, axes: Axes) -> None:
-    gap, bed = plan.coverage.gap, plan.bed
-    if not gap.any():
-        return
-    half = [0.5 * step for step in bed.step]
-    axes.imshow(np.where(gap, 0.0, np.nan), origin="lower", interpolation="nearest", aspect="equal",
-                cmap=ListedColormap([GAP]), vmin=-1, vmax=1, zorder=2,
-                extent=(bed.x[0] - half[0], bed.x[-1] + half[0], bed.y[0] - half[1], bed.y[-1] + half[1]))
+    gap = plan.coverage.gap
+    if gap.any():
+        axes.imshow(np.where(gap, 0.0, np.nan), origin="lower", interpolation="nearest", aspect="equal",
+                    cmap=ListedColormap([GAP]), vmin=-1, vmax=1, zorder=2, extent=_bed_box(plan))
+
+
+def _bed_box(plan: SurveyPlan) -> tuple[float, float, float, float]:
+    """Return the west, east, south and north edge of the cells of the bed [m]."""
+    bed, half = plan.bed, [0.5 * step for step in plan.bed.step]
+    return bed.x[0] - half[0], bed.x[-1] + half[0], bed.y[0] - half[1], bed.y[-1] + half[1]
 
 
 def _borders(plan: SurveyPlan, axes: Axes) -> None:
     """Draw the area's border and the edges of all swaths."""
     if plan.area is not None:
         axes.add_collection(LineCollection(corners(plan.area), colors=BORDER, linewidths=1.6, zorder=4))
-    edges = []
-    for line in plan.lines:
-        one = line.track
-        for side, reach in ((-1, one.edges.port), (1, one.edges.starboard)):
-            edges.append(np.stack(plan.frame.place(one.s, one.segment.offset + side * reach), -1))
+    edges = [edge for line in plan.lines for edge in _swath_edges(plan, line)]
     axes.add_collection(LineCollection(edges, colors=SWATH, linewidths=0.5, alpha=0.75, zorder=3))
 
 
@@ -117,7 +118,7 @@ def _ways(plan: SurveyPlan, axes: Axes) -> None:
 
 
 def _numbered(plan: SurveyPlan, axes: Axes, size: float) -> None:
-    """Draw lines, their directions in the middle, and their numbers at the start; fewer where lines lie close."""
+    """Draw lines with arrows in the middle and numbers at the start, but fewer of both where lines lie close."""
     ends = [np.stack([line.start, line.end]) for line in plan.lines]
     axes.add_collection(LineCollection(ends, colors=LINE, linewidths=1.2, zorder=5, capstyle="butt"))
     arrows, numbers = np.empty((0, 2)), np.empty((0, 2))
@@ -152,8 +153,8 @@ def _coordinates(axes: Axes, frame: Frame) -> None:
     """Label both axes in metres of the coordinate system."""
     for axis, first in zip((axes.xaxis, axes.yaxis), frame.origin):
         low, high = axis.get_view_interval()
-        round_ones = MaxNLocator(8, steps=[1, 2, 5, 10]).tick_values(low + first, high + first)
-        axis.set_major_locator(FixedLocator([one - first for one in round_ones if low <= one - first <= high]))
+        ticks = MaxNLocator(8, steps=[1, 2, 5, 10]).tick_values(low + first, high + first) - first
+        axis.set_major_locator(FixedLocator([tick for tick in ticks if low <= tick <= high]))
         axis.set_major_formatter(FuncFormatter(lambda value, _, first=first: f"{value + first:.0f}"))
     axes.set_xlabel(f"easting [m]{f', {frame.crs[:40]}' if frame.crs else ''}", color=canvas.INK, fontsize=11)
     axes.set_ylabel("northing [m]", color=canvas.INK, fontsize=11)
