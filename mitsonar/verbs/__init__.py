@@ -1,1 +1,1 @@
-"""The verbs of the package: images and signals, strips of a synthetic aperture, gradients."""
+"""Top-level functions of the package: images and signals, synthetic aperture strips, gradients."""

@@ -1,4 +1,4 @@
-"""Lists of what can be rendered: scenes with their parameters, plugins with their attributes."""
+"""Lists of scenes with their parameters and of plugins with their attributes."""
 from __future__ import annotations
 
 import os
@@ -11,11 +11,11 @@ from mitsonar.device.files import FilePath
 from mitsonar.device.spelling import meant
 from mitsonar.io.scene_files import scene_words, scenes as scene_files
 
-WIDTH = 110                        # columns of what is printed
+WIDTH = 110                        # columns of the printed text
 
 
 class SceneList(dict[str, str]):
-    """The names of scenes, each with a sentence of what it shows; prints as a table."""
+    """Names of scenes, each with a sentence about its content; prints as a table."""
 
     def __repr__(self) -> str:
         column = max(map(len, self), default=0) + 2
@@ -26,24 +26,24 @@ class SceneList(dict[str, str]):
 class Entry(NamedTuple):
     """A parameter of a scene, or an attribute of a plugin."""
 
-    default: str  # as it is written in XML
-    heading: str  # name, values that are allowed, and default, on a line
-    text: str  # what it means
+    default: str                   # as written in XML
+    heading: str                   # name, allowed values and default, on one line
+    text: str                      # its meaning
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Description:
-    """Description of a scene or a plugin and of what it takes; prints as ``mitsonar describe`` does."""
+    """Description of a scene with its parameters, or a plugin with its attributes; prints as ``mitsonar describe``."""
 
     name: str
-    plugin: str  # what the plugin and the scene of that name are
-    element: str  # of the plugin in XML, such as ``<sensor type="sidescan">``
+    plugin: str                    # title of the plugin; empty for a scene
+    element: str                   # XML of the plugin, such as ``<sensor type="sidescan">``
     attributes: dict[str, Entry]
-    scene: str  # what the plugin and the scene of that name are
+    scene: str                     # heading of the scene; empty for a plugin
     parameters: dict[str, Entry]
 
     def paragraphs(self) -> Iterator[tuple[str, str]]:
-        """Yield headings, each with what stands below."""
+        """Yield every heading with the text below it."""
         for heading, text, entries in ((self.element, self.plugin, self.attributes),
                                        (self.name if self.scene or self.parameters else "", self.scene,
                                         self.parameters)):
@@ -63,19 +63,20 @@ def scenes() -> SceneList:
     Returns
     -------
     SceneList
-        A dict of name to the first sentence about it.
+        Dict from the name of a scene to the first sentence of its description.
     """
     words = {name: scene_words.described(scene_files.find(name))[0] for name in scene_files.shipped()}
     return SceneList({name: text.partition("\n")[0].partition(". ")[0].rstrip(".") for name, text in words.items()})
 
 
 def describe(name: FilePath) -> Description:
-    """Return what a scene or a plugin is, with its parameters or attributes.
+    """Return the description of a scene with its parameters, or of a plugin with its attributes.
 
     Parameters
     ----------
     name : str or path
-        A scene's name or file, or the name of a plugin, such as ``sidescan``; of a name that both have, both.
+        Name or file of a scene, or name of a plugin, such as ``sidescan``. If a scene and a plugin share the name, both
+        are described.
 
     Returns
     -------
@@ -84,7 +85,7 @@ def describe(name: FilePath) -> Description:
     Raises
     ------
     ValueError
-        If there is neither, or the scene is no XML.
+        If no scene or plugin has this name, or the scene is not XML.
     """
     from mitsonar.plugins import reference
 
@@ -103,9 +104,9 @@ def describe(name: FilePath) -> Description:
         name=name, plugin=reference.title(name) if is_plugin else "", scene=heading,
         element=f'<{reference.kind_of(name)} type="{name}">' if is_plugin else "",
         attributes=_attributes(name) if is_plugin else {},
-        parameters={one.name: Entry(one.default, f"-D {one.name}={one.default}",
-                                    one.comment or "; ".join(dict.fromkeys(map(_use, one.uses))))
-                    for one in parameters})
+        parameters={parameter.name: Entry(parameter.default, f"-D {parameter.name}={parameter.default}",
+                                          parameter.comment or "; ".join(dict.fromkeys(map(_use, parameter.uses))))
+                    for parameter in parameters})
 
 
 def _attributes(plugin: str) -> dict[str, Entry]:
@@ -113,21 +114,21 @@ def _attributes(plugin: str) -> dict[str, Entry]:
     from mitsonar.plugins import reference
 
     entries = {}
-    for one in reference.attributes(plugin):
-        default = {"": "", "needed": ", needed"}.get(one.shown_default, f", default {one.shown_default}")
-        entries[one.name] = Entry("" if one.shown_default == "needed" else reference.plain(one.shown_default),
-                                  reference.plain(f"{one.name}: {reference.expected(one)}{default}"),
-                                  reference.plain(one.text))
+    for attribute in reference.attributes(plugin):
+        shown = attribute.shown_default
+        default = {"": "", "needed": ", needed"}.get(shown, f", default {shown}")
+        entries[attribute.name] = Entry("" if shown == "needed" else reference.plain(shown),
+                                        reference.plain(f"{attribute.name}: {reference.expected(attribute)}{default}"),
+                                        reference.plain(attribute.text))
     return entries
 
 
 def _use(use: tuple[str, str, str]) -> str:
-    """Return what a parameter is for, by the attribute that it becomes."""
+    """Return the purpose of a parameter: the attribute (plugin, label, name) that it becomes, with its meaning."""
     from mitsonar.plugins import reference
 
     kind, label, name = use
-    declared = reference.attributes(kind) if kind in reference.plugins() else []
-    known = {one.name: one for one in declared}
+    known = {entry.name: entry for entry in reference.attributes(kind)} if kind in reference.plugins() else {}
     place = f"{name} of {label or kind}" if name else label or kind
     if name not in known:
         return place

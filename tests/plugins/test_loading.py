@@ -191,7 +191,7 @@ def test_render_refuses_what_it_cannot_render(scene_file):
             mitsonar.render(scene, **bad)
     with pytest.raises(ValueError, match="sensor 1 was asked for, but the scene has 1, counted from 0"):
         mitsonar.render(scene, sensor=1)
-    with pytest.raises(TypeError, match="or the path of a file was wanted, got a dict"):
+    with pytest.raises(TypeError, match="or the path of a file, got a dict"):
         mitsonar.render({"type": "scene"})
     with pytest.raises(ValueError, match="has no sensor"):
         mitsonar.render(mi.load_dict({"type": "scene"}))

@@ -199,5 +199,5 @@ def test_the_share_of_points_that_no_ping_sees_is_said(near):
 
 
 def test_a_grid_that_is_none_is_a_type_error(near):
-    with pytest.raises(TypeError, match="a grid of mitsonar.synthetic_aperture.grids, or None, was wanted, got a str"):
+    with pytest.raises(TypeError, match="a grid of mitsonar.synthetic_aperture.focusing.grids or None, got a str"):
         mitsonar.focus(near[0], grid="x")
