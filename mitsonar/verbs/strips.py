@@ -110,16 +110,14 @@ def focus(scene_or_signals: mi.Scene | xr.Dataset | FilePath, grid: Grid | None 
         profile = casts.read(profile).profile
     water: dict[str, Any] = {"profile": profile, "trajectory": trajectory}
     # records need no variant, and Mitsuba has no Scene before one is set
-    raw = None
-    if isinstance(scene_or_signals, xr.Dataset):
-        raw = nullcontext(scene_or_signals)
-    elif isinstance(scene_or_signals, (str, os.PathLike)) and str(scene_or_signals).lower().endswith(RAW_FILES):
-        raw = raw_files.opened(scene_or_signals)
-    if raw is not None:
+    if isinstance(scene_or_signals, xr.Dataset) or (
+            isinstance(scene_or_signals, (str, os.PathLike))
+            and str(scene_or_signals).lower().endswith(RAW_FILES)):
         if parameters:
             raise TypeError(f"{', '.join(parameters)}: no argument has this name, and raw echoes have no parameters; "
                             "give parameters with a scene")
-        with raw as record:
+        with (nullcontext(scene_or_signals) if isinstance(scene_or_signals, xr.Dataset)
+              else raw_files.opened(scene_or_signals)) as record:
             check_raw(record)
             count = record.sizes["ping"]
             if count < 2:

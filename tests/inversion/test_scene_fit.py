@@ -80,6 +80,6 @@ def test_an_answer_can_be_drawn_and_written(scenes, tmp_path):
                 {"x": Prior(deviation=1.0)})
     figure = fit_figure(found.to_dataset())
     found.to_dataset().to_netcdf(tmp_path / "answer.nc")
-    assert {axes.get_title() for axes in figure.axes} >= {"x: start", "answer", "one deviation", "share told"}
+    assert {axes.get_title() for axes in figure.axes} >= {"x: start", "answer", "one deviation", "share determined"}
     with pytest.raises(ValueError, match="no answer of a fit"):
         fit_figure(xr.Dataset())

@@ -27,7 +27,7 @@ def titles(figure):
 
 def test_start_answer_deviation_and_share_are_drawn_east_to_the_right():
     figure = fit_figure(answer())
-    assert titles(figure) == ["height: start", "answer", "one deviation", "share told"]
+    assert titles(figure) == ["height: start", "answer", "one deviation", "share determined"]
     drawn = figure.axes[1].collections[0].get_array()
     assert drawn.shape == (4, 5) and np.all(np.diff(np.asarray(drawn), axis=1) == 1)
 
@@ -36,7 +36,7 @@ def test_a_truth_is_drawn_and_how_far_off_the_answer_is():
     found = answer()
     found["height_truth"] = found["height"] + 0.5
     figure = fit_figure(found)
-    assert titles(figure) == ["height: truth", "start", "answer", "answer - truth", "one deviation", "share told"]
+    assert titles(figure) == ["height: truth", "start", "answer", "answer - truth", "one deviation", "share determined"]
     error = figure.axes[3].collections[0]
     assert np.all(np.asarray(error.get_array()) == -0.5) and error.get_clim() == (-0.5, 0.5)
 

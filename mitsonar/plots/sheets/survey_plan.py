@@ -153,7 +153,7 @@ def _coordinates(axes: Axes, frame: Frame) -> None:
     """Label both axes in metres of the coordinate system."""
     for axis, first in zip((axes.xaxis, axes.yaxis), frame.origin):
         low, high = axis.get_view_interval()
-        ticks = MaxNLocator(8, steps=[1, 2, 5, 10]).tick_values(low + first, high + first) - first
+        ticks = np.asarray(MaxNLocator(8, steps=[1, 2, 5, 10]).tick_values(low + first, high + first)) - first
         axis.set_major_locator(FixedLocator([tick for tick in ticks if low <= tick <= high]))
         axis.set_major_formatter(FuncFormatter(lambda value, _, first=first: f"{value + first:.0f}"))
     axes.set_xlabel(f"easting [m]{f', {frame.crs[:40]}' if frame.crs else ''}", color=canvas.INK, fontsize=11)
