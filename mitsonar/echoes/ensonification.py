@@ -18,7 +18,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, compressed, upload
-from mitsonar.scattering.bodies.echo_taps import HeardBand
+from mitsonar.scattering.bodies.echo_taps import ReceivedBand
 from mitsonar.scene.materials import scattering_strength
 from mitsonar.scene.tracing.aimed_launch import DrawnRays
 from mitsonar.scene.tracing.connection import Connector
@@ -52,12 +52,12 @@ class Ensonification:
                  margin: float,                           # [m]
                  method: str, rays: int, beams: ElementBeams | None,
                  resolution: float = np.inf,              # [m]
-                 max_depth: int = 1, thin_below: float = 0.0, band: HeardBand | None = None):
+                 max_depth: int = 1, thin_below: float = 0.0, band: ReceivedBand | None = None):
         self.scatterers, self.water, self.frequency, self.window = scatterers, water, frequency, window
         self.method, self.beams = method, beams or None
         self.side_lobes = SideLobes(scatterers=scatterers, below=thin_below) if thin_below and beams else None
         geometry = scatterers.geometry
-        self.targets = PointTargets(geometry.targets(), band or HeardBand.about(frequency), water.profile)
+        self.targets = PointTargets(geometry.targets(), band or ReceivedBand.about(frequency), water.profile)
         self.nearest = 0.5 * window[0] * water.slowest - margin
         self.farthest = 0.5 * window[1] * water.fastest + margin
         self.lib = arrays_of(mi.Float)

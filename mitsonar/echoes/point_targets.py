@@ -16,7 +16,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, upload
-from mitsonar.scattering.bodies.echo_taps import EchoTaps, HeardBand
+from mitsonar.scattering.bodies.echo_taps import EchoTaps, ReceivedBand
 from mitsonar.scene.geometry import Target
 from mitsonar.scene.tracing.connection import Connection
 from mitsonar.scene.tracing.tracer import Sources
@@ -42,7 +42,7 @@ class _TargetRow:
 class PointTargets:
     """The point targets of a scene, on the device."""
 
-    def __init__(self, targets: Sequence[tuple], band: HeardBand | None = None,
+    def __init__(self, targets: Sequence[tuple], band: ReceivedBand | None = None,
                  profile: SoundSpeedProfile | None = None, *, resolved: bool = True):
         self.lib, self._rows = arrays_of(mi.Float), []
         position, pressure, label, count = [], [], [], 0

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from mitsonar.scattering import MATERIALS, ScatteringTable, SphereBody, SphereScattering
-from mitsonar.scattering.bodies.echo_taps import EchoTaps, HeardBand
+from mitsonar.scattering.bodies.echo_taps import EchoTaps, ReceivedBand
 
 SPEED = 1500.0
 AHEAD = np.array([[1.0, 0.0, 0.0]])
@@ -78,7 +78,7 @@ def test_the_aspect_is_the_angle_off_the_axis():
 def test_taps_over_the_band_are_the_sphere(body, radius, most):
     """Within 0.1 dB from the strongest down to 20 dB below, over 40 kHz; no more taps than the echo is long."""
     sphere = SphereScattering(radius=radius, body=SphereBody(inside=MATERIALS.get(body, body)))
-    band = HeardBand(frequency=100e3, low=80e3, high=120e3, width=61.5e3)
+    band = ReceivedBand(frequency=100e3, low=80e3, high=120e3, width=61.5e3)
     taps, frequency = EchoTaps.of(sphere, band, SPEED), np.linspace(80e3, 120e3, 2001)
     weight = taps.weights(AHEAD, -AHEAD)[0]
     got = np.exp(-2j * np.pi * frequency[:, None] * taps.delay) @ weight
@@ -94,7 +94,7 @@ def test_taps_over_the_band_are_the_sphere(body, radius, most):
 def test_the_first_tap_that_matters_is_the_front_of_the_sphere():
     """A soft sphere of 0.5 m: the front 2 a / c = 0.667 ms before the middle, within a tap."""
     sphere = SphereScattering(radius=0.5, body=SphereBody(inside="soft"))
-    taps = EchoTaps.of(sphere, HeardBand(frequency=100e3, low=80e3, high=120e3, width=61.5e3), SPEED)
+    taps = EchoTaps.of(sphere, ReceivedBand(frequency=100e3, low=80e3, high=120e3, width=61.5e3), SPEED)
     weight = np.abs(taps.weights(AHEAD, -AHEAD)[0])
     assert taps.delay[np.argmax(weight)] == pytest.approx(-2 * 0.5 / SPEED, abs=1 / 61.5e3)
 
@@ -102,7 +102,7 @@ def test_the_first_tap_that_matters_is_the_front_of_the_sphere():
 def test_a_table_that_ends_within_the_band_is_refused():
     one = table(np.arange(85e3, 120e3, 300.0), np.radians(np.arange(0, 360, 30.0)))
     with pytest.raises(ValueError, match="covers 85 to 119.8 kHz, and the pulse's band is 80 to 120 kHz"):
-        EchoTaps.of(one, HeardBand(frequency=100e3, low=80e3, high=120e3, width=61.5e3), SPEED)
+        EchoTaps.of(one, ReceivedBand(frequency=100e3, low=80e3, high=120e3, width=61.5e3), SPEED)
 
 
 @pytest.mark.parametrize("values, axes, said", [

@@ -14,7 +14,7 @@ import numpy as np
 
 from mitsonar.device.arrays import upload
 from mitsonar.device.chance import Salt, pair, salted, uniform
-from mitsonar.scattering.bodies.echo_taps import HeardBand
+from mitsonar.scattering.bodies.echo_taps import ReceivedBand
 from mitsonar.scene.labels import SEABED
 from mitsonar.scene.materials import bistatic_strength, coherent_reflection, reflects
 from mitsonar.scene.tracing.connection import Connection, Connector
@@ -49,7 +49,7 @@ class ConnectedEnds:
         geometry = connector.geometry
         self._connector, self._water, self._lib = connector, connector.water, connector.lib
         self._frequency, self._max_depth = frequency, max_depth
-        self.targets = PointTargets(geometry.targets(), HeardBand.about(frequency), connector.water.profile,
+        self.targets = PointTargets(geometry.targets(), ReceivedBand.about(frequency), connector.water.profile,
                                     resolved=False)
         self._mirror = geometry.surface_mirrors
         self._beds = upload(mi.Bool, geometry.named.label_kinds() == SEABED) if reflects(geometry) else None

@@ -1,10 +1,10 @@
-"""Scattering by finite cylinders: the modes of an endless one, over the cylinder's length.
+"""Backscattering by finite cylinders: modes of an infinite cylinder, integrated over the length.
 
     f = (i L / π) (sin Δ / Δ) Σ_n ε_n B_n* cos nφ,     Δ = k L sin θ,    backwards φ = π                       [m]
 
-L -> ``length``, a -> ``radius`` [m], k = 2πf / c, θ -> ``tilt`` off broadside, ε_0 = 1 and 2 for others; with
+L -> ``length``, a -> ``radius`` [m], k = 2πf / c, θ -> ``tilt`` off broadside, ε_0 = 1, else ε_n = 2; with
 K = k cos θ, B_n is -J_n'(Ka) / H_n'(Ka) of a rigid and -J_n(Ka) / H_n(Ka) of a soft cylinder (T. K. Stanton, 1988,
-J. Acoust. Soc. Am. 83, 55). The ends are left out: it holds for L >> a near broadside, to some 30 degrees off.
+J. Acoust. Soc. Am. 83, 55). The ends are left out, so L >> a and tilts up to about 30 degrees are valid.
 """
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LARGEST_KA = 10_000.0
 
 def cylinder_form(radius: float, length: float, frequency: ArrayLike, sound_speed: float = 1500.0, *,
                   tilt: ArrayLike = 0.0, surface: Literal["rigid", "soft"] = "rigid") -> np.ndarray:
-    """Return f of a cylinder about its middle, backwards.
+    """Return the backscattering form function f of a cylinder, with the phase of its centre.
 
     Parameters
     ----------
@@ -27,18 +27,18 @@ def cylinder_form(radius: float, length: float, frequency: ArrayLike, sound_spee
     frequency : array [Hz]
     sound_speed : float [m/s]
     tilt : array [rad]
-        Off broadside, below π/2. It is broadcast with `frequency`.
+        Angle from broadside, below π/2; broadcast with `frequency`.
     surface : {"rigid", "soft"}
 
     Returns
     -------
     complex array [m]
-        For time e^(+iωt), as `sphere_series.sphere_form`; 20 log |f| is the target strength.
+        Form function for time e^(+iωt), as in `sphere_series.sphere_form`; 20 log |f| is the target strength.
 
     Raises
     ------
     ValueError
-        If the surface is neither, or ka is not above 0 and up to LARGEST_KA.
+        If the surface is unknown, or ka is not above 0 and up to LARGEST_KA.
     """
     if surface not in ("rigid", "soft"):
         raise ValueError(f"cylinders are rigid or soft, got the surface \"{surface}\".")

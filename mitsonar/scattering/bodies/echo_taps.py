@@ -1,10 +1,10 @@
-"""A target's answer as a few echoes, one after the other: what a scattering function does to a pulse.
+"""Echo of a target as a series of delayed taps, fitted to its scattering function.
 
     f(frequency) ≈ Σ_k w_k e^(-i2π frequency t_k)
 
-t_k -> ``delay``, evenly spaced, some more of them than the pulse's spectrum is wide; w_k by least squares over that
-spectrum. Each tap is an echo of its own, delayed by t_k: whatever sums echoes with their delays, at elements, in beams
-or along a moving track, sums the pulse convolved with the target's answer.
+t_k -> ``delay``, evenly spaced, slightly closer than 1 / width of the pulse's spectrum; w_k is fitted by least squares
+over that spectrum. Each tap is an echo of its own, delayed by t_k. A sum of delayed echoes, at elements, in beams or
+along a moving track, is therefore the pulse convolved with the target's impulse response.
 """
 from __future__ import annotations
 
@@ -17,53 +17,52 @@ from scipy.linalg import cho_factor, cho_solve
 from .scattering_functions import ScatteringFunction
 
 CLOSER = 1.3                       # taps per 1 / width
-LEFT_OUT = 1e-7                    # of the echo's energy, at either end
+LEFT_OUT = 1e-7                    # share of the echo's energy cut off at either end
 MARGIN = 5                         # taps beyond either end
-RIDGE = 1e-9                       # of the diagonal: keeps taps small where nothing asks for them
-LOWEST = 0.05                      # of the carrier: frequencies from there on
-FEWEST, MOST_SAMPLES = 256, 8192   # of a spectrum in which the echo's length is sought
-MOST_TAPS = 1500                   # what rings on after them is left out: resonances finer than their inverse length
-AT_ONCE = 256                      # directions
-CARRIER_ALONE = 0.05               # of it: width where no pulse is known
-COVERED = 1e-9                     # rounding of a table's ends
+RIDGE = 1e-9                       # relative to the diagonal: keeps taps small that the spectrum does not determine
+LOWEST = 0.05                      # lowest frequency over the carrier
+FEWEST, MOST_SAMPLES = 256, 8192   # samples of the spectrum in which the echo's length is searched
+MOST_TAPS = 1500                   # later ringing is left out, so resonances narrower than 1 / length are lost
+AT_ONCE = 256                      # directions in a batch
+CARRIER_ALONE = 0.05               # bandwidth over the carrier where no pulse is known
+COVERED = 1e-9                     # relative rounding allowed at a table's ends
 
 
 @dataclass(frozen=True, kw_only=True)
-class HeardBand:
+class ReceivedBand:
     """Frequencies that a sonar receives."""
 
     frequency: float  # [Hz]: carrier
-    low: float  # [Hz]: of the pulse
-    high: float  # [Hz]: of the pulse
-    width: float  # [Hz]: about the carrier, with the skirts of its spectrum
+    low: float  # [Hz]: lower end of the pulse's band
+    high: float  # [Hz]: upper end
+    width: float  # [Hz]: width about the carrier, spectral skirts included
 
     @classmethod
-    def about(cls, frequency: float) -> HeardBand:
-        """One of a carrier alone, with some room about it."""
+    def about(cls, frequency: float) -> ReceivedBand:
+        """Return a narrow band about a carrier [Hz]."""
         return cls(frequency=frequency, low=frequency, high=frequency, width=CARRIER_ALONE * frequency)
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Lowest and highest frequency with the skirts [Hz]."""
+        """Return the lowest and highest frequency [Hz], skirts included."""
         return max(self.frequency - 0.5 * self.width, LOWEST * self.frequency), self.frequency + 0.5 * self.width
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EchoTaps:
-    """The taps of a target."""
+    """Taps of a target."""
 
     function: ScatteringFunction
     sound_speed: float  # [m/s]
     frequency: np.ndarray  # (F,) [Hz]
     delay: np.ndarray  # (K,) [s]
-    inverse: np.ndarray  # (K, F): makes weights of f
-    share: np.ndarray  # (K,): of its energy, over the examples
-    strength: float  # [m²]: |f|² over the pulse's band, mean over the examples
+    inverse: np.ndarray  # (K, F): matrix from f to tap weights
+    share: np.ndarray  # (K,): share of each tap in the echo's energy, over the example directions
+    strength: float  # [m²]: |f|² over the pulse's band, mean over the example directions
 
     @classmethod
-    def of(cls, function: ScatteringFunction, band: HeardBand, sound_speed: float) -> EchoTaps:
-        """Make the taps of a scattering function."""
-        # sound_speed [m/s]
+    def of(cls, function: ScatteringFunction, band: ReceivedBand, sound_speed: float) -> EchoTaps:
+        """Fit the taps of a scattering function for a sound speed [m/s]."""
         return _taps(function, band, float(sound_speed))
 
     def weights(self, incident: np.ndarray, scattered: np.ndarray) -> np.ndarray:
@@ -74,7 +73,7 @@ class EchoTaps:
 
 
 @lru_cache(maxsize=256)
-def _taps(function: ScatteringFunction, band: HeardBand, sound_speed: float) -> EchoTaps:
+def _taps(function: ScatteringFunction, band: ReceivedBand, sound_speed: float) -> EchoTaps:
     low, high = function.covered
     if low * (1 - COVERED) > band.low or high * (1 + COVERED) < band.high:
         raise ValueError(f"a scattering function covers {low / 1e3:g} to {high / 1e3:g} kHz, and the pulse's band is "
@@ -85,21 +84,21 @@ def _taps(function: ScatteringFunction, band: HeardBand, sound_speed: float) -> 
     numbers = np.arange(int(np.floor(first / spacing)) - MARGIN, int(np.ceil(last / spacing)) + MARGIN + 1)
     delay = numbers[:MOST_TAPS] * spacing
     frequency = np.linspace(lowest, highest, max(3 * len(delay), 64))
-    turned = np.exp(-2j * np.pi * frequency[:, None] * delay)
-    normal = turned.conj().T @ turned
-    inverse = cho_solve(cho_factor(normal + RIDGE * len(frequency) * np.eye(len(delay))), turned.conj().T)
+    phases = np.exp(-2j * np.pi * frequency[:, None] * delay)
+    normal = phases.conj().T @ phases
+    inverse = cho_solve(cho_factor(normal + RIDGE * len(frequency) * np.eye(len(delay))), phases.conj().T)
     values = function.form(frequency, *function.examples(), sound_speed)
     energy = np.sum(np.abs(values @ inverse.T) ** 2, axis=0)
-    heard = (frequency >= band.low) & (frequency <= band.high)
-    if not heard.any():
-        heard[np.argmin(np.abs(frequency - 0.5 * (band.low + band.high)))] = True
+    in_band = (frequency >= band.low) & (frequency <= band.high)
+    if not in_band.any():
+        in_band[np.argmin(np.abs(frequency - 0.5 * (band.low + band.high)))] = True
     return EchoTaps(function=function, sound_speed=sound_speed, frequency=frequency, delay=delay, inverse=inverse,
-                    share=energy / energy.sum(), strength=float(np.mean(np.abs(values[:, heard]) ** 2)))
+                    share=energy / energy.sum(), strength=float(np.mean(np.abs(values[:, in_band]) ** 2)))
 
 
 def _span(function: ScatteringFunction, lowest: float, highest: float, sound_speed: float,
           longest: float) -> tuple[float, float]:
-    """When the echo begins and ends [s], about the target's origin: of `longest` [s] the part with most energy."""
+    """Return begin and end [s] of the echo relative to the target's origin: the `longest` [s] with most energy."""
     directions = function.examples()
     count = max(FEWEST, int(4 * function.latest(sound_speed) * (highest - lowest)))
     while True:
@@ -108,10 +107,10 @@ def _span(function: ScatteringFunction, lowest: float, highest: float, sound_spe
         values = function.form(frequency, *directions, sound_speed) * np.hanning(count)
         energy = np.sum(np.abs(np.fft.ifft(values, axis=-1)) ** 2, axis=0)
         energy /= energy.sum()
-        # the spectrum is that of an echo that goes round and round
+        # a sampled spectrum makes the echo periodic in time
         length = min(int(np.ceil(longest * step * count)), count)
-        begun = np.cumsum(np.concatenate([[0.0], energy, energy]))
-        start = int(np.argmax(np.round(begun[length:length + count] - begun[:count], 9)))
+        cumulative = np.cumsum(np.concatenate([[0.0], energy, energy]))
+        start = int(np.argmax(np.round(cumulative[length:length + count] - cumulative[:count], 9)))
         within = np.cumsum(np.roll(energy, -start)[:length])
         first, last = (int(np.searchsorted(within, part)) for part in (LEFT_OUT, within[-1] - LEFT_OUT))
         if last - first < 0.5 * count or count >= MOST_SAMPLES:

@@ -1,13 +1,13 @@
-"""Scattering function of a target: the pressure f at 1 m, by frequency and by where sound comes from and goes to.
+"""Scattering function of a target: the pressure f at 1 m by frequency and directions of incidence and scattering.
 
     f(frequency, incident, scattered)          [m],    20 log |f| the target strength
 
-An incident pressure p at the target's origin gives p f e^(-ikr) / r for time e^(+iωt): a part that lies d nearer to
-source and receiver answers with e^(+2ikd). Directions are those of travel, in the target's own axes.
+An incident pressure p at the target's origin scatters as p f e^(-ikr) / r for time e^(+iωt): a part d nearer to source
+and receiver contributes e^(+2ikd). Directions are directions of travel in the target's axes.
 
 Between the nodes of a table f is f = g e^(-i2π frequency τ), τ the delay of the echo at the nodes' angles; both are
-linear between angles, and g a cubic spline over frequency. g turns slowly where f itself may turn by cycles from node
-to node.
+linear between angles, and g is a cubic spline over frequency. The phase of g changes slowly, while that of f may change
+by whole cycles between nodes.
 """
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from .sphere_series import WATER_DENSITY, SphereBody, sphere_form
 
 AXES = ("aspect", "incident_azimuth", "incident_elevation", "scattered_azimuth", "scattered_elevation")
 TURN = 2 * np.pi
-FULL_TURN = 1.001                  # of the largest step: an azimuth with a gap below that goes round
+FULL_TURN = 1.001                  # largest gap, in steps, at which an azimuth axis counts as a full circle
 MOST_EXAMPLES = 64
 
 
 class ScatteringFunction(Protocol):
-    """Scattering function of a target.
+    """Interface of a target's scattering function.
 
     Attributes
     ----------
     covered : (float, float) [Hz]
-        Frequencies that are known.
+        Valid frequencies, lowest and highest.
     """
 
     @property
@@ -39,7 +39,7 @@ class ScatteringFunction(Protocol):
 
     def form(self, frequency: np.ndarray, incident: np.ndarray, scattered: np.ndarray,
              sound_speed: float) -> np.ndarray:
-        """Return f, complex (R, F) [m].
+        """Return the scattering function f, complex (R, F) [m].
 
         Parameters
         ----------
@@ -47,29 +47,29 @@ class ScatteringFunction(Protocol):
         incident, scattered : (R, 3)
             Unit directions of travel, in the target's axes.
         sound_speed : float [m/s]
-            Of the water.
+            Sound speed of the water.
         """
         ...
 
     def examples(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return directions (E, 3), incident and scattered, among which the longest echo is."""
+        """Return example directions (E, 3), incident and scattered, that include the longest echo."""
         ...
 
     def latest(self, sound_speed: float) -> float:
-        """Return by how much its echo begins before or after that of its origin, at most [s]."""
+        """Return the largest delay [s], early or late, of the echo relative to that of the target's origin."""
         ...
 
 
 @dataclass(frozen=True, kw_only=True)
 class SphereScattering:
-    """A sphere by its exact series.
+    """Sphere, by its exact series.
 
     Attributes
     ----------
     radius : float [m]
     body : SphereBody
     density : float [kg/m³]
-        Of the water.
+        Density of the water.
     """
 
     radius: float
@@ -78,7 +78,7 @@ class SphereScattering:
 
     @property
     def covered(self) -> tuple[float, float]:
-        """All frequencies; the series itself says how high it goes [Hz]."""
+        """Return the valid frequencies [Hz]: all, as the series checks its own upper limit."""
         return 0.0, np.inf
 
     def form(self, frequency: np.ndarray, incident: np.ndarray, scattered: np.ndarray,
@@ -91,7 +91,7 @@ class SphereScattering:
                            angle=angle[:, None])[which]
 
     def examples(self) -> tuple[np.ndarray, np.ndarray]:
-        """Backwards, where it resounds as long as anywhere."""
+        """Return the backscattering direction, where the echo is longest."""
         incident = np.array([[1.0, 0.0, 0.0]])
         return incident, -incident
 
@@ -102,18 +102,18 @@ class SphereScattering:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScatteringTable:
-    """A target by a table.
+    """Table of a target's scattering function.
 
     Attributes
     ----------
     frequency : (F,) [Hz]
-        Rising.
+        Increasing frequencies.
     axes : dict of str to (N,) [rad]
-        Names of `AXES` and their rising nodes, in the order of the table's dimensions. Azimuths (from x towards y) and
-        elevations (up from their plane) are those in which the target sees source and receiver. Without any of the
-        receiver, and for the ``aspect`` (from the x axis), it is the direction half-way between the two.
+        Names of `AXES` and their increasing nodes, in the order of the table's dimensions. Azimuths (from x towards y)
+        and elevations (up from the xy plane) point from the target to source and receiver. A table without receiver
+        angles, and the ``aspect`` (angle from the x axis), use the direction half-way between the two.
     values : complex (..., F) [m]
-        f.
+        Scattering function f.
 
     Raises
     ------
@@ -130,7 +130,7 @@ class ScatteringTable:
         if unknown:
             raise ValueError(f"a scattering function has no angle {unknown[0]}; there are {', '.join(AXES)}.")
         if "aspect" in self.axes and len(self.axes) > 1:
-            raise ValueError("a scattering function has the aspect and other angles; give the one or the others.")
+            raise ValueError("a scattering function has the aspect and other angles; give the aspect or the others.")
         expected = *(len(nodes) for nodes in self.axes.values()), len(self.frequency)
         if self.values.shape != expected:
             raise ValueError(f"values of a scattering function are {self.values.shape}; the axes ask for {expected}.")
@@ -147,12 +147,12 @@ class ScatteringTable:
 
     @property
     def covered(self) -> tuple[float, float]:
-        """From the first frequency to the last [Hz]."""
+        """Return the first and last frequency [Hz]."""
         return float(self.frequency[0]), float(self.frequency[-1])
 
     def form(self, frequency: np.ndarray, incident: np.ndarray, scattered: np.ndarray,
              sound_speed: float) -> np.ndarray:
-        """Return f; see `ScatteringFunction.form`. Beyond an axis its last value holds."""
+        """Return f; see `ScatteringFunction.form`. Beyond the ends of an axis the last value is used."""
         late, still = getattr(self, "_late"), getattr(self, "_still")
         corners = [_between(nodes, self._angle(name, incident, scattered), turns="azimuth" in name)
                    for name, nodes in self.axes.items()]
@@ -171,7 +171,7 @@ class ScatteringTable:
         return found * np.exp(-2j * np.pi * total_late[:, None] * frequency)
 
     def examples(self) -> tuple[np.ndarray, np.ndarray]:
-        """Directions to nodes, evenly chosen where there are more than MOST_EXAMPLES."""
+        """Return the directions of the nodes, at most MOST_EXAMPLES, evenly chosen."""
         nodes = np.stack(np.meshgrid(*self.axes.values(), indexing="ij"), -1).reshape(-1, len(self.axes))
         nodes = nodes[np.unique(np.linspace(0, len(nodes) - 1, MOST_EXAMPLES).round().astype(int))]
         at = {name: nodes[:, number] for number, name in enumerate(self.axes)}
@@ -193,7 +193,7 @@ class ScatteringTable:
         return any(name.startswith("scattered") for name in self.axes)
 
     def _angle(self, name: str, incident: np.ndarray, scattered: np.ndarray) -> np.ndarray:
-        """The angle of an axis, (R,) [rad]."""
+        """Return the angle (R,) [rad] along an axis."""
         seen = scattered if name.startswith("scattered") else -incident
         if not self._bistatic:
             middle = scattered - incident
@@ -211,19 +211,19 @@ def _direction(azimuth: np.ndarray, elevation: np.ndarray) -> np.ndarray:
 
 
 def _delays(frequency: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """The echo's delay [s] at each node of the angles: the slope of the phase, weighted by energy."""
+    """Return the echo's delay [s] at each angle node: the slope of the phase, weighted by energy."""
     if len(frequency) < 2:
         return np.zeros(values.shape[:-1])
     step = np.diff(frequency)
     turned = values[..., 1:] * np.conj(values[..., :-1])
-    # steps of a grid that is not even turn by different angles: those of the median step are compared
+    # phase steps of an uneven frequency grid differ; scale them to the median step before averaging
     middle = np.isclose(step, np.median(step), rtol=1e-3)
     turned, step = turned[..., middle], step[middle]
     return -np.angle(turned.sum(-1)) / (TURN * step.mean())
 
 
 def _between(nodes: np.ndarray, value: np.ndarray, *, turns: bool) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
-    """The nodes on either side of values and their shares; beyond the ends the last one, unless the axis `turns`."""
+    """Return the nodes on either side of the values and their weights, held beyond the ends unless the axis `turns`."""
     if len(nodes) == 1:
         return ((np.zeros(len(value), int), np.ones(len(value))),)
     numbers = np.arange(len(nodes))

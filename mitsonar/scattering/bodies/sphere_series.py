@@ -1,4 +1,4 @@
-"""Scattering by spheres, exactly: the series over spherical waves.
+"""Exact scattering by spheres: the series over spherical waves.
 
     f(θ) = (i / k) Σ_n (2n + 1) A_n* P_n(cos θ),    A_n = -(j_n' - L_n j_n) / (h_n' - L_n h_n)          [m]
 
@@ -9,8 +9,8 @@ Bessel and Hankel functions of ka and Legendre polynomials; L_n = p' / p of the 
     fluid     (ρ k_1 / ρ_1 k) j_n'(k_1 a) / j_n(k_1 a)                 the same; a shell joins two of them
     elastic   -(ρ / ρ_1) tan ζ_n / ka                 J. J. Faran, 1951, J. Acoust. Soc. Am. 23, 405, eq. 30
 
-An incident pressure p at the middle gives p f e^(-ikr) / r for time e^(+iωt): so are the phases of echoes
-(`echoes.record`), and the front of a rigid sphere answers with (a/2) e^(2ika).
+An incident pressure p at the centre scatters as p f e^(-ikr) / r for time e^(+iωt), the convention of `echoes.record`;
+the front of a rigid sphere contributes (a/2) e^(2ika).
 """
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 LARGEST_KA = 10_000.0
-WATER_DENSITY = 1026.0             # [kg/m³] where none is given
+WATER_DENSITY = 1026.0             # [kg/m³]: default
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,13 +59,13 @@ MATERIALS = {"tungsten_carbide": Solid(density=14900.0, compressional_speed=6853
 
 @dataclass(frozen=True, kw_only=True)
 class SphereBody:
-    """A sphere.
+    """Composition of a sphere.
 
     Attributes
     ----------
     inside : {"rigid", "soft"} or Solid
     shell : Solid or None
-        A fluid about `inside`.
+        Fluid layer around `inside`.
     shell_thickness : float [m]
     """
 
@@ -82,23 +82,23 @@ class SphereBody:
 
 def sphere_form(radius: float, frequency: ArrayLike, sound_speed: float = 1500.0, *, body: SphereBody,
                 density: float = WATER_DENSITY, angle: ArrayLike = np.pi) -> np.ndarray:
-    """Return f of a sphere, about its middle.
+    """Return the form function f of a sphere, with the phase of its centre.
 
     Parameters
     ----------
     radius : float [m]
-        With the shell, where there is one.
+        Outer radius, shell included.
     frequency : array [Hz]
     sound_speed, density : float [m/s], [kg/m³]
-        Of the water.
+        Sound speed and density of the water.
     body : SphereBody
     angle : array [rad]
-        Between the directions of travel: 0 forward, π back. It is broadcast with `frequency`.
+        Angle between the directions of travel: 0 forward, π back; broadcast with `frequency`.
 
     Returns
     -------
     complex array [m]
-        20 log |f| is the target strength.
+        Form function; 20 log |f| is the target strength.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def sphere_form(radius: float, frequency: ArrayLike, sound_speed: float = 1500.0
 
     Notes
     -----
-    Terms that are left out are below 1e-12. Near forward the sum loses as many digits as cos θ has lost.
+    Omitted terms are below 1e-12. Near forward scattering the sum loses as many digits as cos θ.
     """
     frequency, angle = np.broadcast_arrays(np.asarray(frequency, float), np.asarray(angle, float))
     wavenumber = 2 * np.pi * frequency.ravel() / sound_speed
@@ -126,7 +126,7 @@ def sphere_form(radius: float, frequency: ArrayLike, sound_speed: float = 1500.0
 
 
 def _waves(ka: np.ndarray, body: SphereBody, radius: float, sound_speed: float, density: float) -> np.ndarray:
-    """A_n, complex (n, frequency)."""
+    """Return A_n, complex (n, frequency)."""
     highest = float(np.max(ka))
     n = np.arange(int(highest + 5 * np.cbrt(highest) + 10) + 1)[:, None]
     j, dj, y, dy = _bessel(n, ka)
@@ -144,7 +144,7 @@ def _waves(ka: np.ndarray, body: SphereBody, radius: float, sound_speed: float, 
 
 def _slope(n: np.ndarray, ka: np.ndarray, body: SphereBody, radius: float, sound_speed: float,
            density: float) -> np.ndarray | float:
-    """L_n at the outer surface, by ka."""
+    """Return L_n at the outer surface, with respect to ka."""
     inside = body.inside
     if body.shell is None:
         if isinstance(inside, str):
@@ -156,7 +156,7 @@ def _slope(n: np.ndarray, ka: np.ndarray, body: SphereBody, radius: float, sound
     shell = body.shell
     ratio = sound_speed / shell.compressional_speed
     outer, inner = ratio * ka, ratio * ka * (1 - body.shell_thickness / radius)
-    # in the shell j_n - B y_n, with the slope of what is inside at its inner surface
+    # the shell's wave is j_n - B y_n, whose slope at the inner surface is that of the inside
     j, dj, y, dy = _bessel(n, inner)
     if inside == "soft":
         with np.errstate(invalid="ignore"):
@@ -186,9 +186,9 @@ def _elastic_slope(n: np.ndarray, ka: np.ndarray, solid: Solid, sound_speed: flo
 
 
 def _bessel(n: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """j_n, j_n', y_n, y_n' of x (F,), each (n, F); y is not finite where it is beyond measure.
+    """Return j_n, j_n', y_n, y_n' of x (F,), each (n, F); y is not finite where it overflows.
 
-    Upwards, and j by its slope where the order is above x, as it only falls from there on.
+    Recurrence runs upwards; j of orders above x comes from its slope, as it decays there.
     """
     slope, last = _log_slope(n, x), len(n) - 1
     j, y = np.empty((last + 2, x.size)), np.empty((last + 2, x.size))
@@ -201,17 +201,17 @@ def _bessel(n: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
                 falling = j[order] / ((order + 2) / x + slope[order + 1])
                 j[order + 1] = np.where(order + 1 > x, falling, (2 * order + 1) / x * j[order] - j[order - 1])
         j, y = j[:last + 1], y[:last + 1]
-        small = x < 1                  # where even the first step upwards loses digits
+        small = x < 1                  # here even the first upward step loses digits
         for order in range(1, last + 1):
             j[order] = np.where(small, j[order - 1] / ((order + 1) / x + slope[order]), j[order])
         dj = np.concatenate([-j[1:2], j[:-1] - (n[1:] + 1) / x * j[1:]])
         dy = np.concatenate([-y[1:2], y[:-1] - (n[1:] + 1) / x * y[1:]])
-    # beyond the order the difference loses its digits, and the slope has no poles
+    # above x the difference loses its digits, and the slope has no poles
     return j, np.where(n > x, slope * j, dj), y, dy
 
 
 def _log_slope(n: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """j_n'(x) / j_n(x), from far above downwards: the only way that keeps its digits."""
+    """Return j_n'(x) / j_n(x) by downward recurrence, the only direction that keeps its digits."""
     last = int(n[-1, 0])
     slope = np.empty((last + 1, x.size))
     start = last + int(np.max(x)) + 50

@@ -1,4 +1,4 @@
-"""Target strength of rigid and soft spheres, exactly: 20 log |f| of `sphere_series`, backwards.
+"""Exact target strength of rigid and soft spheres: 20 log |f| of `sphere_series` in backscatter.
 
 For ka >> 1 it tends to 20 log (a/2), a -> ``radius`` [m].
 """
@@ -31,7 +31,7 @@ def sphere_target_strength_db(radius: float, frequency: ArrayLike, sound_speed: 
     Raises
     ------
     ValueError
-        If the surface is neither, or ka is out of the range of `sphere_series`.
+        If the surface is unknown, or ka is out of the range of `sphere_series`.
     """
     if surface not in ("rigid", "soft"):
         raise ValueError(f"spheres are rigid or soft, got the surface \"{surface}\"")

@@ -1,4 +1,4 @@
-"""Solid seabeds by name and by parameters: a rough surface (`rough_seabed`) and the volume below (`elastic`).
+"""Solid seabeds, by name or by parameters: a rough surface (`rough_seabed`) and the volume below (`elastic`).
 
 ρ, ν, ν_t of the solid over those of water -> ``density_ratio``, ``sound_speed_ratio``, ``shear_speed_ratio``; δ, δ_t
 -> ``loss``, ``shear_loss``; w2, γ of the roughness -> ``w2``, ``gamma``; w3, f of the volume -> ``w3``,
@@ -18,16 +18,16 @@ from ..surfaces.elastic import Elastic
 from ..surfaces.rough_interface import ALPHA_RANGE
 from .rough_seabed import RoughSeabed
 
-STEEPEST_PUBLISHED = 3.0           # slope of the roughness, of rough rock at 300 kHz: the published levels' steepest
-FASTEST_SHEAR = 0.75**0.5          # of the compressional speed: at this a solid resists no change of volume
+STEEPEST_PUBLISHED = 3.0           # largest roughness slope of the published levels: rough rock at 300 kHz
+FASTEST_SHEAR = 0.75**0.5          # over the compressional speed: here the bulk modulus is 0
 ELASTIC_BOUNDS = {                 # name -> (above, up to)
     "density_ratio": (0.0, 10.0), "sound_speed_ratio": (0.0, 5.0), "loss": (0.0, 1.0),
     "shear_speed_ratio": (0.0, 4.0), "shear_loss": (0.0, 1.0), "w3": (0.0, 1.0),
     "w2": (0.0, 1.0), "gamma": tuple(2 + 2 * alpha for alpha in ALPHA_RANGE),
 }
 
-# What the levels of APL-UW TM 2-00 (Jackson 2000) are computed with: density and compressional speed ratio, loss; shear
-# speed ratio, loss; w2, γ; w3, f.
+# Parameters of the levels in APL-UW TM 2-00 (Jackson 2000): density and compressional speed ratio, loss; shear speed
+# ratio, loss; w2, γ; w3, f.
 _ROWS = {
     ("cobble", "gravel", "pebble"): (2.5, 1.8, 0.01374, 1.01, 0.1, 2.5e-4, 3.0, 1.52e-3, (1.0, 0.0, 0.0)),
     ("rock",): (2.5, 2.3, 0.00174, 1.31, 0.085, 2.5e-4, 3.0, 6e-5, (1.0, 3.0, 4.0)),
@@ -37,40 +37,40 @@ _ROWS = {
 
 @dataclass(frozen=True, kw_only=True)
 class ElasticSediment(RoughSeabed):
-    """Hold what a solid seabed, one that bears shear, is to sound, and give its scattering.
+    """Solid seabed, which carries shear waves.
 
     Parameters
     ----------
     density_ratio, sound_speed_ratio : float [-]
-        Density and speed of compressional waves over those of the water above.
+        Density and compressional wave speed over those of the water above.
     loss : float [-]
-        Imaginary over real part of their wavenumber; 1 dB per wavelength is 1/54.575.
+        Imaginary over real part of the compressional wavenumber; 1 dB per wavelength is 1/54.575.
     shear_speed_ratio, shear_loss : float [-]
-        The same of shear waves; their speed is below 0.866 of that of compressional ones.
+        Speed ratio and loss of shear waves, slower than 0.866 of the compressional speed.
     w2 : float [m^(4 - gamma)]
         Strength of the roughness spectrum w2 K^-gamma, whose integral over both wavenumbers is the height variance.
     gamma : float [-]
-        Its exponent, 2.4..3.9.
+        Exponent of the roughness spectrum, 2.4..3.9.
     w3 : float [-]
-        Strength of the spectrum w3 K^-3 of what varies in the volume; 0 for none.
+        Strength of the spectrum w3 K^-3 of the volume's fluctuations; 0 for a uniform volume.
     fluctuations : (float, float, float) [-]
-        By how much density, compressional and shear speed vary with it, relative to themselves.
+        Relative fluctuations of density, compressional and shear speed.
     mesh_resolution : float [m]
-        Distance of the nodes of a mesh that holds the larger features of this roughness, which are then left out here;
-        0 for none. See `resolved`.
+        Node spacing of a mesh that already holds the larger features of this roughness; the law then leaves them out.
+        0 without such a mesh. See `resolved`.
     name : str
-        How errors call it.
+        Name in error messages.
 
     Raises
     ------
     ValueError
-        If a number is out of its range, or more would come back than arrives.
+        If a number is out of its range, or the seabed would return more energy than arrives.
 
     Notes
     -----
-    Sources, and what is known of the volume: `Elastic`. Gentle slopes are met up to some 20 kHz only. Above, the rough
-    part misses reflected energy near nadir: rock by 2 dB at 20 kHz, 6 at 75 and 15 at 300, where what the volume
-    sends back is louder.
+    `Elastic` lists the sources and the limits of the volume model. Slopes are gentle up to about 20 kHz only. Near
+    nadir the rough part is too weak: for rock by 2 dB at 20 kHz, 6 at 75 and 15 at 300, where the volume's echo is
+    stronger.
 
     Examples
     --------
@@ -123,13 +123,13 @@ class ElasticSediment(RoughSeabed):
 
     @property
     def below(self) -> Elastic:
-        """The half-space under the surface."""
+        """Return the half-space under the surface."""
         return Elastic(arithmetic=NUMPY, density_ratio=self.density_ratio, sound_speed_ratio=self.sound_speed_ratio,
                        loss=self.loss, shear_speed_ratio=self.shear_speed_ratio, shear_loss=self.shear_loss,
                        w3=self.w3, fluctuations=self.fluctuations)
 
     def _most_sent_back(self) -> float:
-        """Most, over grazing angles, of |R|² + ∫ σ_volume dΩ / sin θ_i, with dΩ = 2π d(sin θ_s)."""
+        """Return the maximum over grazing angles of |R|² + ∫ σ_volume dΩ / sin θ_i, with dΩ = 2π d(sin θ_s)."""
         sine_in, sine_out = (np.arange(90) + 0.5)[:, None] / 90, (np.arange(180) + 0.5) / 180
         volume = self.below.volume_strength(sine_in, sine_out).mean(-1, keepdims=True)
         return np.max(power(self.below.reflection(sine_in)) + 2 * np.pi * volume / sine_in)

@@ -1,11 +1,11 @@
-"""A seabed of measured backscatter strength: a table against grazing angle, and for several frequencies.
+"""Seabed of measured backscatter strength: a table over grazing angle and frequency.
 
     σ(θ_i, θ_s) = sqrt(σ_b(θ_i) σ_b(θ_s)),        σ_b = 10^(S_b / 10)
 
 S_b -> ``strengths_db``, linear in θ -> ``angles`` between its entries and in ln f -> ``frequencies`` between columns,
-constant beyond the last angle and the outer frequencies; below the first angle σ_b falls as sin² θ. The two-way
-extension is reciprocal, the table itself straight back, and the same in all azimuths: nothing is known of them. A table
-gives back more than comes in, and is refused, where  2π sqrt(σ_b(θ_i)) ∫ sqrt(σ_b) cos θ dθ / sin θ_i > 1.
+constant beyond the last angle and the outer frequencies; below the first angle σ_b falls as sin² θ. The bistatic
+extension is reciprocal, equals the table in backscatter, and is the same in all azimuths, which were not measured. A
+table is refused if it returns more energy than arrives:  2π sqrt(σ_b(θ_i)) ∫ sqrt(σ_b) cos θ dθ / sin θ_i > 1.
 """
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ STEPS = 4000                       # of the integral over θ
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EmpiricalSeabed:
-    """Hold a table of backscatter strength.
+    """Seabed with a table of backscatter strength.
 
     Parameters
     ----------
@@ -27,14 +27,14 @@ class EmpiricalSeabed:
         Grazing angles, increasing, above 0 and up to π/2.
     strengths_db : array (A,) or (A, F) [dB re 1 m^2/m^2]
     frequencies : array (F,) [Hz], optional
-        Of the columns, increasing; needed where there are several. One column holds at all frequencies.
+        Increasing frequencies of the columns, required for several columns. A single column applies at all frequencies.
     name : str
-        How errors call it.
+        Name in error messages.
 
     Raises
     ------
     ValueError
-        If the numbers do not make a table, or more would come back than arrives.
+        If the shapes do not fit, a number is invalid, or the seabed would return more energy than arrives.
     """
 
     angles: np.ndarray
@@ -80,12 +80,12 @@ class EmpiricalSeabed:
 
     def scattering_strength(self, grazing_in: ArrayLike, grazing_out: ArrayLike, azimuth: ArrayLike,
                             frequency: ArrayLike, sound_speed: ArrayLike) -> np.ndarray:
-        """Return σ [-], for angles [rad] and frequency [Hz]; azimuth and sound speed only give it its shape."""
+        """Return σ [-], for angles [rad] and frequency [Hz]; azimuth and sound speed are only broadcast."""
         way_in, way_out, frequency, *_ = np.broadcast_arrays(grazing_in, grazing_out, frequency, azimuth, sound_speed)
         return np.sqrt(self.backscatter_strength(way_in, frequency) * self.backscatter_strength(way_out, frequency))
 
     def _largest_share(self, frequency: float) -> tuple[float, float]:
-        """Largest share of what comes in that goes out again, and the grazing angle [rad] it comes in at."""
+        """Return the largest share of incident energy that is scattered, and its grazing angle of incidence [rad]."""
         angle = np.union1d(np.linspace(0, np.pi / 2, STEPS + 1), self.angles)[1:]
         root = np.sqrt(self.backscatter_strength(angle, frequency))
         whole = 2 * np.pi * np.trapezoid(np.append(0, root * np.cos(angle)), np.append(0, angle))
@@ -94,7 +94,7 @@ class EmpiricalSeabed:
 
 
 def _place(nodes: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Index of the node before each value, and how far it lies towards the next, 0..1; held beyond both ends."""
+    """Return the index of the node before each value and its fraction towards the next, 0..1, clipped at both ends."""
     index = np.clip(np.searchsorted(nodes, value, side="right") - 1, 0, max(len(nodes) - 2, 0))
     if len(nodes) == 1:
         return index, np.zeros(np.shape(value))

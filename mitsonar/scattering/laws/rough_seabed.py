@@ -3,7 +3,7 @@
     σ = |a|² × factor of the lobe + σ_volume          (a, σ_volume: `fluid`, `elastic`; the lobe: `small_slope`)
 
 θ_i, θ_s -> ``grazing_in``, ``grazing_out``, φ -> ``azimuth`` (0 forward, π back), k -> ``wavenumber``. The rough part
-holds the whole of the reflected energy, its near-specular lobe included: never add a specular echo of the same seabed.
+holds all reflected energy, near-specular lobe included; do not add a specular echo of the same seabed.
 """
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -21,19 +21,19 @@ from ..surfaces.small_slope import lobe_factor
 
 
 class RoughSeabed(ABC):
-    """Return the scattering of a seabed; subclasses hold what it is."""
+    """Scattering of a rough seabed, whose parameters are fields of the subclasses."""
     # mesh_resolution [m]
 
     w2: float  # [m^(4 - gamma)]: the roughness spectrum is w2 K^-gamma
     gamma: float  # [-]
-    name: str  # how errors call it
+    name: str  # name in error messages
     mesh_resolution = 0.0
     steepest, steep = 1.7, 1.0     # of sandy gravel, the coarsest that is fluid, at 950 and 230 kHz
 
     @property
     @abstractmethod
     def below(self) -> Fluid | Elastic:
-        """The half-space under the surface."""
+        """Return the half-space under the surface."""
 
     def roughness_slope(self, wavenumber: Real) -> np.ndarray:
         """Return the root-mean-square slope [-] of the roughness that sound of ``wavenumber`` [rad/m] sees, to 2 k."""
@@ -75,7 +75,7 @@ class RoughSeabed(ABC):
                 f"{self.steepest:g}; take a lower frequency or the law lambert.")
 
     def doubt(self, frequency: float, wavenumber: float) -> str | None:
-        """Say what is doubtful of the law at a frequency [Hz] and its wavenumber [rad/m], or None."""
+        """Return a warning if the law is doubtful at a frequency [Hz] and its wavenumber [rad/m], else None."""
         slope = self.roughness_slope(wavenumber)
         if slope <= self.steep:
             return None

@@ -1,4 +1,4 @@
-"""Scattering by the wind-roughened sea surface from below: bubbles, facets and ripples.
+"""Scattering by the wind-roughened sea surface, seen from below: bubbles, facets and ripples.
 
     σ = σ_b + [F σ_f + (1 - F) σ_c] 10^(-(SBL_i + SBL_s)/20)
 
@@ -12,24 +12,26 @@ U -> ``wind_speed`` [m/s] at 10 m, f -> ``frequency`` (in kHz here), θ -> grazi
 optical depth β_v = 10^(-5.2577 + 0.4701 U) (f/25)^0.85, above U = 11 that of U = 11 times (U/11)^3.5; δ_r = 0.0136,
 δ = 0.0255 f^(1/3). t is the slope of the facet that mirrors the way in to the way out, t = cot θ in backscatter.
 
-In backscatter, where γ and G are 1, this is the model of APL-UW TR 9407 (1994), part II, and nothing else; fitted from
-10 to 100 kHz, extrapolated beyond. What leads away from there keeps σ reciprocal:
+In backscatter, where γ and G are 1, this is exactly the model of APL-UW TR 9407 (1994), part II, fitted from 10 to 100
+kHz and extrapolated beyond. The bistatic extension keeps σ reciprocal:
 
-- Bubbles lie under a mirror and scatter δ_r/δ of what they take, evenly. Of the four ways by a bubble two touch the
-  mirror never or twice. The two that touch it once are each other's reverse: near backscatter they add in pressure,
+- Bubbles lie under a mirror and scatter δ_r/δ of the extinguished energy evenly. Of the four paths by a bubble, two
+  touch the mirror never or twice. The two that touch it once are each other's reverse; near backscatter they add in
+  pressure,
   γ = 1/(1 + (2 k L |w_i - w_s|)²), w the directions and L the depth of the layer of Hall (1989).
 - Facets are the Kirchhoff lobe at high frequency, which in backscatter is the term of TR 9407 near the vertical: one
   lobe, counted once. G = 1/(1 + Λ_i + Λ_s) are its shadows (Smith, 1967).
-- Ripples are those of perturbation theory with the spectrum K^-4 that the tan⁴ θ of TR 9407 stands for.
-- Of the loss, half the decibels are those of the way in, and half of the way out.
+- Ripples follow perturbation theory with the spectrum K^-4, which corresponds to the tan⁴ θ of TR 9407.
+- Half of the loss in decibels belongs to the incident path, half to the scattered path.
 
-The slopes s² are those of TR 9407 everywhere. Like those under a slick, 0.008 + 1.56e-3 U (Cox and Munk, 1954), where
-waves shorter than sound's are missing, they are below the 0.003 + 5.12e-3 U that light sees: 0.018 against 0.029 at
-5 m/s, 0.025 against 0.054 at 10 m/s. With the latter, backscatter at 90 degrees would lie 2.0 and 3.4 dB below TR 9407.
+The slope variance s² is that of TR 9407 everywhere. Like that under a slick, 0.008 + 1.56e-3 U (Cox and Munk, 1954),
+where waves shorter than the acoustic wavelength are missing, it is below the optical value 0.003 + 5.12e-3 U: 0.018
+instead of 0.029 at 5 m/s, 0.025 instead of 0.054 at 10 m/s. With the optical value, backscatter at 90 degrees would be
+2.0 and 3.4 dB below TR 9407.
 
-Energy: from 20 degrees of grazing and 3 m/s upwards the surface carries on 10^(-SBL/10) of what comes in to within
-0.5 dB (to 15 m/s at 30 kHz), as F cuts the tails of the facets; below, shadows take up to 0.4 dB more, at 1 m/s F takes
-0.9 dB.
+Energy: from 20 degrees of grazing and 3 m/s upwards the surface scatters 10^(-SBL/10) of the incident energy to within
+0.5 dB (to 15 m/s at 30 kHz), as F cuts the tails of the facets; below, shadows remove up to 0.4 dB more, and at 1 m/s F
+removes 0.9 dB.
 """
 from __future__ import annotations
 
@@ -45,16 +47,16 @@ from mitsonar.device.types import Numbers, Triple
 
 ALBEDO, ABSORBED = 0.0136, 0.0255  # δ_r, and δ at 1 kHz, of bubbles at resonance
 BLEND = 0.524                      # [1/degree] of slope angle
-STEEP = np.tan(np.radians(5.0))    # ripples scatter by facets steeper than this only
+STEEP = np.tan(np.radians(5.0))    # ripples scatter only at slope angles above this
 RIPPLES = 1.3e-5                   # [s/m]
-FACET_SHARE = 0.9                  # of the directions drawn; the rest are drawn evenly for all else
-SMALLEST_SINE = 1e-6               # of grazing angles: below, nothing is scattered
+FACET_SHARE = 0.9                  # of the directions drawn; the rest are drawn evenly for bubbles and ripples
+SMALLEST_SINE = 1e-6               # of the grazing angle: no scattering below
 _NUMPY = SimpleNamespace(exp=np.exp, sqrt=np.sqrt, minimum=np.minimum, maximum=np.maximum, select=np.where, erf=erf,
                          atan=np.arctan, log=np.log)
 
 
 class Roughness(NamedTuple):
-    """The surface under a wind: all of the law that depends on the wind, as numbers or device numbers."""
+    """All wind-dependent parameters of the law, as plain or device numbers."""
 
     slope_variance: Numbers  # s², of both components of the slope together
     crossover_deg: Numbers  # [degrees]: arctan t_f, the slope angle at which facets give way to ripples
@@ -82,21 +84,21 @@ def roughness(wind_speed: float) -> Roughness:
 
 
 def bubble_loss_db(grazing_angle: ArrayLike, frequency: ArrayLike, wind_speed: ArrayLike) -> np.ndarray:
-    """Return what one bounce at the sea surface loses to the bubbles under it.
+    """Return the loss of one surface reflection to the bubbles under the surface.
 
     Parameters
     ----------
     grazing_angle : array [rad]
         0..π/2.
     frequency : array [Hz]
-        The fit is one from 10 to 100 kHz.
+        Frequency; the fit covers 10 to 100 kHz.
     wind_speed : array [m/s]
         At 10 m height. All arguments broadcast.
 
     Returns
     -------
     array [dB]
-        Positive; inf at grazing angle 0.
+        Positive loss; inf at grazing angle 0.
 
     Notes
     -----
@@ -108,14 +110,13 @@ def bubble_loss_db(grazing_angle: ArrayLike, frequency: ArrayLike, wind_speed: A
 
 
 def _loss_db(wind_speed: Numbers) -> Numbers:
-    """SBL sin θ at 1 kHz."""
+    """Return SBL sin θ at 1 kHz."""
     return 1.26e-3 * np.maximum(wind_speed, 6.0) ** 1.57 * np.exp(1.2 * np.minimum(wind_speed - 6.0, 0.0))
 
 
 def strength(lib: ModuleType | SimpleNamespace | None, surface: Roughness, wi: Triple, wo: Triple, frequency: Numbers,
              sound_speed: Numbers) -> Numbers:
-    """Return σ [-]."""
-    # frequency, sound_speed [m/s]
+    """Return σ [-] at a frequency [Hz] and sound speed [m/s]."""
     lib = lib or _NUMPY
     khz = frequency * 1e-3
     seen = (wi[2] > SMALLEST_SINE) & (wo[2] > SMALLEST_SINE)
@@ -139,7 +140,7 @@ def strength(lib: ModuleType | SimpleNamespace | None, surface: Roughness, wi: T
 
 
 def _hidden(lib: ModuleType | SimpleNamespace, sine: Numbers, variance: Numbers) -> Numbers:
-    """Smith's Λ of a way: share of the area hidden per share in sight."""
+    """Return Smith's Λ of a direction: hidden area over visible area."""
     v = sine * lib.sqrt(1 / (lib.maximum(1 - sine * sine, 1e-9) * variance))
     v = lib.minimum(v, 6.0)                                                             # Λ < 1e-17
     return lib.maximum(0.5 * (lib.exp(-v * v) * float(1 / np.sqrt(np.pi)) / v - (1 - lib.erf(v))), 0.0)
@@ -147,7 +148,7 @@ def _hidden(lib: ModuleType | SimpleNamespace, sine: Numbers, variance: Numbers)
 
 def _bubbles(lib: ModuleType | SimpleNamespace, depth: Numbers, sin_i: Numbers, sin_s: Numbers, khz: Numbers,
              coherence: Numbers) -> Numbers:
-    """σ_b of a layer of optical depth `depth`; `coherence` -> γ."""
+    """Return σ_b of a layer of optical depth `depth`; `coherence` -> γ."""
     beta_i, beta_s = depth / sin_i, depth / sin_s
     once = (1 + coherence) * lib.exp(-2 * lib.minimum(beta_i, beta_s)) * _fall(lib, 2 * abs(beta_i - beta_s))
     albedo = float(ALBEDO / ABSORBED) * khz ** (-1 / 3)
@@ -155,7 +156,7 @@ def _bubbles(lib: ModuleType | SimpleNamespace, depth: Numbers, sin_i: Numbers, 
 
 
 def _fall(lib: ModuleType | SimpleNamespace, y: Numbers) -> Numbers:
-    """h(y) = (1 - e^-y)/y, also near 0."""
+    """Return h(y) = (1 - e^-y)/y, exact near 0."""
     far = lib.maximum(y, 0.05)
     near = lib.minimum(y, 0.05)
     return lib.select(y > 0.05, (1 - lib.exp(-far)) / far,
@@ -164,7 +165,7 @@ def _fall(lib: ModuleType | SimpleNamespace, y: Numbers) -> Numbers:
 
 def facet_direction(lib: ModuleType, variance: Numbers, wi: Triple, u: Numbers,
                     v: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-    """Mirror `wi` by a facet of the Gaussian slopes, which (u, v) in [0, 1)² choose."""
+    """Return `wi` mirrored by a facet of Gaussian slope, drawn by (u, v) in [0, 1)²."""
     t = lib.sqrt(-variance * lib.log(lib.maximum(1 - u, 1e-12)))
     sine, cosine = lib.sincos(float(2 * np.pi) * v)
     z = 1 / lib.sqrt(1 + t * t)
@@ -192,12 +193,12 @@ def facet_density(lib: ModuleType | SimpleNamespace | None, variance: Numbers, w
 
 @dataclass(frozen=True, kw_only=True)
 class SeaSurface:
-    """Hold a sea surface under a wind, seen from below.
+    """Sea surface under a wind, seen from below.
 
     Parameters
     ----------
     wind_speed : float [m/s]
-        At 10 m height; 0 is a mirror, which scatters nothing.
+        Wind speed at 10 m height; 0 is a mirror without scattering.
 
     Raises
     ------
@@ -219,7 +220,7 @@ class SeaSurface:
         if self.wind_speed == 0:
             return np.zeros(way_in.shape)
         zero = np.zeros(way_in.shape)
-        # towards where sound comes from: sound that goes forward, azimuth 0, goes away from there
+        # wi points towards the source, so forward scattering (azimuth 0) points away from it
         wi = -np.cos(way_in), zero, np.sin(way_in)
         wo = np.cos(way_out) * np.cos(azimuth), np.cos(way_out) * np.sin(azimuth), np.sin(way_out)
         return strength(None, roughness(self.wind_speed), wi, wo, frequency, sound_speed)

@@ -1,4 +1,4 @@
-"""Fluid sediments by name and by parameters: a rough surface (`rough_seabed`) and the volume below (`fluid`).
+"""Fluid sediments, by name or by parameters: a rough surface (`rough_seabed`) and the volume below (`fluid`).
 
 ρ, ν of the sediment over those of water -> ``density_ratio``, ``sound_speed_ratio``; δ -> ``loss``; σ2 ->
 ``volume_parameter``; w2, γ of the roughness -> ``w2``, ``gamma``. Time factor exp(-iωt).
@@ -53,12 +53,12 @@ BOUNDS = {                         # name -> (above, up to); zero loss or roughn
 
 @dataclass(frozen=True, kw_only=True)
 class Sediment(RoughSeabed):
-    """Hold what a fluid sediment is to sound, and give its scattering.
+    """Fluid sediment.
 
     Parameters
     ----------
     density_ratio, sound_speed_ratio : float [-]
-        Those of the sediment over those of the water above.
+        Density and sound speed of the sediment over those of the water above.
     loss : float [-]
         Imaginary over real part of the wavenumber in the sediment; 1 dB per wavelength is 1/54.575.
     volume_parameter : float [-]
@@ -66,14 +66,14 @@ class Sediment(RoughSeabed):
     w2 : float [m^(4 - gamma)]
         Strength of the roughness spectrum w2 K^-gamma, whose integral over both wavenumbers is the height variance.
     gamma : float [-]
-        Its exponent, 2.4..3.9.
+        Exponent of the roughness spectrum, 2.4..3.9.
     solid : bool
-        Whether it bears shear waves, which a fluid does not: then it is refused at 100 kHz and above.
+        True for a material with shear waves, which the fluid model lacks; it is refused at 100 kHz and above.
     mesh_resolution : float [m]
-        Distance of the nodes of a mesh that holds the larger features of this roughness, which are then left out here;
-        0 for none. See `resolved`.
+        Node spacing of a mesh that already holds the larger features of this roughness; the law then leaves them out.
+        0 without such a mesh. See `resolved`.
     name : str
-        How errors call it.
+        Name in error messages.
 
     Raises
     ------
@@ -84,8 +84,8 @@ class Sediment(RoughSeabed):
     -----
     Rough surface: Thorsos and Broschat (1995), J. Acoust. Soc. Am. 97, 2082; Jackson and Richardson (2007),
     High-Frequency Seafloor Acoustics, chapter 13. Volume: Jackson, Winebrenner and Ishimaru (1986), J. Acoust. Soc.
-    Am. 79, 1410. At its best while the roughness seen is gentle (slopes up to 0.3) and the grazing angle is above the
-    slopes: shadows are left out. Rock and cobble bear shear: below 100 kHz, too, they are several dB uncertain; see
+    Am. 79, 1410. Most accurate for gentle roughness (slopes up to 0.3) and grazing angles above the slopes, as shadows
+    are left out. Rock and cobble carry shear waves and are several dB uncertain even below 100 kHz; see
     `ElasticSediment`.
     """
 
@@ -121,7 +121,7 @@ class Sediment(RoughSeabed):
 
     @property
     def below(self) -> Fluid:
-        """The half-space under the surface."""
+        """Return the half-space under the surface."""
         return Fluid(arithmetic=NUMPY, density_ratio=self.density_ratio, sound_speed_ratio=self.sound_speed_ratio,
                      loss=self.loss, volume_parameter=self.volume_parameter)
 
@@ -133,4 +133,4 @@ def _sediments() -> Iterator[tuple[str, Sediment]]:
                                  w2=w2_from_cm4(W2_CM4_TR9407[name], GAMMA_TR9407), solid=name in _SOLID, name=name)
 
 
-SEDIMENTS = dict(_sediments())     # by name, synonyms included: 23 rows of the table
+SEDIMENTS = dict(_sediments())     # by name, synonyms included

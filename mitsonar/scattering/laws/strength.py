@@ -21,7 +21,7 @@ from .sediment import Sediment
 
 
 class ScatteringLaw(Protocol):
-    """Interface of all laws."""
+    """Interface of all scattering laws."""
 
     def scattering_strength(self, grazing_in: np.ndarray, grazing_out: np.ndarray, azimuth: np.ndarray,
                             frequency: np.ndarray, sound_speed: np.ndarray, /) -> np.ndarray:
@@ -31,12 +31,12 @@ class ScatteringLaw(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class LambertSeabed:
-    """Hold a seabed of Lambert's law, the same at all frequencies.
+    """Seabed of Lambert's law, the same at all frequencies.
 
     Parameters
     ----------
     mu_db : float [dB]
-        Strength 10 log μ, at most -4.97 dB, with which all that comes in goes out.
+        Strength 10 log μ, at most -4.97 dB, at which all incident energy is scattered.
 
     Raises
     ------
@@ -54,7 +54,7 @@ class LambertSeabed:
 
     def scattering_strength(self, grazing_in: ArrayLike, grazing_out: ArrayLike, azimuth: ArrayLike,
                             frequency: ArrayLike, sound_speed: ArrayLike) -> np.ndarray:
-        """Return σ [-]; of the arguments only the grazing angles [rad] change it, the others give it its shape."""
+        """Return σ [-], which depends on the grazing angles [rad] only; the other arguments are broadcast."""
         sines = np.broadcast_arrays(np.sin(grazing_in), np.sin(grazing_out), azimuth, frequency, sound_speed)
         return lambert.scattering_strength(10 ** (self.mu_db / 10), *sines[:2])
 
@@ -62,7 +62,7 @@ class LambertSeabed:
 # Laws by name: classes of objects with scattering_strength(grazing_in, grazing_out, azimuth, frequency, sound_speed)
 LAWS = {"lambert": LambertSeabed, "sediment": Sediment, "elastic": ElasticSediment, "empirical": EmpiricalSeabed,
         "sea_surface": SeaSurface}
-NAMED = {"sediment": "medium sand", "elastic": "rock"}     # laws whose seabeds have names, and one of these
+NAMED = {"sediment": "medium sand", "elastic": "rock"}     # laws with named seabeds, and an example name
 
 
 def backscatter_strength_db(law: str | ScatteringLaw, grazing_angle: ArrayLike, frequency: ArrayLike, *,
@@ -75,20 +75,20 @@ def backscatter_strength_db(law: str | ScatteringLaw, grazing_angle: ArrayLike, 
         "lambert", "sediment" (a fluid), "elastic" (a solid), "empirical", "sea_surface", or an object such as
         ``Sediment.of("medium sand")``, ``LambertSeabed(mu_db=-27)`` or ``SeaSurface(wind_speed=8)``.
     grazing_angle : array [rad]
-        0..π/2, from the plane of the surface.
+        Angle from the plane of the surface, 0..π/2.
     frequency : array [Hz]
     sound_speed : array [m/s]
-        Of the water at the surface. All arrays broadcast.
+        Sound speed of the water at the surface. All arrays broadcast.
     **parameters
-        Of a law given by name: ``mu_db`` of "lambert"; of "sediment" ``sediment``, a name, and fields of ``Sediment``
-        that replace its own, or all those fields without a name; of "elastic" the same with ``ElasticSediment``;
-        ``angles``, ``strengths_db``, ``frequencies`` of
-        "empirical", as of ``EmpiricalSeabed``; ``wind_speed`` [m/s] of "sea_surface".
+        Parameters of a law given by name. "lambert": ``mu_db``. "sediment": the name ``sediment`` and fields of
+        ``Sediment`` to replace, or all fields without a name. "elastic": likewise with ``ElasticSediment``.
+        "empirical": ``angles``, ``strengths_db``, ``frequencies`` of ``EmpiricalSeabed``. "sea_surface":
+        ``wind_speed`` [m/s].
 
     Returns
     -------
     array [dB re 1 m^2/m^2]
-        -inf at grazing angle 0.
+        Backscatter strength; -inf at grazing angle 0.
 
     Raises
     ------
@@ -113,11 +113,11 @@ def bistatic_strength_db(law: str | ScatteringLaw, grazing_in: ArrayLike, grazin
     Parameters
     ----------
     law, frequency, sound_speed, **parameters
-        As ``backscatter_strength_db`` takes them.
+        As in ``backscatter_strength_db``.
     grazing_in, grazing_out : array [rad]
-        0..π/2.
+        Grazing angles of the incident and scattered sound, 0..π/2.
     azimuth : array [rad]
-        Between the ways in and out seen from above: 0 forward, π back.
+        Horizontal angle between incident and scattered directions: 0 forward, π back.
 
     Returns
     -------
@@ -134,12 +134,12 @@ def bistatic_strength_db(law: str | ScatteringLaw, grazing_in: ArrayLike, grazin
     turn = _checked("azimuth", azimuth, -2 * np.pi, 2 * np.pi, "rad")
     hertz = _checked("frequency", frequency, 1.0, 1e7, "Hz")
     speed = _checked("sound_speed", sound_speed, 1000.0, 2000.0, "m/s")
-    with np.errstate(divide="ignore"):  # nothing is scattered along the seabed: -inf dB
+    with np.errstate(divide="ignore"):  # grazing angle 0 scatters nothing: -inf dB
         return 10 * np.log10(seabed.scattering_strength(way_in, way_out, turn, hertz, speed))
 
 
 def _seabed(law: str | ScatteringLaw, parameters: dict[str, Any]) -> ScatteringLaw:
-    """The object of a law given by name or as such."""
+    """Return the scattering law of a name and its parameters, or the given law itself."""
     if not isinstance(law, str):
         if not hasattr(law, "scattering_strength"):
             raise ValueError(f"the law is {law!r}; give a law's name, one of {', '.join(LAWS)}, or a law.")
@@ -163,7 +163,7 @@ def _seabed(law: str | ScatteringLaw, parameters: dict[str, Any]) -> ScatteringL
 
 
 def _checked(name: str, value: ArrayLike, low: float, high: float, unit: str) -> np.ndarray:
-    """The value as a float64 array; a ValueError names the first outside low..high."""
+    """Return the value as a float64 array; raise ValueError with the first value outside low..high."""
     array = np.asarray(value, float)
     bad = ~((array >= low) & (array <= high))
     if bad.any():

@@ -1,1 +1,1 @@
-"""Parts that scattering laws are made of: reflection, roughness, facets."""
+"""Building blocks of scattering laws: reflection, roughness, facets."""

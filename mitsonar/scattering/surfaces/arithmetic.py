@@ -1,7 +1,7 @@
-"""One text of a law for two kinds of arrays: float64 in NumPy, float32 on the device, differentiable there.
+"""Array arithmetic of laws that are written once for NumPy (float64) and Dr.Jit (float32, differentiable).
 
-Laws take an `Arithmetic` first and use what both array modules call the same: sqrt, exp, log, minimum, maximum, and of
-complex numbers ``real`` and ``imag``. Only how complex numbers are made differs.
+Laws take an `Arithmetic` first and use functions with one name in both modules: sqrt, exp, log, minimum, maximum, and
+``real`` and ``imag`` of complex numbers. Only the construction of complex numbers differs.
 """
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from mitsonar.device.types import Numbers
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """Hold what a law computes with."""
+    """Array module and complex constructor that a law computes with."""
 
     module: ModuleType  # ``numpy`` or ``drjit``
     complex: Callable[[Numbers, Numbers], Numbers]  # makes complex arrays

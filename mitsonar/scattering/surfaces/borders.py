@@ -1,11 +1,11 @@
-"""Borders between sediments: patches of both, whose shares go over from one to the other across a width.
+"""Borders between sediments: a mosaic of patches of both, whose shares change gradually across a width.
 
     σ(x) = Σ_k w_k(x) σ_k,     w_k(x) = ∫ K(d) [class(x + d) = k] dd,     K triangular, of base w
 
-w -> ``width``. Strengths are mixed, not parameters: between mud and gravel lies no sand, but mud here and gravel there.
-A place takes one class, drawn with these shares by a hash of the 5 cm square that it lies in, so that every ray, ping
-and run finds the same patches; a resolution cell of some decimetres hears the mixture. To draw the displacement d in
-place of the class is stochastic filtering after shading (Pharr et al. 2024, Proc. ACM Comput. Graph. Interact. Tech.).
+w -> ``width``. Strengths are mixed, not parameters: between mud and gravel there are patches of both, not sand.
+A place has one class, drawn with these shares by a hash of its 5 cm square, so that every ray, ping and run meets the
+same patches; a resolution cell of some decimetres averages over them. Drawing the displacement d instead of the class
+is stochastic filtering after shading (Pharr et al. 2024, Proc. ACM Comput. Graph. Interact. Tech.).
 """
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ PATCH = 0.05                       # [m] side of the squares
 
 
 def drawn(lib: ArrayTypes, x: Float, y: Float) -> tuple[Float, Float]:
-    """Return two numbers in [0, 1), Float (R,), that belong to the squares which places x, y [m] (R,) lie in."""
+    """Return two hashed numbers in [0, 1), Float (R,), of the squares that hold the places x, y [m] (R,)."""
     i, j = (lib.UInt32(lib.Int32(dr.floor(v * dr.opaque(lib.Float, 1 / PATCH)))) for v in (x, y))
     first, second = hashed_pair(lib, i, j, lib.UInt32(Salt.BORDER))
     return uniform(lib, first), uniform(lib, second)
 
 
 def displacement(lib: ArrayTypes, x: Float, y: Float) -> tuple[Float, Float]:
-    """Return displacements d / w, Float (R,), in -1/2 to 1/2 each, of places x, y [m] (R,)."""
+    """Return the displacements d / w, Float (R,) in -1/2 to 1/2, of places x, y [m] (R,)."""
     first, second = drawn(lib, x, y)
     return _triangular(first), _triangular(second)
 
 
 def _triangular(u):
-    """Numbers in -1/2 to 1/2 of a triangular density, from such in [0, 1)."""
+    """Map uniform numbers in [0, 1) to a triangular density on -1/2 to 1/2."""
     return 0.5 * (dr.sqrt(2 * dr.minimum(u, 1 - u)) - 1) * dr.select(u < 0.5, 1, -1)

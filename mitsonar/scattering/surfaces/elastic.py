@@ -1,14 +1,14 @@
-"""An elastic half-space to sound, one that bears shear: its flat surface, its rough surface, its volume.
+"""Elastic half-space (with shear waves): reflection at its flat surface, scattering by roughness and volume.
 
     κ = (1 + iδ)/ν,   m = [ν_t / (1 + iδ_t)]²,   s = sin θ,   c = cos θ,   P = sqrt(κ² - c²),   T = sqrt(m (1 - m c²))
     C = 2 m c² - 1,   N = C² + 4 m c² P T,   B = 1 - 2 (m c² + P T),   τ = 2 ρ s / (P + ρ s N),   R = N τ - 1
     a = τ_i τ_s {(1 - 1/ρ) P_i P_s - N_i N_s (κ² - ρ + ρ S) + S (N_i B_s + N_s B_i)
                  - B_i B_s [S - 2 m (S² + (1 - 2 m κ²) c_i² c_s²)] - 2 m κ² (c_s² N_i B_s + c_i² N_s B_i)} / ρ
 
-a is that of the rough surface (σ_rough = |a|² times the lobe's factor, see `small_slope`): what a boundary between
-water and solid sends back to first order in its height, from the pressure N τ, the normal displacement P τ/ρ and the
-tangential displacement B τ/ρ of the solid at its flat surface. With ν_t = 0 all of it is `fluid`. In the volume,
-density, compressional and shear speed vary together, as f = (f_ρ, f_p, f_t) times what has the spectrum w3 K^-3:
+a is the amplitude of the rough surface (σ_rough = |a|² times the lobe's factor, see `small_slope`), to first order in
+the height of the boundary, from the pressure N τ, the normal displacement P τ/ρ and the tangential displacement B τ/ρ
+of the solid at its flat surface. With ν_t = 0 it reduces to `fluid`. In the volume, density, compressional and shear
+speed vary together, as f = (f_ρ, f_p, f_t) times a field of spectrum w3 K^-3:
 
     E_pp = 2 (C τ/ρ)² κ² (f_ρ + f_p),             q_pp = 2 P                      t = τ c/ρ
     E_tt = 8 (P t)² m (f_ρ + f_t),                q_tt = 2 T/m
@@ -29,21 +29,21 @@ from mitsonar.device.types import Numbers
 from .arithmetic import Arithmetic
 
 LARGEST_SCALE = 1e-3               # ε: of k, the smallest wavenumber of the volume's spectrum
-STRONGEST_VOLUME = 0.1             # what the volume's strength saturates at, for the first order has no bound
-SMALLEST = 1e-30                   # keeps 0/0 at grazing finite, where nothing is scattered
+STRONGEST_VOLUME = 0.1             # saturation of the volume strength, as the first order is unbounded
+SMALLEST = 1e-30                   # keeps 0/0 finite at grazing angle 0, where scattering vanishes
 
 
 @dataclass(frozen=True, kw_only=True)
 class Elastic:
-    """Hold the parameters of a solid, numbers or arrays of the kind that `arithmetic` computes with.
+    """Parameters of a solid, as numbers or arrays of `arithmetic`.
 
     Jackson and Ivakin (1998), J. Acoust. Soc. Am. 103, 336; Ivakin and Jackson (1998), J. Acoust. Soc. Am. 103, 346;
-    Jackson (2000), APL-UW TM 2-00. The rough surface is theirs to rounding, and first-order scattering exactly. In the
-    volume E_pt, sound that turns from compression to shear or back, has the sign that the levels computed by TM 2-00
-    come with; the change of R with density and shear speed asks for the other one. With that, and the same parameters,
-    the volume of rock and cobble would be some 10 to 20 dB weaker below the critical angles. Their form for two
-    directions is unbounded and even negative about the specular one; so it is taken straight back only, and for two
-    angles a mean of both that is reciprocal and keeps the energy of what is known by name below that of the sound.
+    Jackson (2000), APL-UW TM 2-00. The rough surface agrees with theirs to rounding, and exactly with first-order
+    scattering. In the volume, E_pt (conversion between compression and shear) has the sign of the levels in TM 2-00;
+    the change of R with density and shear speed implies the opposite sign. With the opposite sign and the same
+    parameters, the volume of rock and cobble would be about 10 to 20 dB weaker below the critical angles. Their
+    bistatic form is unbounded and even negative near the specular direction. Only its backscatter is used; for two
+    angles a reciprocal mean of both, which keeps the scattered energy of all named solids below the incident energy.
     """
 
     arithmetic: Arithmetic
@@ -61,7 +61,7 @@ class Elastic:
         return 2 * wave.through * wave.normal - 1
 
     def amplitude(self, sine_in: Numbers, sine_out: Numbers, scalar: Numbers) -> Numbers:
-        """Return a [-], complex, of the rough surface."""
+        """Return the complex amplitude a [-] of the rough surface."""
         rho, kappa2, m = self.density_ratio, self._kappa_square(), self._shear_square()
         i, o = self._wave(sine_in), self._wave(sine_out)
         converted = m * kappa2
@@ -80,7 +80,7 @@ class Elastic:
         return 8 * self.w3 * (back * back * (out * out)) * both
 
     def _sent_back(self, sine: Numbers) -> Numbers:
-        """σ_i over w3."""
+        """Return σ_i over w3."""
         wave, kappa2, m = self._wave(sine), self._kappa_square(), self._shear_square()
         of_density, of_speed, of_shear = self.fluctuations
         gain = 1 / (wave.reach * wave.reach)
@@ -104,7 +104,7 @@ class Elastic:
         return first / (1 + self.w3 / STRONGEST_VOLUME * first)
 
     def _wave(self, sine: Numbers) -> "_Wave":
-        """Return a plane wave from or to the water as it is below the surface."""
+        """Return the wave below the surface of a plane wave from or to the water."""
         rho, m, sqrt = self.density_ratio, self._shear_square(), self.arithmetic.module.sqrt
         cos2 = 1 - sine * sine
         down = sqrt(self._kappa_square() - cos2)
@@ -121,7 +121,7 @@ class Elastic:
         return self.arithmetic.complex((1 - self.loss * self.loss) / square, 2 * self.loss / square)
 
     def _shear_square(self) -> Numbers:
-        """m, and no division by a shear speed of 0."""
+        """Return m, without a division by a shear speed of 0."""
         loss2 = self.shear_loss * self.shear_loss
         size = self.shear_speed_ratio / (1 + loss2)
         return self.arithmetic.complex(size * size * (1 - loss2), -2 * size * size * self.shear_loss)

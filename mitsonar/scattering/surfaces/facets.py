@@ -1,6 +1,6 @@
-"""Smooth facets: Kirchhoff's integral over flat triangles, coherent, with the phase exact.
+"""Smooth facets: coherent Kirchhoff integral over flat triangles with exact phase.
 
-A source at range r_s and a receiver at r_r hear a facet of reflection coefficient R as
+With a source at range r_s, a receiver at r_r receives from a facet of reflection coefficient R
 
     p = f e^(-ik(r_s + r_r)) / (r_s r_r),    f = (ik/4π) R (n·u_s + n·u_r) ∫ e^(ik(u_s + u_r)·x) dS
 
@@ -12,7 +12,7 @@ of the barycentric coordinates, (0, 0), (1, 0), (0, 1),
 
     <e^iφ> = 2 / (i |w|²) Σ_edges (w·(Δ × n)) sinc(w·Δ/2) e^(iφ_middle),    w = (φ_b - φ_a, φ_c - φ_a)
 
-and for small phases its series, 2 Σ i^n h_n / (n + 2)!, h_n the complete symmetric polynomials of the corners' phases.
+and for small phases the series 2 Σ i^n h_n / (n + 2)!, h_n the complete symmetric polynomials of the corners' phases.
 """
 from __future__ import annotations
 
@@ -22,12 +22,11 @@ from numpy.typing import ArrayLike
 
 from mitsonar.device.types import Numbers
 
-SMALL = 0.5                        # |w|² of the phases [rad²] below which the series is taken, 1e-7 exact there
+SMALL = 0.5                        # |w|² of the phases [rad²] below which the series is used, accurate to 1e-7
 
 
 def phase_mean(a: Numbers, b: Numbers, c: Numbers) -> tuple[Numbers, Numbers]:
-    """Return the mean of e^iφ over triangles in which φ is linear."""
-    # a, b, c (...) [rad]
+    """Return the mean of e^iφ over triangles with a linear φ, from the phases [rad] at the corners."""
     middle = (a + b + c) * (1 / 3)
     a, b, c = a - middle, b - middle, c - middle
     p, q = b - a, c - a
@@ -58,7 +57,7 @@ def triangle_integral(corners: ArrayLike, w: ArrayLike) -> np.ndarray:
 
 def scattering_length(corners: ArrayLike, wavenumber: float, towards_source: ArrayLike,
                       towards_receiver: ArrayLike | None = None, *, reflection: complex | np.ndarray = 1.0) -> complex:
-    """Sum the far-field scattering lengths of the facets that the source ensonifies."""
+    """Return the sum of the far-field scattering lengths of the ensonified facets."""
     # corners (F, 3, 3) [m]; wavenumber [rad/m]; towards_source, towards_receiver (3,); reflection (F,) [-] -> [m]
     corners, source = np.asarray(corners, float), np.asarray(towards_source, float)
     receiver = source if towards_receiver is None else np.asarray(towards_receiver, float)
@@ -84,7 +83,7 @@ def _where(condition: Numbers, a: Numbers, b: Numbers) -> Numbers:
 
 
 def _sinc(x: Numbers) -> Numbers:
-    """sin(x) / x."""
+    """Return sin(x) / x."""
     if not dr.is_array_v(x):
         return np.sinc(np.asarray(x) / np.pi)
     flat = abs(x) < 1e-3

@@ -1,4 +1,4 @@
-"""A fluid half-space to sound: what passes its flat surface, what its roughness and its volume scatter.
+"""Fluid half-space: transmission and reflection at its flat surface, scattering by roughness and volume.
 
     P(θ) = sqrt(κ² - cos² θ),   κ = (1 + iδ)/ν,     1 + R = 2 ρ sin θ / (ρ sin θ + P)
     G = (1/ρ - 1)(S - P_i P_s/ρ) + 1 - κ²/ρ,        S = cos θ_i cos θ_s cos φ
@@ -19,7 +19,7 @@ from .arithmetic import Arithmetic, power
 
 @dataclass(frozen=True, kw_only=True)
 class Fluid:
-    """Hold the parameters of a fluid sediment, numbers or arrays of the kind that `arithmetic` computes with."""
+    """Parameters of a fluid sediment, as numbers or arrays of `arithmetic`."""
 
     arithmetic: Arithmetic
     density_ratio: Numbers  # density of the sediment over that of the water
@@ -42,7 +42,7 @@ class Fluid:
         return self.transmission(sine, self.vertical(sine)) - 1
 
     def amplitude(self, sine_in: Numbers, sine_out: Numbers, scalar: Numbers) -> Numbers:
-        """Return a [-], complex, of the rough surface."""
+        """Return the complex amplitude a [-] of the rough surface."""
         rho = self.density_ratio
         vertical_in, vertical_out = self.vertical(sine_in), self.vertical(sine_out)
         real, imaginary = self._kappa_square()

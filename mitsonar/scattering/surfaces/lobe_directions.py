@@ -1,6 +1,6 @@
 """Directions drawn from the scattered lobe of a rough surface, on the device.
 
-The lobe drawn from has the height and the tail of that of `small_slope` about the specular direction; r is the shift of
+The sampled lobe has the height and the tail of that of `small_slope` about the specular direction; r is the shift of
 the transverse wavenumber over k:
 
     p(r) = α / (π w²) (1 + r²/w²)^(-1 - α),     ∫_0^r 2π r p dr = 1 - (1 + r²/w²)^(-α),     w² = 2α (b s²)^(1/α) / F(∞)
@@ -16,15 +16,15 @@ from mitsonar.device.types import Float
 
 from .small_slope import MOST, log_roughness
 
-SMALLEST = 1e-3                    # 2 sin θ_i: below, the lobe is as wide as there
+SMALLEST = 1e-3                    # 2 sin θ_i: below, the lobe keeps this width
 CORE = 40.0                        # ln q in the flat middle of the lobe
 TINY = 1e-14
-NARROWEST, WIDEST = 1e-10, 10.0     # w²: what float32 can tell from a mirror, and flat over all directions
+NARROWEST, WIDEST = 1e-10, 10.0     # w²: from nearly a mirror in float32 to flat over all directions
 
 
 def lobe_width(log_lobe: Callable[[Float, Float], Float], sine: Float, wavenumber: Float, w2: Float,
                gamma: Float) -> Float:
-    """Return w² [-] of the lobe that directions are drawn from, where sound comes in at ``sine`` of grazing angle."""
+    """Return w² [-] of the sampled lobe; ``sine`` is that of the incident grazing angle."""
     alpha = 0.5 * gamma - 1
     log_core = log_roughness(dr, wavenumber, w2, alpha) + 2 * dr.log(dr.maximum(2 * sine, SMALLEST))
     width = 2 * alpha * dr.exp(dr.minimum(log_core / alpha, MOST) - log_lobe(0 * log_core + CORE, alpha))
@@ -33,7 +33,7 @@ def lobe_width(log_lobe: Callable[[Float, Float], Float], sine: Float, wavenumbe
 
 def lobe_shift(x: Float, y: Float, sine: Float, width: Float, alpha: Float, first: Float,
                second: Float) -> tuple[Float, Float, Float]:
-    """Draw a direction from the lobe by two numbers in [0, 1)."""
+    """Draw a direction from the lobe with two numbers in [0, 1)."""
     cosine, sine_turn = dr.cos(2 * np.pi * second), dr.sin(2 * np.pi * second)
     near, far = _horizon(x, y, sine, cosine, sine_turn)
     within = first * _within(far * far, width, alpha)
@@ -42,7 +42,7 @@ def lobe_shift(x: Float, y: Float, sine: Float, width: Float, alpha: Float, firs
 
 
 def lobe_density(x: Float, y: Float, sine: Float, x_out: Float, y_out: Float, width: Float, alpha: Float) -> Float:
-    """Return the density of `lobe_shift` over the transverse direction [-]: per sr once it is multiplied by sin θ_s."""
+    """Return the density of `lobe_shift` over the transverse direction [-]: times sin θ_s it is per sr."""
     dx, dy = x + x_out, y + y_out
     square = dr.maximum(dx * dx + dy * dy, TINY)
     scale = 1 / dr.sqrt(square)
@@ -52,24 +52,24 @@ def lobe_density(x: Float, y: Float, sine: Float, x_out: Float, y_out: Float, wi
 
 
 def _horizon(x: Float, y: Float, sine: Float, cosine: Float, sine_turn: Float) -> tuple[Float, Float]:
-    """Distances from the specular direction to the horizon, backwards and forwards along a direction."""
-    along = x * cosine + y * sine_turn          # back towards where sound comes from: the longer way
+    """Return the distances from the specular direction to the horizon, backwards and forwards along a direction."""
+    along = x * cosine + y * sine_turn          # back towards the source: the longer distance
     longer = dr.sqrt(sine * sine + along * along) + abs(along)
     shorter = sine * sine / dr.maximum(longer, TINY)            # their product is sin² θ
     return dr.select(along > 0, shorter, longer), dr.maximum(dr.select(along > 0, longer, shorter), TINY)
 
 
 def _within(square: Float, width: Float, alpha: Float) -> Float:
-    """Share of the lobe within a distance, given squared."""
+    """Return the share of the lobe within a squared distance."""
     return dr.maximum(-_expm1(-alpha * _log1p(square / width)), TINY)
 
 
 def _log1p(x: Float) -> Float:
-    """ln(1 + x) without cancellation about 0."""
+    """Return ln(1 + x) without cancellation about 0."""
     return dr.select(abs(x) < 0.5, 2 * dr.atanh(dr.clip(x / (2 + x), -0.5, 0.5)), dr.log(dr.maximum(1 + x, TINY)))
 
 
 def _expm1(y: Float) -> Float:
-    """e^y - 1 without cancellation about 0."""
+    """Return e^y - 1 without cancellation about 0."""
     half = dr.tanh(0.5 * dr.clip(y, -1, 1))
     return dr.select(abs(y) < 1, 2 * half / (1 - half), dr.exp(dr.minimum(y, MOST)) - 1)

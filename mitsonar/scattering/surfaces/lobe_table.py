@@ -1,8 +1,8 @@
-"""The lobe of a rough interface on the device: ln F(q, α) of `rough_interface` from a table of cubics.
+"""Lobe of a rough interface on the device: ln F(q, α) of `rough_interface` from a table of cubics.
 
 Rows of cubics in ln q stand at equal steps of y = ln(α / (1 - α)), in which F is smooth up to both ends; between rows
-it is Lagrange's cubic through four of them. One α for all makes one row of them beforehand. Both ways keep derivatives,
-with respect to q and to α; both are within 2e-4 of F (4e-5 from γ = 2.8 on).
+Lagrange's cubic runs through four of them. A single α for all rays is interpolated to one row beforehand. Both ways
+have derivatives with respect to q and α, and are within 2e-4 of F (4e-5 from γ = 2.8 on).
 """
 from functools import lru_cache
 from typing import Any
@@ -16,7 +16,7 @@ from mitsonar.device.types import ArrayTypes, Float, Upload
 from .resolved import HIGH_M, HIGH_T, LOW_M, LOW_T, STEP as RATIO_STEP, ratio_table
 from .rough_interface import ALPHA_RANGE, log_lobe
 
-LOW, HIGH, STEP = -16.0, 18.5, 0.1     # of ln q; the limits of small and large q run on from there
+LOW, HIGH, STEP = -16.0, 18.5, 0.1     # ln q; the limits of small and large q are used beyond
 COLUMNS = round((HIGH - LOW) / STEP)
 STEP_Y = 0.1
 MIDDLE = float(np.log(0.625 / 0.375))       # y of the sediments' γ = 3.25: a row of its own
@@ -26,7 +26,7 @@ ROWS = LAST - FIRST + 3
 
 @lru_cache(maxsize=ROWS)
 def _row(index: int) -> np.ndarray:
-    """Cubics of ln F over a step of ln q, as float32 (COLUMNS, 4), lowest power first."""
+    """Return the cubics of ln F over a step of ln q, float32 (COLUMNS, 4), lowest power first."""
     from scipy.interpolate import CubicSpline
 
     alpha = 1 / (1 + np.exp(-(MIDDLE + (FIRST + index) * STEP_Y)))
@@ -37,7 +37,7 @@ def _row(index: int) -> np.ndarray:
 
 
 class LobeTable:
-    """Look ln F up, as a function of ln q and α."""
+    """Table of ln F over ln q and α."""
     # alpha (1,)
 
     def __init__(self, lib: ArrayTypes, upload: Upload, alpha: Float | None = None):
@@ -51,7 +51,7 @@ class LobeTable:
         dr.eval(self.table)
 
     def look_up(self, log_q: Float, alpha: Float) -> Float:
-        """Return ln F for Float arrays; ``alpha`` is that of the table where this has one for all."""
+        """Return ln F for Float arrays; ``alpha`` is ignored by a table of a single α."""
         place = (held(log_q, LOW, HIGH) - LOW) / STEP
         column = dr.minimum(self.lib.UInt32(place), COLUMNS - 1)
         u = place - self.lib.Float(column)
@@ -67,7 +67,7 @@ class LobeTable:
 
 
 class RatioTable:
-    """Look up what `resolved.resolved_factor` asks for, of one γ."""
+    """Table of the logarithmic ratio that `resolved.resolved_factor` needs, for one γ."""
 
     def __init__(self, lib: ArrayTypes, upload: Upload, gamma: float):
         self.lib, values = lib, ratio_table(gamma)
@@ -88,12 +88,12 @@ class RatioTable:
 
 
 def _stencil(alpha):
-    """First of the four rows about α, before it is kept within the table."""
+    """Return the first of the four rows about α, not yet clipped to the table."""
     return dr.floor((dr.log(alpha / (1 - alpha)) - MIDDLE) / STEP_Y) - FIRST - 1
 
 
 def _weights(alpha, first):
-    """Lagrange's weights of four rows at α."""
+    """Return Lagrange's weights of four rows at α."""
     x = (dr.log(alpha / (1 - alpha)) - MIDDLE) / STEP_Y - FIRST - first
     a, b, c = x - 1, x - 2, x - 3
     return -a * b * c / 6, x * b * c / 2, -x * a * c / 2, x * a * b / 6

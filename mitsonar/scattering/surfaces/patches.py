@@ -1,16 +1,16 @@
-"""Patches: seabed whose strength varies from place to place, so that amplitudes are K-distributed.
+"""Patches: random variation of seabed strength from place to place, which makes amplitudes K-distributed.
 
     σ(x, y) = σ g(⌊x/d⌋, ⌊y/d⌋),      g ~ Gamma(ν, 1/ν):  <g> = 1, <g²> = 1 + 1/ν
     p(A) = 4/(√λ Γ(ν)) (A/√λ)^ν K_(ν-1)(2 A/√λ),  <A²> = λ ν,  <A⁴>/<A²>² = 2 (1 + 1/ν)
 
 ν -> ``shape``, d -> ``size`` [m]: the second line is the amplitude of an echo from a resolution cell within a patch,
 Gaussian times √g (Jakeman 1980, J. Phys. A 13, 31; Abraham and Lyons 2002, IEEE J. Oceanic Eng. 27, 800). A cell that
-holds N patches has ν of N times as much. g is hashed from the patch alone, as scatterers are from their cell: every
-element, ping and run sees the same seabed. It is drawn from a table of the means of cells of equal probability, whose
-mean is 1 to the last digit; within the cells the variance is lost, 1e-3 of <g²> at ν = 0.1 and less above.
+holds N patches has N times the ν. g is hashed from the patch alone, as scatterers are from their cell, so every
+element, ping and run meets the same seabed. It is drawn from a table of means over cells of equal probability, whose
+mean is 1 to the last digit; the variance within the cells is lost, 1e-3 of <g²> at ν = 0.1 and less above.
 
-With a border of width w, a place may belong to a patch up to w/2 aside, as between sediments (`borders`). Its g has the
-same distribution, but a resolution cell on a border hears both patches, and is less patchy than ν says.
+With a border of width w, a place may belong to a patch up to w/2 away, as between sediments (`borders`). Its g has the
+same distribution, but a resolution cell on a border averages both patches and varies less than ν implies.
 """
 import drjit as dr
 import numpy as np
@@ -22,7 +22,7 @@ from mitsonar.device.types import ArrayTypes, Bool, Float, Upload
 from .borders import displacement
 
 SMALLEST_SHAPE, LARGEST_SHAPE = 0.1, 1000.0
-CELL_BITS = 13                     # of the table, which has 2^13 cells
+CELL_BITS = 13                     # the table has 2^13 cells
 
 
 def gamma_cells(shape: float, count: int) -> np.ndarray:
@@ -33,7 +33,7 @@ def gamma_cells(shape: float, count: int) -> np.ndarray:
 
 
 class Patches:
-    """Return the relative strength of the patch that a place lies in."""
+    """Relative strength of the patch at a place."""
     # size [m]; border [m]
 
     def __init__(self, shape: float, size: float, lib: ArrayTypes, upload: Upload,

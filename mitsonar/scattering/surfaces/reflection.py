@@ -2,10 +2,10 @@
 
     R = (y - 1) / (y + 1),    y = ρ sin θ / P,    P = √(κ² - cos²θ),    κ = (1 + iδ) / ν
 
-ρ, ν density and sound speed of what lies behind over those of water -> ``density_ratio``, ``sound_speed_ratio``; δ the
+ρ, ν density and sound speed of the medium behind over those of water -> ``density_ratio``, ``sound_speed_ratio``; δ the
 imaginary over the real part of its wavenumber -> ``loss``; θ grazing angle -> ``sin_grazing`` (Rayleigh's coefficient
-of a fluid; Jackson and Richardson, 2007, ch. 8). The formula is that of e^(-iωt); its conjugate is given, as time goes
-as e^(+iωt) in mitsonar. A rigid surface has R = 1, a soft one (pressure release, air) R = -1.
+of a fluid; Jackson and Richardson, 2007, ch. 8). The formula is for e^(-iωt); functions return its conjugate, for the
+e^(+iωt) of mitsonar. A rigid surface has R = 1, a soft one (pressure release, air) R = -1.
 """
 import drjit as dr
 import numpy as np

@@ -1,20 +1,20 @@
-"""The lobe of a rough surface whose larger features a mesh holds: of what is smaller alone, so that none counts twice.
+"""Lobe of the roughness that a mesh does not resolve: larger features are in the mesh and must not count twice.
 
     J = ∫_0^∞ J0(ΔK r) exp(-ΔK_z² D(r) / 2) r dr,    D(r) = 2 h² Φ(K_c r),    h² = 2π w2 K_c^(2 - γ) / (γ - 2)
     Φ(x) = (γ - 2) ∫_1^∞ u^(1 - γ) [1 - J0(u x)] du,    factor of the lobe: k² J / (8π s²)          (see small_slope)
 
 The spectrum ends at K_c = 0.7 π / d below, d the distance of the mesh's nodes -> ``mesh_resolution``: flat facets on
-nodes of a surface of that spectrum have the slopes of its features up to there; shorter ones they follow in part. D
-ends at 2 h², which leaves three parts, with κ = ΔK / K_c and m = ΔK_z² h²:
+nodes of a surface of that spectrum have the slopes of features up to K_c, and follow shorter features in part. D
+saturates at 2 h², which leaves three parts, with κ = ΔK / K_c and m = ΔK_z² h²:
 
     K_c² J = e^(-m) g(κ) + m e^(-m) (γ - 2) κ^(-γ) [κ > 1] + R(κ, m)
 
-a mirror's reflection, single scattering by the features that are left, and R, which is smooth. The mirror's is not in
-one direction but in a Gaussian of ΔK of variance 0.03 ΔK_z² <slope²>/2, the slope that of what was taken out: wide
-enough that many facets of such slopes take part, and little against what they spread it by. R is tabled for one γ, as
-its ratio to the same integral without a cut (Hankel transforms on logarithmic grids). First order does not keep
-energy strictly: of sound that comes in at 3 to 10 degrees, below the critical angle, up to 1.23 may go out (sandy
-gravel without its features over 15 cm, 100 kHz; sands 1.1).
+a mirror reflection, single scattering by the remaining features, and a smooth rest R. The mirror reflection is spread
+over a Gaussian of ΔK of variance 0.03 ΔK_z² <slope²>/2, with the slope of the features in the mesh: wide enough that
+many facets contribute, and narrow against the spread by those facets. R is tabulated for one γ as its ratio to the same
+integral without a cut (Hankel transforms on logarithmic grids). First order does not conserve energy strictly: at 3 to
+10 degrees of incidence, below the critical angle, up to 1.23 times the incident energy may be scattered (sandy gravel
+without its features over 15 cm, 100 kHz; sands 1.1).
 """
 from collections.abc import Callable
 from functools import lru_cache
@@ -29,7 +29,7 @@ from mitsonar.device.types import Numbers
 from .rough_interface import log_lobe
 from .small_slope import MOST, SMALLEST, log_roughness
 
-FACETS = 0.7                       # of the highest wavenumber on the nodes: what facets follow
+FACETS = 0.7                       # of the highest wavenumber on the nodes: features that facets follow
 MIRROR = 0.03
 POINTS = 1 << 14                   # of the transforms
 FARTHEST = 2e3                     # x where Φ is 1 to 1e-6
@@ -47,7 +47,7 @@ def cut(mesh_resolution: Numbers) -> Numbers:
 def resolved_factor(module: ModuleType, log_lobe: Callable[[Numbers, Numbers], Numbers],
                     log_ratio: Callable[[Numbers, Numbers], Numbers], shift: Numbers, shift_z: Numbers,
                     wavenumber: Numbers, w2: Numbers, gamma: Numbers, cut: Numbers) -> Numbers:
-    """Return σ_rough over |a|² [-] as `small_slope.lobe_factor` does, without what has wavenumbers below ``cut``."""
+    """Return σ_rough over |a|² [-] as `small_slope.lobe_factor` does, without features of wavenumbers below ``cut``."""
     # cut [rad/m]
     alpha = 0.5 * gamma - 1
     s = module.maximum(shift_z, SMALLEST)
@@ -69,7 +69,7 @@ def resolved_factor(module: ModuleType, log_lobe: Callable[[Numbers, Numbers], N
 
 
 def log_ratio(gamma: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """Return the look-up that `resolved_factor` asks for, in NumPy."""
+    """Return the NumPy look-up of ln of the ratio that `resolved_factor` needs."""
     table = ratio_table(gamma).astype(float)
 
     def look_up(log_m: np.ndarray, log_width: np.ndarray) -> np.ndarray:
@@ -83,13 +83,13 @@ def log_ratio(gamma: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
 
 
 def _log_structure(module: ModuleType, alpha: Numbers) -> Numbers:
-    """ln of c in Φ = c x^2α, that of features of all sizes: C² r^2α = 2 h² c r^2α where K_c and w2 are 1."""
+    """Return ln c, with Φ = c x^2α for features of all sizes: C² r^2α = 2 h² c r^2α where K_c and w2 are 1."""
     return log_roughness(module, 1.0, 1.0, alpha) - module.log(np.pi / alpha)
 
 
 @lru_cache(maxsize=8)
 def ratio_table(gamma: float) -> np.ndarray:
-    """Make the table of ln of R over the integral without a cut, float32 (SIZE_M, SIZE_T)."""
+    """Return the table of ln of R over the integral without a cut, float32 (SIZE_M, SIZE_T)."""
     alpha = 0.5 * gamma - 1
     log_x = np.linspace(-HIGH_M / (2 * alpha) - 12.0, np.log(FARTHEST), POINTS)
     x, step = np.exp(log_x), log_x[1] - log_x[0]
@@ -113,7 +113,7 @@ def ratio_table(gamma: float) -> np.ndarray:
 
 
 def _left(gamma: float, log_x: np.ndarray) -> np.ndarray:
-    """1 - Φ: by its series up to x = 3, beyond by its integral from the far end."""
+    """Return 1 - Φ: by its series up to x = 3, beyond by its integral from the far end."""
     alpha, x = 0.5 * gamma - 1, np.exp(log_x)
     near = x < 3
     term, series = np.ones(near.sum()), np.zeros(near.sum())

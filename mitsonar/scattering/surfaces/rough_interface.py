@@ -1,4 +1,4 @@
-"""The integral over the structure function of a rough interface, which gives the shape of its scattered lobe.
+"""Integral over the structure function of a rough interface: the shape of its scattered lobe.
 
     I(q, α) = ∫_0^∞ J0(u) exp(-q u^2α) u du
 
@@ -8,8 +8,8 @@ I grows as q, the perturbation limit, where q is small, and falls as q^(-1/α), 
     I -> q α 2^(1 + 2α) Γ(1 + α) / Γ(1 - α)                I -> q^(-1/α) Γ(1/α) / 2α
 
 In between it is computed on u = s e^(iφ), where both factors decay, as Re ∫ H0(s e^iφ) exp(-q s^2α e^2iαφ) e^2iφ s ds
-(the trapezoidal rule in ln s), once per α at nodes in ln q. A cubic spline through ln I runs between the nodes and
-straight lines, the two limits, run on from its ends, so that I has continuous slopes everywhere.
+(the trapezoidal rule in ln s), once per α at nodes in ln q. A cubic spline through ln I joins the nodes, and
+straight lines (the two limits) continue it at both ends, so that I has continuous slopes everywhere.
 """
 from collections.abc import Callable
 from functools import lru_cache
@@ -44,7 +44,7 @@ def log_lobe(log_q: Real, alpha: float) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def _table(alpha: float) -> tuple[Callable, float, float]:
-    """The spline of ln I over ln q, and its ends."""
+    """Return the spline of ln I over ln q, and its ends."""
     from scipy.interpolate import CubicSpline
 
     # The lobe's first correction, relative, is Γ(2/α) / 4 Γ(1/α) q^(-1/α); the table ends where it is 1e-9.

@@ -1,4 +1,4 @@
-"""The scattered lobe of a surface with a power-law spectrum of roughness, by small slopes of lowest order.
+"""Scattered lobe of a surface with a power-law roughness spectrum, by the lowest-order small-slope approximation.
 
     σ_rough = |A|² / (2π ΔK_z²) ∫_0^∞ J0(ΔK r) exp(-ΔK_z² D(r) / 2) r dr,      A = k² a / 2,      D(r) = C² r^2α
             = |a|² / (8π s²) (b s²)^(-1/α) F(q),      q = b s² d^(-α),      b = C² k^(2 - 2α) / 2
@@ -7,8 +7,8 @@
     C² = 2π w2 Γ(2 - α) 2^(-2α) / [α (1 - α) Γ(1 + α)]
 
 d -> ``shift``, s -> ``shift_z``, k -> ``wavenumber``; w2, γ of the spectrum w2 K^-γ. The amplitude a is that of the
-material below (`fluid`). F is 2π times the density of a stable law of two dimensions: flat where q is large, about the
-specular direction, and far from it as q^(1 + 1/α), the limit of perturbation.
+material below (`fluid`). F is 2π times the density of a two-dimensional stable law: flat where q is large, about the
+specular direction, and proportional to q^(1 + 1/α), the perturbation limit, far from it.
 """
 from collections.abc import Callable
 from types import ModuleType
@@ -18,7 +18,7 @@ from scipy.special import polygamma
 
 from mitsonar.device.types import Numbers
 
-SMALLEST = 1e-9                    # of k: keeps specular and grazing limits finite, at which they are reached to 1e-9
+SMALLEST = 1e-9                    # over k: keeps specular and grazing limits finite, accurate to 1e-9
 MOST = 80.0                        # exponent: exact forward grazing has no bound, and float32 ends at 88
 # ln Γ(2 - α) - ln Γ(1 + α) in odd powers of α - 1/2
 _ODD = [-2 * float(polygamma(2 * n, 1.5)) / float(np.prod(np.arange(1.0, 2 * n + 2))) for n in range(12)]

@@ -9,7 +9,7 @@ import mitsuba as mi
 from mitsonar.echoes.point_targets import PointTargets
 from mitsonar.echoes.record import Echoes
 from mitsonar.echoes.sights.sights import Sights
-from mitsonar.scattering.bodies.echo_taps import HeardBand
+from mitsonar.scattering.bodies.echo_taps import ReceivedBand
 from mitsonar.sonar.pulses.pulse import Pulse
 
 from ..motion.places import Place
@@ -18,15 +18,15 @@ HALF_POWER = 0.443                 # half-power frequency of a tone from its car
 SKIRTS = 4.3                       # `Pulse.suggested_sampling_rate` of a tone, over 1 / length
 
 
-def band_of(pulse: Pulse) -> HeardBand:
+def band_of(pulse: Pulse) -> ReceivedBand:
     """Return the pulse's band, including the skirts of its spectrum that the samples keep."""
-    return HeardBand(frequency=pulse.frequency, low=pulse.frequency + pulse.band[0],
+    return ReceivedBand(frequency=pulse.frequency, low=pulse.frequency + pulse.band[0],
                      high=pulse.frequency + pulse.band[1], width=pulse.suggested_sampling_rate)
 
 
-def band_of_tone(frequency: float, length: float) -> HeardBand:
+def band_of_tone(frequency: float, length: float) -> ReceivedBand:
     """Return the band of a tone from its frequency [Hz] and length [s]; see `band_of`."""
-    return HeardBand(frequency=frequency, low=frequency - HALF_POWER / length, high=frequency + HALF_POWER / length,
+    return ReceivedBand(frequency=frequency, low=frequency - HALF_POWER / length, high=frequency + HALF_POWER / length,
                      width=SKIRTS / length)
 
 
