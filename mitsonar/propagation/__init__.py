@@ -1,4 +1,4 @@
-"""Propagation: how sound gets from one point to another in refracting water."""
+"""Propagation of sound between points in refracting water."""
 from mitsonar.device.lazy import attach
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

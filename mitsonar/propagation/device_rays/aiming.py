@@ -1,4 +1,4 @@
-"""Aiming: the launch angle of the ray from a source to a given point, good enough for `two_point.to_hit`.
+"""Aiming: launch angle of the ray from a source to a point, accurate enough for `two_point.to_hit`.
 
 In the mean water between the two depths, t = p / q solves
 
@@ -19,8 +19,8 @@ from .two_point import LEVEL, SERIES_LIMIT, PointState, SourceState, walk
 
 AIMING_STEPS = 4
 WALKS = 16
-CLOSE_ENOUGH = 0.01            # [m] a walked ray may pass the point by: what `to_hit` carries it over
-CLOSE_BY = 1e-4                # [m] as it does here: the carrying errs by nanoseconds where rays graze a level
+CLOSE_ENOUGH = 0.01            # [m] largest miss of a walked ray, which `to_hit` carries to the point
+CLOSE_BY = 1e-4                # [m] largest miss here: beside grazing rays, carrying is wrong by nanoseconds
 
 
 def aim(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, source_index: UInt32,
@@ -42,7 +42,7 @@ def aim(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, so
         w = (1 + t * t) / s2                                           # 1/q²
         a2 = m2 * w * w
         t = start / (1 + 0.375 * dr.minimum(a2, 1))
-    # kept a hair off the horizontal where the mean water knows no way: the ray is walked then
+    # slightly off the horizontal where the mean water has no ray: such a ray is walked
     p2 = s2 / table.scale * t * t / (1 + t * t)
     cosine = dr.minimum(dr.sqrt(p2) * c0, 1 - 1e-7)
     sine = cast(Float64, dr.copysign(dr.sqrt(1 - cosine * cosine), z - z0))
@@ -55,7 +55,7 @@ def aim(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, so
 @dr.syntax
 def _walked(table: LayerTable, lib: ArrayTypes, z0: Float64, c0: Float64, sine: Float64, cosine: Float64, x: Float64,
             z: Float64, active: Bool) -> tuple[Float64, Float64, Bool]:
-    """Turn rays until they pass (x, z); gives their sines and cosines, and which of them never do.
+    """Turn rays until they pass (x, z); return their sines, cosines and a mask of rays that never pass.
 
     By Newton's method, held between the last ray that passed above and the last that passed below.
     """
@@ -70,7 +70,7 @@ def _walked(table: LayerTable, lib: ArrayTypes, z0: Float64, c0: Float64, sine: 
         above = dz > 0
         upper_sine, upper_cosine = dr.select(above, sine, upper_sine), dr.select(above, cosine, upper_cosine)
         lower_sine, lower_cosine = dr.select(above, lower_sine, sine), dr.select(above, lower_cosine, cosine)
-        # near a caustic V is nothing: take the straight ray's lever instead
+        # V vanishes near a caustic: use the straight ray's lever instead
         lever = dr.select(abs(v) > 0.05 * x, v, dr.maximum(x, 1e-3))
         turn = dr.clip(dz * (cosine / c0) * c_x / lever, -0.1, 0.1)
         turned_sine, turned_cosine = sine + cosine * turn, cosine - sine * turn

@@ -49,7 +49,7 @@ class SpreadDerivatives(NamedTuple):
 
 def spread_derivatives(parameter: Numbers, gradient: Numbers, descent: Numbers, c1: Numbers, s1: Numbers, c2: Numbers,
                        s2: Numbers) -> SpreadDerivatives:
-    """Tell how dX/dp over an arc moves with the ray parameter and the speed in its layer; as of `arc_derivatives`."""
+    """Return the derivatives of dX/dp over an arc by ray parameter and layer speed; see `arc_derivatives`."""
     xp: Any = dr if dr.is_jit_v(parameter * c1) else np
     select: Any = dr.select if xp is dr else np.where
     s1, s2 = _not_level(xp, select, s1), _not_level(xp, select, s2)
@@ -90,7 +90,7 @@ def arc_derivatives(parameter: Numbers, gradient: Numbers, descent: Numbers, c1:
     for place, weight in zip(_PLACES.tolist(), _WEIGHTS.tolist()):
         u = place * descent
         c = c1 + gradient * u
-        # kept from being nothing where the layer is not gentle, and this is not asked for
+        # kept above zero where the layer is not gentle and this result is unused
         square = xp.maximum(square1 - squared * (c - c1) * (c + c1), 0.5 * least)
         part = sign * weight * descent / xp.sqrt(square)
         time, wide = part / (c * c), part / square

@@ -1,8 +1,8 @@
-"""The earliest arrival at a point, surely: aimed at on the device, looked for in NumPy where that may not be enough.
+"""Earliest arrival at a point: aimed on the device, searched exhaustively in NumPy where aiming may miss it.
 
 Within the range that no two rays to the point's depth share (`sole_range`) the ray that aiming finds is the only one.
-For all other points, and where aiming finds none, the reference (`eigenrays`) tells, which misses no ray: of most pings
-these are none, or the few at the edge of a shadow.
+All other points, and those where aiming fails, use the reference (`eigenrays`), which misses no ray. Most pings have no
+such points, or a few at the edge of a shadow.
 """
 from dataclasses import dataclass
 
@@ -35,7 +35,7 @@ class Arrival:
 
 def earliest(table: LayerTable, lib: ArrayTypes, source: SourceState | PointState, source_index: UInt32,
              x: Float64, z: Float64, active: Bool) -> Arrival:
-    """Find the earliest direct or once-turned ray from sources to points; evaluates it."""
+    """Find and evaluate the earliest direct or once-turned ray from sources to points."""
     # source_index (R,); x, z (R,) [m]; active (R,)
     active &= dr.isfinite(x) & dr.isfinite(z)
     sine0, cosine0, found = aim(table, lib, source, source_index, x, z, active)
@@ -61,7 +61,7 @@ def earliest(table: LayerTable, lib: ArrayTypes, source: SourceState | PointStat
 
 def _looked_for(profile: SoundSpeedProfile, source_depth: np.ndarray, depth: np.ndarray,
                 distance: np.ndarray) -> dict[str, np.ndarray]:
-    """Fields of an `Arrival`, from the reference."""
+    """Return the fields of an `Arrival` from the reference."""
     ray = eigenray(profile, source_depth, depth, distance)
     found = ray.exists
     area = np.maximum(ray.spreading_area, (distance ** 2 + (depth - source_depth) ** 2) / MAX_TUBE_GAIN)

@@ -21,8 +21,8 @@ from .sole_range import sole_range
 FAR = 1.0e5            # [m] thickness of the constant half-spaces above and below the profile
 SPEED_STEP = 0.01      # largest relative change of sound speed inside one layer
 LOOKUP_SIZE = 2048
-EDGE = 1e-7            # [m] from an edge: arrivals that this parts differ by less than 1e-10 s
-SAFE = 1 - 1e-6         # of a range: what single precision may round up
+EDGE = 1e-7            # [m] tolerance of an edge; it changes arrivals by less than 1e-10 s
+SAFE = 1 - 1e-6         # factor on a range, as single precision may round up
 GAUSS = ((0.5 - 0.5 * 0.6 ** 0.5, 5 / 18), (0.5, 8 / 18), (0.5 + 0.5 * 0.6 ** 0.5, 5 / 18))
 
 
@@ -41,11 +41,11 @@ class LayerTable(Record):
     sole: Float           # Float (C C,): `sole_range` by cells [m]
     sole_cells: Float64   # Float64 (1,): C
     radius: Float64       # Float64 (1,): of the tightest bend of a ray [m]
-    profile: SoundSpeedProfile  # the SoundSpeedProfile it was made of
+    profile: SoundSpeedProfile  # source of the table
     count: int
 
     def find(self, depth: Float64) -> UInt32:
-        """Return the index of the layer that holds each depth [m]; a node is of the layer below it, NaN of the first.
+        """Return the index of the layer that holds each depth [m]: for a node the layer below, for NaN the first.
         """
         lib, depth = self.lib, dr.detach(depth)            # a place in a table has no gradient
         cell = held((depth - self.top) * self.bins_per_metre, 0, LOOKUP_SIZE - 1)
@@ -61,8 +61,8 @@ class LayerTable(Record):
     def sole_range(self, depth: Float64, other: Float64) -> Float:
         """Return the range [m] within which no two rays lead from a depth to another: see `sole_range`."""
         lib, ranges = self.lib, []
-        # a depth at the edge of two cells is of both, and of one of them more may be known; but along an edge of
-        # uniform water runs a level ray that the other side does not know
+        # a depth at an edge is in both cells, of which one may have the larger range; but a level ray along the edge
+        # of uniform water is missing in the other cell
         for aside in (-EDGE, EDGE):
             number = []
             for z in (depth + aside, other + aside):
@@ -94,7 +94,7 @@ class LayerTable(Record):
 
 @dr.syntax
 def _step_down(lib: ArrayTypes, layers: Float64, k: UInt32, depth: Float64, last: UInt32) -> UInt32:
-    """Walk from the look-up's layer to the one that holds the depth: none or one step, mostly."""
+    """Walk from the look-up's layer to the one that holds the depth, mostly in at most one step."""
     more = (k < last) & (depth >= dr.gather(lib.Float64, layers, 8 * k + 3))
     while more:
         k += 1
@@ -103,7 +103,7 @@ def _step_down(lib: ArrayTypes, layers: Float64, k: UInt32, depth: Float64, last
 
 
 def layer_table(profile: SoundSpeedProfile, like: DrJitArray | type) -> LayerTable:
-    """Put a profile on the device."""
+    """Make the device table of a profile."""
     lib = arrays_of(like)
     z, c = _split(np.asarray(profile.depth, float), np.asarray(profile.sound_speed, float))
     reference = float(np.mean(c ** -2))

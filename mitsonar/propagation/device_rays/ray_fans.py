@@ -1,4 +1,4 @@
-"""Ray fans: exact rays from given source depths, stored as polylines a triangle tracer can follow.
+"""Ray fans: exact rays from given source depths, stored as polylines that a triangle tracer can follow.
 
 Inside a layer a ray is a circular arc. With p = cos θ / c constant along the ray, g = dc/dz, s = sin θ (positive down),
 κ = p g the curvature (the ray turns towards slower water, dθ/dl = -κ):
@@ -29,16 +29,16 @@ from .layer_table import LayerTable
 
 HALF_SPAN = np.radians(90.02)      # rows cover every launch angle, and a little more for rounding
 LOOKUP_PER_ROW = 2
-FEWEST_VERTICES = 16               # room for those of a row, to begin with
+FEWEST_VERTICES = 16               # initial capacity of a row
 # as Dr.Jit's, with types that a checker need not work out of a loop's
 _select: Callable[[Bool, Any, Any], Float64] = cast(Any, dr.select)
 _select_number: Callable[[Bool, UInt32, UInt32], UInt32] = cast(Any, dr.select)
 _fma: Callable[[Any, Any, Any], Float64] = cast(Any, dr.fma)
-NARROWEST = 2e-7                   # [rad] rows below this are not told apart in float32
+NARROWEST = 2e-7                   # [rad] narrower rows coincide in float32
 
 
 class RayFans(Record):
-    """Polylines of D ray fans, one a source depth.
+    """Polylines of D ray fans, one for each source depth.
 
     ``vertex`` holds (r, z, dr/dθ0, dz/dθ0) of vertex v of row j of ray fan d at index ((d R + j) V + v), float32 [m,
     m/rad].
@@ -95,7 +95,7 @@ def build_ray_fans(table: LayerTable, profile: SoundSpeedProfile, source_depth: 
                                   (tolerance, max_range, slab[0] - margin, slab[1] + margin))
     depth = upload(lib.Float64, np.repeat(source_depth, count))
     angle = upload(lib.Float64, middle)
-    # where edges coincide lies a row of no width: no ray finds it, and it may be one that never leaves its depth
+    # coincident edges make a row of no width, which no ray finds and which may never leave its depth
     wanted = upload(lib.UInt32, (np.diff(edges, axis=1) > NARROWEST).astype(np.uint32)) != 0
     edge32 = edges.astype(np.float32)
     edge32[:, -1] = 9.0                                     # no launch angle walks past the last row
@@ -123,7 +123,7 @@ def _row_edges(profile: SoundSpeedProfile, source_depth: np.ndarray, rows: int) 
     critical = np.arccos(np.clip(ratio, -1, 1))                                 # 0 where the node is slower
     edges = np.concatenate([np.broadcast_to(equal, (len(source_depth), rows + 1)), critical, -critical], 1)
     edges = np.sort(edges, 1)
-    # cuts closer than float32 can tell apart would make rows no angle finds: move them onto their neighbour
+    # cuts that coincide in float32 would make rows that no angle finds: move them onto their neighbour
     edges[:, 1:] = np.where(np.diff(edges, axis=1) < NARROWEST, edges[:, :-1], edges[:, 1:])
     return edges
 

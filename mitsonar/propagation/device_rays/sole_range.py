@@ -1,13 +1,13 @@
-"""The range up to which no two rays lead from one depth to another: what is found there is the only ray.
+"""Sole range: within this range at most one ray leads from one depth to another.
 
 Of a ray of parameter p that turns above two depths u < l, with W(p, d) its range from the turn down to a depth d,
 
     X = W(p, u) + W(p, l),      W and dW/dp grow with d
 
 so that what holds in the corner of a cell of depths holds in all of it: X is no less than in the shallow corner, dX/dp
-no more than in the deep one. Direct rays grow in X with p until they run level at u, if that is where sound is
-fastest, and go on as rays that turn just above: those are the only ones to their points as long as dX/dp < 0. From
-where that is not sure, and on the other side from the start, no ray is shorter than the least X: the sole range.
+no more than in the deep one. X of direct rays grows with p until they run level at u, if sound is fastest there. They
+continue as rays that turn just above, each the only ray to its points as long as dX/dp < 0. Beyond the p where that is
+not proven, and on the other side from the start, every ray is at least as long as the least X: the sole range.
 
 Intervals of p are steps of the sine at the lower side of the layer that rays turn in (s_n, its gradient g):
 
@@ -16,9 +16,9 @@ Intervals of p are steps of the sine at the lower side of the layer that rays tu
 each part bounded by its values at an interval's ends, as in `turned`. Rays of more turns are longer: one that turns
 twice begins with one that turns above and holds one that turns below, and of both kinds no two are within the range.
 
-A cell knows nothing of two depths within it. But every ray that turns, however often and wherever, is long if the
-depths differ by H. Its sine changes by at most 1 / R a metre of range, R the radius of the tightest bend, and is
-nothing at a turn, so that |H| <= ∫ tan θ dx gives
+A cell gives no bound for two depths within it. But every ray that turns is long if the depths differ by H: its sine
+changes by at most 1 / R per metre of range, with R the radius of the tightest bend, and is zero at a turn, so that
+|H| <= ∫ tan θ dx gives
 
     X >= √(H (2 R - H)),     R = min c / max |g|,     R where H is more
 
@@ -31,11 +31,11 @@ import numpy as np
 
 from mitsonar.water.profile import SoundSpeedProfile
 
-CELLS = 224                    # of depth, about as many
+CELLS = 224                    # approximate number of depth cells
 SINE_STEP = 1.5e-3
 BEYOND = 8                     # cells of the uniform water on either side, as deep together as the profile
 TINY = 1e-300
-STRAIGHT = 1e12                # [m] a radius that nothing tells from a straight line
+STRAIGHT = 1e12                # [m] radius of practically straight rays
 
 
 class SoleRange(NamedTuple):
@@ -88,7 +88,7 @@ def _edges(depth: np.ndarray, speed: np.ndarray) -> np.ndarray:
 
 
 def _turned_above(depth: np.ndarray, speed: np.ndarray, edge: np.ndarray) -> np.ndarray:
-    """Ranges (N, N), meaningful where the first cell is not below the second, as far as rays turned above both tell."""
+    """Return the ranges (N, N) that rays turned above both cells allow; valid if the first cell is not below."""
     grid = np.unique(np.concatenate([depth, edge]))
     fast = np.interp(grid, depth, speed)
     at_edge = np.searchsorted(grid, edge)
@@ -123,7 +123,7 @@ def _turned_above(depth: np.ndarray, speed: np.ndarray, edge: np.ndarray) -> np.
 
 
 def _steps(depth: np.ndarray, speed: np.ndarray) -> list[tuple[int, float, float, float, float]]:
-    """Intervals of the sine by layers, upwards: lower node, the speed there, gradient upwards, sines from, to."""
+    """Return the sine intervals by layer, upwards: lower node, its speed, upward gradient, first and last sine."""
     steps = []
     for k in range(len(depth) - 2, -1, -1):
         if speed[k] > speed[k + 1]:
@@ -137,7 +137,7 @@ def _steps(depth: np.ndarray, speed: np.ndarray) -> list[tuple[int, float, float
 
 def _bounds(grid: np.ndarray, fast: np.ndarray, at_edge: np.ndarray, near: np.ndarray, near_speed: np.ndarray,
             gradient: np.ndarray, left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least W and largest p² s_n dW/dp at the edges, (J, N+1); infinite W where no ray of the interval comes by."""
+    """Return the least W and largest p² s_n dW/dp at the edges, (J, N+1); W is infinite where no ray passes."""
     near_index = np.searchsorted(grid, near)
     steep, level = (np.sqrt((1 - sine) * (1 + sine)) / near_speed for sine in (right, left))      # p, least and largest
     column = np.arange(len(grid))
@@ -148,7 +148,7 @@ def _bounds(grid: np.ndarray, fast: np.ndarray, at_edge: np.ndarray, near: np.nd
         square = (1 - cosine) * (1 + cosine)
         square[np.arange(len(p)), near_index] = sine * sine
         sines.append(square)
-    # where the steepest does not come by none does
+    # where the steepest ray does not pass, no ray does
     blocked = np.maximum.accumulate(below & (sines[0] <= 0), axis=1)
     steepest, levelest = (np.sqrt(np.maximum(square, 0)) for square in sines)
     total = np.diff(grid) * (fast[1:] + fast[:-1])
@@ -175,7 +175,7 @@ def _ratio(sine: np.ndarray, of: np.ndarray) -> np.ndarray:
 
 
 def _goes_on(grid: np.ndarray, fast: np.ndarray, at_edge: np.ndarray) -> np.ndarray:
-    """Tell of cells whether the levelest direct rays from the first run level there, nowhere below: (N, N)."""
+    """Return a mask (N, N): the flattest direct rays from the first cell become level there and nowhere below."""
     falls = np.array([np.all(np.diff(fast[a:b + 1]) <= 0) for a, b in zip(at_edge[:-1], at_edge[1:])])
     cells = len(falls)
     goes_on = np.zeros((cells, cells), bool)

@@ -47,14 +47,14 @@ class SourceState(Record):
 
 
 class PointState(Record):
-    """The medium at points that are all different, one a ray: depth, sound speed and moments, Float64 (R,)."""
+    """Medium at one point per ray: depth, sound speed and moments, Float64 (R,)."""
 
     depth: Float64
     speed: Float64
     moments: list[Float64]
 
     def gather(self, lib: ArrayTypes, index: UInt32) -> tuple[Float64, Float64, list[Float64]]:
-        """Return the same as `SourceState` does; the index plays no part."""
+        """Return the same as `SourceState.gather`; the index is ignored."""
         return self.depth, self.speed, self.moments
 
 
@@ -74,10 +74,10 @@ def source_state(table: LayerTable, source_depth: np.ndarray) -> SourceState:
 
 def _series(table: LayerTable, lib: ArrayTypes, p: Float64, x: Float64, z: Float64, z0: Float64,
             moments0: list[Float64]) -> tuple[Float64, Float, Float, Float, Float64, Float64, Float, Float]:
-    """The O(1) series; returns T, D, S, X/p, refined p, c, a4 (NaN or large where the series does not hold) and the
+    """Evaluate the O(1) series: T, D, S, X/p, refined p, c, a4 (NaN or large where the series is invalid) and the
     horizontal miss of the launched ray.
 
-    Time and p are float64. What enters T only squared (the miss) or is no time (D, S) is float32, twice as many lanes.
+    Time and p are float64. The miss, which enters T squared, and D and S are float32 for twice as many lanes.
     """
     F, wide = lib.Float, lib.Float64
     c, moments = table.at(z)

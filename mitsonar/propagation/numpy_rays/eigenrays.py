@@ -25,12 +25,12 @@ from .layers import Layers
 from .turned import BATCH, CONVERGED, ROUNDING, TINY_SINE, rays_turned_below
 
 NEWTON_STEPS = 64
-SAME_TIME, SAME_ANGLE = 1e-13, 1e-9  # relative, [rad]: two arrivals closer than this are one found twice
+SAME_TIME, SAME_ANGLE = 1e-13, 1e-9  # relative, [rad]: closer arrivals are duplicates of one ray
 
 
 @dataclass(frozen=True, kw_only=True)
 class Eigenray:
-    """Hold eigenrays; all fields have one shape and are NaN where there is no ray.
+    """Eigenrays; all fields have one shape and are NaN where there is no ray.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class Eigenray:
 
     @property
     def exists(self) -> np.ndarray:
-        """Tell where there is a ray."""
+        """Return True where there is a ray."""
         return np.isfinite(self.travel_time)
 
 
@@ -77,7 +77,7 @@ def eigenray(profile: SoundSpeedProfile, source_depth: ArrayLike, target_depth: 
     ----------
     profile : SoundSpeedProfile
     source_depth, target_depth : array [m]
-        Positive down; beyond the profile's ends the water is uniform. The surface and the seabed are not looked at.
+        Positive down; beyond the profile's ends the water is uniform. Surface and seabed are ignored.
     horizontal_range : array [m]
         Not negative. All three broadcast.
 
@@ -184,7 +184,7 @@ def _sorted(case: np.ndarray, fields: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 def _direct(profile: SoundSpeedProfile, source: np.ndarray, target: np.ndarray,
             horizontal_range: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Find the rays that go straight up or down between different depths; give their cases and fields."""
+    """Find the rays that only rise or only sink between different depths; return their cases and fields."""
     case = np.flatnonzero(source != target)
     if not case.size:
         return case, np.empty((len(FIELDS), 0))
@@ -249,7 +249,7 @@ def _level(profile: SoundSpeedProfile, source: np.ndarray, target: np.ndarray,
 
 def _turned(profile: SoundSpeedProfile, source: np.ndarray, target: np.ndarray, horizontal_range: np.ndarray,
             latest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Find the rays that turn below both ends; give their cases and fields."""
+    """Find the rays that turn below both ends; return their cases and fields."""
     upper, lower = np.minimum(source, target), np.maximum(source, target)
     rays = rays_turned_below(profile, upper, lower, horizontal_range, latest)
     case = rays.case

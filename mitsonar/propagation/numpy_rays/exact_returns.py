@@ -3,9 +3,9 @@
     t = T(I, O + D(t_i + t) + R(t_i + t) d)               solved by Newton's method, dt <- (T - t) / (1 - v·n/c)
 
 I the hit, met at t_i; O the array's origin, D and R its displacement and rotation since the ping (`travel`), v = dD/dt,
-d the element's offset at the ping; T the time of the earliest eigenray, n its direction at the element. What
-`vector_approximation` is measured by, and what takes its place where it does not hold. Where aiming finds none, or
-there may be an earlier one, the reference tells.
+d the element's offset at the ping; T the time of the earliest eigenray, n its direction at the element. These times
+are the reference for `vector_approximation` and replace it where it is invalid. Where aiming finds no ray, or an
+earlier ray may exist, the exhaustive search (`eigenrays`) is used.
 """
 from typing import cast
 
@@ -44,7 +44,7 @@ def exact_return(table: LayerTable, lib: ArrayTypes, origin_depth: Float64, disp
 
 def _looked_for(table: LayerTable, origin_depth: Float64, displacement: Vector64, elapsed: Float64, offset: Triple,
                 travel: Travel, first: Float64) -> tuple[np.ndarray, ...]:
-    """Solve what `_solve` does by the reference: time and direction, four arrays; NaN where there is no ray."""
+    """Solve as `_solve` by exhaustive search: time and direction, four arrays; NaN where there is no ray."""
     time, towards, kind = first.numpy().copy(), np.empty((3, dr.width(first))), type(first)
     depth, rest = (origin_depth - displacement.z).numpy(), np.arange(time.size)
     for _ in range(NEWTON_STEPS):

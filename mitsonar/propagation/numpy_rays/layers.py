@@ -36,7 +36,7 @@ class Pass(NamedTuple):
 
 @dataclass(frozen=True)
 class Layers:
-    """Hold the layers that N rays cross from depth to depth, every one downwards."""
+    """Layers that N rays cross downwards, from depth to depth."""
 
     thickness: np.ndarray  # (N, L) [m]: zero where a ray does not reach the layer
     speed: np.ndarray  # (N, L+1) [m/s]: at the edges of the layers
@@ -79,7 +79,7 @@ class Layers:
         return self.thickness * (self.speed[:, :-1] + self.speed[:, 1:]) / (sines[:, :-1] + sines[:, 1:])
 
     def reach(self, sine: np.ndarray, cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return x / p and dx/dp (N,) alone: what a search needs."""
+        """Return only x / p and dx/dp (N,), for a search."""
         sines = self.sines(sine, cosine)
         stretch = self.stretch(sines)
         return stretch @ self.passes, (stretch / (sines[:, :-1] * sines[:, 1:])) @ self.passes

@@ -168,13 +168,13 @@ class _LayerSums:
                       turned.astype(float))
 
     def _layer_of(self, turning: np.ndarray, turned: np.ndarray) -> np.ndarray:
-        """Number of the layer that each ray turns in; rounding may put the turn a hair below it."""
+        """Return the number of each ray's turning layer; rounding may put the turn slightly below it."""
         nodes = self.profile.depth
         number = np.clip(np.searchsorted(nodes, np.where(turned, turning, nodes[0])), 1, max(nodes.size - 1, 1))
         return np.where(turned & (self.slopes[number] <= 0), np.maximum(number - 1, 1), number)
 
     def _below(self, near: np.ndarray, turning: np.ndarray, layer: np.ndarray, turned: np.ndarray) -> np.ndarray:
-        """Sine at `near` of the rays that turn below it: s² = p² (c_turn - c)(c_turn + c), c_turn = 1/p."""
+        """Return the sine at `near` of rays that turn below: s² = p² (c_turn - c)(c_turn + c), c_turn = 1/p."""
         rise = self.slopes[layer] * np.where(turned, turning - near, 0.0)
         return self.parameter * np.sqrt(np.maximum(rise * (2 / self.parameter - rise), 0))
 

@@ -44,13 +44,13 @@ TINY = 1e-12               # of the squared sine at the fastest depth: no divisi
 def return_time(profile: SoundSpeedProfile, origin: ArrayLike, hits: ArrayLike, elements: ArrayLike,
                 velocity: ArrayLike = (0, 0, 0),
                 method: Literal["vector", "paper", "eigenray"] = "vector") -> np.ndarray:
-    """Return the time from each hit back to each element of an array that moves on meanwhile.
+    """Return the travel time from each hit back to each element of a moving array.
 
     Parameters
     ----------
     profile : SoundSpeedProfile
     origin : array (3,) [m]
-        Where the ping leaves at time 0; scene coordinates, z up, depth = -z.
+        Place of transmission at time 0; scene coordinates, z up, depth = -z.
     hits : array (H, 3) [m]
     elements : array (E, 3) [m]
         Offsets from the platform's position, at the attitude it has at reception, along the scene's axes.
@@ -73,7 +73,7 @@ def return_time(profile: SoundSpeedProfile, origin: ArrayLike, hits: ArrayLike, 
 
     Notes
     -----
-    Surface and seabed are not looked at. `return_time_error` says where ``vector`` falls back on eigenrays.
+    Surface and seabed are ignored. `return_time_error` shows where ``vector`` falls back on eigenrays.
 
     Examples
     --------
@@ -83,7 +83,7 @@ def return_time(profile: SoundSpeedProfile, origin: ArrayLike, hits: ArrayLike, 
     >>> water = SoundSpeedProfile([0, 5, 12, 25, 40, 60], [1508, 1507.5, 1499, 1491, 1489.5, 1490.5])
     >>> elements = [[0, 0, 0], [0, 0, -0.5]]
     >>> times = return_time(water, [0, 0, -8], [[60, 0, -60]], elements, velocity=[2, 0, 0])
-    >>> np.round(np.diff(times) * 1e6, 3)     # half a metre deeper hears it this much earlier [us]
+    >>> np.round(np.diff(times) * 1e6, 3)     # lead of an element half a metre deeper [us]
     array([[-215.18]])
     """
     if method not in METHODS:
@@ -247,7 +247,7 @@ def approximate(profile: SoundSpeedProfile, origin: np.ndarray, way: np.ndarray,
                 upwards * height, square * mean - 1, square * square * variance)
             times = travel_time + delay + correction / closing
             worst = np.maximum(worst, error)
-        # p may not come near that of the ray that is level where the water is fastest: no series tells of it
+        # no series converges near the p of the ray that is level where the water is fastest
         near = np.abs(change) > HEADROOM * (leg.speed / fastest - leg.horizontal)[:, None]
         error = np.where(near, np.inf, np.abs(worst / closing))
     error = np.where(ray.exists[:, None], np.where(direct[:, None] & np.isfinite(error), error, np.inf), np.nan)

@@ -16,7 +16,7 @@ THINNEST = 1e-9            # [m]: below, the mean is the value at the depth itse
 
 
 class Slices:
-    """Look up what a ray's time through a thin horizontal slice of water depends on."""
+    """Table of the slowness integrals that give a ray's time through a thin horizontal slice of water."""
 
     def __init__(self, profile: SoundSpeedProfile):
         self.profile = profile

@@ -33,7 +33,7 @@ Cases: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray]    # upper and lowe
 
 
 class TurnedRays(NamedTuple):
-    """Rays found, every field (R,); the sines are those at the ends."""
+    """Turned rays, every field (R,); the sines are those at the ends."""
 
     case: np.ndarray
     travel_time: np.ndarray
@@ -46,7 +46,7 @@ class TurnedRays(NamedTuple):
 
 
 class Intervals(NamedTuple):
-    """Intervals of ``sine``, every field (I,): which case, turning in the layer below which node, from, to."""
+    """Intervals of ``sine``, every field (I,): case, node above the turning layer, first and last sine."""
 
     case: np.ndarray
     node: np.ndarray
@@ -54,7 +54,7 @@ class Intervals(NamedTuple):
     right: np.ndarray
 
     def some(self, keep: np.ndarray | slice) -> "Intervals":
-        """Return those of a mask or a slice."""
+        """Return the intervals of a mask or a slice."""
         return Intervals(*(field[keep] for field in self))
 
 
@@ -71,7 +71,7 @@ def rays_turned_below(profile: SoundSpeedProfile, upper: np.ndarray, lower: np.n
         possible, monotonic, crosses = _in_batches(_judge, profile, cases, open_intervals)
         brackets.append(open_intervals.some(possible & monotonic & crosses))
         open_intervals = _halves(open_intervals.some(possible & ~monotonic))
-    # What is still open has shrunk onto a caustic that lies at the range itself.
+    # Intervals still open have shrunk onto a caustic at the range itself.
     brackets.append(open_intervals)
     brackets = Intervals(*map(np.concatenate, zip(*brackets)))
     if not brackets.case.size:
@@ -134,7 +134,7 @@ def _passed(profile: SoundSpeedProfile, cases: Cases, intervals: Intervals) -> t
 
 
 def _judge(profile: SoundSpeedProfile, cases: Cases, intervals: Intervals) -> tuple[np.ndarray, ...]:
-    """Say of each interval whether it may hold the range, whether X is monotonic on it, and whether X crosses it."""
+    """Return three masks of intervals: may hold the range, X is monotonic, X crosses the range."""
     layers, gradient, horizontal_range = _passed(profile, cases, intervals)
     passed, arc, steepness, share, arc_slope = [], [], [], [], []
     for sine in (intervals.left, intervals.right):

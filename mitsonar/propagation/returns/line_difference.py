@@ -1,4 +1,4 @@
-"""Delays along a straight line of elements as a polynomial: what a difference gives at a few points of the line.
+"""Delays along a straight line of elements as a polynomial through the differences at a few points of the line.
 
     δ(u) ≈ Σ_k c_k u^k,   c = V⁻¹ (δ(u_1), .., δ(u_N)),   u_i = cos(π (i - 1/2) / N),   V_ik = u_i^k
 
@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from mitsonar.device.types import Float
 
-NODES = 5, 6, 7                    # N, the least that does
+NODES = 5, 6, 7                    # N, smallest sufficient first
 STRAIGHT_WITHIN = 1e-9             # [m]
 
 
@@ -46,16 +46,16 @@ class LineChange:
         return line if off < STRAIGHT_WITHIN and np.abs(line.place).max() < 1 + 1e-9 else None
 
     def angle(self, nearest: float) -> float:
-        """Return by how much [rad] what lies beyond `nearest` [m] is seen elsewhere from the line than from its middle.
+        """Return the largest parallax [rad] along the line, against its middle, of echoes beyond `nearest` [m].
 
-        Infinite for what may lie too near.
+        Infinite if echoes may be too near.
         """
         reach = float(np.linalg.norm(self.half))
         length = nearest - float(np.linalg.norm(self.middle)) - reach
         return reach / length if length > reach else np.inf
 
     def error(self, nearest: float, speed: float) -> float:
-        """Return ε [s] for echoes from `nearest` [m] on, sound of a speed [m/s]; infinite for what may lie too near."""
+        """Return ε [s] for echoes from `nearest` [m] on, at a sound speed [m/s]; infinite if too near."""
         angle = self.angle(nearest)
         length = float(np.linalg.norm(self.half)) / angle
         return length / (2 * speed) * (0.5 * angle) ** self.count if angle < 1 else np.inf
@@ -73,7 +73,7 @@ class LineChange:
 
 
 def _places(count: int) -> np.ndarray:
-    """Chebyshev's points, u of the nodes (N,)."""
+    """Return Chebyshev's points, u of the nodes (N,)."""
     return np.cos(np.pi * (np.arange(count) + 0.5) / count)
 
 

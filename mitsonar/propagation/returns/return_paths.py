@@ -1,4 +1,4 @@
-"""Legs of traced hits on the device: from an exact ray to what the vector approximation needs of it.
+"""Legs of traced hits on the device: integrals of the exact ray that the vector approximation needs.
 
 With H the depth difference, m_n the central moments of 1/c² between hit and origin, q² = <1/c²> - p², a_n = m_n / q^2n
 (as in `two_point`):
@@ -30,11 +30,11 @@ from .travel import Travel
 from .vector_approximation import expected_error
 from .vector_legs import centre_return, matched_leg
 
-THIRD_LIMIT = 0.1         # of a4: beyond, the series does not tell the third order either
+THIRD_LIMIT = 0.1         # a4 beyond which the series does not give the third order either
 
 
 class ReturnPaths(Record):
-    """Ways back to the array's centre."""
+    """Return legs to the array's centre."""
 
     return_time: Float64  # (H,) [s]: from the hit to the centre, where that is at reception
     hit_fields: list[Float]  # (H,): for the `DIFFERENCES` of the method
@@ -90,7 +90,7 @@ def return_paths(table: LayerTable, source: SourceState | PointState, source_ind
 
 def _integrals(table: LayerTable, z0: Float64, c0: Float64, moments0: list[Float64], z: Float64, x: Float64, p: Float64,
                area: Float64, up: Float64) -> tuple[Float64, Float64, Float64, Bool]:
-    """Y, E, G of each leg in SI, and whether it is rough."""
+    """Return Y, E, G of each leg in SI, and a mask of rough legs."""
     c, moments = table.at(z)
     height = abs(z - z0)
     per_height = dr.sign(z - z0) / dr.maximum(height, 1e-9)

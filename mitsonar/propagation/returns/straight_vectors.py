@@ -1,4 +1,4 @@
-"""Echoes along straight vectors to the elements of a moving, turning array: what the methods of return time share.
+"""Echoes along straight vectors to the elements of a moving, turning array, shared by the return-time methods.
 
 With n the unit vector along which the echo travels, R the vector's length to the array's centre at reception, c the
 speed along it, v the platform's velocity and d the element's offset, the echo reaches the element later than the centre
@@ -78,7 +78,7 @@ def straight_delay(along: Numbers, square: Numbers, inverse_length: Numbers, spe
 
 def hit_fields(leg: StraightLeg, direction: Triple, rise: Numbers, elapsed: Numbers, travel: Travel,
                origin_speed: Numbers) -> list[Numbers]:
-    """Make what a difference needs of the hits, in float64; round to float32 afterwards."""
+    """Return the hit fields of a difference in float64; round to float32 afterwards."""
     # direction (H,); rise (H,) [m]; elapsed (H,) [s]; origin_speed (H,) [m/s] -> (H,)
     velocity, (wx, wy, wz) = travel.velocity(elapsed), travel.turn_rate(elapsed)
     rotation = travel.turned(elapsed)
@@ -93,6 +93,6 @@ def hit_fields(leg: StraightLeg, direction: Triple, rise: Numbers, elapsed: Numb
 
 
 def shared_element_fields(offsets: ArrayLike) -> list[np.ndarray]:
-    """Make what every difference needs of the elements (NumPy): d (3), |d|², each (E,)."""
+    """Return the element fields of every difference (NumPy): d (3), |d|², each (E,)."""
     offsets = np.asarray(offsets, float)
     return [*offsets.T, np.sum(offsets**2, axis=-1)]

@@ -1,4 +1,4 @@
-"""The vector approximation: return times to all elements of an array from the one ray that was traced.
+"""Vector approximation: return times to all elements of an array from a single traced ray.
 
 The leg from the hit to the origin O of its ray is replaced by a straight vector in water of one speed. The vector is
 the ray of a homogeneous layer that has the leg's ray parameter p and, with s = 1/c² - p² and integrals over depth,
@@ -7,8 +7,8 @@ the ray of a homogeneous layer that has the leg's ray parameter p and, with s = 
     c_m² = E / D,    u = sqrt(Y / E),    R = Y / c_m,    n = c_m (p, u)
 
 so range, slope and curvature of the wavefront at O are the ray's own: a virtual point at the same bearing, distance R.
-An element at d from where the array's centre is when its own echo arrives hears the hit later by δ along the vector
-(`straight_vectors`, B as there). Three corrections follow, w the vertical cosine at the element, ε = c_m² <1/c²> - 1
+An element at d from the array's centre at reception receives the echo later by δ along the vector
+(`straight_vectors`, with the B given there). Three corrections follow, w the vertical cosine at the element, ε = c_m² <1/c²> - 1
 and V the variance of c_m²/c² in the slice of water, h thick, between the centre and the element, Q = sqrt(w² + ε):
 
     slice          h ε / (w + Q) - h V / (8 Q³)                     the element's own water instead of the leg's
@@ -23,8 +23,8 @@ series,
 with the smaller of w and Q for w. On 17 profiles, offsets to 2 m and platforms to 5 m/s the error stayed below
 1.3 ns wherever this number is below 1 ns, the ray at the element steeper than 1.1 degrees and Δp c_m p c_m < w²/2.
 For flatter rays twice the third order and the slice, 2 γ (Δp c_m)³ + |h ε| / (w + Q) min(2, 2 |ε|/w²) + h V / Q³, are
-doubted too: little where water hardly changes or elements lie level. Elsewhere nothing is promised. By reciprocity the
-same with v = 0 gives the delays of transmit elements.
+added: little where the sound speed hardly changes or elements lie level. Elsewhere the error has no bound. By
+reciprocity the same equations with v = 0 give the delays of transmit elements.
 
 `vector_legs` matches the vector to a leg. Everything is written once for NumPy (float64) and Dr.Jit (float32). Fields
 are in scene coordinates, z up.
@@ -45,8 +45,8 @@ from ..numpy_rays.slices import Slices
 from .straight_vectors import dot, library, multiply_add, per_sqrt, select, shared_element_fields, straight_delay
 
 LEVEL = 1e-4               # vertical cosines are kept above this: no division by zero
-FLATTEST = 0.02            # vertical cosine below which the last orders are not trusted
-LEVEL_WITHIN = 1e-9        # [m]: heights below are none, 2 ps of sound at one degree from the horizontal
+FLATTEST = 0.02            # vertical cosine below which the last orders count as error
+LEVEL_WITHIN = 1e-9        # [m]: smaller heights are 0; 2 ps of sound at one degree from the horizontal
 
 
 def corrections(leg_vertical: Numbers, leg_horizontal: Numbers, third: Numbers, inverse_length: Numbers,
@@ -85,7 +85,7 @@ def corrections(leg_vertical: Numbers, leg_horizontal: Numbers, third: Numbers, 
     next_order = 4 * change * p / (least * least)
     doubt = (abs(cubic * next_order) + abs(3 * height * miss * square * steps * enlarged * enlarged)
              + abs(spread * spread**0.5 * height * (root / 8 + 0.6 * steps * square * per_root)))
-    # flatter rays: all of what their last orders bring is doubted
+    # flatter rays: the last orders count as error in full
     uneven = abs(excess) / (least * least)
     flat = 2 * abs(cubic) + abs(height) * (2 * abs(first) * select(uneven < 1, uneven, 1.0) + spread * root)
     doubt = select(least > FLATTEST, doubt, doubt + flat)
@@ -98,7 +98,7 @@ def _at_least(limit: float, array: Numbers) -> Numbers:
 
 
 def vector_element_fields(offsets: ArrayLike, depth: float, profile: SoundSpeedProfile) -> list[np.ndarray]:
-    """Make what `vector_difference` needs of the elements (NumPy)."""
+    """Return the element fields of `vector_difference` (NumPy)."""
     # offsets (E, 3) [m]; depth [m] -> (E,)
     shared = shared_element_fields(offsets)
     speed, height = profile.at(depth), shared[2]
@@ -146,7 +146,7 @@ def difference_of(method: Literal["vector", "paper"], offsets: ArrayLike, profil
 
 
 def expected_error(hits: Sequence[Numbers], elements: Sequence[Numbers]) -> Numbers:
-    """Return the error [s] to expect of `vector_difference`, not negative, infinite where nothing is promised."""
+    """Return the error [s] to expect of `vector_difference`, not negative, infinite where it has no bound."""
     _, (_, error, _), per_closing = _to_element(hits, elements)
     return error * per_closing
 

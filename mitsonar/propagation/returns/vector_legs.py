@@ -1,4 +1,4 @@
-"""The straight vector of a leg: to the origin of the ray that was traced, and to where the array's centre is then.
+"""Straight vector of a leg: to the origin of the traced ray, and to the array's centre at reception.
 
 The equations are those of `vector_approximation`. All is float64, of NumPy or Dr.Jit.
 """
@@ -29,7 +29,7 @@ def centre_return(leg: StraightLeg, travel_time: Numbers, bearing: tuple[Numbers
                   travel: Travel,
                   slice_to: Callable[[Numbers], tuple[Numbers, Numbers]],
                   elapsed: Numbers | None = None) -> tuple[Numbers, StraightLeg, Triple, Numbers]:
-    """Follow the platform to where the echo meets the array's centre, and match the leg to there."""
+    """Find the array's centre at reception, and match the leg to this point."""
     # travel_time (H,) [s]; bearing (H,) [-]; upwards (H,) [-]; elapsed (H,) [s] -> return_time (H,) [s], direction
     # (H,), rise (H,) [m]
     xp = library(travel_time)
