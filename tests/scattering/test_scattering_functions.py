@@ -109,7 +109,7 @@ def test_a_table_that_ends_within_the_band_is_refused():
     (np.ones((2, 3)), {"colour": np.arange(2.0)}, "no angle colour"),
     (np.ones((3, 3)), {"aspect": np.arange(2.0)}, "ask"),
     (np.ones((2, 3)), {"aspect": np.array([1.0, 1.0])}, "does not rise"), (np.zeros(3), {}, "no value above 0"),
-    (np.ones((1, 1, 3)), {"aspect": np.zeros(1), "incident_azimuth": np.zeros(1)}, "the one or the others")])
+    (np.ones((1, 1, 3)), {"aspect": np.zeros(1), "incident_azimuth": np.zeros(1)}, "the aspect or the others")])
 def test_tables_that_make_no_sense_are_refused(values, axes, said):
     with pytest.raises(ValueError, match=said):
         ScatteringTable(frequency=np.array([1e5, 2e5, 3e5]), values=values + 0j, axes=axes)

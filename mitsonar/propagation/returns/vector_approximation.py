@@ -8,7 +8,7 @@ the ray of a homogeneous layer that has the leg's ray parameter p and, with s = 
 
 so range, slope and curvature of the wavefront at O are the ray's own: a virtual point at the same bearing, distance R.
 An element at d from the array's centre at reception receives the echo later by δ along the vector
-(`straight_vectors`, with the B given there). Three corrections follow, w the vertical cosine at the element, ε = c_m² <1/c²> - 1
+(`straight_vectors`, B as there). Three corrections follow, w the vertical cosine at the element, ε = c_m² <1/c²> - 1
 and V the variance of c_m²/c² in the slice of water, h thick, between the centre and the element, Q = sqrt(w² + ε):
 
     slice          h ε / (w + Q) - h V / (8 Q³)                     the element's own water instead of the leg's

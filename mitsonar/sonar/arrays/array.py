@@ -1,4 +1,4 @@
-"""An array of transducer elements: where each is, where its face looks, how it is weighted and delayed.
+"""Array of transducer elements: positions, directions of their faces, weights and delays.
 
     s(t) = Σ_e w_e s_e(t - τ_e)                       receiving; transmitting, element e sends w_e s(t - τ_e)
 
@@ -39,14 +39,14 @@ class Face(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Array:
-    """Hold E elements; made by `line_array` and its like, changed into others by the methods.
+    """Array of E elements, made by `line_array` and similar functions; its methods return changed copies.
 
     Attributes
     ----------
     position : array (E, 3) [m]
         Body frame, about the array's centre.
     normal : array (E, 3) [-]
-        Where each face looks; made unit vectors.
+        Direction that each face looks in, normalised to unit vectors.
     along : array (E, 3) [-]
         Direction of each face's length, perpendicular to the normal; made unit vectors.
     length, height : float [m]
@@ -256,7 +256,7 @@ class Array:
         return replace(self, delay=self.delay + nearer / checked_speed(sound_speed))
 
     def failing(self, indices: ArrayLike) -> Array:
-        """Take elements out of work: their weight becomes 0.
+        """Return the array with failed elements, whose weight becomes 0.
 
         Parameters
         ----------
@@ -284,12 +284,12 @@ class Array:
         return replace(self, weight=weight)
 
     def jittered(self, rms: float, seed: int = 0) -> Array:
-        """Move every element by chance, as mounting does.
+        """Return the array with random position errors, as from mounting.
 
         Parameters
         ----------
         rms : float [m]
-            Of the Gaussian error of each coordinate.
+            Standard deviation of the Gaussian error of each coordinate.
         seed : int
             Same seed, same errors.
 

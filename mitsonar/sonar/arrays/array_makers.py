@@ -104,7 +104,7 @@ def line_array(elements: int, pitch: float, *, axis: str | ArrayLike = "starboar
 
 def planar_array(elements: int, rows: int, pitch: float, *, row_pitch: float | None = None,
                  axis: str | ArrayLike = "starboard", normal: str | ArrayLike = "down", **face: Any) -> Array:
-    """Make a plane of rows, numbered as one reads: along the axis, then row by row towards normal x axis.
+    """Make a plane of rows, numbered along the axis, then row by row towards normal x axis.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Far-field beam patterns of arrays and what they gain against noise from everywhere.
+"""Far-field beam patterns of arrays and their gain against isotropic noise.
 
     b(û) = Σ_e w_e b_e(û) exp(2πi (r_e·û - c τ_e)/λ) / Σ_e |w_e|          DI = 10 log10 4π |b(û0)|² / ∫ |b|² dΩ
 

@@ -17,7 +17,7 @@ TRIED = 256                        # elements of the line on which a window's be
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sector:
-    """One transmission of a ping, and the beams that listen to it."""
+    """One transmission of a ping, and the beams that receive its echoes."""
 
     pulse: Pulse
     source_level_db: float  # [dB re 1 µPa @ 1 m]: on its axis

@@ -57,7 +57,7 @@ class BeamShape:
         return np.copysign(np.sqrt((1 - floor) * lobes * lobes + floor), lobes)
 
     def envelope(self, s: np.ndarray, size: float) -> np.ndarray:
-        """Return what b does not exceed from |s| on outwards."""
+        """Return the largest b from |s| outwards."""
         s = np.abs(s)
         if self.table is None:
             lobes = np.minimum(1 / np.maximum(np.pi * size * s, 1e-9), 1)

@@ -1,4 +1,4 @@
-"""A sidescan sonar: what it sends, from which faces, and how it listens.
+"""Sidescan sonar: its pulse, faces and receiver.
 
 Each side has its own face on the platform's body (x forward, y starboard, z down): the normal lies in the athwart
 plane, `depression_angle` below horizontal, the length along x, the height across. Directions from a face are written
@@ -75,7 +75,7 @@ class Sidescan:
 
     @property
     def one_face(self) -> bool:
-        """Return whether one and the same face of a side sends and receives."""
+        """Return True if the same face of a side transmits and receives."""
         return self.transmit == self.receive
 
     def along_intensity(self, u: Numbers, u_back: Numbers | None = None) -> Numbers:

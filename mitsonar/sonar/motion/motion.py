@@ -72,12 +72,12 @@ class RandomMotion:
 
     @property
     def moves(self) -> bool:
-        """Return whether the platform rocks at all."""
+        """Return True if the platform moves randomly."""
         return self.strums or any(getattr(self, name) for name in (*_NAMES, "surge"))
 
     @property
     def strums(self) -> bool:
-        """Return whether a cable shakes it."""
+        """Return True if a cable strums."""
         return self.strum_heave + self.strum_pitch > 0
 
     @property

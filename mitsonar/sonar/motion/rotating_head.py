@@ -38,7 +38,7 @@ class HeadSweep:
 
     @property
     def endless(self) -> bool:
-        """Return whether the head turns on and on."""
+        """Return True if the head turns in full circles."""
         return self.sector >= 2 * np.pi * (1 - 1e-12) and not self.back_and_forth
 
     @property

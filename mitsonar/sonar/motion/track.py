@@ -1,4 +1,4 @@
-"""The track of the sonar: where it is and how it is held at every ping.
+"""Track of the sonar: position and attitude at every ping.
 
 A vector of the body (x forward, y starboard, z down) in the scene (x east, y north, z up) is
 
@@ -69,7 +69,7 @@ class Track:
         self._check()
 
     def moved(self, position: np.ndarray, attitude: np.ndarray) -> Track:
-        """Return the track that is off by so much.
+        """Return the track with offsets added.
 
         Parameters
         ----------

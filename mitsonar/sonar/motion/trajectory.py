@@ -1,4 +1,4 @@
-"""The way of a sonar as a function of time: where it is and how it is held between pings, too.
+"""Trajectory of a sonar: position and attitude at any time, also between pings.
 
     P(t) = L(t) + h(t) ẑ + R(t) a,    R(t) = E Rz(ψ + ψ') Ry(θ + θ') Rx(φ + φ')                  as in `track`
 
@@ -162,7 +162,7 @@ class PingTravel:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trajectory:
-    """Hold where a sonar goes, how it rocks, and where on the platform it sits."""
+    """Course of a sonar with random motion and lever arm."""
 
     lead: Lead
     motion: RandomMotion = RandomMotion()

@@ -130,7 +130,7 @@ PULSES = {"cw": cw, "lfm": lfm, "hfm": hfm}  # those that numbers in a scene des
 
 
 def pulse_of(numbers: dict[str, Any]) -> Pulse:
-    """Make a pulse of what its ``numbers`` said.
+    """Make a pulse from its ``numbers``.
 
     Parameters
     ----------
