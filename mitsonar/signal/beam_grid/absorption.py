@@ -1,4 +1,4 @@
-"""Absorption across the band, of every echo at its own time, as taps that lie a little off the real axis.
+"""Absorption across the band for every echo at its own time, by slightly complex taps.
 
     e^{-κ(f) t} = e^{-κ(f) t_m} e^{-κ(f) (t - t_m)},         κ (t - t_m) = (a0 + a1 ν + a2 ν²) n                   (1)
     e^{-a1 n ν - a2 n ν²} ≈ 1 + c1 ν + c2 ν² + c3 ν³:        ν e^{-i2πνx} = (i/2π) d/dx e^{-i2πνx}                 (2)

@@ -34,21 +34,21 @@ class GridShape:
 
 
 class BeamGrid:
-    """Echoes on (sine, time), made by `LineBeams.grid`: sums that are taken out once."""
+    """Sums of echoes on (sine, time), made by `LineBeams.grid` and read once."""
 
     def __init__(self, like: DrJitArray | type, shape: GridShape):
         self.shape, self._like = shape, like
         self._sums = shape.sums(like)
 
     def taken(self) -> Float:
-        """Take the sums out, real and imaginary parts by turns; the grid is empty afterwards."""
+        """Return the sums, real and imaginary parts interleaved, and empty the grid."""
         sums, self._sums = self._sums.sums, self.shape.sums(self._like)
         return sums
 
     def add(self, *, column: Float, sine: Float, real: Float, imaginary: Float) -> None:
         """Add echoes. Several calls add up.
 
-        What lies outside the record, has a sine beyond ±1, or is not finite brings nothing.
+        Echoes outside the record, with a sine beyond ±1, or not finite are ignored.
         """
         # column (H,) [samples]; sine (H,) [-]; real, imaginary (H,)
         if not dr.width(sine):

@@ -41,7 +41,7 @@ MOST_PLACES = 1 << 32              # of the line's pattern, times elements: half
 
 
 class LineBeams:
-    """Beams of a line; made once for a survey."""
+    """Beamformer of a line, made once for a survey."""
     # position (E,) [m]; weight (E,) [-]; sampling_rate [Hz]; sound_speed [m/s]; sines (B,) [-]; start [s]
 
     def __init__(self, like: DrJitArray | type, *, position: np.ndarray, weight: np.ndarray, pulse: Pulse,
@@ -92,7 +92,7 @@ class LineBeams:
         # doppler (K,) [-]; sines (N,) [-]
         read = self._reading if sines is None else self._read_at(sines)
         if grid.shape is not self.shape:
-            raise ValueError("beams were asked of a grid of another line; make it by grid() of this one.")
+            raise ValueError("the grid belongs to another line; make it by grid() of this line.")
         factors = np.ones(2) if doppler is None else np.asarray(doppler, float)
         row_factors = np.interp(self._row_sines, np.linspace(-1, 1, len(factors)), factors)
         rows, waves = (None, [None] * len(self.lines)) if noise is None else self._noise_tables(noise)

@@ -1,4 +1,4 @@
-"""Response of a line of elements to a grid's rows: its pattern as a spectrum over them, at every frequency.
+"""Response of a line of elements to a grid's rows: the spectrum of its pattern over rows, at every frequency.
 
     W_f(y) = Σ_n w_n e^{-2πi x_n (1 + f/f0) y/λ} / Σ|w_n|,       Ŵ_f(ν) = Σ_m W_f(m ds) e^{-2πi ν m}            (1)
 

@@ -1,4 +1,4 @@
-"""Noise of the sea and of the receivers as it stands in beams, drawn on the device.
+"""Noise of the sea and of the receivers in beams, drawn on the device.
 
 Noise from all directions alike is plane waves whose sines are evenly distributed over -1..1: white on (frequency, row).
 A receiver's own noise is white on (frequency, element), which over rows is a stationary process with the spectrum

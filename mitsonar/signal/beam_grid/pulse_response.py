@@ -71,7 +71,7 @@ class PulseResponse:
 
     def weaken(self, absorption_db: Callable[[np.ndarray], np.ndarray], sound_speed: float, start: float,
                margin: int) -> AbsorptionTerms:
-        """Let echoes lose what absorption takes in the middle of the record, and give what is left of it."""
+        """Apply the absorption at the middle of the record, and return the terms of the remaining absorption."""
         # sound_speed [m/s]; start [s]
         loss = excess_loss_rate(self.offset, self.sampling_rate, self.pulse.frequency, absorption_db, sound_speed)
         self._loss = np.exp(-loss * (start + 0.5 * self.samples / self.sampling_rate))

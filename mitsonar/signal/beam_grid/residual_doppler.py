@@ -1,4 +1,4 @@
-"""Rest of an echo's Doppler where its row's factor replaces its own: a delay and a turn of its compressed pulse.
+"""Residual Doppler of an echo relative to its row's factor: a delay and phase of its compressed pulse.
 
     S_{1+d}(f) ≈ S_1(f) e^{-2πi f τ(d)} e^{2πi φ(d)}
 

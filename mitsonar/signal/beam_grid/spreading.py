@@ -47,7 +47,7 @@ class GridSums:
         self.sums: Float = dr.zeros(lib.Float, 2 * rows * pitch)
 
     def add(self, row: Float, column: Float, real: Float, imaginary: Float) -> None:
-        """Add echoes; those that do not lie on the grid with all their taps, or are not finite, bring nothing."""
+        """Add echoes; echoes with taps off the grid or values that are not finite are ignored."""
         # row, column, real, imaginary (H,)
         lib = self.lib
         fields = [dr.detach(lib.Float(field)) for field in (row, column, real, imaginary)]

@@ -1,4 +1,4 @@
-"""Echoes in stripes of rows, each of which one thread adds up: sums without atomic operations, the same in every bit.
+"""Echoes in stripes of rows, each summed by one thread: bit-identical sums without atomic operations.
 
 Echoes are put in order of their stripe by a stable sort of these small numbers (`ordered`). A stripe belongs to one
 work block of Dr.Jit's LLVM backend, which is 16384 lanes whenever a launch has more than two blocks a thread; idle

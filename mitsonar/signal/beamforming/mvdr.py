@@ -1,4 +1,4 @@
-"""Minimum variance distortionless response: the weights that let the look direction pass and everything else least.
+"""Minimum variance distortionless response: weights of gain 1 in the look direction and least power elsewhere.
 
 The element signals are brought into line for the look direction and every range (near field, wide band), so that the
 steering vector is 1 in every component; then, per sample,

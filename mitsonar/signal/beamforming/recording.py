@@ -23,7 +23,7 @@ STRAIGHTNESS = 0.02                # wavelengths an element of a uniform line ma
 
 @dataclass(frozen=True, kw_only=True)
 class Recording:
-    """Element signals with everything a beamformer must know of them."""
+    """Element signals with all numbers that a beamformer needs."""
 
     values: np.ndarray
     receivers: np.ndarray  # [m]

@@ -1,4 +1,4 @@
-"""The transpose of `delay_and_sum`: what weights of beams are as weights of the elements' signals.
+"""Transpose of `delay_and_sum`: weights of beams mapped to weights of the elements' signals.
 
     y = A z,    z' = A^H w,    Re <w, A z> = Re <A^H w, z>
 
