@@ -158,7 +158,7 @@ def test_bad_input(lib):
         Line(lib, lead=SAMPLES)
     with pytest.raises(ValueError, match="longer than the record"):
         Line(lib, samples=15, lead=2)
-    with pytest.raises(ValueError, match="a grid of another line"):
+    with pytest.raises(ValueError, match="belongs to another line"):
         Line(lib).beams.form(Line(lib).beams.grid())
     line = Line(lib)
     with pytest.raises(ValueError, match="Doppler factors"):
