@@ -112,8 +112,8 @@ def test_wrong_scenes(variant, scene, refusal, case):
 
 
 @pytest.mark.parametrize("arguments,sentence", [
-    (["--kernel", "round"], "kernel is 'round'; give one of"),
-    (["--return-path", "home"], "return_path is 'home'; give one of paper, vector, eigenray"),
+    (["--kernel", "round"], "kernel is 'round'; choose one of"),
+    (["--return-path", "home"], "return_path is 'home'; choose one of paper, vector, eigenray"),
     (["--ping", "1"], "ping 1 was asked for, but the track has 1"),
     (["--seed", "-1"], "seed is -1"),
     (["-D", "x=1"], "x"),
