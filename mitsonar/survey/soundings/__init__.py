@@ -1,1 +1,1 @@
-"""Soundings of a line, by whatever sonar measures them."""
+"""Soundings of a line, for every kind of sonar that makes soundings."""

@@ -1,4 +1,4 @@
-"""Parts that all instruments which make soundings share: a ping's measurement and terms of the sonar equation."""
+"""Measurement of a ping and terms of the sonar equation, shared by all instruments that make soundings."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -13,17 +13,17 @@ from mitsonar.water.column import AbsorptionColumn
 
 from .survey import SoundedSurvey
 
-FAINTEST = 1e-3                    # least pressure of a face's pattern, so that strengths are not corrected without end
+FAINTEST = 1e-3                    # least pressure of a face's pattern: limits the correction of strengths
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PingMeasurement:
-    """Measurement of a ping, arrays (B,) over beams, or over the bins of both sides."""
+    """Measurement of a ping: arrays (B,) over its beams, or over the bins of both sides."""
 
     valid: np.ndarray
     sector: np.ndarray  # number of the transmission
-    travel_time: np.ndarray  # [s], from the transmission on
-    intensity: np.ndarray  # [µPa²], mean of the echo as received
+    travel_time: np.ndarray  # [s], since the transmission
+    intensity: np.ndarray  # [µPa²], mean of the received echo
 
 
 def absorption_to_bed(survey: SoundedSurvey, absorption: AbsorptionColumn) -> float:
@@ -34,7 +34,7 @@ def absorption_to_bed(survey: SoundedSurvey, absorption: AbsorptionColumn) -> fl
 
 def two_way_loss_db(places: Located, absorption: AbsorptionColumn, bed_speed: np.ndarray,
                     head_speed: float) -> np.ndarray:
-    """Return the two-way transmission loss [dB] by sound speeds [m/s] at the bed and at the head."""
+    """Return the two-way transmission loss [dB]; sound speeds [m/s] are those at the bed and at the head."""
     return 2 * (transmission_loss_db(places, absorption) - db_from_power(bed_speed / head_speed))
 
 

@@ -1,4 +1,4 @@
-"""Define the surveys of runs that make soundings; a multibeam has a run of arrays for every sector."""
+"""Surveys of sonars that make soundings; a multibeam has one array survey for every sector."""
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
@@ -18,26 +18,17 @@ from ..voyage import Passage
 
 
 class SoundingSensor(Sensor, Protocol):
-    """Define the sensor of an instrument that makes soundings.
-
-    Attributes
-    ----------
-    preset : str
-    head_speed_error, motion_errors, depth_gate
-        As of `SoundedSurvey`.
-    self_noise_db : float or None [dB re 1 µPa²/Hz]
-        Of each receiver.
-    """
+    """Sensor that makes soundings; fields without a comment are those of `SoundedSurvey`."""
 
     preset: str
     head_speed_error: float
     motion_errors: MotionErrors
     depth_gate: tuple[float, float] | None
-    self_noise_db: float | None
+    self_noise_db: float | None  # [dB re 1 µPa²/Hz], of each receiver
 
 
 def shared(run: ArraySurvey, passage: Passage, sensor: SoundingSensor, settings: RunSettings) -> dict:
-    """Return the arguments of any `SoundedSurvey` of which `run` is a part."""
+    """Return the arguments that every kind of `SoundedSurvey` has in common; `run` is one of its array surveys."""
     return dict(
         geometry=run.geometry, profile=run.profile, absorption=run.absorption, volume=run.volume, passage=passage,
         rays=settings.rays, max_depth=settings.max_depth, head_speed_error=sensor.head_speed_error,
@@ -46,53 +37,53 @@ def shared(run: ArraySurvey, passage: Passage, sensor: SoundingSensor, settings:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Transmission:
-    """Hold one of a ping's transmissions, as its soundings need it."""
+    """One transmission of all pings, as soundings need it."""
 
-    survey: ArraySurvey  # its track is at the times of the transmission
-    delay: float  # [s]: after the ping's first
-    sines: np.ndarray  # (P,) [-]: along the transmitting line, as the instrument takes them to be
-    beams: slice  # of all beams, those that listen to it
+    survey: ArraySurvey  # its track has the times of this transmission
+    delay: float  # [s], after the first transmission of the ping
+    sines: np.ndarray  # (P,) [-], along the transmitting line, as the instrument assumes them
+    beams: slice  # beams that receive this transmission, among all beams
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SoundedSurvey(Survey, ABC):
-    """Hold a run that makes soundings; abstract."""
+    """Survey of a sonar that makes soundings; abstract."""
 
-    head_speed_error: float  # [m/s]
+    head_speed_error: float  # [m/s], measured minus true sound speed at the head
     motion_errors: MotionErrors
-    depth_gate: tuple[float, float] | None  # [m]: below the sonar
+    depth_gate: tuple[float, float] | None  # [m], below the sonar
     preset: str
 
     @property
     @abstractmethod
     def transmissions(self) -> Sequence[Transmission]:
-        """Return the transmissions of a ping, in the order of their beams."""
+        """Return the transmissions of a ping, in order of their beams."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SectorRun:
-    """Hold a sector's transmissions of all pings."""
+    """Transmissions of one sector at all pings."""
 
     sector: Sector
-    survey: ArraySurvey  # of its transmissions
-    sines: np.ndarray  # (P, B) [-]: of the beams on the receiving line, as they are
-    said: np.ndarray  # (P,) [-]: times these, what the instrument takes the sines to be
-    transmit_sines: np.ndarray  # (P,) [-]: of the transmissions along the transmitting line, as they are
-    first: int  # number of its first beam among all
+    survey: ArraySurvey  # of the transmissions of this sector
+    sines: np.ndarray  # (P, B) [-], true sines of the beams along the receiving line
+    said: np.ndarray  # (P,) [-], ratio of the sines that the instrument assumes to the true sines
+    transmit_sines: np.ndarray  # (P,) [-], true sines of the transmissions along the transmitting line
+    first: int  # number of the first beam of this sector among all beams
 
     @property
     def beams(self) -> slice:
-        """Return the slice of all beams that are this sector's."""
+        """Return the beams of this sector among all beams."""
         return slice(self.first, self.first + self.sines.shape[1])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SwathSurvey(SoundedSurvey):
-    """Hold a run of a multibeam echo sounder."""
+    """Survey of a multibeam echo sounder."""
 
-    sectors: Sequence[SectorRun]  # in the order of their beams
-    mounting: np.ndarray  # (3,) [rad]: roll, pitch, heading of the head
-    receive_flaws: float  # root mean square of what each receiver is off, in amplitude and in phase [rad]
+    sectors: Sequence[SectorRun]  # in order of their beams
+    mounting: np.ndarray  # (3,) [rad], roll, pitch and heading of the head
+    receive_flaws: float  # root mean square error of receivers, in amplitude [-] and in phase [rad]
 
     @property
     def beams(self) -> int:
@@ -106,6 +97,6 @@ class SwathSurvey(SoundedSurvey):
 
     @property
     def transmissions(self) -> Sequence[Transmission]:
-        """Return the transmissions of a ping, in the order of their beams."""
+        """Return the transmissions of a ping, in order of their beams."""
         return [Transmission(survey=run.survey, delay=run.sector.delay, sines=run.transmit_sines * run.said,
                              beams=run.beams) for run in self.sectors]
