@@ -1,4 +1,4 @@
-"""Position, attitude and reception of the pings of a block, looked up on the device."""
+"""Positions, attitudes and receptions of a block of pings, looked up on the device."""
 from __future__ import annotations
 
 import copy
@@ -19,14 +19,14 @@ from .underway import PingReception, Underway
 
 
 class Places:
-    """Places of blocks of pings."""
+    """Source of the places of blocks of pings."""
 
     def __init__(self, survey: Survey, tracer: Tracer, underway: Underway, per_ping: int):
         self._survey, self._tracer, self._underway, self._per_ping = survey, tracer, underway, per_ping
         self._rotation = survey.track.rotation()
 
     def of(self, ping: np.ndarray) -> Place:
-        """Return the place of the pings with given numbers (B,)."""
+        """Return the place of pings, given by their numbers (B,)."""
         position = self._survey.track.position[ping]
         depths, source = np.unique(-position[:, 2], return_inverse=True)
         return Place(ping=ping, per_ping=self._per_ping, position=position, rotation=self._rotation[ping],
@@ -35,7 +35,10 @@ class Places:
 
 
 class Place:
-    """Look-ups by a ping's number within the block; `others` makes the place of pings outside of it."""
+    """Place of a block of pings, looked up by their numbers within the block.
+
+    `others` returns the place of pings outside of the block.
+    """
 
     def __init__(self, *, ping: np.ndarray, per_ping: int, position: np.ndarray, rotation: np.ndarray,
                  source: np.ndarray, sources: Sources, depth_below: np.ndarray, underway: Underway,
@@ -85,7 +88,7 @@ class Place:
         return self._lib.Array3f64(row[0], row[1], row[2])
 
     def source(self, ping: mi.UInt32) -> mi.UInt32:
-        """Return the index into `sources`."""
+        """Return the indices of pings in `sources`."""
         return dr.gather(mi.UInt32, self._source, ping)
 
     def depth_below(self, ping: mi.UInt32) -> mi.Float:

@@ -39,7 +39,7 @@ from mitsonar.signal.doppler import two_way_doppler
 
 from ..pressure.array_survey import ArraySurvey
 
-STEPS = 3                          # iterations: each reduces the error by the platform's speed over that of sound
+STEPS = 3                          # iterations; each multiplies the error by the ratio of platform speed to sound speed
 NEAREST = 0.1                      # [m]: avoids division by zero
 SMALL = 1e-9                       # [m], [m/s]: counts as zero
 Curvatures = tuple["mi.Float", "mi.Float"]             # [1/m]

@@ -6,7 +6,7 @@ An echo sent at time 0 from the place O and scattered at O + D n meets the movin
 
 τ -> ``delay``, two-way time of a sonar that stands still; n -> ``towards``, direction from O of the bent return leg;
 D -> ``distance``; d_k and r_k -> ``displacement`` and ``turn`` of `sonar.trajectory`. The echo comes from w / |w|,
-which in the body's frame is turned back by the body's rotation vector ρ(t).
+turned back in the body's frame by the body's rotation vector ρ(t).
 
 In water of one sound speed this is exact, elsewhere exact to first order in d. The missing second order, the change of
 the wave front's curvature by bending, is some hundredths of |d|² / 2 D: 1.6 ns at 85 m and 8 knots in summer water. The
@@ -132,8 +132,8 @@ class PingMotion:
         if moves:
             leg = rows[:moves], towards, distance, sound_speed
             _, later = self._later(*leg, time)
-            # for a steady sonar, l(t) = l(τ) t / τ solves t = τ + l(t); for an unsteady one, the second step reduces
-            # the error by its speed over that of sound
+            # at constant velocity, l(t) = l(τ) t / τ solves t = τ + l(t); otherwise the second step multiplies the
+            # error by the ratio of platform speed to sound speed
             way, later = self._later(*leg, time + later / (1 - later / dr.maximum(time, SHORTEST)))
             time += later
             towards, delay = dr.normalize(way), delay + mi.Float64(later)
