@@ -1,1 +1,1 @@
-"""A strip of a synthetic aperture: its plan, its raw echoes ping by ping, its focused image and that image's truth."""
+"""Strips of a synthetic aperture: plan, raw echoes ping by ping, focused image, and truth of the image."""

@@ -1,6 +1,6 @@
-"""Raw echoes of a strip ping by ping, the image focused of them, and the truth of every point.
+"""Raw echoes of a strip ping by ping, the image focused from them, and the truth of every point.
 
-The raw record is that of `synthetic_aperture.record`; every ping repeats the data common to all.
+Raw records have the format of `synthetic_aperture.record`; every ping repeats the data that are common to all pings.
 """
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from ..pressure.signals import received_signals
 from .plan import StripSurvey
 from .truth import strip_truth
 
-RATE = 200.0                       # [Hz] of the trajectory: splines through it err by 1e-6 m for the fastest strum
+RATE = 200.0                       # [Hz] of the trajectory: error of splines through it: 1e-6 m for the fastest strum
 MARGIN = 0.05                      # [s] before the first transmission and after the last reception
 
 
 def raw_pings(survey: StripSurvey, seed: int, start: int = 0, *, kernel: str = "band_limited",
               return_path: str = "vector") -> Iterator[xr.Dataset]:
-    """Yield raw echoes of one ping after the other; a ping's are the same wherever one starts."""
+    """Yield the raw echoes of pings from `start` on; the echoes of a ping do not depend on `start`."""
     record = PressureRecord(survey, seed=seed, kernel=kernel, return_path=return_path)
     known = common(survey)
     for ping in range(start, survey.track.pings):
-        heard = received_signals(record, [ping])
+        signals = received_signals(record, [ping])
         yield known.assign({name: _variable(name, values) for name, values in (
-            ("signal", heard.values[:, 0]), ("ping_time", survey.track.time[[ping]]),
+            ("signal", signals.values[:, 0]), ("ping_time", survey.track.time[[ping]]),
             ("transmitter", np.array([survey.sender(ping)], np.int32)))}).assign_coords(ping=[ping])
 
 
@@ -54,7 +54,7 @@ def common(survey: StripSurvey) -> xr.Dataset:
         "motion_roll": attitude[:, 0], "motion_pitch": attitude[:, 1], "motion_heading": np.unwrap(attitude[:, 2]),
         "cast_depth": survey.profile.depth, "cast_sound_speed": survey.profile.sound_speed, **_targets(survey)}
     top = -float(track.position[:, 2].mean())
-    return xr.Dataset({name: _variable(name, some) for name, some in values.items()}, attrs={
+    return xr.Dataset({name: _variable(name, part) for name, part in values.items()}, attrs={
         "sonar": "synthetic_aperture", "preset": survey.preset, "frequency": survey.frequency,
         "sampling_rate": survey.sampling_rate, "pulse": survey.pulse.numbers,
         "source_level_db": survey.source_level_db,
@@ -64,19 +64,20 @@ def common(survey: StripSurvey) -> xr.Dataset:
 
 
 def _targets(survey: StripSurvey) -> dict[str, np.ndarray]:
-    """Return point targets of the scene."""
-    found = survey.geometry.targets()
-    place = np.array([one.position for one in found], float).reshape(-1, 3)
+    """Return the point targets of the scene."""
+    targets = survey.geometry.targets()
+    place = np.array([target.position for target in targets], float).reshape(-1, 3)
     return {"target_x": place[:, 0], "target_y": place[:, 1], "target_depth": -place[:, 2],
             "target_strength_db": np.array([
-                one.strength_at(survey.frequency, float(survey.profile.at(-one.position[2]))) for one in found], float),
-            "target_name": np.array([survey.labels[one.label] for one in found], str)}
+                target.strength_at(survey.frequency, float(survey.profile.at(-target.position[2])))
+                for target in targets], float),
+            "target_name": np.array([survey.labels[target.label] for target in targets], str)}
 
 
 def _variable(name: str, values: np.ndarray) -> tuple[tuple[str, ...], np.ndarray, dict[str, str]]:
     """Return a variable of the record with its dimensions, unit and meaning."""
-    one = RAW_VARIABLES[name]
-    return one.dims, values, {"units": one.unit, "long_name": one.meaning}
+    known = RAW_VARIABLES[name]
+    return known.dims, values, {"units": known.unit, "long_name": known.meaning}
 
 
 Progress = Callable[[float, float], None]
@@ -84,45 +85,45 @@ Progress = Callable[[float, float], None]
 
 def strip_image(survey: StripSurvey, seed: int, progress: Progress | None = None,
                 say: Callable[[str], None] | None = None) -> xr.Dataset:
-    """Make the image that a strip's sensor asks for, with its truth; memory does not grow with the pings."""
+    """Return the image of a strip on the grid of its sensor, with its truth; memory does not grow with the pings."""
     if say is not None:
-        words = sentence(PressureRecord(survey, seed=seed), range(survey.track.pings), threads=dr.thread_count())
-        if words:
-            say(words)
+        cost = sentence(PressureRecord(survey, seed=seed), range(survey.track.pings), threads=dr.thread_count())
+        if cost:
+            say(cost)
     image = focused(raw_pings(survey, seed), survey.track.pings, progress, grid=survey_grid(survey),
                     window=survey.aperture_window, range_window=survey.range_window)
     return with_truth(image.assign_attrs(seed=seed), survey, seed)
 
 
 def survey_grid(survey: StripSurvey) -> Grid:
-    """Return the grid that a strip's sensor asks for; `ValueError` where there is but one ping."""
+    """Return the grid of a strip's sensor; raise `ValueError` if the strip has only one ping."""
     if survey.track.pings < 2:
-        raise ValueError("an aperture is made of two or more pings, and the strip has one; give pings more, or take "
-                         "its raw echoes")
+        raise ValueError("An aperture needs two or more pings, but the strip has one. Set pings to 2 or more, or "
+                         "compute only its raw echoes.")
     return default_grid(common(survey).assign(ping_time=("ping", survey.track.time)), spacing=survey.grid_spacing,
                         kind=survey.grid)
 
 
-def focused(pings: Iterable[xr.Dataset], count: int, progress: Progress | None = None, **how: Any) -> xr.Dataset:
-    """Focus pings one after the other; `how` is passed on to `synthetic_aperture.focusing.Focuser`."""
+def focused(pings: Iterable[xr.Dataset], count: int, progress: Progress | None = None, **options: Any) -> xr.Dataset:
+    """Return the image focused from pings, which are read one by one; `options` are those of `Focuser`."""
     focuser: Focuser | None = None
-    for done, one in enumerate(pings, 1):
+    for done, ping in enumerate(pings, 1):
         if focuser is None:
-            focuser = Focuser(one, **how)
-        focuser.add(one)
+            focuser = Focuser(ping, **options)
+        focuser.add(ping)
         if progress is not None:
             progress(done, count)
     if focuser is None:
-        raise ValueError("there are no pings to be focused; give two or more")
+        raise ValueError("There are no pings to focus; give two or more.")
     return focuser.image()
 
 
 def with_truth(image: xr.Dataset, survey: StripSurvey, seed: int) -> xr.Dataset:
-    """Put the truth of every point beside a focused image of a survey."""
+    """Return a focused image of a survey with the truth of every point added."""
     truth = strip_truth(survey, image["x"].values, image["y"].values, image["depth"].values, seed)
-    whole = image.assign(truth.data_vars).assign_coords(truth.coords)
-    whole = whole.assign_attrs(labels={str(number): name for number, name in survey.labels.items()})
+    image = image.assign(truth.data_vars).assign_coords(truth.coords)
+    image = image.assign_attrs(labels={str(number): name for number, name in survey.labels.items()})
     classes, class_of = classes_of(survey.labels)
     if "share" in truth:
-        return objects.annotated(whole, classes, class_of, survey.geometry, survey.track.position)
-    return whole.assign_attrs(objects.known(classes, class_of, survey.geometry, survey.track.position))
+        return objects.annotated(image, classes, class_of, survey.geometry, survey.track.position)
+    return image.assign_attrs(objects.known(classes, class_of, survey.geometry, survey.track.position))

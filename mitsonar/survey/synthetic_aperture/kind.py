@@ -1,6 +1,6 @@
-"""Synthetic aperture: a strip of raw echoes, and the image that is focused of them.
+"""Synthetic aperture: a strip of raw echoes, and the image focused from them.
 
-    plan       arrays, the pace of the pings, the bed                                   `plan`
+    plan       arrays, distance between pings, depth of the bed                         `plan`
     raw        echoes of every receiver, ping by ping, with the true trajectory         `image`
     image      focused on a grid, with its truth                                        `image`
 """
@@ -19,22 +19,22 @@ from .plan import StripSensor, StripSurvey, plan as plan_strip
 
 
 def plan(scene: mi.Scene, sensor: StripSensor, settings: RunSettings) -> StripSurvey:
-    """Plan a run over a scene: its record begins a pulse early; see `plan.plan`."""
+    """Plan a run over a scene whose record begins a pulse early; see `plan.plan`."""
     return plan_strip(scene, sensor, settings, LEAD)
 
 
 def plan_elements(scene: mi.Scene, sensor: StripSensor, settings: RunSettings, lead: float = 0.0) -> StripSurvey:
-    """Plan a run whose record is the signals of elements; the record begins `lead` pulses early."""
+    """Plan a run that records the signals of elements; the record begins `lead` pulses early."""
     return plan_strip(scene, sensor, settings, lead)
 
 
 def picture(survey: StripSurvey, sensor: StripSensor, seed: int,
             progress: Callable[[float, float], None] | None = None,
             say: Callable[[str], None] | None = None) -> xr.Dataset:
-    """Focus the image, with its truth; see `mitsonar.render`."""
+    """Return the focused image with its truth; see `mitsonar.render`."""
     return strip_image(survey, seed, progress, say)
 
 
 def rows(level: np.ndarray) -> np.ndarray:
-    """Return levels (bank, along track, across track) as rows of one picture, bank after bank."""
+    """Return levels (bank, along track, across track) as rows of one image, bank after bank."""
     return level.reshape(-1, level.shape[-1])

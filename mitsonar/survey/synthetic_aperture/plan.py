@@ -1,4 +1,4 @@
-"""Plan a synthetic aperture's run: its arrays, which of them sends, and the bed that it sees."""
+"""Plan of a synthetic aperture's run: arrays, transmitter of every ping, and depth of the bed."""
 from __future__ import annotations
 
 import warnings
@@ -20,51 +20,34 @@ from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
 
 @dataclass(frozen=True, kw_only=True)
 class StripSurvey(ArraySurvey):
-    """Hold a run of a synthetic aperture."""
+    """Survey of a synthetic aperture."""
 
-    bank: np.ndarray  # number of the row that each receiver is in
-    look: np.ndarray  # (3,) [-]: unit vector that the elements look along, body frame
-    bed_depth: float  # [m]: mean depth of the bed that the record sees
-    grid: str  # of the picture
-    grid_spacing: float | None  # [m]: between its points
-    aperture_window: str  # window over the aperture's angles, of the picture
-    range_window: str  # window over the pulse's band, of the picture
+    bank: np.ndarray  # (E,), number of the row of each receiver
+    look: np.ndarray  # (3,) [-], unit vector along which the elements look, body frame
+    bed_depth: float  # [m], mean depth of the bed within the record
+    grid: str  # of the image: "ground" or "slant"
+    grid_spacing: float | None  # [m], between its points
+    aperture_window: str  # window over the aperture's angles
+    range_window: str  # window over the pulse's band
     preset: str
 
 
-ALONG, ACROSS = 9, 17              # soundings of the bed that a record sees
+ALONG, ACROSS = 9, 17              # number of depths of the bed that are averaged, along and across the track
 
 
 class StripSensor(Sensor, Protocol):
-    """Define the sensor of a synthetic aperture.
-
-    Attributes
-    ----------
-    preset : str
-    source_level_db : float [dB re 1 µPa @ 1 m]
-        Of a transmitter.
-    pulse : Pulse
-    transmit, receive : Array
-    bank : (rx,) int
-    grid : {"ground", "slant"}
-    grid_spacing : float or None [m]
-    windows : (str, str)
-        Over the aperture's angles and the pulse's band.
-    self_noise_db : float or None [dB re 1 µPa²/Hz]
-    thin_below : float [-]
-        As of `ArraySurvey`.
-    """
+    """Sensor of a synthetic aperture; fields without a comment are those of `StripSurvey`."""
 
     preset: str
-    source_level_db: float
+    source_level_db: float  # [dB re 1 µPa @ 1 m], of one transmitter
     pulse: Pulse
     transmit: Array
     receive: Array
     bank: np.ndarray
     grid: str
     grid_spacing: float | None
-    windows: tuple[str, str]
-    self_noise_db: float | None
+    windows: tuple[str, str]  # over the aperture's angles and the pulse's band
+    self_noise_db: float | None  # [dB re 1 µPa²/Hz]
     thin_below: float
 
 
@@ -77,12 +60,12 @@ def plan(scene: mi.Scene, sensor: StripSensor, settings: RunSettings, lead: floa
     survey = survey_of(geometry, sensor, settings, passage, lead=lead, sound_speed=speed, transmit=sensor.transmit,
                        receive=sensor.receive, pulse=sensor.pulse, source_level_db=sensor.source_level_db,
                        bins_are_samples=True, self_noise_db=sensor.self_noise_db)
-    # echoes from the end of the range are heard to their own end: compression needs all of a pulse
+    # echoes from the end of the range are recorded to their end: pulse compression needs the whole pulse
     longer = survey.samples + int(np.ceil(sensor.pulse.duration * survey.sampling_rate))
     _warn_of_gaps(survey, sensor)
     senders = sensor.transmit.elements
     return StripSurvey(
-        **{**{one.name: getattr(survey, one.name) for one in fields(ArraySurvey)},
+        **{**{field.name: getattr(survey, field.name) for field in fields(ArraySurvey)},
            "samples": longer, "sending": np.arange(track.pings) % senders, "thin_below": sensor.thin_below,
            "cell_size": settings.cell_size or _cell_size(sensor, settings, speed)},
         bank=sensor.bank, look=sensor.receive.normal[0], bed_depth=_bed_depth(survey, sensor), grid=sensor.grid,
@@ -91,7 +74,7 @@ def plan(scene: mi.Scene, sensor: StripSensor, settings: RunSettings, lead: floa
 
 
 def _cell_size(sensor: StripSensor, settings: RunSettings, sound_speed: float) -> float:
-    """Side of cells of which a resolution cell, half an element by c / 2B, holds as many as the settings ask for.
+    """Return the side [m] of cells of which a resolution cell, half an element by c / 2B, holds the requested number.
 
     A cell is half a square whose diagonal is its longest side.
     """
@@ -101,25 +84,25 @@ def _cell_size(sensor: StripSensor, settings: RunSettings, sound_speed: float) -
 
 
 def _bed_depth(survey: ArraySurvey, sensor: StripSensor) -> float:
-    """Return mean depth of the bed within the record [m]: where rays along straight lines would meet a level bed."""
+    """Return the mean depth of the bed within the record [m], at places where straight rays meet a level bed."""
     track, below = survey.track, float(np.mean(survey.depth_below))
     speed = survey.sound_speed(0)
     nearest, farthest = (0.5 * speed * survey.time[i] for i in (survey.lead, -1))
     reach = np.sqrt(np.maximum(np.linspace(max(nearest, 0.0), farthest, ACROSS) ** 2 - below ** 2, 0.0))
-    some = np.unique(np.linspace(0, track.pings - 1, ALONG).astype(int))
-    rotation, looks = track.rotation()[some], sensor.receive.normal[0]
+    pings = np.unique(np.linspace(0, track.pings - 1, ALONG).astype(int))
+    rotation, looks = track.rotation()[pings], sensor.receive.normal[0]
     aside = (rotation @ looks)[:, :2]
     aside = aside / np.maximum(np.linalg.norm(aside, axis=1, keepdims=True), 1e-9)
-    place = track.position[some, None, :2] + reach[:, None] * aside[:, None, :]
+    place = track.position[pings, None, :2] + reach[:, None] * aside[:, None, :]
     depth = placement.soundings(survey.geometry, place[..., 0].ravel(), place[..., 1].ravel())
     if np.isnan(depth).all():
-        raise ValueError("the synthetic aperture sees no seabed within its record; turn side or heading_deg, or change "
-                         "the film's range_min and range")
+        raise ValueError("The synthetic aperture sees no seabed within its record. Change side or heading_deg, or the "
+                         "film's range_min and range.")
     return float(np.nanmean(depth))
 
 
 def _warn_of_gaps(survey: ArraySurvey, sensor: StripSensor) -> None:
-    """Warn where pings are too far apart for the aperture to be filled."""
+    """Warn if pings are too far apart to fill the aperture."""
     track = survey.track
     if track.pings < 2:
         return
@@ -128,5 +111,5 @@ def _warn_of_gaps(survey: ArraySurvey, sensor: StripSensor) -> None:
     filled = 0.5 * len(place) * length
     step = float(np.linalg.norm(np.diff(track.position, axis=0), axis=1).max())
     if step > filled * 1.001:
-        warnings.warn(f"pings are {step:.3g} m apart, and each fills {filled:.3g} m of the aperture: the image will "
-                      "have ghosts along the track; sail slower, ping faster, or give overlap", stacklevel=2)
+        warnings.warn(f"Pings are {step:.3g} m apart, but each fills only {filled:.3g} m of the aperture: the image "
+                      "will have ghosts along the track. Sail slower, ping faster, or set overlap.", stacklevel=2)

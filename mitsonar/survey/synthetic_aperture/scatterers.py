@@ -1,7 +1,7 @@
-"""The scatterers that a strip's echoes are made of: the truth of its speckle.
+"""Scatterers of a strip: the truth of its speckle.
 
-Each is a point of a surface with a complex Gaussian amplitude g of its own, E[|g|²] = 1, and the area dA of the cell
-that it stands for. Its echo has the energy |g|² σ dA, σ -> the strength of the surface (`echoes.scatterers`).
+A scatterer is a point of a surface with a complex Gaussian amplitude g of its own, E[|g|²] = 1, and represents a cell
+of the area dA. Its echo has the energy |g|² σ dA, σ -> scattering strength of the surface (`echoes.scatterers`).
 """
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from mitsonar.echoes.scatterers.scatterers import Scatterers
 from .plan import StripSurvey
 from .truth import MeanLine
 
-MOST = 100_000_000                 # that a table holds: 5 GB
-BLOCK = 1 << 20
+MOST = 100_000_000                 # scatterers in a table: 5 GB
+BLOCK = 1 << 20                    # scatterers computed at once
 
 
 def scatterers_of(survey: StripSurvey) -> xr.Dataset:
@@ -29,42 +29,42 @@ def scatterers_of(survey: StripSurvey) -> xr.Dataset:
     farthest = 0.5 * survey.time[-1] * survey.water.fastest
     facets = cells.in_reach(middle, 0.0, farthest + longest)
     runs = pieces_in_reach(cells, facets, middle, 0.0, farthest + longest).runs()
-    found = list(_blocks(survey, cells, runs, farthest))
-    columns = {name: np.concatenate([block[name] for block in found]) if found else np.empty(0)
+    blocks = list(_blocks(survey, cells, runs, farthest))
+    columns = {name: np.concatenate([block[name] for block in blocks]) if blocks else np.empty(0)
                for name in ("x", "y", "depth", "amplitude", "area", "label")}
     about = {"x": ("m", "east"), "y": ("m", "north"), "depth": ("m", "below the still surface"),
-             "amplitude": ("1", "complex Gaussian of mean square 1"), "area": ("m²", "that it stands for"),
-             "label": ("1", "number of its shape")}
+             "amplitude": ("1", "complex Gaussian of mean square 1"), "area": ("m²", "area it represents"),
+             "label": ("1", "number of the shape")}
     return xr.Dataset({name: ("scatterer", values, dict(zip(("units", "long_name"), about[name])))
                        for name, values in columns.items()})
 
 
 def _blocks(survey: StripSurvey, cells: Scatterers, runs: tuple[np.ndarray, np.ndarray, np.ndarray],
             farthest: float) -> Iterator[dict[str, np.ndarray]]:
-    """Yield the scatterers that are near enough to some ping, block by block."""
+    """Yield the scatterers within range of at least one ping, block by block."""
     line, total = MeanLine.of(survey.track), 0
-    nearest = 0.5 * survey.time[0] * survey.water.slowest          # their pulses last into the record
+    nearest = 0.5 * survey.time[0] * survey.water.slowest          # echoes from there last into the record
     for facet, s in cells.listed(runs, BLOCK):
-        some = cells.at(facet, s)
-        dr.eval(some.point, some.area, some.amplitude)
-        point = some.point.numpy().T
+        block = cells.at(facet, s)
+        dr.eval(block.point, block.area, block.amplitude)
+        point = block.point.numpy().T
         near = _within(survey, line, point, nearest, farthest)
         total += int(near.sum())
         if total > MOST:
-            raise ValueError(f"more than {MOST:.0e} scatterers lie within the strip's range; take larger cells, or a "
-                             "shorter strip")
-        real, imaginary = (part.numpy()[near] for part in some.amplitude)
+            raise ValueError(f"More than {MOST:.0e} scatterers lie within range of the strip. Use larger cells or a "
+                             "shorter strip.")
+        real, imaginary = (part.numpy()[near] for part in block.amplitude)
         yield {"x": point[near, 0], "y": point[near, 1], "depth": -point[near, 2],
-               "amplitude": (real + 1j * imaginary).astype(np.complex64), "area": some.area.numpy()[near],
+               "amplitude": (real + 1j * imaginary).astype(np.complex64), "area": block.area.numpy()[near],
                "label": cells.label[facet.numpy()[near]].astype(np.uint32)}
 
 
 def _within(survey: StripSurvey, line: MeanLine | None, point: np.ndarray, nearest: float,
             farthest: float) -> np.ndarray:
-    """Return True if points (N, 3) lie within range of the track and, of a straight one, in its beams."""
+    """Return True for points (N, 3) within range of the track and, if it is straight, within its beams."""
     place = survey.track.position
     if line is None:
-        distance = np.min([np.linalg.norm(point - one, axis=1) for one in place], axis=0)
+        distance = np.min([np.linalg.norm(point - ping, axis=1) for ping in place], axis=0)
         return (distance > nearest) & (distance < farthest)
     ahead = np.array([np.sin(line.heading), np.cos(line.heading)])
     feet = line.feet(point[:, 0], point[:, 1])

@@ -1,14 +1,14 @@
 """Truth of a focused image, point by point: labels, shadows and places, in the image's own axes.
 
-An aperture that is long against a range cell and short against the range sees as a sidescan does that passes along its
-straight mean line with a very narrow beam: an echo stands in the image where its time from abreast is that of the
-point. So the truth is that of such a sidescan (`survey.energy`, `imaging.truth`), one ping for every row of points, its
-bins read at the points' two-way times
+An aperture much longer than a range cell and much shorter than the range has the same truth as a sidescan with a very
+narrow beam that passes along the straight mean line: in the image, an echo lies at the point that has the same two-way
+time from abreast. The truth is therefore that of such a sidescan (`survey.energy`, `imaging.truth`), with one ping for
+every row of points. Its bins are read at the two-way times of the points,
 
     t = 2 T(ρ, z)        ρ, z -> horizontal distance from the line, and depth, of the point; T the exact eigenray's time
 
-What lies over or under the grid is laid over as the image lays it over. Round a circle there is no abreast: labels are
-those seen from above then, and the shadow is the share of pings that do not see the bed at the point.
+Layover of surfaces above or below the grid is as in the image. A circular track has no abreast: its labels are those
+seen from above, and its shadow is the share of pings that do not see the bed at the point.
 """
 from __future__ import annotations
 
@@ -36,27 +36,27 @@ from ..energy.sidescan_survey import SidescanSurvey
 from ..voyage import Passage
 from .plan import StripSurvey
 
-STRAIGHT = np.deg2rad(30.0)        # that headings may differ by in all
-ROWS = 256                         # of points at once
+STRAIGHT = np.deg2rad(30.0)        # largest spread of headings on a straight track
+ROWS = 256                         # rows of points computed at once
 RAYS_PER_BIN = 32
 FEWEST_RAYS = 4096
-BEYOND = 0.25                      # of the image's times, by which its sidescan listens longer
+BEYOND = 0.25                      # part of the image's time span by which the sidescan's window is longer
 KEPT = ("label", "class", "share", "hidden", "object_shadow", "layover", "seabed_x", "seabed_y", "seabed_depth",
         "shadow")
-WIDEST_ROW = 0.05                  # [m] that a beam's foot is wide where there is one row
-LOOKS = 24                         # pings of a circle that are asked what they see
+WIDEST_ROW = 0.05                  # [m], width of the beam's footprint if there is only one row
+LOOKS = 24                         # pings of a circle whose sight of the bed is tested
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeanLine:
-    """Hold the straight line that a strip's pings lie about."""
+    """Mean straight line of a strip's pings."""
 
-    middle: np.ndarray  # (3,) [m]: scene frame
+    middle: np.ndarray  # (3,) [m], scene frame
     heading: float  # [rad]
 
     @classmethod
     def of(cls, track: Track) -> MeanLine | None:
-        """Return the mean line of a track; None where it is none."""
+        """Return the mean line of a track; None if the track is not straight."""
         turns = np.angle(np.exp(1j * (track.heading - track.heading[0])))
         if np.ptp(turns) > STRAIGHT:
             return None
@@ -69,42 +69,41 @@ class MeanLine:
         return cls(middle=middle, heading=heading)
 
     def feet(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Return the points of the line abreast of points (...) [m]: (..., 3)."""
+        """Return the points (..., 3) [m] of the line that are abreast of points x, y (...) [m]."""
         ahead = np.array([np.sin(self.heading), np.cos(self.heading)])
         along = (x - self.middle[0]) * ahead[0] + (y - self.middle[1]) * ahead[1]
         return self.middle + along[..., None] * np.append(ahead, 0.0)
 
 
 def strip_truth(survey: StripSurvey, x: np.ndarray, y: np.ndarray, depth: np.ndarray, seed: int = 0) -> xr.Dataset:
-    """Return the truth of an image's points."""
-    # x, y, depth (A, C) [m]
+    """Return the truth of an image's points x, y, depth (A, C) [m]."""
     line = MeanLine.of(survey.track)
     if line is None:
         return _from_all_sides(survey, x, y)
-    # rows that the aperture does not tell apart share their truth
+    # rows that the aperture does not resolve share their truth
     resolved = 0.5 * max(survey.transmit.length, survey.receive.length)
     together = max(int(resolved / max(_spacing(x, y), 1e-9)), 1)
     rows = np.arange(len(x)) // together
-    some = np.minimum(np.arange(0, len(x), together) + together // 2, len(x) - 1)
-    blocks = [some[first:first + ROWS] for first in range(0, len(some), ROWS)]
+    middle = np.minimum(np.arange(0, len(x), together) + together // 2, len(x) - 1)
+    blocks = [middle[first:first + ROWS] for first in range(0, len(middle), ROWS)]
     parts = [_abreast(survey, line, x[block], y[block], depth[block], seed) for block in blocks]
     return xr.concat(parts, "along_track", combine_attrs="override").isel(along_track=rows)
 
 
 def _spacing(x: np.ndarray, y: np.ndarray) -> float:
-    """Return distance of rows [m]."""
+    """Return the distance between rows [m]."""
     return float(np.hypot(x[1, 0] - x[0, 0], y[1, 0] - y[0, 0])) if len(x) > 1 else np.inf
 
 
 def _abreast(survey: StripSurvey, line: MeanLine, x: np.ndarray, y: np.ndarray, depth: np.ndarray,
              seed: int) -> xr.Dataset:
-    """Return the truth of some rows of points, by a sidescan along the mean line."""
+    """Return the truth of rows of points, from a sidescan along the mean line."""
     feet = line.feet(x, y)
     time = 2 * eigenray(survey.profile, -feet[..., 2].ravel(), depth.ravel(),
                         np.hypot(x - feet[..., 0], y - feet[..., 1]).ravel()).travel_time.reshape(x.shape)
     finest = float(np.min(np.abs(np.diff(time, axis=1)), initial=np.inf)) if x.shape[1] > 1 else 0.0
-    step = max(finest, 1 / survey.pulse.bandwidth)          # finer bins are not told apart
-    # rays are sparse at the very end of a window
+    step = max(finest, 1 / survey.pulse.bandwidth)          # the pulse does not resolve finer bins
+    # rays are sparse at the end of a window
     first, last = float(time.min()) - step, float(time.max()) + max(4 * step, BEYOND * float(np.ptp(time)))
     bins = max(int(np.ceil((last - first) / step)), 2)
     spacing = min(_spacing(x, y), WIDEST_ROW)
@@ -116,16 +115,16 @@ def _abreast(survey: StripSurvey, line: MeanLine, x: np.ndarray, y: np.ndarray, 
         labels=survey.labels, class_of=class_of, noise_db=None, speckle=None, seed=seed, absorption_db=0.0,
         paths=survey.paths.names)
     side = image[list(KEPT)].sel(side=SIDES[int(survey.look[1] > 0)], drop=True)
-    which = xr.DataArray(np.clip(((time - first) / (last - first) * bins).astype(int), 0, bins - 1),
+    bin = xr.DataArray(np.clip(((time - first) / (last - first) * bins).astype(int), 0, bins - 1),
                          dims=("along_track", "across_track"))
     rows = xr.DataArray(np.arange(len(x)), dims="along_track")
-    chosen = side.isel(ping=rows, range=which)
+    chosen = side.isel(ping=rows, range=bin)
     return chosen.drop_vars([name for name in chosen.coords if name != "shape"])
 
 
 def _sidescan(survey: StripSurvey, line: MeanLine, place: np.ndarray, window: tuple[float, float], bins: int,
               spacing: float) -> SidescanSurvey:
-    """Return a sidescan that passes along the line, one ping at each place (A, 3)."""
+    """Return a sidescan along the line that has one ping at each place (A, 3) [m]."""
     level = np.zeros(len(place))
     track = Track(time=np.arange(len(place), dtype=float), position=place, roll=level, pitch=level,
                   heading=np.full(len(place), line.heading))
@@ -143,26 +142,26 @@ def _sidescan(survey: StripSurvey, line: MeanLine, place: np.ndarray, window: tu
 
 
 def _from_all_sides(survey: StripSurvey, x: np.ndarray, y: np.ndarray) -> xr.Dataset:
-    """Return the truth of points that are looked at from all sides."""
+    """Return the truth of points that the sonar sees from all sides."""
     geometry, lib = survey.geometry, arrays_of(mi.Float)
     top = geometry.depth_range[0] - 1.0
     east, north = (upload(mi.Float, np.ravel(values).astype(np.float32)) for values in (x, y))
     ray = mi.Ray3f(mi.Point3f(east, north, dr.opaque(mi.Float, -top)), mi.Vector3f(0, 0, -1))
-    met = geometry.scene.ray_intersect_preliminary(ray, coherent=mi.Bool(True))
-    found = met.is_valid()
-    label = dr.select(found, dr.gather(mi.UInt32, geometry.rows, 4 * registry_index(met), found), 0)
-    depth = dr.select(found, met.t + dr.opaque(mi.Float, top), 0)
+    hit = geometry.scene.ray_intersect_preliminary(ray, coherent=mi.Bool(True))
+    valid = hit.is_valid()
+    label = dr.select(valid, dr.gather(mi.UInt32, geometry.rows, 4 * registry_index(hit), valid), 0)
+    depth = dr.select(valid, hit.t + dr.opaque(mi.Float, top), 0)
     point = lib.Array3f64(mi.Float64(east), mi.Float64(north), -mi.Float64(depth))
-    dr.eval(label, depth, point, found)
+    dr.eval(label, depth, point, valid)
     tracer = Tracer(geometry, survey.water, max_range=0.5 * survey.time[-1] * survey.water.fastest)
     connector, dark = Connector(geometry, survey.water), dr.zeros(mi.Float, dr.width(label))
-    some = np.unique(np.linspace(0, survey.track.pings - 1, LOOKS).astype(int))
-    for ping in some:
+    looks = np.unique(np.linspace(0, survey.track.pings - 1, LOOKS).astype(int))
+    for ping in looks:
         origin = survey.track.position[ping]
         start = lib.Array3f64(*(dr.opaque(mi.Float64, float(part)) for part in origin))
-        way = connector.connect(tracer.sources([-origin[2]]), start, mi.UInt32(0), point, mi.Vector3f(0, 0, 0), found,
+        leg = connector.connect(tracer.sources([-origin[2]]), start, mi.UInt32(0), point, mi.Vector3f(0, 0, 0), valid,
                                 short=0.01)
-        dark += dr.select(way.free, mi.Float(0), mi.Float(1))
+        dark += dr.select(leg.free, mi.Float(0), mi.Float(1))
         dr.eval(dark)
     labels, class_of = label.numpy().reshape(x.shape), classes_of(survey.labels)[1]
     dims = ("along_track", "across_track")
@@ -170,6 +169,6 @@ def _from_all_sides(survey: StripSurvey, x: np.ndarray, y: np.ndarray) -> xr.Dat
         "label": (dims, labels, {"units": "1", "long_name": "shape seen from above"}),
         "class": (dims, np.array([0, *class_of.values()], np.uint32)[labels],
                   {"units": "1", "long_name": "class of that shape"}),
-        "seabed_depth": (dims, depth.numpy().reshape(x.shape), {"units": "m", "long_name": "depth of what is seen"}),
-        "shadow": (dims, (dark.numpy() / len(some)).reshape(x.shape).astype(np.float32),
-                   {"units": "1", "long_name": "share of the pings that do not see it"})})
+        "seabed_depth": (dims, depth.numpy().reshape(x.shape), {"units": "m", "long_name": "depth of that shape"}),
+        "shadow": (dims, (dark.numpy() / len(looks)).reshape(x.shape).astype(np.float32),
+                   {"units": "1", "long_name": "share of the pings that do not see the bed there"})})
