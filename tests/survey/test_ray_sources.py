@@ -36,5 +36,5 @@ def test_more_sources_than_elements_are_one_for_each():
 
 
 def test_a_source_that_would_stand_for_no_element_is_refused():
-    with pytest.raises(ValueError, match="fan_count is 3, but some of these sources .* take fewer"):
+    with pytest.raises(ValueError, match="fan_count is 3, but some of these sources .* smaller fan_count"):
         RaySources.interpolated(placed([0.0, 0.0, 1.0, 1.0]), 3)

@@ -1,7 +1,7 @@
-"""Echoes in classes of nearly one Doppler factor, each of which is convolved with its own time scale of the pulse.
+"""Classes of echoes with nearly one Doppler factor; each class is convolved with its own time scale of the pulse.
 
-Two kinds: `OneClass` takes all echoes as if they had one factor; `DopplerClasses` puts each echo into the class whose
-factor is nearest, delayed so that the middle of the pulse arrives when it does, and with its frequency if it sweeps.
+`OneClass` treats all echoes as if they had one factor. `DopplerClasses` puts each echo into the class of the nearest
+factor, with the exact arrival time of the middle of the pulse and, for a sweep, the exact frequency there.
 """
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ SAME_PLACE = 1e-9                  # [m]
 
 @dataclass(frozen=True, kw_only=True)
 class SortedEchoes:
-    """Hold echoes, and what their classes do to them."""
+    """Echoes with the delays, phases and numbers of their classes."""
 
     echoes: Echoes
-    late: Float64  # (R,) [s]: by how much they arrive later, in their phase as in their place
-    turn: Float64 | None = None  # (R,) [cycles]: by which their phases are ahead
-    sheet: UInt32 | None = None  # (R,): numbers of their classes, counted from the first one wanted
-    moment: float = 0.0  # [s]: of the pulse that `late` is told for, of an element at the source
+    late: Float64  # (R,) [s], additional delay, in phase as in place
+    turn: Float64 | None = None  # (R,) [cycles], lead of the phases
+    sheet: UInt32 | None = None  # (R,), numbers of the classes, counted from the first wanted class
+    moment: float = 0.0  # [s], moment of the pulse to which `late` of an element at the source refers
 
     def chosen(self, index: UInt32) -> SortedEchoes:
         """Return the echoes with these numbers."""
@@ -43,36 +43,36 @@ class SortedEchoes:
 
 
 class EchoClasses(ABC):
-    """Sort echoes into classes."""
+    """Classes of echoes."""
 
-    factors: np.ndarray  # (K,) [-]: two-way Doppler factors that stand for them
+    factors: np.ndarray  # (K,) [-], two-way Doppler factors of the classes
 
     @abstractmethod
     def receiver_groups(self, source: PingSource, echoes: Echoes,
                         position: np.ndarray) -> list[tuple[slice, np.ndarray]]:
-        """Group receive elements at positions (E, 3) [m] that sort echoes alike: their rows, and their middle (3,)."""
+        """Return groups of receive elements (E, 3) [m] with equal classes of echoes: rows and centre (3,) of each."""
 
     @abstractmethod
     def sort(self, source: PingSource, echoes: Echoes, wanted: range, *, sender: np.ndarray, receiver: np.ndarray,
              delay: float) -> SortedEchoes | None:
-        """Put echoes into classes."""
+        """Return the echoes of the wanted classes; None if there are none."""
         # sender, receiver (3,) [m]; delay [s]
 
 
 class OneClass(EchoClasses):
-    """Put all echoes into one class, as if they had one factor."""
+    """One class of all echoes, as if they had one factor."""
 
     def __init__(self, factor: float = 1.0):
         self.factors = np.array([factor])
 
     def receiver_groups(self, source: PingSource, echoes: Echoes,
                         position: np.ndarray) -> list[tuple[slice, np.ndarray]]:
-        """Put all receive elements into one group; see `EchoClasses.receiver_groups`."""
+        """Return one group of all receive elements; see `EchoClasses.receiver_groups`."""
         return [(slice(None), source.position)]
 
     def sort(self, source: PingSource, echoes: Echoes, wanted: range, *, sender: np.ndarray, receiver: np.ndarray,
              delay: float) -> SortedEchoes:
-        """Take all echoes; see `EchoClasses.sort`."""
+        """Return all echoes; see `EchoClasses.sort`."""
         late = dr.opaque(arrays_of(mi.Float).Float64, 0.0)
         if delay:
             late = time_scale(source, echoes, sender=sender, receiver=receiver, moment=delay)[1]
@@ -80,7 +80,7 @@ class OneClass(EchoClasses):
 
 
 class DopplerClasses(EchoClasses):
-    """Sort echoes by Doppler factor, each into exactly one class."""
+    """Classes of Doppler factors; each echo is in exactly one class."""
     # factors (K,) [-]; begin [s]
 
     def __init__(self, factors: np.ndarray, begin: float, pulse: Pulse, glide: Glide | None = None):
@@ -88,12 +88,12 @@ class DopplerClasses(EchoClasses):
 
     def receiver_groups(self, source: PingSource, echoes: Echoes,
                         position: np.ndarray) -> list[tuple[slice, np.ndarray]]:
-        """Group receive elements whose factors differ too little to matter; see `EchoClasses.receiver_groups`."""
+        """Return groups of receive elements with nearly equal factors; see `EchoClasses.receiver_groups`."""
         return receiver_groups(source, echoes, position, factor_tolerance(self.pulse))
 
     def sort(self, source: PingSource, echoes: Echoes, wanted: range, *, sender: np.ndarray, receiver: np.ndarray,
              delay: float) -> SortedEchoes | None:
-        """Put each echo into the class of the nearest factor; see `EchoClasses.sort`."""
+        """Return each echo in the class of the nearest factor; see `EchoClasses.sort`."""
         moment = self.begin + 0.5 * self.pulse.duration + delay
         doppler, when = time_scale(source, echoes, sender=sender, receiver=receiver, moment=moment)
         if not np.allclose(receiver, source.position, rtol=0, atol=SAME_PLACE):
@@ -106,18 +106,18 @@ class DopplerClasses(EchoClasses):
                 return None
             echoes, number = echoes.chosen(index), dr.gather(type(number), number, index)
             doppler, when, factor = (dr.gather(type(part), part, index) for part in (doppler, when, factor))
-        kind, turn = arrays_of(mi.Float).Float64, None
-        late = when - dr.opaque(kind, 0.5 * self.pulse.duration) / factor
+        wide, turn = arrays_of(mi.Float).Float64, None
+        late = when - dr.opaque(wide, 0.5 * self.pulse.duration) / factor
         if self.glide is not None:
-            # opaque, so that another pulse makes no other kernel
-            glide = Glide(*cast(list[float], [dr.opaque(kind, part) for part in self.glide]))
+            # opaque, so that another pulse needs no other kernel
+            glide = Glide(*cast(list[float], [dr.opaque(wide, part) for part in self.glide]))
             more, turn = glide.shift(doppler, factor)
             late += more
         return SortedEchoes(echoes=echoes, late=late, turn=turn,
                             sheet=number - wanted.start if len(wanted) > 1 else None, moment=moment)
 
     def _nearest(self, doppler: Float64) -> tuple[UInt32, Float64]:
-        """Return number and factor of the class nearest to each factor."""
+        """Return the number and the factor of the class nearest to each factor."""
         width = float(self.factors[1] - self.factors[0]) if len(self.factors) > 1 else 1.0
         lib = arrays_of(mi.Float)
         first, width, last = (dr.opaque(lib.Float64, value)

@@ -1,4 +1,4 @@
-"""Echoes at the elements by an eigenray for every echo and element: exact, and slow."""
+"""Echoes at the elements, with an eigenray for every echo and element: exact, but slow."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -22,16 +22,16 @@ from .ping_source import opaque64
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EigenrayDelays(ElementDelays):
-    """Find delays by exact eigenrays."""
+    """Delays by exact eigenrays."""
 
     def add(self, responses: ImpulseResponses, some: SortedEchoes, element: int, *, weight: float,
             rows: slice = ALL_ROWS) -> None:
-        """Sum the echoes of one transmit element at receive elements; see `ElementDelays.add`."""
+        """Add the echoes of one transmit element at receive elements; see `ElementDelays.add`."""
         echoes = some.echoes
         transmit, receive, lib = self.transmit, self.receive, arrays_of(mi.Float)
         way_out, view = self.source.view(echoes.out), self.source.view(echoes.back)
         depth, travel = dr.opaque(lib.Float64, view.depth), view.travel
-        # ---- from the transmit element to what is met first
+        # ---- from the transmit element to the first scatterer
         factor, first, towards = dr.opaque(lib.Float, weight), echoes.out.travel_time, echoes.out.launch_direction
         if self.stands_off(element):
             offset = opaque64(way_out.offsets(transmit)[element])
@@ -40,7 +40,7 @@ class EigenrayDelays(ElementDelays):
             factor = factor * lib.Float(echoes.out.travel_time / first)
         if not omni(transmit):
             factor *= way_out.pattern(transmit, element, towards, self.wavelength)
-        # ---- back to the source, and from there a guess for each receive element
+        # ---- back to the source; that ray is the first guess for each receive element
         place, out = echoes.back.offset, first + echoes.between
         real, imaginary = (part * factor for part in echoes.amplitude)
         centre = opaque64(np.zeros(3))

@@ -1,12 +1,12 @@
 """One ping of an array: its sources of rays, and the echoes of the scatterers that each of them ensonifies.
 
-Scatterers have phases of their own, so their echoes are the same for every transmit element that a source stands for.
-Other echoes are drawn by chance: those of paths of more bounces, and those of the water. They are drawn from one place,
-the array's centre, so that they too are the same for all transmit elements.
+Scatterers have phases of their own, so their echoes are the same for every transmit element that a source represents.
+Echoes of the water and of paths with more bounces are drawn at random, all from the array's centre, so that they too
+are the same for all transmit elements.
 
-A ping from the very place and attitude of the one before ensonifies the same scatterers, to the last bit: those echoes
-are taken over. On the way nothing is: from one ping to the next the platform moves by many wavelengths, and what would
-still be true, which cells are seen, is a quarter of the work.
+A ping at exactly the same place and attitude as the ping before ensonifies the same scatterers, so it reuses their
+echoes. A moving platform reuses nothing: it moves by many wavelengths between pings, and the visibility of cells, which
+would still hold, is only a quarter of the work.
 """
 from collections.abc import Callable, Iterator
 
@@ -23,8 +23,8 @@ from .array_survey import ArraySurvey
 from .ping_source import PingSource
 
 BAND = 0.75                        # c / 2B of two thirds of the sampling rate
-KEPT_ECHOES = 1 << 22              # kept from one transmit element to the next; more are made again
-BY_CHANCE = -1                     # number of the source of what is drawn by chance
+KEPT_ECHOES = 1 << 22              # largest number that is kept for the next transmit element; more are computed again
+BY_CHANCE = -1                     # number of the source of random echoes
 
 
 def ensonification_of(survey: ArraySurvey, scatterers: Scatterers | None = None) -> Ensonification:
@@ -43,7 +43,7 @@ def ensonification_of(survey: ArraySurvey, scatterers: Scatterers | None = None)
 
 
 class EnsonifiedPing:
-    """Make the echoes of a ping. Unless they are too many, they are kept for the next transmit element."""
+    """Echoes of a ping, kept for the next transmit element unless they are too many."""
 
     def __init__(self, survey: ArraySurvey, ensonification: Ensonification, ping: int, seed: int,
                  before: "EnsonifiedPing | None" = None):
@@ -55,13 +55,13 @@ class EnsonifiedPing:
             self._kept = {number: blocks for number, blocks in before._kept.items() if number != BY_CHANCE}
 
     def _stands_as(self, other: "EnsonifiedPing") -> bool:
-        """Return True if the platform is where it was at another ping, and scatterers are found without chance."""
+        """Return True if the pose is that of another ping, and scatterers are found without random rays."""
         track = self.survey.track
         return (self.survey.ensonification == "scatterers" and np.array_equal(self._rotation, other._rotation)
                 and np.array_equal(track.position[self.ping], track.position[other.ping]))
 
     def shares(self, element: int) -> list[tuple[int, float]]:
-        """Return the numbers of the sources that stand for a transmit element, each with its share."""
+        """Return the numbers of the sources that represent a transmit element, each with its share."""
         share = self.survey.sources.share[:, element]
         return [*((int(number), float(share[number])) for number in np.flatnonzero(share)), (BY_CHANCE, 1.0)]
 
@@ -89,7 +89,7 @@ class EnsonifiedPing:
             self._kept[number] = kept
 
     def _made(self, number: int, progress: Callable[[float], None] | None) -> Iterator[Echoes]:
-        """Make the echoes from a source."""
+        """Return an iterator over newly computed echoes from a source."""
         source = self.source(number)
         key = ping_key(self.seed, self.ping, max(number, 0))
         below = float(self.survey.depth_below[self.ping])

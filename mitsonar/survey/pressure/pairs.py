@@ -1,15 +1,15 @@
-"""Pairs of echoes and elements: delay against the arrival at the source, and gain.
+"""Pairs of echoes and elements: delay relative to the arrival at the source, and gain.
 
     delay    the difference of the method                                                `vector_approximation`
     gain     1 / (1 + x) of an echo that is later by x of its way, times the element's pressure towards the echo
 
-The pattern of an element is that towards where its own ray comes from. With n towards the echo at the source, 1/R the
-curvature of its wavefront there and d the element's offset, that is (n - d/R) / |n - d/R|.
+The pattern of an element is taken in the direction of its own ray. With n towards the echo at the source, 1/R the
+curvature of the wavefront there and d the element's offset, this direction is (n - d/R) / |n - d/R|.
 
-Elements of one face, all of which look one way, hear nothing of what comes from behind their rigid baffle: that is
-asked once an echo. Along a level line of such elements delay and gain are polynomials, each echo's own, as long as
-their bounds are small (`line_difference`); the pressure of a face of the side L towards directions that differ by up to
-β leaves 2 (x/2)^N / ((N + 1) N!), x = π β L / λ. As many points are taken as leave `PATTERN_ERROR`.
+Elements of one face, which all look one way, receive no echo from behind their rigid baffle; the test is made once per
+echo. Along a level line of such elements, delay and gain of an echo are polynomials if the bounds of their errors are
+small (`line_difference`). For a face of the side L and directions that differ by up to β, the pressure's error is
+2 (x/2)^N / ((N + 1) N!), x = π β L / λ, with N points; N is chosen so that the error is below `PATTERN_ERROR`.
 """
 from __future__ import annotations
 
@@ -38,28 +38,28 @@ from mitsonar.sonar.arrays.element_patterns import element_pressure
 
 from .ping_source import Method, View, opaque
 
-CURVATURE = 6                      # where 1/R stands among `straight_vectors.hit_fields`
+CURVATURE = 6                      # index of 1/R in `straight_vectors.hit_fields`
 SAME_PLANE = 1e-9                  # [m]
-FEWEST_ON_A_LINE = 16              # elements for which polynomials pay,
-LINE_ERROR = 1e-11                 # [s] the most by which their delays may be off,
-PATTERN_ERROR = 6.75e-6            # and their pressures: of five points x = 0.6
+FEWEST_ON_A_LINE = 16              # least number of elements for which polynomials save time
+LINE_ERROR = 1e-11                 # [s] largest error of their delays
+PATTERN_ERROR = 6.75e-6            # largest error of their pressures: that of five points at x = 0.6
 
 OfPair: TypeAlias = Callable[[Sequence[Float], Sequence[Float]], Float]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pairs:
-    """Hold fields, delays and gains of pairs of echoes and elements for `ImpulseResponses.add`."""
+    """Fields, delays and gains of pairs of echoes and elements, as `ImpulseResponses.add` needs them."""
 
-    hits: list[Float]  # (H,)
-    elements: list[np.ndarray]  # (E,)
-    delay: OfPair  # of the fields of both
-    gain: OfPair  # of the fields of both
+    hits: list[Float]  # fields (H,) of the echoes
+    elements: list[np.ndarray]  # fields (E,) of the elements
+    delay: OfPair  # function of both fields
+    gain: OfPair  # function of both fields
 
 
 class ReceivedEchoes:
-    """Pair echoes with the elements of one array."""
-    # wavelength [m]; towards (H,)
+    """Echoes that the elements of one array receive."""
+    # wavelength [m]; towards (H,), directions to the echoes; None if all elements are omnidirectional
 
     def __init__(self, back: ReturnPaths, view: View, receive: Array, *, wavelength: float, method: Method,
                  towards: Triple | None):
@@ -71,7 +71,7 @@ class ReceivedEchoes:
 
     @property
     def ahead(self) -> Bool | None:
-        """Return True for echoes from before the rigid baffle of all elements; None where elements differ."""
+        """Return True for echoes from the front of the common rigid baffle; None if there is none."""
         if self.towards is None or self.baffle == self.receive.baffle:
             return None
         offset = opaque(mi.Float, self.view.offsets(self.receive)[0])
@@ -79,7 +79,7 @@ class ReceivedEchoes:
         return dot(seen, opaque(mi.Float, self.view.rotation @ self.receive.normal[0])) >= 0
 
     def pairs(self, rows: slice, nearest: float, speed: float) -> Pairs:
-        """Pair the echoes, all of them beyond `nearest` [m], with elements; sound of a `speed` [m/s] at the array."""
+        """Return the pairs with elements; all echoes lie beyond `nearest` [m], `speed` [m/s] is that at the array."""
         view, receive = self.view, self.receive
         offsets = view.offsets(receive)[rows]
         difference = difference_of(self.method, offsets, view.profile, view.tilt, view.climb)
@@ -95,20 +95,20 @@ class ReceivedEchoes:
 
     @property
     def _alike(self) -> bool:
-        """Return True if what is left of the elements' patterns is the same towards all directions."""
+        """Return True if the elements' patterns, apart from `ahead`, are the same in all directions."""
         return self.towards is None or (self.receive.pattern == "omni" and self.baffle == "none")
 
     def _smooth(self, line: LineChange, nearest: float, speed: float) -> bool:
-        """Return True if polynomials along a line are good enough."""
+        """Return True if polynomials along a line are accurate enough."""
         if line.error(nearest, speed) > LINE_ERROR:
             return False
         side = max(self.receive.length, self.receive.height) / self.wavelength
-        half, many = 0.5 * np.pi * side * line.angle(nearest), line.count
+        half, count = 0.5 * np.pi * side * line.angle(nearest), line.count
         return self._alike or (self.flat and self.baffle in ("none", "cardioid")
-                               and 2 * half ** many / ((many + 1) * factorial(many)) < PATTERN_ERROR)
+                               and 2 * half ** count / ((count + 1) * factorial(count)) < PATTERN_ERROR)
 
     def _each(self, difference: OfPair, elements: list[np.ndarray], fields: int) -> Pairs:
-        """Return every pair by itself; so many of the elements' fields are those of the difference."""
+        """Return the pairs, each computed by itself; the first `fields` of `elements` belong to the difference."""
         lib, receive, alike, baffle = arrays_of(mi.Float), self.receive, self._alike, self.baffle
         count = len(self.back.hit_fields)
         hits = [*self.back.hit_fields, lib.Float(dr.rcp(self.back.return_time))]
@@ -131,7 +131,7 @@ class ReceivedEchoes:
         return Pairs(hits=hits, elements=elements, delay=delay, gain=gain)
 
     def _along(self, line: LineChange, difference: OfPair) -> Pairs:
-        """Pair echoes with elements by polynomials through points of a line."""
+        """Return the pairs by polynomials through points of a line."""
         view, receive = self.view, self.receive
         fields = np.broadcast_arrays(*vector_element_fields(line.nodes, view.depth, view.profile))
         faces = [] if self._alike else [*(view.rotation @ receive.normal[0]), *(view.rotation @ receive.along[0])]
@@ -152,15 +152,15 @@ def _one_face(array: Array) -> bool:
 
 
 def offset_from(towards: Triple, offset: Triple, curvature: Float) -> list[Float]:
-    """Turn unit vectors from the source towards echoes into those from an element, not of unit length: triples.
+    """Return vectors from an element towards echoes, not of unit length.
 
-    `offset` of the element [m], `curvature` of the echo's wavefront at the source [1/m].
+    `towards`: unit vectors from the source; `offset` of the element [m]; `curvature` of the wavefront there [1/m].
     """
     return [part - d * curvature for part, d in zip(towards, offset)]
 
 
 def seen_from(towards: Triple, offset: Triple, curvature: Float) -> list[Float]:
-    """Turn unit vectors from the source towards echoes into those from an element: see `offset_from`."""
+    """Return unit vectors from an element towards echoes; see `offset_from`."""
     seen = offset_from(towards, offset, curvature)
     per_length = dr.rsqrt(seen[0] * seen[0] + seen[1] * seen[1] + seen[2] * seen[2])
     return [part * per_length for part in seen]

@@ -1,7 +1,7 @@
-"""A source of rays at one ping: where it stands, how it moves on, and the water that its rays see.
+"""A source of rays at one ping: its place, its motion, and the water around it.
 
-A leg that goes by way of the flat surface is straightened out: the platform is seen as its image above the surface, in
-water mirrored there. `View` is the one or the other, so that what follows is written once for both.
+A leg by way of the flat surface is unfolded: the platform becomes its image above the surface, in water mirrored there.
+`View` is either the platform or its image, so that the code that follows serves both.
 """
 from __future__ import annotations
 
@@ -33,32 +33,32 @@ UPSIDE_DOWN = np.diag([1.0, 1.0, -1.0])
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class View:
-    """Hold the platform and the water as legs see them: as they are, or mirrored at the surface."""
+    """Platform and water as a leg needs them: as they are, or mirrored at the surface."""
 
     medium: Medium  # the water, or the water unfolded about the surface
-    state: SourceState  # of the source's depth
-    depth: float  # [m]: of the source
-    position: np.ndarray  # (3,) [m]: of the source, body frame
-    rotation: np.ndarray  # (3, 3): body to scene
+    state: SourceState  # at the depth of the source
+    depth: float  # [m], of the source
+    position: np.ndarray  # (3,) [m], of the source, body frame
+    rotation: np.ndarray  # (3, 3), body to scene
     travel: Travel  # of the source since the ping, of opaque Float64
-    tilt: float  # [rad]: the most that the platform leans over while echoes come in
-    climb: float  # [m/s]: its largest vertical speed meanwhile
+    tilt: float  # [rad], largest change of roll and pitch while echoes arrive
+    climb: float  # [m/s], largest vertical speed while echoes arrive
 
     @property
     def layers(self) -> LayerTable:
-        """Return layers of the water that is seen."""
+        """Return the layers of the water."""
         return self.medium.layers
 
     @property
     def profile(self) -> SoundSpeedProfile:
-        """Return the sound speed profile of the water that is seen."""
+        """Return the sound speed profile of the water."""
         return self.medium.profile
 
     @classmethod
     def of(cls, travel: PingTravel, medium: Medium, depth: float, position: np.ndarray, rotation: np.ndarray,
            mirror: np.ndarray = np.ones(3)) -> View:
-        """See a source from its `PingTravel` of one ping, or its image under the diagonal of a mirror (3,)."""
-        # A rotation vector is axial: its image turns the other way, but for the part about the mirror's normal.
+        """Return the view of a source that travels during a ping; `mirror` (3,): diagonal of the mirror matrix."""
+        # a rotation vector is axial: its image has the other sign, except along the mirror's normal
         axial = mirror * np.prod(mirror)
         d, r = travel.displacement[0] * mirror, travel.turn[0] * axial
         powers = np.arange(1, len(d) + 1)
@@ -68,7 +68,7 @@ class View:
                    climb=float((powers * travel.duration ** (powers - 1)) @ np.abs(d[:, 2])))
 
     def offsets(self, array: Array) -> np.ndarray:
-        """Return the elements relative to the source at the transmission: (E, 3) [m], scene coordinates."""
+        """Return the places of elements relative to the source at the transmission: (E, 3) [m], scene coordinates."""
         return (array.position - self.position) @ self.rotation.T
 
     def pattern(self, array: Array, element: int, direction: Triple, wavelength: float) -> Float:
@@ -77,7 +77,7 @@ class View:
                         self.rotation @ array.normal[element], self.rotation @ array.along[element])
 
     def carried(self, leg: EchoLeg, method: Method, travel: Travel, elapsed: Float64) -> ReturnPaths:
-        """Carry echoes along a leg back to the source, which moves; arguments as of `return_paths`."""
+        """Return the paths of echoes along a leg back to the moving source; arguments as of `return_paths`."""
         only_source = arrays_of(mi.Float).UInt32(0)
         return return_paths(self.layers, self.state, only_source, leg.offset, leg.travel_time, leg.ray_parameter,
                             leg.spreading_area, -leg.launch_direction.z, travel=travel, method=method,
@@ -85,8 +85,8 @@ class View:
 
 
 class PingSource:
-    """Hold a source of rays at one ping."""
-    # position (3,) [m]; centre (3,) [m]; rotation (3, 3); origin (3,) [m]; speed [m/s]
+    """A source of rays at one ping."""
+    # position (3,) [m], body frame; centre, origin (3,) [m], scene; rotation (3, 3); speed [m/s], of sound
 
     def __init__(self, *, position: np.ndarray, centre: np.ndarray, rotation: np.ndarray, travel: PingTravel,
                  water: DeviceWater):
@@ -103,18 +103,18 @@ class PingSource:
 
     @cached_property
     def mirrored(self) -> View:
-        """Return their image above the surface."""
+        """Return the image of platform and water above the surface."""
         return View.of(self.travel, self._water.folded, -self.depth, self.position, UPSIDE_DOWN @ self.rotation,
                        mirror=np.diag(UPSIDE_DOWN))
 
     def view(self, leg: EchoLeg) -> View:
-        """Return what a leg sees."""
+        """Return the view for a leg."""
         return self.mirrored if leg.folded else self.direct
 
     def way_back(self, echoes: Echoes, method: Method = "vector", met: Float64 | None = None) -> ReturnPaths:
-        """Carry echoes back to where the source is then; `met` [s]: when they leave, else `Echoes.arrival`.
+        """Return the paths back to the source at its place then; echoes leave at `met` [s], else `Echoes.arrival`.
 
-        The last answer for `Echoes.arrival` is kept: Doppler, doubt and delays of the same echoes ask for it.
+        The last result for `Echoes.arrival` is kept, since Doppler, doubt and delays of the same echoes use it.
         """
         view = self.view(echoes.back)
         if met is not None:
@@ -124,12 +124,12 @@ class PingSource:
         return self._last[2]
 
     def way_out(self, echoes: Echoes) -> ReturnPaths:
-        """Turn the ways out round: from what was met first to the array as it stands at the transmission."""
+        """Return the ways out, reversed: from the first scatterer to the array at the transmission."""
         return self.view(echoes.out).carried(echoes.out, "vector", REST, echoes.out.travel_time)
 
 
 def opaque(kind: type, vector: Iterable[float]) -> list:
-    """Return the components of a vector as opaque numbers: they change without a new kernel."""
+    """Return the components of a vector as opaque numbers, which may change without a new kernel."""
     return [dr.opaque(kind, float(component)) for component in vector]
 
 

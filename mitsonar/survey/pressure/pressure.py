@@ -1,13 +1,13 @@
-"""The pressure record: impulse responses between the elements of arrays, from the echoes of every ping.
+"""Pressure record: impulse responses between the elements of arrays, from the echoes of every ping.
 
 The stages of one ping, in order:
 
     ensonify         echoes of scatterers that are connected to a source, with amplitudes    `ensonified_ping`
-    transmit         delay and pattern of one transmit element after the other               `elements.vectors`
-    return, sum      every echo at all receive elements, where they are then                 `elements.vectors`
+    transmit         delay and pattern of one transmit element after the other               `vectors`
+    return, sum      every echo at all receive elements, at their places then                `vectors`
 
-A source is a point that rays are traced from; `RaySources` says which there are, and which share of each transmit
-element they stand for. Elements' patterns are taken at the frequency of the carrier.
+A source is a point where rays start; `RaySources` lists the sources and their shares in each transmit element. Patterns
+of elements are those at the frequency of the carrier.
 """
 from __future__ import annotations
 
@@ -20,7 +20,6 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.echoes.ensonification import Ensonification
-from mitsonar.echoes.record import Echoes
 from mitsonar.signal.accumulation import ImpulseResponses
 from mitsonar.signal.doppler import glide_of
 from mitsonar.sonar.pulses.pulses import Pulse
@@ -33,13 +32,13 @@ from .ensonified_ping import EnsonifiedPing, ensonification_of
 from .ping_source import PingSource
 from .vectors import GUARD, GuardedDelays, VectorDelays
 
-SUMS_BYTES = 1 << 30               # of the sums of one ping
+SUMS_BYTES = 1 << 30               # largest memory of the sums of one ping
 
 Progress = Callable[[float], None]
 
 
 class PressureRecord:
-    """Make the impulse responses of a survey's pings."""
+    """Impulse responses of a survey's pings."""
 
     def __init__(self, survey: ArraySurvey, *, seed: int = 0, kernel: str = "band_limited",
                  return_path: str = "vector", paths: Collection[str] | None = None):
@@ -54,7 +53,7 @@ class PressureRecord:
         return ensonification_of(self.survey)
 
     def responses(self, ping: int, *, progress: Callable[[float, int], None] | None = None) -> np.ndarray:
-        """Make the responses of all pairs of elements to one ping."""
+        """Return the responses of all pairs of elements at one ping: complex64 (tx, rx, sample)."""
         survey, elements = self.survey, self.survey.transmit.elements
         out = np.empty((elements, survey.receive.elements, survey.samples), np.complex64)
         sums = self.sums()
@@ -71,14 +70,13 @@ class PressureRecord:
 
     def transmissions(self, ping: int, doppler: np.ndarray, *, piece: tuple[float, Pulse] | None = None,
                       progress: Progress | None = None) -> Iterator[tuple[float, np.ndarray]]:
-        """Make the responses to all transmit elements together, with their delays and weights.
+        """Yield Doppler factors, and the responses (rx, sample) to all transmit elements with delays and weights.
 
-        The weights are scaled so that their magnitudes add to 1.
+        `doppler` (K,) [-]: factors of the classes. The magnitudes of the weights add to 1.
         """
-        # doppler (K,) [-]
         classes = self.classes(doppler, piece)
         count = len(classes.factors)
-        # As many classes at once as fit into memory: the fewer times scatterers have to be ensonified.
+        # as many classes at once as fit into memory: scatterers are ensonified once for each group of classes
         sums = self.sums()
         together = min(max(1, SUMS_BYTES // (4 * dr.width(sums.sums))), count)
         for first in range(0, count, together):
@@ -86,13 +84,13 @@ class PressureRecord:
             if first or together > 1:
                 sums = self.sums(len(now))
             self.add_all(sums, classes, now, ping, _of_a_part(progress, first / count, len(now) / count))
-            for sheet, one in enumerate(now):
+            for sheet, number in enumerate(now):
                 response = sums.read(sheet)
                 if response.any():
-                    yield float(classes.factors[one]), response
+                    yield float(classes.factors[number]), response
 
     def classes(self, doppler: np.ndarray, piece: tuple[float, Pulse] | None = None) -> EchoClasses:
-        """Make the classes of echoes that some Doppler factors stand for; arguments as of `transmissions`."""
+        """Return the classes of echoes that Doppler factors represent; arguments as of `transmissions`."""
         begin, pulse = piece or (0.0, self.survey.pulse)
         still = pulse is self.survey.pulse and np.all(doppler == 1.0)
         glide = glide_of(pulse) if pulse is self.survey.pulse else None
@@ -108,7 +106,7 @@ class PressureRecord:
                       progress=_of_a_part(progress, number / len(senders), 1 / len(senders)))
 
     def sums(self, sheets: int = 1) -> ImpulseResponses:
-        """Make the sums of all receive elements, at zero: a sheet for each of some classes."""
+        """Return the sums of all receive elements, at zero, with one sheet for each class."""
         survey = self.survey
         return ImpulseResponses(mi.Float, elements=survey.receive.elements, samples=survey.samples, sheets=sheets,
                                 sampling_rate=survey.sampling_rate, frequency=survey.frequency, kernel=self.kernel)
@@ -119,23 +117,19 @@ class PressureRecord:
         sender, receivers = self.survey.transmit.position[element], self.survey.receive.position
         ensonified = self.ensonified(ping)
         shares = ensonified.shares(element)
-        with_cells = len(shares) - 1       # the last source, of what is drawn by chance, knows no cells
+        with_cells = len(shares) - 1       # the last source, that of random echoes, has no cells
         for done, (number, share) in enumerate(shares):
             source = ensonified.source(number)
             delays = self.delays(source)
             blocks = ensonified.echoes(number, _of_a_part(progress, done / with_cells, 1 / with_cells))
-            for echoes in filter(self._counts, blocks):
-                for rows, middle in classes.receiver_groups(source, echoes, receivers):
-                    some = classes.sort(source, echoes, wanted, sender=sender, receiver=middle, delay=delay)
-                    if some is not None:
-                        delays.add(sums, some, element, weight=float(weight * share), rows=rows)
-
-    def _counts(self, echoes: Echoes) -> bool:
-        """Return True if echoes came by one of the paths asked for."""
-        return self.paths is None or echoes.path in self.paths
+            for echoes in (block for block in blocks if self.paths is None or block.path in self.paths):
+                for rows, centre in classes.receiver_groups(source, echoes, receivers):
+                    chosen = classes.sort(source, echoes, wanted, sender=sender, receiver=centre, delay=delay)
+                    if chosen is not None:
+                        delays.add(sums, chosen, element, weight=float(weight * share), rows=rows)
 
     def ensonified(self, ping: int) -> EnsonifiedPing:
-        """Return a ping's sources and echoes; those of the last one are kept."""
+        """Return the sources and echoes of a ping; those of the last ping are kept."""
         if self._ensonified is None or self._ensonified.ping != ping:
             self._ensonified = EnsonifiedPing(self.survey, self.ensonification, ping, self.seed, self._ensonified)
         return self._ensonified
@@ -153,5 +147,5 @@ class PressureRecord:
 
 
 def _of_a_part(progress: Progress | None, before: float, part: float) -> Progress | None:
-    """Make the progress of a part out of that of the whole, of which a share `before` is done already."""
+    """Return the progress function of a part of the work, which follows a share `before` of it."""
     return None if progress is None else lambda share: progress(before + part * share)

@@ -1,19 +1,19 @@
-"""Responses and signals of an array survey's pings, as labelled arrays.
+"""Impulse responses and signals of an array survey's pings, as labelled arrays.
 
-    h[tx, rx](t)    pressure at rx per unit pressure that tx makes at 1 m [-], complex baseband
+    h[tx, rx](t)    pressure at rx per unit pressure of tx at 1 m [-], complex baseband
     s[rx](t) = 10^(SL/20) Σ_tx w_tx (h[tx, rx] * s_b)(t - τ_tx) + noise                                     [µPa]
 
-SL -> source level, w_tx and τ_tx -> weight and delay of the transmit elements, Σ |w_tx| made 1, s_b -> the pulse's
-envelope. The level is that of the steered transmission on its axis. Squares are mean squares: no factor √2.
+SL -> source level, w_tx and τ_tx -> weight and delay of the transmit elements, with Σ |w_tx| = 1, s_b -> envelope of
+the pulse. The level is that of the steered transmission on its axis. Squares are mean squares, without a factor √2.
 
 The Doppler factors of a ping's echoes are bounded by the closing speed u of elements and echoes:
 
     -v <= u <= v                                                v -> speed of the fastest element
-    min, max of v·d over directions d of the beams, ± v β       where side lobes are thinned
+    min, max of v·d over directions d of the beams, ± v β       if side lobes are thinned
 
 The beams are all directions in which `ElementBeams.bound` exceeds the intensity below which cells are thinned. They are
-searched on a Fibonacci lattice of N points; no direction is farther than β from one of them. Echoes from outside are
-weaker and belong to the outermost class: level, delay and mid frequency are right, the ends of a sweep are not.
+searched on a Fibonacci lattice of N points; every direction is within β of one of them. Echoes from outside the beams
+are weaker and belong to the outermost class: their level, delay and mid frequency are right, the ends of a sweep not.
 """
 from __future__ import annotations
 
@@ -40,25 +40,30 @@ from .delays import ArrivalCounts
 from .pressure import PressureRecord
 
 DIRECTIONS = 1 << 14               # N
-APART = 4.0 / np.sqrt(DIRECTIONS)  # β [rad]: no place of the sphere is farther off, by a wide margin
+APART = 4.0 / np.sqrt(DIRECTIONS)  # β [rad], a generous upper bound of the distance to the next point
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
+LEAD = 1.05                        # [pulse lengths] by which records must begin early: a slow Doppler factor stretches
+NEAREST = 1.0                      # [m]: nearer echoes do not affect the number of pieces of a pulse
+
+Progress = Callable[[float, int], None]
+Say = Callable[[str], None]
 
 
 def closing_speeds(survey: ArraySurvey, ping: int, *, fastest: float, acceleration: float,
                    nearest: float) -> tuple[float, float]:
     """Return the least and the largest closing speed of a ping's echoes, one way [m/s]."""
-    # fastest [m/s]; acceleration [m/s²], of the fastest element; nearest [m], from which on echoes matter
+    # fastest [m/s]; acceleration [m/s²], of the fastest element; nearest [m], least range of relevant echoes
     beams = ElementBeams(survey.transmit, survey.receive, survey.wavelength)
     if not (survey.thin_below and beams):
         return -fastest, fastest
     direction = _lattice()
     bound = beams.bound(mi.Vector3f(*(upload(mi.Float, column.astype(np.float32)) for column in direction.T)),
                         dr.opaque(mi.Float, nearest), survey.track.rotation()[ping], dr.opaque(mi.Float, APART))
-    heard = direction[bound.numpy() > survey.thin_below]
-    if not len(heard):
+    within = direction[bound.numpy() > survey.thin_below]
+    if not len(within):
         return -fastest, fastest
     velocity = survey.velocity[ping]
-    along = heard @ velocity
+    along = within @ velocity
     # elements also turn, and the platform accelerates
     spare = (fastest * APART + (fastest - float(np.linalg.norm(velocity)))
              + acceleration * (survey.time[-1] + survey.pulse.duration))
@@ -67,23 +72,16 @@ def closing_speeds(survey: ArraySurvey, ping: int, *, fastest: float, accelerati
 
 @lru_cache(maxsize=1)
 def _lattice() -> np.ndarray:
-    """Return evenly distributed directions (N, 3): a Fibonacci lattice."""
+    """Return evenly distributed directions (N, 3) of a Fibonacci lattice."""
     number = np.arange(DIRECTIONS) + 0.5
     height, angle = 1 - 2 * number / DIRECTIONS, GOLDEN_ANGLE * number
     level = np.sqrt(1 - height ** 2)
     return np.stack([level * np.cos(angle), level * np.sin(angle), height], 1)
 
 
-LEAD = 1.05                        # pulses that records must begin earlier: a slow Doppler factor stretches them
-NEAREST = 1.0                      # [m]: nearer echoes do not decide into how many pieces a pulse is cut
-
-Progress = Callable[[float, int], None]
-Say = Callable[[str], None]
-
-
 def pair_responses(record: PressureRecord, pings: Sequence[int], *, progress: Progress | None = None,
                    say: Say | None = None) -> xr.DataArray:
-    """Make the responses of every pair of elements."""
+    """Return the impulse responses of every pair of elements (ping, tx, rx, sample)."""
     survey = record.survey
     _say_cost(say, record, pings, all_transmit=True)
     blocks, total = [], len(pings) * survey.transmit.elements
@@ -103,13 +101,13 @@ def pair_responses(record: PressureRecord, pings: Sequence[int], *, progress: Pr
 
 def received_signals(record: PressureRecord, pings: Sequence[int], *, progress: Progress | None = None,
                      say: Say | None = None) -> xr.DataArray:
-    """Make the signals of every receive element. The survey's record must lead by a pulse."""
+    """Return the signals of every receive element (ping, 1, rx, sample); the record must begin `LEAD` early."""
     survey, kept = record.survey, record.survey.samples - record.survey.lead
     try:
         check_record(survey.pulse, survey.sampling_rate, kept)
     except ValueError as error:
-        raise ValueError(f"{error} In a scene the film's sample_rate_khz or bins set the rate, and its range the "
-                         "record.") from None
+        raise ValueError(f"{error} In a scene, sample_rate_khz or bins of the film set the rate, and its range sets "
+                         "the length of the record.") from None
     _say_cost(say, record, pings)
     blocks = []
     for number, ping in enumerate(pings):
@@ -133,7 +131,7 @@ def received_signals(record: PressureRecord, pings: Sequence[int], *, progress: 
 
 
 def echoes_of_the_pulse(record: PressureRecord, ping: int, progress: Callable[[float], None]) -> np.ndarray:
-    """Sum the echoes of the pulse, for a source level of 0 dB: complex64 (rx, sample)."""
+    """Return the sum of the pulse's echoes for a source level of 0 dB: complex64 (rx, sample)."""
     survey, speed = record.survey, record.survey.sound_speed(ping)
     signals = np.zeros((survey.receive.elements, survey.samples), np.complex64)      # there may be no echo
     pieces = sent_pieces(survey, ping)
@@ -144,7 +142,7 @@ def echoes_of_the_pulse(record: PressureRecord, ping: int, progress: Callable[[f
         for factor, response in record.transmissions(ping, sent.factors, piece=(sent.begin, sent.pulse),
                                                      progress=within):
             if survey.absorption_db is not None:
-                # as long as the way, not from the beginning of the pulse on
+                # absorption follows the length of the way, which does not include the beginning of the piece
                 response = absorbed(response, survey.sampling_rate, survey.frequency, survey.absorption_db, speed,
                                     survey.start - sent.begin)
             signals = signals + received(response, sent.pulse, survey.sampling_rate, factor)
@@ -152,7 +150,7 @@ def echoes_of_the_pulse(record: PressureRecord, ping: int, progress: Callable[[f
 
 
 class SentPiece(NamedTuple):
-    """Hold a piece of the pulse, when it begins [s], and the Doppler factors (K,) that stand for its echoes."""
+    """Piece of the pulse, its beginning [s], and the Doppler factors (K,) that represent its echoes."""
 
     begin: float
     pulse: Pulse
@@ -160,7 +158,7 @@ class SentPiece(NamedTuple):
 
 
 def sent_pieces(survey: ArraySurvey, ping: int) -> list[SentPiece]:
-    """Cut the pulse into pieces, so short that each echo has one Doppler factor for all of one."""
+    """Return the pulse in pieces so short that an echo has one Doppler factor for a whole piece."""
     speed = survey.sound_speed(ping)
     fastest, acceleration = _fastest(survey, ping)
     nearest = _nearest(survey, ping)
@@ -174,23 +172,22 @@ def sent_pieces(survey: ArraySurvey, ping: int) -> list[SentPiece]:
 def _say_cost(say: Say | None, record: PressureRecord, pings: Sequence[int], *, all_transmit: bool = False) -> None:
     """Report the expected cost, unless it is small."""
     if say is not None:
-        words = sentence(record, pings, threads=dr.thread_count(), all_transmit=all_transmit)
-        if words:
-            say(words)
+        cost = sentence(record, pings, threads=dr.thread_count(), all_transmit=all_transmit)
+        if cost:
+            say(cost)
 
 
 def _warn_of_lost(counts: ArrivalCounts) -> None:
-    """Warn of arrivals that no ray brings, in the name of whoever called `mitsonar.element_signals` or its like."""
+    """Warn of arrivals without a ray, at the line that called `mitsonar.element_signals` or a similar function."""
     if counts.lost:
-        warnings.warn(f"{counts.lost:,} of {counts.arrivals:,} arrivals at elements are missing: the echoes meet the "
-                      "array's centre, but no direct or once-turned ray leads to those elements", stacklevel=4)
+        warnings.warn(f"{counts.lost:,} of {counts.arrivals:,} arrivals at elements are missing: the echoes reach the "
+                      "array's centre, but no ray with at most one turning point reaches those elements", stacklevel=4)
 
 
 def _labelled(values: np.ndarray, survey: ArraySurvey, pings: Sequence[int], *, name: str, unit: str,
               lost: int, transmitters: bool) -> xr.DataArray:
-    """Put coordinates beside responses or signals (ping, tx, rx, sample)."""
-    pings_of = ping_coordinates(survey, pings)
-    coords = {**pings_of, "time": ("sample", survey.time[-values.shape[-1]:], {"units": "s"})}
+    """Return responses or signals (ping, tx, rx, sample) with their coordinates."""
+    coords = {**ping_coordinates(survey, pings), "time": ("sample", survey.time[-values.shape[-1]:], {"units": "s"})}
     for prefix, array in (("tx", survey.transmit), ("rx", survey.receive))[0 if transmitters else 1:]:
         for axis, column in zip("xyz", array.position.T):
             coords[f"{prefix}_{axis}"] = (prefix, column, {"units": "m", "frame": "body: forward, starboard, down"})
@@ -202,7 +199,7 @@ def _labelled(values: np.ndarray, survey: ArraySurvey, pings: Sequence[int], *, 
 
 
 def ping_coordinates(survey: ArraySurvey, pings: Sequence[int]) -> dict[str, tuple | Sequence[int]]:
-    """Return the coordinates of pings: where the platform is, how it is held, and when."""
+    """Return the coordinates of pings: position and attitude of the platform, and time."""
     track = survey.track
     coords: dict[str, tuple | Sequence[int]] = {"ping": pings}
     for axis, column in zip("xyz", track.position[pings].T):
@@ -220,23 +217,23 @@ def ping_attributes(survey: ArraySurvey, pings: Sequence[int]) -> dict:
 
 
 def _fastest(survey: ArraySurvey, ping: int) -> tuple[float, float]:
-    """Return speed of the fastest element [m/s], and its largest acceleration [m/s²], while echoes come in."""
+    """Return the speed of the fastest element [m/s] and its largest acceleration [m/s²] while echoes arrive."""
     travel = survey.travel(ping, np.zeros(3))
     moved, turned = ([float(travel.peak(powers, order)[0]) for order in (1, 2)]
                      for powers in (travel.displacement, travel.turn))
-    # An element off the track's point is carried round it as the platform turns.
+    # elements off the track's point move around it when the platform turns
     return moved[0] + turned[0] * survey.radius, moved[1] + (turned[1] + turned[0] ** 2) * survey.radius
 
 
 def _nearest(survey: ArraySurvey, ping: int) -> float:
-    """Return range from which on echoes matter [m]: of the record's beginning, or half of that of bed and surface."""
+    """Return the least range of relevant echoes [m]: beginning of the record, or half the range of bed or surface."""
     beginning = 0.5 * survey.sound_speed(ping) * survey.time[survey.lead]
     return max(beginning, 0.5 * min(float(survey.depth_below[ping]), -survey.track.position[ping, 2]), NEAREST)
 
 
 def _doppler_factors(pulse: Pulse, closing: tuple[float, float], speed: float, glide: Glide | None) -> np.ndarray:
-    """Choose the factors that stand for all echoes of a ping, for elements that close in as fast [m/s]."""
+    """Return the factors that represent all echoes of a ping; `closing` are the extreme closing speeds [m/s]."""
     if not any(closing):
         return np.ones(1)
-    lowest, highest = (two_way_doppler(one, speed) for one in closing)
+    lowest, highest = (two_way_doppler(limit, speed) for limit in closing)
     return doppler_classes(pulse, lowest, highest, glide=glide)

@@ -44,16 +44,16 @@ class VectorDelays(ElementDelays):
 
     def add(self, responses: ImpulseResponses, some: SortedEchoes, element: int, *, weight: float,
             rows: slice = ALL_ROWS, without: Bool | None = None) -> None:
-        """Sum the echoes of one transmit element at receive elements; see `ElementDelays.add`.
+        """Add the echoes of one transmit element at receive elements; see `ElementDelays.add`.
 
-        Those `without` (R,) are left out; they are evaluated in one kernel with the others.
+        Echoes `without` (R,) are left out; the flags are evaluated in the same kernel.
         """
         source, receive, lib, echoes = self.source, self.receive, arrays_of(mi.Float), some.echoes
         # ---- transmit: the still array, by reciprocity
         view, off = source.view(echoes.back), self.stands_off(element)
         way_out = source.way_out(echoes) if off else None
         farther = self._transmit_delay(echoes, element, way_out) if way_out is not None else None
-        # ---- return to the source, where it is then; from an element farther off the scatterer is met later
+        # ---- return to the source at its place then; sound from an element farther off reaches the scatterer later
         met = None if farther is None else echoes.arrival + farther
         back = source.way_back(echoes, self.method, met)
         total = (echoes.arrival if met is None else met) + back.return_time
@@ -63,7 +63,7 @@ class VectorDelays(ElementDelays):
         factor = self._transmitted(echoes, element, weight, way_out)
         if farther is not None:
             factor *= lib.Float(echoes.out.travel_time / (echoes.out.travel_time + farther))
-        # ---- each element by its own difference, of the moment that stands for the pulse
+        # ---- each element by its own difference, at the moment that represents the pulse
         moment = self.moment(some, rows)
         if moment:
             later = dr.opaque(lib.Float64, moment)
@@ -79,7 +79,7 @@ class VectorDelays(ElementDelays):
         nearest = source.speed * float(dr.min(echoes.back.travel_time)[0])
         pairs = received.pairs(rows, nearest, source.speed)
         real, imaginary = echoes.amplitude
-        dr.schedule(without)                   # only now: what is asked of the host on the way would compute it alone
+        dr.schedule(without)                   # only now: any evaluation before would compute it in an extra kernel
         responses.add(amplitude=(real * factor, imaginary * factor), phase=phase, sample=sample,
                       fraction=fraction, hit_fields=pairs.hits, element_fields=pairs.elements,
                       difference=pairs.delay, gain=pairs.gain, rows=np.arange(receive.elements)[rows],
@@ -93,11 +93,11 @@ class VectorDelays(ElementDelays):
         error = source.way_back(echoes).expected_error(self._outermost(source.view(echoes.back)))
         if not echoes.single:
             error = dr.maximum(error, source.way_out(echoes).expected_error(self._outermost(source.view(echoes.out))))
-        # An error that is not a number is in doubt, too.
+        # an error that is NaN is in doubt, too
         return ~(error <= dr.opaque(arrays_of(mi.Float).Float, GUARD))
 
     def _outermost(self, view: View) -> list:
-        """Return fields of the elements farthest out, transmitting and receiving."""
+        """Return the fields of the outermost transmit and receive elements."""
         offsets = np.concatenate([view.offsets(array) for array in (self.transmit, self.receive)])
         outermost = np.unique([pick(column) for column in offsets.T for pick in (np.argmin, np.argmax)])
         return vector_element_fields(offsets[outermost], view.depth, view.profile)
@@ -127,7 +127,7 @@ class GuardedDelays(ElementDelays):
 
     def add(self, responses: ImpulseResponses, some: SortedEchoes, element: int, *, weight: float,
             rows: slice = ALL_ROWS) -> None:
-        """Sum the echoes of one transmit element at receive elements; see `ElementDelays.add`."""
+        """Add the echoes of one transmit element at receive elements; see `ElementDelays.add`."""
         vector = self.changed_to(VectorDelays)
         doubtful = vector.doubtful(some.echoes) if self._extended else None
         vector.add(responses, some, element, weight=weight, rows=rows, without=doubtful)
