@@ -234,13 +234,13 @@ def test_other_arrays_are_left_to_the_element_chain():
     survey, (_, direction) = planned({"seabed": scenes.bed(20.0)}, receive="spherical", receive_elements=12,
                                      receive_radius=0.05, receive_normal=None, receive_shading=None,
                                      receive_baffle="none")
-    assert "no line" in why_not(survey, direction)
+    assert "neither a line" in why_not(survey, direction)
 
 
 def test_a_picture_that_cannot_be_made_is_refused_in_a_sentence():
     shapes = {"seabed": scenes.bed(20.0)}
     sphere = {"receive": "spherical", "receive_elements": 12, "receive_radius": 0.05, "picture": "beams"}
-    with pytest.raises(ValueError, match="no line, nor rows of lines"):
+    with pytest.raises(ValueError, match="neither a line nor parallel lines"):
         mitsonar.render(scenes.array_sonar(shapes, sensor={"frequency_khz": 50.0, **sphere}, film={"range": 20.0}))
 
 

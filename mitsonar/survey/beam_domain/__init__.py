@@ -1,1 +1,1 @@
-"""The beam domain: an array's picture from echoes laid on a grid of time and sine, without signals of elements."""
+"""Beam domain: images of an array from echoes on a grid of time and sine, without signals of elements."""

@@ -1,9 +1,9 @@
-"""Blur energies over beams and bins as a picture does: by the beams' side lobes and the compressed pulse.
+"""Blur of energies over beams and bins, as in an image: by side lobes of the beams and by the compressed pulse.
 
     shown[b, t] = Σ_b' M[b, b'] Σ_τ k[τ] E[b', t - τ],     M[b, b'] = mean over beam b' of |W(s' - s_b)|²,
     k a squared sinc of the pulse's bandwidth, of sum 1
 
-M is kept where it exceeds a share `FAINTEST` of a beam's own value, and is scaled up by the part that is left out.
+M is kept where it exceeds the share `FAINTEST` of its maximum, and is scaled up by the part that is left out.
 """
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ import numpy as np
 
 from mitsonar.device.arrays import upload
 
-PARTS = 4                          # directions in a beam that its pattern is averaged over
-FAINTEST = 3e-5                    # of M's largest, below which it is left out
-FINER = 16                         # places of the table of the beams' pattern, over those that it needs
-WIDEST = 48                        # beams to either side at most
-BLOCK = 1 << 21                    # numbers worked on at once
-REACH = 3                          # bins to either side that the compressed pulse is followed
+PARTS = 4                          # directions in a beam over which the pattern is averaged
+FAINTEST = 3e-5                    # share of the maximum of M below which M is left out
+FINER = 16                         # oversampling of the table of the pattern
+WIDEST = 48                        # largest number of beams to either side
+BLOCK = 1 << 21                    # numbers computed at once
+REACH = 3                          # bins to either side that the compressed pulse reaches
 
 
 class Blur:
-    """Blur planes of energies."""
+    """Blur of planes of energies."""
     # sines (B,) [-]; place (N,) [wavelengths]; weight (N,) [-]
 
     def __init__(self, sines: np.ndarray, place: np.ndarray, weight: np.ndarray, bandwidth_share: float):
@@ -37,12 +37,12 @@ class Blur:
         dr.eval(self._band)
 
     def grown(self, box: tuple[int, int, int, int], bins: int) -> tuple[int, int, int, int]:
-        """Return the box (first and last beam, first and last bin, the ends left out) that a box's energies reach."""
+        """Return the box that the energies of a box reach: first beam, end of beams, first bin, end of bins."""
         b0, b1, t0, t1 = box
         return max(b0 - self.reach, 0), min(b1 + self.reach, self.beams), max(t0 - REACH, 0), min(t1 + REACH, bins)
 
     def shown(self, energy: np.ndarray, first_beam: int) -> np.ndarray:
-        """Return what the picture makes of energies (b, t) of the beams from `first_beam` on: float32 (b, t)."""
+        """Return the blurred energies, float32 (b, t), of energies (b, t) of the beams from `first_beam` on."""
         beams, bins = energy.shape
         plane = upload(mi.Float, np.ascontiguousarray(energy, np.float32))
         half, rows, columns, first = (dr.opaque(mi.UInt32, n) for n in (self.reach, beams, bins, first_beam))
@@ -59,32 +59,32 @@ class Blur:
 
 
 class OneBeam:
-    """Blur energies of a single beam that tells no sines apart: by the compressed pulse alone. See `Blur`."""
+    """Blur of energies of a single beam, which resolves no sines: by the compressed pulse alone. See `Blur`."""
 
     beams = 1
 
     def __init__(self, widest: float, bandwidth_share: float):
         self.edges = np.array([-widest, widest])
         spread = np.sinc(max(bandwidth_share, 1.0 / REACH) * np.arange(-REACH, REACH + 1)) ** 2
-        # a bin longer than the pulse keeps what comes into it
+        # a bin longer than the pulse keeps its energy
         self._spread = np.array([1.0]) if bandwidth_share >= 1 else spread / spread.sum()
 
     def grown(self, box: tuple[int, int, int, int], bins: int) -> tuple[int, int, int, int]:
-        """Return the box that a box's energies reach."""
+        """Return the box that the energies of a box reach."""
         aside = len(self._spread) // 2
         return 0, 1, max(box[2] - aside, 0), min(box[3] + aside, bins)
 
     def shown(self, energy: np.ndarray, first_beam: int) -> np.ndarray:
-        """Return what the picture makes of energies (1, t): float32 (1, t)."""
+        """Return the blurred energies, float32 (1, t), of energies (1, t)."""
         return np.convolve(energy[0], self._spread, "same")[None, :energy.shape[1]].astype(np.float32)
 
 
 def _band(sines: np.ndarray, edges: np.ndarray, place: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Return M as rows of a band, (B, 2 h + 1): column h + k of row b is M[b, b + k], 0 outside the fan."""
+    """Return M as a band (B, 2 h + 1): column h + k of row b is M[b, b + k], 0 outside the fan."""
     beams = len(sines)
     half = min(WIDEST, beams - 1)
     share = (np.arange(PARTS) + 0.5) / PARTS
-    # the pattern is a function of the gap alone: a table of it serves all beams
+    # the pattern depends on the gap of sines alone: one table serves all beams
     widest = edges[-1] - edges[0]
     gaps = np.linspace(0, widest, int(np.ceil(FINER * 2 * np.ptp(place) * widest)) + 2)
     table = _pattern(gaps, place, np.asarray(weight, float) / np.abs(weight).sum())
@@ -93,24 +93,23 @@ def _band(sines: np.ndarray, edges: np.ndarray, place: np.ndarray, weight: np.nd
     for k in range(-half, half + 1):
         b = np.arange(max(0, -k), beams - max(0, k))
         band[b, half + k] = np.interp(np.abs(fine[b + k] - sines[b, None]), gaps, table).mean(1)
-    worth = band.max(0) > FAINTEST * band.max()
-    needed = int(np.abs(np.flatnonzero(worth) - half).max(initial=0))
+    needed = int(np.abs(np.flatnonzero(band.max(0) > FAINTEST * band.max()) - half).max(initial=0))
     band = band[:, half - needed:half + needed + 1]
-    # what side lobes farther off bring on an even bed, by the middle beam
+    # on an even bed, side lobes farther off add this to the middle beam
     middle = beams // 2
-    whole = float(np.interp(np.abs(fine - sines[middle]), gaps, table).mean(1).sum())
-    return band * (whole / band[middle].sum())
+    total = float(np.interp(np.abs(fine - sines[middle]), gaps, table).mean(1).sum())
+    return band * (total / band[middle].sum())
 
 
 def _pattern(gap: np.ndarray, place: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """|Σ w e^(i2π x gap)|²."""
+    """Return |Σ w e^(i2π x gap)|²."""
     parts = np.array_split(gap, -(-gap.size * place.size // BLOCK))
-    return np.concatenate([np.abs(np.exp(2j * np.pi * some[:, None] * place) @ weight) ** 2 for some in parts])
+    return np.concatenate([np.abs(np.exp(2j * np.pi * part[:, None] * place) @ weight) ** 2 for part in parts])
 
 
 @dr.syntax
 def _mixed(plane, band, half, beams, bins, first, index):
-    """Return sums over the beams beside each."""
+    """Return M-weighted sums over the neighbouring beams."""
     row = index // bins
     column = index - row * bins
     low = dr.select(row > half, row - half, 0)

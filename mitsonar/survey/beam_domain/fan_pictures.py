@@ -1,7 +1,7 @@
-"""Pictures of a fan of beams: all pings of a survey at once, or one after the other.
+"""Images of a fan of beams: all pings of a survey at once, or one after the other.
 
-They are made in the beam domain (`beam_domain.frames`) or of the signals of elements (`signals`), and say which way
-(attribute ``picture``).
+Images are made in the beam domain (`beam_domain.frames`) or from the signals of elements (`signals`); the attribute
+``picture`` holds the method.
 """
 from __future__ import annotations
 
@@ -30,24 +30,24 @@ Say = Callable[[str], None]
 
 
 class FanPictures:
-    """Make the pictures of a survey's pings."""
-    # directions (B,) [rad]
+    """Images of a survey's pings."""
+    # directions: angles (B,) [rad] and unit vectors (B, 3) of the beams
 
     def __init__(self, survey: ArraySurvey, directions: tuple[np.ndarray, np.ndarray], *, seed: int,
                  way: str | None = None):
         self._survey, self._directions, self._seed = survey, directions, seed
         self.way = way or ("elements" if why_not(survey, directions[1]) else "beams")
         limits.check_beams(survey, len(directions[0]), pings=1)
-        # either refuses what is too large before the hours of signals
+        # both ways refuse images that are too large here, before hours of computing
         self._beams = None if self.way == "beams" else Beams(survey, *directions)
 
     @cached_property
     def _frames(self) -> Frames:
-        """Return in the beam domain."""
+        """Return the frames in the beam domain."""
         return Frames(self._survey, self._directions[1], per_cell=self._survey.per_cell)
 
     def whole(self, progress: Progress | None = None, say: Say | None = None) -> xr.Dataset:
-        """Make the pictures of all pings; arguments as of `mitsonar.render`."""
+        """Return the image of all pings; arguments as of `mitsonar.render`."""
         survey, pings = self._survey, range(self._survey.track.pings)
         limits.check_beams(survey, len(self._directions[0]), pings=len(pings))
         if self._beams is None:
@@ -58,7 +58,7 @@ class FanPictures:
         return image.assign_attrs(unseen=objects.unseen(image))
 
     def one_by_one(self) -> Iterator[xr.Dataset]:
-        """Make the pictures of the pings one after the other: what is kept does not grow with their number."""
+        """Yield the images of the pings one after the other; memory does not grow with their number."""
         survey = self._survey
         block = None if self._beams is None else energy.EnergyBlock(survey, self._beams, self._seed)
         for ping in range(survey.track.pings):
@@ -72,7 +72,7 @@ class FanPictures:
 
     def _framed(self, frames: Frames, pings: Sequence[int],
                 progress: Progress | None) -> tuple[np.ndarray, EnergyRecord]:
-        """Return levels (ping, beam, sample) of frames made one after the other, and their truth."""
+        """Return the levels (ping, beam, sample) of frames, and their truth."""
         level = []
 
         def records() -> Iterator[EnergyRecord]:
@@ -87,22 +87,21 @@ class FanPictures:
         return np.stack(level), record
 
     def _of_elements(self, pings: Sequence[int], progress: Progress | None, say: Say | None) -> np.ndarray:
-        """Return levels (ping, beam, sample) of beams formed of the elements' signals."""
+        """Return the levels (ping, beam, sample) of beams formed from the elements' signals."""
         survey = self._survey
         signals = received_signals(PressureRecord(survey, seed=self._seed), pings, progress=progress, say=say)
-        # each ping's beams are steered at the sound speed where it is
-        own = (signals.isel(ping=[number]).assign_attrs(sound_speed=survey.sound_speed(ping))
-               for number, ping in enumerate(pings))
-        return np.concatenate([fan.levels(fan.formed(one, survey.pulse, self._directions[1])) for one in own])
+        # the beams of a ping are steered with the sound speed at its place
+        parts = (signals.isel(ping=[number]).assign_attrs(sound_speed=survey.sound_speed(ping))
+                 for number, ping in enumerate(pings))
+        return np.concatenate([fan.levels(fan.formed(part, survey.pulse, self._directions[1])) for part in parts])
 
     @cached_property
     def _known(self) -> dict[str, Any]:
-        """Return the attributes that every picture has of the scene."""
-        return objects.known(*classes_of(self._survey.labels), self._survey.geometry,
-                             self._survey.track.position)
+        """Return the attributes of the scene, which all images share."""
+        return objects.known(*classes_of(self._survey.labels), self._survey.geometry, self._survey.track.position)
 
     def _image(self, pings: Sequence[int], level: np.ndarray, record: EnergyRecord) -> xr.Dataset:
-        """Return the picture of some pings."""
+        """Return the image of pings from its levels and its truth."""
         survey = self._survey
         about = xr.Dataset(
             coords={**ping_coordinates(survey, pings), "time": ("sample", survey.time[survey.lead:])},

@@ -1,4 +1,4 @@
-"""Frames of an array's picture in the beam domain: beams, and their truth from the same echoes.
+"""Frames of an array's image in the beam domain: beams, and their truth from the same echoes.
 
     echoes     scatterers thinned to the resolution, targets, ghosts, water             `ping_echoes`
     grid       sums of the echoes over sine and time                                    `signal.beam_grid`
@@ -89,17 +89,17 @@ class LineFrames:
 
 
 def why_not(survey: ArraySurvey, direction: np.ndarray) -> str:
-    """Return the reason why a picture of beams (B, 3) cannot be made in the beam domain; empty if it can."""
-    why = refusal(survey.receive, direction, survey.wavelength)
-    if why:
-        return f"the receive array is no line, nor rows of lines: {why}"
+    """Return the reason why an image of beams (B, 3) cannot be made in the beam domain; empty if it can."""
+    reason = refusal(survey.receive, direction, survey.wavelength)
+    if reason:
+        return f"the receive array is neither a line nor parallel lines: {reason}"
     transmit = survey.transmit
     if len(transmit.faces()) > 1 and not (transmit.pattern == "omni" and transmit.baffle == "none"):
-        return "the transmit elements look different ways"
+        return "the transmit elements look in different directions"
     if survey.ensonification != "scatterers":
-        return "rays are to find the scatterers (ensonification)"
+        return "rays find the scatterers (ensonification)"
     if len(survey.sources.position) > 1 or np.any(survey.sources.position):
-        return "rays are to start at other places than the array's centre (fans)"
+        return "rays start at other places than the array's centre (fans)"
     return ""
 
 
@@ -107,10 +107,10 @@ class Frames(LineFrames):
     """Frames of a survey with beams along directions (B, 3)."""
 
     def __init__(self, survey: ArraySurvey, direction: np.ndarray, *, per_cell: float):
-        why = why_not(survey, direction)
-        if why:
-            raise ValueError(f"the picture cannot be made in the beam domain: {why}; leave out picture, or let it be "
-                             "elements")
+        reason = why_not(survey, direction)
+        if reason:
+            raise ValueError(f"The image cannot be made in the beam domain: {reason}. Leave out picture, or set it to "
+                             "elements.")
         line = LineArray.of(survey.receive, direction, survey.wavelength)
         sines = direction @ line.axis
         super().__init__(survey, PingEchoes(survey, line, per_cell=per_cell), line.weight, sines)

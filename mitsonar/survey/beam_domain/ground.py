@@ -1,11 +1,11 @@
-"""The scatterers of a scene as a ping finds them: how strong each echo is at the sonar, and what hides it.
+"""Scatterers of a scene around a ping: strength of each echo at the sonar, and what hides it.
 
-    thin       scatterers that the resolution asks for                                  `echoes.thinned_scatterers`
-    reach      their eigenrays, from a table of the sonar's depth                       `echoes.eigenray_table`
+    thin       scatterers that the resolution requires                                  `echoes.thinned_scatterers`
+    reach      their eigenrays, from a table for the depth of the sonar                 `echoes.eigenray_table`
     scatter    strength of the material, times the sonar equation                       `echoes.sonar_equation`
     hide       behind the bed's horizon, or behind objects          `tracing.bed_horizon`, `tracing.object_shadows`
 
-All of it is one kernel of whoever takes it further: nothing is evaluated here but the list of candidates.
+Only the list of candidates is evaluated here; all the rest becomes part of the caller's kernel.
 """
 from __future__ import annotations
 
@@ -33,24 +33,23 @@ from ..pressure.array_survey import ArraySurvey
 from ..pressure.ensonified_ping import ensonification_of
 
 FREE, HIDDEN_BY_BED, HIDDEN_BY_OBJECT = 0, 1, 2
-DEEP = 1e-3                        # [m] under the bed from which on something is buried
-ASIDE = 5e-4                       # [m] off its own surface that the bed over a scatterer is looked for
-TOGETHER = 1 << 19                 # scatterers that are looked at by way of the surface at a time
+DEEP = 1e-3                        # [m] below the bed, least depth at which an object counts as buried
+ASIDE = 5e-4                       # [m] off the surface of a scatterer, where the search for bed above it begins
+TOGETHER = 1 << 19                 # scatterers whose paths by way of the surface are computed at once
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LitScatterers:
-    """Hold scatterers around a sonar, on the device."""
+    """Scatterers around a sonar, on the device."""
 
     scatterers: ThinnedSet
-    legs: TableLegs  # to them
-    energy: mi.Float  # (R,)
+    legs: TableLegs  # from the sonar to the scatterers
+    energy: mi.Float  # (R,), of their echoes, without beams
     state: mi.UInt32  # (R,): FREE, HIDDEN_BY_BED or HIDDEN_BY_OBJECT
 
 
 class Ground:
-    """Find the scatterers of a survey's scene."""
-    # nearest [m]; farthest [m]
+    """Scatterers of a survey's scene within the ranges from nearest to farthest [m]."""
 
     def __init__(self, survey: ArraySurvey, beside: Ground | None = None):
         geometry, reach = survey.geometry, 0.5 * survey.time[-1] * survey.water.fastest
@@ -69,7 +68,7 @@ class Ground:
         dr.eval(self._kinds)
 
     def lit(self, density: Density, useful: Callable[[mi.Vector3f, mi.Float], mi.Bool]) -> LitScatterers | None:
-        """Find the scatterers around a place."""
+        """Return the scatterers around a place; None if there are none."""
         patch, number = self._scatterers.candidates(density, useful)
         if not dr.width(patch):
             return None
@@ -82,8 +81,8 @@ class Ground:
 
     def hiding(self, origin: np.ndarray, hidden: mi.UInt32, offset: tuple[mi.Float, mi.Float],
                launch_sine: mi.Float) -> mi.UInt32:
-        """Return the numbers of the objects that hide scatterers, 0 where none is found."""
-        # origin (3,) [m]; hidden (H,); offset (Float, Float) [m]; launch_sine (R,)
+        """Return the numbers (H,) of the objects that hide scatterers; 0 if no object is found."""
+        # origin (3,) [m]; hidden (H,), numbers of the scatterers; offset x, y (R,) [m]; launch_sine (R,)
         x, y, launch = (dr.gather(mi.Float, column, hidden) for column in (*offset, launch_sine))
         across = dr.sqrt(x * x + y * y)
         cosine = dr.sqrt(dr.maximum(1 - launch * launch, 0)) / dr.maximum(across, 1e-6)
@@ -92,7 +91,7 @@ class Ground:
 
     def mirrored(self, density: Density,
                  useful: Callable[[mi.Vector3f, mi.Float], mi.Bool]) -> Iterator[Cells]:
-        """Yield the scatterers around a place block by block, if a flat surface mirrors them and that is to count."""
+        """Yield the scatterers around a place in blocks if a flat surface mirrors them and its paths count."""
         sights = self.ensonification.sights
         if not sights.mirror or sights.max_depth == 1:
             return
@@ -100,27 +99,28 @@ class Ground:
         start = self._lib.Array3f64(*(dr.opaque(mi.Float64, float(v)) for v in density.origin))
         for first in range(0, dr.width(patch), TOGETHER):
             index = dr.arange(mi.UInt32, min(TOGETHER, dr.width(patch) - first)) + first
-            some = self._scatterers.at(dr.gather(mi.UInt32, patch, index), dr.gather(mi.UInt32, number, index),
-                                       density).where_existing()
-            if dr.width(some.area):
-                yield Cells(point=start + some.offset, normal=some.normal, area=some.area, amplitude=some.amplitude,
-                            shape=some.shape, primitive=some.primitive, uv=some.uv, smooth=some.smooth)
+            block = self._scatterers.at(dr.gather(mi.UInt32, patch, index), dr.gather(mi.UInt32, number, index),
+                                        density).where_existing()
+            if dr.width(block.area):
+                yield Cells(point=start + block.offset, normal=block.normal, area=block.area,
+                            amplitude=block.amplitude, shape=block.shape, primitive=block.primitive, uv=block.uv,
+                            smooth=block.smooth)
 
     def table(self, ping: int) -> EigenrayTable:
-        """Return the eigenrays of a ping."""
+        """Return the table of eigenrays of a ping."""
         return self._table_of(-float(self._survey.track.position[ping, 2]))
 
     def _table_of(self, depth: float) -> EigenrayTable:
-        """Return the table of a depth; the last one is kept."""
+        """Return the table of a depth; the last table is kept."""
         if self._table is None or self._table.depth != depth:
             self._table = EigenrayTable(self.ensonification.connector, depth=depth, farthest=self.farthest)
         return self._table
 
     def _energy(self, scatterers: ThinnedSet, legs: TableLegs, table: EigenrayTable, origin: np.ndarray) -> mi.Float:
-        """Return the energies of echoes of scatterers, without beams."""
+        """Return the energies of the scatterers' echoes, without beams."""
         lit = scatterers.exists & legs.exists
         start = self._lib.Array3f64(*(dr.opaque(mi.Float64, float(v)) for v in origin))
-        # materials that differ from place to place know places of the scene
+        # textures of materials refer to places of the scene
         hits = Hits.on_surface(valid=lit, point=start + scatterers.offset, normal=scatterers.normal,
                                arrival_direction=legs.arrival_direction,
                                sound_speed=dr.opaque(mi.Float64, table.sound_speed), shape=scatterers.shape,
@@ -130,22 +130,22 @@ class Ground:
         return dr.select(lit & (sin_grazing > GRAZING) & dr.isfinite(energy), dr.maximum(energy, 0), 0)
 
     def _partly_buried(self) -> mi.Bool | None:
-        """Return for every label whether it is an object that reaches below the bed; None if there are none."""
+        """Return a flag for every label, True for an object that reaches below the bed; None if there are none."""
         geometry, facets = self._survey.geometry, self._facets
         kinds = geometry.named.label_kinds()
-        some = np.flatnonzero(facets.scattering & (kinds[facets.label] == OBJECT)).astype(np.uint32)
-        if not some.size or not self._horizon.exists:
+        of_objects = np.flatnonzero(facets.scattering & (kinds[facets.label] == OBJECT)).astype(np.uint32)
+        if not of_objects.size or not self._horizon.exists:
             return None
-        corners = facets.corners(some).reshape(-1, 3)
-        # none under the bed is higher than the bed's highest point: few are left of tall objects
+        corners = facets.corners(of_objects).reshape(-1, 3)
+        # buried corners lie below the highest point of the bed, so few corners of tall objects remain
         low = np.flatnonzero(corners[:, 2] < self._horizon.highest)
         if not low.size:
             return None
-        # three corners to a facet, and many facets to a corner: one of them
+        # a facet has three corners, and a corner many facets, of which one is enough
         corners, number = np.unique(corners[low], axis=0, return_index=True)
         below = corners[:, 2] < bed_height(geometry, *corners[:, :2].T.astype(float)) - DEEP
         buried = np.zeros(len(kinds), bool)
-        buried[facets.label[some[low[number[below]] // 3]]] = True
+        buried[facets.label[of_objects[low[number[below]] // 3]]] = True
         return upload(mi.Bool, buried) if buried.any() else None
 
     def _state(self, scatterers: ThinnedSet, legs: TableLegs, table: EigenrayTable, origin: np.ndarray,
@@ -158,23 +158,23 @@ class Ground:
         horizon = self._horizon.around(origin, table.launch_rise)
         if horizon is not None:
             hidden = horizon.hidden(heading, legs.horizontal_range, launch.z, on_bed)
-            # the far side of a crest: its normal, turned up, looks away
+            # the far side of a crest, whose upward normal points away
             hidden |= on_bed & (dr.dot(scatterers.normal, arrival) * scatterers.normal.z > 0)
             state = dr.select(active & hidden, HIDDEN_BY_BED, state)
         if self._buried is not None:
-            # the horizon tells what lies under the bed only where that is deep
-            some = active & (state == FREE) & dr.gather(mi.Bool, self._buried, scatterers.label)
+            # the horizon decides only for points deep below the bed
+            in_doubt = active & (state == FREE) & dr.gather(mi.Bool, self._buried, scatterers.label)
             aside = dr.copysign(dr.opaque(mi.Float, ASIDE), -dr.dot(scatterers.normal, arrival))
             outward = cast(mi.Float, aside) * scatterers.normal
             place = mi.Point3f(*(dr.opaque(mi.Float, float(v)) + mi.Float(part) + away
                                  for v, part, away in zip(origin, scatterers.offset, outward)))
-            state = dr.select(some & covered(self._survey.geometry, place, some), HIDDEN_BY_BED, state)
+            state = dr.select(in_doubt & covered(self._survey.geometry, place, in_doubt), HIDDEN_BY_BED, state)
         if self._objects.exist:
             behind = self._objects.sectors(origin).behind(heading, legs.horizontal_range)
-            here = [dr.opaque(mi.Float, float(v)) for v in origin]
+            here = _point(origin)
             point = mi.Point3f(*(v + mi.Float(part) for v, part in zip(here, scatterers.offset)))
             hidden = self._objects.hidden(
-                self._objects.sources(-float(origin[2])), mi.Point3f(*here), launch, arrival, point, scatterers.normal,
+                self._objects.sources(-float(origin[2])), here, launch, arrival, point, scatterers.normal,
                 legs.horizontal_range, active & (state == FREE) & behind)
             state = dr.select(hidden, HIDDEN_BY_OBJECT, state)
         return state
@@ -182,4 +182,3 @@ class Ground:
 
 def _point(origin: np.ndarray) -> mi.Point3f:
     return mi.Point3f(*(dr.opaque(mi.Float, float(v)) for v in origin))
-

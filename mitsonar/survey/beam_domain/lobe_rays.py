@@ -1,12 +1,13 @@
-"""Directions of points of the water where a transmitting line sends, each with its solid angle.
+"""Random directions of points of the water in the lobe of a transmitting line, each with its solid angle.
 
-Few of the rays that follow the beams of single elements lie in the narrow lobe of a long line: the water would be made
-of a few strong points. About the line's axis b, with u the sine along it and φ the angle around it, dΩ = du dφ, and
+Few rays that are drawn from the beams of single elements lie in the narrow lobe of a long line, so that the water would
+consist of a few strong points. About the line's axis b, with u the sine along it and φ the angle around it,
+dΩ = du dφ, and directions are drawn with
 
     density(u) = (1 - w) |F(u - u_0)|² / ∫ + w / 2          density(φ) ~ √B(u_0, φ)
 
-F -> `array_sums`, u_0 what the line is steered to, B two-way intensity of the elements' beams. A direction stands for
-the reciprocal of the density that it is drawn with: no choice of density can bias a level.
+F -> far-field sum (`patterns`), u_0 -> sine to which the line is steered, B -> two-way intensity of the elements.
+The solid angle of a direction is the reciprocal of its density, so levels are unbiased for every choice of density.
 """
 from __future__ import annotations
 
@@ -23,17 +24,17 @@ from mitsonar.echoes.bounces.volume import GOLDEN
 from mitsonar.scene.tracing.launch import CELLS, Strata, draw, quantiles
 
 WIDE_SHARE = 0.1                   # w
-FAINTEST = 1e-3                    # of B's largest, that directions count with at least
-ALONG = 80                         # strata of u, whole tiles: they follow each other, and 80 times the golden share is
-                                   # far from simple fractions, so that distances come in no clumps (`echoes.volume`)
-AROUND = 720                       # cells of φ that B is looked up in
+FAINTEST = 1e-3                    # share of the maximum of B, least weight of a direction
+ALONG = 80                         # strata of u, in whole tiles. They are consecutive, and 80 times the golden share is
+                                   # far from simple fractions, so that distances do not cluster (`bounces.volume`)
+AROUND = 720                       # cells of φ in the table of B
 FINER = 8                          # cells of u in a main lobe
-MOST = 1 << 21                     # directions of a ping
+MOST = 1 << 21                     # largest number of directions of a ping
 
 
 class LobeRays:
-    """Draw directions in the lobe of a line."""
-    # axis (3,); normal (3,); place (E,) [wavelengths]; weight (E,) [-]; around [1/rad]
+    """Random directions in the lobe of a line."""
+    # axis, normal (3,); place (E,) [wavelengths]; weight (E,) [-]; around [1/rad], directions per angle φ
 
     def __init__(self, axis: np.ndarray, normal: np.ndarray, *, place: np.ndarray, weight: np.ndarray,
                  pattern: Callable, around: float):
@@ -43,13 +44,13 @@ class LobeRays:
         cell = 1 / (FINER * max(float(np.ptp(place)), 1.0))
         self._gap = np.linspace(-2, 2, 2 * int(np.ceil(2 / cell)) + 1)
         parts = np.array_split(self._gap, -(-len(self._gap) // 1024))
-        self._lobe = np.concatenate([np.abs(np.exp(2j * np.pi * np.multiply.outer(some, place)) @ weight) ** 2
-                                     for some in parts])
+        self._lobe = np.concatenate([np.abs(np.exp(2j * np.pi * np.multiply.outer(part, place)) @ weight) ** 2
+                                     for part in parts])
         self._edges = np.linspace(-1, 1, int(np.ceil(2 / cell)) + 1)
 
     def draw(self, rotation: np.ndarray, sine: float, key: int) -> tuple[mi.Vector3f, mi.Float, Strata]:
-        """Draw the directions of a ping."""
-        # rotation (3, 3) -> direction (R,), solid_angle (R,) [sr]
+        """Draw the directions of a ping, for a line steered to a sine."""
+        # rotation (3, 3) -> unit vectors (R,), solid angles (R,) [sr], strata
         axis, ahead = rotation @ self.axis, rotation @ self._ahead
         aside = np.cross(axis, ahead)
         turns = np.linspace(-np.pi, np.pi, AROUND + 1)
@@ -80,9 +81,10 @@ class LobeRays:
 
 
 def _rows(wanted: float) -> int:
-    """Return strata of φ for so many directions, whose distances `echoes.volume` spreads by the golden share exactly.
+    """Return the number of strata of φ for a number of directions.
 
-    A share made coprime by a step leaves the golden one, and distances come in clumps.
+    With it, `bounces.volume` spreads their distances by exactly the golden share: a share that must be changed to be
+    coprime differs from it, and distances cluster.
     """
     rows = max(4, round(wanted / ALONG))
     while gcd(round(GOLDEN * ALONG * rows), ALONG * rows) > 1:

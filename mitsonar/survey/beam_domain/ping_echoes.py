@@ -1,12 +1,12 @@
-"""Echoes of a ping in the beam domain: their places on the grid of time and sine, amplitudes and labels.
+"""Echoes of a ping in the beam domain: places on the grid of time and sine, amplitudes and labels.
 
     ground     scatterers with their legs and energies, and what hides them             `ground`
-    others     point targets, smooth surfaces, ghosts, the water                        `echoes.ensonification`
-    receive    place of the moving array at their return                                `reception`
+    ensonify   point targets, smooth surfaces, ghosts, the water                        `echoes.ensonification`
+    receive    times and directions at the moving array                                 `motion.reception`
     weigh      patterns of transmit array, elements and rows                            `patterns`
 
-The ground, reception and patterns are one kernel, for all scatterers of a ping. What depends on the place alone
-(`PlacedEchoes`) can be kept from ping to ping by a sonar that turns where it stands.
+Ground, reception and patterns are one kernel for all scatterers of a ping. `PlacedEchoes` depend on the place alone: a
+sonar that only turns can keep them from ping to ping.
 """
 from __future__ import annotations
 
@@ -35,27 +35,27 @@ from .patterns import Patterns
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlacedEchoes:
-    """Hold echoes as they come back to where the sonar is at the transmission, without its beams, on the device."""
+    """Echoes back at the place of the sonar at the transmission, without its beams, on the device."""
 
-    sent: mi.Vector3f  # (R,): unit vector of the way out, scene
-    towards: mi.Vector3f  # (R,): unit vector towards which the way back would leave, scene
+    sent: mi.Vector3f  # (R,), unit vector of the way out, scene
+    towards: mi.Vector3f  # (R,), unit vector along the way back, from the sonar, scene
     out_distance: mi.Float  # (R,) [m]
     back_distance: mi.Float  # (R,) [m]
-    out_time: mi.Float64  # (R,) [s]: until the last scatterer is reached
-    back_time: mi.Float64  # (R,) [s]: from there on
-    out_offset: dr.ArrayBase  # (R,) [m]: of the point met first, from the sonar
-    back_offset: dr.ArrayBase  # (R,) [m]: of the point met last, from the sonar
-    energy: mi.Float  # (R,): mean square of the amplitude for a source level of 0 dB, as if the way were free
-    real: mi.Float  # (R,): amplitude over the root of the energy
-    imaginary: mi.Float  # (R,): amplitude over the root of the energy
-    state: mi.UInt32  # (R,): as of `GridEchoes`
-    label: mi.UInt32  # (R,): as of `GridEchoes`
-    folded: tuple[bool, bool] = (False, False)  # whether the way out and the way back go by way of the flat surface
+    out_time: mi.Float64  # (R,) [s], until the last scatterer
+    back_time: mi.Float64  # (R,) [s], from the last scatterer
+    out_offset: dr.ArrayBase  # (R,) [m], of the first scatterer, from the sonar
+    back_offset: dr.ArrayBase  # (R,) [m], of the last scatterer, from the sonar
+    energy: mi.Float  # (R,), mean square of the amplitude for a source level of 0 dB, without shadows
+    real: mi.Float  # (R,), amplitude over the root of the energy
+    imaginary: mi.Float  # (R,), amplitude over the root of the energy
+    state: mi.UInt32  # (R,), as of `GridEchoes`
+    label: mi.UInt32  # (R,), as of `GridEchoes`
+    folded: tuple[bool, bool] = (False, False)  # True if the way out, the way back is by way of the surface
 
     def chosen(self, index: mi.UInt32) -> PlacedEchoes:
-        """Return the echoes with these numbers, UInt32."""
+        """Return the echoes at an index."""
         columns = {name: value for name, value in vars(self).items() if name != "folded"}
-        # what is one array in two columns stays one
+        # columns that share an array also share the result
         taken = {id(value): dr.gather(type(value), value, index) if dr.width(value) > 1 else value
                  for value in columns.values()}
         return replace(self, **{name: taken[id(value)] for name, value in columns.items()})
@@ -63,16 +63,16 @@ class PlacedEchoes:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GridEchoes:
-    """Hold some echoes, on the device."""
+    """Echoes on the grid of time and sine, on the device."""
 
-    column: mi.Float  # (R,): samples after the record's start, the delay that Doppler makes of a sweep included
-    sine: mi.Float  # (R,)
-    real: mi.Float  # (R,): complex amplitude for a source level of 0 dB, the carrier's phase included
-    imaginary: mi.Float  # (R,): complex amplitude for a source level of 0 dB, the carrier's phase included
-    energy: mi.Float  # (R,): mean square of the amplitude over chance, as if the way were free
-    state: mi.UInt32  # (R,): what hides it
-    label: mi.UInt32  # (R,): number of the instance
-    launch_sine: mi.Float  # (R,): of the way out, below the horizon
+    column: mi.Float  # (R,) [samples] after the record's start, with the Doppler delay of a sweep
+    sine: mi.Float  # (R,), along the line
+    real: mi.Float  # (R,), complex amplitude for a source level of 0 dB, with the phase of the carrier
+    imaginary: mi.Float  # (R,), complex amplitude for a source level of 0 dB, with the phase of the carrier
+    energy: mi.Float  # (R,), expected square of the amplitude, without shadows
+    state: mi.UInt32  # (R,), FREE, HIDDEN_BY_BED or HIDDEN_BY_OBJECT
+    label: mi.UInt32  # (R,), number of the instance
+    launch_sine: mi.Float  # (R,), of the way out, positive below the horizon
     x: mi.Float  # (R,) [m]: place, scene coordinates
     y: mi.Float  # (R,) [m]: place, scene coordinates
     depth: mi.Float  # (R,) [m]: place, scene coordinates

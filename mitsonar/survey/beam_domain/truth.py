@@ -1,13 +1,13 @@
-"""The truth of a picture in the beam domain, from the very echoes that the picture is made of.
+"""Truth of an image in the beam domain, from the same echoes as the image.
 
-    E_l[b, t] = Σ |e|² over the echoes of instance l that beam b and bin t receive;     shown by `blur`
+    E_l[b, t] = Σ |e|² over the echoes of instance l in beam b and bin t, blurred by `blur`
 
-Scatterers that objects hide count for what these take from the seabed (`imaging.truth`), those behind the bed's own
-horizon for nothing. Echoes with a phase of their own are added first, instance by instance, and squared then.
+Scatterers that objects hide count as the loss of seabed echo by these objects (`imaging.truth`); scatterers behind the
+horizon of the bed do not count. Echoes with a phase of their own are first added, instance by instance, then squared.
 
-The many echoes of the seabed are summed on the device (`FrameBins`), the few echoes of objects, and those that objects
-hide, on the host within boxes of beams and bins. Beams meet halfway between their sines. Cell b T + t is bin t of
-beam b.
+The many echoes of the seabed are summed on the device (`FrameBins`); the few echoes of objects, and the echoes that
+objects hide, are summed on the host within boxes of beams and bins. Beams meet halfway between their sines. Cell
+b T + t is bin t of beam b.
 """
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ from .blur import Blur, OneBeam
 from .ground import FREE
 from .ping_echoes import GridEchoes, TargetEchoes
 
-PER_BEAM = 8                       # places of the table that beams are looked up in, a beam
-FEWER_SECTORS = SECTORS // 64      # that make one here: scatterers are too few for more
-CELL = 1                           # bins and beams to either side over which scatterers are counted
-HARDLY = 1e-6                      # of the strongest bin's energy: a bed that brings less has no place
+PER_BEAM = 8                       # entries per beam of the table that finds beams
+FEWER_SECTORS = SECTORS // 64      # sectors joined to one here, since scatterers are too few for more
+CELL = 1                           # bins and beams to either side in which scatterers are counted
+HARDLY = 1e-6                      # share of the strongest bin's energy below which a bin has no place on the bed
 
 
 class FrameBins:
-    """Hold beams and bins."""
+    """Beams and bins of a frame."""
 
     def __init__(self, edges: np.ndarray, *, lead: int, bins: int, per_bin: int = 1):
         self.beams, self.bins, self._lead, self._per_bin = len(edges) - 1, bins, lead, per_bin
         places = PER_BEAM * self.beams
         first, last = float(edges[0]), float(edges[-1])
-        # the beam in which each place of the table begins: a few steps from there lead to the right one
+        # the beam at the beginning of each entry; the right beam is a few steps from there
         begin = np.linspace(first, last, places + 1)[:-1]
         self._table = upload(mi.UInt32, np.clip(np.searchsorted(edges, begin, side="right") - 1, 0,
                                                 self.beams - 1).astype(np.uint32))
@@ -58,7 +58,7 @@ class FrameBins:
         return self.beams * self.bins
 
     def cell_of(self, echoes: GridEchoes) -> tuple[mi.UInt32, mi.Bool]:
-        """Return the cells of echoes, computed, and which echoes lie in the picture and bring something."""
+        """Return the cells of echoes, and True for echoes with energy inside the image; both are evaluated."""
         first, last, per_sine = self._ends
         sine = held(echoes.sine, first, last)
         beam = _beam(self._table, self._edges, mi.UInt32(held((sine - first) * per_sine, 0.0, self._places)), sine)
@@ -73,7 +73,7 @@ class FrameBins:
 
     def ground(self, echoes: GridEchoes, cell: mi.UInt32, active: mi.Bool,
                origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return energies and mean places of echoes of the ground."""
+        """Return the energies and mean places of the ground's echoes."""
         # cell, active (R,); origin (3,) [m] -> energy (B, T), place (B, T, 3) [m]
         energy = echoes.energy
         sums = cell_sums(cell, active, [energy, energy * echoes.x, energy * echoes.y, energy * echoes.depth],
@@ -83,24 +83,22 @@ class FrameBins:
         total = own[0]
         dr.eval(total)
         least = dr.opaque(mi.Float, HARDLY * float(dr.max(total)[0]))
-        # where a bin between others has no scatterer by chance, the places are those beside it
+        # a bin that has no scatterer by chance takes the places of its neighbours
         empty, column = ~(total > least), index % dr.opaque(mi.UInt32, self.bins)
         last = dr.opaque(mi.UInt32, self.bins - 1)
-        whole = own + dr.gather(packet, sums, index - 1, empty & (column > 0)) + dr.gather(
+        near = own + dr.gather(packet, sums, index - 1, empty & (column > 0)) + dr.gather(
             packet, sums, index + 1, empty & (column < last))
-        there = whole[0] > least
-        per_energy = dr.rcp(dr.select(there, whole[0], 1))
+        has_bed = near[0] > least
+        per_energy = dr.rcp(dr.select(has_bed, near[0], 1))
         place = dr.empty(mi.Float, 3 * self.cells)
-        for axis, (moment, zero) in enumerate(zip((whole[1], whole[2], whole[3]), (origin[0], origin[1], 0.0))):
+        for axis, (moment, zero) in enumerate(zip((near[1], near[2], near[3]), (origin[0], origin[1], 0.0))):
             mean = dr.fma(moment, per_energy, dr.opaque(mi.Float, float(zero)))
-            dr.scatter(place, dr.select(there, mean, dr.nan), 3 * index + axis)
-        return (total.numpy().reshape(self.beams, self.bins),
-                place.numpy().reshape(self.beams, self.bins, 3))
+            dr.scatter(place, dr.select(has_bed, mean, dr.nan), 3 * index + axis)
+        return total.numpy().reshape(self.beams, self.bins), place.numpy().reshape(self.beams, self.bins, 3)
 
     def counted(self, echoes: GridEchoes, cell: mi.UInt32, active: mi.Bool, depth_below: float,
                 farthest: float) -> tuple[np.ndarray, np.ndarray]:
-        """Count separate runs of sectors in every bin, and echoes of the bins and beams around it."""
-        # -> layover (B, T), rays (B, T)
+        """Return the number of separate runs of sectors in every bin (B, T), and of echoes in and around it (B, T)."""
         number = sector(echoes.launch_sine, dr.opaque(mi.Float, depth_below), dr.opaque(mi.Float, farthest))
         mask, count = dr.zeros(mi.UInt64, sum_size(self.cells)), dr.zeros(mi.UInt32, sum_size(self.cells))
         dr.scatter_reduce(dr.ReduceOp.Or, mask, mi.UInt64(1) << mi.UInt64(number // FEWER_SECTORS), cell, active)
@@ -115,9 +113,9 @@ class FrameBins:
                 there = (row + down >= 0) & (row + down < beams) & (column + along >= 0) & (column + along < bins)
                 beside = mi.UInt32(mi.Int32(index) + down * bins + along)
                 around += dr.gather(mi.UInt32, count, beside, there)
-                # a bin shows what its neighbours hear: the few scatterers of each may miss a sector
+                # a bin counts the sectors of its neighbours, too: its own few scatterers may miss a sector
                 seen |= dr.gather(mi.UInt64, mask, beside, there & (abs(down) + abs(along) <= CELL))
-        # a single sector without an echo lies between others by chance
+        # a single sector between others lacks an echo by chance
         seen = seen | (seen << 1) & (seen >> 1)
         runs = dr.select(dr.gather(mi.UInt32, count, index) > 0, mi.UInt32(dr.popcnt(seen & ~(seen << 1))), 0)
         dr.eval(runs, around)
@@ -127,7 +125,7 @@ class FrameBins:
 
 @dr.syntax
 def _beam(table, edges, place, sine):
-    """Return the beam of finite sines, from the one in which their place of the table begins."""
+    """Return the beams of finite sines, searched from the beams at the beginning of their table entries."""
     beam = dr.gather(mi.UInt32, table, place)
     more = sine >= dr.gather(mi.Float, edges, beam)
     while more:
@@ -138,7 +136,7 @@ def _beam(table, edges, place, sine):
 
 @dataclass(frozen=True, kw_only=True)
 class _TruthPlane:
-    """Hold energies (beams, bins) of one instance as the picture shows them, within a box."""
+    """Blurred energies (beams, bins) of one instance within a box."""
 
     label: int
     first_beam: int
@@ -147,14 +145,14 @@ class _TruthPlane:
 
     @property
     def where(self) -> tuple[slice, slice]:
-        """Return the box."""
+        """Return the slices of beams and bins of the box."""
         return (slice(self.first_beam, self.first_beam + self.energy.shape[0]),
                 slice(self.first_bin, self.first_bin + self.energy.shape[1]))
 
 
 @dataclass(frozen=True, kw_only=True)
 class _TruthGround:
-    """Hold the sums of a frame: planes of seabeds and objects, places, counts, and planes that objects hide."""
+    """Sums of a frame: planes of seabeds, of objects, and of seabed that objects hide; places and counts."""
 
     seabed: list[_TruthPlane]
     place: np.ndarray
@@ -166,7 +164,7 @@ class _TruthGround:
 
 
 class FrameTruth:
-    """Make the truth of frames."""
+    """Truth of frames."""
 
     def __init__(self, blur: Blur | OneBeam, *, lead: int, bins: int, named: ShapeLabels, per_bin: int = 1,
                  of_objects: bool = False):
@@ -179,8 +177,9 @@ class FrameTruth:
     def of(self, scatterers: GridEchoes | None, hidden: tuple[mi.UInt32, mi.UInt32],
            targets: Sequence[TargetEchoes], *, origin: np.ndarray, depth_below: float, farthest: float,
            source_power: float) -> EnergyRecord:
-        """Return the truth of a frame; arrays (B, ..., bins)."""
-        # hidden (H,); origin (3,) [m]; depth_below, farthest [m]; source_power [µPa²]
+        """Return the truth of a frame, arrays (B, ..., bins)."""
+        # hidden (H,): numbers of scatterers, and of the objects that hide them
+        # origin (3,) [m]; depth_below, farthest [m]; source_power [µPa²]
         shape = self._bins.beams, self._bins.bins
         ground = self._nothing(shape) if scatterers is None else self._ground(
             scatterers, hidden, origin, depth_below, farthest)
@@ -192,8 +191,8 @@ class FrameTruth:
             by_label.setdefault(plane.label, []).append(plane)
         share = np.zeros((shape[0], self._labels, shape[1]), np.float32)
         per_total = np.reciprocal(total, out=np.zeros(shape, np.float32), where=total > 0)
-        for number, some in by_label.items():
-            for plane in some:
+        for number, of_instance in by_label.items():
+            for plane in of_instance:
                 beams, bins = plane.where
                 part = plane.energy * per_total[plane.where]
                 share[beams, number - 1, bins] += part
@@ -209,14 +208,14 @@ class FrameTruth:
                            seabed_place=ground.place))
 
     def _nothing(self, shape: tuple[int, int]) -> _TruthGround:
-        """Return a frame without scatterers."""
+        """Return the sums of a frame without scatterers."""
         return _TruthGround(seabed=[], objects=[], lost=[], layover=np.zeros(shape, np.uint8),
-                       rays=np.zeros(shape, np.uint32), place=np.full((*shape, 3), np.nan, np.float32),
-                       depth=np.full(shape, np.nan, np.float32))
+                            rays=np.zeros(shape, np.uint32), place=np.full((*shape, 3), np.nan, np.float32),
+                            depth=np.full(shape, np.nan, np.float32))
 
     def _ground(self, echoes: GridEchoes, hidden: tuple[mi.UInt32, mi.UInt32], origin: np.ndarray,
                 depth_below: float, farthest: float) -> _TruthGround:
-        """Sum the echoes of scatterers, and those of the seabed that objects hide."""
+        """Return the sums of the scatterers' echoes, and of the seabed's echoes that objects hide."""
         bins = self._bins
         cell, inside = bins.cell_of(echoes)
         free = inside & (echoes.state == FREE)
@@ -224,10 +223,9 @@ class FrameTruth:
         energy, place = bins.ground(echoes, cell, on_bed, origin)
         depth = bins.ground(echoes, cell, free, origin)[1][..., 2] if self._of_objects else place[..., 2]
         layover, rays = bins.counted(echoes, cell, free, depth_below, farthest)
-        whole = 0, bins.beams, 0, bins.bins
         seabed = []
         if len(self._seabed) == 1:
-            seabed = [self._shown(self._seabed[0], energy, whole)]
+            seabed = [self._shown(self._seabed[0], energy, (0, bins.beams, 0, bins.bins))]
         few = free if len(self._seabed) > 1 else free & ~on_bed
         objects = list(self._planes(*_columns(compressed(few), cell, echoes.energy, echoes.label)))
         if len(self._seabed) > 1:
@@ -238,27 +236,27 @@ class FrameTruth:
         if dr.width(index):
             of_bed = dr.gather(mi.Bool, inside, index) & (hider > 0) & dr.gather(
                 mi.Bool, self._is_seabed, dr.gather(mi.UInt32, echoes.label, index))
-            some = compressed(of_bed)
-            if dr.width(some):
-                number = dr.gather(mi.UInt32, index, some)
+            taken = compressed(of_bed)
+            if dr.width(taken):
+                number = dr.gather(mi.UInt32, index, taken)
                 lost = list(self._planes(dr.gather(mi.UInt32, cell, number).numpy(),
                                          dr.gather(mi.Float, echoes.energy, number).numpy(),
-                                         dr.gather(mi.UInt32, hider, some).numpy()))
+                                         dr.gather(mi.UInt32, hider, taken).numpy()))
         return _TruthGround(seabed=seabed, place=place, depth=depth, layover=layover, rays=rays, objects=objects,
                             lost=lost)
 
     def _planes(self, cell: np.ndarray, energy: np.ndarray, label: np.ndarray) -> Iterator[_TruthPlane]:
-        """Return energies of echoes, instance by instance."""
+        """Yield the blurred energies of echoes, instance by instance."""
         for number in np.unique(label):
-            mine = label == number
-            row, bin = np.divmod(cell[mine].astype(np.int64), self._bins.bins)
+            own = label == number
+            row, bin = np.divmod(cell[own].astype(np.int64), self._bins.bins)
             box = int(row.min()), int(row.max()) + 1, int(bin.min()), int(bin.max()) + 1
             size = box[1] - box[0], box[3] - box[2]
             place = (row - box[0]) * size[1] + (bin - box[2])
-            yield self._shown(int(number), np.bincount(place, energy[mine], size[0] * size[1]).reshape(size), box)
+            yield self._shown(int(number), np.bincount(place, energy[own], size[0] * size[1]).reshape(size), box)
 
     def _shown(self, label: int, energy: np.ndarray, box: tuple[int, int, int, int]) -> _TruthPlane:
-        """Return the energies in a box as the picture shows them."""
+        """Return the blurred energies of a box."""
         b0, b1, t0, t1 = self._blur.grown(box, self._bins.bins)
         if (b1 - b0, t1 - t0) != energy.shape:
             wide = np.zeros((b1 - b0, t1 - t0), np.float32)
@@ -267,45 +265,45 @@ class FrameTruth:
         return _TruthPlane(label=label, first_beam=b0, first_bin=t0, energy=self._blur.shown(energy, b0))
 
     def _of_targets(self, targets: Sequence[TargetEchoes]) -> Iterator[_TruthPlane]:
-        """Return echoes with a phase, squared when those of an instance in a bin are added."""
+        """Yield the energies of echoes with a phase, which are added per instance and bin before they are squared."""
         parts = []
         for target in targets:
             cell, inside = self._bins.cell_of(target.echoes)
-            some = np.flatnonzero(inside.numpy() & (target.label > 0))
+            shown = np.flatnonzero(inside.numpy() & (target.label > 0))
             z = target.echoes.real.numpy() + 1j * target.echoes.imaginary.numpy()
-            parts.append((target.label[some], cell.numpy()[some], z[some]))
+            parts.append((target.label[shown], cell.numpy()[shown], z[shown]))
         if not parts:
             return
         label, cell, pressure = (np.concatenate(column) for column in zip(*parts))
         for number in np.unique(label):
-            mine = label == number
-            key, which = np.unique(cell[mine], return_inverse=True)
-            real, imaginary = (np.bincount(which, part[mine]) for part in (np.real(pressure), np.imag(pressure)))
+            own = label == number
+            key, which = np.unique(cell[own], return_inverse=True)
+            real, imaginary = (np.bincount(which, part[own]) for part in (np.real(pressure), np.imag(pressure)))
             yield from self._planes(key, real ** 2 + imaginary ** 2, np.full(len(key), number))
 
     def _shadows(self, ground: _TruthGround, total: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Share of the seabed's echo that objects hide, and whose shadow a bin lies in; see `imaging.truth.shadows`."""
-        hidden, whose = np.zeros(total.shape, np.float32), np.zeros(total.shape, np.uint32)
+        """Return the share of the seabed's echo that objects hide, and the objects of shadows; see `imaging.truth`."""
+        hidden, shadow = np.zeros(total.shape, np.float32), np.zeros(total.shape, np.uint32)
         if not ground.lost:
-            return hidden, whose
+            return hidden, shadow
         lost, most = np.zeros(total.shape, np.float32), np.zeros(total.shape, np.float32)
         for plane in ground.lost:
             lost[plane.where] += plane.energy
             more = plane.energy > most[plane.where]
-            whose[plane.where] = np.where(more, plane.label, whose[plane.where])
+            shadow[plane.where] = np.where(more, plane.label, shadow[plane.where])
             most[plane.where] = np.maximum(most[plane.where], plane.energy)
-        some = np.flatnonzero(lost)
-        whole = lost.copy()
+        bins = np.flatnonzero(lost)
+        bed = lost.copy()
         for plane in ground.seabed:
-            whole[plane.where] += plane.energy
-        whole, taken = whole.ravel()[some], lost.ravel()[some]
-        share = taken / whole
-        hidden.ravel()[some] = share
-        dark = (share > HALF) & (total.ravel()[some] < HALF * whole)
-        whose.ravel()[some[~dark]] = 0
-        return hidden, whose
+            bed[plane.where] += plane.energy
+        bed, taken = bed.ravel()[bins], lost.ravel()[bins]
+        share = taken / bed
+        hidden.ravel()[bins] = share
+        dark = (share > HALF) & (total.ravel()[bins] < HALF * bed)
+        shadow.ravel()[bins[~dark]] = 0
+        return hidden, shadow
 
 
 def _columns(index: mi.UInt32, *columns: mi.Float | mi.UInt32) -> list[np.ndarray]:
-    """Return the entries of columns with these numbers, on the host."""
+    """Return the entries of columns at numbers, on the host."""
     return [dr.gather(type(column), column, index).numpy() for column in columns]
