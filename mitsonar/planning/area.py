@@ -1,7 +1,6 @@
-"""The area that a survey is to cover, as a shapely polygon or several with holes.
+"""Survey area as a shapely polygon or multipolygon.
 
-A place is inside where it lies within an odd number of rings, so that holes and islands within holes need no rule of
-their own.
+A point is inside if it lies within an odd number of rings, so holes and islands within holes need no rule of their own.
 """
 from __future__ import annotations
 
@@ -12,13 +11,13 @@ import numpy as np
 import shapely
 
 MOST_CORNERS = 20_000
-_BESIDE = 1e-10, 1e-13             # of a grid's extent: of nodes on a border, those to the west and south are in
+_BESIDE = 1e-10, 1e-13             # of a grid's extent: nodes on the west and south border count as inside
 Area = shapely.Polygon | shapely.MultiPolygon
 
 
 @dataclass(frozen=True, kw_only=True)
 class LineFrame:
-    """Places along and across lines of one heading [rad], clockwise from north."""
+    """Coordinate frame along and across survey lines of one heading [rad], clockwise from north."""
 
     heading: float
 
@@ -28,26 +27,26 @@ class LineFrame:
         return x * sine + y * cosine, x * cosine - y * sine
 
     def place(self, along: np.ndarray, across: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return x and y [m] of a place: the way back."""
+        """Return x and y [m] of points given along and across the lines."""
         sine, cosine = np.sin(self.heading), np.cos(self.heading)
         return along * sine + across * cosine, along * cosine - across * sine
 
 
 def corners(area: Area) -> list[np.ndarray]:
-    """Return the closed rings of an area, arrays (N, 2) [m], holes among them."""
+    """Return the closed rings of an area, holes included, as arrays (N, 2) [m]."""
     return [shapely.get_coordinates(ring) for ring in shapely.get_rings(shapely.get_parts(area))]
 
 
 def inside(area: Area, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return which nodes of a grid lie in an area: bool array (Y, X)."""
+    """Return a mask (Y, X) of the grid nodes that lie in an area."""
     shapely.prepare(area)
     x, y = (axis + share * np.ptp(axis) for axis, share in zip((x, y), _BESIDE))
     return shapely.contains_xy(area, x, y[:, None])
 
 
 def inside_rows(area: Area, frame: LineFrame, along: np.ndarray, across: np.ndarray) -> np.ndarray:
-    """Return which nodes of a lattice along and across lines lie in an area: bool array (S, U)."""
-    turned = shapely.transform(area, lambda places: np.stack(frame.along_across(*places.T)[::-1], -1))
+    """Return a mask (S, U) of the nodes along and across the lines that lie in an area."""
+    turned = shapely.transform(area, lambda points: np.stack(frame.along_across(*points.T)[::-1], -1))
     return inside(turned, across, along)
 
 
@@ -61,15 +60,15 @@ def polygon(rings: Sequence[np.ndarray]) -> Area:
         if not np.isfinite(ring).all():
             raise ValueError("the area has a corner that is not a finite number; repair it.")
         if (number := len(np.unique(ring, axis=0))) < 3:
-            raise ValueError(f"the area has a ring of {number} corners; it needs three that differ.")
+            raise ValueError(f"the area has a ring of {number} corners; a ring needs at least three different corners.")
     parts = np.array([shapely.Polygon(ring) for ring in rings])
     if not np.all(shapely.area(shapely.convex_hull(parts)) > 0):
         raise ValueError("the area has no extent: its corners lie on a line; draw a polygon.")
     crossing = _crossing(parts)
     if crossing is not None:
-        raise ValueError(f"the area crosses itself near x = {crossing[0]:.7g}, y = {crossing[1]:.7g}; give the corners "
-                         "in their order around it.")
-    parts = shapely.make_valid(parts)                  # rings that touch themselves
+        raise ValueError(f"the area crosses itself near x = {crossing[0]:.7g}, y = {crossing[1]:.7g}; list the "
+                         "corners in order around the area.")
+    parts = shapely.make_valid(parts)                  # a ring may touch itself
     while len(parts) > 1:
         pairs = len(parts) // 2 * 2
         parts = np.append(shapely.symmetric_difference(parts[:pairs:2], parts[1:pairs:2]), parts[pairs:])
@@ -77,11 +76,11 @@ def polygon(rings: Sequence[np.ndarray]) -> Area:
 
 
 def _crossing(parts: np.ndarray) -> Sequence[float] | None:
-    """Return where a ring crosses itself or another; None if none does. A ring may touch itself."""
+    """Return the point where a ring crosses itself or another ring, or None. Touching is allowed."""
     for reason in shapely.is_valid_reason(parts):
         if reason.startswith("Self-intersection"):
             return [float(value) for value in reason[reason.index("[") + 1:-1].split()]
-    one, other = shapely.STRtree(parts).query(parts, predicate="overlaps")
-    if not one.size:
+    first, second = shapely.STRtree(parts).query(parts, predicate="overlaps")
+    if not first.size:
         return None
-    return shapely.get_coordinates(shapely.intersection(*shapely.boundary(parts[[one[0], other[0]]])))[0]
+    return shapely.get_coordinates(shapely.intersection(*shapely.boundary(parts[[first[0], second[0]]])))[0]

@@ -1,10 +1,10 @@
-"""Areas to survey: corners written in a line, or the polygons of a GeoJSON file.
+"""Reader of survey areas: corners in one line of text, or the polygons of a GeoJSON file.
 
     "0 0, 900 0, 900 400"      "37.75N 122.38W, 37.76N 122.38W, 37.76N 122.36W"      area.geojson
 
-Corners in metres are in the bathymetry's own coordinates. GeoJSON (RFC 7946) has longitudes and latitudes on WGS 84; a
-member ``crs`` of before that standard names another system. Of its polygons a place is inside that lies in an odd
-number of rings, so that holes are holes; points and lines are left out.
+Corners in metres are in the bathymetry's own coordinates. GeoJSON (RFC 7946) has longitudes and latitudes on WGS 84,
+unless a member ``crs`` (from before that standard) names another system. A point is inside if it lies in an odd number
+of rings, so holes stay holes. Points and lines in the file are ignored.
 """
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from mitsonar.io.grids import rasters
 from mitsonar.io.tracks import tracks
 from mitsonar.io.tracks.navigation import WGS84, Frame
 
-LARGEST_FILE = 10_000_000          # bytes; corners take some twenty times as much while they are read
+LARGEST_FILE = 10_000_000          # bytes; parsed corners take about twenty times as much memory
 MOST_CORNERS = 200_000
 _WITHIN = {"FeatureCollection": "features", "GeometryCollection": "geometries", "Feature": "geometry"}
 _NO_POLYGON = TypeError, ValueError, LookupError, ArithmeticError, AttributeError, shapely.GEOSException
@@ -31,30 +31,27 @@ _NO_POLYGON = TypeError, ValueError, LookupError, ArithmeticError, AttributeErro
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Corners:
-    """Rings (N, 2) of an area as they were written, x and y [m] or longitude and latitude [degrees]; their system."""
+    """Rings (N, 2) of an area as written, x and y [m] or longitude and latitude [degrees], and their system."""
 
     rings: tuple[np.ndarray, ...]
     crs: str
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
-        """Return the smallest and largest first, and second coordinates: west, south, east, north."""
+        """Return the smallest and largest coordinates: west, south, east, north."""
         corners = np.concatenate(self.rings)
         (west, south), (east, north) = corners.min(0), corners.max(0)
         return float(west), float(south), float(east), float(north)
 
     def utm(self) -> str:
-        """Return the UTM system that the middle lies in; empty for metres of no system."""
+        """Return the UTM system of the middle of the area; empty for metres without a system."""
         if not self.crs:
             return ""
         west, south, east, north = self.bounds
         return rasters.name_of(rasters.utm((west + east) / 2, (south + north) / 2, rasters.crs_of(self.crs)))
 
     def placed(self, frame: Frame) -> list[np.ndarray]:
-        """Return the rings about the origin of a frame, arrays (N, 2) [m].
-
-    `ValueError` if the frame has no coordinate system where one is needed, or does not reach a corner.
-        """
+        """Return the rings relative to the origin of a frame, as arrays (N, 2) [m]."""
         if not self.crs:
             return [ring - frame.origin for ring in self.rings]
         if self.crs == WGS84:
@@ -62,17 +59,17 @@ class Corners:
         import pyproj
 
         if not frame.crs:
-            raise ValueError(f"the area is in {self.crs}, and the bathymetry names no coordinate system; say which it "
-                             "has.")
-        way = pyproj.Transformer.from_crs(self.crs, frame.crs, always_xy=True)
-        found = [np.stack(way.transform(*ring.T), -1) - frame.origin for ring in self.rings]
-        if not all(np.isfinite(ring).all() for ring in found):
-            raise ValueError(f"the area lies outside what {frame.crs[:80]} can map; check its coordinates.")
-        return found
+            raise ValueError(f"the area is in {self.crs}, but the bathymetry names no coordinate system; give it by "
+                             "--crs.")
+        transformer = pyproj.Transformer.from_crs(self.crs, frame.crs, always_xy=True)
+        rings = [np.stack(transformer.transform(*ring.T), -1) - frame.origin for ring in self.rings]
+        if not all(np.isfinite(ring).all() for ring in rings):
+            raise ValueError(f"the area lies outside the region that {frame.crs[:80]} can map; check its coordinates.")
+        return rings
 
 
 def read(text: FilePath) -> Corners:
-    """Read an area."""
+    """Read an area from a text of corners, or from a GeoJSON file."""
     if os.path.exists(text) or not re.search(r"\d[^/\\]*[,;\s]", str(text)):
         return _of_file(text)
     try:
@@ -92,7 +89,7 @@ def _of_file(path):
         with open(path, encoding="utf-8-sig") as file:
             content = json.load(file)
     except (ValueError, RecursionError):
-        raise ValueError(f"{name}: it is no GeoJSON; give a file with a polygon, or the corners themselves.") from None
+        raise ValueError(f"{name}: it is no GeoJSON; give a file with a polygon, or the corners as text.") from None
     try:
         return Corners(rings=tuple(_rings(content)), crs=_system(content))
     except ValueError as error:
@@ -111,8 +108,8 @@ def _rings(content: Any) -> list[np.ndarray]:
         elif kind in ("Polygon", "MultiPolygon"):
             try:
                 found = shapely.get_rings(shapely.get_parts(shape(element)))
-                rings += (own := [shapely.get_coordinates(ring) for ring in found])
-                if not all(np.isfinite(ring).all() for ring in own):
+                rings += (corners := [shapely.get_coordinates(ring) for ring in found])
+                if not all(np.isfinite(ring).all() for ring in corners):
                     raise ValueError
             except _NO_POLYGON:
                 raise ValueError("the rings of a polygon are not lists of finite corners x, y; save it as GeoJSON "
@@ -125,7 +122,7 @@ def _rings(content: Any) -> list[np.ndarray]:
 
 
 def _system(content: Any) -> str:
-    """Return the coordinate system of GeoJSON, by the member that the standard of today has no more."""
+    """Return the coordinate system of a GeoJSON file; the member ``crs`` is from before RFC 7946."""
     named = content.get("crs") if isinstance(content, dict) else None
     if named is None:
         return WGS84

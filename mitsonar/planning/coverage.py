@@ -1,13 +1,13 @@
-"""Coverage of a plan's swaths: how often each node of the bed is seen, and how densely it is sounded.
+"""Coverage of planned swaths: number of lines that see each node of the bed, and density of soundings.
 
-A node at s along a line and r to its side is seen where r is within the edge of the swath there, and where no bed
-nearer to the line hides it, that is where the angle θ(r) of the ray to it is the largest so far. With N beams, n pings
-a second and the speed v, soundings a square metre are
+A node at s along a line and r beside it is seen if r lies within the swath, and if no bed nearer to the line hides the
+node, that is, if the angle θ(r) of its ray is the largest so far. With N beams, n pings per second and the speed v, the
+soundings per square metre are
 
     N / (2 Θ) |dθ/dr| n / v    of beams at even angles         N / (r_port + r_starboard) n / v    at even distances
 
-Θ -> ``half_angle``, N -> ``beams``, n -> ``rate``. A sonar that is told no rate pings when the echo of its farthest
-beam is back.
+Θ -> ``half_angle``, N -> ``beams``, n -> ``rate``. A sonar without a stated rate pings as soon as the echo of its
+farthest beam is back.
 """
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from .bed import PlannedBed
 from .lines import MOST_SAMPLES, Edges, Segment, swath_edges
 from .rays import SwathRays
 
-_REPEATED = 1e-9                   # [rad] that an angle may fall behind the largest so far
+_REPEATED = 1e-9                   # [rad]: tolerance below the largest angle so far
 
 
 @dataclass(frozen=True, kw_only=True)
 class SwathSonar:
-    """Hold what a plan needs of a sonar."""
+    """Properties of the sonar that a plan needs."""
 
     swath: float  # [rad]: between the outermost beams
-    beams: int = 256  # soundings of a ping
-    rate: float = np.inf  # [1/s]: most pings a second
+    beams: int = 256  # soundings per ping
+    rate: float = np.inf  # [1/s]: highest ping rate
     head_depth: float = 0.0  # [m]
     max_range: float = np.inf  # [m]
-    even: str = "angle"  # "angle" or "distance"
+    even: str = "angle"  # spacing of beams: "angle" or "distance"
     name: str = ""
 
     def __post_init__(self):
@@ -44,15 +44,15 @@ class SwathSonar:
         if not self.rate > 0:
             raise ValueError(f"the sonar pings {self.rate:g} times a second; give more than 0.")
         if not (self.head_depth >= 0 and self.max_range > 0):
-            raise ValueError(f"the sonar's head is {self.head_depth:g} m deep and hears up to {self.max_range:g} m; "
+            raise ValueError(f"the sonar's head is {self.head_depth:g} m deep and its range is {self.max_range:g} m; "
                              "give a depth of 0 or more and a range above 0.")
         if self.even not in ("angle", "distance"):
-            raise ValueError(f'beams are even in {self.even!r}; choose "angle" or "distance".')
+            raise ValueError(f'the beam spacing is even in {self.even!r}; choose "angle" or "distance".')
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannedTrack:
-    """A segment with its swath at stations s (S,) [m]: depth under the sonar [m] and pings a second there."""
+    """Segment with its swath at stations s (S,) [m], and the depth under the sonar [m] and ping rate [1/s] there."""
 
     segment: Segment
     s: np.ndarray
@@ -63,7 +63,7 @@ class PlannedTrack:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Coverage:
-    """Nodes (Y, X) that are to be covered, how many lines see each, and soundings [1/m²] of all of them."""
+    """Nodes (Y, X) to be covered, the number of lines that see each, and the density of soundings [1/m²]."""
 
     wanted: np.ndarray
     times: np.ndarray
@@ -71,17 +71,17 @@ class Coverage:
 
     @property
     def gap(self) -> np.ndarray:
-        """Return which nodes are wanted and not seen."""
+        """Return a mask of the wanted nodes that no line sees."""
         return self.wanted & (self.times == 0)
 
     def share(self, times: int = 1) -> float:
-        """Return the share of the wanted nodes that at least so many lines see."""
+        """Return the share of the wanted nodes that at least ``times`` lines see."""
         return float(np.count_nonzero(self.times[self.wanted] >= times) / max(np.count_nonzero(self.wanted), 1))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Gap:
-    """A gap: its node that lies farthest in [m], and its area [m²]."""
+    """Gap in the coverage: x and y [m] of its innermost node, and its area [m²]."""
 
     x: float
     y: float
@@ -90,7 +90,7 @@ class Gap:
 
 def track(bed: PlannedBed, rays: SwathRays, sonar: SwathSonar, frame: LineFrame, segment: Segment, sound_speed: float,
           step: float) -> PlannedTrack:
-    """Return a segment with its swath, at stations about a ``step`` [m] apart; ``sound_speed`` [m/s] is at the head."""
+    """Return a segment with its swath, at stations about ``step`` [m] apart; ``sound_speed`` [m/s] at the head."""
     length = segment.end - segment.begin
     s = np.linspace(segment.begin, segment.end, int(np.clip(np.ceil(length / step) + 1, 2, 4000)))
     edges = swath_edges(bed, rays, frame, segment.offset, s)
@@ -105,40 +105,39 @@ def track(bed: PlannedBed, rays: SwathRays, sonar: SwathSonar, frame: LineFrame,
 
 
 def coverage(bed: PlannedBed, rays: SwathRays, sonar: SwathSonar, frame: LineFrame, tracks: Sequence[PlannedTrack],
-             speed: float,
-             wanted: np.ndarray) -> Coverage:
-    """Count what all swaths see of the wanted nodes (Y, X) of a bed, at a speed [m/s]."""
+             speed: float, wanted: np.ndarray) -> Coverage:
+    """Count the lines and soundings at the wanted nodes (Y, X) of a bed, at a vessel speed [m/s]."""
     row, column = np.nonzero(wanted)
     along, across = frame.along_across(bed.x[column], bed.y[row])
     order = np.argsort(across)
     along, across = along[order], across[order]
     times, density = np.zeros(along.size, np.uint16), np.zeros(along.size, np.float32)
-    for one in tracks:
-        low, high = np.searchsorted(across, one.segment.offset + np.array([-one.edges.port.max(),
-                                                                           one.edges.starboard.max()]))
-        # a node stands for the cell about it
+    for line in tracks:
+        sides = np.array([-line.edges.port.max(), line.edges.starboard.max()])
+        low, high = np.searchsorted(across, line.segment.offset + sides)
+        # a node stands for its whole cell
         half = 0.5 * max(bed.step)
-        near = low + np.flatnonzero((along[low:high] >= one.s[0] - half) & (along[low:high] <= one.s[-1] + half))
-        s, r = along[near], across[near] - one.segment.offset
-        within = np.abs(r) <= np.where(r < 0, np.interp(s, one.s, one.edges.port),
-                                       np.interp(s, one.s, one.edges.starboard))
+        near = low + np.flatnonzero((along[low:high] >= line.s[0] - half) & (along[low:high] <= line.s[-1] + half))
+        s, r = along[near], across[near] - line.segment.offset
+        within = np.abs(r) <= np.where(r < 0, np.interp(s, line.s, line.edges.port),
+                                       np.interp(s, line.s, line.edges.starboard))
         near, s, r = near[within], s[within], r[within]
         if near.size:
-            found = _sounded(bed, rays, sonar, frame, one, speed, s, r)
-            times[near] += found > 0
-            density[near] += found
+            soundings = _sounded(bed, rays, sonar, frame, line, speed, s, r)
+            times[near] += soundings > 0
+            density[near] += soundings
     counts = np.zeros(wanted.shape, np.uint16), np.zeros(wanted.shape, np.float32)
     for grid, values in zip(counts, (times, density)):
         grid[row[order], column[order]] = values
     return Coverage(wanted=wanted, times=counts[0], density=counts[1])
 
 
-def _sounded(bed, rays, sonar, frame, one, speed, s, r):
-    """Return soundings a square metre at places along and beside a line; 0 where nearer bed hides them."""
-    farthest = max(one.edges.port.max(), one.edges.starboard.max(), 1e-6)
+def _sounded(bed, rays, sonar, frame, line, speed, s, r):
+    """Return the soundings per square metre at points s along and r beside a line; 0 where nearer bed hides them."""
+    farthest = max(line.edges.port.max(), line.edges.starboard.max(), 1e-6)
     number = int(np.clip(farthest / min(bed.step), 16, MOST_SAMPLES))
     side = np.linspace(-farthest, farthest, 2 * number + 1)
-    depth = bed.depth_at(*frame.place(one.s[:, None], one.segment.offset + side))
+    depth = bed.depth_at(*frame.place(line.s[:, None], line.segment.offset + side))
     angle = rays.angle(np.abs(side) + 0 * depth, depth)
     hidden = np.zeros(angle.shape, bool)
     for half in (np.s_[:, number:], np.s_[:, number::-1]):
@@ -147,19 +146,19 @@ def _sounded(bed, rays, sonar, frame, one, speed, s, r):
         signed = np.where(side < 0, -angle, angle)
         spread = sonar.beams / sonar.swath * np.abs(np.gradient(signed, side, axis=1))
     else:
-        spread = np.broadcast_to((sonar.beams / np.maximum(one.edges.width, 1e-6))[:, None], angle.shape)
-    spread = np.where(hidden, 0.0, spread * (one.rate / speed)[:, None])
-    step = one.s[1] - one.s[0] if one.s.size > 1 else 1.0
-    i = np.clip(np.rint((s - one.s[0]) / step).astype(int), 0, one.s.size - 1)
+        spread = np.broadcast_to((sonar.beams / np.maximum(line.edges.width, 1e-6))[:, None], angle.shape)
+    spread = np.where(hidden, 0.0, spread * (line.rate / speed)[:, None])
+    step = line.s[1] - line.s[0] if line.s.size > 1 else 1.0
+    i = np.clip(np.rint((s - line.s[0]) / step).astype(int), 0, line.s.size - 1)
     j = np.clip(np.rint((r + farthest) / (side[1] - side[0])).astype(int), 0, side.size - 1)
     return spread[i, j]
 
 
-def gaps(bed: PlannedBed, found: Coverage) -> list[Gap]:
-    """List the gaps, the largest first: nodes that touch, by sides or corners, are one."""
+def gaps(bed: PlannedBed, covered: Coverage) -> list[Gap]:
+    """Return the gaps, the largest first; nodes that touch by sides or corners form one gap."""
     from scipy import ndimage
 
-    label, number = ndimage.label(found.gap, np.ones((3, 3)))
+    label, number = ndimage.label(covered.gap, np.ones((3, 3)))
     if not number:
         return []
     cell = bed.step[0] * bed.step[1]

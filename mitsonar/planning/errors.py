@@ -1,12 +1,13 @@
-"""Errors of a swath's depths that are made with another sound-speed profile: the smile.
+"""Depth errors of a swath that is reduced with a wrong sound-speed profile: the smile.
 
-The sonar measures the angle of a beam at its head and the time of the echo. Its own sensor knows the sound speed at the
-head, so p = sin(θ) / c(h) is right. The water bends the ray by the true profile; the survey follows it through its own,
+The sonar measures the angle of a beam at its head and the time of the echo. Its own sensor measures the sound speed at
+the head, so p = sin(θ) / c(h) is right. The water bends the ray by the true profile c; the survey traces it through
+another profile c',
 
     t = T(p, d; c)           d' : T(p, d'; c') = t           error = d' - d
 
-T the time down to a depth, see `legs`. The head's own speed is the other profile's node at the head, as `reduction` and
-instruments have it: what `mitsonar.soundings` makes with that profile is wrong by as much.
+where T is the travel time down to a depth (`legs`). The measured speed at the head is a node of the other profile, as
+in `reduction` and instruments, so `mitsonar.soundings` makes the same errors with that profile.
 """
 from __future__ import annotations
 
@@ -19,12 +20,12 @@ from mitsonar.hydrography.survey_orders import SurveyOrder
 from mitsonar.water.profile import SoundSpeedProfile
 
 MOST_NODES = 1000
-_EDGE = 0.01                       # [m] in which the error of a surface layer ends
+_EDGE = 0.01                       # [m] over which the error of a surface layer ends
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CastError:
-    """Depth errors (A,) [m] of beams at angles (A,) [rad] over a level bed, NaN where no ray arrives; the TVU."""
+    """Depth errors (A,) [m] of beams at angles (A,) [rad] over a level bed, NaN without an echo; allowed TVU [m]."""
 
     depth: float
     angle: np.ndarray
@@ -52,24 +53,23 @@ class CastError:
 
 def depth_error(true: SoundSpeedProfile, used: SoundSpeedProfile, head_depth: float, depth: float,
                 angle: np.ndarray) -> np.ndarray:
-    """Return the depth errors [m] of beams at angles (A,) [rad] over a level bed; NaN where no ray gets there."""
+    """Return the depth errors [m] of beams at angles (A,) [rad] over a level bed; NaN where no ray arrives."""
     slowness = np.sin(angle) / true.at(head_depth)
     head = np.full(angle.shape, float(head_depth))
     time = Starts(profile=true, depth=head).to_depth(slowness, np.full(angle.shape, float(depth))).time
-    known = Starts(profile=used, depth=head, head_speed=true.at(head))
-    return known.depth_after(slowness, time) - depth
+    return Starts(profile=used, depth=head, head_speed=true.at(head)).depth_after(slowness, time) - depth
 
 
 def cast_error(true: SoundSpeedProfile, used: SoundSpeedProfile, head_depth: float, depth: float, half_angle: float,
                order: SurveyOrder) -> CastError:
-    """Return the depth errors of a swath over a level bed, beside what an order allows."""
+    """Return the depth errors of a swath over a level bed, with the error that a survey order allows."""
     angle = np.linspace(0.0, half_angle, 65)
     return CastError(depth=float(depth), angle=angle, error=depth_error(true, used, head_depth, depth, angle),
                      allowed=float(order.vertical(depth)))
 
 
 def surface_layer_error(profile: SoundSpeedProfile, error: float, layer: float) -> SoundSpeedProfile:
-    """Return a profile that is wrong by an error [m/s] from the surface down to a depth [m], a node a metre."""
+    """Return a profile with an error [m/s] added from the surface down to ``layer`` [m], one node per metre."""
     edges = [layer, layer + _EDGE]
     depth = np.union1d(profile.depth, [*np.linspace(0, layer, min(int(np.ceil(layer)), MOST_NODES) + 1), *edges])
     share = np.interp(depth, edges, [1.0, 0.0])

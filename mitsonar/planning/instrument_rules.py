@@ -1,13 +1,13 @@
-"""By which rules an instrument reduced its soundings, found out from a line that it recorded.
+"""Estimate of the rules by which an instrument reduced its soundings, from a recorded line.
 
-Instruments differ in two things. The head's own sound-speed sensor may be the profile's node at the arrays, or the
-profile may stand as it was cast; and the way that the ship makes while an echo comes in may count or be left out. No
-file says which. The times do: of the rays from the transmit array to the soundings' places and back to the receive
+Instruments differ in two rules. The sound speed measured at the head may replace the profile's value at the arrays, or
+the profile may be used as cast; and the way of the ship during reception may be counted or neglected. Files do not
+state the rules, but travel times reveal them. For rays from the transmit array to the sounding and back to the receive
 array,
 
-    residual = (t_T + t_R - travel_time) c / 2,        less what three lever arms of the ping can explain
+    residual = (t_T + t_R - travel_time) c / 2,        less the part that three lever arms per ping explain
 
-is smallest for the rules that the places were made by. Angles play no part in it.
+is smallest for the rules that produced the soundings. Beam angles are not used.
 """
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from mitsonar.hydrography.reduction.attitude import PlatformMotion
 from mitsonar.hydrography.reduction.legs import Starts
 from mitsonar.hydrography.reduction.resounding import heads_of, installation_of, measured_of, parts_of, profile_of
 
-MOST_PINGS = 8                     # that are looked at
-FEWEST, FEWEST_RAYS = 20, 4        # soundings of a ping that is; rays that three lever arms are fitted to
-STEP, TURNS = 0.01, 3              # [m] of the lever arms' derivatives; rounds of fitting
-ALIKE = 0.8                        # of the worse residual, above which a file does not tell the rules apart
+MOST_PINGS = 8                     # to examine
+FEWEST, FEWEST_RAYS = 20, 4        # soundings of an examined ping; rays to fit three lever arms
+STEP, TURNS = 0.01, 3              # [m], for derivatives by the lever arms; rounds of fitting
+ALIKE = 0.8                        # ratio of residuals above which the rules cannot be told apart
 
 
 @dataclass(frozen=True, kw_only=True)
 class InstrumentRules:
-    """Rules by which soundings were reduced."""
+    """Rules by which soundings were reduced, and the residual of every pair of rules."""
 
-    node: bool = True  # the head's sound speed was the profile's node at the arrays
-    under_way: bool = True  # the way of the ship while an echo came in was counted
+    node: bool = True  # the head's sound speed replaces the profile's at the arrays
+    under_way: bool = True  # the way of the ship during reception counts
     residual: dict[tuple[bool, bool], float]  # [m]: root mean square, one way
 
     def arguments(self, soundings: xr.Dataset) -> dict[str, Any]:
-        """Return the arguments of `resounded` that reduce a line by these rules."""
+        """Return the arguments with which `resounded` reduces a line by these rules."""
         if self.node:
             return {"under_way": self.under_way}
         depth = soundings["ping_depth"].values + float(soundings["transmit_offset"].values[2])
@@ -46,36 +46,38 @@ class InstrumentRules:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """Say in clauses what was found."""
+        """Return the estimate and its doubts as clauses."""
         if not self.residual:
             return ()
         node = (f"the file's soundings were made with {'the head' if self.node else 'the cast'}'s sound speed at the "
-                f"arrays (travel times differ by {self._millimetres(self.node, self.under_way)}; with the "
-                f"{'cast' if self.node else 'head'}'s by {self._millimetres(not self.node, self.under_way)})")
-        way = (f"{'with' if self.under_way else 'without'} the ship's way while echoes come in "
+                f"arrays (residual of travel times {self._millimetres(self.node, self.under_way)}; with the "
+                f"{'cast' if self.node else 'head'}'s {self._millimetres(not self.node, self.under_way)})")
+        way = (f"{'with' if self.under_way else 'without'} the ship's way during reception "
                f"({'without' if self.under_way else 'with'} it {self._millimetres(self.node, not self.under_way)})")
-        alike = [what for what, other in (("which sound speed was used", (not self.node, self.under_way)),
+        alike = [question for question, other in (("which sound speed was used", (not self.node, self.under_way)),
                                           ("whether the way was counted", (self.node, not self.under_way)))
                  if self.residual[self.node, self.under_way] > ALIKE * self.residual[other]]
-        return (f"{node}, and {way}", *(f"the times do not decide {what}" for what in alike))
+        return (f"{node}, and {way}", *(f"the times do not decide {question}" for question in alike))
 
     def _millimetres(self, node, under_way):
-        off = self.residual[node, under_way]
-        return f"{1e3 * off:.3g} mm" if np.isfinite(off) else "more than any ray"
+        residual = self.residual[node, under_way]
+        return f"{1e3 * residual:.3g} mm" if np.isfinite(residual) else "too few rays"
 
 
 def rules_of(soundings: xr.Dataset) -> InstrumentRules:
-    """Find the rules by which a line was reduced."""
+    """Estimate the rules by which a line was reduced."""
     last = soundings["ping_time"].values + np.nanmax(
         np.where(soundings["valid"].values, soundings["travel_time"].values, 0.0), axis=1, initial=0.0)
     time = soundings["motion_time"].values
-    told = np.flatnonzero((soundings["ping_time"].values >= time[0]) & (last <= time[-1])
-                          & (soundings["valid"].values.sum(1) >= FEWEST))
-    some = soundings.isel(ping=np.unique(told[np.linspace(0, told.size - 1, MOST_PINGS).astype(int)]) if told.size
-                          else told)
+    usable = np.flatnonzero((soundings["ping_time"].values >= time[0]) & (last <= time[-1])
+                            & (soundings["valid"].values.sum(1) >= FEWEST))
+    if usable.size:
+        usable = np.unique(usable[np.linspace(0, usable.size - 1, MOST_PINGS).astype(int)])
+    examined = soundings.isel(ping=usable)
     residual = {}
     for rules in product((True, False), (True, False)):
-        residual[rules] = _rms(np.concatenate([fitted for _, fitted in time_residuals(some, *rules)] or [np.zeros(0)]))
+        fitted = [residuals for _, residuals in time_residuals(examined, *rules)]
+        residual[rules] = _rms(np.concatenate(fitted or [np.zeros(0)]))
     if not np.isfinite(min(residual.values())):
         return InstrumentRules(residual={})
     node, under_way = min(residual, key=lambda rules: residual[rules])
@@ -85,27 +87,25 @@ def rules_of(soundings: xr.Dataset) -> InstrumentRules:
 
 
 def time_residuals(soundings: xr.Dataset, node: bool, under_way: bool) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return residuals of times, ping by ping."""
-    # -> (B,) [m]
+    """Return the residuals (B,) [m] of each ping, bare and with three lever arms fitted."""
     motion, measured, profile = PlatformMotion.of(soundings), measured_of(soundings), profile_of(soundings)
-    found = []
+    residuals = []
     for number, pings in heads_of(soundings):
         installed = installation_of(soundings, number)
         for ping in pings:
-            one = measured[np.array([ping])]
             valid = soundings["valid"].values[ping]
-            row = one[np.array([valid])]
+            echoes = measured[np.array([ping])][np.array([valid])]
             offsets = np.zeros((valid.sum(), 3))
             for part, there in parts_of(soundings, np.array([ping])):
                 offsets[there[0][valid]] = part
             bed = np.stack([soundings[name].values[ping][valid] for name in ("x", "y", "depth")], -1)
-            found.append(_residuals(row, motion, installed, offsets, profile, bed, node, under_way,
+            residuals.append(_residuals(echoes, motion, installed, offsets, profile, bed, node, under_way,
                                     _shift(soundings, motion, ping)))
-    return found
+    return residuals
 
 
 def _shift(soundings, motion, ping):
-    """Return the ping's own place less that of the motion's stream (3,): heave is in steps of a centimetre."""
+    """Return the ping's place less that of the motion records (3,), whose heave is rounded to 1 cm."""
     there = motion.at(soundings["ping_time"].values[ping]).place
     return np.array([soundings[f"ping_{name}"].values[ping] for name in ("x", "y", "depth")]) - there
 
@@ -118,7 +118,7 @@ def _residuals(measured, motion, installed, offsets, profile, bed, node, under_w
         received.place[:, :2] = sent.place[:, :2]
     half = 0.5 * measured.head_sound_speed
 
-    def ours(arm: np.ndarray) -> np.ndarray:
+    def residuals_with(arm: np.ndarray) -> np.ndarray:
         total = -measured.travel_time
         for pose, offset in ((sent, installed.transmit_offset + offsets), (received, installed.receive_offset)):
             place = pose.carried(offset + arm) + shift
@@ -126,20 +126,20 @@ def _residuals(measured, motion, installed, offsets, profile, bed, node, under_w
             total = total + slowness_to(starts, bed[:, 2], np.hypot(*(bed - place)[:, :2].T))[1]
         return half * total
 
-    bare = best = left = ours(np.zeros(3))
+    bare = best = left = residuals_with(np.zeros(3))
     arm = np.zeros(3)
     for _ in range(TURNS):
-        slopes = np.stack([(ours(arm + STEP * axis) - left) / STEP for axis in np.eye(3)], -1)
-        some = np.isfinite(slopes).all(1) & np.isfinite(left)
-        if some.sum() < FEWEST_RAYS:
+        slopes = np.stack([(residuals_with(arm + STEP * axis) - left) / STEP for axis in np.eye(3)], -1)
+        finite = np.isfinite(slopes).all(1) & np.isfinite(left)
+        if finite.sum() < FEWEST_RAYS:
             break
-        arm = arm - np.linalg.lstsq(slopes[some], left[some], rcond=None)[0]
-        left = ours(arm)
-        best = left if _rms(left) < _rms(best) else best           # wrong water may have no best arms
+        arm = arm - np.linalg.lstsq(slopes[finite], left[finite], rcond=None)[0]
+        left = residuals_with(arm)
+        best = left if _rms(left) < _rms(best) else best           # with wrong water the fit may diverge
     return bare, best
 
 
 def _rms(values):
-    """Return the root mean square, infinite where less than half are numbers."""
-    some = np.isfinite(values)
-    return float(np.sqrt(np.mean(values[some] ** 2))) if 2 * some.sum() >= max(some.size, 1) else np.inf
+    """Return the root mean square of the finite values; infinity if less than half are finite."""
+    finite = np.isfinite(values)
+    return float(np.sqrt(np.mean(values[finite] ** 2))) if 2 * finite.sum() >= max(finite.size, 1) else np.inf

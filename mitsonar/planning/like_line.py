@@ -1,14 +1,13 @@
-"""A scene like a recorded line: its track, its water, its sounder's settings, and a bed of its own soundings.
+"""Scene after a recorded line: its track, its water, its sonar settings, and a bed of its soundings.
 
     line.all  ->  scene.xml, scene_track.csv, scene_cast.csv, scene_bed.tif, scene_backscatter.csv
 
-The bed is the mean depth of the soundings in a cell, laid straight over cells without any and level beyond the swath's
-edges, as far as a beam may see. The track is the recorded motion without its steps: splines of least squares with a
-knot every half second (`survey_lines.motion.smoothed`), dated as the line. The water has the head's sound speed as its
-node where the line's own soundings were made so (`hydrography.instrument_rules`). The bed's backscatter is the line's
-own by grazing angle; recorded levels are seldom calibrated, so its shape is the line's and its level what the recorder
-said. Settings that a file does not tell, such as the widths of beams, are those of the preset whose frequencies are
-nearest.
+The bed is the mean depth of the soundings in a cell, interpolated over empty cells and continued level beyond the edges
+of the swath as far as a beam may reach. The track is the recorded motion, smoothed by least-squares splines with a knot
+every half second (`survey_lines.motion.smoothed`), with the dates of the line. The water takes the head's sound speed
+as a node if the line's soundings were made so (`instrument_rules`). The bed's backscatter is the line's, by grazing
+angle; recorded levels are seldom calibrated, so only its shape is reliable. Settings that the file lacks, such as beam
+widths, are those of the preset with the nearest frequencies.
 """
 from __future__ import annotations
 
@@ -34,25 +33,24 @@ from .instrument_rules import rules_of
 from .like_settings import Settings, settings_of
 
 MOST_CELLS = 4_000_000
-ANGLES = np.arange(10.0, 90.1, 2.5)                    # [degrees] of grazing, that strengths are given at
-FEWEST = 10                                            # soundings behind a strength
-LOUDEST_DB, QUIETEST_DB = -4.0, -70.0                  # of a bed
-BEYOND = 0.25                                          # of the depth, that the bed goes on beyond the soundings
-AROUND = 5.0                                           # [s] of motion before the first ping and behind the last
-LISTENS = 0.9                                          # of the time between pings, that the track goes on behind them
-STEP, WAY_STEP = 0.5, 2.0                              # [s] between the knots of attitude and depth, and of places
-EVERY = 0.1                                            # [s] between the track's records
+ANGLES = np.arange(10.0, 90.1, 2.5)                    # [degrees]: grazing angles of the strength table
+FEWEST = 10                                            # soundings per strength
+LOUDEST_DB, QUIETEST_DB = -4.0, -70.0                  # limits of a bed strength
+BEYOND = 0.25                                          # share of the depth by which the bed exceeds the soundings
+AROUND = 5.0                                           # [s] of motion before the first ping and after the last
+LISTENS = 0.9                                          # share of the ping interval that the track adds at its end
+STEP, WAY_STEP = 0.5, 2.0                              # [s] between spline knots: of attitude and depth, of position
+EVERY = 0.1                                            # [s] between records of the track
 NAMES = ("x", "y", "depth", "roll", "pitch", "heading")
 NOT_TAKEN = ("pulse forms, depth modes and other settings of the run, the antenna's lever arm and tides are not in the "
              "scene")
-SHALLOWEST = 0.05                                      # [m] that the sonar may be
-REACH = 1.2                                            # of the longest echo
+SHALLOWEST = 0.05                                      # [m]: least depth of the sonar
+REACH = 1.2                                            # times the longest echo
 
 
-def like(line: FilePath, scene: FilePath, *, cell: float | None = None,
+def like(line: FilePath, scene: FilePath, *, cell: float | None = None,     # [m]
          pings: slice | None = None, say: Callable[[str], object] | None = None) -> tuple[str, ...]:
-    """Write a scene like a line."""
-    # cell [m]
+    """Write a scene after a recorded line, and return the paths of all files written."""
     stem, suffix = os.path.splitext(os.fspath(scene))
     if suffix.lower() != ".xml":
         raise ValueError(f"cannot write {scene}: a scene's name ends in .xml.")
@@ -86,13 +84,13 @@ def like(line: FilePath, scene: FilePath, *, cell: float | None = None,
 
 
 def _check(soundings, line):
-    """Refuse what makes no scene."""
+    """Raise `ValueError` if the line cannot make a scene."""
     if soundings.sizes["ping"] < 2:
         raise ValueError(f"{line} has {soundings.sizes['ping']} ping; a track takes two or more.")
     valid = soundings["valid"].values
     if not np.isfinite(soundings["travel_time"].values[valid]).any() or not np.isfinite(
             soundings["angle"].values[valid]).any():
-        raise ValueError(f"{line} has no travel times and angles, so that nothing is known of its beams.")
+        raise ValueError(f"{line} has no travel times or no angles, which a scene needs; choose another line.")
 
 
 def _table(head, *columns):
@@ -100,9 +98,9 @@ def _table(head, *columns):
 
 
 def _track(soundings: xr.Dataset, ping_rate: float) -> tuple[str, str]:
-    """Return the way of the transmit array from the first ping to the last echo, and a clause on how it was smoothed.
+    """Return the track of the transmit array from the first ping to the last echo, and a clause on its smoothing.
 
-    The reference point may be out of the water. Pings outside the motion's records have their own places.
+    The reference point may be above the water. Pings outside the motion records have their own positions.
     """
     sent, time = soundings["ping_time"].values, soundings["motion_time"].values
     inside = (time > sent[0] - AROUND) & (time < sent[-1] + AROUND)
@@ -111,31 +109,32 @@ def _track(soundings: xr.Dataset, ping_rate: float) -> tuple[str, str]:
         alone = alone[(sent[alone] < time[inside][0]) | (sent[alone] > time[inside][-1])]
     times = np.concatenate([time[inside], sent[alone]])
     order = np.argsort(times, kind="stable")
-    values = np.concatenate([np.stack([soundings[f"{of}_{name}"].values[some] for name in NAMES], -1)
-                             for of, some in (("motion", inside), ("ping", alone))])[order]
+    values = np.concatenate([np.stack([soundings[f"{source}_{name}"].values[used] for name in NAMES], -1)
+                             for source, used in (("motion", inside), ("ping", alone))])[order]
     times, values[:, 5] = times[order], np.unwrap(values[:, 5])
-    apart, end = float(np.median(np.diff(times))), sent[-1] + LISTENS / ping_rate
-    ways = [(columns, smoothed(times, values[:, columns], max(step, apart), end))
+    interval, end = float(np.median(np.diff(times))), sent[-1] + LISTENS / ping_rate
+    splines = [(columns, smoothed(times, values[:, columns], max(step, interval), end))
             for columns, step in ((slice(0, 2), WAY_STEP), (slice(2, 6), STEP))]
-    off = np.sqrt(np.mean((np.concatenate([way(times) for _, way in ways], -1) - values) ** 2, axis=0))
+    residual = np.sqrt(np.mean((np.concatenate([spline(times) for _, spline in splines], -1) - values) ** 2, axis=0))
     when = np.linspace(sent[0], end, 1 + int(np.ceil((end - sent[0]) / EVERY)))
-    x, y, depth, roll, pitch, heading = np.concatenate([way(when) for _, way in ways], -1).T
+    x, y, depth, roll, pitch, heading = np.concatenate([spline(when) for _, spline in splines], -1).T
     arm = levelled(soundings["transmit_offset"].values, roll, pitch)
     x, y = across_and_along(x, y, heading, arm[:, 1], arm[:, 0])
     depth = np.maximum(depth + arm[:, 2], SHALLOWEST)
     start = datetime.fromisoformat(str(soundings.attrs["start"]).removesuffix("Z"))
-    rows = zip(when, x, y, -depth, *(deg_from_radians(one) for one in (roll, pitch, heading)))
+    rows = zip(when, x, y, -depth, *map(deg_from_radians, (roll, pitch, heading)))
     text = "time,x,y,z,roll_deg,pitch_deg,heading_deg\n" + "".join(
         ",".join([f"{(start + timedelta(seconds=row[0])).isoformat(timespec='microseconds')}Z",
                   *(f"{value:.5f}" for value in row[1:])]) + "\n" for row in rows)
-    turns = ", ".join(f"{value:.2g}" for value in deg_from_radians(off[3:]))
-    return text, (f"the track is the recorded motion, {times.size} records {apart:.2g} s apart, smoothed by splines "
-                  f"with a knot every {STEP:g} s (places: {WAY_STEP:g} s); left out are {np.hypot(*off[:2]):.2g} m of "
-                  f"the place, {off[2]:.2g} m of the depth and {turns} degrees of roll, pitch and heading (rms)")
+    angles = ", ".join(f"{value:.2g}" for value in deg_from_radians(residual[3:]))
+    return text, (f"the track is the recorded motion, {times.size} records {interval:.2g} s apart, smoothed by splines "
+                  f"with a knot every {STEP:g} s (positions: {WAY_STEP:g} s); this removes "
+                  f"{np.hypot(*residual[:2]):.2g} m of position, {residual[2]:.2g} m of depth and {angles} degrees of "
+                  "roll, pitch and heading (rms)")
 
 
 def _bed(soundings: xr.Dataset, cell: float | None) -> xr.Dataset:
-    """Lay the soundings on a grid without holes, with a margin."""
+    """Return the soundings on a grid without holes, with a margin."""
     from scipy.interpolate import LinearNDInterpolator
     from scipy.ndimage import distance_transform_edt
 
@@ -157,31 +156,31 @@ def _bed(soundings: xr.Dataset, cell: float | None) -> xr.Dataset:
     values = grid["depth"].values[row, column]
     points = np.column_stack([columns[known], rows[known]])
     if min(np.ptp(points, axis=0)) > 0:
-        straight = LinearNDInterpolator(points, grid["depth"].values[known])(columns, rows)
-        values = np.where(np.isfinite(straight) & ~known, straight, values)
+        linear = LinearNDInterpolator(points, grid["depth"].values[known])(columns, rows)
+        values = np.where(np.isfinite(linear) & ~known, linear, values)
     values = np.where(away * cell > margin, np.nan, values)
     return grid[["depth"]].assign(depth=(("y", "x"), values.astype(np.float32), grid["depth"].attrs))
 
 
 def _strengths(soundings: xr.Dataset) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return grazing angles [degrees] and the median strength [dB] about them; None where there is none."""
+    """Return grazing angles [degrees] and the median strength [dB] near each, or None without enough echoes."""
     if "backscatter_db" not in soundings:
         return None
     level = soundings["backscatter_db"].values
     grazing = 90.0 - np.abs(deg_from_radians(np.arctan2(
         soundings["across_track"].values, soundings["depth"].values - soundings["ping_depth"].values[:, None])))
-    some = np.isfinite(level) & np.isfinite(grazing)
-    found = [(angle, np.median(level[near])) for angle in ANGLES
-             if (near := some & (np.abs(grazing - angle) <= 1.25)).sum() >= FEWEST]
-    if len(found) < 3:
+    usable = np.isfinite(level) & np.isfinite(grazing)
+    rows = [(angle, np.median(level[near])) for angle in ANGLES
+             if (near := usable & (np.abs(grazing - angle) <= 1.25)).sum() >= FEWEST]
+    if len(rows) < 3:
         return None
-    angles, strengths = np.array(found).T
+    angles, strengths = np.array(rows).T
     return angles, np.clip(strengths, QUIETEST_DB, LOUDEST_DB)
 
 
-def _scene(soundings: xr.Dataset, settings: Settings, files: dict[str, str], line: str, words: Sequence[str],
+def _scene(soundings: xr.Dataset, settings: Settings, files: dict[str, str], line: str, notes: Sequence[str],
            node: bool) -> str:
-    """Write the scene."""
+    """Return the XML of the scene."""
     speed = float(np.median(soundings["head_sound_speed"].values))
     depth = settings.head_depth
     longest = float(np.nanmax(soundings["travel_time"].values))
@@ -200,7 +199,7 @@ def _scene(soundings: xr.Dataset, settings: Settings, files: dict[str, str], lin
     return "\n".join((
         '<?xml version="1.0" encoding="utf-8"?>',
         f"<!-- Like {_comment(line)}: {soundings.attrs['sonar']}, {soundings.attrs['start']}. -->",
-        *(f"<!-- {_comment(text)} -->" for text in words),
+        *(f"<!-- {_comment(text)} -->" for text in notes),
         '<scene version="3.0.0">',
         *(f"    <default name={quoteattr(str(name))} value={quoteattr(str(value))}/>" for name, value in defaults),
         '\n    <integrator type="sonar_path"/>\n', '    <sensor type="multibeam" id="sonar">', *_indented(sensor, 2),
@@ -215,7 +214,7 @@ def _scene(soundings: xr.Dataset, settings: Settings, files: dict[str, str], lin
 
 
 def _comment(text):
-    """Write a text so that it may stand in a comment."""
+    """Return a text without double hyphens, which would end an XML comment."""
     return re.sub("-(?=-)", "- ", text)
 
 

@@ -1,11 +1,11 @@
-"""Survey lines as files: CSV, GeoJSON (WGS 84) and GPX.
+"""Writers of survey lines: CSV, GeoJSON (WGS 84) and GPX.
 
     line,point,x,y,latitude,longitude
     1,run-in,431000.000,5200000.000,46.951083000,8.093111000
 
-A CSV file is read by `tracks` as way points, in the order of sailing: of every line its run-in (where it has one), its
-start and its end. x and y are eastings and northings; latitudes and longitudes stand beside them where the coordinate
-system is known. GeoJSON has a line string for each line, GPX a route.
+`tracks` reads the CSV file as way points in the order of sailing: the run-in (if any), start and end of every line.
+x and y are eastings and northings; latitudes and longitudes follow if the coordinate system is known. GeoJSON has a
+line string for each line, GPX a route.
 """
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ Points = list[tuple[str, np.ndarray]]
 
 
 def check(path: FilePath, frame: Frame | None = None) -> str:
-    """Return the format of a file for lines; `ValueError` if it has none, or takes degrees and there are none."""
+    """Return the format of a file of lines; `ValueError` if it is unknown, or needs degrees without a system."""
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:
-        raise ValueError(f"cannot write {path}: its name says no kind of file; let it end in .csv, .geojson or .gpx.")
+        raise ValueError(f"cannot write {path}: the format is unknown; let it end in .csv, .geojson or .gpx.")
     if suffix != ".csv" and frame is not None and not frame.crs:
-        raise ValueError(f"cannot write {path}: it takes latitudes and longitudes, and the bathymetry names no "
-                         "coordinate system; say it by --crs, or write a .csv.")
+        raise ValueError(f"cannot write {path}: it takes latitudes and longitudes, but the bathymetry names no "
+                         "coordinate system; give it by --crs, or write a .csv.")
     return suffix
 
 
@@ -47,26 +47,26 @@ def write(plan: SurveyPlan, path: FilePath, frame: Frame) -> None:
 
 
 def on_earth(frame: Frame, places: np.ndarray) -> np.ndarray:
-    """Return latitudes and longitudes (P, 2) [degrees] of places (P, 2) [m]."""
+    """Return latitudes and longitudes (P, 2) [degrees] of points (P, 2) [m]."""
     return np.stack(frame.on_globe(places)[:2], -1)
 
 
 def _points(line: SurveyLine) -> Points:
-    """Return the way points of a line, and what they are."""
-    same = np.array_equal(line.run_in, line.start)
-    return [*([] if same else [("run-in", line.run_in)]), ("start", line.start), ("end", line.end)]
+    """Return the named way points of a line."""
+    run_in = [] if np.array_equal(line.run_in, line.start) else [("run-in", line.run_in)]
+    return [*run_in, ("start", line.start), ("end", line.end)]
 
 
 def _csv(plan, frame):
-    rows = [(line.number, what, place) for line in plan.lines for what, place in _points(line)]
+    rows = [(line.number, name, place) for line in plan.lines for name, place in _points(line)]
     places = np.array([place for _, _, place in rows])
     degrees = on_earth(frame, places) if frame.crs else None
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(["line", "point", "x", "y", *(["latitude", "longitude"] if degrees is not None else [])])
-    for number, ((line, what, _), (x, y)) in enumerate(zip(rows, places + frame.origin)):
+    for number, ((line, name, _), (x, y)) in enumerate(zip(rows, places + frame.origin)):
         globe = [] if degrees is None else [f"{value:.9f}" for value in degrees[number]]
-        table.writerow([line, what, f"{x:.3f}", f"{y:.3f}", *globe])
+        table.writerow([line, name, f"{x:.3f}", f"{y:.3f}", *globe])
     return text.getvalue()
 
 
@@ -92,8 +92,8 @@ def _gpx(plan, frame):
         ElementTree.SubElement(route, "name").text = f"line {line.number}"
         ElementTree.SubElement(route, "number").text = str(line.number)
         points = _points(line)
-        for (what, _), (latitude, longitude) in zip(points, on_earth(frame, np.array([place for _, place in points]))):
+        for (name, _), (latitude, longitude) in zip(points, on_earth(frame, np.array([place for _, place in points]))):
             point = ElementTree.SubElement(route, "rtept", {"lat": f"{latitude:.9f}", "lon": f"{longitude:.9f}"})
-            ElementTree.SubElement(point, "name").text = f"{line.number} {what}"
+            ElementTree.SubElement(point, "name").text = f"{line.number} {name}"
     ElementTree.indent(root)
     return f"<?xml version='1.0' encoding='UTF-8'?>\n{ElementTree.tostring(root, encoding='unicode')}\n"

@@ -1,10 +1,10 @@
-"""Plan a survey: lines over an area, the order to sail them in, how long that takes, and what the swath covers.
+"""Survey plan: lines over an area, their order of sailing, the time they take, and the coverage of the swath.
 
-The swath is that of bent rays (`planning_rays`) over the bed that is there (`planning_lines`). The time is
+The swath follows from bent rays (`planning.rays`) over the known bed (`planning.lines`). The time is
 
     (lines + run-ins + turns) / speed
 
-where a turn is the shortest way with the vessel's radius from a line's end to the next run-in (`planning_turns`).
+where a turn is the shortest way with the vessel's radius from a line's end to the next run-in (`planning.turns`).
 """
 from __future__ import annotations
 
@@ -26,45 +26,45 @@ from .rays import SwathRays, swath_rays
 from .turns import VesselTurn, turn
 
 SPACINGS = ("line", "shoalest", "mean")
-MOST_STATIONS = 1000               # of a lattice along lines,
-FINEST = 0.02                      # of the swath's width: distance of stations
-MOST_OFFSETS = 20_000              # and across
+MOST_STATIONS = 1000               # of a lattice, along lines
+FINEST = 0.02                      # least distance of stations, relative to the swath width
+MOST_OFFSETS = 20_000              # of a lattice, across lines
 
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """Say how lines are to lie and to be sailed."""
+    """Settings of the layout of lines and of sailing."""
 
-    spacing: float | None = None  # [m]: between lines
-    overlap: float = 0.1  # share of the swath's width that neighbours have in common, 0 to below 1
-    swath_at: str = "line"  # whose swath the spacing follows by the overlap
-    heading: float | None = None  # [rad]: clockwise from north
+    spacing: float | None = None  # [m]: between lines; None: from the overlap
+    overlap: float = 0.1  # of neighbouring swaths, relative to their width
+    swath_at: str = "line"  # depth whose swath sets the spacing, one of SPACINGS
+    heading: float | None = None  # [rad]: clockwise from north; None: best
     speed: float = 5 * KNOT  # [m/s]
     run_in: float = 50.0  # [m]: straight before each line
     turn_radius: float = 50.0  # [m]
-    least_depth: float | None = None  # [m]: shoaler bed is left out of the area
+    least_depth: float | None = None  # [m]: shoaler bed is excluded
 
     def __post_init__(self):
         if self.spacing is not None and not 0 < self.spacing < np.inf:
             raise ValueError(f"the spacing of lines is {self.spacing:g} m; it must be above 0.")
         if not 0 <= self.overlap < 1:
-            raise ValueError(f"the overlap is {100 * self.overlap:g} %; give 0 to below 100 (lines that overlap wholly "
-                             "never get on), or a spacing.")
+            raise ValueError(f"the overlap is {100 * self.overlap:g} %; give 0 to below 100 (lines with full overlap "
+                             "never cover an area), or a spacing.")
         if self.swath_at not in SPACINGS:
-            raise ValueError(f"the spacing follows the swath of {self.swath_at!r}; choose of {', '.join(SPACINGS)}.")
+            raise ValueError(f"the swath of the spacing is {self.swath_at!r}; choose one of {', '.join(SPACINGS)}.")
         if self.heading is not None and not np.isfinite(self.heading):
-            raise ValueError("the heading is no finite number; give degrees clockwise from north.")
+            raise ValueError("the heading is not a finite number; give degrees clockwise from north.")
         if not 0 < self.speed <= 100:
             raise ValueError(f"the speed is {self.speed / KNOT:g} knots; give above 0, at most {100 / KNOT:.0f}.")
-        for what, value in (("run-in", self.run_in), ("turn radius", self.turn_radius),
+        for name, value in (("run-in", self.run_in), ("turn radius", self.turn_radius),
                             ("least depth", self.least_depth or 0.0)):
             if not 0 <= value <= 1e5:
-                raise ValueError(f"the {what} is {value:g} m; give 0 to 100000.")
+                raise ValueError(f"the {name} is {value:g} m; give 0 to 100000.")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SurveyLine:
-    """Hold a line, as it is sailed."""
+    """Survey line as sailed."""
 
     number: int  # from 1, in the order of sailing
     heading: float  # [rad]
@@ -72,22 +72,22 @@ class SurveyLine:
     start: np.ndarray  # (2,) [m]: x and y
     end: np.ndarray  # (2,) [m]: x and y
     length: float  # [m]: from start to end
-    track: PlannedTrack  # its swath, along the heading of the plan
-    turn: VesselTurn | None  # way to the next line's run-in
+    track: PlannedTrack  # with its swath, along the heading of the plan
+    turn: VesselTurn | None  # to the run-in of the next line
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SurveyPlan:
-    """Hold a plan."""
+    """Planned lines, with the inputs of the plan and the coverage."""
 
     lines: tuple[SurveyLine, ...]
     frame: LineFrame
-    contours: bool | None  # whether the heading follows contours (True) or the area's longer axis (False)
-    area: Area | None  # none
-    bed: PlannedBed  # about the area
-    sonar: SwathSonar  # with which the plan was made
-    layout: Layout  # likewise
-    rays: SwathRays  # likewise
+    contours: bool | None  # True: heading along contours; False: along the area; None: as given
+    area: Area | None  # None: the whole bed
+    bed: PlannedBed  # around the area
+    sonar: SwathSonar
+    layout: Layout
+    rays: SwathRays
     coverage: Coverage
     gaps: tuple[Gap, ...]  # the largest first
     refraction: tuple[CastError, ...]  # at the shoalest, mean and deepest depth
@@ -97,15 +97,15 @@ class SurveyPlan:
     least_depth: float  # [m]
 
     def pings(self, line: SurveyLine) -> int:
-        """Count the pings of a line."""
+        """Return the number of pings on a line."""
         s, rate = line.track.s, line.track.rate
         return int(np.sum(0.5 * (rate[1:] + rate[:-1]) * np.diff(s)) / self.layout.speed) + 1
 
     @property
     def depths(self) -> tuple[float, float, float]:
         """Return the shoalest, the mean and the deepest depth of the area [m]."""
-        some = self.bed.depth[self.coverage.wanted]
-        return float(some.min()), float(some.mean(dtype=float)), float(some.max())
+        depth = self.bed.depth[self.coverage.wanted]
+        return float(depth.min()), float(depth.mean(dtype=float)), float(depth.max())
 
 
 def plan(bed: PlannedBed, profile: SoundSpeedProfile, sonar: SwathSonar, layout: Layout | None = None, *,
@@ -119,8 +119,8 @@ def plan(bed: PlannedBed, profile: SoundSpeedProfile, sonar: SwathSonar, layout:
     wanted = deep & bed.known
     if not wanted.any():
         deepest = float(bed.depth[asked & bed.known].max())
-        raise ValueError(f"the area is nowhere deeper than {deepest:.3g} m, and what is shoaler than {least:.3g} m is "
-                         "left out; say a smaller least depth, or another area.")
+        raise ValueError(f"the area is nowhere deeper than {deepest:.3g} m, and bed shoaler than {least:.3g} m is "
+                         "left out; set a smaller least depth, or choose another area.")
     some = bed.depth[wanted]
     rays = swath_rays(profile, head_depth=sonar.head_depth, half_angle=0.5 * sonar.swath,
                       deepest=float(bed.depth.max()), max_range=sonar.max_range)
@@ -141,21 +141,21 @@ def plan(bed: PlannedBed, profile: SoundSpeedProfile, sonar: SwathSonar, layout:
                              "swath; leave the shoal out of the area, or let the spacing follow each line.")
         segments = even_segments(lattice, spacing, shortest)
     step = max(*bed.step, FINEST * width)
-    tracks = [(track(bed, rays, sonar, frame, one, float(profile.at(sonar.head_depth)), step), ahead)
-              for one, ahead in in_sailing_order(segments)]
-    found = coverage(bed, rays, sonar, frame, [one for one, _ in tracks], layout.speed, wanted)
+    tracks = [(track(bed, rays, sonar, frame, segment, float(profile.at(sonar.head_depth)), step), ahead)
+              for segment, ahead in in_sailing_order(segments)]
+    covered = coverage(bed, rays, sonar, frame, [line for line, _ in tracks], layout.speed, wanted)
     depths = dict.fromkeys((float(some.min()), mean, float(some.max())))
     refraction = [] if used is None else [cast_error(profile, used, sonar.head_depth, depth, 0.5 * sonar.swath, order)
                                           for depth in depths if depth > sonar.head_depth]
     return SurveyPlan(lines=_lines(tracks, frame, layout), frame=frame, contours=contours, area=area, bed=bed,
-                      sonar=sonar,
-                layout=layout, rays=rays, coverage=found, gaps=tuple(gaps(bed, found)), refraction=tuple(refraction),
-                order=order, unknown=np.count_nonzero(asked & ~bed.known) / np.count_nonzero(asked),
-                shoal=1 - np.count_nonzero(deep) / np.count_nonzero(asked), least_depth=least)
+                      sonar=sonar, layout=layout, rays=rays, coverage=covered, gaps=tuple(gaps(bed, covered)),
+                      refraction=tuple(refraction), order=order, least_depth=least,
+                      unknown=np.count_nonzero(asked & ~bed.known) / np.count_nonzero(asked),
+                      shoal=1 - np.count_nonzero(deep) / np.count_nonzero(asked))
 
 
 def _nodes(bed: PlannedBed, area: Area | None, sonar: SwathSonar) -> tuple[np.ndarray, PlannedBed]:
-    """Return which nodes lie in the area, and the bed about it."""
+    """Return a mask of the nodes in the area, and the bed around it."""
     if area is None:
         return _without_specks(bed.known), bed
     west, south, east, north = area.bounds
@@ -167,20 +167,20 @@ def _nodes(bed: PlannedBed, area: Area | None, sonar: SwathSonar) -> tuple[np.nd
     deepest = float(bed.window(west, south, east, north).depth.max())
     margin = 1.5 * np.tan(min(0.5 * sonar.swath, np.deg2rad(85))) * deepest
     near = bed.window(west - margin, south - margin, east + margin, north + margin)
-    found = inside(area, near.x, near.y)
-    if not found.any():
+    within = inside(area, near.x, near.y)
+    if not within.any():
         raise ValueError(f"the area is {area.area:.3g} m², and no node of the bathymetry ({near.step[0]:.3g} m apart) "
-                         "lies in it; draw a larger one, or read the bathymetry at a finer resolution.")
-    if not (found & near.known).any():
+                         "lies in it; draw a larger area, or read the bathymetry at a finer resolution.")
+    if not (within & near.known).any():
         raise outside
-    return found, near
+    return within, near
 
 
 def _without_specks(known: np.ndarray) -> np.ndarray:
-    """Close single holes of a survey, which no line is cut for, and leave single depths outside it."""
+    """Return the known nodes with single holes closed, which cut no line, and single depths outside removed."""
     from scipy.ndimage import binary_closing, binary_opening
 
-    # beyond the edge counts as known for the closing, and so would grow it: the frame keeps it out
+    # the closing treats nodes beyond the edge as known and would grow into them; the frame prevents that
     framed = np.pad(known, 3)
     closed = binary_closing(framed, np.ones((3, 3)), iterations=2)
     opened = binary_opening(closed, np.ones((3, 3)))
@@ -190,17 +190,17 @@ def _without_specks(known: np.ndarray) -> np.ndarray:
 
 def _heading(bed: PlannedBed, wanted: np.ndarray, width: float, layout: Layout,
              area: Area | None) -> tuple[float, bool | None]:
-    """Return the heading, and whether it follows contours."""
+    """Return the heading, and True if it follows contours, False if the area, None if given."""
     if layout.heading is not None:
         return float(layout.heading % (2 * np.pi)), None
-    found = heading_along_contours(bed, wanted, width)
-    if found is not None:
-        return found, True
+    heading = heading_along_contours(bed, wanted, width)
+    if heading is not None:
+        return heading, True
     return heading_along_area(_outline(bed, wanted) if area is None else np.concatenate(corners(area))), False
 
 
 def _outline(bed: PlannedBed, inside: np.ndarray) -> np.ndarray:
-    """Return the first and the last node inside of every row: places (N, 2) [m] with the hull of all."""
+    """Return the first and the last node inside of every row, points (N, 2) [m] that span the same hull."""
     row = np.flatnonzero(inside.any(axis=1))
     first, last = np.argmax(inside[row], axis=1), inside.shape[1] - 1 - np.argmax(inside[row, ::-1], axis=1)
     return np.concatenate([np.stack([bed.x[column], bed.y[row]], -1) for column in (first, last)])
@@ -208,10 +208,9 @@ def _outline(bed: PlannedBed, inside: np.ndarray) -> np.ndarray:
 
 def _lattice(bed: PlannedBed, deep: np.ndarray, shoal: np.ndarray, area: Area | None, frame: LineFrame,
              width: float, spacing: float) -> Lattice:
-    """Lay nodes along and across the lines over the area but its shoals, about as close as those of the bed.
+    """Return nodes along and across the lines over the area without shoals, about as close as those of the bed.
 
-    Along the lines there are no more than 50 to the width of a swath [m], across several. ``spacing`` [m] is the widest
-    that lines may have.
+    A swath width [m] has at most 50 nodes along the lines. ``spacing`` [m] is the widest possible spacing of lines.
     """
     places = _outline(bed, deep) if area is None else np.concatenate(corners(area))
     ends = np.stack(frame.along_across(*places.T))
@@ -219,39 +218,39 @@ def _lattice(bed: PlannedBed, deep: np.ndarray, shoal: np.ndarray, area: Area | 
     refuse_many((high[1] - low[1]) / max(spacing, 1e-9), spacing)
     step = max(min(bed.step), float(np.max(high - low)) / MOST_STATIONS)
     steps = max(step, FINEST * width), max(min(step, width / 8), float(high[1] - low[1]) / MOST_OFFSETS)
-    number = [max(int(np.ceil(span / one)) + 1, 3) for span, one in zip(high - low, steps)]
+    number = [max(int(np.ceil(span / distance)) + 1, 3) for span, distance in zip(high - low, steps)]
     s, u = (np.linspace(*ends, size) for ends, size in zip(zip(low, high), number))
-    # nodes on the border of the area are in it
+    # nodes on the border of the area count as inside
     inner = [middle + (axis - middle) * (1 - 1e-7) for axis, middle in zip((s, u), 0.5 * (low + high))]
     return Lattice(frame=frame, s=s, u=u, inside=_at(bed, deep, frame, *inner) if area is None else
                    inside_rows(area, frame, *inner) & ~_at(bed, shoal, frame, *inner))
 
 
 def _at(bed: PlannedBed, grid: np.ndarray, frame: LineFrame, along: np.ndarray, across: np.ndarray) -> np.ndarray:
-    """Look nodes of a lattice (S, U) up in a grid (Y, X) of true and false; false beyond it."""
+    """Return the values of a mask (Y, X) at the nodes of a lattice (S, U); False beyond the mask."""
     row, column = np.rint(bed.places(*frame.place(along[:, None], across))).astype(int)
     there = (row >= 0) & (row < bed.y.size) & (column >= 0) & (column < bed.x.size)
-    found = np.zeros(there.shape, bool)
-    found[there] = grid[row[there], column[there]]
-    return found
+    values = np.zeros(there.shape, bool)
+    values[there] = grid[row[there], column[there]]
+    return values
 
 
 def _lines(tracks: Sequence[tuple[PlannedTrack, bool]], frame: LineFrame, layout: Layout) -> tuple[SurveyLine, ...]:
-    """Put lines together with their run-ins, and the turns between."""
+    """Return the lines with their run-ins and the turns between."""
     ends = []
-    for one, ahead in tracks:
-        segment = one.segment
+    for line, ahead in tracks:
+        segment = line.segment
         along = np.array([segment.begin, segment.end] if ahead else [segment.end, segment.begin])
         places = np.stack(frame.place(along, np.full(2, segment.offset)), -1)
         heading = (frame.heading + (0 if ahead else np.pi)) % (2 * np.pi)
         forward = np.array([np.sin(heading), np.cos(heading)])
         ends.append((places[0] - layout.run_in * forward, *places, heading))
     lines = []
-    for number, ((one, _), (run_in, start, end, heading)) in enumerate(zip(tracks, ends), 1):
+    for number, ((line, _), (run_in, start, end, heading)) in enumerate(zip(tracks, ends), 1):
         after = None
         if number < len(ends):
             there, _, _, course = ends[number]
             after = turn(end, heading, there, course, layout.turn_radius)
         lines.append(SurveyLine(number=number, heading=heading, run_in=run_in, start=start, end=end,
-                                length=float(np.hypot(*(end - start))), track=one, turn=after))
+                                length=float(np.hypot(*(end - start))), track=line, turn=after))
     return tuple(lines)

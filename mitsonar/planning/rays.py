@@ -1,16 +1,16 @@
-"""Reach of a swath to the sides over a bed of any depth, through water that bends its rays.
+"""Reach of a swath over a bed of any depth, through water that refracts its rays.
 
 A level sonar at depth h sends its outermost beam at the angle Θ from the vertical. A ray of angle θ at the head keeps
 
     p = sin(θ) / c(h)            r(θ, d) = ∫_h^d  p c / sqrt(1 - p² c²) dz
 
-and reaches the depth d at the distance r. It gets there only if p c < 1 on its way: rays that turn back upwards are not
-counted. So the bed at depth d is within the swath up to
+and reaches the depth d at the distance r, provided that p c < 1 all the way: rays that turn back upwards do not count.
+The bed at depth d is therefore within the swath up to
 
-    reach(d) = r(min(Θ, θ_turn(d)), d)              and not farther than sqrt(R² - (d - h)²)
+    reach(d) = r(min(Θ, θ_turn(d)), d)              and at most sqrt(R² - (d - h)²)
 
-Θ -> ``half_angle``, h -> ``head_depth``, R -> ``max_range``, c -> ``profile``. `SwathRays.angle` is the way back, from
-a place to the angle: that of the chord, and what bending adds to it, from a table.
+Θ -> ``half_angle``, h -> ``head_depth``, R -> ``max_range``, c -> ``profile``. `SwathRays.angle` inverts this, from a
+point to the angle: the angle of the chord plus a correction for refraction from a table.
 """
 from __future__ import annotations
 
@@ -24,14 +24,15 @@ from mitsonar.units import Values
 from mitsonar.water.profile import SoundSpeedProfile
 
 DEPTHS, ANGLES = 256, 128          # of the tables
-FLATTEST = 1e-3                    # [rad] above the horizontal, of rays that count at their fastest depth
+FARTHEST_CHORD = 0.5 * np.pi       # [rad]
+FLATTEST = 1e-3                    # [rad] from the horizontal: flattest ray that counts, at its fastest depth
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SwathRays:
-    """Tables of a swath's rays: reach (D,) [m] over depth (D,) [m], and what bending adds to the angles of chords.
+    """Tables of the rays of a swath: reach (D,) [m] over depth (D,) [m], and angle corrections for refraction.
 
-    ``bent`` (K, A) [rad] is the angle at the head less that of the chord, over K even depths and A even angles of it.
+    ``bent`` (K, A) [rad] is the angle at the head less that of the chord, over K even depths and A even chord angles.
     """
 
     head_depth: float
@@ -41,31 +42,24 @@ class SwathRays:
     bent: np.ndarray
 
     def reach_at(self, depth: Values) -> Values:
-        """Return how far to the side [m] a bed of a depth [m] is in the swath; 0 at and above the head."""
+        """Return the reach to one side [m] over a bed of a depth [m]; 0 at and above the head."""
         return cast(Values, np.interp(depth, self.depth, self.reach))
 
     def angle(self, distance: np.ndarray, depth: np.ndarray) -> np.ndarray:
-        """Return the angle from the vertical at the head [rad] of the ray to a bed at a distance and a depth [m]."""
+        """Return the angle from the vertical at the head [rad] of the ray to a point at a distance and a depth [m]."""
         from scipy.ndimage import map_coordinates
 
         below = np.maximum(depth - self.head_depth, 1e-9)
         chord = np.arctan2(distance, below)
         rows, columns = self.bent.shape
         span = self.depth[-1] - self.head_depth
-        place = np.stack([below / span * (rows - 1), chord / _farthest_chord() * (columns - 1)])
+        place = np.stack([below / span * (rows - 1), chord / FARTHEST_CHORD * (columns - 1)])
         return chord + map_coordinates(self.bent, place.reshape(2, -1), order=1, mode="nearest").reshape(chord.shape)
-
-
-def _farthest_chord() -> float:
-    return 0.5 * np.pi
 
 
 def swath_rays(profile: SoundSpeedProfile, *, head_depth: float, half_angle: float, deepest: float,
                max_range: float = np.inf) -> SwathRays:
-    """Trace the rays of a swath down to the deepest bed [m], which ends at ``max_range`` [m].
-
-    `ValueError` if the bed lies above the head, or the angle or the range is out of its range.
-    """
+    """Return the ray tables of a swath down to the deepest bed [m], out to the slant range ``max_range`` [m]."""
     if not deepest > head_depth >= 0:
         raise ValueError(f"the sonar's head is at {head_depth:g} m and the bed nowhere deeper than {deepest:g} m; the "
                          "head must be in the water and above the bed.")
@@ -85,18 +79,18 @@ def swath_rays(profile: SoundSpeedProfile, *, head_depth: float, half_angle: flo
 
 
 def distance(profile: SoundSpeedProfile, head_depth: float, depth: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """Return how far to the side [m] rays are at depths (N,) [m]; for rays that turn before, that of the flattest."""
+    """Return the distance to the side [m] of rays at depths (N,) [m]; rays that turn before count as the flattest."""
     layers = Layers.between(profile, np.full(depth.size, float(head_depth)), depth)
     cosine = np.minimum(np.sin(angle) * layers.fastest / profile.at(head_depth), np.cos(FLATTEST))
     return cosine / layers.fastest * layers.reach(np.sqrt(1 - cosine**2), cosine)[0]
 
 
 def _bending(profile: SoundSpeedProfile, head_depth: float, depth: np.ndarray, half_angle: float) -> np.ndarray:
-    """Return the angle at the head less the chord's, over even depths and even angles of the chord (K, A)."""
+    """Return the angle at the head less the chord's (K, A) [rad], over even depths and even chord angles."""
     angles = np.linspace(0.0, half_angle, ANGLES)
     below = depth[1:]
-    chords = np.stack([np.arctan2(distance(profile, head_depth, below, np.full(below.size, one)), below - head_depth)
-                       for one in angles], axis=1)
-    even = np.linspace(0.0, _farthest_chord(), ANGLES)
+    chords = np.stack([np.arctan2(distance(profile, head_depth, below, np.full(below.size, angle)), below - head_depth)
+                       for angle in angles], axis=1)
+    even = np.linspace(0.0, FARTHEST_CHORD, ANGLES)
     rows = [np.interp(even, row, angles - row) for row in chords]
     return np.array([rows[0], *rows])

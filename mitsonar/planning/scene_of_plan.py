@@ -1,8 +1,8 @@
-"""A plan as a scene: a multibeam sonar that sails the planned lines over the bed that they were planned for.
+"""Scene of a survey plan: a multibeam sonar that sails the planned lines over their bed.
 
-Its way points are the starts and ends of all lines, in the order of sailing, as far as there is bed below; turns are
-left out. A comment has those of every line alone. Where the ways between lines lead over no bed, the scene sails the
-longest alone. Of a line that crosses a hole of the bathymetry it is the longer piece.
+Its way points are the starts and ends of all lines over known bed, in the order of sailing, without turns. A comment
+lists the way points of every line. If the way between lines leaves the known bed, the scene sails only the longest
+line. A line that crosses a hole of the bathymetry keeps its longest piece.
 """
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from mitsonar.units import KNOT
 
 from .plan import SurveyLine, SurveyPlan
 
-ROOM = 1.25                        # of the window, in slant ranges of the farthest beam
+ROOM = 1.25                        # range of the film, in slant ranges of the farthest beam
 FIRST_PINGS = 200
-WHOLE = 0.999                      # of the nodes about a place
+WHOLE = 0.999                      # least weight of known nodes around a point
 DEFAULT_PRESET = "shallow_400khz"
 
 
 @dataclass(frozen=True, kw_only=True)
 class BedFile:
-    """Files that a plan was made of; no bathymetry is a level bed, no cast 1500 m/s."""
+    """Input files of a plan; without a bathymetry the bed is level, without a cast the sound speed is 1500 m/s."""
 
     bathymetry: str | None = None
     vertical: str = "auto"
@@ -46,7 +46,7 @@ def write(plan: SurveyPlan, path: FilePath, frame: Frame, files: BedFile) -> Non
 
 
 def check(path: FilePath) -> None:
-    """Refuse a name that does not end in .xml."""
+    """Raise `ValueError` if a name does not end in .xml."""
     if not str(path).lower().endswith(".xml"):
         raise ValueError(f"cannot write the scene {path}: its name must end in .xml.")
 
@@ -55,16 +55,16 @@ def _scene(plan: SurveyPlan, frame: Frame, files: BedFile, folder: str) -> Eleme
     origin = np.asarray(frame.origin) if files.bathymetry is not None else np.zeros(2)
     lines = {line.number: ends for line in plan.lines if (ends := _over_bed(plan, line)) is not None}
     if not lines:
-        raise ValueError("no planned line lies over a bed of known depth, so there is no scene of them.")
+        raise ValueError("no planned line lies over a bed of known depth; plan lines over surveyed bed.")
     places = np.concatenate(list(lines.values()))
-    whole = bool(_known(plan, _between(plan, places)).all())
+    joined = bool(_known(plan, _between(plan, places)).all())
     root = ElementTree.Element("scene", {"version": "3.0.0"})
-    words = [f" {'All planned lines' if whole else 'The longest planned line'}. -D waypoints=\"...\" sails one:",
+    notes = [f" {'All planned lines' if joined else 'The longest planned line'}. -D waypoints=\"...\" sails one:",
              *(f"         line {number}: {_points(ends + origin)}" for number, ends in lines.items())]
     # two hyphens would end the comment
-    root.append(ElementTree.Comment("\n".join(words).replace("--", "- -") + " "))
+    root.append(ElementTree.Comment("\n".join(notes).replace("--", "- -") + " "))
     longest = max(lines.values(), key=lambda ends: float(np.hypot(*(ends[1] - ends[0]))))
-    sailed = _points((places if whole else longest) + origin)
+    sailed = _points((places if joined else longest) + origin)
     for name, value in (("waypoints", sailed), ("pings", FIRST_PINGS), ("rays", 100_000)):
         _add(root, "default", name, value)
     _add(ElementTree.SubElement(root, "integrator", {"type": "sonar_path"}), "integer", "rays", "$rays")
@@ -115,12 +115,13 @@ def _sensor(root: ElementTree.Element, plan: SurveyPlan, files: BedFile, folder:
 
 def _farthest(plan: SurveyPlan) -> float:
     """Return the farthest slant range of all lines [m]."""
-    reach = max(max(float(line.track.edges.port.max()), float(line.track.edges.starboard.max())) for line in plan.lines)
+    swaths = [line.track.edges for line in plan.lines]
+    reach = max(float(side.max()) for swath in swaths for side in (swath.port, swath.starboard))
     return float(np.hypot(reach, plan.depths[2]))
 
 
 def _over_bed(plan: SurveyPlan, line: SurveyLine) -> np.ndarray | None:
-    """Return the ends (2, 2) of a line's longest piece over known bed; None where there is none."""
+    """Return the ends (2, 2) of the longest piece of a line over known bed, or None."""
     along = _between(plan, np.stack([line.start, line.end]))
     edges = np.flatnonzero(np.diff(np.r_[False, _known(plan, along), False].astype(int))).reshape(-1, 2)
     if not edges.size:
@@ -130,14 +131,13 @@ def _over_bed(plan: SurveyPlan, line: SurveyLine) -> np.ndarray | None:
 
 
 def _between(plan: SurveyPlan, places: np.ndarray) -> np.ndarray:
-    """Return places (P, 2) every half node along the straight ways between places."""
-    ways = [np.linspace(one, other, 2 + int(2 * np.hypot(*(other - one)) / min(plan.bed.step)))
-            for one, other in zip(places, places[1:])]
-    return np.concatenate(ways)
+    """Return points (P, 2) every half node along the straight ways between places."""
+    return np.concatenate([np.linspace(start, end, 2 + int(2 * np.hypot(*(end - start)) / min(plan.bed.step)))
+                           for start, end in zip(places, places[1:])])
 
 
 def _known(plan: SurveyPlan, places: np.ndarray) -> np.ndarray:
-    """Return where the bed is known all around, and deeper than the sonar's head."""
+    """Return a mask of the places where the bed is known all around and deeper than the sonar's head."""
     from scipy.ndimage import map_coordinates
 
     bed = plan.bed
@@ -150,7 +150,7 @@ def _points(places: np.ndarray) -> str:
 
 
 def _relative(file: str, folder: str) -> str:
-    """Return the way to a file from the scene's folder, whose siblings may move with it."""
+    """Return the path of a file relative to the scene's folder, so that both may move together."""
     return os.path.relpath(os.path.abspath(file), folder)
 
 

@@ -1,4 +1,4 @@
-"""The sonar of a plan, from a preset of `multibeam` or from a scene with one."""
+"""Sonar of a plan, from a preset of `multibeam` or from a scene."""
 from __future__ import annotations
 
 import os
@@ -14,12 +14,8 @@ _TAGS = ("string", "float", "integer")
 
 
 def planned_sonar(name: str) -> dict[str, Any]:
-    """Return the fields of `SwathSonar` that a preset or a scene states, and its cast if it names one.
-
-    ``swath_deg`` stands in place of swath. `ValueError` if there is no such preset, scene or sensor.
-    """
-    known = presets(KIND)
-    if name in known:
+    """Return the fields of `SwathSonar` that a preset or a scene states (``swath_deg`` for swath), and its ``cast``."""
+    if name in (known := presets(KIND)):
         return _fields(known[name]) | {"name": name}
     if not name.lower().endswith(".xml") and name not in scenes.shipped():
         raise ValueError(f"there is no preset {name!r} of {KIND}{meant(name, list(known))}, nor a scene of that name; "
@@ -27,47 +23,47 @@ def planned_sonar(name: str) -> dict[str, Any]:
     return _of_scene(scenes.find(name))
 
 
-def _fields(about: dict[str, Any]) -> dict[str, Any]:
-    return {"swath_deg": float(about["swath_deg"]), "beams": int(about["beams"]) * int(about["swaths"]),
-            "even": str(about["beam_spacing"])}
+def _fields(preset: dict[str, Any]) -> dict[str, Any]:
+    return {"swath_deg": float(preset["swath_deg"]), "beams": int(preset["beams"]) * int(preset["swaths"]),
+            "even": str(preset["beam_spacing"])}
 
 
 def _of_scene(path: str) -> dict[str, Any]:
-    """Return what a scene's sensor states, its defaults filled in."""
+    """Return the fields that a scene's sensor states, with defaults filled in."""
     scenes.check(path, {})
     root = scenes.root(path)
     values: dict[str, str] = {}
-    for one in root.iter("default"):
-        values.setdefault(one.get("name", ""), scenes.filled(one.get("value", ""), values))
-    sensor = next((one for one in root.iter("sensor") if one.get("type") == KIND), None)
+    for element in root.iter("default"):
+        values.setdefault(element.get("name", ""), scenes.filled(element.get("value", ""), values))
+    sensor = next((element for element in root.iter("sensor") if element.get("type") == KIND), None)
     if sensor is None:
-        raise ValueError(f"the scene {path} has no sensor of type {KIND}; give one that has, or a preset.")
-    said = _said(sensor, values)
-    preset = str(said.get("preset", DEFAULT_PRESET))
+        raise ValueError(f"the scene {path} has no sensor of type {KIND}; give another scene, or a preset.")
+    stated = _said(sensor, values)
+    preset = str(stated.get("preset", DEFAULT_PRESET))
     if preset not in presets(KIND):
         raise ValueError(f"{path}: there is no preset {preset!r} of {KIND}; presets are {', '.join(presets(KIND))}.")
     try:
-        found = _fields(presets(KIND)[preset] | said) | {"name": preset}
-        if any(float(angle) for angle in str(said.get("mounting_deg", "0")).replace(",", " ").split()[:2]):
-            raise ValueError("its head is not mounted level, and a plan is made for level ones")
+        fields = _fields(presets(KIND)[preset] | stated) | {"name": preset}
+        if any(float(angle) for angle in str(stated.get("mounting_deg", "0")).replace(",", " ").split()[:2]):
+            raise ValueError("its head is not mounted level, and a plan needs a level head")
         start = sensor.find("point[@name='start']")
-        if "depth" in said or start is not None:
+        if "depth" in stated or start is not None:
             z = 0.0 if start is None else float(scenes.filled(start.get("z", "0"), values))
-            found["head_depth"] = float(said["depth"]) if "depth" in said else -z
+            fields["head_depth"] = float(stated["depth"]) if "depth" in stated else -z
         film = sensor.find("film")
         if film is not None and "range" in (window := _said(film, values)):
-            found["max_range"] = float(window["range"])
+            fields["max_range"] = float(window["range"])
     except ValueError as error:
-        raise ValueError(f"{path}: the sensor {KIND}: {error}; give --swath and what else is wanted.") from None
+        raise ValueError(f"{path}: the sensor {KIND}: {error}; give --swath and further options instead.") from None
     medium = sensor.find("medium")
     cast = None if medium is None else _said(medium, values).get("cast")
     if cast:
         beside = os.path.join(os.path.dirname(path), cast)
-        found["cast"] = beside if os.path.exists(beside) else cast
-    return found
+        fields["cast"] = beside if os.path.exists(beside) else cast
+    return fields
 
 
 def _said(element: ElementTree.Element, values: dict[str, str]) -> dict[str, str]:
-    """Return the attributes of an element by name, but empty ones."""
-    found = {one.get("name", ""): scenes.filled(one.get("value", ""), values) for one in element if one.tag in _TAGS}
-    return {name: value for name, value in found.items() if value.strip()}
+    """Return the non-empty attributes of an element by name."""
+    return {child.get("name", ""): value for child in element if child.tag in _TAGS
+            and (value := scenes.filled(child.get("value", ""), values)).strip()}

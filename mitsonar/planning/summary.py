@@ -1,7 +1,7 @@
-"""The numbers of a plan, in the units that their names say: as a JSON file, and as text for those who sail it.
+"""Numbers of a plan, with the unit in each name: as a JSON file, and as text for the crew.
 
-The text is a table of templates, whose fields name the numbers; ``distance``, ``surface``, ``clock`` and ``share`` are
-formats besides Python's own.
+The fields of the text templates name the numbers; the formats ``distance``, ``surface``, ``clock`` and ``share`` extend
+Python's own.
 """
 from __future__ import annotations
 
@@ -36,22 +36,22 @@ length    {length_m[all]:distance}: lines {length_m[lines]:distance}, run-ins {l
 {length_m[turns]:distance}
 time      {time_s[all]:clock} at {speed_knots:.3g} knots, {time_s[lines]:clock} of it on lines
 soundings {soundings:,} in {pings:,} pings
-density   {density_per_m2[mean]:.2g} a square metre; less than {density_per_m2[percentile_5]:.2g} on \
-5 % of what is covered
+density   {density_per_m2[mean]:.2g} per square metre; less than {density_per_m2[percentile_5]:.2g} on \
+5 % of the covered area
 coverage  {coverage_percent[once]:share} %, by two lines or more {coverage_percent[twice]:share} %"""
 _GAPS = """\
 gaps      {number}, {size_m2:surface} together; the largest has {largest[0][size_m2]:surface} at x \
 {largest[0][x]:.0f}, y {largest[0][y]:.0f}"""
-_NO_GAP = "gaps      none of a node of the bathymetry ({:.3g} m) or more"
+_NO_GAP = "gaps      none as large as a node of the bathymetry ({:.3g} m)"
 _REFRACTION = """\
-depth errors by the other profile, against S-44 order {} (TVU, 95 %, all causes together)"""
+depth errors from the other profile, compared with S-44 order {} (TVU, 95 %, all causes together)"""
 _SUBTITLE = """\
 {lines}, {length_m[all]:distance} and {time_s[all]:clock} in all at {speed_knots:.3g} knots; \
 {coverage_percent[once]:share} % covered"""
 
 
 class _Words(string.Formatter):
-    """Templates with formats of the field."""
+    """Formatter with formats for distances, areas, times and shares."""
 
     def format_field(self, value: Any, format_spec: str) -> str:
         if format_spec == "distance":
@@ -61,7 +61,7 @@ class _Words(string.Formatter):
         if format_spec == "clock":
             minutes = round(value / 60)
             return f"{minutes // 60} h {minutes % 60:02d} min" if minutes >= 60 else f"{minutes} min"
-        if format_spec == "share":                     # 100 only where nothing is missing
+        if format_spec == "share":                     # 100 only for complete coverage
             return "100" if value == 100 else f"{min(value, 99.99):.2f}"
         return super().format_field(value, format_spec)
 
@@ -73,7 +73,7 @@ def summary(plan: SurveyPlan, frame: Frame) -> dict[str, Any]:
     turns = sum(line.turn.length for line in plan.lines if line.turn is not None)
     run_ins = layout.run_in * len(plan.lines)
     pings = sum(plan.pings(line) for line in plan.lines)
-    # a polygon's own size is exact, that of nodes is not
+    # the size of a polygon is exact, a count of nodes is not
     size = (np.count_nonzero(covered.wanted) * plan.bed.step[0] * plan.bed.step[1] if plan.area is None else
             plan.area.area * (1 - plan.unknown - plan.shoal))
     seen = covered.density[covered.wanted & (covered.times > 0)]
@@ -124,7 +124,7 @@ def _refraction(errors: CastError) -> dict[str, Any]:
 
 
 def _place(frame: Frame, x: float, y: float) -> dict[str, float]:
-    """Return a place, also on Earth where it is known."""
+    """Return a point with its latitude and longitude if the coordinate system is known."""
     place = {"x": float(x) + frame.origin[0], "y": float(y) + frame.origin[1]}
     if frame.crs:
         latitude, longitude = on_earth(frame, np.array([[x, y]]))[0]
@@ -137,7 +137,7 @@ def _degrees(angle: float) -> float:
 
 
 def _finite(value: float) -> float | None:
-    """Return a number as JSON takes it: None for infinity and for NaN."""
+    """Return a number for JSON: None for infinity and NaN."""
     return float(value) if np.isfinite(value) else None
 
 
@@ -148,7 +148,7 @@ def write(numbers: dict[str, Any], path: FilePath) -> None:
 
 
 def subtitle(numbers: dict[str, Any]) -> str:
-    """Return the plan in one line, for the head of its map."""
+    """Return the plan in one line, as the subtitle of its map."""
     count = len(numbers["lines"])
     return _Words().format(_SUBTITLE, **numbers | {"lines": f"{count} line{'' if count == 1 else 's'}"})
 
@@ -174,8 +174,8 @@ def report(numbers: dict[str, Any]) -> str:
 
 def _error_words(errors: dict[str, Any], half_swath_deg: float) -> str:
     outer, allowed, within = errors["outer_beam_error_m"], errors["allowed_m"], errors["within_order_to_deg"]
-    what = ("the outermost beams are lost: their rays turn back upwards" if outer is None else
-            f"outermost beams {outer:+.2f} m ({100 * abs(outer) / allowed:.0f} % of {allowed:.2f} m)")
+    words = ("the outermost beams are lost: their rays turn back upwards" if outer is None else
+             f"outermost beams {outer:+.2f} m ({100 * abs(outer) / allowed:.0f} % of {allowed:.2f} m)")
     reach = ("all beams within the order" if within >= half_swath_deg - 1e-3 else
              f"within the order to {within:.1f} degrees a side")
-    return f"  at {errors['depth_m']:6.1f} m: {what}, nadir {errors['nadir_error_m'] or 0.0:+.2f} m; {reach}"
+    return f"  at {errors['depth_m']:6.1f} m: {words}, nadir {errors['nadir_error_m'] or 0.0:+.2f} m; {reach}"

@@ -94,7 +94,7 @@ def test_angle_of_a_place_is_that_of_its_eigenray():
 
 @pytest.mark.parametrize("wrong, words", [
     ({"swath": np.pi}, "more than 0 and less than 180"), ({"swath": np.nan}, "the swath is nan degrees"),
-    ({"beams": 0}, "0 beams"), ({"rate": 0.0}, "pings 0 times"), ({"max_range": np.nan}, "hears up to nan m"),
+    ({"beams": 0}, "0 beams"), ({"rate": 0.0}, "pings 0 times"), ({"max_range": np.nan}, "range is nan m"),
     ({"head_depth": -1.0}, "head is -1 m deep"), ({"even": "time"}, 'choose "angle" or "distance"')])
 def test_a_sonar_that_cannot_be_is_refused(wrong, words):
     with pytest.raises(ValueError, match=words):

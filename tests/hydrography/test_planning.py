@@ -195,8 +195,8 @@ def test_an_area_beside_the_bathymetry_is_refused():
 @pytest.mark.parametrize("wrong, words", [
     ({"overlap": 1.0}, "the overlap is 100 %"), ({"overlap": np.nan}, "the overlap is nan %"),
     ({"spacing": 0.0}, "must be above 0"), ({"spacing": np.inf}, "must be above 0"), ({"speed": 0.0}, "0 knots"),
-    ({"heading": np.inf}, "no finite number"), ({"run_in": -1.0}, "the run-in is -1 m"),
-    ({"turn_radius": np.nan}, "the turn radius is nan m"), ({"swath_at": "x"}, "choose of line, shoalest, mean"),
+    ({"heading": np.inf}, "not a finite number"), ({"run_in": -1.0}, "the run-in is -1 m"),
+    ({"turn_radius": np.nan}, "the turn radius is nan m"), ({"swath_at": "x"}, "choose one of line, shoalest, mean"),
     ({"least_depth": -2.0}, "the least depth is -2 m")])
 def test_a_layout_that_cannot_be_is_refused(wrong, words):
     with pytest.raises(ValueError, match=words):
@@ -221,5 +221,5 @@ def test_an_area_narrower_than_the_swath_is_covered_by_one_line():
 
 
 def test_a_bed_shoaler_than_the_least_depth_is_refused():
-    with pytest.raises(ValueError, match="nowhere deeper than 30 m, and what is shoaler than 40 m is left out"):
+    with pytest.raises(ValueError, match="nowhere deeper than 30 m, and bed shoaler than 40 m is left out"):
         planned(polygon([box(0, 0, 1000, 700)]), Layout(least_depth=40.0))
