@@ -1,4 +1,4 @@
-"""From echoes to images, one kind of sonar a file; and images of fans as pictures in metres.
+"""Images from echoes, one module per kind of sonar, and images of fans as pictures in metres.
 
     picture = mitsonar.imaging.cartesian(image, cell=0.05)                  (ping, y, x)
     chart = mitsonar.imaging.mosaic([north, south], cell=0.25)              (y, x), eastings and northings

@@ -1,11 +1,11 @@
-"""Time-varied gain: what a sonar adds so that an even seabed looks even. The data are never changed.
+"""Time-varied gain for display: makes an even seabed look even, without changing the data.
 
     target   40 log R + 2 a R                         two-way spherical spreading and absorption
     seabed   30 log R + 2 a R - 20 log sin(grazing)   the ensonified area grows with R; Lambert's law falls with sin²
-    recorder 30 log R + 2 a R                         as recorders have it: far bed, and grazing, is darker
-    angle    -L(angle)                                what angles have of their own: the bed's law, the beam's pattern
+    recorder 30 log R + 2 a R                         as in recorders: bed far away or at grazing angles is darker
+    angle    -L(angle)                                mean dependence on angle: the bed's law and the beam pattern
 
-R -> ``range`` [m], a -> ``absorption_db`` [dB/m]; sin(grazing) = altitude / R, the bed taken as level, where the
+R -> ``range`` [m], a -> ``absorption_db`` [dB/m]; sin(grazing) = altitude / R over a level bed, if the
 altitude is known. L(angle) is the median level over the pings of a side at an angle from nadir, acos(altitude / R);
 survey software calls it angle-varying gain.
 """
@@ -18,14 +18,14 @@ import xarray as xr
 
 from mitsonar.units import NOTHING_DB
 
-Tvg = Literal["seabed", "target", "recorder"] | None      # which gain a picture has
-SPREADING = {"seabed": 30, "target": 40, "recorder": 30}      # times log R [dB]
-LOWEST_SINE = np.sin(np.deg2rad(1.0))  # below 1 degree there is no echo to restore, only noise to raise
-ANGLE_STEP_DEG = 1.0               # over which the levels of one angle are taken
+Tvg = Literal["seabed", "target", "recorder"] | None      # gain of a picture
+SPREADING = {"seabed": 30, "target": 40, "recorder": 30}      # [dB] per log R
+LOWEST_SINE = np.sin(np.deg2rad(1.0))  # below 1 degree a gain would raise only noise
+ANGLE_STEP_DEG = 1.0               # [degrees]: width of an angle class
 
 
 def absorption_of(attrs: Mapping[str, Any]) -> float:
-    """Return a record's absorption [dB/m], 0 where it says none; `ValueError` if it is no number of 0 or more."""
+    """Return a record's absorption [dB/m], 0 if absent; `ValueError` if it is not a number of 0 or more."""
     value = attrs.get("absorption_db") or 0.0
     if not isinstance(value, (int, float)) or not 0 <= value < np.inf:
         raise ValueError(f"the record's absorption_db is {value!r}; it takes a number of 0 or more.")
@@ -33,8 +33,7 @@ def absorption_of(attrs: Mapping[str, Any]) -> float:
 
 
 def display_gain(dataset: xr.Dataset, tvg: Tvg) -> tuple[np.ndarray, str]:
-    """Return the gain to add to the levels of a picture, and its formula in words."""
-    # -> gain [dB]
+    """Return the gain [dB] to add to the levels of a picture, and its formula as text."""
     slant_range = np.maximum(np.asarray(dataset["range"].values, float), 1e-3)[None]
     absorption = 2 * absorption_of(dataset.attrs) * slant_range
     if tvg is None:
@@ -51,48 +50,48 @@ def display_gain(dataset: xr.Dataset, tvg: Tvg) -> tuple[np.ndarray, str]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AngleGain:
-    """Make a sidescan's median level the same at all angles from nadir."""
+    """Gain that makes the median level of a sidescan equal at all angles from nadir."""
 
-    middles: np.ndarray  # (S, A) [dB]: median levels of each side by steps of a degree
-    typical: np.ndarray  # (S,) [dB]: median of all
+    middles: np.ndarray  # (S, A) [dB]: median level of each side and degree
+    typical: np.ndarray  # (S,) [dB]: median of each side
 
     @classmethod
     def of(cls, dataset: xr.Dataset) -> "AngleGain":
-        """Measure a record: ``level`` (ping, side, range), altitude(ping)."""
+        """Return the gain from a record's ``level`` (ping, side, range) and ``altitude`` (ping)."""
         level = dataset["level"].transpose("ping", "side", "range").values
         step, below = _angle_steps(dataset)
         number = step.astype(np.int64)
         middles, typical = np.zeros((level.shape[1], round(90 / ANGLE_STEP_DEG) + 1)), np.zeros(level.shape[1])
         for side in range(level.shape[1]):
-            own = level[:, side]
-            known = below & np.isfinite(own) & (own > NOTHING_DB)
+            levels = level[:, side]
+            known = below & np.isfinite(levels) & (levels > NOTHING_DB)
             if known.any():
-                found = _medians(number[known], own[known], middles.shape[1])
-                at = np.flatnonzero(np.isfinite(found))
-                middles[side] = np.interp(np.arange(found.size), at, found[at])
-                typical[side] = np.median(own[known])
+                medians = _medians(number[known], levels[known], middles.shape[1])
+                at = np.flatnonzero(np.isfinite(medians))
+                middles[side] = np.interp(np.arange(medians.size), at, medians[at])
+                typical[side] = np.median(levels[known])
         return cls(middles=middles, typical=typical)
 
     def gain(self, dataset: xr.Dataset) -> np.ndarray:
-        """Return the gain of the record, or of some of its pings, (P, S, N) [dB]; 0 in the water column."""
+        """Return the gain (P, S, N) [dB] for any pings of the record; 0 in the water column."""
         step, below = _angle_steps(dataset)
-        # between the middles of the steps, else a seam shows at every degree
+        # interpolated, since steps would show as a seam at every degree
         at = np.arange(self.middles.shape[1]) + 0.5
         return np.stack([np.where(below, typical - np.interp(step, at, middles), 0)
                          for middles, typical in zip(self.middles, self.typical, strict=True)], 1)
 
 
 def _angle_steps(dataset):
-    """Angles from nadir of bins (P, N) in steps, and whether they lie below the water column."""
+    """Return the angles of bins from nadir (P, N) in steps, and a mask of the bins below the water column."""
     altitude = np.asarray(dataset["altitude"].values, float)[:, None]
     slant_range = np.maximum(np.asarray(dataset["range"].values, float), 1e-3)[None]
-    below = slant_range > altitude                                    # false where the altitude is not known
+    below = slant_range > altitude                                    # False if the altitude is unknown
     angle = np.rad2deg(np.arccos(np.clip(np.where(below, altitude / slant_range, 1), 0, 1)))
     return angle / ANGLE_STEP_DEG, below
 
 
 def _medians(group, values, groups):
-    """Medians of values by the number of their group, NaN where a group has none."""
+    """Return the median of the values of every group; NaN for empty groups."""
     order = np.argsort(group, kind="stable")
     group, values = group[order], values[order]
     middles = np.full(groups, np.nan)

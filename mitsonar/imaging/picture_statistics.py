@@ -1,17 +1,17 @@
-"""Statistics of a sidescan's amplitudes, the same for real and rendered records.
+"""Statistics of sidescan amplitudes, for both real and rendered records.
 
     x = A / <A> - 1                          <A> the slow trend, a Gaussian mean of 12 pings by 12 samples
-    CV = std(A') / mean(A')                  A' in windows of 16 x 16 over the plane that fits them; Rayleigh: 0.523
-    c(k) = <x_n x_(n+k)> / <x²>              along pings and along range, of amplitudes and of intensities: in windows
-                                             of 32 x 32, the median of all windows, so that single objects do not count
-    S(f) = <|FFT(w x)|² / (<x²> Σ w²)>       runs of 64 samples under Hann's window; 1 at all f is white
+    CV = std(A') / mean(A')                  A' = A over its fitted plane in windows of 16 x 16; Rayleigh: 0.523
+    c(k) = <x_n x_(n+k)> / <x²>              along pings and along range, of amplitudes and of intensities, as the
+                                             median of windows of 32 x 32, so single objects do not count
+    S(f) = <|FFT(w x)|² / (<x²> Σ w²)>       runs of 64 samples under a Hann window; white: 1 at all f
 
-A -> ``amplitude``. The gain of a real recorder is not known. Everything here is a ratio of neighbours in range, or of
-pings at one range, which a gain over range leaves as it is; `dynamic_range_db` alone holds the gain too, and says so.
-Windows lie on open bed: beyond the first return by `CLEAR` m, and within 3 dB of the bed's median at their range.
+A -> ``amplitude``. The gain of a real recorder is unknown. All statistics are ratios of neighbours in range, or of
+pings at one range, which a gain over range does not change; only `dynamic_range_db` includes the gain. Windows lie on
+open bed: `CLEAR` m beyond the first return, and within 3 dB of the bed's median at their range.
 
 The first return is the first rise of 8 dB between the means of 16 samples before and after. Shadows are patches of
-bed, 5 x 5 means, 8 dB and more under the bed's median at their range; how deep they are is that of their middles.
+bed whose 5 x 5 means are at least 8 dB below the bed's median at their range; their depth excludes the edges.
 """
 from dataclasses import dataclass
 
@@ -21,53 +21,54 @@ from scipy import ndimage
 __all__ = ["PictureStatistics", "first_return", "measure", "open_bed"]
 
 WINDOW, SQUARE, LONG = 16, 32, 64  # samples
-WIDE = 128                         # samples, of windows in which the bed's texture counts as well
+WIDE = 128                         # samples, of windows that include the texture of the bed
 TREND = 12.0                       # samples, standard deviation
 CLEAR = 2.0                        # [m]
-BLIND = 1.0                        # [m], of the transmission
-RISE_DB, STEP = 8.0, 16            # of the first return; samples
-OPEN_DB = 3.0                      # from the bed's median at that range
-DARK_DB, SMALLEST = 8.0, 60        # of shadows: under the bed; samples
+BLIND = 1.0                        # [m] blinded by the transmission
+RISE_DB, STEP = 8.0, 16            # [dB] of the first return; [samples]
+OPEN_DB = 3.0                      # [dB] from the bed's median at that range
+DARK_DB, SMALLEST = 8.0, 60        # [dB] below the bed; [samples]: limits of shadows
 LAGS = 5
 QUANTILES = (0.01, 0.1, 0.5, 0.9, 0.99)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PictureStatistics:
-    """Statistics of one side.
+    """Statistics of one side of a sidescan.
 
     Attributes
     ----------
     windows : int
-        Of 16 x 16 samples, on open bed.
+        Number of windows of 16 x 16 samples on open bed.
     variation : float [-]
         Median coefficient of variation of amplitudes.
     quantiles : (5,) [-]
         1, 10, 50, 90, 99 % of amplitudes over the local mean.
     ping_correlation, range_correlation : (5,) [-]
-        Of amplitudes at lags 1 to 5.
+        Correlation of amplitudes at lags 1 to 5.
     ping_intensity_correlation, range_intensity_correlation : (5,) [-]
+        Correlation of intensities at lags 1 to 5.
     ping_texture, range_texture : float [-]
-        Correlation of amplitudes at lag 1 in windows of 128 x 128 less their mean alone: speckle and whatever the bed
-        is made of. NaN where no such window lies on bed.
+        Correlation of amplitudes at lag 1 in windows of 128 x 128 less their mean, which includes the texture of the
+        bed. NaN without such a window on the bed.
     ping_spectrum, range_spectrum : (5,) [-]
-        In octaves of the wavelength, 2-4, 4-8, 8-16, 16-32, 32-64 samples; white: 1.
+        Power in octaves of the wavelength: 2-4, 4-8, 8-16, 16-32, 32-64 samples; white: 1.
     shadows : int
-        How many samples are in shadows.
+        Number of samples in shadows.
     shadow_db : (3,) [dB]
-        Quartiles of the depth of shadows under the bed, by intensity; NaN without any.
+        Quartiles of the depth of shadows below the bed, by intensity; NaN without shadows.
     rise : float [m]
-        Of the first return's mean intensity, from 10 to 90 % of its peak.
+        Rise of the first return's mean intensity from 10 to 90 % of its peak.
     peak_db : float [dB]
-        Of the first return over the bed 1 to 3 m beyond it.
+        Peak of the first return relative to the bed 1 to 3 m beyond it.
     water_db : float [dB]
         Mean intensity 0.5 to 2 m before the first return, re the bed 1 to 3 m beyond it.
     dynamic_range_db : float [dB]
-        From 0.1 to 99.9 % of amplitudes; with the recorder's gain.
+        Ratio of the 99.9 to the 0.1 % quantile of amplitudes; includes the recorder's gain.
     values : int
-        How many different amplitudes there are.
+        Number of different amplitudes.
     saturated : float [-]
-        Share of samples that have the highest amplitude of all.
+        Share of samples with the highest amplitude.
     """
 
     windows: int
@@ -92,16 +93,16 @@ class PictureStatistics:
 
 
 def measure(amplitude: np.ndarray, spacing: float, *, keep: np.ndarray | None = None) -> PictureStatistics:
-    """Measure one side of a sidescan's picture.
+    """Compute the statistics of one side of a sidescan.
 
     Parameters
     ----------
     amplitude : (ping, sample)
         Envelopes, not decibels, near range first.
     spacing : float [m]
-        Of samples in slant range.
+        Spacing of samples in slant range.
     keep : (ping, sample) bool, optional
-        Where open bed may be looked for; everywhere by default.
+        Region to search for open bed; everything by default.
 
     Returns
     -------
@@ -110,7 +111,7 @@ def measure(amplitude: np.ndarray, spacing: float, *, keep: np.ndarray | None = 
     Raises
     ------
     ValueError
-        If there are less than 64 pings or samples, amplitudes are negative or no numbers, or no bed is found.
+        If there are fewer than 64 pings or samples, amplitudes are negative or not finite, or no bed is found.
     """
     amplitude = _checked(amplitude, spacing)
     first = first_return(amplitude, spacing)
@@ -127,8 +128,8 @@ def measure(amplitude: np.ndarray, spacing: float, *, keep: np.ndarray | None = 
         windows=len(variations), variation=float(np.median(variations)),
         quantiles=np.nanquantile(ratio, QUANTILES),
         ping_correlation=_correlation(squares, 0), range_correlation=_correlation(squares, 1),
-        ping_intensity_correlation=_correlation([one ** 2 for one in squares], 0),
-        range_intensity_correlation=_correlation([one ** 2 for one in squares], 1),
+        ping_intensity_correlation=_correlation([square ** 2 for square in squares], 0),
+        range_intensity_correlation=_correlation([square ** 2 for square in squares], 1),
         ping_texture=float(_correlation(wide, 0)[0]), range_texture=float(_correlation(wide, 1)[0]),
         ping_spectrum=_spectrum(ratio, 0), range_spectrum=_spectrum(ratio, 1),
         shadows=dark.size, shadow_db=np.quantile(dark, (0.25, 0.5, 0.75)) if dark.size else np.full(3, np.nan),
@@ -136,7 +137,7 @@ def measure(amplitude: np.ndarray, spacing: float, *, keep: np.ndarray | None = 
 
 
 def first_return(amplitude: np.ndarray, spacing: float) -> np.ndarray:
-    """Find the sample of the bed's first return of every ping, (P,) int; smoothed over 15 pings.
+    """Return the sample of the bed's first return of every ping (P,), int, smoothed over 15 pings.
 
     Raises
     ------
@@ -148,21 +149,21 @@ def first_return(amplitude: np.ndarray, spacing: float) -> np.ndarray:
     rise = 10 * (np.roll(level, -STEP // 2, 1) - np.roll(level, STEP // 2, 1))
     blind = int(np.ceil(BLIND / spacing)) + STEP
     rise[:, :blind], rise[:, -STEP:] = 0, 0
-    found = rise > RISE_DB
-    if np.mean(found.any(1)) < 0.5:
+    risen = rise > RISE_DB
+    if np.mean(risen.any(1)) < 0.5:
         raise ValueError("no first return was found: fewer than half of the pings rise by 8 dB beyond the water; "
                          "give a record that begins at the sonar.")
-    start = found.argmax(1)
+    start = risen.argmax(1)
     ahead = start[:, None] + np.arange(2 * STEP)
     best = np.take_along_axis(rise, np.minimum(ahead, rise.shape[1] - 1), 1).argmax(1)
-    place = np.where(found.any(1), start + best, -1)
+    place = np.where(risen.any(1), start + best, -1)
     known = np.flatnonzero(place >= 0)
     place = np.interp(np.arange(place.size), known, place[known])
     return np.rint(ndimage.median_filter(place, 15, mode="nearest")).astype(int)
 
 
 def open_bed(amplitude: np.ndarray, spacing: float) -> np.ndarray:
-    """Tell which samples (ping, sample) are bed without objects, shadows and strong patches."""
+    """Return a mask (ping, sample) of the bed without objects, shadows and strong patches."""
     amplitude = _checked(amplitude, spacing)
     return _open(*_bed(amplitude, first_return(amplitude, spacing), spacing), None)
 
@@ -173,31 +174,31 @@ def _checked(amplitude, spacing):
         raise ValueError(f"amplitudes have the shape {amplitude.shape} and samples of {spacing:g} m; at least {LONG} "
                          f"pings by {LONG} samples are needed, and a spacing above 0.")
     if not np.all(amplitude >= 0) or not np.isfinite(amplitude).all():
-        raise ValueError("amplitudes are negative or no numbers; give envelopes, not decibels.")
+        raise ValueError("amplitudes are negative or not finite; give envelopes, not decibels.")
     return amplitude
 
 
 def _bed(amplitude, first, spacing):
-    """Tell where bed is (P, N), levels of 5 x 5 samples (P, N) and their medians by range (N,) [dB]."""
+    """Return a mask of the bed (P, N), levels of 5 x 5 samples (P, N) and their medians by range (N,) [dB]."""
     bed = np.arange(amplitude.shape[1]) >= first[:, None] + int(np.ceil(CLEAR / spacing))
-    bed[:, bed.sum(0) < max(8, len(bed) // 20)] = False      # too few pings to say what the bed is there
+    bed[:, bed.sum(0) < max(8, len(bed) // 20)] = False      # too few pings for a median
     if not bed.any():
         raise ValueError("no bed lies beyond the first return; give a record of a longer range.")
     level = 10 * np.log10(np.maximum(ndimage.uniform_filter(amplitude ** 2, 5), 1e-300))
     middle = np.full(amplitude.shape[1], np.median(level[bed]))
-    some = bed.any(0)
-    middle[some] = np.nanmedian(np.where(bed, level, np.nan)[:, some], 0)
+    known = bed.any(0)
+    middle[known] = np.nanmedian(np.where(bed, level, np.nan)[:, known], 0)
     return bed, level, middle
 
 
 def _open(bed, level, middle, keep):
-    """Tell where the mean level of 16 x 16 samples is the bed's at that range, (P, N)."""
+    """Return a mask (P, N) of bed whose mean level over 16 x 16 samples is usual for its range."""
     deviation = ndimage.uniform_filter(level, WINDOW) - ndimage.median_filter(middle, 31)
-    # a changing altitude, and sediments, move all levels slowly: each ping's own median goes first
-    some, own = bed.any(1), np.zeros((len(bed), 1))
-    own[some, 0] = np.nanmedian(np.where(bed, deviation, np.nan)[some], 1)
-    fine = bed & (np.abs(deviation - own) < OPEN_DB)
-    return fine if keep is None else fine & keep
+    # altitude and sediments shift all levels slowly: subtract the median of each ping
+    known, shift = bed.any(1), np.zeros((len(bed), 1))
+    shift[known, 0] = np.nanmedian(np.where(bed, deviation, np.nan)[known], 1)
+    usual = bed & (np.abs(deviation - shift) < OPEN_DB)
+    return usual if keep is None else usual & keep
 
 
 def _trend(amplitude, open_):
@@ -207,7 +208,7 @@ def _trend(amplitude, open_):
 
 
 def _windows(open_, size):
-    """Slices of squares that are open bed wholly."""
+    """Yield the slices of squares that lie wholly on open bed."""
     for ping in range(0, open_.shape[0] - size + 1, size):
         for start in range(0, open_.shape[1] - size + 1, size):
             part = np.s_[ping:ping + size, start:start + size]
@@ -224,15 +225,15 @@ def _variation(window):
 
 
 def _correlation(windows, axis):
-    """Return medians over windows of the correlation at lags 1 to 5."""
+    """Return the correlation at lags 1 to 5, as the median over windows."""
     if not windows:
         return np.full(LAGS, np.nan)
-    found = []
+    correlations = []
     for window in windows:
         values = np.moveaxis(window - window.mean(), axis, 0)
         power = max(np.mean(values ** 2), 1e-300)
-        found.append([np.mean(values[:-lag] * values[lag:]) / power for lag in range(1, LAGS + 1)])
-    return np.median(found, 0)
+        correlations.append([np.mean(values[:-lag] * values[lag:]) / power for lag in range(1, LAGS + 1)])
+    return np.median(correlations, 0)
 
 
 def _spectrum(ratio, axis):
@@ -246,12 +247,12 @@ def _spectrum(ratio, axis):
     window = np.hanning(LONG)
     scale = np.maximum(lines.var(1, keepdims=True), 1e-300) * np.sum(window ** 2)
     power = (np.abs(np.fft.rfft(lines * window)) ** 2 / scale).mean(0)
-    octaves = [LONG // 2 ** octave for octave in range(1, LAGS + 2)]          # 32, 16, ... cycles in the run
+    octaves = [LONG // 2 ** octave for octave in range(1, LAGS + 2)]          # 32, 16, ... cycles per run
     return np.array([power[low:high].mean() for high, low in zip(octaves, octaves[1:])])
 
 
 def _shadows(bed, level, middle):
-    """Return depths [dB] under the bed within shadows, without their edges."""
+    """Return the depths [dB] of shadows below the bed, without their edges."""
     number, count = ndimage.label(bed & (level < middle - DARK_DB))
     if not count:
         return np.empty(0)
@@ -261,20 +262,20 @@ def _shadows(bed, level, middle):
 
 
 def _onset(amplitude, first, spacing):
-    """Rise, peak and water column from the mean over pings whose first returns are laid on each other."""
+    """Return rise, peak and water level from means over pings aligned by their first returns."""
     before, after = int(np.ceil(2.2 / spacing)), int(np.ceil(3.2 / spacing))
     offsets = np.arange(-before, after)
-    there = np.flatnonzero((first - before >= int(BLIND / spacing)) & (first + after < amplitude.shape[1]))
-    if there.size < 8:
+    usable = np.flatnonzero((first - before >= int(BLIND / spacing)) & (first + after < amplitude.shape[1]))
+    if usable.size < 8:
         return {"rise": np.nan, "peak_db": np.nan, "water_db": np.nan}
-    power = amplitude[there[:, None], first[there, None] + offsets] ** 2
-    fine = ndimage.uniform_filter1d(power, 3, axis=1)
+    power = amplitude[usable[:, None], first[usable, None] + offsets] ** 2
+    smooth = ndimage.uniform_filter1d(power, 3, axis=1)
     span = np.abs(offsets * spacing) < 0.6
     bed = _mean(power, (offsets * spacing > 1) & (offsets * spacing < 3))
     water = _mean(power, (offsets * spacing > -2) & (offsets * spacing < -0.5))
     rises, peaks = [], []
-    for start in range(0, len(there), 8):                          # speckle averaged, altitude still the same
-        rows = fine[start:start + 8].mean(0)
+    for start in range(0, len(usable), 8):                         # averages speckle at nearly constant altitude
+        rows = smooth[start:start + 8].mean(0)
         peak = rows[span].max()
         top = np.flatnonzero(span)[rows[span].argmax()]
         floor = rows[:before // 2].mean()
@@ -287,12 +288,12 @@ def _onset(amplitude, first, spacing):
 
 
 def _mean(power, columns):
-    """Median over pings of the mean over columns: pings that meet a wreck first do not count."""
+    """Return the median over pings of the mean over columns, robust to pings that meet a wreck first."""
     return float(np.median(power[:, columns].mean(1)))
 
 
 def _recorder(amplitude):
     low, high = np.quantile(amplitude, (0.001, 0.999))
-    low = max(low, amplitude[amplitude > 0].min(initial=high))         # what a recorder writes as 0 has no level
+    low = max(low, amplitude[amplitude > 0].min(initial=high))         # samples of 0 have no level
     return {"dynamic_range_db": float(20 * np.log10(max(high, 1e-30) / max(low, 1e-30))),
             "values": int(np.unique(amplitude).size), "saturated": float(np.mean(amplitude == amplitude.max()))}

@@ -1,16 +1,15 @@
-"""Receiver and recorder of a sidescan: gain, crosstalk, ringing and quantisation of its sides' echoes.
+"""Receiver and recorder of a sidescan: leakage between its sides, ringing and quantisation.
 
-    p²_port  = p²_port + (a + x) p²_starboard,     z_port = z_port + √(a + x) z_starboard,    and so starboard
+    p²_port  = p²_port + (a + x) p²_starboard,     z_port = z_port + √(a + x) z_starboard,    likewise starboard
     A        = ⌊min(|z|, A_1) / q⌋ q + q/2,        q = A_1 / 2^bits
 
-Leakage: the face of one side hears on the other side what that one sends. It does so behind its baffle, by the
-front-to-back ratio a -> ``back`` of the same aperture, 20 to 45 dB of faces in a hull (Urick 1983, ch. 3; Butler and
-Sherman 2016); and channels talk across by x -> ``crosstalk``, 35 to 70 dB between receivers that share a tow cable or a
-board. Both bring a fainter copy of the other side's record, at its ranges.
+Leakage adds a faint copy of the other side's record at the same ranges. The face of a side receives through its baffle
+by the back-to-front ratio a -> ``back``, -20 to -45 dB for faces in a hull (Urick 1983, ch. 3; Butler and Sherman
+2016). Channels leak electrically by x -> ``crosstalk``, -35 to -70 dB between receivers on one tow cable or board.
 
-A recorder's samples are envelopes A. A_1 -> ``full_scale`` is the loudest; what is louder is that. ``bits`` -> how
-many steps they have; a sample shows the middle of its step. The receiver hears its own transmission, which is
-compressed as echoes are: at full scale over ``blind``, the effective pulse, then falling by 60 dB over ``ringing``.
+A recorder stores envelopes A as the middles of 2^``bits`` steps, clipped at A_1² -> ``full_scale``. The receiver also
+picks up its own transmission, compressed like echoes: at full scale over ``blind``, the effective pulse, then falling
+by 60 dB over ``ringing``.
 """
 from dataclasses import dataclass
 
@@ -21,11 +20,11 @@ DECAY = np.log(1e6)                # of a power over the ringing
 
 @dataclass(frozen=True, kw_only=True)
 class Recorder:
-    """Receiver and recorder; by default without faults."""
+    """Receiver and recorder, without faults by default."""
 
-    back: float = 0.0  # share of the other side's power that a side receives through the back of its face
-    crosstalk: float = 0.0  # share of the other side's power that a channel receives through its wires
-    bits: int = 0  # of a sample
+    back: float = 0.0  # share of the other side's power received through the back of the face
+    crosstalk: float = 0.0  # share of the other side's power received through the wires
+    bits: int = 0  # per sample; 0: not quantised
     full_scale: float = np.inf  # [µPa²]: loudest intensity that a sample holds
     blind: float = 0.0  # [s]: length of the compressed transmission
     ringing: float = 0.0  # [s]: time in which the transmission falls by 60 dB
@@ -33,14 +32,14 @@ class Recorder:
     def __post_init__(self):
         for name in ("back", "crosstalk"):
             if not 0 <= getattr(self, name) <= 1:
-                raise ValueError(f"{name} is {getattr(self, name):g} of the other side; give a power from 0 to 1")
+                raise ValueError(f"{name} is {getattr(self, name):g} of the other side's power; give 0 to 1.")
         if self.bits < 0 or self.bits and not 0 < self.full_scale < np.inf:
             raise ValueError(f"{self.bits} bits of a full scale of {self.full_scale:g} µPa²; give bits of 0 or more, "
-                             "and a finite full scale above 0")
+                             "and a finite full scale above 0.")
 
     @property
     def leakage(self) -> float:
-        """Power of the other side that a side's channel has [-]."""
+        """Return the share of the other side's power in a channel [-]."""
         return self.back + self.crosstalk
 
 
@@ -48,18 +47,17 @@ FAULTLESS = Recorder()
 
 
 def leaked(intensity: np.ndarray, recorder: Recorder) -> np.ndarray:
-    """Return the mean intensities (ping, side, ...) of channels that hear the other side too."""
+    """Return mean intensities (ping, side, ...) with the leakage of the other side added."""
     return intensity + recorder.leakage * intensity[:, ::-1] if recorder.leakage else intensity
 
 
 def leaked_pressure(pressure: np.ndarray, recorder: Recorder) -> np.ndarray:
-    """Return the complex pressures (ping, side, ...) of channels that hear the other side too."""
+    """Return complex pressures (ping, side, ...) with the leakage of the other side added."""
     return pressure + np.sqrt(recorder.leakage) * pressure[:, ::-1] if recorder.leakage else pressure
 
 
 def recorded(intensity: np.ndarray, recorder: Recorder, time: np.ndarray) -> np.ndarray:
-    """Return the intensities [µPa²] of the samples that are kept."""
-    # intensity (..., bins) [µPa²]; time [s] -> (..., bins) [µPa²]
+    """Return the recorded intensities (..., bins) [µPa²] of received ones at times [s]."""
     if not recorder.bits:
         return intensity
     if recorder.ringing:

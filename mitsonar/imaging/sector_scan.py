@@ -1,8 +1,8 @@
-"""From a head's signals to its picture: a row for every ping, which is a step of the head, over range.
+"""Image of a rotating head: a row over range for every ping, that is, for every step of the head.
 
     level = 10 log10 of the mean of |m|² over the samples of a bin,   m -> the compressed signal [µPa]
 
-The mean level and the truth of every bin are those of an energy record of the same beam (`survey.rotating_head.steps`).
+The mean level and the truth of every bin come from an energy record of the same beam (`survey.sector_scan`).
 """
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,15 +23,15 @@ class Turns:
     """Directions of a head at its pings."""
 
     bearing: np.ndarray  # (P,) [rad]: relative to the platform, within ±π
-    turn: np.ndarray  # (P,): number of the turn, or of the way across the sector
-    platform: Track  # its attitude, and the place of the head
+    turn: np.ndarray  # (P,): number of the turn, or of the sweep across the sector
+    platform: Track  # its attitude, and the position of the head
     mount: str
     tilt: float  # [rad]
     sector: float  # [rad]
 
 
 def mean_power(compressed: np.ndarray, bins: int) -> np.ndarray:
-    """Average the power of compressed signals (..., S) [µPa] over `bins` bins of equally many samples: [µPa²]."""
+    """Return the mean power [µPa²] of compressed signals (..., S) [µPa] in `bins` equal bins."""
     power = np.abs(compressed).astype(float) ** 2
     return power.reshape(*power.shape[:-1], bins, -1).mean(-1)
 
@@ -39,9 +39,7 @@ def mean_power(compressed: np.ndarray, bins: int) -> np.ndarray:
 def image(power: np.ndarray, record: EnergyRecord, expected: np.ndarray, *, turns: Turns, time: np.ndarray,
           sound_speed: float, depth_below: np.ndarray, labels: Mapping[int, str], class_of: Mapping[int, int],
           attrs: Mapping[str, object]) -> xr.Dataset:
-    """Make the dataset of a run."""
-    # power (P, bins) [µPa²]; expected (P, bins) [µPa²]; time [s]; sound_speed [m/s]; depth_below (P,) [m]; labels
-    # [int, str]; class_of [int, int]
+    """Return the image of a run from drawn and expected powers (P, bins) [µPa²]."""
     slant_range = 0.5 * sound_speed * time
     below = slant_range >= depth_below[:, None] - 2 * (slant_range[-1] / len(slant_range))
     label, shadow = coordinates.shadow_by_bins(record, below)
@@ -59,7 +57,7 @@ def image(power: np.ndarray, record: EnergyRecord, expected: np.ndarray, *, turn
         coords={
             "ping": entry(np.arange(len(power)), "1", "ping number", "ping"),
             "bearing": entry(turns.bearing, "rad", _CLOCKWISE[turns.mount == "forward"], "ping"),
-            "turn": entry(turns.turn, "1", "turn of the head, or way across its sector", "ping"),
+            "turn": entry(turns.turn, "1", "turn of the head, or sweep across its sector", "ping"),
             **coordinates.of_bins(labels, slant_range, time),
             **coordinates.of_pings(turns.platform, depth_below, " of the platform")},
         attrs={"sonar": "sector_scan", **attrs, "sound_speed": float(sound_speed), "mount": turns.mount,

@@ -1,14 +1,14 @@
-"""From echo energy per time bin to a sidescan record: pulse, speckle, noise, levels.
+"""Sidescan image from the echo energy per time bin: pulse, speckle, noise, levels.
 
     p²(t) = Σ_j k_j E_j + N,      k the pulse's share of each (half) bin                     mean level
     z(t)  = Σ_j √k_j √E_j g_j + √N n,  p² = |z|²                                             one realisation
 
 E -> ``intensity`` [µPa²] of the echoes that arrive in bin j, N noise, g -> ``speckle`` and n circular complex Gaussian
-of unit variance: the sum of many scatterers in a resolution cell (physics of Rayleigh reverberation; Jackson &
-Richardson 2007, ch. 16), which stay where they are from ping to ping (`echoes.ground_speckle`). Where a bin is longer
-than the pulse it holds several cells, whose intensities are averaged. What has a phase of its own, point targets and
-smooth surfaces (z_c), adds before it is squared: to the mean <|z_c|²>, and to a realisation so that amplitudes are
-Rice's (S. O. Rice, 1945): <|z + z_c|²> over each cell, z being one number there.
+of unit variance: the sum of many scatterers in a resolution cell (Rayleigh reverberation; Jackson & Richardson 2007,
+ch. 16), which stay in place from ping to ping (`echoes.ground_speckle`). A bin longer than the pulse holds several
+cells, whose intensities are averaged. Coherent echoes z_c of point targets and smooth surfaces add before squaring: to
+the mean <|z_c|²>, and to a realisation <|z + z_c|²> over each cell, with one number z per cell. Amplitudes are then
+Rice distributed (S. O. Rice, 1945).
 """
 from collections.abc import Callable, Mapping, Sequence
 
@@ -23,13 +23,12 @@ from . import coordinates, truth
 from .energy_record import CoherentRecord, EnergyRecord
 from .recorder import FAULTLESS, Recorder, leaked, leaked_pressure, recorded
 
-WORK = 1 << 18                     # bins drawn at a time,
-FEW_CELLS = 64                     # fewer of them where they have more cells than these
+WORK = 1 << 18                     # bins drawn at a time
+FEW_CELLS = 64                     # fewer bins if they have more cells than this
 
 
 def pulse_shares(bin_length: float, pulse_length: float) -> np.ndarray:
-    """Overlap of a pulse, centred on a bin, with the bins or half bins it covers."""
-    # -> (1,)
+    """Return the overlap of a pulse, centred on a bin, with that bin or with the half bins that it covers."""
     ratio = pulse_length / bin_length
     if ratio <= 1:
         return np.array([ratio])
@@ -39,17 +38,17 @@ def pulse_shares(bin_length: float, pulse_length: float) -> np.ndarray:
 
 
 def pulse_cells(bin_length: float, pulse_length: float) -> int:
-    """Return the number of pulses that follow each other in a bin: the cells whose intensities are averaged."""
+    """Return the number of pulse lengths in a bin: the cells whose intensities are averaged."""
     return max(1, round(bin_length / pulse_length))
 
 
 def speckle_gates(bin_length: float, pulse_length: float) -> int:
-    """Return the number of gates of a bin with independent speckle: its cells, or 2 where the pulse is longer."""
+    """Return the number of gates with independent speckle in a bin: its cells, or 2 for a longer pulse."""
     return pulse_cells(bin_length, pulse_length) if pulse_length <= bin_length else 2
 
 
 def mean_intensity(intensity: np.ndarray, shares: np.ndarray) -> np.ndarray:
-    """Mean level of the bins, (..., bins) [µPa²], of echoes `intensity` (..., bins) and a pulse's `shares`."""
+    """Return the mean intensity (..., bins) [µPa²] of echoes (..., bins) under a pulse with `shares`."""
     if len(shares) == 1:
         return intensity * shares[0]
     return _gate(np.repeat(0.5 * intensity, 2, -1), shares)
@@ -58,9 +57,10 @@ def mean_intensity(intensity: np.ndarray, shares: np.ndarray) -> np.ndarray:
 def realisation(intensity: np.ndarray, shares: np.ndarray, speckle: np.ndarray, noise: float,
                 random: np.random.Generator, coherent: np.ndarray | None = None,
                 coherent_intensity: np.ndarray | float = 0.0, recorder: Recorder = FAULTLESS) -> np.ndarray:
-    """Draw the intensity one ping would record."""
-    # intensity (..., bins) [µPa²]; speckle (..., gates) [-]; noise [µPa²]; coherent (..., bins, cells) [µPa];
-    # coherent_intensity (..., bins) [µPa²] -> (..., bins) [µPa²]
+    """Draw received intensities (..., bins) [µPa²] from mean ones, speckle (..., gates) and noise [µPa²].
+
+    ``coherent`` (..., bins, cells) [µPa] and ``coherent_intensity`` (..., bins) [µPa²] are echoes with a known phase.
+    """
     if len(shares) == 1:
         cells = speckle.shape[-1] // intensity.shape[-1]
         amplitude = np.sqrt(shares[0] * intensity)
@@ -74,7 +74,7 @@ def realisation(intensity: np.ndarray, shares: np.ndarray, speckle: np.ndarray, 
         return np.maximum(echo / cells + coherent_intensity, 0)
     z = leaked_pressure(_gate(np.sqrt(np.repeat(0.5 * intensity, 2, -1)) * speckle, np.sqrt(shares)), recorder)
     if noise:
-        # it has the band of the pulse as well; drawn on both sides of the record, its level holds to the ends
+        # noise has the band of the pulse; drawn beyond both ends, it keeps its level there
         drawn = _gaussian(random, (*speckle.shape[:-1], speckle.shape[-1] + len(shares) - 2))
         z += np.sqrt(noise / shares.sum()) * _sums(drawn, np.sqrt(shares))
     return np.maximum(np.abs(z) ** 2 + _crossed(z, coherent, 0) + coherent_intensity, 0)
@@ -84,9 +84,7 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
           labels: Mapping[int, str], class_of: Mapping[int, int], noise_db: float | None,
           speckle: Callable[[np.ndarray], np.ndarray] | None, seed: int, absorption_db: float,
           paths: Sequence[str] = ("b",), recorder: Recorder = FAULTLESS) -> xarray.Dataset:
-    """Make the dataset of a run."""
-    # depth_below (P,) [m]; window [s]; labels [int, str]; class_of [int, int]; noise_db [dB re 1 µPa]; absorption_db
-    # [dB/m]
+    """Return the image of a run over a time ``window`` [s]; ``noise_db`` [dB re 1 µPa], ``absorption_db`` [dB/m]."""
     pings, _, bins = record.intensity.shape
     bin_length = (window[1] - window[0]) / bins
     time = window[0] + (np.arange(bins) + 0.5) * bin_length
@@ -96,27 +94,27 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
     mean_level = np.empty_like(level)
     in_beam, coherent = record.echoes_in_beam, _coherent_arrays(record)
     depth = record.depth if coherent is None else record.depth.copy()
-    # float64 work space that does not grow with the survey, nor much with the cells of a bin
+    # bounds the float64 work space for long surveys and many cells per bin
     many = max(1, speckle_gates(bin_length, sonar.pulse_length) // FEW_CELLS)
     step = max(1, WORK // (2 * bins * many))
     for start in range(0, pings, step):
-        some = slice(start, start + step)
-        energy = record.intensity[some].astype(float)
+        block = slice(start, start + step)
+        energy = record.intensity[block].astype(float)
         mean, with_phase = leaked(mean_intensity(energy, shares), recorder), ()
         if coherent is not None:
-            pressure, coherent_mean, coherent_depth = (array[some] for array in coherent)
+            pressure, coherent_mean, coherent_depth = (array[block] for array in coherent)
             with_phase = leaked_pressure(pressure, recorder), leaked(coherent_mean.astype(float), recorder)
-            depth[some] = _mean_depth(depth[some], mean, coherent_depth,
-                                      np.where(in_beam[some] > 0, coherent_mean, 0))
+            depth[block] = _mean_depth(depth[block], mean, coherent_depth,
+                                       np.where(in_beam[block] > 0, coherent_mean, 0))
             mean = mean + with_phase[1]
-        mean_level[some] = coordinates.levels(mean)
+        mean_level[block] = coordinates.levels(mean)
         if speckle is not None:
             random = np.random.default_rng([abs(int(seed)), start])
-            drawn = realisation(energy, shares, speckle(np.arange(pings)[some]), noise, random, *with_phase,
+            drawn = realisation(energy, shares, speckle(np.arange(pings)[block]), noise, random, *with_phase,
                                 recorder=recorder)
-            level[some] = coordinates.levels(recorded(drawn, recorder, time))
+            level[block] = coordinates.levels(recorded(drawn, recorder, time))
         else:
-            level[some] = coordinates.levels(mean + noise)
+            level[block] = coordinates.levels(mean + noise)
     slant_range = 0.5 * sonar.sound_speed * time
     label, shadow = coordinates.shadow_by_bins(
         record, slant_range >= depth_below[:, None, None] - sonar.sound_speed * bin_length)
@@ -152,39 +150,39 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
 
 
 def _coherent_arrays(record: EnergyRecord) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Pressure, intensity and depth of coherent echoes; None where there are none."""
+    """Return the pressure, intensity and depth of coherent echoes, or None."""
     coherent = record.coherent
     if coherent is None:
         return None
     if coherent.pressure is None or coherent.depth is None:
-        raise ValueError("a sidescan's image adds coherent echoes as pressures, and the record has their powers alone; "
+        raise ValueError("a sidescan's image adds coherent echoes as pressures, but the record has only their powers; "
                          "take a record of sides")
     return coherent.pressure, coherent.intensity, coherent.depth
 
 
 def _by_path(intensity: np.ndarray, coherent_record: CoherentRecord | None, shares: np.ndarray,
              entry: Callable[..., tuple]) -> dict[str, tuple]:
-    """Levels of every path, (path_name, ping, side, range), and the number of the strongest."""
+    """Return the levels of every path (path_name, ping, side, range), and the number of the strongest path."""
     coherent = None if coherent_record is None else coherent_record.path_intensity
     pings, sides, paths, bins = intensity.shape
     level = np.empty((paths, pings, sides, bins), np.float32)
     step = max(1, WORK // (sides * paths * bins))
     for start in range(0, pings, step):
-        some = slice(start, start + step)
-        mean = mean_intensity(intensity[some].astype(float), shares)
+        block = slice(start, start + step)
+        mean = mean_intensity(intensity[block].astype(float), shares)
         if coherent is not None:
-            mean += coherent[some]
-        level[:, some] = coordinates.levels(np.moveaxis(mean, 2, 0))
+            mean += coherent[block]
+        level[:, block] = coordinates.levels(np.moveaxis(mean, 2, 0))
     if coherent is not None:
         intensity = intensity + coherent
     strongest = np.where(intensity.max(2) > 0, intensity.argmax(2) + 1, 0).astype(np.uint32)
     return {"path_level": entry(level, "dB re 1 µPa", "echo level of each path, without speckle and noise",
                                 ("path_name", "ping", "side", "range")),
-            "path": entry(strongest, "1", "path that brings most of the echo, counted from 1; 0: nothing")}
+            "path": entry(strongest, "1", "path with most of the echo, counted from 1; 0: no echo")}
 
 
 def _mean_depth(depth, mean, coherent_depth, coherent_mean):
-    """Depths weighted by energy, coherent echoes included."""
+    """Return depths weighted by energy, with coherent echoes included."""
     there = (coherent_depth != 0) & (coherent_mean > 0)
     total = np.where(there, mean + coherent_mean, 1)
     known = np.where(np.isnan(depth), 0, depth)
@@ -192,12 +190,12 @@ def _mean_depth(depth, mean, coherent_depth, coherent_mean):
 
 
 def _crossed(z, coherent, cell):
-    """Return the excess of the square of a sum over the sum of squares."""
+    """Return the interference term: |z + z_c|² less both squares."""
     return 0.0 if coherent is None else 2 * (z * np.conj(coherent[..., cell])).real
 
 
 def _gate(half_bins: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Weighted sums of the half bins around the centre of every bin."""
+    """Return weighted sums of the half bins around the centre of every bin."""
     reach = len(weights) // 2
     edge = np.zeros((*half_bins.shape[:-1], reach - 1), half_bins.dtype)
     return _sums(np.concatenate([edge, half_bins, edge], -1), weights)

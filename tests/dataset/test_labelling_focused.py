@@ -143,7 +143,7 @@ def test_netcdf_and_exr_make_the_same_labels(tmp_path, capsys):
 
 @pytest.mark.parametrize("more, words", [
     (["--cartesian"], "a.exr has no Cartesian pictures: a focused image has no fans"),
-    (["--tvg", "target"], "the gain 'target' is of echoes")])
+    (["--tvg", "target"], "the gain 'target' applies to echoes")])
 def test_what_does_not_fit_a_focused_image_is_told_in_a_sentence(tmp_path, more, words, capsys):
     reading.write(labelled_focus(), tmp_path / "a.exr")
     assert cli(["labels", str(tmp_path / "a.exr"), "--coco", "-o", str(tmp_path / "out"), *more]) == 2
@@ -159,7 +159,7 @@ def test_what_was_focused_of_raw_echoes_alone_has_no_labels(tmp_path, capsys):
 def test_raster_refuses_a_focused_image(tmp_path, capsys):
     reading.write(labelled_focus(), tmp_path / "a.exr")
     assert cli(["raster", str(tmp_path / "a.exr"), "-o", str(tmp_path / "b.exr")]) == 2
-    assert "a focused image has no fans: its points are in metres of its own grid" in capsys.readouterr().err
+    assert "a focused image has no fans: its points already form a grid in metres" in capsys.readouterr().err
 
 
 @pytest.fixture(scope="module")

@@ -1,9 +1,9 @@
 """Georeference of a record: its coordinate system, its origin, and its pings in another system.
 
-    p' = P' + A (p - P)            within a swath of P, A the derivative of the projection there
+    p' = P' + A (p - P)            within a swath of P; A the derivative of the projection there
 
-x, y -> ``x``, ``y`` [m] of the scene plus ``local_origin``. Over a swath of a few hundred metres the projection's
-second order is below a millimetre (Snyder, Map Projections, 1987: scale changes by 1e-9 a metre, and less).
+x, y -> ``x``, ``y`` [m] of the scene plus ``local_origin``. Over a swath of a few hundred metres, the second
+order of the projection is below a millimetre (Snyder, Map Projections, 1987: scale changes by at most 1e-9 per metre).
 """
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,20 +12,20 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-AROUND = 100.0                     # [m], over which the derivative is taken
-FARTHEST = 1e8                     # [m]
+AROUND = 100.0                     # [m]: step of the derivative
+FARTHEST = 1e8                     # [m]: largest coordinate
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MapPlaces:
-    """Hold a record's pings on a map."""
+    """Pings of a record on a map."""
 
     position: np.ndarray  # (P, 2) [m]: easting and northing
-    derivative: np.ndarray  # (P, 2, 2): of easting and northing by x and y of the scene
+    derivative: np.ndarray  # (P, 2, 2): of easting and northing by scene x and y
 
 
 def origin(attrs: Mapping[str, Any]) -> tuple[float, float]:
-    """Return the easting and northing of a record's x = y = 0, 0 where it has none."""
+    """Return the easting and northing of a record's x = y = 0; 0 without an origin."""
     values = attrs.get("local_origin")
     if values is None:
         return 0.0, 0.0
@@ -39,7 +39,7 @@ def origin(attrs: Mapping[str, Any]) -> tuple[float, float]:
 
 
 def system(attrs: Mapping[str, Any]) -> str | None:
-    """Return a record's coordinate system, None where it names none."""
+    """Return a record's coordinate system, or None."""
     crs = attrs.get("crs")
     if crs is not None and not isinstance(crs, str):
         raise ValueError(f"the record's crs is {crs!r}; it takes text such as \"EPSG:32632\".")
@@ -47,19 +47,19 @@ def system(attrs: Mapping[str, Any]) -> str | None:
 
 
 def named_system(crs: str) -> str:
-    """Check that PROJ knows a coordinate system in metres, and give it."""
+    """Return a coordinate system; `ValueError` if PROJ lacks it or it is not in metres."""
     import pyproj
     from pyproj.exceptions import ProjError
 
     try:
-        found = pyproj.CRS.from_user_input(crs)
+        known = pyproj.CRS.from_user_input(crs)
     except ProjError as error:
         raise ValueError(f"the coordinate system {crs[:80]!r} is none that PROJ knows "
                          f"({' '.join(str(error).split())[:80]}).") from None
-    units = {axis.unit_name for axis in found.axis_info[:2]}
-    if not found.is_projected or units != {"metre"}:
-        raise ValueError(f"the coordinate system {found.name} is in {', '.join(sorted(units)) or 'no units'}; give a "
-                         "projected one in metres, such as UTM.")
+    units = {axis.unit_name for axis in known.axis_info[:2]}
+    if not known.is_projected or units != {"metre"}:
+        raise ValueError(f"the coordinate system {known.name} is in {', '.join(sorted(units)) or 'no units'}; give a "
+                         "projected system in metres, such as UTM.")
     return crs
 
 
@@ -75,13 +75,13 @@ def map_places(record: xr.Dataset, crs: str | None) -> MapPlaces:
     around = position[:, None] + AROUND * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
     moved = np.stack(transformer.transform(around[..., 0], around[..., 1]), -1)
     if not np.isfinite(moved).all():
-        raise ValueError(f"the track lies outside what {crs[:80]} can map; take another coordinate system.")
+        raise ValueError(f"the track lies outside the region that {crs[:80]} can map; take another coordinate system.")
     derivative = np.stack([moved[:, 1] - moved[:, 2], moved[:, 3] - moved[:, 4]], -1) / (2 * AROUND)
     return MapPlaces(position=moved[:, 0], derivative=derivative)
 
 
-def _same(one, other):
+def _same(first, second):
     import pyproj
 
-    return one == other or pyproj.CRS.from_user_input(named_system(one)) == pyproj.CRS.from_user_input(
-        named_system(other))
+    return first == second or (pyproj.CRS.from_user_input(named_system(first))
+                               == pyproj.CRS.from_user_input(named_system(second)))

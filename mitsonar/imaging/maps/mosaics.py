@@ -1,15 +1,9 @@
 """Mosaics: sidescan lines laid on a map of square cells, corrected for slant range.
 
-Every ping is sampled in even steps over the ground (`mosaic_swath`), the strip between two pings in steps as fine, each
-half showing its own ping; `mosaic_grid` says what samples become in a cell. Pings farther apart than ``fill`` leave a
-hole. Edges of cells are whole numbers of cells from 0, so that mosaics of the same cell and system fit together.
-
-What a mosaic takes: sidescan records that fit together, and options that are known.
-
-Samples of the ground that a sidescan's record makes of a mosaic: where they lie, and what they show.
-
-The strip between two pings is sampled in even steps, each half showing its own ping. Where pings are farther apart than
-``fill``, each shows its own place alone.
+Every ping is sampled in even steps over the ground (`mosaic_swath`), and the strip between two pings in steps as fine;
+each half shows the nearer ping. Pings farther apart than ``fill`` leave a hole and show only their own positions.
+`hydrography.gridding` combines samples in a cell. Edges of cells are whole multiples of the cell, so that mosaics of
+the same cell and coordinate system fit together.
 """
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -26,30 +20,30 @@ from .georeference import FARTHEST, named_system, system
 from .mosaic_swath import PLACES, MosaicGround, MosaicSwath
 
 Gain = Literal["seabed", "target", "angle"] | None
-LEVELS = ("level", "mean_level")   # whose values are powers
+LEVELS = ("level", "mean_level")   # averaged as powers
 LOUDEST_DB = 300.0                 # [dB re 1 µPa]
 WORK = 1 << 19                     # samples at a time
-FINEST = 0.6                       # cells between samples: below 1/√2 none is missed
+FINEST = 0.6                       # cells between samples: below 1/√2 no cell is missed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MosaicLine:
-    """Say what of a record is laid out, and what is added to its levels."""
+    """Quantity of a record for the mosaic, and the gain added to its levels."""
 
     swath: MosaicSwath
     quantity: str
-    gain: Gain  # of levels
-    angles: AngleGain | None  # of the whole record, for the gain by angle
+    gain: Gain  # added to levels
+    angles: AngleGain | None  # of the whole record, for gain="angle"
 
     @classmethod
     def of(cls, swath: MosaicSwath, quantity: str, gain: Gain) -> "MosaicLine":
-        """Lay out a quantity of a record."""
+        """Return a line for a quantity of a record."""
         by_angle = gain == "angle" and quantity in LEVELS
         return cls(swath=swath, quantity=quantity, gain=gain, angles=AngleGain.of(swath.record) if by_angle else None)
 
-    def values(self, some: slice) -> np.ndarray:
-        """Values (K, 2, N) of pings: powers of levels."""
-        record = self.swath.record.isel(ping=some)
+    def values(self, pings: slice) -> np.ndarray:
+        """Return the values (K, 2, N) of pings, with levels as powers."""
+        record = self.swath.record.isel(ping=pings)
         values = record[self.quantity].transpose("ping", "side", "range").values
         if self.quantity not in LEVELS:
             return values
@@ -63,15 +57,17 @@ class MosaicLine:
 
 def samples(line: MosaicLine, cell: float, fill: float, *,
             with_values: bool) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray | None]]:
-    """Sample a record's ground, dense enough for cells [m]; pings farther apart than ``fill`` [m] leave a hole."""
-    # -> place (N, 2) [m], ground_range (N,) [m], values (N,)
+    """Yield positions (N, 2) [m], ground ranges (N,) [m] and values (N,) of a record, dense enough for cells [m].
+
+    Pings farther apart than ``fill`` [m] leave a hole.
+    """
     swath, step = line.swath, min(FINEST * cell, line.swath.bin_width)
     pings = swath.record.sizes["ping"]
     block = max(1, int(WORK * step / swath.reach))
     for start in range(0, max(pings - 1, 1), block):
-        some = slice(start, min(start + block + 1, pings))          # the next block begins with the last ping
-        values = line.values(some) if with_values else None
-        for side, ground in swath.ground(some, step):
+        part = slice(start, min(start + block + 1, pings))          # blocks share a ping
+        values = line.values(part) if with_values else None
+        for side, ground in swath.ground(part, step):
             shown = None if values is None else np.take_along_axis(values[:, side], ground.bin, 1)
             for place, from_first in _between(ground, cell, fill):
                 there = np.isfinite(place).all(-1)
@@ -79,13 +75,13 @@ def samples(line: MosaicLine, cell: float, fill: float, *,
                 if shown is None:
                     yield place[there], ranges, None
                     continue
-                own = (shown[:-1] if from_first and len(shown) > 1 else shown[-len(place):])[there]
-                real = np.isfinite(own) if own.dtype.kind == "f" else slice(None)
-                yield place[there][real], ranges[real], own[real]
+                sampled = (shown[:-1] if from_first and len(shown) > 1 else shown[-len(place):])[there]
+                real = np.isfinite(sampled) if sampled.dtype.kind == "f" else slice(None)
+                yield place[there][real], ranges[real], sampled[real]
 
 
 def _between(ground: MosaicGround, cell: float, fill: float) -> Iterator[tuple[np.ndarray, bool]]:
-    """Places between each ping and the next, (K - 1, G, 2), and whether they show the former of the two."""
+    """Yield positions between each ping and the next (K - 1, G, 2), with True if they show the former."""
     if len(ground.place) == 1:
         yield ground.place, True
         return
@@ -94,24 +90,24 @@ def _between(ground: MosaicGround, cell: float, fill: float) -> Iterator[tuple[n
     hole = apart > fill
     widest = float(np.max(apart, where=~hole & np.isfinite(apart), initial=0.0))
     count = max(2, int(np.ceil(widest / (FINEST * cell))))
-    count += count % 2                                              # as many of either ping
+    count += count % 2                                              # equally many for either ping
     for number in range(count):
         share = (number + 0.5) / count
         former = share < 0.5
-        # beside a hole a ping shows its own place alone
+        # beside a hole, a ping shows only its own position
         shares = np.where(hole, 0.0 if former else 1.0, share)
         own = first if former else ground.place[1:]
-        # a ping beside one that has no place there shows its own place too
+        # so does a ping whose neighbour has no position there
         yield np.where(np.isfinite(way), first + shares[..., None] * way, own), former
 
 
 GAINS = ("seabed", "target", "angle", None)
-NAMES = {"label": "labels", "object_shadow": "labels", "class": "classes"}      # attributes with the numbers' names
+NAMES = {"label": "labels", "object_shadow": "labels", "class": "classes"}      # attributes that name the numbers
 NEEDED = ("ping_time", "x", "y", "heading", "pitch", "altitude")
 
 
 def check(lines: Sequence[xr.Dataset], quantity: str, options: Mapping[str, Any]) -> None:
-    """Check what `mosaic` is given; ``options`` are its place, blend, gain and nadir_deg."""
+    """Check the arguments of `mosaic`; ``options`` are its place, blend, gain and nadir_deg."""
     if not lines:
         raise ValueError("no record was given; give one or more.")
     for name, known in (("place", PLACES), ("blend", BLENDS), ("gain", GAINS)):
@@ -127,12 +123,12 @@ def check(lines: Sequence[xr.Dataset], quantity: str, options: Mapping[str, Any]
 
 
 def common_system(lines: Sequence[xr.Dataset], crs: str | None) -> str | None:
-    """Return the map's coordinate system: the one that is asked for, else the first record's, which may name none."""
+    """Return the coordinate system of the map: the given one, else that of the first record, or None."""
     if crs is not None:
         return named_system(crs)
     named = {system(line.attrs) for line in lines}
     if len(named) > 1 and None in named:
-        raise ValueError("only some of the records name a coordinate system; say the mosaic's, such as EPSG:32632.")
+        raise ValueError("only some of the records name a coordinate system; give one for the map, such as EPSG:32632.")
     first = system(lines[0].attrs)
     return None if first is None else named_system(first)
 
@@ -144,7 +140,7 @@ def _check_contents(line, quantity, place):
     lacking = [name for name in NEEDED if name not in line.coords]
     lacking += [name for name in ("seabed_x", "seabed_y") if place == "truth" and name not in drawn]
     if lacking:
-        raise ValueError(f"the record does not say its {lacking[0]}; give one as mitsonar rendered it.")
+        raise ValueError(f"the record has no {lacking[0]}; give a record as mitsonar rendered it.")
     speed = line.attrs.get("sound_speed")
     if not isinstance(speed, (int, float)) or not 0 < speed < np.inf:
         raise ValueError(f"the record's sound_speed is {speed!r}; it takes a number above 0.")
@@ -157,13 +153,13 @@ def _check_axes(line):
         raise ValueError(f"the record's sides are {', '.join(map(str, line['side'].values))}; a mosaic takes port and "
                          "starboard.")
     if not line.sizes["ping"]:
-        raise ValueError("a record has no pings; give one or more.")
+        raise ValueError("a record has no pings; give a record with pings.")
     slant_range = np.asarray(line["range"].values, float)
     steps = np.diff(slant_range) if np.isfinite(slant_range).all() else np.zeros(1)
     if not steps.size or steps.min() <= 0 or np.ptp(steps) > 1e-3 * steps.mean():
-        raise ValueError("the record's ranges are not two or more in even steps; give one as mitsonar rendered it.")
+        raise ValueError("the record's ranges are not two or more in even steps; give a record from mitsonar.")
     if not all(np.isfinite(line[name].values).all() for name in ("x", "y", "heading", "pitch", "ping_time")):
-        raise ValueError("the record's track has places or angles that are no numbers; render it anew.")
+        raise ValueError("the record's track has positions or angles that are not finite; render it anew.")
     if (np.diff(line["ping_time"].values) <= 0).any():
         raise ValueError("the record's pings are not one after the other in time; sort them.")
     if max(np.abs(line[axis].values).max() for axis in "xy") > FARTHEST:
@@ -174,11 +170,11 @@ def _check_alike(line, first, quantity):
     if line[quantity].dtype != first[quantity].dtype:
         raise ValueError(f"the records hold {quantity} as different types; render them alike.")
     if quantity in NAMES and line.attrs.get(NAMES[quantity]) != first.attrs.get(NAMES[quantity]):
-        raise ValueError(f"the records have different {NAMES[quantity]}, so that a number of theirs means several "
-                         "things; lay them out one by one.")
+        raise ValueError(f"the records have different {NAMES[quantity]}, so that equal numbers mean different "
+                         "things; make a mosaic of each.")
     if quantity not in NAMES and line.attrs.get("frequency") != first.attrs.get("frequency"):
-        raise ValueError(f"the records are of {_khz(first)} and {_khz(line)}, whose levels do not mix; lay them out "
-                         "one by one.")
+        raise ValueError(f"the records have {_khz(first)} and {_khz(line)}, whose levels cannot be combined; make "
+                         "a mosaic of each.")
 
 
 def _khz(record):
@@ -189,51 +185,51 @@ def _khz(record):
 Place = Literal["flat", "truth"]
 Blend = Literal["nearest", "feather", "mean"]
 MOST_CELLS = 1 << 25
-MOST_SAMPLES = 1 << 33             # a quarter of an hour's work
-NICE = np.array([1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10])       # cells' sides, times a power of ten
+MOST_SAMPLES = 1 << 33             # takes a quarter of an hour
+NICE = np.array([1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10])       # default sides of cells, times a power of ten
 
 
 def mosaic(records: xr.Dataset | Sequence[xr.Dataset], cell: float | None = None, *, quantity: str = "level",
            place: Place = "flat", blend: Blend = "nearest", gain: Gain = "seabed", fill: float | None = None,
            nadir_deg: float = 0.0, crs: str | None = None) -> xr.Dataset:
-    """Lay sidescan records on a map.
+    """Return a map of sidescan records.
 
     Parameters
     ----------
     records : xarray.Dataset or sequence of them
-        As `mitsonar.render` gives them, over (ping, side, range).
+        Images from `mitsonar.render` over (ping, side, range).
     cell : float or None [m]
-        Side of a cell; None: the longer of a bin and the way between pings, rounded up.
+        Side of a cell. None: the larger of a bin and the distance of pings, rounded up.
     quantity : str
-        Variable to lay out. Levels are means of powers, whole numbers those nearest to a cell's middle on the nearest
-        track, all else means.
+        Variable to map. Levels are averaged as powers; integers are those nearest to the middle of a cell on the
+        nearest track; other variables are averaged.
     place : {'flat', 'truth'}
-        Where bins lie: on a level bed at the ping's altitude, as survey software has it; or where the record knows.
+        Position of bins: on a level bed at the ping's altitude, as in survey software; or as recorded in the truth.
     blend : {'nearest', 'feather', 'mean'}
-        Where swaths overlap: the nearest track alone; all, less towards a swath's edge; all alike.
+        Overlapping swaths: the nearest track only; all, weighted less towards the swath edge; or all equally.
     gain : {'seabed', 'target', 'angle', None}
-        Added to levels: see `mitsonar.imaging.gain`.
+        Gain added to levels: see `mitsonar.imaging.gain`.
     fill : float or None [m]
-        Pings farther apart leave a hole; None: four cells, or twice the way between pings where that is longer.
+        Pings farther apart leave a hole. None: four cells, or twice the distance of pings if that is longer.
     nadir_deg : float [degrees]
-        What is steeper, counted from the vertical, is left empty.
+        Ground seen at a smaller angle from the vertical is left empty.
     crs : str or None
-        Coordinate system of the map, such as "EPSG:32632". None: that of the first record. Records that name none are
-        taken to be in it.
+        Coordinate system of the map, such as "EPSG:32632". None: that of the first record. It also applies to records
+        without a system.
 
     Returns
     -------
     xarray.Dataset
-        The quantity over (y, x), from north to south; NaN, or of whole numbers the attribute ``nodata``, where nothing
-        is. Coordinates are the cells' middles, eastings and northings [m]. Attributes: ``crs``, ``cell``, how it was
-        made, the ``files`` that the records name, and of labels and classes the ``names`` of the numbers.
+        The quantity over (y, x), from north to south; empty cells are NaN, or ``nodata`` (an attribute) for integers.
+        Coordinates are the eastings and northings of the middles of cells [m]. Attributes: ``crs``, ``cell``, the
+        options, the ``files`` of the records, and the ``names`` of the numbers of labels and classes.
 
     Raises
     ------
     ValueError
-        If a record is no sidescan's or lacks what is asked for, its numbers mean other things than those of the
-        first, an option or a coordinate system is unknown, the system is not in metres, only some of the records name
-        one and none is given, or the map would be too large.
+        If a record is not a sidescan, lacks the quantity or numbers its labels differently from the first; if an option
+        or a coordinate system is unknown, the system is not in metres, or only some records name a system and none is
+        given; or if the map would be too large.
 
     Examples
     --------
@@ -313,7 +309,7 @@ def _grid(swaths, cell):
 
 
 def _trimmed(chart, quantity):
-    """The part in which something is, at least a cell."""
+    """Return the part of a map with values."""
     values = chart[quantity].values
     there = np.isfinite(values) if values.dtype.kind == "f" else values != chart[quantity].attrs["nodata"]
     rows, columns = np.flatnonzero(there.any(1)), np.flatnonzero(there.any(0))

@@ -1,12 +1,11 @@
-"""Pictures of a fan of beams in metres: rows and columns of square elements for detectors, and for eyes.
+"""Cartesian pictures of a fan of beams: square elements in metres, for detectors and for viewing.
 
     x = r sin(bearing)      to starboard, in the order of the columns
-    y = r cos(bearing)      ahead; the farthest in the first row, as pictures are drawn
+    y = r cos(bearing)      ahead; the farthest in the first row, as usual in pictures
 
 A frame is one ping of an array, or one turn (or sector) of a rotating head, whose pings have a bearing each. Levels are
-means of powers, labels and all else are those of the bin in which an element's middle lies (`raster_map`).
-A fan that is mounted otherwise has directions of its own in place of starboard and ahead, as the ``long_name`` of the
-coordinates says. Of one that looks down y grows downwards.
+means of powers; labels and other variables are those of the bin at the middle of an element (`raster_map`). For other
+mountings of the fan, the ``long_name`` of x and y names their directions. In a fan that looks down, y grows downwards.
 """
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -17,35 +16,35 @@ import xarray as xr
 from ..focused import is_focused
 from .raster_map import FanGrid, FanMap, fan_grid, fan_map, reach
 
-LEVELS = ("level", "mean_level")   # drawn as means of powers
-SIDE = 1024                        # elements of the larger side, where the size of an element is not given
-MOST_ELEMENTS = 1 << 24            # of a picture: its map takes 60 bytes and more an element
+LEVELS = ("level", "mean_level")   # averaged as powers
+SIDE = 1024                        # elements along the larger side by default
+MOST_ELEMENTS = 1 << 24            # of a picture; its map takes at least 60 bytes per element
 MOST_BYTES = 1 << 32               # of all pictures
-WAYS = (("aft", "forward"), ("port", "starboard"), ("up", "down"))     # against and along the body's axes
+WAYS = (("aft", "forward"), ("port", "starboard"), ("up", "down"))     # against and along the axes of the body
 TOWARDS = {"forward": "ahead", "aft": "astern", "starboard": "to starboard", "port": "to port", "down": "below",
            "up": "above"}
-SONAR = ("x", "y", "z")            # places of the sonar, whose names the picture's axes take
+SONAR = ("x", "y", "z")            # coordinates of the sonar, renamed since the picture has x and y
 
 
 @dataclass(frozen=True, kw_only=True)
 class RasterSweep:
-    """One frame: the pings of a record that make it, and where their bins lie in it."""
+    """Frame of a record: its pings, and the map of their bins to elements."""
 
-    pings: slice  # one ping of an array
+    pings: slice  # of the frame; a single ping for an array
     grid: FanGrid
     map: FanMap
 
     def own(self, values: np.ndarray) -> np.ndarray:
-        """Return the frame's part (beam or step, range) of values over (ping, beam, range) or (ping, range)."""
+        """Return the frame's part (beam or step, range) of values (ping, beam, range) or (ping, range)."""
         part = values[self.pings]
         return part[0] if values.ndim == 3 else part
 
     def levels(self, level: np.ndarray) -> np.ndarray:
-        """Draw levels [dB] over the dimensions of the record's; see `FanMap.levels`."""
+        """Draw levels [dB] of the record; see `FanMap.levels`."""
         return self.map.levels(self.own(level))
 
     def labels(self, values: np.ndarray) -> np.ndarray:
-        """Draw what must not be mixed; see `FanMap.labels`."""
+        """Draw values that must not be averaged; see `FanMap.labels`."""
         return self.map.labels(self.own(values))
 
 
@@ -55,25 +54,24 @@ def cartesian(dataset: xr.Dataset, cell: float | None = None, *, names: Iterable
     Parameters
     ----------
     dataset : xarray.Dataset
-        As `mitsonar.render` gives it: ``level`` over (ping, beam, range), with the coordinate ``bearing`` or ``beam``
-        [rad] over the beams; or over (ping, range) with ``bearing`` over the pings, and ``turn`` where the record has
-        more than one.
+        Image from `mitsonar.render`, with ``level`` over (ping, beam, range) and the coordinate ``bearing`` or ``beam``
+        [rad] of beams; or over (ping, range) with ``bearing`` of pings, and ``turn`` if there are several turns.
     cell : float or None [m]
-        Side of an element; None: the length of a bin, or what fits 1024 elements along the larger side.
+        Side of an element. None: the length of a bin, or larger for at most 1024 elements along the larger side.
     names : iterable of str or None
-        Variables to draw; None: all over the bins.
+        Variables to draw. None: all variables over the bins.
 
     Returns
     -------
     xarray.Dataset
-        Variables over (ping, y, x), a ping a frame, of the type they had; outside the fan 0, or NaN where the type has
-        it. Coordinates x and y [m]; the sonar's own place is in ``sonar_x``, ``sonar_y``, ``sonar_z``.
-        Attributes as before, and ``cell``.
+        Variables over (ping, y, x) with one frame per ping and unchanged types; outside the fan NaN, or 0 for integers.
+        Coordinates x and y [m]; the position of the sonar is ``sonar_x``, ``sonar_y``, ``sonar_z``. Attributes are
+        kept, with ``cell`` added.
 
     Raises
     ------
     ValueError
-        If the record is of another kind, has a single beam or uneven ranges, or the pictures would be too large.
+        If the record is no fan, has a single beam or uneven ranges, or the pictures would be too large.
 
     Examples
     --------
@@ -110,14 +108,13 @@ def cartesian(dataset: xr.Dataset, cell: float | None = None, *, names: Iterable
 
 
 def sweeps(dataset: xr.Dataset, cell: float | None = None) -> list[RasterSweep]:
-    """Return the frames of a record; arguments and errors as of `cartesian`."""
+    """Return the frames of a record; for arguments and errors see `cartesian`."""
     record = _transposed(dataset)
     return list(_sweeps(record, *_layout(record, cell)))
 
 
 def bearings(dataset: xr.Dataset) -> tuple[np.ndarray, list[slice]]:
-    """Return the bearings of a record and which of its pings make a frame."""
-    # -> bearing (B,) [rad]
+    """Return the bearings (B,) [rad] of a record, and the pings of each frame."""
     dims, coords = dataset["level"].dims, dataset.coords
     if set(dims) == {"ping", "beam", "range"}:
         name = "bearing" if "bearing" in coords and coords["bearing"].dims == ("beam",) else "beam"
@@ -127,10 +124,10 @@ def bearings(dataset: xr.Dataset) -> tuple[np.ndarray, list[slice]]:
         ends = [0, *(1 + np.flatnonzero(np.diff(turn))).tolist(), dataset.sizes["ping"]]
         pings = [slice(first, last) for first, last in zip(ends[:-1], ends[1:], strict=True)]
     elif is_focused(dataset):
-        raise ValueError("a focused image has no fans: its points are in metres of its own grid; take it as it is.")
+        raise ValueError("a focused image has no fans: its points already form a grid in metres; use the image itself.")
     else:
-        raise ValueError(f"the levels are over {', '.join(map(str, dims))}; a Cartesian picture is made of (ping, "
-                         "beam, range), or of (ping, range) with a bearing for each ping.")
+        raise ValueError(f"the levels are over {', '.join(map(str, dims))}; a Cartesian picture needs (ping, "
+                         "beam, range), or (ping, range) with a bearing for each ping.")
     bearing = np.asarray(coords[name].values, float)
     if bearing.size < 2:
         raise ValueError("the record has a single beam, which makes no Cartesian picture; take two or more.")
@@ -138,7 +135,7 @@ def bearings(dataset: xr.Dataset) -> tuple[np.ndarray, list[slice]]:
 
 
 def looks_down(dataset: xr.Dataset) -> bool:
-    """Tell whether the middle of a fan looks down more than to any other side."""
+    """Return True if the middle of a fan looks down rather than to a side."""
     return _facing(dataset)[0] == "down"
 
 
@@ -149,7 +146,7 @@ def _transposed(dataset):
 
 
 def _layout(record, cell) -> tuple[FanGrid, list[slice]]:
-    """The grid of all frames, and the pings of each."""
+    """Return the grid of all frames, and the pings of each."""
     bearing, pings = bearings(record)
     slant_range, downwards = np.asarray(record["range"].values, float), looks_down(record)
     if cell is not None and not 0 < cell < np.inf:
@@ -165,19 +162,19 @@ def _layout(record, cell) -> tuple[FanGrid, list[slice]]:
 
 
 def _sweeps(record, grid, pings) -> Iterator[RasterSweep]:
-    """The frames; one map serves all whose bearings are the same."""
+    """Yield the frames; frames of equal bearings share a map."""
     bearing, _ = bearings(record)
     slant_range = np.asarray(record["range"].values, float)
     known: tuple[bytes, FanMap] | None = None
-    for where in pings:
-        own = bearing if "beam" in record["level"].dims else bearing[where]
-        if known is None or known[0] != own.tobytes():
-            known = own.tobytes(), fan_map(own, slant_range, grid)
-        yield RasterSweep(pings=where, grid=grid, map=known[1])
+    for frame in pings:
+        beams = bearing if "beam" in record["level"].dims else bearing[frame]
+        if known is None or known[0] != beams.tobytes():
+            known = beams.tobytes(), fan_map(beams, slant_range, grid)
+        yield RasterSweep(pings=frame, grid=grid, map=known[1])
 
 
 def _facing(dataset) -> tuple[str, str]:
-    """Names of the body's directions along the middle of a fan, and along its right."""
+    """Return the directions of the body along the middle of a fan, and to its right."""
     if "beam_z" not in dataset.coords or dataset["beam_z"].dims != ("beam",):
         return "forward", "starboard"
     direction = np.stack([dataset[f"beam_{axis}"].values for axis in "xyz"], axis=-1)
@@ -188,7 +185,7 @@ def _facing(dataset) -> tuple[str, str]:
 
 
 def _dataset(record, pictures, grid, pings):
-    first = [where.start for where in pings]
+    first = [frame.start for frame in pings]
     coords = {}
     for name, coord in record.coords.items():
         if coord.dims == ("ping",):

@@ -1,14 +1,14 @@
-"""Places of a fan's bins in a picture of square elements [m]: made once, used for every frame.
+"""Map of a fan's bins to a picture of square elements [m], made once and used for every frame.
 
-The middle of an element at x aside and y along the fan's middle lies, in bins,
+In bins, the middle of an element at x aside and y along the fan's middle lies at
 
     u = beam(atan2(x, y))        p = max(cell / (r s(u)), 1)         beams
     v = (r - r0) / dr            q = max(cell / dr, 1)               ranges
 
 where r = |(x, y)|, s is the angle between beams and dr the length of a bin. It shows the mean power over the box of p
-beams by q ranges about (u, v), every bin weighted with the share of the box that it fills. So an element that covers
-several bins averages them, and one that is smaller than a bin interpolates between the two nearest. Labels are those of
-the bin that the middle lies in.
+beams by q ranges around (u, v), with every bin weighted by its share of the box. An element that covers several bins
+therefore averages them, and an element smaller than a bin interpolates between the two nearest. Labels are those of the
+bin at the middle.
 """
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,39 +19,38 @@ from scipy.sparse import csr_array
 from mitsonar.units import NOTHING_DB
 
 TURN = 2 * np.pi
-CLOSED = 1.5                       # times the usual step: a gap that a full circle may have
-EVEN = 1e-3                        # of a bin: how even ranges must be
-ALIKE = 1e-6                       # [rad] between beams that are one
-AT_ONCE = 1 << 16                  # elements whose shares are reckoned together, to stay within caches
-AXES = 0.5 * np.pi * np.arange(-8, 9)      # angles at which a rim may reach farthest
+CLOSED = 1.5                       # largest gap of a full circle, relative to the median step
+EVEN = 1e-3                        # of a bin: tolerance of even ranges
+ALIKE = 1e-6                       # [rad]: closer beams count as one
+AT_ONCE = 1 << 16                  # elements at a time, to stay within caches
+AXES = 0.5 * np.pi * np.arange(-8, 9)      # [rad]: angles at which a rim may be extreme
 
 
 @dataclass(frozen=True, kw_only=True)
 class FanGrid:
-    """Middles of a picture's elements."""
+    """Middles of the elements of a picture."""
 
     x: np.ndarray  # (X,) [m]: to the right, rising
-    y: np.ndarray  # (Y,) [m]: along the fan's middle, in the order of the picture's rows
+    y: np.ndarray  # (Y,) [m]: along the fan's middle, in the order of rows
     cell: float  # [m]: side of an element
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
+        """Return the numbers of rows and columns."""
         return self.y.size, self.x.size
 
 
 @dataclass(frozen=True, kw_only=True)
 class FanMap:
-    """Assignment of bins (beam, range) to elements of a picture."""
+    """Map of bins (beam, range) to elements of a picture."""
 
     shape: tuple[int, int]  # rows and columns of the picture
-    inside: np.ndarray  # (M,): elements within the fan, counted along rows, in the order of `weights`
-    nearest: np.ndarray  # (M,): the bin in which the middle of each lies, counted along ranges
-    weights: csr_array  # (M, bins): share of every bin in each
+    inside: np.ndarray  # (M,): flat indices of elements within the fan
+    nearest: np.ndarray  # (M,): flat index of the bin at the middle of each
+    weights: csr_array  # (M, bins): share of every bin in each element
 
     def levels(self, level: np.ndarray) -> np.ndarray:
-        """Draw levels as means of powers."""
-        # level [dB] -> [dB]
+        """Return levels [dB] as drawn, averaged as powers; NaN outside the fan."""
         power = np.exp(np.float32(np.log(10) / 10) * np.asarray(level, np.float32).ravel())
         mean = np.maximum(self.weights @ power, np.float32(10 ** (NOTHING_DB / 10)))
         drawn = np.full(self.shape, np.nan, np.float32)
@@ -59,19 +58,19 @@ class FanMap:
         return drawn
 
     def labels(self, values: np.ndarray) -> np.ndarray:
-        """Draw what must not be mixed: of every element the bin that its middle lies in."""
-        # values (..., beam, range) -> (..., row, column)
+        """Return values (..., beam, range) as drawn (..., row, column), each from the bin at the middle."""
         values = np.asarray(values)
-        flat = values.reshape(*values.shape[:-2], -1)
         outside = np.nan if values.dtype.kind == "f" else 0
         drawn = np.full((*values.shape[:-2], self.shape[0] * self.shape[1]), outside, values.dtype)
-        drawn[..., self.inside] = flat[..., self.nearest]
+        drawn[..., self.inside] = values.reshape(*values.shape[:-2], -1)[..., self.nearest]
         return drawn.reshape(*values.shape[:-2], *self.shape)
 
 
 def in_order(bearing: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Sort bearings along the circle, beginning behind its largest gap, or astern where they go all around."""
-    # bearing (B,) [rad] -> rising [rad]
+    """Return the order of bearings (B,) [rad], the sorted bearings, and True if they form a full circle.
+
+    The order starts after the largest gap, or astern on a full circle.
+    """
     turned = np.mod(np.asarray(bearing, float), TURN)
     order = np.argsort(turned, kind="stable")
     apart = np.diff(turned[order], prepend=turned[order[-1]] - TURN) > ALIKE
@@ -89,8 +88,7 @@ def in_order(bearing: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
 
 
 def fan_grid(bearing: np.ndarray, slant_range: np.ndarray, cell: float, downwards: bool = False) -> FanGrid:
-    """Lay a grid over a fan; the sonar is on a corner of elements."""
-    # bearing (B,) [rad]; slant_range (N,) [m]; cell [m]
+    """Return the grid over a fan with elements of a ``cell`` [m]; the sonar lies on a corner of elements."""
     left, right, near, far = reach(bearing, slant_range)
     x, y = (cell * (np.arange(np.floor(low / cell + EVEN), max(np.ceil(high / cell - EVEN), 1 + np.floor(low / cell)))
                     + 0.5) for low, high in ((left, right), (near, far)))
@@ -98,8 +96,7 @@ def fan_grid(bearing: np.ndarray, slant_range: np.ndarray, cell: float, downward
 
 
 def fan_map(bearing: np.ndarray, slant_range: np.ndarray, grid: FanGrid) -> FanMap:
-    """Find which bins make which elements."""
-    # bearing (B,) [rad]; slant_range (N,) [m]
+    """Return the map of bins, at bearings (B,) [rad] and ranges (N,) [m], to the elements of a grid."""
     order, rising, closed = in_order(bearing)
     step = _even_step(slant_range)
     away = np.hypot(grid.x, grid.y[:, None]).ravel()
@@ -119,8 +116,7 @@ def fan_map(bearing: np.ndarray, slant_range: np.ndarray, grid: FanGrid) -> FanM
 
 
 def reach(bearing: np.ndarray, slant_range: np.ndarray) -> tuple[float, float, float, float]:
-    """Return how far a fan reaches with its outer beams and bins."""
-    # bearing (B,) [rad]; slant_range (N,) [m] -> left, right [m], near, far [m]
+    """Return the extent of a fan with its outer beams and bins: left, right, near and far [m]."""
     _, rising, closed = in_order(bearing)
     half = 0.5 * np.array([rising[1] - rising[0], rising[-1] - rising[-2]])
     first, last = (-np.pi, np.pi) if closed else (rising[0] - half[0], rising[-1] + half[1])
@@ -140,13 +136,13 @@ def _even_step(slant_range):
 
 
 def _beam_of(angle, rising, closed):
-    """Place of angles among the beams [beams], and the angle between beams there [rad]."""
+    """Return the fractional beam of angles, and the spacing of beams there [rad]."""
     margin = 0.5 * (TURN - (rising[-1] - rising[0]))
     start = rising[0] - margin
     angle = start + np.mod(angle - start, TURN)
     if closed:
         known, number = np.r_[rising[-1] - TURN, rising, rising[0] + TURN], np.arange(-1, rising.size + 1)
-    else:                                                              # half a beam more on either side
+    else:                                                              # half a beam beyond either side
         known = np.r_[2 * rising[0] - rising[1], rising, 2 * rising[-1] - rising[-2]]
         number = np.arange(-1, rising.size + 1)
     beam = np.interp(angle, known, number)
@@ -154,20 +150,20 @@ def _beam_of(angle, rising, closed):
 
 
 def _shares(beam, wide, along, deep, order, ranges, closed):
-    """Shares of bins in elements, and which element each row is: those that cover about as many beams together."""
+    """Return the element of each row and the shares of bins in it, grouped by the number of beams covered."""
     beams = order.size
     count = np.where(wide > 1, 1 << np.ceil(np.log2(np.floor(wide) + 2)).astype(np.int64), 2)
-    found = [_of_one_width(rows, number, beam[rows], wide[rows], along[rows], deep, order, ranges, closed)
-             for number, rows in _by_value(count)]
-    rows = np.concatenate([rows for rows, _, _ in found])
-    lengths = np.concatenate([np.full(len(rows), index.shape[1]) for rows, index, _ in found])
-    indices, shares = (np.concatenate([each[part].ravel() for each in found]) for part in (1, 2))
+    groups = [_of_one_width(rows, number, beam[rows], wide[rows], along[rows], deep, order, ranges, closed)
+              for number, rows in _by_value(count)]
+    rows = np.concatenate([rows for rows, _, _ in groups])
+    lengths = np.concatenate([np.full(len(rows), index.shape[1]) for rows, index, _ in groups])
+    indices, shares = (np.concatenate([group[part].ravel() for group in groups]) for part in (1, 2))
     return rows, csr_array((shares, indices, np.r_[0, np.cumsum(lengths)].astype(np.int32)),
                            shape=(rows.size, beams * ranges))
 
 
 def _of_one_width(rows, number, beam, wide, along, deep, order, ranges, closed):
-    """Bins of elements that cover at most so many beams, (rows, number x ranges), and their shares."""
+    """Return the bins (rows, number x ranges) of elements that cover at most ``number`` beams, and their shares."""
     left, near = np.floor(beam - 0.5 * wide + 0.5), np.floor(along - 0.5 * deep + 0.5)
     beams = left[:, None] + np.arange(number)
     samples = near[:, None] + np.arange(int(np.floor(deep)) + 2 - (deep == 1))
@@ -181,12 +177,13 @@ def _of_one_width(rows, number, beam, wide, along, deep, order, ranges, closed):
 
 
 def _overlap(cells, middle, width):
-    """Length that unit cells share with intervals about a middle."""
+    """Return the overlap of unit cells with intervals around a middle."""
     low, high = (middle - 0.5 * width)[:, None], (middle + 0.5 * width)[:, None]
     return np.clip(np.minimum(cells + 0.5, high) - np.maximum(cells - 0.5, low), 0, 1)
 
 
 def _by_value(count) -> Iterator[tuple[int, np.ndarray]]:
+    """Yield each value with blocks of the indices that have it."""
     for number in np.unique(count):
         rows = np.flatnonzero(count == number)
         for first in range(0, rows.size, AT_ONCE):
