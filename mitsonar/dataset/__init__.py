@@ -1,4 +1,4 @@
-"""A finished sweep, or any files of images of mitsonar, as data: NumPy, xarray, PyTorch.
+"""Images of finished sweeps, or of any image files of mitsonar, as NumPy, xarray and PyTorch data.
 
     images = mitsonar.dataset.open("sweep")      len(images), images[3], images.parameters["range"], images.stack()
 """

@@ -1,4 +1,4 @@
-"""Images by number: read when they are asked for, so that a set may be larger than the memory."""
+"""Sequence of images that are read when used, so that a set may be larger than the memory."""
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, overload
 
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     from .torch_images import TorchImages
 
-COMPLEX = "complex_image"          # a focused image's variable ``image``, whose name the dimension has
-# a coordinate that differs from image to image cannot be its dimension's
+COMPLEX = "complex_image"          # name of a focused image's variable ``image`` beside that dimension
+# a coordinate that differs between images cannot index a dimension
 RENAMED = {"range": "slant_range", "along_track": "along_track_distance", "across_track": "across_track_distance"}
 
 
@@ -30,12 +30,12 @@ def open(places: FilePath | Iterable[FilePath], *, form: Form | None = None, cel
     Parameters
     ----------
     places : str or path, or list of them
-        Folders of sweeps, whose finished images are taken, EXR and netCDF files.
+        EXR and netCDF files, and folders of sweeps, of which the finished images are taken.
     form : {'polar', 'cartesian', None}
-        None: an image is a record as it was rendered. Else it is a frame of a fan or a rotating head: one ping, or one
-        turn, as recorded or in metres (`mitsonar.imaging.cartesian`).
+        None: every image is a record as rendered. Otherwise every image is a frame of a fan or a rotating head: one
+        ping or one turn, as recorded or in metres (`mitsonar.imaging.cartesian`).
     cell : float or None [m]
-        Side of a Cartesian picture's element; None: what fits.
+        Side of an element of Cartesian pictures; None: a default that fits.
 
     Returns
     -------
@@ -44,7 +44,7 @@ def open(places: FilePath | Iterable[FilePath], *, form: Form | None = None, cel
     Raises
     ------
     FileNotFoundError, ValueError
-        If something is not there, no image of mitsonar, or has no frames.
+        If a file is missing, is no image of mitsonar, or has no frames.
 
     Examples
     --------
@@ -54,22 +54,22 @@ def open(places: FilePath | Iterable[FilePath], *, form: Form | None = None, cel
 
 
 class Images:
-    """A sequence of images; ``images[3]`` reads one, ``images[10:20]`` is a shorter sequence.
+    """Sequence of images; ``images[3]`` reads an image, ``images[10:20]`` is a shorter sequence.
 
     Attributes
     ----------
     sources : tuple of mitsonar.dataset.sources.Source
-        Path, name, parameters, seed and seabed of each.
+        Path, name, parameters, seed and seabed of each image.
     classes, object_classes : tuple of str
-        Of all shapes, and of objects, in any image, sorted; objects' as the sweep's plan orders them, if it does.
-        Class numbers of PyTorch targets count along them from 1.
+        Classes of all shapes, and of objects, in any image. They are sorted; object classes keep the order of the
+        sweep's plan if it has one. Class numbers of PyTorch targets count along them from 1.
     form, cell
-        As given to `open`.
+        Arguments of `open`.
     """
 
     def __init__(self, sources: Iterable[Source], *, form: Form | None = None, cell: float | None = None):
         if form not in (None, *FORMS):
-            raise ValueError(f"the images are to be {form!r}; choose {', '.join(FORMS)} or None.")
+            raise ValueError(f"the form of the images is {form!r}; choose {', '.join(FORMS)} or None.")
         if cell is not None and form != "cartesian":
             raise ValueError("the side of an element is given, but images are not Cartesian; ask for these, or leave "
                              "it out.")
@@ -89,20 +89,21 @@ class Images:
 
     def __getitem__(self, number):
         if isinstance(number, slice):
-            return self._some(self.sources[number])
+            return self._subset(self.sources[number])
         return _read(self.sources[number], self.form, self.cell)
 
     def pictures(self, number: int) -> tuple[SonarImage, list[LabelFrame]]:
-        """Return the record of an image, as recorded, and the pictures that are made of it.
+        """Return the record of an image, as recorded, and its pictures.
 
         Parameters
         ----------
         number : int
+            Index of the image.
 
         Returns
         -------
-        SonarImage, list of mitsonar.dataset.labels.frames.Frame
-            One of the latter where images are frames; else one for each ping of an array.
+        SonarImage, list of mitsonar.dataset.labels.frames.LabelFrame
+            The record, and a single frame if images are frames; otherwise a frame for each ping of an array.
         """
         source = self.sources[number]
         record = _read(source, None if self.form is None else "polar", None)
@@ -113,22 +114,22 @@ class Images:
 
     @property
     def names(self) -> np.ndarray:
-        """Names of the images, (image,) text."""
+        """Return the names of the images, (image,) text."""
         return np.array([source.name for source in self.sources])
 
     @property
     def seeds(self) -> np.ndarray:
-        """Their seeds, (image,)."""
+        """Return the seeds of the images, (image,)."""
         return np.array([source.seed for source in self.sources])
 
     @property
     def seabeds(self) -> np.ndarray:
-        """Hashes of their seabeds, (image,); images with the same show the same seabed."""
+        """Return hashes of the seabeds, (image,); equal hashes mean the same seabed."""
         return np.array([source.seabed for source in self.sources])
 
     @property
     def parameters(self) -> dict[str, np.ndarray]:
-        """Scene parameters: name → (image,) array, of numbers where all are numbers; None where an image has none."""
+        """Return the scene parameters as name → (image,) array, numeric if possible; None for images without one."""
         names = dict.fromkeys(name for source in self.sources for name in source.parameters)
         return {name: _column([source.parameters.get(name) for source in self.sources]) for name in names}
 
@@ -138,11 +139,11 @@ class Images:
         Parameters
         ----------
         shares : dict of str, float, or str
-            Such as {"train": 0.8, "val": 0.2} or "train=0.8,val=0.2".
+            Shares of the subsets, such as {"train": 0.8, "val": 0.2} or "train=0.8,val=0.2".
         seed : int
-            Another seed splits otherwise.
+            Seed of the order in which groups are assigned.
         by : str or None
-            A scene parameter in place of the seabed.
+            Scene parameter that replaces the seabed.
 
         Returns
         -------
@@ -151,13 +152,13 @@ class Images:
         Raises
         ------
         ValueError
-            If there are fewer seabeds than subsets, or an image does not know its own.
+            If there are fewer seabeds than subsets, or an image has no hash of its seabed.
         """
         if not isinstance(shares, str):
             shares = ",".join(f"{name}={share!r}" for name, share in shares.items())
         shares = read_shares(shares)
         homes = deal(groups_of(self.sources, by), shares, seed, by or "seabed")
-        return {name: self._some([source for source, home in zip(self.sources, homes, strict=True) if home == name])
+        return {name: self._subset([source for source, home in zip(self.sources, homes, strict=True) if home == name])
                 for name in shares}
 
     def stack(self, names: str | Sequence[str] = ("level",)) -> dict[str, np.ndarray]:
@@ -166,17 +167,17 @@ class Images:
         Parameters
         ----------
         names : str or sequence of str
-            Of variables or coordinates whose shape is the same in every image.
+            Names of variables or coordinates with the same shape in every image.
 
         Returns
         -------
         dict of str, array (image, ...)
-            All in memory.
+            Arrays in memory.
 
         Raises
         ------
         ValueError
-            If an image has no such variable, or it has another shape there.
+            If an image lacks a variable, or the variable has another shape there.
         """
         names = [names] if isinstance(names, str) else list(names)
         stacked = {}
@@ -190,31 +191,31 @@ class Images:
         return stacked
 
     def xarray(self, names: Sequence[str] | None = None) -> "xr.Dataset":
-        """Return all images as one dataset with the dimension ``image``, read when it is computed (by Dask).
+        """Return all images as one dataset with the dimension ``image``, read by Dask when computed.
 
         Parameters
         ----------
         names : sequence of str or None
-            Variables; None: all over the dimensions of ``level``, of a focused image also those without ``bank``.
+            Names of variables. None: all over the dimensions of ``level``, for focused images also without ``bank``.
 
         Returns
         -------
         xarray.Dataset
-            With coordinates of the images over (image, ...), ``range`` as ``slant_range``, ``along_track`` and
-            ``across_track`` with ``_distance`` at the end; the variable ``image`` of focused images as
-            ``complex_image``; ``name``, ``seed``, ``seabed``, and scene parameters as ``parameter_NAME``.
+            Variables and coordinates over (image, ...). ``range`` becomes ``slant_range``, ``along_track`` and
+            ``across_track`` get ``_distance`` appended, and ``image`` of focused images becomes ``complex_image``.
+            Further coordinates are ``name``, ``seed``, ``seabed``, and scene parameters as ``parameter_NAME``.
 
         Raises
         ------
         ValueError
-            If Dask is not installed or there is no such variable; when it is computed, if the images differ in shape.
+            If Dask is not installed or a variable is missing; during the computation, if shapes of images differ.
         """
         try:
             import dask.array
             from dask.delayed import delayed
         except ImportError:
             raise ValueError('Dask, which reads images when they are used, is not installed: run pip install '
-                             '"mitsonar[cluster]", or take them into memory by stack()') from None
+                             '"mitsonar[cluster]", or read them into memory by stack()') from None
         import xarray
 
         first = self[0]
@@ -225,11 +226,11 @@ class Images:
                  and set(coordinate.dims) <= set(first["level"].dims) and (name in RENAMED or name not in first.dims)]
         reads = [delayed(_read)(source, self.form, self.cell) for source in self.sources]
 
-        def lazily(name):
+        def lazily(name: str) -> tuple[tuple[str, ...], Any, dict]:
             like = self._values(first, name, 0)
             parts = [dask.array.from_delayed(delayed(self._values)(read, name, number, like.shape), like.shape,
                                              like.dtype) for number, read in enumerate(reads)]
-            return ("image", *first[name].dims), dask.array.stack(parts), first[name].attrs
+            return ("image", *map(str, first[name].dims)), dask.array.stack(parts), first[name].attrs
 
         coords = {name: first[name] for name in first.dims if name in first.coords and name not in RENAMED
                   and name in first["level"].dims}
@@ -241,21 +242,21 @@ class Images:
     def torch(self, *, image: "str | Callable[[xr.Dataset], Any]" = "level",
               target: "str | Callable[[xr.Dataset], Any] | None" = "class",
               transform: Callable[..., Any] | None = None) -> "TorchImages":
-        """Return a dataset for PyTorch's DataLoader; it can be pickled if what it is given can.
+        """Return a dataset for PyTorch's DataLoader; it can be pickled if its arguments can.
 
         Parameters
         ----------
         image : str or callable(xarray.Dataset)
-            A variable: float32 (channels, rows, columns), rows and columns as in the pictures of `mitsonar labels`, of
-            a sidescan and of a frame one channel, of a whole record of an array its pings, of a focused image its
-            banks, of its complex ``image`` real and imaginary part of each; outside a Cartesian fan -200 of levels,
-            else 0; or what gives an array.
+            Name of a variable, or function that returns an array. A variable becomes float32 (channels, rows, columns)
+            with rows and columns as in the pictures of `mitsonar labels`. A sidescan or a frame has one channel, the
+            record of an array a channel per ping, a focused image a channel per bank, and its complex ``image`` two
+            (real and imaginary part). Outside a Cartesian fan, levels are -200 and other variables 0.
         target : str, callable(xarray.Dataset) or None
-            A variable: the same as int64 (of counts; ``class`` by the set's ``classes``) or float32; ``boxes``: boxes,
-            labels and masks as torchvision's detectors want them, labels by the set's ``object_classes``; or what gives
-            the target; None: images alone.
+            Name of a variable, or function that returns the target; None: images without targets. A variable has the
+            layout of ``image``, as int64 (integers; ``class`` numbered by ``classes``) or float32. ``boxes`` gives
+            boxes, labels (by ``object_classes``) and masks as torchvision's detectors expect.
         transform : callable(image, target) or callable(image), optional
-            Applied to each pair, or to each image where there are no targets.
+            Function applied to each pair, or to each image without target.
 
         Returns
         -------
@@ -274,27 +275,27 @@ class Images:
             raise ImportError("PyTorch is not installed here; install torch, or use stack() or xarray().") from None
         return TorchImages(self, image=image, target=target, transform=transform)
 
-    def _some(self, sources):
-        """Some of the images, with class numbers as here."""
-        some = Images([])
-        some.form, some.cell, some.sources = self.form, self.cell, tuple(sources)
-        some.classes, some.object_classes = self.classes, self.object_classes
-        return some
+    def _subset(self, sources):
+        """Return a part of the images with unchanged class numbers."""
+        subset = Images([])
+        subset.form, subset.cell, subset.sources = self.form, self.cell, tuple(sources)
+        subset.classes, subset.object_classes = self.classes, self.object_classes
+        return subset
 
     def _values(self, image, name, number, shape=None):
-        """The values of a variable, which must have that shape."""
+        """Return the values of a variable; `ValueError` if it is missing or has another shape."""
         if name not in image.variables:
             raise ValueError(f"{self.sources[number].path} has no variable {name}; it has "
                              f"{', '.join(map(str, image.variables))}.")
         values = image[name].values
         if shape is not None and values.shape != tuple(shape):
             raise ValueError(f"{name} of {self.sources[number].path} has the shape {values.shape}, not {tuple(shape)} "
-                             f"as in {self.sources[0].path}; stack images of one shape, such as a part of them.")
+                             f"as in {self.sources[0].path}; stack images of one shape, such as a slice of them.")
         return values
 
 
 def _read(source: Source, form: Form | None, cell: float | None) -> SonarImage:
-    """Read an image: a record or one of its frames."""
+    """Read a record, or one of its frames."""
     record = source.read()
     if form is None or source.frame is None:
         return record
@@ -303,7 +304,7 @@ def _read(source: Source, form: Form | None, cell: float | None) -> SonarImage:
 
 
 def _column(values):
-    """An array of values, of numbers where each is one or reads as one."""
+    """Return values as an array, numeric if every value is a number or reads as one."""
     if any(value is None or isinstance(value, (list, dict)) for value in values):
         return np.array(values, dtype=object)
     if all(isinstance(value, bool) for value in values):

@@ -1,6 +1,6 @@
 """Sources of images: EXR and netCDF files by name, and the finished renders of sweeps by their manifests.
 
-What failed in a sweep is left out; what `mitsonar.sweep.manifest` says of lines that are damaged holds here too.
+Failed renders of a sweep are left out; `mitsonar.sweep.manifest` describes damaged lines.
 """
 import os
 from collections import Counter
@@ -22,17 +22,17 @@ from mitsonar.sweep.manifest import MANIFEST
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """An image that is there: a record, or a frame of one."""
+    """File of an image: a record, or a frame of a record."""
 
-    path: Path  # of its EXR or netCDF file
-    name: str  # unlike that of every other
-    parameters: dict[str, Any]  # of the scene, that it was rendered with
+    path: Path  # of the EXR or netCDF file
+    name: str  # unique among all images
+    parameters: dict[str, Any]  # of the scene as rendered
     seed: int | None
-    seabed: str | None  # hash of its seabed
-    classes: tuple[str, ...]  # of all its shapes, sorted
-    object_classes: tuple[str, ...]  # of its objects, sorted
-    frame: int | None = None  # which of the record's frames, from 0
-    planned_classes: tuple[str, ...] | None = None  # of objects, in the order in which the sweep's plan numbers them
+    seabed: str | None  # hash of the seabed
+    classes: tuple[str, ...]  # of all shapes, sorted
+    object_classes: tuple[str, ...]  # of objects, sorted
+    frame: int | None = None  # number of the record's frame, from 0
+    planned_classes: tuple[str, ...] | None = None  # of objects, in the order of the sweep's plan
 
     def read(self) -> SonarImage:
         """Read the record."""
@@ -41,17 +41,17 @@ class Source:
         return _image(netcdf.read(self.path), self.path)
 
     def outline(self) -> SonarImage:
-        """Read coordinates and attributes; errors as of `read`."""
+        """Read only coordinates and attributes; for errors see `read`."""
         if not is_netcdf(self.path):
             return exr.outline(self.path)
         with netcdf.opened(self.path) as record:
             level = _image(record, self.path)["level"]
-            nothing = np.broadcast_to(np.zeros((), level.dtype), level.shape)
-            return SonarImage({"level": (level.dims, nothing)}, record.coords.to_dataset().load().coords, record.attrs)
+            zeros = np.broadcast_to(np.zeros((), level.dtype), level.shape)
+            return SonarImage({"level": (level.dims, zeros)}, record.coords.to_dataset().load().coords, record.attrs)
 
 
 def find_sources(places: FilePath | Iterable[FilePath]) -> list[Source]:
-    """Find all images in files and sweeps.
+    """Return the sources of all images in files and sweeps.
 
     Parameters
     ----------
@@ -61,20 +61,20 @@ def find_sources(places: FilePath | Iterable[FilePath]) -> list[Source]:
     Returns
     -------
     list of Source
-        In the order given; of a sweep in the order of the names.
+        Sources in the order given, those of a sweep in the order of their names.
 
     Raises
     ------
     FileNotFoundError
-        If a place, or a file that a sweep has finished, is not there.
+        If a file or folder, or a finished file of a sweep, is missing.
     ValueError
-        If there are none, one is given twice, or a file or a manifest cannot be read.
+        If there are no images, an image is given twice, or a file or a manifest cannot be read.
     """
     places = [places] if isinstance(places, (str, os.PathLike)) else list(places)
     found = []
     for place in map(Path, places):
         if place.is_dir():
-            found += [(path, _flat(path.relative_to(place)), place.resolve().name, classes)
+            found += [(path, "_".join(path.relative_to(place).with_suffix("").parts), place.resolve().name, classes)
                       for path, classes in _finished(place)]
         else:
             found.append((place, place.stem, place.resolve().parent.name, None))
@@ -89,32 +89,32 @@ def find_sources(places: FilePath | Iterable[FilePath]) -> list[Source]:
 
 def class_order(sources: Sequence[Source]) -> list[str]:
     """Return the classes of objects in the order of their numbers: that of the plans, else alphabetical."""
-    found = sorted({name for source in sources for name in source.object_classes})
+    present = sorted({name for source in sources for name in source.object_classes})
     orders = {source.planned_classes for source in sources}
     if orders <= {None}:
-        return found
+        return present
     if len(orders) > 1:
-        raise ValueError("the images come of sweeps whose plans number classes in different ways; give the classes of "
-                         "all in one order.")
+        raise ValueError("the images come from sweeps whose plans number classes in different ways; give all classes "
+                         "in one order.")
     order = next(iter(orders)) or ()
-    lacking = [name for name in found if name not in order]
+    lacking = [name for name in present if name not in order]
     if lacking:
         raise ValueError(f"the images have objects of the class {', '.join(lacking)}, which the classes of their plan "
-                         f"({', '.join(order)}) lack; give the classes of all.")
+                         f"({', '.join(order)}) lack; give all classes.")
     return list(order)
 
 
 def frames_of(sources: Iterable[Source]) -> list[Source]:
-    """Return every frame of records as an image of its own: a ping of an array, a turn of a rotating head."""
-    found = []
+    """Return every frame of records as a source: a ping of an array, or a turn of a rotating head."""
+    frames = []
     for source in sources:
         try:
             count = len(bearings(source.outline())[1])
         except ValueError as error:
             raise ValueError(f"{source.path} has no frames: {error}") from None
-        found += [replace(source, frame=frame, name=source.name if count == 1 else f"{source.name}_frame{frame:04d}")
-                  for frame in range(count)]
-    return found
+        frames += [replace(source, frame=frame, name=source.name if count == 1 else f"{source.name}_frame{frame:04d}")
+                   for frame in range(count)]
+    return frames
 
 
 def _source(path, name, classes):
@@ -133,18 +133,18 @@ def _attributes(path):
 
 
 def _image(record, path):
-    """The image in a netCDF file."""
+    """Return the content of a netCDF file; `ValueError` if it is no image."""
     if not isinstance(record, SonarImage) or "level" not in record:
-        raise ValueError(f"{path} holds no image: it has no variable level; give what `mitsonar render` writes.")
+        raise ValueError(f"{path} holds no image: it has no variable level; give a file from `mitsonar render`.")
     return record
 
 
 def _finished(folder):
-    """Return the files that a sweep's manifest calls done, each with the order of classes of its plan."""
+    """Return the finished files of a sweep, each with the order of classes of its plan."""
     path = folder / MANIFEST
     if not path.is_file():
-        raise ValueError(f"the folder {folder} holds no {MANIFEST}, so it is no sweep of mitsonar; give its files "
-                         "by name.")
+        raise ValueError(f"the folder {folder} holds no {MANIFEST}, so it is no sweep of mitsonar; give files by "
+                         "name.")
     entries = manifest.read(path)[0]
     done = [(folder / output, entry.classes) for output, entry in sorted(entries.items()) if entry.status == "ok"]
     paths = [path for path, _ in done]
@@ -160,15 +160,11 @@ def _finished(folder):
     return done
 
 
-def _flat(path):
-    return "_".join(path.with_suffix("").parts)
-
-
 def _apart(names, folders):
-    """Put the folder's name before names that several files have."""
+    """Return names with the folder prepended where several files share one."""
     counts = Counter(names)
     names = [f"{folder}_{name}" if counts[name] > 1 else name for name, folder in zip(names, folders, strict=True)]
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
-        raise ValueError(f"two images would both be called {twice[0]}; rename a file, or do them one after the other.")
+        raise ValueError(f"two images would both be named {twice[0]}; rename a file, or process them separately.")
     return names

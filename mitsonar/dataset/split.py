@@ -1,7 +1,7 @@
-"""Subsets for training, validation and test, none of which has seen a seabed of another.
+"""Subsets for training, validation and test that share no seabed.
 
-Two images of one seabed are near-copies of each other, so groups are dealt out, not images: in an order hashed from
-seed and group, each to the subset that lacks most of its share of the images.
+Images of one seabed are nearly copies of each other, so groups are assigned rather than images: in an order hashed from
+seed and group, each group goes to the subset that lacks most images.
 """
 import hashlib
 import math
@@ -17,15 +17,17 @@ def read_shares(text: str) -> dict[str, float]:
     Parameters
     ----------
     text : str
+        Subsets and shares.
 
     Returns
     -------
     dict of str, float
+        Share of each subset.
 
     Raises
     ------
     ValueError
-        If it is anything else, or the shares do not add up to 1.
+        If the text has another form, or the shares do not add up to 1.
     """
     shares = {}
     for part in text.split(","):
@@ -44,23 +46,23 @@ def read_shares(text: str) -> dict[str, float]:
 
 
 def deal(groups: Sequence[str], shares: Mapping[str, float], seed: int = 0, what: str = "seabed") -> list[str]:
-    """Deal images out to subsets, group by group.
+    """Assign images to subsets, group by group.
 
     Parameters
     ----------
     groups : list of str
-        For every image, what it must not be parted from: images with the same text come into the same subset.
+        Group of every image; images of one group stay in one subset.
     shares : dict of str, float
-        Of every subset; they add up to 1.
+        Share of every subset; they add up to 1.
     seed : int
-        Another seed deals otherwise; the same gives the same.
+        Seed of the order of groups; the same seed gives the same result.
     what : str
-        What the groups are, for the error.
+        Noun for the groups in the error.
 
     Returns
     -------
     list of str
-        For every image, its subset. Every subset has a group at least.
+        Subset of every image. Every subset has at least one group.
 
     Raises
     ------
@@ -71,13 +73,13 @@ def deal(groups: Sequence[str], shares: Mapping[str, float], seed: int = 0, what
     if len(sizes) < len(shares):
         raise ValueError(f"the images cannot be split into {len(shares)} subsets ({', '.join(shares)}): "
                          f"{len(groups)} image{'s' * (len(groups) != 1)} with {len(sizes)} different "
-                         f"{what}{'s' * (len(sizes) != 1)}, and none may be in two; add images with others"
+                         f"{what}{'s' * (len(sizes) != 1)}, which cannot be shared; add images with others"
                          + (", or split by a parameter of the scene." if what == "seabed" else "."))
     lacking = {name: share * len(groups) for name, share in shares.items()}
     empty, home = set(shares), {}
     order = sorted(sizes, key=lambda group: hashlib.sha256(f"{seed}:{group}".encode()).digest())
     for left, group in zip(range(len(order), 0, -1), order, strict=True):
-        # the last groups are kept for those who have none
+        # the last groups are reserved for empty subsets
         allowed = [name for name in shares if name in empty or left > len(empty)]
         home[group] = max(allowed, key=lacking.__getitem__)
         lacking[home[group]] -= sizes[group]

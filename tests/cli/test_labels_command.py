@@ -33,7 +33,7 @@ def test_all_formats_of_one_image_beside_it(images, capfd):
     assert cli.main(["labels", "a.exr", "--coco", "--yolo", "--masks"]) == 0
     said = capfd.readouterr()
     assert said.out == "a_labels\n" and said.err == (
-        "mitsonar: val of data.yaml is train.txt: what is trained on cannot validate; split the images "
+        "mitsonar: val of data.yaml is train.txt: training images cannot validate; split the images "
         "(--split train=0.8,val=0.2).\n1 picture, 2 highlights, 2 shadows\n")
     assert sorted(str(path.relative_to("a_labels")) for path in Path("a_labels").rglob("*.*")) == [
         "annotations.json", "data.yaml", "images/a.png", "labels/a.txt", "masks/bed_shadow/a.png", "masks/class/a.png",

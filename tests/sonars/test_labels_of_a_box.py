@@ -37,7 +37,7 @@ def labelled(request, tmp_path_factory):
     image = render(scene)[0]
     folder = tmp_path_factory.mktemp("labels")
     exr.write(image, folder / "box.exr")
-    with pytest.warns(UserWarning, match="what is trained on cannot validate"):
+    with pytest.warns(UserWarning, match="training images cannot validate"):
         write(folder / "box.exr", folder / "out", Labels(coco=True, yolo="boxes", masks=True))
     return folder / "out", image, request.param
 

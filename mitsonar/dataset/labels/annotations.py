@@ -1,8 +1,8 @@
-"""Highlights and shadows of objects as pieces of a picture: what boxes, polygons and masks are made of.
+"""Highlights and shadows of objects as pieces of a picture, the source of boxes, polygons and masks.
 
-Every object makes at most a highlight and a shadow in a picture, and on each side of a sidescan: one that both sides
-hear, under the track, is two, for a box around both would hold the water column. On demand both together are one more
-annotation, which is what people draw a box around: the highlight with its shadow.
+Every object has at most one highlight and one shadow per picture and side of a sidescan. An object under the track that
+shows on both sides is therefore two pieces, since a common box would contain the water column. On demand, the highlight
+with its shadow is a further annotation, as people usually draw boxes.
 """
 import functools
 from collections.abc import Sequence
@@ -17,9 +17,9 @@ from mitsonar.imaging.objects import object_bins
 from .frames import LabelFrame, Tile
 
 HIGHLIGHT, SHADOW, WHOLE = "highlight", "shadow", "whole"
-ENDINGS = {HIGHLIGHT: "", SHADOW: " shadow", WHOLE: " with shadow"}      # of a category's name, after the class
+ENDINGS = {HIGHLIGHT: "", SHADOW: " shadow", WHOLE: " with shadow"}      # of the names of categories
 AROUND = 2                         # bins
-LIT_SHARE = 0.1                    # of a piece, or of the bins around it, that are not black: it can be seen
+LIT_SHARE = 0.1                    # least share of a visible piece, or of the bins around it, that is not black
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,11 +32,11 @@ class Annotation:
     class_name: str
     side: str  # ``port``, ``starboard`` or empty
     row: int  # of the upper left corner of ``mask`` in the picture
-    column: int  # likewise
-    mask: np.ndarray  # true somewhere in every border row and column
-    truncated: bool  # it touches an edge of what the sonar sees, beyond which it may go on
-    visible: float = 1.0  # share of its bins that this picture has
-    exposed: float | None = None
+    column: int  # of the same corner
+    mask: np.ndarray  # cropped: every border row and column has a True
+    truncated: bool  # True if it touches an edge of the sonar's view and may extend beyond
+    visible: float = 1.0  # share of its bins within this picture
+    exposed: float | None = None  # share of the object that is neither buried nor hidden
 
     @property
     def bins(self) -> int:
@@ -45,53 +45,53 @@ class Annotation:
 
     @property
     def box(self) -> tuple[int, int, int, int]:
-        """Left edge, upper edge, width and height, in bins."""
+        """Return left edge, upper edge, width and height, in bins."""
         return self.column, self.row, self.mask.shape[1], self.mask.shape[0]
 
     @property
     def category(self) -> str:
-        """Name of what it is: the object's class, or that and "shadow" or "with shadow"."""
+        """Return the name of the category: the object's class, with "shadow" or "with shadow" appended if so."""
         return category(self.class_name, self.kind)
 
     @property
     def shown(self) -> float:
-        """Share of what there is to see that this picture shows: what tiles cut, and of objects what hides them."""
+        """Return the share that this picture shows, after cutting by tiles and, for objects, after hiding."""
         return self.visible * (1.0 if self.kind == SHADOW or self.exposed is None else self.exposed)
 
 
 def category(class_name: str, kind: str) -> str:
-    """Return the name of a class's highlights, shadows, or both together."""
+    """Return the name of the category of a class and kind."""
     return class_name + ENDINGS[kind]
 
 
 def annotations(dataset: xr.Dataset, frames: Sequence[LabelFrame], *, threshold: float = 0.5,
-                above_noise_db: float = 0.0,
-                smallest: int = 1, whole: bool = False) -> list[list[Annotation]]:
-    """Find what the objects of a dataset make of its pictures.
+                above_noise_db: float = 0.0, smallest: int = 1, whole: bool = False) -> list[list[Annotation]]:
+    """Return the annotations of the objects of a dataset in its pictures.
 
     Parameters
     ----------
     dataset : xarray.Dataset
-    frames : list of Frame
-        As `frames` gives them for it.
+        Labelled image.
+    frames : list of LabelFrame
+        Pictures of the dataset, from `frames`.
     threshold, above_noise_db : float
         See `mitsonar.imaging.objects.object_bins`.
     smallest : int
-        Bins that every piece of an annotation must have; see there.
+        Least number of bins of every piece of an annotation.
     whole : bool
-        Add the highlight and the shadow together as an annotation of their own.
+        Add the highlight with its shadow as a further annotation.
 
     Returns
     -------
     list of list of Annotation
-        For every picture; by label, the highlight first, then the shadow.
+        Annotations of every picture, by label; the highlight precedes the shadow.
 
     Raises
     ------
     ValueError
-        As `object_bins`.
+        If the dataset has no labels or the threshold is out of range.
     """
-    found = [[] for _ in frames]
+    pieces = [[] for _ in frames]
     bins = dataset["range"].values if "range" in dataset.coords else np.zeros(0)
     near_is_cut = bins.size > 1 and bins[0] > bins[1] - bins[0]
     edge_of = functools.cache(lambda number: frames[number].edge(near_is_cut))
@@ -101,22 +101,22 @@ def annotations(dataset: xr.Dataset, frames: Sequence[LabelFrame], *, threshold:
         for kind, shown in ((HIGHLIGHT, seen.highlight), (SHADOW, seen.shadow), *both):
             if not shown.any():
                 continue
-            for number, (frame, own) in enumerate(zip(frames, found, strict=True)):
+            for number, (frame, annotated) in enumerate(zip(frames, pieces, strict=True)):
                 laid = frame.lay(shown)
                 for part in frame.parts:
                     piece = _cut_out(laid[:, part.start:part.stop], smallest)
                     if piece is None:
                         continue
                     row, column, mask = piece
-                    own.append(Annotation(
+                    annotated.append(Annotation(
                         kind=kind, label=seen.label, name=seen.name, class_name=seen.class_name, side=part.name,
                         row=row, column=part.start + column, mask=mask, exposed=exposed,
                         truncated=bool((laid & edge_of(number))[:, part.start:part.stop].any())))
-    return found
+    return pieces
 
 
 def clipped(annotation: Annotation, tile: Tile, smallest: int = 1) -> Annotation | None:
-    """Return the part of an annotation that lies in a tile, counted from the tile's corner."""
+    """Return the part of an annotation within a tile, relative to the tile's corner, or None."""
     row, column = annotation.row - tile.row, annotation.column - tile.column
     height, width = annotation.mask.shape
     inside = annotation.mask[max(0, -row):max(0, min(height, tile.height - row)),
@@ -130,12 +130,11 @@ def clipped(annotation: Annotation, tile: Tile, smallest: int = 1) -> Annotation
 
 
 def is_invisible(annotation: Annotation, picture: np.ndarray) -> bool:
-    """Tell whether a picture is black where an annotation lies and around it, so that there is nothing to see.
+    """Return True if a picture (H, W) is black at and around an annotation.
 
-    This happens under the track, where levels lie below the picture's black. An object there is in the record, but a
-    box on it would teach that black is an object.
+    This happens under the track, where levels lie below black. The record has the object, but a box there would teach
+    that black is an object.
     """
-    # picture (H, W)
     height, width = annotation.mask.shape
     top, left = max(0, annotation.row - AROUND), max(0, annotation.column - AROUND)
     lit = picture[top:annotation.row + height + AROUND, left:annotation.column + width + AROUND] > 0
@@ -147,7 +146,7 @@ def is_invisible(annotation: Annotation, picture: np.ndarray) -> bool:
 
 
 def _cut_out(mask, smallest):
-    """Row and column of the smallest rectangle that holds a mask, and the mask in there; None if it is too small."""
+    """Return the row and column of the bounding box of a mask, and the mask within; None if it is too small."""
     if not mask.size or np.count_nonzero(mask) < max(1, smallest):
         return None
     rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))

@@ -1,10 +1,11 @@
 """Annotations as COCO's JSON for object detection, a file for each subset.
 
 Format: https://cocodataset.org/#format-data. A box is [left, upper, width, height] in picture elements from the upper
-left corner of the first one. Segmentations are polygons, filled again exactly the mask; ``area`` counts its elements.
-Beyond the format an image has ``source``, ``row``, ``column``, ``ping``, ``seabed``, ``window_db`` and ``parameters``,
-one in metres ``cell_x``, ``cell_y``, ``left`` and ``top``, a focused one also its place in the scene (`FocusedFrame`);
-an annotation ``instance``, ``side``, ``truncated``, ``visible`` and ``exposed``, a category its ``supercategory``.
+left corner of the picture. Segmentations are polygons that fill exactly the mask; ``area`` is its number of elements.
+Beyond the format, an image has ``source``, ``row``, ``column``, ``ping``, ``seabed``, ``window_db`` and ``parameters``.
+An image in metres has ``cell_x``, ``cell_y``, ``left`` and ``top``, and a focused image its position in the scene
+(`FocusedFrame`). An annotation has ``instance``, ``side``, ``truncated``, ``visible`` and ``exposed``, and a category
+its ``supercategory``.
 """
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -14,7 +15,7 @@ from .polygons import polygons
 
 
 def categories(classes: Sequence[str], *, whole: bool = False) -> dict[str, int]:
-    """Number the classes of objects, of their shadows, and on demand of both together."""
+    """Return the numbers of the categories: objects, their shadows, and on demand objects with shadows."""
     odd = [name for name in classes if name.endswith(f" {SHADOW}")]
     if odd:
         raise ValueError(f"the class {odd[0]!r} would be taken for a shadow; give its shapes another id.")
@@ -24,12 +25,12 @@ def categories(classes: Sequence[str], *, whole: bool = False) -> dict[str, int]
 
 
 def kind_of(name: str) -> str:
-    """Return what a category is of: ``highlight``, ``shadow`` or ``whole``."""
+    """Return the kind of a category: ``highlight``, ``shadow`` or ``whole``."""
     return next((kind for kind in (WHOLE, SHADOW) if name.endswith(ENDINGS[kind])), HIGHLIGHT)
 
 
 def entry(annotation: Annotation, number: int, image: int, numbers: Mapping[str, int]) -> dict[str, Any]:
-    """Return the entry of one annotation."""
+    """Return the JSON entry of an annotation."""
     rings = [ring + [annotation.column, annotation.row] for ring in polygons(annotation.mask)]
     return {"id": number, "image_id": image, "category_id": numbers[annotation.category], "bbox": list(annotation.box),
             "segmentation": [ring.ravel().tolist() for ring in rings], "area": annotation.bins, "iscrowd": 0,
@@ -40,6 +41,6 @@ def entry(annotation: Annotation, number: int, image: int, numbers: Mapping[str,
 
 def document(images: list[dict[str, Any]], entries: list[dict[str, Any]], numbers: Mapping[str, int],
              info: Mapping[str, Any]) -> dict[str, Any]:
-    """Put a file together from its images, their annotations, the categories' numbers and what is said of it all."""
+    """Return the JSON document of images, their annotations, the category numbers and general information."""
     known = [{"id": number, "name": name, "supercategory": kind_of(name)} for name, number in numbers.items()]
     return {"info": info, "licenses": [], "images": images, "annotations": entries, "categories": known}

@@ -1,11 +1,11 @@
-"""The pictures of a record, as programs that learn from images see them: rows, columns, and tiles of them.
+"""Pictures of a record for training: their rows and columns, and tiles of them.
 
-They are the way up that previews are. A sidescan is one picture: a row per ping, the newest on top; port mirrored, then
-starboard. Of an array every ping is a picture, of a rotating head every turn or sector. Polar ones have a row per
-range, the farthest on top, or at the bottom where the fan looks down; a column per beam, in their order, or per bearing
-from left to right. Cartesian ones are in metres (`mitsonar.imaging.maps.raster`). A focused image is one picture, of
-its first bank, for all share their truth: a row per point along the track, the farthest ahead on top; columns to
-starboard. An element of a Cartesian picture is a square, of others a bin.
+Pictures have the orientation of previews. A sidescan is one picture: a row per ping, the newest on top; port mirrored,
+then starboard. Every ping of an array, and every turn or sector of a rotating head, is a picture. Polar pictures have a
+row per range, the farthest on top, or at the bottom if the fan looks down, and a column per beam, or per bearing from
+left to right. Cartesian pictures are in metres (`mitsonar.imaging.maps.raster`). A focused image is one picture of its
+first bank, since all banks share their truth: a row per point along the track, the farthest ahead on top; columns to
+starboard. An element of a Cartesian picture is a square, that of other pictures a bin.
 """
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -27,38 +27,38 @@ BORDERS = {"left": np.s_[:, :1], "right": np.s_[:, -1:], "top": np.s_[:1], "bott
 
 @dataclass(frozen=True, kw_only=True)
 class FramePart:
-    """Columns of a picture that belong together: a side of a sidescan, or all."""
+    """Group of columns of a picture: a side of a sidescan, or all columns."""
 
-    name: str  # ``port``, ``starboard``, or empty where there are no sides
-    start: int  # columns
-    stop: int  # columns
-    near: Literal["left", "right", "top", "bottom"]  # on which edge the nearest range is
+    name: str  # ``port``, ``starboard``, or empty without sides
+    start: int  # first column
+    stop: int  # column after the last
+    near: Literal["left", "right", "top", "bottom"]  # edge of the nearest range
 
 
 @dataclass(frozen=True, kw_only=True)
 class LabelFrame(ABC):
-    """One picture of a record: a `Waterfall`, a `PolarFrame`, a `CartesianFrame` or a `FocusedFrame`."""
+    """Picture of a record: a `Waterfall`, a `PolarFrame`, a `CartesianFrame` or a `FocusedFrame`."""
 
-    name: str = ""  # what tells it from other pictures of its record, such as ``ping0003``
-    ping: int | None  # which ping of an array, or the first of a turn
+    name: str = ""  # unique within the record, such as ``ping0003``
+    ping: int | None  # ping of an array, or first ping of a turn
     parts: tuple[FramePart, ...]  # from left to right
     height: int
     width: int
 
     @abstractmethod
     def lay(self, values: np.ndarray) -> np.ndarray:
-        """Lay out an array over the dimensions of ``level`` as (height, width); nothing is mixed."""
+        """Return an array over the dimensions of ``level`` as (height, width), without averaging."""
 
     def levels(self, level: np.ndarray) -> np.ndarray:
-        """Lay out levels [dB]: means of powers where an element holds several bins, NaN outside a fan."""
+        """Return levels [dB] as (height, width), averaged as powers over several bins, NaN outside a fan."""
         return self.lay(level)
 
     def seen(self) -> np.ndarray:
-        """Return the elements (height, width) that the sonar sees: all but those outside a fan."""
+        """Return a mask (height, width) of the elements in the sonar's view: all but those outside a fan."""
         return np.ones((self.height, self.width), bool)
 
     def edge(self, near: bool) -> np.ndarray:
-        """Return the elements (height, width) beyond which things may go on; at the near end of the range if asked."""
+        """Return a mask (height, width) of the edge elements of the view, including the near end if ``near``."""
         edge = np.zeros((self.height, self.width), bool)
         for part in self.parts:
             for border, where in BORDERS.items():
@@ -67,14 +67,14 @@ class LabelFrame(ABC):
         return edge
 
     def metres(self, row: int, column: int) -> dict[str, float]:
-        """Give, of a picture in metres, the steps and the upper left corner of an element [m]; of others nothing."""
+        """Return steps and the upper left corner of an element [m] for pictures in metres, else nothing."""
         return {}
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Waterfall(LabelFrame):
-    """All pings of a sidescan, or of a sonar with a row a ping."""
+    """All pings of a sidescan, or of another sonar with a row per ping."""
 
     def lay(self, values: np.ndarray) -> np.ndarray:
         """See `LabelFrame.lay`."""
@@ -87,30 +87,29 @@ class Waterfall(LabelFrame):
 @final
 @dataclass(frozen=True, kw_only=True)
 class PolarFrame(LabelFrame):
-    """A fan, a column per beam."""
+    """Fan with a column per beam."""
 
-    columns: np.ndarray  # likewise
+    columns: np.ndarray  # beams in the order of columns
 
     def lay(self, values: np.ndarray) -> np.ndarray:
         """See `LabelFrame.lay`."""
-        own = values[self.ping] if values.ndim == 3 else values
-        laid = own[self.columns].T
+        laid = (values[self.ping] if values.ndim == 3 else values)[self.columns].T
         return laid if self.parts[0].near == "top" else laid[::-1]
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class CartesianFrame(LabelFrame):
-    """A fan in metres."""
+    """Fan in metres."""
 
-    sweep: RasterSweep  # where its bins lie
+    sweep: RasterSweep  # maps its bins to elements
 
     def lay(self, values: np.ndarray) -> np.ndarray:
         """See `LabelFrame.lay`."""
-        own = self.sweep.own(values)
-        if values.dtype == bool and not own.any():                         # most objects are in few frames
+        bins = self.sweep.own(values)
+        if values.dtype == bool and not bins.any():                        # most objects show in few frames
             return np.zeros((self.height, self.width), bool)
-        return self.sweep.map.labels(own)
+        return self.sweep.map.labels(bins)
 
     def levels(self, level: np.ndarray) -> np.ndarray:
         """See `LabelFrame.levels`."""
@@ -132,24 +131,24 @@ class CartesianFrame(LabelFrame):
         return edge
 
     def metres(self, row: int, column: int) -> dict[str, float]:
-        """See `LabelFrame.metres`: x grows by ``cell_x`` a column, y by ``cell_y`` a row."""
+        """See `LabelFrame.metres`: x grows by ``cell_x`` per column, y by ``cell_y`` per row."""
         grid = self.sweep.grid
         down = grid.cell if self.parts[0].near == "top" else -grid.cell
-        found = {"cell_x": grid.cell, "cell_y": down, "left": grid.x[0] + (column - 0.5) * grid.cell,
-                 "top": grid.y[0] + (row - 0.5) * down}
-        return {name: round(float(value), 9) for name, value in found.items()}
+        metres = {"cell_x": grid.cell, "cell_y": down, "left": grid.x[0] + (column - 0.5) * grid.cell,
+                  "top": grid.y[0] + (row - 0.5) * down}
+        return {name: round(float(value), 9) for name, value in metres.items()}
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class FocusedFrame(LabelFrame):
-    """A focused image."""
+    """Focused image."""
 
-    rows: slice  # order in which its rows are those of the picture
-    columns: slice  # that bring its points into the picture's order
-    along: tuple[float, float]  # [m]: of its grid
-    across: tuple[float, float]  # [m]: of its grid
-    grid: EvenGrid | None  # from the upper left point on
+    rows: slice  # rows of the image in the order of the picture
+    columns: slice  # columns of the image in the order of the picture
+    along: tuple[float, float]  # [m]: first ``along_track`` and its step
+    across: tuple[float, float]  # [m]: first ``across_track`` and its step
+    grid: EvenGrid | None  # from the upper left point
 
     @classmethod
     def of(cls, image: xr.Dataset) -> "FocusedFrame":
@@ -168,33 +167,32 @@ class FocusedFrame(LabelFrame):
                    across=across, grid=even_grid(image.isel(drawn)))
 
     def lay(self, values: np.ndarray) -> np.ndarray:
-        """See `LabelFrame.lay`; of banks the first."""
-        own = values if values.ndim == 2 else values[0]
-        return own[self.rows, self.columns]
+        """See `LabelFrame.lay`; uses the first bank."""
+        return (values if values.ndim == 2 else values[0])[self.rows, self.columns]
 
     def edge(self, near: bool) -> np.ndarray:
         """See `LabelFrame.edge`; a grid ends on all sides."""
         return super().edge(True)
 
     def metres(self, row: int, column: int) -> dict[str, float]:
-        """See `LabelFrame.metres`: ``across_track`` grows by ``cell_x`` a column, ``along_track`` by ``cell_y`` a row.
+        """See `LabelFrame.metres`: ``cell_x`` is the step of ``across_track``, ``cell_y`` that of ``along_track``.
 
-        Of an even grid also where the element's corner lies in the scene, ``x`` and ``y``, and the steps there:
-        ``x_column``, ``y_column`` of a column, ``x_row``, ``y_row`` of a row.
+        An even grid adds the position ``x``, ``y`` of the element's corner in the scene, and its steps ``x_column``,
+        ``y_column`` per column and ``x_row``, ``y_row`` per row.
         """
-        found = {"cell_x": self.across[1], "cell_y": self.along[1],
-                 "left": self.across[0] + (column - 0.5) * self.across[1],
-                 "top": self.along[0] + (row - 0.5) * self.along[1]}
+        metres = {"cell_x": self.across[1], "cell_y": self.along[1],
+                  "left": self.across[0] + (column - 0.5) * self.across[1],
+                  "top": self.along[0] + (row - 0.5) * self.along[1]}
         if self.grid is not None:
             down, right = self.grid.ahead, self.grid.abeam
             x, y = self.grid.first + (row - 0.5) * down + (column - 0.5) * right
-            found |= {"x": x, "y": y, "x_column": right[0], "y_column": right[1], "x_row": down[0], "y_row": down[1]}
-        return {name: round(float(value), 9) for name, value in found.items()}
+            metres |= {"x": x, "y": y, "x_column": right[0], "y_column": right[1], "x_row": down[0], "y_row": down[1]}
+        return {name: round(float(value), 9) for name, value in metres.items()}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tile:
-    """A rectangle of a picture: its first row and column, its height and width."""
+    """Rectangle of a picture: first row and column, height and width."""
 
     row: int
     column: int
@@ -204,8 +202,7 @@ class Tile:
 
 def frames(dataset: xr.Dataset, name: FilePath = "the dataset", form: Form = "polar",
            cell: float | None = None) -> list[LabelFrame]:
-    """Return the pictures of a dataset."""
-    # cell [m]
+    """Return the pictures of a dataset; ``cell`` [m] is the side of an element of Cartesian pictures."""
     dims, shape = dataset["level"].dims, dataset["level"].shape
     if form == "cartesian":
         return _in_metres(dataset, name, cell)
@@ -215,23 +212,23 @@ def frames(dataset: xr.Dataset, name: FilePath = "the dataset", form: Form = "po
         return _in_beams(dataset, [np.arange(shape[1])] * shape[0], list(range(shape[0])), "ping")
     if dims == ("ping", "range") and "bearing" in dataset.coords:
         bearing, pings = bearings(dataset)
-        columns = [where.start + in_order(bearing[where])[0] for where in pings]
-        return _in_beams(dataset, columns, [where.start for where in pings], "turn")
+        columns = [turn.start + in_order(bearing[turn])[0] for turn in pings]
+        return _in_beams(dataset, columns, [turn.start for turn in pings], "turn")
     if dims == ("ping", "range"):
         return [Waterfall(ping=None, parts=(FramePart(name="", start=0, stop=shape[1], near="left"),), height=shape[0],
                           width=shape[1])]
     if dims != ("ping", "side", "range"):
-        raise ValueError(f"{name} has levels over {', '.join(map(str, dims))}; pictures are made of (ping, side, "
-                         "range), (ping, range) and (ping, beam, range).")
+        raise ValueError(f"{name} has levels over {', '.join(map(str, dims))}; pictures need (ping, side, range), "
+                         "(ping, range) or (ping, beam, range).")
     bins = shape[2]
     parts = tuple(FramePart(name=str(side), start=number * bins, stop=(number + 1) * bins,
-                       near="right" if str(side) == "port" else "left")
+                            near="right" if str(side) == "port" else "left")
                   for number, side in enumerate(dataset["side"].values))
     return [Waterfall(ping=None, parts=parts, height=shape[0], width=shape[1] * bins)]
 
 
 def tiles(frame: LabelFrame, size: tuple[int, int] | None = None, overlap: float = 0.0) -> list[Tile]:
-    """Cut a picture into tiles of one size; the last of a row or column is moved inwards to end at the edge."""
+    """Return tiles of one size that cover a picture; the last of a row or column ends at the edge."""
     height, width = (frame.height, frame.width) if size is None else (min(size[0], frame.height),
                                                                       min(size[1], frame.width))
     return [Tile(row=row, column=column, height=height, width=width)
@@ -240,21 +237,21 @@ def tiles(frame: LabelFrame, size: tuple[int, int] | None = None, overlap: float
 
 def _in_beams(dataset, columns, pings, kind) -> list[LabelFrame]:
     near, height = "top" if looks_down(dataset) else "bottom", dataset.sizes["range"]
-    return [PolarFrame(name=f"{kind}{number if kind == 'turn' else ping:04d}", ping=ping, columns=own, height=height,
-                       width=own.size, parts=(FramePart(name="", start=0, stop=own.size, near=near),))
-            for number, (ping, own) in enumerate(zip(pings, columns, strict=True))]
+    return [PolarFrame(name=f"{kind}{number if kind == 'turn' else ping:04d}", ping=ping, columns=beams, height=height,
+                       width=beams.size, parts=(FramePart(name="", start=0, stop=beams.size, near=near),))
+            for number, (ping, beams) in enumerate(zip(pings, columns, strict=True))]
 
 
 def _in_metres(dataset, name, cell) -> list[LabelFrame]:
     try:
-        found = sweeps(dataset, cell)
+        rasters = sweeps(dataset, cell)
     except ValueError as error:
         raise ValueError(f"{name} has no Cartesian pictures: {error}") from None
     kind, near = "ping" if "beam" in dataset.dims else "turn", "top" if looks_down(dataset) else "bottom"
     return [CartesianFrame(
         name=f"{kind}{number:04d}", ping=sweep.pings.start, sweep=sweep, height=sweep.grid.y.size,
         width=sweep.grid.x.size, parts=(FramePart(name="", start=0, stop=sweep.grid.x.size, near=near),))
-        for number, sweep in enumerate(found)]
+        for number, sweep in enumerate(rasters)]
 
 
 def _rises(values):
@@ -262,10 +259,10 @@ def _rises(values):
 
 
 def _axis(values):
-    """The first of a grid's numbers, and their mean step."""
+    """Return the first coordinate of an axis, and the mean step."""
     return float(values[0]), float((values[-1] - values[0]) / max(values.size - 1, 1))
 
 
-def _starts(whole, length, overlap):
+def _starts(size, length, overlap):
     step = max(1, round(length * (1 - overlap)))
-    return [*range(0, whole - length, step), whole - length]
+    return [*range(0, size - length, step), size - length]

@@ -1,9 +1,9 @@
-"""Levels as pictures of 8 bits: a gain over range that makes an even seabed look even, black and white in dB.
+"""Levels as 8-bit pictures, with a gain that makes an even seabed look even.
 
     grey = 255 (level + gain - low) / (high - low), cut off at 0 and 255
 
-Black and white are found where there is a bed to be shown: where its mean level says so, else from its first return on;
-in a focused image where something is seen. Its levels are strengths, to which no gain is added.
+The window low to high is chosen from bins that show the bed: by the mean level if known, else from the first return on,
+and in a focused image outside shadows. The levels of a focused image are strengths, to which no gain is added.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,37 +19,36 @@ from mitsonar.units import HARDLY_DB
 
 from .frames import CartesianFrame, LabelFrame
 
-UNIT = "dB re 1 µPa"               # of a level that does not say
-SILENCE_DB = -1000.0               # stands for it in means of powers
+UNIT = "dB re 1 µPa"               # of a level without units
+SILENCE_DB = -1000.0               # [dB]: replaces absent echoes in means of powers
 HALF = 0.5                         # share of the pings
-MOST_LOOKED_AT = 8                 # Cartesian frames in which black and white are looked for
+MOST_LOOKED_AT = 8                 # Cartesian frames used to choose the window
 
 
 @dataclass(frozen=True, kw_only=True)
 class Greys:
-    """The levels of a record, ready to be drawn."""
+    """Levels of a record, ready for drawing."""
 
-    level: np.ndarray  # with the gain, over the dimensions of the record's bins [dB]
+    level: np.ndarray  # [dB]: with gain, over the dimensions of the record's bins
     window: tuple[float, float]  # [dB]: black and white
-    words: str  # what was added to the level, for people
+    words: str  # formula of the level with gain
     unit: str = UNIT  # of the level
 
     def draw(self, frame: LabelFrame) -> np.ndarray:
-        """Draw one picture of the record: uint8 (height, width), 0 also where no echo arrives."""
+        """Return a picture of the record: uint8 (height, width), 0 also without an echo."""
         return _scaled(frame.levels(self.level), self.window)
 
 
 def grey(dataset: xr.Dataset, *, tvg: Tvg = "seabed",
          window: tuple[float, float] | None = None) -> tuple[np.ndarray, tuple[float, float], str]:
-    """Turn the levels of a dataset to grey, bin by bin."""
-    # window [dB] -> window [dB]
-    found = greys(dataset, [], tvg=tvg, window=window)
-    return _scaled(found.level, found.window), found.window, found.words
+    """Return the grey values of all bins of a dataset, the window [dB], and the formula of the level."""
+    shades = greys(dataset, [], tvg=tvg, window=window)
+    return _scaled(shades.level, shades.window), shades.window, shades.words
 
 
 def greys(dataset: xr.Dataset, frames: Sequence[LabelFrame], *, tvg: Tvg = "seabed",
           window: tuple[float, float] | None = None) -> Greys:
-    """Prepare the pictures of a dataset, all with the same black and white."""
+    """Return the levels of a dataset for drawing, with one window [dB] for all pictures."""
     level = dataset["level"].isel(bank=0, missing_dims="ignore").values.astype(float)
     gain, words = _gain(dataset, tvg)
     shown = np.where(level > HARDLY_DB, level + gain.reshape(len(gain), *[1] * (level.ndim - 2), -1), SILENCE_DB)
@@ -70,7 +69,6 @@ def greys(dataset: xr.Dataset, frames: Sequence[LabelFrame], *, tvg: Tvg = "seab
 
 def write_png(image: np.ndarray, path: FilePath) -> None:
     """Write a picture (H, W) of uint8 or uint16 as PNG."""
-    # image (H, W)
     from PIL import Image
 
     Image.fromarray(np.ascontiguousarray(image)).save(path, format="PNG")
@@ -78,22 +76,22 @@ def write_png(image: np.ndarray, path: FilePath) -> None:
 
 def _scaled(level, window):
     low, high = window
-    scaled = np.where(level > HARDLY_DB, 255 * (level - low) / (high - low), 0)           # NaN is not above
+    scaled = np.where(level > HARDLY_DB, 255 * (level - low) / (high - low), 0)           # NaN becomes 0
     return np.clip(np.rint(scaled), 0, 255).astype(np.uint8)
 
 
 def _gain(dataset, tvg):
-    """The gain over range and its words; nothing where levels are strengths already."""
+    """Return the gain and its formula; 0 for focused images, whose levels are strengths."""
     if not is_focused(dataset):
         return display_gain(dataset, tvg)
     if tvg not in (None, "seabed"):
-        raise ValueError(f"the gain {tvg!r} is of echoes, and levels of a focused image are strengths of what lies "
-                         "there; leave the gain out.")
+        raise ValueError(f"the gain {tvg!r} applies to echoes, but the levels of a focused image are strengths; leave "
+                         "the gain out.")
     return np.zeros((1, 1)), ""
 
 
 def _bed(dataset, shown):
-    """The bins in which black and white are looked for."""
+    """Return a mask of the bins that determine black and white."""
     echoes = shown > HARDLY_DB
     bed = echoes
     if is_focused(dataset):
@@ -103,7 +101,7 @@ def _bed(dataset, shown):
     if "mean_level" in dataset:
         bed = echoes & (dataset["mean_level"].values > HARDLY_DB)
     if "seabed_depth" in dataset and not {"side", "mean_level"} <= {*dataset.dims, *dataset.data_vars}:
-        # beams and rows hear noise and side lobes, not nothing, until the bed's first return
+        # before the bed's first return, beams and rows receive noise and side lobes
         seen = np.isfinite(dataset["seabed_depth"].transpose(*dataset["level"].dims).values)
         bed = bed & np.logical_or.accumulate(seen, -1)
     return bed if bed.any() else echoes

@@ -1,4 +1,4 @@
-"""Kinds of labels to write, and their rules: one record, checked before any work."""
+"""Kinds of labels to write and their rules, checked before any work."""
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,40 +18,44 @@ class Labels:
     Attributes
     ----------
     coco, masks : bool
+        Outputs to write.
     yolo : {'boxes', 'polygons', None}
+        Form of YOLO labels to write.
     threshold, above_noise_db : float
         See `mitsonar.imaging.objects.object_bins`.
     classes : sequence of str or None
-        Of objects, in the order in which they are numbered; None: those of the images, in alphabetical order.
+        Classes of objects in the order of their numbers; None: those of the images in alphabetical order.
     smallest : int
-        Bins that every piece of an annotation must have; see there.
+        Least number of bins of every piece of an annotation.
     min_visible : float
-        Share of an annotation that a picture must show: of what a tile cuts, and of objects what hides or buries them.
+        Least share of an annotation after cutting by tiles and, for objects, after hiding and burial.
     whole : bool
-        Annotate every object with its shadow, too, as a category of its own.
+        Add annotations of objects with their shadows as further categories.
     tile : (int, int) or None
         Pings and columns of a tile; None: whole pictures.
     overlap : float
         Share of a tile that its neighbour repeats.
     drop_empty : bool
-        Leave out pictures, or tiles of them, that have no annotation.
+        Leave out pictures and tiles without annotations.
     tvg : {'seabed', 'target', 'recorder', None}
+        Gain; see `mitsonar.imaging.gain`.
     form : {'polar', 'cartesian'}
-        Of pictures of fans and rotating heads.
+        Form of pictures of fans and rotating heads.
     cell : float or None [m]
-        Side of a Cartesian picture's element; None: as `mitsonar.imaging.cartesian`.
+        Side of an element of Cartesian pictures; None: as in `mitsonar.imaging.cartesian`.
     window : (float, float) or None [dB]
-        Levels of black and white; None: found for each image.
+        Levels of black and white; None: chosen for each image.
     split : dict of str, float or None
-        Shares of the subsets, by `read_shares`.
+        Shares of the subsets, from `read_shares`.
     split_seed : int
+        Seed of the split.
     split_by : str or None
-        The scene parameter by which images belong together; None: their seabed.
+        Scene parameter that groups images; None: their seabed.
 
     Raises
     ------
     ValueError
-        If one of them is out of range, or there is nothing to write.
+        If a value is out of range, or no output is chosen.
     """
 
     coco: bool = False
@@ -78,13 +82,13 @@ class Labels:
         if not (self.coco or self.yolo or self.masks):
             raise ValueError("Choose at least one output: --coco, --yolo or --masks.")
         if self.yolo not in (None, *FORMS):
-            raise ValueError(f"YOLO's form is {self.yolo!r}; choose {' or '.join(FORMS)}.")
+            raise ValueError(f"the form of YOLO is {self.yolo!r}; choose {' or '.join(FORMS)}.")
         if not 0 <= self.threshold < 1:
             raise ValueError(f"the threshold is {self.threshold:g}; give a share of at least 0 and below 1, such as "
                              "0.5.")
         if not self.above_noise_db < math.inf:
-            raise ValueError(f"highlights are to be {self.above_noise_db:g} dB above the noise; give a number, such as "
-                             "0.")
+            raise ValueError(f"highlights are required {self.above_noise_db:g} dB above the noise; give a finite "
+                             "number, such as 0.")
         if self.classes is not None and (not all(self.classes) or len(set(self.classes)) < len(self.classes)):
             raise ValueError(f"the classes are {', '.join(map(repr, self.classes))}; give each name once.")
         if self.smallest < 1:
@@ -98,7 +102,7 @@ class Labels:
         if self.overlap and self.tile is None:
             raise ValueError("an overlap is given, but no tiles; give their size or leave it out.")
         if self.form not in PICTURES:
-            raise ValueError(f"the pictures are to be {self.form!r}; choose {' or '.join(PICTURES)}.")
+            raise ValueError(f"the form of the pictures is {self.form!r}; choose {' or '.join(PICTURES)}.")
         if self.cell is not None and self.form != "cartesian":
             raise ValueError("the side of an element is given, but pictures are not Cartesian; ask for these, or leave "
                              "it out.")
@@ -106,11 +110,11 @@ class Labels:
             raise ValueError(f"black is {self.window[0]:g} dB and white {self.window[1]:g} dB; give two numbers, white "
                              "above black.")
         if self.split is None and self.split_by is not None:
-            raise ValueError("what to split by is given, but no split; give its shares or leave it out.")
+            raise ValueError("a parameter to split by is given, but no split; give its shares or leave it out.")
 
     @property
     def rules(self) -> dict[str, Any]:
-        """The rules as JSON, for the files."""
+        """Return the rules as JSON for the files."""
         return {"program": f"mitsonar {__version__}", "highlight_threshold": self.threshold,
                 "highlight_above_noise_db": self.above_noise_db, "smallest_bins": self.smallest,
                 "min_visible": self.min_visible, "whole": self.whole,

@@ -1,6 +1,6 @@
-"""From images to a folder of what training reads: pictures, masks, COCO, YOLO, and the split they share.
+"""Writer of folders for training: pictures, masks, COCO and YOLO, with a common split.
 
-The folder appears under its name when everything in it is there, or not at all.
+The folder gets its name only when it is complete.
 """
 import contextlib
 import json
@@ -26,9 +26,9 @@ from .frames import frames, tiles
 from .pictures import greys, write_png
 from .rules import Labels
 
-MOST_INSTANCES = 65535             # that masks of 16 bits tell apart
-MOSTLY = 0.5                       # of a focused image's pings, that do not see what is in shadow
-PLACE = ("crs", "local_origin")    # where x = y = 0 is on a map
+MOST_INSTANCES = 65535             # that fit into masks of 16 bits
+MOSTLY = 0.5                       # least share of a focused image's pings that do not see a shadow
+PLACE = ("crs", "local_origin")    # position of x = y = 0 on a map
 MASKS = ("instance", "class", "shadow", "bed_shadow")
 
 
@@ -40,42 +40,43 @@ class _Subset:
 
 def write(places: FilePath | Iterable[FilePath], folder: FilePath, labels: Labels,
           progress: Callable[[int, int], None] | None = None) -> dict[str, int]:
-    """Write what training reads from images.
+    """Write pictures and labels of images for training.
 
     Parameters
     ----------
     places : str or path, or list of them
         EXR and netCDF files, and folders of sweeps.
     folder : str or path
-        To be made; an empty one may be there.
+        New or empty folder.
     labels : Labels
+        Outputs and their rules.
     progress : callable(done, total) or None
-        Told the number of images done.
+        Called after every image.
 
     Returns
     -------
     dict of str, int
-        How many ``pictures``, ``highlights``, ``shadows`` and ``wholes`` were written, annotations left out as
-        ``invisible``, and pictures without annotations that were left out as ``empty``.
+        Numbers of ``pictures``, ``highlights``, ``shadows`` and ``wholes`` written, of annotations left out as
+        ``invisible``, and of pictures left out as ``empty``.
 
     Raises
     ------
     FileNotFoundError, ValueError, PermissionError
-        If the images cannot be read, labelled or split, the folder cannot be made, or empty pictures are to be left
-        out and a subset has no others.
+        If the images cannot be read, labelled or split, the folder cannot be made, or all pictures of a subset are
+        left out as empty.
     OSError
-        If the disk fills up; nothing is left behind.
+        If the disk fills up; the folder is then removed.
 
     Warns
     -----
     UserWarning
-        If YOLO's training and validation are the same pictures, for want of a split into both.
+        If YOLO's training and validation are the same pictures, because the split lacks one of them.
     """
     if os.path.isdir(folder):
         if os.listdir(folder):
-            raise ValueError(f"the folder {folder} exists and is not empty; give another, or remove it first.")
+            raise ValueError(f"the folder {folder} exists and is not empty; give another folder, or remove this one.")
     elif os.path.exists(folder):
-        raise ValueError(f"cannot make the folder {folder}: there is a file of that name; give another.")
+        raise ValueError(f"cannot make the folder {folder}: there is a file of that name; give another name.")
     else:
         check_writable(str(folder).rstrip(os.sep))
     sources = find_sources(places)
@@ -84,8 +85,8 @@ def write(places: FilePath | Iterable[FilePath], folder: FilePath, labels: Label
     if labels.split:
         homes = deal(groups, labels.split, labels.split_seed, labels.split_by or "seabed")
     numbers = coco.categories(_classes(sources, labels.classes), whole=labels.whole)
-    with _whole(Path(os.path.realpath(folder))) as made:
-        writer = _Writer(made, labels, numbers)
+    with _complete(Path(os.path.realpath(folder))) as partial:
+        writer = _Writer(partial, labels, numbers)
         for done, (source, home) in enumerate(zip(sources, homes, strict=True), 1):
             writer.image(source, home)
             if progress is not None:
@@ -98,26 +99,28 @@ def write(places: FilePath | Iterable[FilePath], folder: FilePath, labels: Label
 
 
 def groups_of(sources: Sequence[Source], by: str | None = None) -> list[str]:
-    """Return for every image the text of what it must not be parted from.
+    """Return the group of every image; images of one group stay in one subset.
 
     Parameters
     ----------
     sources : list of Source
+        Images to group.
     by : str or None
-        A scene parameter; None for the seabed.
+        Scene parameter; None: the seabed.
 
     Returns
     -------
     list of str
+        Group of every image.
 
     Raises
     ------
     ValueError
-        If an image does not know its seabed, or has no such parameter.
+        If an image has no hash of its seabed, or no such parameter.
     """
     for source in sources:
         if by is None and source.seabed is None:
-            raise ValueError(f"{source.path} does not say which seabed it shows; render it again with this version, or "
+            raise ValueError(f"{source.path} has no hash of its seabed; render it again with this version, or "
                              "split by a parameter of the scene.")
         if by is not None and by not in source.parameters:
             raise ValueError(f"{source.path} has no scene parameter {by}; it was given "
@@ -129,16 +132,16 @@ def _classes(sources, wanted):
     """Return the classes of objects in the order of their numbers."""
     if wanted is None:
         return class_order(sources)
-    found = sorted({name for source in sources for name in source.object_classes})
-    lacking = [name for name in found if name not in wanted]
+    present = sorted({name for source in sources for name in source.object_classes})
+    lacking = [name for name in present if name not in wanted]
     if lacking:
         raise ValueError(f"the images have objects of the class {', '.join(lacking)}, which the classes given lack; "
-                         "give all.")
+                         "give all classes.")
     return list(wanted)
 
 
 def _dark(dataset):
-    """The bins in shadow that is no object's, over the dimensions of the truth."""
+    """Return a mask of the bins in shadow of the bed rather than of objects, over the dimensions of the truth."""
     dims = bin_dims(dataset)
     dark = dataset["shadow"].transpose(*dims).values > (MOSTLY if is_focused(dataset) else 0)
     if "object_shadow" in dataset:
@@ -158,78 +161,76 @@ class _Writer:
             (self.folder / kind).mkdir(parents=True)
 
     def image(self, source, home):
-        """Write the pictures of an image for the subset of that name."""
+        """Write the pictures of an image into the subset ``home``."""
         subset = self.subsets[home]
         dataset = source.read()
         check_labelled(dataset, source.path)
         pictures = frames(dataset, source.path, self.labels.form, self.labels.cell)
         shown = greys(dataset, pictures, tvg=self.labels.tvg, window=self.labels.window)
-        found = annotations(dataset, pictures, threshold=self.labels.threshold, smallest=self.labels.smallest,
-                            above_noise_db=self.labels.above_noise_db, whole=self.labels.whole)
-        dark = None
-        if self.labels.masks and "shadow" in dataset:
-            dark = _dark(dataset)
+        annotated = annotations(dataset, pictures, threshold=self.labels.threshold, smallest=self.labels.smallest,
+                                above_noise_db=self.labels.above_noise_db, whole=self.labels.whole)
+        dark = _dark(dataset) if self.labels.masks and "shadow" in dataset else None
         about = {"source": source.path.name, "seabed": source.seabed, "seed": source.seed,
                  "parameters": source.parameters, "window_db": [round(value, 3) for value in shown.window],
                  "grey": f"{shown.words} [{shown.unit}]"}
         if is_focused(dataset):
             about |= {name: dataset.attrs[name] for name in PLACE if dataset.attrs.get(name) is not None}
-        for frame, own in zip(pictures, found, strict=True):
+        for frame, pieces in zip(pictures, annotated, strict=True):
             picture = shown.draw(frame)
-            unheard = np.zeros(picture.shape, bool) if dark is None else frame.lay(dark)
-            seen = [piece for piece in own if not is_invisible(piece, picture)]
-            self.counts["invisible"] += len(own) - len(seen)
+            shadow = np.zeros(picture.shape, bool) if dark is None else frame.lay(dark)
+            seen = [piece for piece in pieces if not is_invisible(piece, picture)]
+            self.counts["invisible"] += len(pieces) - len(seen)
             for tile in tiles(frame, self.labels.tile, self.labels.overlap):
                 name = f"{source.name}_{frame.name}" if frame.name else source.name
                 name += f"_{tile.row}_{tile.column}" * (self.labels.tile is not None)
-                inside = [piece for piece in (clipped(each, tile, self.labels.smallest) for each in seen)
+                inside = [piece for piece in (clipped(whole, tile, self.labels.smallest) for whole in seen)
                           if piece and piece.shown >= self.labels.min_visible]
                 where = {"ping": frame.ping, "row": tile.row, "column": tile.column, **about,
                          **frame.metres(tile.row, tile.column)}
-                own = np.s_[tile.row:tile.row + tile.height, tile.column:tile.column + tile.width]
-                self._tile(name, picture[own], unheard[own], inside, where, subset)
+                part = np.s_[tile.row:tile.row + tile.height, tile.column:tile.column + tile.width]
+                self._tile(name, picture[part], shadow[part], inside, where, subset)
 
-    def _tile(self, name, picture, unheard, found, about, subset):
+    def _tile(self, name, picture, shadow, pieces, about, subset):
         if name in self.names:
-            raise ValueError(f"two pictures would both be called {name}; rename an EXR, or do them one after "
-                             "the other.")
-        if self.labels.drop_empty and not found:
+            raise ValueError(f"two pictures would both be named {name}; rename a file, or process them "
+                             "separately.")
+        if self.labels.drop_empty and not pieces:
             self.counts["empty"] += 1
             return
         self.names[name] = number = len(self.names) + 1
         write_png(picture, self.folder / "images" / f"{name}.png")
-        for each in found:
-            self.counts[f"{each.kind}s"] += 1
+        for piece in pieces:
+            self.counts[f"{piece.kind}s"] += 1
         height, width = picture.shape
         subset.images.append({"id": number, "file_name": f"{name}.png", "height": height, "width": width, **about})
         if self.labels.masks:
-            self._masks(name, unheard, found)
+            self._masks(name, shadow, pieces)
         if self.labels.yolo:
-            lines = [yolo.line(each, self.labels.yolo, self.numbers, height, width) + "\n" for each in found]
+            lines = [yolo.line(piece, self.labels.yolo, self.numbers, height, width) + "\n" for piece in pieces]
             (self.folder / "labels" / f"{name}.txt").write_text("".join(lines), encoding="utf-8")
         if self.labels.coco:
-            for each in found:
+            for piece in pieces:
                 self.annotated += 1
-                subset.entries.append(coco.entry(each, self.annotated, number, self.numbers))
+                subset.entries.append(coco.entry(piece, self.annotated, number, self.numbers))
 
-    def _masks(self, name, unheard, found):
-        masks = {kind: np.zeros(unheard.shape, np.uint16) for kind in MASKS}
-        masks["bed_shadow"][unheard] = 1
-        for each in (each for each in found if each.kind != WHOLE):
-            if max(each.label, self.numbers[each.category]) > MOST_INSTANCES:
-                raise ValueError(f"{name} has objects numbered up to {each.label}, and masks tell {MOST_INSTANCES} "
-                                 "apart; leave the masks out.")
-            height, width = each.mask.shape
-            where = (slice(each.row, each.row + height), slice(each.column, each.column + width))
-            masks["instance" if each.kind == HIGHLIGHT else "shadow"][where][each.mask] = each.label
-            masks["bed_shadow"][where][each.mask] = 0
-            if each.kind == HIGHLIGHT:
-                masks["class"][where][each.mask] = self.numbers[each.category]
+    def _masks(self, name, shadow, pieces):
+        masks = {kind: np.zeros(shadow.shape, np.uint16) for kind in MASKS}
+        masks["bed_shadow"][shadow] = 1
+        for piece in (piece for piece in pieces if piece.kind != WHOLE):
+            if max(piece.label, self.numbers[piece.category]) > MOST_INSTANCES:
+                raise ValueError(f"{name} has objects numbered up to {piece.label}, but masks hold at most "
+                                 f"{MOST_INSTANCES}; leave the masks out.")
+            height, width = piece.mask.shape
+            where = np.s_[piece.row:piece.row + height, piece.column:piece.column + width]
+            masks["instance" if piece.kind == HIGHLIGHT else "shadow"][where][piece.mask] = piece.label
+            masks["bed_shadow"][where][piece.mask] = 0
+            if piece.kind == HIGHLIGHT:
+                masks["class"][where][piece.mask] = self.numbers[piece.category]
         for kind, mask in masks.items():
             write_png(mask, self.folder / "masks" / kind / f"{name}.png")
 
     def summary(self, groups):
-        """Write what is said of all images; `groups` are those of each subset."""
+        """Write the files on all images; `groups` are those of each subset."""
         split, files = self.labels.split, {}
         bare = [name for name, subset in self.subsets.items() if not subset.images]
         if bare:
@@ -256,7 +257,7 @@ class _Writer:
             self._lists()
 
     def _lists(self):
-        """The lists of YOLO's subsets; one that it asks for and the split lacks is the first, which is said."""
+        """Write the lists of YOLO's subsets; the first replaces a required list that the split lacks, with a note."""
         for name, subset in self.subsets.items():
             text = "".join(f"./images/{image['file_name']}\n" for image in subset.images)
             (self.folder / f"{name}.txt").write_text(text, encoding="utf-8")
@@ -264,22 +265,22 @@ class _Writer:
         lacking, first = [name for name in ("train", "val") if name not in lists], next(iter(lists))
         if lacking:
             self.note = (f"{' and '.join(lacking)} of data.yaml {'is' if len(lacking) == 1 else 'are'} {first}.txt: "
-                         "what is trained on cannot validate; split the images (--split train=0.8,val=0.2).")
-        # programs that read it insist on both
+                         "training images cannot validate; split the images (--split train=0.8,val=0.2).")
+        # readers of the file require both
         lists = {"train": lists[first], "val": lists[first], **lists}
         (self.folder / "data.yaml").write_text(yolo.data_yaml(lists, self.numbers, self.note), encoding="utf-8")
 
 
 @contextlib.contextmanager
-def _whole(folder):
-    """A folder under another name that gets its own when the block succeeds, and vanishes if not."""
-    made = folder.with_name(f".{folder.name[:100]}.{secrets.token_hex(4)}")
+def _complete(folder):
+    """Yield a temporary folder that is renamed when the block succeeds, else removed."""
+    partial = folder.with_name(f".{folder.name[:100]}.{secrets.token_hex(4)}")
     try:
         with full_disk_said(folder):
-            made.mkdir()
-            yield made
+            partial.mkdir()
+            yield partial
             if folder.is_dir():
                 folder.rmdir()
-            made.rename(folder)
+            partial.rename(folder)
     finally:
-        shutil.rmtree(made, ignore_errors=True)
+        shutil.rmtree(partial, ignore_errors=True)

@@ -1,9 +1,9 @@
-"""Annotations as YOLO's text files: a line for each, numbers as shares of the picture's width and height.
+"""Annotations as YOLO text files: a line for each, in shares of the picture's width and height.
 
     boxes       class  x of the middle  y of the middle  width  height
-    polygons    class  x y  x y  ...        one ring; the pieces of an annotation are joined by lines without area
+    polygons    class  x y  x y  ...        one ring; double lines without area join the pieces of an annotation
 
-Classes count from 0. ``data.yaml`` names them and the lists of images; programs that read the format find the text of
+Classes count from 0. ``data.yaml`` has their names and the lists of images; readers expect the text of
 ``images/NAME.png`` in ``labels/NAME.txt``.
 """
 import json
@@ -18,7 +18,7 @@ FORMS = ("boxes", "polygons")
 
 
 def line(annotation: Annotation, form: str, numbers: Mapping[str, int], height: int, width: int) -> str:
-    """Return the line of one annotation."""
+    """Return the line of an annotation."""
     if form == "boxes":
         left, upper, wide, high = annotation.box
         values = np.array([left + wide / 2, upper + high / 2, wide, high]).reshape(2, 2) / [width, height]
