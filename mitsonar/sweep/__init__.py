@@ -1,4 +1,4 @@
-"""Sweeps: many renders of a scene, described by a plan, run to their end however often they are interrupted."""
+"""Sweeps: many renders of a scene by a plan, which an interrupted run completes when started again."""
 from mitsonar.device.lazy import attach
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

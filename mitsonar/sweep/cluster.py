@@ -1,11 +1,10 @@
-"""Renders on a Dask cluster: one that runs already, or workers started here for the sweep.
+"""Pool of renders on a Dask cluster: an existing cluster, or workers started here for the sweep.
 
-Dask carries jobs and answers; each of its workers has processes of its own that render, so that a render which ends its
-process costs no worker, and long kernels keep none from answering. Workers must see the same files as the runner.
+Dask transports jobs and answers. Each worker renders in separate processes, so that a crashed render costs no worker
+and long kernels do not block its replies. Workers must see the same files as the runner.
 
-Anyone who can talk to a scheduler or a worker can have it run any code. Those started here use TLS and accept only
-holders of a key that is made for the sweep and kept in memory. Dask cannot leave out their HTTP servers; these serve
-nothing.
+Whoever can connect to a scheduler or a worker can run any code on it. Those started here use TLS and accept only a key
+that is made for the sweep and kept in memory. Dask cannot omit their HTTP servers, which serve no pages.
 """
 import errno
 import logging
@@ -21,11 +20,11 @@ from .local import THREADS, shares
 if TYPE_CHECKING:
     import distributed
 
-PATIENCE = 60                      # seconds to wait for a scheduler, and for its first worker
-COUNT_SECONDS = 5.0                # how often to ask how many workers there are
-SEMAPHORES = " (if the disk is not full, /dev/shm may be, where their semaphores stand)"
-AHEAD = 2                          # jobs on their way for every one that runs
-_FREE = queue.SimpleQueue()        # of a Dask worker: renderers that wait for a job
+PATIENCE = 60                      # [s] to wait for a scheduler and its first worker
+COUNT_SECONDS = 5.0                # [s] between counts of workers
+SEMAPHORES = " (if the disk is not full, /dev/shm may be, which holds their semaphores)"
+AHEAD = 2                          # queued jobs per thread
+_FREE = queue.SimpleQueue()        # idle renderers of a Dask worker
 
 
 class Cluster:
@@ -39,19 +38,19 @@ class Cluster:
             raise ValueError('Dask is not installed: run pip install "mitsonar[cluster]", or sweep without --workers '
                              "and --scheduler") from None
 
-        self.place, self.folder, self._loud = place, folder, _hushed()
-        self._own: Any = None                          # what Dask gives is not declared well enough to be checked
+        self.place, self.folder, self._log_levels = place, folder, _silence()
+        self._own: Any = None                          # Dask lacks usable type annotations
         self._client: Any = None
         self._threads, self._counted, self._seen = 0, -COUNT_SECONDS, time.monotonic()
         try:
             if scheduler is None:
                 workers, self.threads = shares(workers, threads)
-                self._own = self._begin(distributed, workers)
+                self._own = self._local_cluster(distributed, workers)
                 self._client = distributed.Client(self._own, set_as_default=False)
             else:
                 self.threads = shares(1, threads or THREADS)[1]
                 self._client = self._connect(distributed, scheduler)
-            self._look()
+            self._check_folder()
         except BaseException:
             self.__exit__()
             raise
@@ -68,37 +67,37 @@ class Cluster:
             if self._own is not None:
                 self._own.close()
         finally:
-            for logger, level in self._loud:
+            for logger, level in self._log_levels:
                 logger.setLevel(level)
 
     @property
     def capacity(self) -> int:
-        """Jobs to have on their way; workers may come and go."""
+        """Return the number of jobs to keep submitted; workers may come and go."""
         if time.monotonic() - self._counted > COUNT_SECONDS:
             self._threads, self._counted = sum(self._client.nthreads().values()), time.monotonic()
             self._seen = self._counted if self._threads else self._seen
         return AHEAD * max(1, self._threads)
 
     def submit(self, job: dict[str, Any]) -> "distributed.Future":
-        """Send a job, and give the future of its answer."""
+        """Submit a job and return the future of its answer."""
         return self._client.submit(_render, job, self.threads, self.place, pure=False, retries=1)
 
     def check(self) -> None:
-        """Refuse to wait any longer for a cluster that is gone."""
+        """Raise `ValueError` if the scheduler or all workers are gone."""
         if self._client.status != "running":
-            raise ValueError("the Dask scheduler went away; what is done is kept: run the sweep again when it is back")
+            raise ValueError("the Dask scheduler is gone; finished renders are kept: run the sweep again later")
         if time.monotonic() - self._seen > PATIENCE and not self._threads:
-            raise ValueError(f"the Dask cluster has had no workers for {PATIENCE} seconds; what is done is kept: run "
-                             "the sweep again when it has")
+            raise ValueError(f"the Dask cluster has had no workers for {PATIENCE} seconds; finished renders are kept: "
+                             "run the sweep again when it has workers")
 
-    def _begin(self, distributed, workers):
+    def _local_cluster(self, distributed, workers):
         try:
             return _start(distributed, workers)
         except (OSError, RuntimeError) as error:
-            chain: list[BaseException] = [error]                   # Dask wraps what went wrong, more than once
+            chain: list[BaseException] = [error]                   # Dask wraps the cause more than once
             while (inner := chain[-1].__cause__ or chain[-1].__context__) is not None:
                 chain.append(inner)
-            error = next((one for one in chain if isinstance(one, OSError)), error)
+            error = next((cause for cause in chain if isinstance(cause, OSError)), error)
             raise ValueError(f"the Dask workers could not be started: {' '.join(str(error).split())[:300]}"
                              f"{SEMAPHORES if getattr(error, 'errno', None) == errno.ENOSPC else ''}; sweep without "
                              "--workers, or with --processes") from None
@@ -111,29 +110,29 @@ class Cluster:
             except BaseException:
                 client.close()
                 raise
-        except (OSError, ValueError, TypeError) as error:          # no such host, no such address, nobody there
-            what = " ".join(str(error).split())[:300]
-            raise ValueError(f"no Dask workers to be had at {scheduler}: {what}; give the address of a scheduler with "
-                             "workers, such as tcp://HOST:8786") from None
+        except (OSError, ValueError, TypeError) as error:          # no such host or address, or no reply
+            reason = " ".join(str(error).split())[:300]
+            raise ValueError(f"no Dask workers to be had at {scheduler}: {reason}; give the address of a scheduler "
+                             "with workers, such as tcp://HOST:8786") from None
         return client
 
-    def _look(self):
-        """Have every worker look for a file that was just written."""
-        name = os.path.join(self.folder, f".workers.{secrets.token_hex(4)}.exr")      # swept up as other leftovers
+    def _check_folder(self):
+        """Check that every worker sees a file that was just written."""
+        name = os.path.join(self.folder, f".workers.{secrets.token_hex(4)}.exr")      # removed like other leftovers
         with open(name, "w", encoding="utf-8"):
             pass
         try:
             seen = self._client.run(os.path.exists, name)
         finally:
             os.unlink(name)
-        blind = sorted(address for address, found in seen.items() if found is not True)
+        blind = sorted(address for address, exists in seen.items() if exists is not True)
         if blind:
             raise ValueError(f"the folder {self.folder} is not the same on the Dask workers ({blind[0]} does not see "
-                             "what is written there); give one by -o that all workers share")
+                             "a file written there); give a folder by -o that all workers share")
 
 
 def _start(distributed, workers):
-    """Start a scheduler and workers that nobody else on this machine can use, or read."""
+    """Start a scheduler and workers that no other user of this machine can use or read."""
     import dask.config
 
     with dask.config.set({"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}):
@@ -144,21 +143,21 @@ def _start(distributed, workers):
 
 
 def dask_setup(worker: "distributed.Worker") -> None:
-    """Called by Dask in every worker that was started here: Ctrl-C is the runner's business."""
+    """Ignore Ctrl-C in a worker, since the runner handles it; Dask calls this in workers started here."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _hushed():
-    """Silence Dask's loggers, and give their levels."""
+def _silence():
+    """Silence Dask's loggers and return their levels."""
     names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == "distributed"]
-    loud = [(logging.getLogger(name), logging.getLogger(name).level) for name in names]
-    for logger, _ in loud:
+    levels = [(logging.getLogger(name), logging.getLogger(name).level) for name in names]
+    for logger, _ in levels:
         logger.setLevel(logging.CRITICAL)
-    return loud
+    return levels
 
 
 def _render(job, threads, place):
-    """Run on a Dask worker: have a process render that waits for it, or a new one."""
+    """Render a job on a Dask worker, in an idle process or a new one."""
     from .renderer import Renderer
 
     try:
@@ -175,7 +174,7 @@ def _render(job, threads, place):
 
 
 def _release():
-    """Run on a Dask worker: end the processes that wait for a job."""
+    """End the idle processes of a Dask worker."""
     while True:
         try:
             _FREE.get_nowait().kill()

@@ -11,13 +11,12 @@ from mitsonar.device.files import FilePath
 
 from .execute import check_loading, default_folder, job, standing
 from .local import Local, cores, shares
-from .manifest import MANIFEST, read
+from .manifest import MANIFEST, read, versions
 from .plan import Plan, load_plan
-from .versions import versions
 
 TRIALS = 3
-ENOUGH_SECONDS = 30.0              # of trials, of which the first compiles,
-LONG_SECONDS = 300.0               # unless it alone lasts so long that compiling is a small part of it
+ENOUGH_SECONDS = 30.0              # [s]: longest time of trials, of which the first compiles
+LONG_SECONDS = 300.0               # [s]: a first trial longer than this suffices, as compiling is a small part of it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,54 +25,57 @@ class Estimate:
 
     folder: str
     total: int  # number of renders of the plan
-    missing: int  # number of renders that are not there yet
-    changed: int  # number of the missing whose image is there, from other parameters, files or versions
-    damaged: int  # number of the missing whose image is there with other content than was written
-    processes: int  # for which the estimate is made
-    threads: int  # likewise
-    at_once: int  # how many of the processes the cores bear
-    seconds: float | None  # mean of a render
-    bytes: float | None  # mean of a render
-    duration: float | None  # seconds of all that is missing
-    trials: int  # renders made to find out
-    free: int  # bytes free where the folder is
-    unplanned: list[str]  # outputs in the folder that the plan does not make
+    missing: int  # number of renders to make
+    changed: int  # number of the missing with an image from other parameters, files or versions
+    damaged: int  # number of the missing with an altered image
+    processes: int  # of the estimate
+    threads: int  # per process
+    at_once: int  # processes that the cores can run at a time
+    seconds: float | None  # mean per render
+    bytes: float | None  # mean per render
+    duration: float | None  # [s]: of all missing renders
+    trials: int  # renders made for the estimate
+    free: int  # [bytes]: on the disk of the folder
+    unplanned: list[str]  # outputs in the folder that the plan does not have
 
 
 def estimate(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int | None = None,
              threads: int | None = None, verify: bool = False, say: Callable[[str], None] | None = None) -> Estimate:
-    """Find out what a sweep will take, without writing into its folder."""
+    """Return an estimate of a sweep without writing into its folder."""
     plan = plan if isinstance(plan, Plan) else load_plan(plan)
     processes, threads = shares(processes, threads)
     folder = os.path.abspath(default_folder(plan) if folder is None else folder)
     made_by = versions()
-    now = standing(plan, folder, read(os.path.join(folder, MANIFEST))[0], made_by, verify=verify)
-    seconds, sizes, trials = now.seconds, now.bytes, 0
-    if now.missing and seconds:
-        with Local(1, threads, os.path.dirname(plan.path)) as one:
-            check_loading(one, plan, now.missing, made_by)
-    elif now.missing:
-        seconds, sizes = _try(plan, now.missing, threads, made_by, say or (lambda text: None))
+    state = standing(plan, folder, read(os.path.join(folder, MANIFEST))[0], made_by, verify=verify)
+    seconds, sizes, trials = state.seconds, state.bytes, 0
+    if state.missing and seconds:
+        with Local(1, threads, os.path.dirname(plan.path)) as pool:
+            check_loading(pool, plan, state.missing, made_by)
+    elif state.missing:
+        seconds, sizes = _try(plan, state.missing, threads, made_by, say or (lambda text: None))
         trials = len(sizes)
     at_once = max(1, min(processes, cores() // threads))
-    each, size = (sum(seconds) / len(seconds), sum(sizes) / len(sizes)) if now.missing else (None, None)
-    return Estimate(folder=folder, total=len(plan), missing=len(now.missing), changed=now.changed,
-                    damaged=now.damaged, processes=processes, threads=threads, at_once=at_once, seconds=each,
+    mean, size = (sum(seconds) / len(seconds), sum(sizes) / len(sizes)) if state.missing else (None, None)
+    existing = folder
+    while not os.path.exists(existing):
+        existing = os.path.dirname(existing)
+    return Estimate(folder=folder, total=len(plan), missing=len(state.missing), changed=state.changed,
+                    damaged=state.damaged, processes=processes, threads=threads, at_once=at_once, seconds=mean,
                     bytes=size, trials=trials,
-                    duration=None if each is None else each * math.ceil(len(now.missing) / at_once),
-                    free=shutil.disk_usage(_above(folder)).free, unplanned=now.unplanned)
+                    duration=None if mean is None else mean * math.ceil(len(state.missing) / at_once),
+                    free=shutil.disk_usage(existing).free, unplanned=state.unplanned)
 
 
 def _try(plan, missing, threads, made_by, say):
-    """Seconds and bytes of a few renders, over the plan; the first one loads and compiles, and does not count."""
+    """Return seconds and bytes of a few renders across the plan, without the first one's time, which compiles."""
     spread = dict.fromkeys(missing[k * (len(missing) - 1) // (TRIALS - 1)] for k in range(TRIALS))
     say("timing a render" if len(spread) == 1 else f"timing {len(spread)} renders")
     seconds, sizes, start = [], [], time.perf_counter()
     place = os.path.dirname(plan.path)
-    with tempfile.TemporaryDirectory(prefix="mitsonar-") as scratch, Local(1, threads, place) as one:
+    with tempfile.TemporaryDirectory(prefix="mitsonar-") as scratch, Local(1, threads, place) as pool:
         for index in spread:
             render = plan.render(index)
-            answer = one.submit(job(plan, render, scratch, made_by)).result()
+            answer = pool.submit(job(plan, render, scratch, made_by)).result()
             if answer.get("error"):
                 raise ValueError(f"render {index} ({render.output}) fails: {answer['error']}")
             seconds.append(answer["seconds"])
@@ -82,9 +84,3 @@ def _try(plan, missing, threads, made_by, say):
                 break
     return seconds[1:] or seconds, sizes
 
-
-def _above(folder):
-    """The folder, or the nearest above it that is there."""
-    while not os.path.exists(folder):
-        folder = os.path.dirname(folder)
-    return folder

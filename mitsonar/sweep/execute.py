@@ -1,8 +1,7 @@
-"""Run a sweep: what is missing is rendered, what happened is written down."""
+"""Runner of a sweep: makes missing renders and records every result in the manifest."""
 import array
 import contextlib
 import errno
-import hashlib
 import itertools
 import os
 import queue
@@ -17,15 +16,14 @@ from mitsonar.io.scene_files import scenes
 
 from .cluster import Cluster
 from .local import Local, shares
-from .manifest import LOCK, MANIFEST, Manifest, ManifestEntry, key, remove_leftovers
+from .manifest import LOCK, MANIFEST, Manifest, ManifestEntry, key, remove_leftovers, sha256, versions
 from .plan import Plan, Render, load_plan
-from .versions import versions
 
-ATTEMPTS = 2                       # of a render before it counts as failed
-LOOK_SECONDS = 5.0                 # how often to ask whether the workers are still there
-MOST_LISTED = 100                  # failures kept to be shown
+ATTEMPTS = 2                       # per render before it counts as failed
+LOOK_SECONDS = 5.0                 # [s] between checks of the workers
+MOST_LISTED = 100                  # failures kept for display
 UNPLANNED_SHOWN = 3
-MOST_REDRAWN = 20                  # times that a refused scene is drawn again
+MOST_REDRAWN = 20                  # draws of a refused scene
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,13 +33,15 @@ class Outcome:
     Attributes
     ----------
     folder : str
+        Folder of the images and the manifest.
     total, kept, done, failed : int
-        Renders of the plan; those that were there before, were made now, and could not be made.
+        Numbers of renders: in the plan, made before, made now, and failed.
     failures : tuple of (str, str)
-        Output and error of the first that failed.
+        Output and error of the first failures.
     seconds : float
+        Duration of the run.
     redrawn : int
-        How many of those made now have parameters that were drawn again.
+        Number of renders made now whose parameters were drawn again.
     """
 
     folder: str
@@ -56,18 +56,18 @@ class Outcome:
 
 @dataclass(frozen=True, kw_only=True)
 class Standing:
-    """Progress of a sweep."""
+    """State of a sweep before a run."""
 
-    missing: "array.array[int]"  # numbers of the renders to be made
-    changed: int  # how many of them are there, made of other parameters, files or versions
-    damaged: int  # how many of them are there, with another content than was written
-    seconds: list[float]  # of each render that is there
-    bytes: list[float]  # of each render that is there
-    unplanned: list[str]  # outputs that are there and done, of another plan or of this one before it was changed
+    missing: "array.array[int]"  # numbers of the renders to make
+    changed: int  # number of these with an image from other parameters, files or versions
+    damaged: int  # number of these with an altered image
+    seconds: list[float]  # of each finished render
+    bytes: list[float]  # of each finished render
+    unplanned: list[str]  # finished outputs of another plan, or of this one before a change
 
 
 def default_folder(plan: Plan) -> str:
-    """Return the folder a sweep goes into where none is named: in the plan's home, named as the plan is."""
+    """Return the default folder of a sweep: in the plan's home, named like the plan."""
     bare, suffix = os.path.splitext(os.path.join(plan.home, os.path.basename(plan.path)))
     return bare if suffix else f"{bare}_renders"
 
@@ -75,45 +75,46 @@ def default_folder(plan: Plan) -> str:
 def run(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int | None = None,
         threads: int | None = None, workers: int | None = None, scheduler: str | None = None, verify: bool = False,
         progress: Callable[[int, int, int], None] | None = None, say: Callable[[str], None] | None = None) -> Outcome:
-    """Render all of a plan that is not there yet.
+    """Make all missing renders of a plan.
 
     Parameters
     ----------
     plan : Plan, or str or path
+        Plan of the sweep, or its file.
     folder : str, path or None
-        Where files and manifest go; made if it is not there. Default: the plan's name without suffix.
+        Folder of images and manifest, made if missing. Default: the plan's name without suffix.
     processes : int or None
-        On this machine; default: as many as its cores bear.
+        Number of processes on this machine; default: as many as its cores can run.
     threads : int or None
-        Of each process, at least 2; default: the cores shared out.
+        Threads of each process, at least 2; default: an equal share of the cores.
     workers : int or None
-        Start a Dask cluster of this many workers here instead.
+        Number of workers of a Dask cluster to start here instead.
     scheduler : str or None
         Address of the scheduler of a Dask cluster to use instead; its workers must see the same files.
     verify : bool
-        Read every image that is there, and make those anew whose SHA-256 is not the one that was written down; their
-        size is compared always.
+        Compare the SHA-256 of every image with the manifest, and render altered ones again. Sizes are always compared.
     progress : callable(done, total, failed) or None
-        Told how many of the missing renders have ended.
+        Called after every render, with the number of missing renders as total.
     say : callable(str) or None
-        Told what a user should know beside the result.
+        Called with messages to the user.
 
     Returns
     -------
     Outcome
+        Numbers of renders and the failures.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        If the plan cannot be run, or somebody else runs it in this folder; nothing is rendered then.
+        If the plan cannot be run, or another process runs it in this folder; nothing is rendered then.
     OSError
-        If the disk is full; what is done is kept.
+        If the disk is full; finished renders are kept.
 
     Notes
     -----
-    The same plan gives the same bytes on one instruction set, whatever the number of processes and threads, and however
-    often it was interrupted; the manifest names the set of each render. A render that fails is tried once more, then
-    written down as failed, and tried again by the next run.
+    On one instruction set, the same plan gives the same bytes for any number of processes, threads and interruptions;
+    the manifest names the instruction set of each render. A failed render is tried once more, then recorded as failed,
+    and tried again by the next run.
     """
     start = time.perf_counter()
     plan = plan if isinstance(plan, Plan) else load_plan(plan)
@@ -122,42 +123,39 @@ def run(plan: Plan | FilePath, folder: FilePath | None = None, *, processes: int
     counts = shares(workers if processes is None else processes, threads)
     folder = os.path.abspath(default_folder(plan) if folder is None else folder)
     made_by, say, place = versions(), say or (lambda text: None), os.path.dirname(plan.path)
-    with _made(folder), Manifest(folder) as manifest:
+    with _created(folder), Manifest(folder) as manifest:
         remove_leftovers(_folders(plan, folder))
         if manifest.damaged:
             lines, are = ("line", "is") if manifest.damaged == 1 else ("lines", "are")
-            say(f"{manifest.damaged} damaged {lines} of {manifest.path} {are} passed over")
-        now = standing(plan, folder, manifest.entries, made_by, verify=verify)
-        if now.changed:
-            renders, were, are = ("render", "was", "is") if now.changed == 1 else ("renders", "were", "are")
-            say(f"{now.changed} {renders} in {folder} {were} made of other parameters, files or versions and {are} "
-                "made anew")
-        if now.damaged:
-            renders, have = ("render", "has") if now.damaged == 1 else ("renders", "have")
-            say(f"{now.damaged} {renders} in {folder} {have} another content than was written there, and "
-                f"{'is' if now.damaged == 1 else 'are'} made anew")
-        if now.unplanned:
-            say(unplanned_said(now.unplanned, folder))
+            say(f"{manifest.damaged} damaged {lines} of {manifest.path} {are} ignored")
+        state = standing(plan, folder, manifest.entries, made_by, verify=verify)
+        for count, fault in ((state.changed, "made from other parameters, files or versions"),
+                             (state.damaged, "altered after writing")):
+            if count:
+                renders, were, are = ("render", "was", "is") if count == 1 else ("renders", "were", "are")
+                say(f"{count} {renders} in {folder} {were} {fault} and {are} rendered again")
+        if state.unplanned:
+            say(unplanned_said(state.unplanned, folder))
         if manifest.fresh:
             _check_foreign(plan, folder)
-        runner = _Runner(plan, folder, manifest, now, made_by, progress)
-        if now.missing:
+        runner = _Runner(plan, folder, manifest, state.missing, made_by, progress)
+        if state.missing:
             try:
                 with (Local(*counts, place) if workers is None and scheduler is None else
                       Cluster(threads, place, folder, scheduler=scheduler, workers=workers)) as pool:
-                    if len(now.missing) == len(plan):
-                        check_loading(pool, plan, now.missing, made_by)
+                    if len(state.missing) == len(plan):
+                        check_loading(pool, plan, state.missing, made_by)
                     runner.run(pool)
             finally:
                 remove_leftovers(_folders(plan, folder))
-    return Outcome(folder=folder, total=len(plan), kept=len(plan) - len(now.missing), done=runner.done,
+    return Outcome(folder=folder, total=len(plan), kept=len(plan) - len(state.missing), done=runner.done,
                    failed=runner.failed, failures=tuple(runner.failures), seconds=time.perf_counter() - start,
                    redrawn=runner.redrawn)
 
 
 def standing(plan: Plan, folder: str, entries: Mapping[str, ManifestEntry], made_by: Mapping[str, str], *,
              verify: bool = False) -> Standing:
-    """Find out what is missing: all that the manifest does not call done, or whose files are not there as it says."""
+    """Return the state of a sweep; renders are missing unless their files exist and match the manifest."""
     missing, changed, damaged, seconds, sizes = array.array("l"), 0, 0, [], []
     others = {output for output, entry in entries.items() if entry.status == "ok"}
     for index in range(len(plan)):
@@ -171,7 +169,7 @@ def standing(plan: Plan, folder: str, entries: Mapping[str, ManifestEntry], made
         elif entry.key != key(render.parameters, render.seed, plan.inputs.digest(_texts(render)), made_by):
             missing.append(index)
             changed += 1
-        elif verify and _sha256(os.path.join(folder, render.output)) != entry.sha256:
+        elif verify and _digest(os.path.join(folder, render.output)) != entry.sha256:
             missing.append(index)
             damaged += 1
         else:
@@ -183,22 +181,22 @@ def standing(plan: Plan, folder: str, entries: Mapping[str, ManifestEntry], made
 
 
 def unplanned_said(outputs: Sequence[str], folder: str) -> str:
-    """Say that images are there which the plan does not make."""
+    """Return a warning about images in the folder that the plan does not have."""
     shown = ", ".join(outputs[:UNPLANNED_SHOWN]) + (", ..." if len(outputs) > UNPLANNED_SHOWN else "")
-    what = "1 image here belongs" if len(outputs) == 1 else f"{len(outputs)} images here belong"
-    return (f"{what} to no render of this plan: {shown}; labels and datasets of {folder} take them too: give this plan "
-            "another folder by -o if they should not")
+    images = "1 image here belongs" if len(outputs) == 1 else f"{len(outputs)} images here belong"
+    return (f"{images} to no render of this plan: {shown}; labels and datasets of {folder} include them. To exclude "
+            "them, give this plan another folder by -o")
 
 
 def job(plan: Plan, render: Render, folder: str | None, made_by: Mapping[str, str]) -> dict[str, Any]:
-    """Describe a render to whoever makes it; without a folder it is only loaded."""
+    """Return the job of a render for a worker; without a folder its scene is only loaded."""
     return {"scene": plan.scene, "parameters": _texts(render), "seed": render.seed, "versions": made_by,
             "folder": folder or os.path.dirname(plan.path), "output": render.output if folder else None,
             "preview": _preview(render) if plan.previews and folder else None}
 
 
 def check_loading(pool: Local | Cluster, plan: Plan, missing: Sequence[int], made_by: Mapping[str, str]) -> None:
-    """Refuse a sweep whose first and last scene cannot be loaded: then none can, as far as one can tell."""
+    """Raise `ValueError` if neither the first nor the last scene of a sweep can be loaded."""
     errors = []
     tries = range(1 + MOST_REDRAWN if plan.redraw else 1)
     for index, again in itertools.product(dict.fromkeys((missing[0], missing[-1])), tries):
@@ -210,16 +208,16 @@ def check_loading(pool: Local | Cluster, plan: Plan, missing: Sequence[int], mad
 
 
 class _Runner:
-    """Keeps a pool busy, and the manifest."""
+    """Loop that keeps a pool busy and writes the manifest."""
 
-    def __init__(self, plan, folder, manifest, now, made_by, progress):
-        self.plan, self.folder, self.manifest, self.missing, self.made_by = plan, folder, manifest, now.missing, made_by
+    def __init__(self, plan, folder, manifest, missing, made_by, progress):
+        self.plan, self.folder, self.manifest, self.missing, self.made_by = plan, folder, manifest, missing, made_by
         self.progress = progress or (lambda done, total, failed: None)
         self.done, self.failed, self.redrawn, self.failures = 0, 0, 0, []
         self._answers, self._running = queue.SimpleQueue(), {}
 
-    def run(self, pool):
-        """Render all that is missing."""
+    def run(self, pool: Local | Cluster) -> None:
+        """Make all missing renders."""
         to_do = iter(self.missing)
         while True:
             while len(self._running) < pool.capacity and (index := next(to_do, None)) is not None:
@@ -235,7 +233,7 @@ class _Runner:
 
     def _start(self, pool, index, attempt, redrawn=0):
         render = self.plan.render(index, redrawn)
-        digest = self.plan.inputs.digest(_texts(render))       # before it is rendered: a file that changes then is seen
+        digest = self.plan.inputs.digest(_texts(render))       # before the render, to detect later changes
         future = pool.submit(job(self.plan, render, self.folder, self.made_by))
         self._running[id(future)] = future, render, digest, attempt
         future.add_done_callback(self._answers.put)
@@ -244,7 +242,7 @@ class _Runner:
         _, render, digest, attempt = self._running.pop(id(future))
         answer = _answer(future)
         if answer.get("full"):
-            raise OSError(f"{answer['error']} The sweep stopped and keeps what is done; run it again then.")
+            raise OSError(f"{answer['error']} The sweep stopped and keeps finished renders; run it again afterwards.")
         if answer.get("refused") and self.plan.redraw and render.redrawn < MOST_REDRAWN:
             self._start(pool, render.index, 1, render.redrawn + 1)
             return
@@ -272,10 +270,10 @@ class _Runner:
 
 
 def _answer(future):
-    """The answer of a job, also where the pool itself failed it."""
+    """Return the answer of a job, or an answer with the error of the pool."""
     try:
         return future.result()
-    except Exception as error:     # of Dask: a worker lost again and again, or one that has no mitsonar
+    except Exception as error:     # from Dask: a worker lost repeatedly, or without mitsonar
         return {"error": f"{type(error).__name__}: {' '.join(str(error).split())}", "seconds": 0.0, "warnings": []}
 
 
@@ -295,25 +293,22 @@ def _is_there(folder, render, entry, previews):
     return False
 
 
-def _sha256(path):
-    with contextlib.suppress(OSError), open(path, "rb") as file:
-        digest = hashlib.sha256()
-        while block := file.read(1 << 20):
-            digest.update(block)
-        return digest.hexdigest()
+def _digest(path):
+    with contextlib.suppress(OSError):
+        return sha256(path)
     return ""
 
 
 def _folders(plan, folder):
-    """The folders that outputs go to."""
+    """Return the folders of all outputs."""
     if "/" not in plan.pattern.text:
         return [folder]
     return sorted({os.path.dirname(os.path.join(folder, plan.render(index).output)) for index in range(len(plan))})
 
 
 @contextlib.contextmanager
-def _made(folder):
-    """A folder to write into; what was made for it goes again if nothing came into it."""
+def _created(folder):
+    """Create a folder, and remove it and its new parents at the end if they stay empty."""
     new, above = [], folder
     while not os.path.exists(above):
         new.append(above)
@@ -331,15 +326,15 @@ def _made(folder):
         files.check_writable(os.path.join(folder, MANIFEST))
         yield
     finally:
-        with contextlib.suppress(OSError):             # something is in it
-            for made in new:
-                os.rmdir(made)
+        with contextlib.suppress(OSError):             # the folder is not empty
+            for created in new:
+                os.rmdir(created)
 
 
 def _check_foreign(plan, folder):
-    """Refuse to write over files that no sweep made."""
-    there = set(os.listdir(folder))
-    for index in range(len(plan) if there - {MANIFEST, LOCK} else 0):
+    """Raise `ValueError` if an output would replace a file that no manifest lists."""
+    foreign = set(os.listdir(folder)) - {MANIFEST, LOCK}
+    for index in range(len(plan) if foreign else 0):
         output = plan.render(index).output
         if os.path.exists(os.path.join(folder, output)):
             raise ValueError(f"{folder} holds {output}, but no manifest that knows it; move it away, or give another "

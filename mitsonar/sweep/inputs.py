@@ -1,7 +1,7 @@
-"""Inputs of a scene: its parameters, and the files it reads, known by their content.
+"""Inputs of a scene: its parameters, and the files it reads, identified by their content.
 
-Every string of a scene that names a file counts as one it reads: looked for beside the scene, then beside the plan,
-where the renders run. A folder stands for the files in it.
+Every string of a scene that names an existing file counts as an input. Files are searched beside the scene, then beside
+the plan, where the renders run. A folder stands for the files in it.
 """
 import hashlib
 import os
@@ -12,7 +12,7 @@ from mitsonar.device.spelling import meant
 from mitsonar.io.scene_files import scenes
 from mitsonar.plugins import attributes, reference
 
-from .manifest import MANIFEST
+from .manifest import MANIFEST, sha256
 from .values import shortened
 
 KINDS = {"float": "a number", "integer": "a whole number", "boolean": "true or false"}
@@ -22,7 +22,7 @@ MOST_FILES = 10_000                # in a folder
 
 
 class Inputs:
-    """The files of a scene."""
+    """Parameters and files of a scene."""
 
     def __init__(self, scene: str, place: str):
         self.scene, self.folders = scene, (os.path.dirname(scene), place)
@@ -31,14 +31,14 @@ class Inputs:
             self.known |= set(self._tree(path)[0])
 
     def check_names(self, names: Iterable[str]) -> None:
-        """Refuse parameters that the scene has not."""
+        """Raise `ValueError` for parameters that the scene lacks."""
         for name in names:
             if name not in self.known:
                 raise ValueError(f"the scene {os.path.basename(self.scene)} has no parameter {shortened(name)}"
                                  f"{meant(name, self.known)}; it has {', '.join(sorted(self.known)) or 'none'}")
 
     def check_files(self, columns: Mapping[str, tuple]) -> None:
-        """Refuse values that name files which are not there."""
+        """Raise `FileNotFoundError` for values that name missing files."""
         defaults = self._tree(self.scene)[1]
         for path in self._walk({}):
             for kind, attribute, template in self._tree(path)[2]:
@@ -55,12 +55,12 @@ class Inputs:
                                                     "beside the plan")
 
     def paths(self) -> set[str]:
-        """Return the names of the parameters that name files, as a set."""
+        """Return the names of the parameters that name files."""
         return {name for path in self._walk({}) for kind, attribute, template in self._tree(path)[2]
                 if type(self._files(kind).get(attribute)) is attributes.File for name in NAME.findall(template)}
 
     def check_kinds(self, columns: Mapping[str, tuple]) -> None:
-        """Refuse values that are no number, whole number, or true or false, where the scene takes only such."""
+        """Raise `ValueError` for values that do not fit the scene's numbers, whole numbers and booleans."""
         for path in self._walk({}):
             for element in scenes.root(path).iter():
                 sign, name = (element.get("value") or "")[:1], (element.get("value") or "")[1:]
@@ -72,32 +72,32 @@ class Inputs:
                                          f"{os.path.basename(path)} takes {KINDS[element.tag]}")
 
     def digest(self, values: Mapping[str, str]) -> str:
-        """Return a SHA-256 of all that a render reads, as hexadecimal digits."""
-        everything = hashlib.sha256()
+        """Return a SHA-256 of all inputs of a render, in hexadecimal."""
+        inputs = hashlib.sha256()
         for path in self._walk(values):
-            everything.update(f"scene {self._content(path)}\n".encode())
+            inputs.update(f"scene {self._content(path)}\n".encode())
             _, defaults, templates = self._tree(path)
             filled = {scenes.filled(template, {**defaults, **values}) for *_, template in templates}
             for name in sorted({part for text in filled for part in (text, *map(str.strip, text.split(",")))}):
-                found = self._find(name) if name else None
-                if found is not None:
-                    everything.update(f"{name} {self._content(found)}\n".encode())
-        return everything.hexdigest()
+                path_found = self._find(name) if name else None
+                if path_found is not None:
+                    inputs.update(f"{name} {self._content(path_found)}\n".encode())
+        return inputs.hexdigest()
 
     def _walk(self, values):
-        """Paths of the scene and of the files it includes, each once."""
+        """Return the paths of the scene and of the files it includes, each once."""
         paths = [self.scene]
         for path in paths:
             _, defaults, templates = self._tree(path)
             for _, attribute, template in templates:
                 if attribute == "include":
-                    found = self._find(scenes.filled(template, {**defaults, **values}))
-                    if found is not None and os.path.isfile(found) and found not in paths:
-                        paths.append(found)
+                    included = self._find(scenes.filled(template, {**defaults, **values}))
+                    if included is not None and os.path.isfile(included) and included not in paths:
+                        paths.append(included)
         return paths
 
     def _tree(self, path):
-        """Names of parameters, defaults, and (type of the object, attribute, text) of every string of an XML file."""
+        """Return parameter names, defaults, and (object type, attribute, text) of every string of an XML file."""
         if path not in self._trees:
             if os.path.getsize(path) > LARGEST_SCENE:
                 raise ValueError(f"the scene {path} has {os.path.getsize(path):,} bytes; give at most "
@@ -123,7 +123,7 @@ class Inputs:
         return self._trees[path]
 
     def _files(self, kind):
-        """Attributes of an object's type that name files."""
+        """Return the attributes of an object type that name files."""
         if kind not in self._kinds:
             self._kinds[kind] = reference.input_files(kind)
         return self._kinds[kind]
@@ -134,7 +134,7 @@ class Inputs:
         return next(filter(_is_input, (os.path.join(folder, name) for folder in self.folders)), None)
 
     def _content(self, path):
-        """SHA-256 of a file, or of all files in a folder; read anew where time or size have changed."""
+        """Return the SHA-256 of a file, or of all files in a folder; read again when time or size change."""
         if os.path.isdir(path):
             names = sorted(name for name in os.listdir(path) if os.path.isfile(os.path.join(path, name)))
             if len(names) > MOST_FILES:
@@ -143,21 +143,17 @@ class Inputs:
         stat = os.stat(path)
         known = self._digests.get(path)
         if known is None or known[0] != (stat.st_mtime_ns, stat.st_size):
-            with open(path, "rb") as file:
-                digest = hashlib.sha256()
-                while block := file.read(1 << 20):
-                    digest.update(block)
-            known = self._digests[path] = (stat.st_mtime_ns, stat.st_size), digest.hexdigest()
+            known = self._digests[path] = (stat.st_mtime_ns, stat.st_size), sha256(path)
         return known[1]
 
 
 def _is_kind(item, kind):
-    """Tell whether a value, written into a scene, can be read as that kind."""
+    """Return True if a value, as written into a scene, reads as a kind."""
     written = scenes.text("", item)
     if kind == "boolean":
         return written.lower() in ("true", "false")
     if kind == "float" and not written:
-        return True                                    # Mitsuba takes it
+        return True                                    # Mitsuba accepts it
     try:
         (int if kind == "integer" else float)(written)
     except ValueError:
@@ -166,5 +162,5 @@ def _is_kind(item, kind):
 
 
 def _is_input(path):
-    """A file, or a folder other than a sweep's own, which would change as it fills."""
+    """Return True for a file, or a folder that is not a sweep's own, whose content changes during the run."""
     return os.path.isfile(path) or (os.path.isdir(path) and not os.path.exists(os.path.join(path, MANIFEST)))

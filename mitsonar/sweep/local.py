@@ -1,4 +1,4 @@
-"""Renders on this machine, by as many processes as asked for."""
+"""Pool of rendering processes on this machine."""
 import os
 import queue
 from concurrent.futures import Future, ThreadPoolExecutor, wait
@@ -6,17 +6,17 @@ from typing import Any
 
 from .renderer import Renderer
 
-THREADS = 2                        # of a process where nothing is said: small renders gain most by more processes
+THREADS = 2                        # default per process: small renders gain most from more processes
 MOST_PROCESSES, MOST_THREADS = 1024, 1024
 
 
 def cores() -> int:
-    """Return the number of cores that processes of ours may use."""
+    """Return the number of cores that our processes may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def shares(processes: int | None, threads: int | None) -> tuple[int, int]:
-    """Return the number of processes, and of threads of each, where not told: all cores, shared out."""
+    """Return the numbers of processes and of threads per process; by default they share all cores."""
     if processes is None:
         processes = max(1, cores() // (threads or THREADS))
     if not 1 <= processes <= MOST_PROCESSES:
@@ -30,7 +30,7 @@ def shares(processes: int | None, threads: int | None) -> tuple[int, int]:
 
 
 class Local:
-    """A pool of processes on this machine; each loses no more than its own render when it dies."""
+    """Pool of processes on this machine; a process that dies loses only its own render."""
 
     def __init__(self, processes: int, threads: int, place: str):
         self.capacity = processes
@@ -45,20 +45,20 @@ class Local:
 
     def __exit__(self, *_):
         self._waiting.shutdown(wait=False, cancel_futures=True)
-        while True:                                    # one that is just being started is met the next time
+        while True:                                    # a process that is just starting is killed in the next round
             for renderer in self._renderers:
                 renderer.kill()
             if not wait(self._futures, timeout=0.1).not_done:
                 return
 
     def submit(self, job: dict[str, Any]) -> Future:
-        """Start a job, and give the future of its answer."""
+        """Submit a job and return the future of its answer."""
         self._futures = [future for future in self._futures if not future.done()]
         self._futures.append(self._waiting.submit(self._render, job))
         return self._futures[-1]
 
     def check(self) -> None:
-        """Nothing can be wrong before the first job is done."""
+        """Accept: a local pool needs no check."""
 
     def _render(self, job):
         renderer = self._free.get()

@@ -1,16 +1,17 @@
-"""Manifest of a sweep: ``manifest.jsonl`` in its folder, a line of JSON for every render that ended.
+"""Manifest of a sweep: ``manifest.jsonl`` in its folder, a line of JSON for every finished or failed render.
 
 Each line holds ``index``, ``output``, ``parameters``, ``seed``, ``inputs`` (SHA-256 of the scene and the files it
 reads), ``versions``, ``instruction_set`` (of the machine that rendered it), ``status`` ("ok" or "failed"),
-``attempts``, ``seconds``, ``bytes`` and ``sha256`` of the output, ``error``, and where there are any ``redrawn`` (how
-often its parameters were drawn again), ``classes``, ``preview`` and ``warnings``. The last line about an output counts.
+``attempts``, ``seconds``, ``bytes`` and ``sha256`` of the output, ``error``, and if present ``redrawn`` (number of
+repeated draws of its parameters), ``classes``, ``preview`` and ``warnings``. The last line about an output counts.
 
-Only who holds the folder's lock writes, a line in one piece. A line cut short (the machine went down, the disk was
-full) is none: readers pass over it, and the next writer cuts it off.
+Only the holder of the folder's lock writes, a line at a time. Readers ignore an incomplete line (after a power failure
+or on a full disk), and the next writer removes it.
 """
 import contextlib
 import datetime
 import hashlib
+import importlib.metadata
 import json
 import os
 import platform
@@ -20,15 +21,16 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from mitsonar.device.files import FULL, FilePath
+from mitsonar.version import __version__
 
 MANIFEST, LOCK = "manifest.jsonl", ".sweep.lock"
-LONGEST_LINE = 1 << 20             # bytes; no line of ours comes near
+LONGEST_LINE = 1 << 20             # bytes; lines of mitsonar are far shorter
 FLUSH_SECONDS = 5.0
-LEFTOVER = re.compile(r"\..+\.([0-9a-f]+-)?[0-9a-f]{8}\.(exr|png)", re.I)  # as `device.files.replacing` does
+LEFTOVER = re.compile(r"\..+\.([0-9a-f]+-)?[0-9a-f]{8}\.(exr|png)", re.I)  # as made by `device.files.replacing`
 
 
 class ManifestEntry(NamedTuple):
-    """Entry of one output in the manifest: its inputs and its result."""
+    """Entry of an output in the manifest: its inputs and its result."""
 
     key: bytes
     status: str
@@ -41,13 +43,28 @@ class ManifestEntry(NamedTuple):
 
 
 def key(parameters: Mapping[str, Any], seed: int, inputs: str, versions: Mapping[str, str]) -> bytes:
-    """Return 16 bytes that tell what a render is made of."""
-    made_of = json.dumps([parameters, seed, inputs, versions], sort_keys=True)
-    return hashlib.sha256(made_of.encode()).digest()[:16]
+    """Return 16 bytes that identify the inputs of a render."""
+    content = json.dumps([parameters, seed, inputs, versions], sort_keys=True)
+    return hashlib.sha256(content.encode()).digest()[:16]
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of mitsonar and its numerical libraries, which determine the bytes of a render."""
+    others = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit", "numpy")}
+    return {"mitsonar": __version__, **others}
+
+
+def sha256(path: FilePath) -> str:
+    """Return the SHA-256 of a file in hexadecimal."""
+    digest = hashlib.sha256()
+    with open(path, "rb") as file:
+        while block := file.read(1 << 20):
+            digest.update(block)
+    return digest.hexdigest()
 
 
 class Manifest:
-    """The manifest of a folder, held by one runner at a time."""
+    """Manifest of a folder, locked by one runner at a time."""
 
     def __init__(self, folder: str):
         self.path = os.path.join(folder, MANIFEST)
@@ -71,38 +88,34 @@ class Manifest:
         return self
 
     def __exit__(self, *_):
-        with contextlib.suppress(OSError):             # the lines are written; that is what counts here
+        with contextlib.suppress(OSError):             # the lines are written already
             os.fsync(self._file)
         os.close(self._file)
-        if self.fresh and not self._end:               # nothing was rendered: leave no trace
+        if self.fresh and not self._end:               # no render was made: remove both files
             os.unlink(self.path)
             os.unlink(os.path.join(os.path.dirname(self.path), LOCK))
         os.close(self._lock)
 
     def append(self, record: Mapping[str, Any]) -> None:
-        """Write a line, whole or not at all."""
+        """Write a complete line, or raise `OSError` and write none."""
         line = json.dumps(record, allow_nan=False).encode() + b"\n"
         try:
             written = os.pwrite(self._file, line, self._end)
-            while written < len(line):                 # a disk that fills up takes a part first, and says so next time
+            while written < len(line):                 # a full disk writes a part first and fails next time
                 written += os.pwrite(self._file, line[written:], self._end + written)
             if time.monotonic() - self._flushed > FLUSH_SECONDS:
                 os.fsync(self._file)
                 self._flushed = time.monotonic()
         except OSError as error:
             os.ftruncate(self._file, self._end)
-            raise OSError(error.errno, full(self.path, error)) from error
+            reason = FULL.get(error.errno or 0, error.strerror or str(error))
+            raise OSError(error.errno, f"cannot write {self.path}: {reason}; the sweep stopped and keeps finished "
+                          "renders: free some space and run it again") from error
         self._end += len(line)
 
 
-def full(path: str, error: OSError) -> str:
-    """Say why a file could not be written, and that nothing is lost."""
-    what = FULL.get(error.errno or 0, error.strerror or str(error))
-    return f"cannot write {path}: {what}; the sweep stopped and keeps what is done: free some space and run it again"
-
-
 def read(path: FilePath) -> tuple[dict[str, ManifestEntry], int, int]:
-    """Read a manifest."""
+    """Return the entries of a manifest by output, the number of damaged lines, and the length of complete lines."""
     entries, damaged, whole = {}, 0, 0
     if not os.path.exists(path):
         return entries, damaged, whole
@@ -110,7 +123,7 @@ def read(path: FilePath) -> tuple[dict[str, ManifestEntry], int, int]:
         while line := file.readline(LONGEST_LINE):
             if not line.endswith(b"\n"):
                 while len(line) == LONGEST_LINE and not line.endswith(b"\n"):
-                    line = file.readline(LONGEST_LINE)         # the rest of a line that is none of ours
+                    line = file.readline(LONGEST_LINE)         # skip the rest of an overlong line
                 if not line.endswith(b"\n"):
                     break
                 damaged, whole = damaged + 1, file.tell()
@@ -140,7 +153,7 @@ def _entry(record):
 
 
 def remove_leftovers(folders: Iterable[str]) -> None:
-    """Remove the unfinished files that killed renders left in these folders."""
+    """Remove the unfinished files of killed renders from folders."""
     for folder in folders:
         with contextlib.suppress(FileNotFoundError):
             for name in os.listdir(folder):
@@ -150,7 +163,7 @@ def remove_leftovers(folders: Iterable[str]) -> None:
 
 
 def _hold(folder):
-    """Lock the folder; the system frees it however we end."""
+    """Lock the folder; the system releases the lock when the process ends."""
     import fcntl
 
     path = os.path.join(folder, LOCK)
@@ -158,7 +171,7 @@ def _hold(folder):
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if not (os.path.exists(path) and os.path.samestat(os.fstat(lock), os.stat(path))):
-            os.close(lock)                             # whoever held it has just taken it away
+            os.close(lock)                             # the last holder has just removed it
             return _hold(folder)
     except BlockingIOError:
         holder = os.pread(lock, 1000, 0).decode(errors="replace").strip()
@@ -166,7 +179,7 @@ def _hold(folder):
         raise ValueError(f"the sweep in {folder} is being run by {holder or 'somebody else'}; wait until it ends, or "
                          "choose another folder by -o") from None
     since = datetime.datetime.now().astimezone().isoformat(" ", "seconds")
-    with contextlib.suppress(OSError):                 # on a full disk it is held all the same, only not told by whom
+    with contextlib.suppress(OSError):                 # on a full disk the lock holds without its text
         os.ftruncate(lock, 0)
         os.pwrite(lock, f"process {os.getpid()} on {platform.node()} since {since}\n".encode(), 0)
     return lock

@@ -1,4 +1,4 @@
-"""Names of a sweep's renders, made from a pattern such as ``{index:04}_{range}.exr``."""
+"""Names of a sweep's renders from a pattern such as ``{index:04}_{range}.exr``."""
 import os
 import re
 import string
@@ -7,15 +7,15 @@ from typing import Any
 
 from .values import shortened
 
-SPEC = re.compile(r"0?\d{0,2}(\.\d{1,2})?[defg]?")           # no width that fills the memory
+SPEC = re.compile(r"0?\d{0,2}(\.\d{1,2})?[defg]?")           # excludes huge widths
 NUMBER = re.compile(r"0?\d*d?")
-UNFIT = re.compile(r"[^\w.+=,-]+")                           # in a value; the pattern itself may make folders
-FOLDERS = re.compile(r"[^,]*/")                              # of one file, or of each of several
-LONGEST = 200                                                # bytes of a part: temporary names need some more
+UNFIT = re.compile(r"[^\w.+=,-]+")                           # not allowed in a value; only the pattern may make folders
+FOLDERS = re.compile(r"[^,]*/")                              # of a file, or of each of several
+LONGEST = 200                                                # bytes of a part; temporary names are longer
 
 
 class Pattern:
-    """A pattern of names with the parameters it uses."""
+    """Pattern of names, and the parameters it uses."""
 
     def __init__(self, text: str, known: Iterable[str], paths: Iterable[str] = ()):
         known = {"index", "seed", *known}
@@ -41,12 +41,12 @@ class Pattern:
         self.parameters = {field for _, field, *_ in self.parts if field is not None} - {"index", "seed"}
 
     def numbered(self) -> bool:
-        """Tell whether names differ by their index alone: it comes first, in digits, and none can follow."""
+        """Return True if the index makes names unique: it comes first and no digit can follow."""
         (_, field, spec, _), (after, *_) = self.parts[0], (*self.parts, ("",))[1]
         return field == "index" and NUMBER.fullmatch(spec or "") is not None and after[:1] not in (*string.digits, "")
 
     def name(self, index: int, seed: int, parameters: Mapping[str, Any]) -> str:
-        """Make the name of a render."""
+        """Return the name of a render."""
         values = {**parameters, "index": index, "seed": seed}
         values |= {name: FOLDERS.sub("", values[name]) for name in self.parameters & self.paths
                    if isinstance(values[name], str)}

@@ -1,9 +1,9 @@
-"""The plan of a sweep: a scene, the values of its parameters, and names for the renders, read from a TOML file.
+"""Plan of a sweep: a scene, values of its parameters and names of its renders, from a TOML file.
 
     renders = samples x seeds x rows of the table x length of the lists x grid
 
-in this order, the last parameter of the grid running fastest: more samples, or more rows where there is one sample and
-one seed, come after the renders that are there already.
+in this order, with the last parameter of the grid running fastest. More samples, or more rows with one sample and one
+seed, therefore follow the existing renders.
 """
 import itertools
 import math
@@ -22,27 +22,27 @@ from .values import Draw, axis, draw, random_bits, shortened, value, whole
 
 MOST_RENDERS = 1_000_000
 LARGEST_PLAN, LARGEST_TABLE = 10_000_000, 200_000_000           # bytes
-MOST_SEEDS = 1 << 32                                            # what `mitsonar.render` takes
+MOST_SEEDS = 1 << 32                                            # limit of `mitsonar.render`
 KEYS = ("scene", "output", "seed", "seeds", "samples", "previews", "redraw", "classes", "table", "set", "list", "grid",
         "draw")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Render:
-    """One render of a sweep.
+    """Render of a sweep.
 
     Attributes
     ----------
     index : int
-        Its number in the plan, from 0.
+        Number in the plan, from 0.
     output : str
-        Name of its file in the sweep's folder.
+        Name of the file in the sweep's folder.
     parameters : dict
         Values of the scene's parameters.
     seed : int
-        Of rays, speckle and noise.
+        Seed of rays, speckle and noise.
     redrawn : int
-        How often the plan's `redraw` parameters were drawn again.
+        Number of repeated draws of the plan's `redraw` parameters.
     """
 
     index: int
@@ -54,36 +54,36 @@ class Render:
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """A sweep as its plan describes it; ``len(plan)`` renders, ``plan.render(k)`` one of them.
+    """Plan of a sweep with ``len(plan)`` renders; ``plan.render(k)`` returns a render.
 
     Attributes
     ----------
     path, scene : str
         Absolute paths of plan and scene.
     home : str
-        The folder in which a sweep makes its own where none is named: the plan's, or for one that comes with mitsonar
-        the current one.
+        Parent of the default folder: the plan's folder, or for a plan that comes with mitsonar the current one.
     pattern : Pattern
-        Of the output's names.
+        Pattern of the names of outputs.
     seed : int
-        Of all draws, and of the renders' seeds.
+        Seed of all draws and of the seeds of renders.
     seeds : int or tuple of int
-        How many renders of every combination, or their seeds.
+        Number of renders of every combination, or their seeds.
     samples : int
-        How many draws of every combination.
+        Number of draws of every combination.
     previews : bool
-        Whether a PNG is made beside each file.
+        True to write a PNG beside each file.
     fixed : dict
-        Parameters with one value.
+        Parameters with a single value.
     table, lists, grid : dict of str to tuple
-        Parameters with many: columns of equal length twice, and what is crossed.
+        Parameters with several values: columns of equal length (table and lists), and crossed ones (grid).
     draws : dict of str to Draw
+        Parameters drawn at random.
     redraw : tuple of str
-        Those that are drawn again where their scene is refused, such as one whose targets find no room.
+        Parameters that are drawn again if the scene refuses them, for example if its targets do not fit.
     classes : tuple of str or None
-        Of objects, in the order in which labels number them.
+        Classes of objects in the order of their label numbers.
     inputs : Inputs
-        The scene's files.
+        Files of the scene.
     """
 
     path: str
@@ -107,22 +107,22 @@ class Plan:
         return self.samples * self._seeds() * math.prod(self._sizes())
 
     def render(self, index: int, redrawn: int = 0) -> Render:
-        """Return the render of a number, its `redraw` parameters drawn again `redrawn` times.
+        """Return the render ``index`` with its `redraw` parameters drawn again ``redrawn`` times.
 
         Raises
         ------
         IndexError
-            If there is none.
+            If the plan has no such render.
         ValueError
             If its values do not fit the pattern of names.
         """
         if not 0 <= index < len(self):
-            raise IndexError(f"render {index} was asked for, and the plan has {len(self)}")
+            raise IndexError(f"render {index} was asked for, but the plan has {len(self)} renders")
         sizes, rest, places = [self._seeds(), *self._sizes()], index, []
         for size in reversed(sizes):
             rest, place = divmod(rest, size)
             places.insert(0, place)
-        sample, (which, row, item, *crossed) = rest, places
+        sample, (repeat, row, item, *crossed) = rest, places
         combination = index % math.prod(sizes[1:])
         parameters = {**self.fixed, **{name: column[row] for name, column in self.table.items()},
                       **{name: column[item] for name, column in self.lists.items()},
@@ -130,8 +130,8 @@ class Plan:
                       **{name: drawn.at(random_bits(self.seed, name, combination, sample,
                                                     *(["again", redrawn] if redrawn and name in self.redraw else [])))
                          for name, drawn in self.draws.items()}}
-        seed = (random_bits(self.seed, "", combination, sample, which) % MOST_SEEDS if isinstance(self.seeds, int)
-                else self.seeds[which])
+        seed = (random_bits(self.seed, "", combination, sample, repeat) % MOST_SEEDS if isinstance(self.seeds, int)
+                else self.seeds[repeat])
         return Render(index=index, output=self.pattern.name(index, seed, parameters), parameters=parameters, seed=seed,
                       redrawn=redrawn)
 
@@ -139,13 +139,13 @@ class Plan:
         return self.seeds if isinstance(self.seeds, int) else len(self.seeds)
 
     def _sizes(self):
-        """Lengths of table, lists and every parameter of the grid."""
+        """Return the lengths of the table, the lists and every parameter of the grid."""
         first = [len(next(iter(columns.values()), (None,))) for columns in (self.table, self.lists)]
         return [*first, *map(len, self.grid.values())]
 
 
 def load_plan(path: FilePath) -> Plan:
-    """Read a plan, and check all that can be checked without rendering.
+    """Read a plan and check it as far as possible without rendering.
 
     Parameters
     ----------
@@ -155,13 +155,14 @@ def load_plan(path: FilePath) -> Plan:
     Returns
     -------
     Plan
+        Checked plan.
 
     Raises
     ------
     FileNotFoundError
-        If plan, scene, table or a file they name is not there.
+        If plan, scene, table or a file they name is missing.
     ValueError
-        If the plan is wrong; says which key, what it holds, and what belongs there.
+        If the plan is wrong; the message has the key, its value, and what belongs there.
     """
     shipped = _shipped(path)
     path = os.path.abspath(path if shipped is None else shipped)
@@ -173,7 +174,7 @@ def load_plan(path: FilePath) -> Plan:
 
 
 def _shipped(name):
-    """Path of the plan of that name that comes with mitsonar; None where a file is meant, or there is no such plan."""
+    """Return the path of a plan that comes with mitsonar, or None for a file or an unknown name."""
     if os.path.isfile(name) or os.path.dirname(name):
         return None
     name = os.fspath(name)
@@ -229,7 +230,7 @@ def _plan(path, place, home, given):
 
 
 def _names(given, key):
-    """Return the names that a list of the plan holds, () where it has none."""
+    """Return the names in a list of the plan; () without the list."""
     names = given.get(key, [])
     if not (isinstance(names, list) and all(isinstance(name, str) and name for name in names)
             and len(set(names)) == len(names)):
@@ -241,21 +242,21 @@ def _check_redraw(plan):
     for name in plan.redraw:
         if name not in plan.draws:
             raise ValueError(f"redraw names {shortened(name)}{meant(name, plan.draws)}, which is not drawn; give "
-                             f"parameters of [draw]: {', '.join(plan.draws) or 'none are there'}")
+                             f"parameters of [draw]: {', '.join(plan.draws) or 'it has none'}")
         if name in plan.pattern.parameters:
             raise ValueError(f"output holds the parameter {name}, which redraw may draw again; name files by "
                              "{index}")
 
 
 def _check_number(plan):
-    count = plan.samples * plan._seeds() * math.prod(plan._sizes())        # len() takes no numbers beyond 63 bits
+    count = plan.samples * plan._seeds() * math.prod(plan._sizes())        # len() is limited to 63 bits
     if count > MOST_RENDERS:
         many = f"{count:,}" if count < 1e15 else "over 1e15"
         raise ValueError(f"the plan makes {many} renders; make it at most {MOST_RENDERS:,}")
 
 
 def _check_output(plan):
-    """Refuse two renders of one name, also where a file system takes capitals for small letters."""
+    """Raise `ValueError` if two renders have one name, also for file systems that ignore case."""
     if plan.pattern.numbered() and not plan.pattern.parameters:
         return
     seen = {}
@@ -281,23 +282,23 @@ def _toml(path):
             return tomllib.load(file)
     except UnicodeDecodeError:
         raise ValueError(f"the plan {path} is not a text file; give a TOML file") from None
-    except (ValueError, RecursionError) as error:      # TOMLDecodeError, numbers and dates that do not exist
+    except (ValueError, RecursionError) as error:      # TOMLDecodeError, or impossible numbers and dates
         with open(path, "rb") as file:
             start = file.read(1000).lstrip(b"\xef\xbb\xbf \t\r\n")
         if start.startswith(b"<"):
             raise ValueError(f"{path} is XML, a scene perhaps; a plan is a TOML file that names its scene: "
                              'scene = "FILE.xml"') from None
-        what = "it is nested too deeply" if isinstance(error, RecursionError) else " ".join(str(error).split())
-        raise ValueError(f"cannot read the plan {path}: {what[:300]}") from None
+        reason = "it is nested too deeply" if isinstance(error, RecursionError) else " ".join(str(error).split())
+        raise ValueError(f"cannot read the plan {path}: {reason[:300]}") from None
 
 
-def _check_file(path, what, largest, wanted, otherwise=""):
+def _check_file(path, role, largest, wanted, otherwise=""):
     if not os.path.exists(path):
-        raise FileNotFoundError(f"the {what} {path} does not exist; give the path of {wanted}{otherwise}")
+        raise FileNotFoundError(f"the {role} {path} does not exist; give the path of {wanted}{otherwise}")
     if not os.path.isfile(path):
-        raise ValueError(f"the {what} {path} is no file; give the path of {wanted}")
+        raise ValueError(f"the {role} {path} is no file; give the path of {wanted}")
     if os.path.getsize(path) > largest:
-        raise ValueError(f"the {what} {path} has {os.path.getsize(path):,} bytes; give {wanted} of at most {largest:,}")
+        raise ValueError(f"the {role} {path} has {os.path.getsize(path):,} bytes; give {wanted} of at most {largest:,}")
 
 
 def _scene(name, place):
@@ -329,7 +330,7 @@ def _seeds(given):
 
 
 def _table(path, known):
-    """Columns of a CSV file by name, capitals as the scene has them; what reads as a number is one."""
+    """Return the columns of a CSV file by name, spelt as in the scene, with numbers where values read as such."""
     _check_file(path, "table", LARGEST_TABLE, "a CSV file")
     names, lines, rows = tables.records(path, "table")
     if len(set(names)) < len(names) or not all(names):
@@ -345,6 +346,7 @@ def _table(path, known):
 
 
 def _cell(text, where):
+    """Return a number if its usual spelling is the text, so that "007" stays text, or a boolean, or the text."""
     text = text.strip()
     for kind in (int, float):
         try:

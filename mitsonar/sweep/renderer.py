@@ -1,4 +1,4 @@
-"""A separate process that renders, seen from the process that starts it."""
+"""Handle of a separate process that renders."""
 import contextlib
 import json
 import os
@@ -13,15 +13,15 @@ START = ("import json, sys; sys.path[:] = json.loads(sys.argv[1]); from mitsonar
 
 
 class Renderer:
-    """Starts a process when there is something to do, and again when it has died."""
+    """Process that renders, started with the first job and again after it has died."""
 
     def __init__(self, threads: int, place: str):
         self.threads, self.place = threads, place
         self._process: subprocess.Popen[str] | None = None
-        self._errors: IO[bytes] | None = None          # what the process prints beside its answers
+        self._errors: IO[bytes] | None = None          # error output of the process
 
     def __call__(self, job: dict[str, Any]) -> dict[str, Any]:
-        """Do a job (a dict, see `mitsonar.sweep.worker`) and give the answer, which has an ``error`` if it failed."""
+        """Return the answer to a job (see `mitsonar.sweep.worker`), with ``error`` if it failed."""
         try:
             questions, answers = self._running()
             questions.write(json.dumps(job) + "\n")
@@ -34,28 +34,28 @@ class Renderer:
         return {"error": self._last_words(), "full": False, "seconds": 0.0, "warnings": []}
 
     def kill(self) -> None:
-        """End the process, whatever it does."""
+        """End the process immediately."""
         if self._process is not None:
             self._process.kill()
             self._process.wait()
             for stream in filter(None, (self._process.stdout, self._process.stdin, self._errors)):
-                with contextlib.suppress(OSError):     # a line that it did not take any more
+                with contextlib.suppress(OSError):     # an unread line
                     stream.close()
 
     def _running(self) -> tuple[IO[str], IO[str]]:
-        """Return the pipes to and from the process, which is started where there is none."""
+        """Return the pipes to and from the process, started if necessary."""
         if self._process is None or self._process.poll() is not None:
             self.kill()
             path = [os.path.abspath(entry) for entry in sys.path]
             self._errors = tempfile.TemporaryFile()
-            # in a session of its own, else the terminal's Ctrl-C reaches it
+            # a session of its own keeps the terminal's Ctrl-C away
             self._process = subprocess.Popen([sys.executable, "-c", START, json.dumps(path), str(self.threads)],
                                              stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors,
                                              text=True, cwd=self.place, start_new_session=True)
         return cast(IO[str], self._process.stdin), cast(IO[str], self._process.stdout)
 
     def _last_words(self):
-        """Say how the process ended, with the last line it printed."""
+        """Return an error on the end of the process, with its last line of output."""
         if self._process is None or self._errors is None:
             return "no process was started to render it"
         code = self._process.wait()

@@ -1,8 +1,8 @@
-"""The values a parameter takes in a sweep: written one by one, as a range, or drawn.
+"""Values of a parameter in a sweep: a list, a range, or random draws.
 
-A draw depends on the plan's seed, the parameter's name, and the numbers of combination and sample, nothing else: a
-SHA-256 of these gives a fraction u in (0, 1), and the inverse of the distribution its value. So no draw changes because
-others are added, and none depends on a library's generator.
+A draw depends only on the plan's seed, the parameter's name, and the numbers of combination and sample: their SHA-256
+gives a fraction u in (0, 1), and the inverse distribution the value. Adding parameters therefore changes no draw, and
+no draw depends on the generator of a library.
 """
 import bisect
 import hashlib
@@ -15,21 +15,21 @@ from typing import Any, TypeGuard
 
 MOST_VALUES = 1_000_000
 LONGEST_TEXT = 1000
-LARGEST_WHOLE = 1 << 53            # what every reader of JSON keeps exactly
-DIGITS = 12                        # of what is computed here: enough for any sonar, and no 0.30000000000000004
+LARGEST_WHOLE = 1 << 53            # exact in every reader of JSON
+DIGITS = 12                        # of computed values: ample for a sonar, and avoids 0.30000000000000004
 
 
 @dataclass(frozen=True, kw_only=True)
 class Draw:
     """Distribution of a parameter."""
 
-    what: str  # as the plan says it
-    at: Callable[[int], Any]  # the value for a whole number of 256 random bits
-    choices: tuple = ()  # all values there are, empty where they are numbers of a distribution
+    what: str  # its name in the plan
+    at: Callable[[int], Any]  # value for an integer of 256 random bits
+    choices: tuple = ()  # all possible values; empty for continuous distributions and integers
 
 
 def value(given: object, where: str) -> Any:
-    """Check one value of a parameter: a number, true or false, a text, or a list of numbers, which becomes a tuple."""
+    """Return a checked value: a number, true or false, a text, or a list of numbers as a tuple."""
     if isinstance(given, bool):
         return given
     if isinstance(given, (int, float)):
@@ -44,7 +44,7 @@ def value(given: object, where: str) -> Any:
 
 
 def axis(given: object, where: str) -> tuple:
-    """Return the values of a list or a range ``{from, to, count or step, scale}`` as a tuple."""
+    """Return the values of a list or of a range ``{from, to, count or step, scale}``."""
     if isinstance(given, dict):
         return _range(given, where)
     if not isinstance(given, list) or not given:
@@ -55,7 +55,7 @@ def axis(given: object, where: str) -> tuple:
 
 
 def draw(given: object, where: str) -> Draw:
-    """Return how a parameter is drawn: ``{ uniform = [low, high] }`` and so on."""
+    """Return the distribution of a parameter from ``{ uniform = [low, high] }`` and the like."""
     kinds = [name for name in given if name in DISTRIBUTIONS] if isinstance(given, dict) else []
     if not isinstance(given, dict) or len(kinds) != 1:
         raise ValueError(f"{where} is {shortened(given)}; give one of {', '.join(DISTRIBUTIONS)}, "
@@ -69,38 +69,38 @@ def draw(given: object, where: str) -> Draw:
 
 def fraction(bits: int) -> float:
     """Return a number above 0 and below 1 for 256 random bits."""
-    return ((bits >> 204) + 0.5) / (1 << 52)           # with one bit more the largest would round to 1
+    return ((bits >> 204) + 0.5) / (1 << 52)           # one bit more would round the largest to 1
 
 
 def random_bits(*parts: object) -> int:
-    """Return 256 bits that depend on the parts and look random."""
+    """Return 256 pseudo-random bits that depend only on the parts."""
     return int.from_bytes(hashlib.sha256("/".join(map(str, parts)).encode()).digest(), "big")
 
 
 def number(given: object, where: str) -> int | float:
-    """Check a finite number."""
+    """Return a finite number; `ValueError` for other values."""
     if not _is_number(given):
         raise ValueError(f"{where} is {shortened(given)}; give a number")
     return _finite(given, where)
 
 
 def whole(given: object, where: str, low: int, high: int) -> int:
-    """Check a whole number from low to high."""
+    """Return a whole number from low to high; `ValueError` for other values."""
     if isinstance(given, bool) or not isinstance(given, int) or not low <= given <= high:
         raise ValueError(f"{where} is {shortened(given)}; give a whole number from {low} to {high}")
     return given
 
 
 def shortened(given: object) -> str:
-    """Write what was given, no longer than a sentence bears."""
+    """Return a value as text for an error message, shortened if long."""
     if isinstance(given, (dict, list)) and len(given) > 20:
         return f"a {'table' if isinstance(given, dict) else 'list'} of {len(given)}"
     if isinstance(given, int) and not isinstance(given, bool) and abs(given) >= 1 << 200:
-        return f"a number of {given.bit_length()} bits"            # Python refuses to write the longest
+        return f"a number of {given.bit_length()} bits"            # Python cannot print the longest integers
     try:
         written = repr(given)
     except ValueError:
-        written = "something with a number too long to write"
+        written = "a value with a number too long to print"
     return written if len(written) <= 100 else written[:97] + "..."
 
 
@@ -133,7 +133,7 @@ def _range(given, where):
 
 
 def _tidy(computed, *given):
-    """Round; a whole number where all that were given are whole."""
+    """Return a rounded number, as an integer if it and all given numbers are integers."""
     computed = _rounded(computed)
     return int(computed) if computed.is_integer() and all(isinstance(item, int) for item in given) else computed
 
@@ -181,7 +181,7 @@ def _choice(given, where, weights=None):
     if min(weights) < 0 or not 0 < total < math.inf:
         raise ValueError(f"{where} has the weights {shortened(weights)}; give numbers of at least 0, not all 0")
     ends = [end / total for end in itertools.accumulate(weights)]
-    last = max(k for k, weight in enumerate(weights) if weight > 0)     # where rounding leaves the ends short of 1
+    last = max(k for k, weight in enumerate(weights) if weight > 0)     # if rounding keeps the ends below 1
 
     def chosen(bits):
         return choices[min(bisect.bisect_right(ends, fraction(bits)), last)]
@@ -193,12 +193,12 @@ DISTRIBUTIONS = {"uniform": _uniform, "log_uniform": _log_uniform, "normal": _no
                  "integer": _integer}
 
 
-def _pair(given, where, what, ordered=True):
+def _pair(given, where, meaning, ordered=True):
     if not (isinstance(given, list) and len(given) == 2 and all(map(_is_number, given))):
-        raise ValueError(f"{where} is {shortened(given)}; give two numbers, {what}")
+        raise ValueError(f"{where} is {shortened(given)}; give two numbers, {meaning}")
     first, second = (_finite(item, where) for item in given)
     if ordered and not first < second:
-        raise ValueError(f"{where} is from {first} to {second}; give {what}, in this order")
+        raise ValueError(f"{where} is from {first} to {second}; give {meaning}, in this order")
     return first, second
 
 

@@ -1,7 +1,7 @@
-"""The process that renders for a sweep: jobs come in as lines of JSON, results go out the same way.
+"""Process that renders for a sweep, with jobs and answers as lines of JSON.
 
-It builds every scene from its files, writes the image itself, and ends when the process that started it ends, for
-whatever reason, or when it has had no job for long.
+The process loads every scene from its files and writes the image. It ends when the process that started it ends, for
+any reason, or after a long time without a job.
 """
 import hashlib
 import json
@@ -19,14 +19,14 @@ MOST_WARNINGS = 10
 
 
 class _Refused(ValueError):
-    """A scene that its parameters do not allow: other values might."""
+    """Error of a scene that refuses its parameters; other values may work."""
 
 
 def main(threads: int) -> NoReturn:
-    """Serve until standard input ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)       # Ctrl-C is the runner's business
+    """Answer jobs until standard input ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)       # the runner handles Ctrl-C
     replies = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)                                      # what libraries print must not come between
+    os.dup2(2, 1)                                      # keeps output of libraries apart
     jobs = queue.Queue()
     threading.Thread(target=_listen, args=(jobs,), daemon=True).start()
     while True:
@@ -41,11 +41,11 @@ def main(threads: int) -> NoReturn:
 def _listen(jobs):
     for line in sys.stdin:
         jobs.put(json.loads(line))
-    os._exit(0)                                        # in the middle of a render too: nobody waits for it
+    os._exit(0)                                        # also during a render, since no process awaits it
 
 
 def _answer(job, threads):
-    """Do a job; errors are answers too."""
+    """Return the answer to a job, or its error."""
     from mitsonar.device.files import FULL
     from mitsonar.device.sentences import sentence
 
@@ -57,22 +57,22 @@ def _answer(job, threads):
         except (ValueError, OSError, MemoryError) as error:
             answer = {"error": sentence(error), "full": isinstance(error, OSError) and error.errno in FULL,
                       "refused": isinstance(error, _Refused)}
-        except Exception as error:                     # whatever it is stops this render, not the sweep
+        except Exception as error:                     # other errors end this render, not the sweep
             answer = {"error": f"{type(error).__name__}: {sentence(error)}", "full": False}
-    said = list(dict.fromkeys(" ".join(str(one.message).split()) for one in caught
-                              if issubclass(one.category, UserWarning)))
-    return {**answer, "seconds": round(time.perf_counter() - start, 3), "warnings": said[:MOST_WARNINGS]}
+    messages = list(dict.fromkeys(" ".join(str(warning.message).split()) for warning in caught
+                                  if issubclass(warning.category, UserWarning)))
+    return {**answer, "seconds": round(time.perf_counter() - start, 3), "warnings": messages[:MOST_WARNINGS]}
 
 
 def _do(job, threads):
-    from .versions import versions
+    from .manifest import versions
 
     if job["versions"] != (ours := versions()):
-        raise ValueError(f"where it was to be rendered are other versions, {ours}, than where the sweep was started, "
-                         f"{job['versions']}; install the same on both")
+        raise ValueError(f"the worker has other versions, {ours}, than the sweep, {job['versions']}; install the same "
+                         "versions on both machines")
     if not os.path.isdir(job["folder"]):
-        raise ValueError(f"the folder {job['folder']} is not there where it was to be rendered; give one by -o that "
-                         "all workers see")
+        raise ValueError(f"the folder {job['folder']} is not there on the worker; give a folder by -o that all "
+                         "workers see")
     _set_up(threads)
     from mitsonar import load_file, render
     from mitsonar.io.records import exr

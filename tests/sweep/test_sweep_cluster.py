@@ -80,4 +80,4 @@ def test_workers_that_cannot_be_started_are_one_sentence(monkeypatch, tmp_path):
         Cluster(2, str(tmp_path), str(tmp_path), workers=1)
     assert str(caught.value) == (
         "the Dask workers could not be started: [Errno 28] No space left on device (if the disk is not full, /dev/shm "
-        "may be, where their semaphores stand); sweep without --workers, or with --processes")
+        "may be, which holds their semaphores); sweep without --workers, or with --processes")

@@ -152,8 +152,8 @@ def test_only_what_is_missing_or_changed_is_made_anew(sweep):
     assert sweep().done == 2
     said = []
     assert sweep(text=PLAN.replace("60]", "61]"), say=said.append).done == 4
-    assert said == [f"4 renders in {sweep.folder / 'out'} were made of other parameters, files or versions and are "
-                    "made anew"]
+    assert said == [f"4 renders in {sweep.folder / 'out'} were made from other parameters, files or versions and "
+                    "are rendered again"]
     (sweep.folder / "scene.xml").write_text(TEXT + "<!-- other -->", encoding="utf-8")
     assert sweep(text=PLAN.replace("60]", "61]")).done == 12
 
@@ -165,7 +165,7 @@ def test_images_of_another_content_are_made_anew_when_asked_for(sweep):
     image.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))         # as long as before
     assert (sweep().done, sweep.pool.jobs) == (0, 0)
     assert sweep(verify=True, say=said.append).done == 1
-    assert said == [f"1 render in {sweep.folder / 'out'} has another content than was written there, and is made anew"]
+    assert said == [f"1 render in {sweep.folder / 'out'} was altered after writing and is rendered again"]
     assert image.read_bytes() == whole
     assert sweep(verify=True).done == 0
 
@@ -176,9 +176,9 @@ def test_one_of_a_kind_is_told_as_one(sweep):
     with (sweep.folder / "out" / "manifest.jsonl").open("a", encoding="utf-8") as file:
         file.write("no line\n")
     sweep(text=one.replace("1", "2"), say=said.append)
-    assert said == [f"1 damaged line of {sweep.folder / 'out' / 'manifest.jsonl'} is passed over",
-                    f"1 render in {sweep.folder / 'out'} was made of other parameters, files or versions and is made "
-                    "anew"]
+    assert said == [f"1 damaged line of {sweep.folder / 'out' / 'manifest.jsonl'} is ignored",
+                    f"1 render in {sweep.folder / 'out'} was made from other parameters, files or versions and is "
+                    "rendered again"]
 
 
 def test_images_of_an_earlier_plan_are_told(sweep):
@@ -246,7 +246,7 @@ def test_however_often_it_is_stopped_the_end_is_the_same(sweep, trouble):
 
 
 def test_a_full_disk_stops_it_in_a_sentence_and_loses_nothing(sweep, monkeypatch):
-    with pytest.raises(OSError, match="no good. The sweep stopped and keeps what is done"):
+    with pytest.raises(OSError, match="no good. The sweep stopped and keeps finished renders"):
         sweep(trouble={6: "full"})
     assert len(left(sweep.folder / "out")[1]) >= 1
     write, calls = os.pwrite, []
@@ -260,7 +260,7 @@ def test_a_full_disk_stops_it_in_a_sentence_and_loses_nothing(sweep, monkeypatch
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(manifest.os, "pwrite", fills_up)
-    with pytest.raises(OSError, match="the disk is full; the sweep stopped and keeps what is done") as caught:
+    with pytest.raises(OSError, match="the disk is full; the sweep stopped and keeps finished renders") as caught:
         sweep()
     assert caught.value.errno == errno.ENOSPC and len(calls) == 6
     monkeypatch.undo()
