@@ -3,8 +3,8 @@
     alpha = A1 P1 f1 f^2 / (f^2 + f1^2) + A2 P2 f2 f^2 / (f^2 + f2^2) + A3 P3 f^2      (alpha in dB/km, f in kHz)
 
 f -> ``frequency`` [Hz], T -> ``temperature`` [deg C], S -> ``salinity`` [g/kg], D -> ``depth`` [m], pH -> ``ph``.
-Ainslie and McColm shortened the three terms; Thorp's law keeps f alone, for one kind of water. All hold along a path by
-integrating over its depths; over a few tens of metres the mean depth will do.
+Ainslie and McColm shortened the three terms; Thorp's law depends on f only, for one kind of water. The loss along a
+path is the integral over its depths; over a few tens of metres, the value at the mean depth suffices.
 """
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ def francois_garrison_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, sa
     Raises
     ------
     ValueError
-        If an argument is not finite or outside ``water.ranges.RANGES``; the value is named.
+        If an argument is not finite or outside ``water.ranges.RANGES``.
 
     Notes
     -----
     Francois and Garrison (1982), J. Acoust. Soc. Am. 72, 896 and 1879. Within 5 % for 10..500 kHz, -2..22 deg C,
-    30..35 g/kg and 0..3.5 km; in use for 0.2..1000 kHz. At 20 deg C the water term steps by 0.05 %.
+    30..35 g/kg and 0..3.5 km; in use for 0.2..1000 kHz. At 20 deg C the water term jumps by 0.05 %.
     """
     f, t, s, d, ph = _checked(frequency, temperature, salinity, depth, ph)
     c = 1412 + 3.21 * t + 1.19 * s + 0.0167 * d
@@ -66,7 +66,7 @@ def francois_garrison_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, sa
 
 def ainslie_mccolm_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, salinity: ArrayLike = 35.0,
                       depth: ArrayLike = 0.0, ph: ArrayLike = 8.0) -> np.ndarray:
-    """Return the absorption of seawater by Ainslie and McColm; arguments and errors as `francois_garrison_db`.
+    """Return the absorption of seawater by Ainslie and McColm; for arguments and errors see `francois_garrison_db`.
 
     Returns
     -------
@@ -89,18 +89,18 @@ def ainslie_mccolm_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, salin
 
 def thorp_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, salinity: ArrayLike = 35.0, depth: ArrayLike = 0.0,
              ph: ArrayLike = 8.0) -> np.ndarray:
-    """Return the absorption of seawater by Thorp; arguments and errors as `francois_garrison_db`.
+    """Return the absorption of seawater by Thorp; for arguments and errors see `francois_garrison_db`.
 
     Returns
     -------
     array [dB/m]
-        In the shape of all arguments together, though it changes with ``frequency`` only.
+        Depends on ``frequency`` only, but has the shape to which all arguments broadcast.
 
     Notes
     -----
     Thorp (1967), J. Acoust. Soc. Am. 42, 270, in the form of Jensen, Kuperman, Porter and Schmidt, *Computational
-    Ocean Acoustics*: water of about 4 deg C at about 1 km, meant for below 50 kHz. In other water it is off by tens of
-    per cent, in fresh water at 100 kHz by a factor of 11; it is here to repeat what was computed with it.
+    Ocean Acoustics*: water of about 4 deg C at about 1 km, below 50 kHz. In other water it errs by tens of
+    per cent, in fresh water at 100 kHz by a factor of 11; it serves to repeat earlier computations.
     """
     f, *others = _checked(frequency, temperature, salinity, depth, ph)
     f = np.broadcast_arrays(f, *others)[0]
@@ -113,7 +113,7 @@ FORMULAS: dict[str, Callable[..., np.ndarray]] = {
 
 def absorption_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, salinity: ArrayLike = 35.0,
                   depth: ArrayLike = 0.0, ph: ArrayLike = 8.0, formula: str = "francois-garrison") -> np.ndarray:
-    """Return the absorption of seawater by the formula of a name.
+    """Return the absorption of seawater by a named formula.
 
     Parameters
     ----------
@@ -123,9 +123,9 @@ def absorption_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, salinity:
     depth : array [m]
         Positive down.
     ph : array [-]
-        These five broadcast.
+        All arrays broadcast.
     formula : str
-        Of `FORMULAS`: "francois-garrison", "ainslie-mccolm" or "thorp".
+        Key of `FORMULAS`: "francois-garrison", "ainslie-mccolm" or "thorp".
 
     Returns
     -------
@@ -134,11 +134,11 @@ def absorption_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, salinity:
     Raises
     ------
     ValueError
-        If the formula is unknown, or a value is not finite or outside ``water.ranges.RANGES``; it is named.
+        If the formula is unknown, or a value is not finite or outside ``water.ranges.RANGES``.
 
     Notes
     -----
-    Sources, and what each formula was fitted to: `francois_garrison_db`, `ainslie_mccolm_db`, `thorp_db`.
+    For sources and ranges see `francois_garrison_db`, `ainslie_mccolm_db` and `thorp_db`.
 
     Examples
     --------
@@ -149,7 +149,7 @@ def absorption_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, salinity:
 
 
 def _relaxation(f: np.ndarray, f_relax: Real) -> np.ndarray:
-    # f_relax = 0 (no salt) and f = 0 both mean no loss, also together.
+    # f_relax = 0 (no salt) and f = 0 give no loss, also together
     return f_relax * f**2 / np.maximum(f**2 + f_relax**2, np.finfo(float).tiny)
 
 

@@ -12,8 +12,7 @@ ABSORPTION_STEPS = 1024
 
 
 class Absorption:
-    """Two-way absorption on the device; see `water.column` for the equation."""
-    # deepest [m]; top [m]; depth (S,) [m]; table (S, 4)
+    """Table of integrals (S, 4) at depths (S,) [m] from ``top`` to ``deepest`` [m], on the device."""
 
     def __init__(self, column: AbsorptionColumn, profile: SoundSpeedProfile, deepest: float, like: DrJitArray | type,
                  top: float = 0.0):
@@ -31,11 +30,11 @@ class Absorption:
         """Return the loss 2 ᾱ L [dB] between depths z0 and z1 [m]; float32 arrays."""
         a, b = self._at(z0), self._at(z1)
         apart = z1 - z0
-        far = abs(apart) > 0.5                              # nearer, float32 differences are worse than α itself
+        far = abs(apart) > 0.5                              # over less, float32 differences are worse than α itself
         per_metre = dr.select(far, 1 / dr.select(far, apart, 1), 0)
         mean, mean_product, e = ((b[i] - a[i]) * per_metre for i in range(3))
         square = ray_parameter * ray_parameter * self.c2
-        flat = dr.maximum(1 - square * (1 + e), 0.01)       # about to turn: the expansion ends here
+        flat = dr.maximum(1 - square * (1 + e), 0.01)       # near turning, the expansion fails
         mean += 0.5 * square / flat * (mean_product - mean * e)
         mean = dr.select(far, mean, 0.5 * (a[3] + b[3]))
         return 2 * mean * arc_length

@@ -1,14 +1,14 @@
-"""Absorption along refracted paths, from integrals over depth that are made once.
+"""Absorption along refracted paths, from integrals over depth that are computed once.
 
-A ray spends more of its arc where it runs flatter. With s² = 1 - p² c², the mean absorption along the arc is expanded
+A ray has more arc length where it runs flatter. With s² = 1 - p² c², the mean absorption along the arc is expanded
 about the mean of c² over depth, <·> the mean over depth between the two ends and e = c²/c_r² - 1:
 
     ᾱ = ∫ α dz/s / ∫ dz/s ≈ <α> + κ (<α e> - <α> <e>),   κ = p² c_r² / (2 (1 - p² c_r² (1 + <e>)))
     two-way loss = 2 ᾱ L
 
 α -> ``absorption_db`` [dB/m], p ray parameter, L arc length. Exact where α is constant. Through a strong summer
-thermocline at 400 kHz (94 to 110 dB/km), from 2 to 40 m deep, κ takes the two-way error from 0.59 to 0.26 dB at 5
-degrees of grazing (237 m), from 0.16 to 0.04 dB at 10 degrees (170 m); at 100 kHz it leaves 0.03 and 0.005 dB.
+thermocline at 400 kHz (94 to 110 dB/km), from 2 to 40 m deep, κ reduces the two-way error from 0.59 to 0.26 dB at
+5 degrees of grazing (237 m), and from 0.16 to 0.04 dB at 10 degrees (170 m); at 100 kHz 0.03 and 0.005 dB remain.
 """
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from mitsonar.units import Values
 
-from .profile import SoundSpeedProfile
+from .profile import SoundSpeedProfile, mirrored
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -28,7 +28,7 @@ class AbsorptionColumn:
     """Absorption against depth, linear between nodes and constant beyond the ends."""
 
     depth: np.ndarray  # (K,) [m]: increasing, positive down
-    absorption_db: np.ndarray  # (K,) [dB/m]: at the one frequency the sonar uses, not negative
+    absorption_db: np.ndarray  # (K,) [dB/m]: at the frequency of the sonar, not negative
 
     def __init__(self, depth: ArrayLike, absorption_db: ArrayLike):
         nodes, alpha = (np.atleast_1d(np.asarray(v, float)) for v in (depth, absorption_db))
@@ -40,13 +40,11 @@ class AbsorptionColumn:
         object.__setattr__(self, "absorption_db", alpha)
 
     def mirrored(self) -> AbsorptionColumn:
-        """Make the column of this water below the surface, and above it of the same water upside down."""
-        below = self.depth > 0
-        depth, alpha = np.r_[0.0, self.depth[below]], np.r_[self.at(0.0), self.absorption_db[below]]
-        return type(self)(np.r_[-depth[:0:-1], depth], np.r_[alpha[:0:-1], alpha])
+        """Return the column with the water below the surface mirrored above it."""
+        return type(self)(*mirrored(self.depth, self.absorption_db))
 
     def added(self, depth: np.ndarray, offset: np.ndarray) -> AbsorptionColumn:
-        """Make a column with something more [dB/m] at depths (K,) [m], linear between them and constant beyond."""
+        """Return the column plus an offset [dB/m] at depths (K,) [m], linear between them and constant beyond."""
         nodes = np.union1d(self.depth, depth)
         return type(self)(nodes, self.at(nodes) + np.interp(nodes, depth, offset))
 
@@ -57,13 +55,16 @@ class AbsorptionColumn:
 
 def column_integrals(column: AbsorptionColumn, profile: SoundSpeedProfile, deepest: float, steps: int,
                      top: float = 0.0) -> tuple[np.ndarray, float]:
-    """Integrate down from `top`, at `steps` + 1 equal depths from there to `deepest` [m]."""
-    # deepest [m]; top [m] -> c_r [m/s]
+    """Return integrals (steps + 1, 4) over even depths from `top` to `deepest` [m], and the reference speed c_r [m/s].
+
+    The columns are the integrals of α, α e and e from `top`, and α itself.
+    """
     z = np.linspace(top, deepest, steps + 1)
     nodes = np.concatenate([column.depth, profile.depth])
     fine = np.unique(np.concatenate([z, nodes[(nodes > top) & (nodes < deepest)]]))
     alpha, speed = column.at(fine), profile.at(fine)
     c_r = float(speed.mean())
     e = (speed / c_r) ** 2 - 1
-    inside = [np.concatenate([[0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(fine))]) for v in (alpha, alpha * e, e)]
-    return np.stack([*(np.interp(z, fine, v) for v in inside), column.at(z)], -1), c_r
+    integrals = [np.concatenate([[0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(fine))])
+                 for v in (alpha, alpha * e, e)]
+    return np.stack([*(np.interp(z, fine, v) for v in integrals), column.at(z)], -1), c_r

@@ -6,8 +6,8 @@
     thermal     4 pi k T rho f^2 / c                                   (as a power)
 
 f -> ``frequency`` [Hz], s -> ``shipping`` 0..1, w -> ``wind_speed`` [m/s], k the Boltzmann constant. The first
-three are the fit to Wenz's curves by Coates, whose own thermal line, -15 + 20 log f, lies 0.36 dB under the last.
-A band of width B received by a beam of directivity index DI carries level + 10 log B - DI.
+three are the fit by Coates to Wenz's curves; his thermal line, -15 + 20 log f, lies 0.36 dB below the last.
+In a band of width B, a beam of directivity index DI receives level + 10 log B - DI.
 """
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ def ambient_noise_db(frequency: ArrayLike, wind_speed: ArrayLike = 5.0, shipping
     Raises
     ------
     ValueError
-        If an argument is not finite or outside ``water.ranges.RANGES``; the value is named.
+        If an argument is not finite or outside ``water.ranges.RANGES``.
 
     Notes
     -----
     Coates (1990), *Underwater Acoustic Systems*, after Wenz (1962), J. Acoust. Soc. Am. 34, 1936. Above about
-    100 kHz the thermal part rules.
+    100 kHz thermal noise dominates.
     """
     levels = noise_components_db(frequency, wind_speed, shipping)
     return db_from_power(np.sum([power_from_db(level) for level in levels.values()], axis=0))
@@ -53,23 +53,23 @@ def ambient_noise_db(frequency: ArrayLike, wind_speed: ArrayLike = 5.0, shipping
 
 def noise_components_db(frequency: ArrayLike, wind_speed: ArrayLike = 5.0,
                         shipping: ArrayLike = 0.5) -> dict[str, np.ndarray]:
-    """Return the levels of what `ambient_noise_db` adds up.
+    """Return the levels of the components of `ambient_noise_db`.
 
     Parameters
     ----------
     frequency, wind_speed, shipping
-        As there.
+        See `ambient_noise_db`.
 
     Returns
     -------
     dict[str, array [dB re 1 uPa^2/Hz]]
-        "turbulence", "shipping", "wind" and "thermal", all of the shape that the arguments broadcast to. The last is
-        Coates's line; `thermal_noise_db` has the exact level.
+        "turbulence", "shipping", "wind" and "thermal", in the shape to which the arguments broadcast. The last is
+        Coates's line; `thermal_noise_db` gives the exact level.
 
     Raises
     ------
     ValueError
-        As `ambient_noise_db` does.
+        If an argument is not finite or out of its range.
     """
     frequency, wind_speed, shipping = np.broadcast_arrays(
         *checked("ambient noise", frequency=frequency, wind_speed=wind_speed, shipping=shipping))
@@ -85,7 +85,7 @@ def noise_components_db(frequency: ArrayLike, wind_speed: ArrayLike = 5.0,
 
 def thermal_noise_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, sound_speed: ArrayLike = 1500.0,
                      density: ArrayLike = 1025.0) -> np.ndarray:
-    """Return the level of the molecular noise of water, the floor under every hydrophone.
+    """Return the level of the thermal noise of water, the lower limit for every hydrophone.
 
     Parameters
     ----------
@@ -103,12 +103,12 @@ def thermal_noise_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, sound_
     Raises
     ------
     ValueError
-        If frequency or temperature is not finite or outside ``water.ranges.RANGES``; the value is named.
+        If frequency or temperature is not finite or outside ``water.ranges.RANGES``.
 
     Notes
     -----
-    Mellen (1952), J. Acoust. Soc. Am. 24, 478. For an omnidirectional hydrophone of efficiency 1; one of
-    efficiency e in a beam of directivity index DI sees DI + 10 log e less.
+    Mellen (1952), J. Acoust. Soc. Am. 24, 478. For an omnidirectional hydrophone of efficiency 1; with
+    efficiency e and directivity index DI, the level relative to signals on the axis is lower by DI + 10 log e.
     """
     frequency, temperature = checked("thermal noise", frequency=frequency, temperature=temperature)
     kelvin = temperature + 273.15

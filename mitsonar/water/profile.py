@@ -1,4 +1,4 @@
-"""The sound-speed profile c(depth) that every ray of the library bends in.
+"""Sound-speed profile c(depth) that refracts the rays.
 
     c(d) = c_k + g_k (d - d_k)    between the nodes d_k <= d <= d_{k+1}, g_k = (c_{k+1} - c_k) / (d_{k+1} - d_k)
     c(d) = c_0 above the first node, c_K below the last
@@ -15,15 +15,15 @@ from numpy.typing import ArrayLike
 
 from mitsonar.units import Values
 
-DEEPEST = 1e6                      # [m], of which float32 still tells a sixteenth of a metre
-_SIDES: dict[str, Literal["left", "right"]] = {"below": "right", "above": "left"}    # of a node, as NumPy says it
-SAME_DEPTH = 0.005                 # [m]: nodes closer to a measured one are replaced by it
-SLOWEST, FASTEST = 300.0, 3000.0  # [m/s], exclusive: air is slower, no liquid a sonar swims in is faster
+DEEPEST = 1e6                      # [m]: float32 still resolves a sixteenth of a metre
+_SIDES: dict[str, Literal["left", "right"]] = {"below": "right", "above": "left"}    # of a node, in NumPy's terms
+SAME_DEPTH = 0.005                 # [m]: a measured node replaces closer nodes
+SLOWEST, FASTEST = 300.0, 3000.0  # [m/s], exclusive: air is slower, no liquid for a sonar is faster
 
 
 @dataclass(frozen=True, eq=False, init=False)
 class SoundSpeedProfile:
-    """Hold sound speed against depth, linear between nodes and constant beyond the ends.
+    """Sound speed against depth, linear between nodes and constant beyond the ends.
 
     Parameters
     ----------
@@ -36,11 +36,11 @@ class SoundSpeedProfile:
     ------
     ValueError
         If the arrays differ in length or are empty, a number is not finite, depths do not increase or a sound
-        speed is out of range; the first offending node is named with its values.
+        speed is out of range; the message has the first wrong node.
 
     Notes
     -----
-    The arrays are copied to float64 and read-only; two profiles are equal when their nodes are.
+    The arrays are read-only float64 copies. Profiles with equal nodes are equal.
     """
 
     depth: np.ndarray
@@ -54,30 +54,28 @@ class SoundSpeedProfile:
 
     @classmethod
     def constant(cls, sound_speed: float) -> SoundSpeedProfile:
-        """Make the profile of water with one sound speed [m/s] everywhere."""
+        """Return the profile of water with one sound speed [m/s]."""
         return cls([0.0], [sound_speed])
 
     def mirrored(self) -> SoundSpeedProfile:
-        """Make the profile of this water below the surface, and above it of the same water upside down."""
-        below = self.depth > 0
-        depth, speed = np.r_[0.0, self.depth[below]], np.r_[self.at(0.0), self.sound_speed[below]]
-        return type(self)(np.r_[-depth[:0:-1], depth], np.r_[speed[:0:-1], speed])
+        """Return the profile with the water below the surface mirrored above it."""
+        return type(self)(*mirrored(self.depth, self.sound_speed))
 
     def with_node(self, depth: float, sound_speed: float) -> SoundSpeedProfile:
-        """Make this profile with one more node, such as a sonar's own sensor measures at its head.
+        """Return the profile with one more node, such as a measurement at the sonar's head.
 
         Parameters
         ----------
         depth : float [m]
         sound_speed : float [m/s]
-            Takes the place of nodes within 5 mm of the depth; the water is linear from it to the nodes next to it. That
-            is what the real-time processing of multibeam sonars makes of it (`mitsonar.hydrography.reduction.legs`).
+            Replaces nodes within 5 mm of the depth. The profile is linear from the new node to its neighbours, as in
+            the real-time processing of multibeam sonars (`mitsonar.hydrography.reduction.legs`).
 
         Raises
         ------
         ValueError
-            If a number is out of range, or there is no node below the depth: all deeper water would have the speed of
-            one place.
+            If a number is out of range, or the profile has no node below the depth: all deeper water would then have
+            the speed of the new node.
         """
         if not depth + SAME_DEPTH < self.depth[-1]:
             raise ValueError(f"sound-speed profile: a node at {depth:g} m is not above the last of the profile, at "
@@ -94,7 +92,7 @@ class SoundSpeedProfile:
     def gradient(self, depth: Values, side: Literal["below", "above"] = "below") -> Values:
         """Return dc/d(depth) [1/s] at ``depth`` [m], any shape.
 
-        Zero beyond the ends; at a node, the gradient of the layer on ``side`` of it, "below" or "above".
+        It is zero beyond the ends; at a node, it is the gradient of the layer "below" or "above" by ``side``.
         """
         slopes = np.r_[0.0, np.diff(self.sound_speed) / np.diff(self.depth), 0.0]
         return cast(Values, slopes[np.searchsorted(self.depth, depth, side=_SIDES[side])])
@@ -108,6 +106,13 @@ class SoundSpeedProfile:
         return hash((self.depth.tobytes(), self.sound_speed.tobytes()))
 
 
+def mirrored(depth: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the nodes of a column of water below the surface, with the same water mirrored above it."""
+    below = depth > 0
+    depth, values = np.r_[0.0, depth[below]], np.r_[np.interp(0.0, depth, values), values[below]]
+    return np.r_[-depth[:0:-1], depth], np.r_[values[:0:-1], values]
+
+
 def _as_column(name: str, values: ArrayLike) -> np.ndarray:
     try:
         column = np.array(values, dtype=np.float64)
@@ -116,7 +121,7 @@ def _as_column(name: str, values: ArrayLike) -> np.ndarray:
     if column.ndim != 1 or column.size == 0:
         raise ValueError(f"sound-speed profile: {name} must be a one-dimensional list of at least one number, "
                          f"got shape {column.shape}.")
-    column += 0.0  # -0.0 and 0.0 are one depth: equal profiles must hash equally
+    column += 0.0  # turns -0.0 into 0.0, so that equal profiles have equal hashes
     column.flags.writeable = False
     return column
 

@@ -1,4 +1,4 @@
-"""Ranges of the formulas of this folder: wider than any sea, narrow enough to catch a swapped column."""
+"""Valid ranges of the formulas of seawater: wider than in any sea, yet narrow enough to detect swapped columns."""
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 Formula = TypeVar("Formula")
 
-# name -> (lowest, highest, unit). Depths begin above the still surface, where wave crests are.
+# name -> (lowest, highest, unit). Depths begin above the still surface, to include wave crests.
 RANGES = {
     "frequency": (0.0, 1e7, "Hz"),
     "temperature": (-2.0, 40.0, "deg C"),
@@ -22,8 +22,8 @@ RANGES = {
     "shipping": (0.0, 1.0, ""),
 }
 
-# formula of sound speed -> what it was fitted to, where that is narrower. 1000 bar are 9727 m at the equator; pressure,
-# by gsw, begins 5 m above the still surface.
+# formula of sound speed -> narrower ranges of its fit. 1000 bar are 9727 m at the equator; the pressure of gsw begins
+# 5 m above the still surface.
 SOUND_SPEED_RANGES = {
     "teos-10": {"depth": (-5.0, 12000.0, "m")},
     "chen-millero": {"temperature": (0.0, 40.0, "deg C"), "salinity": (0.0, 40.0, "g/kg"),
@@ -37,12 +37,12 @@ SOUND_SPEED_RANGES = {
 
 def checked(what: str, ranges: Mapping[str, tuple[float, float, str]] = RANGES,
             **values: ArrayLike) -> list[np.ndarray]:
-    """Return the values as float64 arrays, in order, or raise a ValueError naming the first outside ``ranges``."""
+    """Return the values as float64 arrays, in order; `ValueError` with the first value outside ``ranges``."""
     arrays = []
     for name, value in values.items():
         low, high, unit = ranges[name]
         array = np.asarray(value, float)
-        bad = ~((array >= low) & (array <= high))  # a NaN is bad too
+        bad = ~((array >= low) & (array <= high))  # includes NaN
         if bad.any():
             got, limits = f"{array[bad].flat[0]:g} {unit}".strip(), f"{low:g}..{high:g} {unit}".strip()
             raise ValueError(f"{what}: {name} is {got}; it must lie in {limits}.")
@@ -51,7 +51,7 @@ def checked(what: str, ranges: Mapping[str, tuple[float, float, str]] = RANGES,
 
 
 def chosen(what: str, formula: str, formulas: Mapping[str, Formula]) -> Formula:
-    """Return the formula of that name, or raise a ValueError with the names of all."""
+    """Return the formula of a name; `ValueError` with all names if it is unknown."""
     if formula not in formulas:
         raise ValueError(f"{what}: formula {formula!r} is unknown; use one of {', '.join(formulas)}.")
     return formulas[formula]

@@ -1,11 +1,11 @@
-"""Volume scattering: what the water itself sends back, against depth.
+"""Volume scattering strength of the water against depth, and volume reverberation.
 
     s_v(z) = 10^(S_v(z)/10) + Σ_j 10^(S_j/10)  over the layers j with top_j <= z < bottom_j
     RL = SL - 20 log R - 2 α R + S_v + 10 log(ψ c τ/2)
 
 S_v -> ``strength_db`` [dB re 1/m] at ``depth`` [m], linear in decibels between nodes and constant beyond the ends; s_v
-[1/m] is the power scattered per volume and solid angle over the incident intensity, the same in all directions. The
-second line is the reverberation of water of one S_v and one sound speed: SL -> ``source_level_db``,
+[1/m] is the power scattered per volume and solid angle over the incident intensity, equal in all directions. The second
+line is the reverberation of uniform water: SL -> ``source_level_db``,
 R -> ``slant_range``, α -> ``absorption_db``, ψ -> ``beam_solid_angle``, τ -> ``pulse_length``, c -> ``sound_speed``.
 """
 from __future__ import annotations
@@ -21,16 +21,16 @@ from mitsonar.units import db_from_power, power_from_db
 
 WEAKEST_DB, STRONGEST_DB = -200.0, 0.0
 
-# name -> (top [m], bottom [m], strength [dB re 1/m]): round figures out of the ranges that Urick (1983), Principles of
-# Underwater Sound, chapter 8, reports: -90 to -60 dB in the open sea, -70 dB in the deep scattering layer by day, up to
-# -50 dB where bubbles or silt are. Layers of one's own need all three numbers. "bubbles" are those of wakes: what the
-# wind makes lies within the law of the sea surface.
+# name -> (top [m], bottom [m], strength [dB re 1/m]): round figures from the ranges of Urick (1983), Principles of
+# Underwater Sound, chapter 8: -90 to -60 dB in the open sea, -70 dB in the deep scattering layer by day, up to -50 dB
+# in bubbles or silt. Layers with other names need all three numbers. "bubbles" are those of wakes: the law of the sea
+# surface includes bubbles from wind.
 LAYERS = {"fish": (300.0, 500.0, -70.0), "plankton": (10.0, 60.0, -80.0), "bubbles": (0.0, 5.0, -50.0)}
 
 
 @dataclass(frozen=True)
 class Layer:
-    """Hold a layer of scatterers that lies on top of the water's own."""
+    """Layer of scatterers in addition to those of the water."""
 
     name: str
     top: float  # [m]: depth of the upper edge
@@ -40,12 +40,12 @@ class Layer:
     def __post_init__(self):
         if not -np.inf < self.top < self.bottom < np.inf:
             raise ValueError(f"layer {self.name} reaches from {self.top:g} to {self.bottom:g} m; give the depth of its "
-                             "top, then a greater one of its bottom.")
+                             "top, then a greater depth of its bottom.")
         _check_strength(f"layer {self.name}", self.strength_db)
 
     @classmethod
     def read(cls, text: str) -> Layer:
-        """Make a layer of "name top bottom dB"; of a name in `LAYERS` numbers may be left out, the last ones first."""
+        """Return a layer from "name top bottom dB"; names in `LAYERS` supply missing last numbers."""
         name, *numbers = text.replace(",", " ").split() or [""]
         known = LAYERS.get(name, ())
         try:
@@ -59,30 +59,31 @@ class Layer:
 
 
 class VolumeScattering:
-    """Hold the volume scattering strength of the water against depth.
+    """Volume scattering strength of the water against depth.
 
     Parameters
     ----------
     depth : array (K,) [m] or None
-        Increasing; None where only ``layers`` scatter.
+        Increasing depths; None if only ``layers`` scatter.
     strength_db : array (K,) [dB re 1/m] or None
         S_v at these depths.
     layers : sequence of Layer
+        Additional layers.
 
     Attributes
     ----------
     depth, strength_db, layers
-        As given; read-only arrays.
+        Arguments, as read-only arrays.
     edges : array (E,) [m]
         Depths at which the formula of s_v changes, increasing.
     pieces : array (E + 1, 3)
-        Of the piece above each edge, and of the one below the last, (a, b, c) of s_v = c + exp(a + b z); a is -inf
-        where there is no first term.
+        Coefficients (a, b, c) of s_v = c + exp(a + b z) above each edge and below the last; a is -inf if the piece
+        has no exponential term.
 
     Raises
     ------
     ValueError
-        If depths do not increase, or a number is missing, not finite or out of range; it is named.
+        If depths do not increase, or a number is missing, not finite or out of range.
     """
 
     def __init__(self, depth: ArrayLike | None = None, strength_db: ArrayLike | None = None,
@@ -125,14 +126,14 @@ class VolumeScattering:
         return c + np.exp(a + b * np.asarray(depth, float))
 
     def strength_db_at(self, depth: ArrayLike) -> np.ndarray:
-        """Return S_v with all layers [dB re 1/m] at ``depth`` [m], any shape; -inf where nothing scatters."""
+        """Return S_v with all layers [dB re 1/m] at ``depth`` [m], any shape; -inf without scatterers."""
         return db_from_power(self.at(depth))
 
 
 def volume_reverberation_db(source_level_db: Real, slant_range: ArrayLike, volume_strength_db: Real,
                             beam_solid_angle: ArrayLike, pulse_length: ArrayLike, absorption_db: Real = 0.0,
                             sound_speed: Real = 1500.0) -> np.ndarray:
-    """Return the level of the reverberation of water that is the same everywhere.
+    """Return the level of the reverberation of uniform water.
 
     Parameters
     ----------
@@ -153,7 +154,7 @@ def volume_reverberation_db(source_level_db: Real, slant_range: ArrayLike, volum
 
     Notes
     -----
-    Urick (1983), Principles of Underwater Sound, chapter 8. A gate's finite length is left out: 0.003 dB where it is
+    Urick (1983), Principles of Underwater Sound, chapter 8. The finite length of the gate is neglected: 0.003 dB at
     1/20 of the range.
     """
     slant_range = np.asarray(slant_range, float)

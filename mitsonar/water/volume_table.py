@@ -1,8 +1,8 @@
 """Volume scattering strength against depth on the device.
 
-    s_v(z) = c + exp(a + b (z - z_0))      in the piece that holds the depth z, z_0 its upper edge
+    s_v(z) = c + exp(a + b (z - z_0))      in the piece around the depth z, z_0 its upper edge
 
-as `water.VolumeScattering` has it; found by bisection, so that edges of layers stay sharp.
+The pieces are those of `water.VolumeScattering`. Bisection finds the piece, so that edges of layers stay sharp.
 """
 import drjit as dr
 import numpy as np
@@ -12,19 +12,19 @@ from mitsonar.device.types import ArrayTypes, Bool, DrJitArray, Float, Record, U
 
 from .volume import VolumeScattering
 
-NOTHING = -200.0                   # the exponent of a piece without a first term: e^-200 is 0 in float32
+NOTHING = -200.0                   # exponent of a piece without exponential term: e^-200 is 0 in float32
 
 
 class VolumeTable(Record):
-    """Hold the pieces of a `VolumeScattering` as Dr.Jit arrays."""
+    """Pieces of a `VolumeScattering` as Dr.Jit arrays."""
 
-    lib: ArrayTypes       # Dr.Jit namespace the arrays live in
-    edges: Float          # Float (E,): [m]
-    pieces: Float         # Float (4 (E + 1),): a, b, c, z_0
-    count: UInt32         # UInt32 (1,): E
+    lib: ArrayTypes       # Dr.Jit namespace of the arrays
+    edges: Float          # (E,) [m]
+    pieces: Float         # (4 (E + 1),): a, b, c, z_0
+    count: UInt32         # (1,): E
 
     def at(self, depth: Float, active: Bool | bool = True) -> Float:
-        """Return s_v [1/m], Float (R,), at depths [m] Float (R,)."""
+        """Return s_v (R,) [1/m] at depths (R,) [m]."""
         piece = _pieces_above(self.lib, self.edges, self.count, depth, active)
         row = dr.gather(self.lib.Array4f, self.pieces, piece, active)
         return row[2] + dr.exp(dr.fma(row[1], depth - row[3], row[0]))
@@ -32,7 +32,7 @@ class VolumeTable(Record):
 
 @dr.syntax
 def _pieces_above(lib, edges, count, depth, active):
-    """Count the edges that lie at or above each depth, by bisection."""
+    """Return the number of edges at or above each depth, by bisection."""
     low, high = lib.UInt32(0), lib.UInt32(count)
     more = (low < high) & lib.Bool(active)
     while more:
@@ -44,7 +44,7 @@ def _pieces_above(lib, edges, count, depth, active):
 
 
 def volume_table(volume: VolumeScattering, like: DrJitArray | type) -> VolumeTable:
-    """Put volume scattering on the device."""
+    """Return volume scattering as a table on the device."""
     lib = arrays_of(like)
     a, b, c = volume.pieces.T
     start = np.concatenate([volume.edges[:1], volume.edges])
