@@ -1,8 +1,8 @@
-"""Heights of a seabed made of triangles, looked up without rays.
+"""Heights of a seabed of triangles, looked up without rays.
 
-Triangles are sorted by size into levels of side s = 2^n >= extent, and within a level by the square of side s that
-holds the south-western corner of their box: of a triangle over a point, this lies in the point's square or in one of
-those to the west, the south and the south-west.
+Triangles are sorted by size into levels of side s = 2^n >= extent, and within a level by the square of side s with the
+south-western corner of their bounding box. A triangle over a point therefore lies in the point's square or in its
+neighbours to the west, the south and the south-west.
 """
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-_EDGE = 1e-6                       # share of a triangle by which a point may lie outside: neighbours must not gape
+_EDGE = 1e-6                       # tolerance relative to a triangle, so that neighbours leave no gap
 
 
 class _Level(NamedTuple):
@@ -22,13 +22,14 @@ class _Level(NamedTuple):
 
 
 class Bed:
-    """A seabed of triangles.
+    """Seabed of triangles.
 
     Parameters
     ----------
     vertices : array (V, 3) [m]
         Scene coordinates, z up.
     faces : array (F, 3) of int
+        Vertices of each triangle.
 
     Attributes
     ----------
@@ -40,7 +41,7 @@ class Bed:
     Raises
     ------
     ValueError
-        If no triangle can be seen from above.
+        If all triangles are vertical.
     """
 
     def __init__(self, vertices: ArrayLike, faces: ArrayLike):
@@ -51,12 +52,12 @@ class Bed:
         extent = np.maximum(x.max(1, initial=-np.inf) - west, y.max(1, initial=-np.inf) - south)
         flat = (extent > 0) & np.isfinite(extent)
         if not flat.any():
-            raise ValueError("the seabed has no triangle that can be seen from above; give one of some width")
+            raise ValueError("the seabed has no triangle that can be seen from above; give a mesh with some width")
         self.bounds = float(west[flat].min()), float(south[flat].min()), float(x[flat].max()), float(y[flat].max())
         self.lowest = float(np.nanmin(self._vertices[:, 2]))
         size = np.where(flat, np.frexp(extent)[1], np.iinfo(np.int32).min)
-        self._levels = [self._level(2.0**exponent, faces[mine], west[mine], south[mine])
-                        for exponent in np.unique(size[flat]) for mine in (np.flatnonzero(size == exponent),)]
+        self._levels = [self._level(2.0**exponent, faces[of_size], west[of_size], south[of_size])
+                        for exponent in np.unique(size[flat]) for of_size in (np.flatnonzero(size == exponent),)]
 
     def _level(self, side: float, faces: np.ndarray, west: np.ndarray, south: np.ndarray) -> _Level:
         columns = int((self.bounds[2] - self.bounds[0]) // side) + 3
@@ -70,7 +71,7 @@ class Bed:
         return row * columns + column + 1
 
     def heights(self, x: ArrayLike, y: ArrayLike) -> np.ndarray:
-        """Return the height (Q,) [m] of the highest triangle at each point (x, y) (Q,) [m]; NaN where there is none."""
+        """Return the height (Q,) [m] of the highest triangle at points x, y (Q,) [m]; NaN without a triangle."""
         x, y = np.asarray(x, float), np.asarray(y, float)
         west, south, east, north = self.bounds
         inside = np.flatnonzero((x >= west) & (x <= east) & (y >= south) & (y <= north))
@@ -86,12 +87,12 @@ class Bed:
         return np.where(np.isinf(best), np.nan, best)
 
     def _height(self, faces: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Height of each triangle at its point; -inf where it is not over it."""
+        """Return the height of each triangle at its point; -inf beside the triangle."""
         a, b, c = (self._vertices[faces[:, corner]].astype(float) for corner in range(3))
         (u_x, u_y, u_z), (v_x, v_y, v_z) = (b - a).T, (c - a).T
         d_x, d_y = x - a[:, 0], y - a[:, 1]
         area = u_x * v_y - u_y * v_x
-        with np.errstate(divide="ignore", invalid="ignore"):           # an upright triangle is over nothing
+        with np.errstate(divide="ignore", invalid="ignore"):           # a vertical triangle covers no point
             u, v = (d_x * v_y - d_y * v_x) / area, (u_x * d_y - u_y * d_x) / area
             height = a[:, 2] + u * u_z + v * v_z
             over = (u >= -_EDGE) & (v >= -_EDGE) & (u + v <= 1 + _EDGE) & np.isfinite(height)

@@ -1,12 +1,13 @@
-"""Rough seabed synthesised from its roughness spectrum.
+"""Rough seabed, synthesised from its roughness spectrum.
 
     height = inverse FFT of  sqrt(W(K) (2 pi)^2 / (dx dy)) * FFT of white noise of unit variance
 
-W -> ``spectrum`` [m^4], dx, dy -> steps of the grid [m]: the height variance of the grid is then the integral of W over
-the wavenumbers the grid can hold.
+W -> ``spectrum`` [m^4], dx, dy -> steps of the grid [m]: the height variance of the grid is the integral of W over the
+wavenumbers of the grid.
 
-Of a bed that was surveyed every D metres, and laid on the finer grid by cubic splines, only what it lacks is added:
-W (1 - T^2), where T is what the splines make of a wave, near 1 below the survey's highest wavenumber and near 0 above,
+For a bed surveyed every D metres and interpolated to the finer grid by cubic splines, only the missing part of the
+spectrum is added, W (1 - T^2). T is the response of the splines to a wave, near 1 below the survey's highest wavenumber
+and near 0 above,
 
     T = t(kx Dx) t(ky Dy),   t(p) = sinc(p / 2)^4 / (2/3 + cos(p) / 3)          (Unser 1999, cardinal cubic spline)
 """
@@ -19,45 +20,35 @@ from scipy import fft
 from .relief import Relief, step
 from .roughness import RoughnessSpectrum
 
-_TILE = 256  # nodes; the noise of a tile follows from the seed and the tile's place
+_TILE = 256  # nodes; seed and position of a tile determine its noise
 _MOST_NODES = 2**26
-_SPLINE_REACH = 16  # nodes of a survey, over which what is added to it is correlated
+_SPLINE_REACH = 16  # nodes of a survey: correlation length of the added relief
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fractal(Relief):
-    """One realisation of a Gaussian rough surface.
+    """Realisation of a Gaussian rough surface.
 
-    Parameters
-    ----------
-    spectrum : RoughnessSpectrum
-    seed : int
-        Realisation; the same seed and grid step give the same surface.
-    surveyed : tuple of 2 floats [m], optional
-        Distance Dx, Dy of the columns and rows of a survey: only what it does not resolve is made.
-
-    Notes
-    -----
-    The noise belongs to the absolute node (x/dx, y/dy), and the grid is padded by one outer scale all round, so
-    the surface neither repeats at the edges nor changes when the grid reaches further: two grids of the same step
-    agree where they overlap to about 0.1 % of the height. Another step is another realisation. The mean over a grid
-    of few outer scales is not zero, as over a patch of a real seabed.
+    The noise belongs to the absolute node (x/dx, y/dy), and the grid is padded by one outer scale on all sides. The
+    surface therefore does not repeat at the edges, and overlapping grids of the same step agree to about 0.1 % of the
+    height. Another step gives another realisation. The mean over few outer scales is not zero, as over a patch of a
+    real seabed.
     """
 
     spectrum: RoughnessSpectrum
-    seed: int = 0
-    surveyed: tuple[float, float] | None = None
+    seed: int = 0  # the same seed and grid step give the same surface
+    surveyed: tuple[float, float] | None = None  # [m]: steps Dx, Dy of a survey, below which relief is added
 
     def on_grid(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Return the heights (Y, X) [m]; raise `ValueError` if the outer scale spans too many nodes."""
+        """Return the heights (Y, X) [m]; `ValueError` if the padded grid has too many nodes."""
         steps = step("y", np.asarray(y)), step("x", np.asarray(x))
         reach = self.spectrum.outer_scale if self.surveyed is None else min(
             self.spectrum.outer_scale, _SPLINE_REACH * max(self.surveyed))
         margin = [int(np.ceil(reach / d)) for d in steps]
         padded: list[Any] = [fft.next_fast_len(len(axis) + 2 * m, real=True) for axis, m in zip((y, x), margin)]
         if padded[0] * padded[1] > _MOST_NODES:
-            raise ValueError(f"fractal: waves of up to {reach} m about {len(y)} x {len(x)} nodes "
-                             f"at {steps[1]:.3g} m needs {padded[0]} x {padded[1]} nodes, more than {_MOST_NODES}; "
+            raise ValueError(f"fractal: waves of up to {reach} m around {len(y)} x {len(x)} nodes "
+                             f"at {steps[1]:.3g} m need {padded[0]} x {padded[1]} nodes, more than {_MOST_NODES}; "
                              "use a coarser step, a smaller grid or a smaller outer scale.")
         first = [round(axis[0] / d) - m for axis, d, m in zip((y, x), steps, margin)]
         noise = _white_noise(self.seed, first, padded)
@@ -72,13 +63,12 @@ class Fractal(Relief):
 
 
 def _spline_response(phase: np.ndarray) -> np.ndarray:
-    """Return the factor by which interpolation by cubic splines multiplies waves of ``phase`` [rad] from node to node.
-    """
+    """Return the gain of cubic-spline interpolation for waves of ``phase`` [rad] per node."""
     return np.sinc(phase / (2 * np.pi)) ** 4 / (2 / 3 + np.cos(phase) / 3)
 
 
 def _white_noise(seed: int, first: list[int], shape: list[int]) -> np.ndarray:
-    """Return the unit normal noise of the nodes from ``first`` (row, column) on."""
+    """Return standard normal noise for nodes from ``first`` (row, column) on."""
     noise = np.empty(shape)
     tiles = [range(start // _TILE, (start + count - 1) // _TILE + 1) for start, count in zip(first, shape)]
     for row in tiles[0]:
@@ -97,4 +87,4 @@ def _overlap(tile: int, start: int, count: int) -> tuple[slice, slice]:
 
 
 def _natural(integer: int) -> int:
-    return integer + 2**40  # seeds must not be negative: an offset no grid reaches
+    return integer + 2**40  # seeds must not be negative; no grid reaches this offset

@@ -1,12 +1,11 @@
-"""Roughness spectrum measured on a surveyed bed, so that it can be continued below the survey's resolution.
+"""Roughness spectrum of a surveyed bed, to extrapolate it below the survey's resolution.
 
     P(k) = |FFT(window * (height - plane))|^2 dx dy / ((2 pi)^2 sum of window^2)      [m^4], mean of patches
     ln P(K) = ln(w2 K^-gamma + n)                                                   n: white noise of the soundings
 
-Windows (Hann in both directions) keep the long waves, far stronger, from leaking into the short ones. Fitted is K from
-the fourth mode of a patch, below which the plane takes part of the power, to 0.6 of the highest wavenumber of the
-grid: above, averaging and interpolation by those who made the grid take power away, and waves too short for it add to
-it.
+Hann windows in both directions keep the much stronger long waves from leaking into the short ones. The fit uses K from
+the fourth mode of a patch, below which the plane removes part of the power, to 0.6 of the highest wavenumber of the
+grid, above which averaging and interpolation of the grid remove power, and aliased short waves add power.
 """
 from collections.abc import Sequence
 
@@ -16,14 +15,16 @@ from .roughness import RoughnessSpectrum
 
 SMALLEST_PATCH = 32                 # nodes along a side
 FIRST_MODE, HIGHEST = 4, 0.6        # of a patch; of the grid's highest wavenumber
-GAMMAS = 2.05, 3.95                 # between those that a spectrum may have
-_OUTER_SCALE = 1e6                  # [m]: no levelling off within any survey
+GAMMAS = 2.05, 3.95                 # limits of the exponent
+_OUTER_SCALE = 1e6                  # [m]: larger than any survey
 
 
 def radial_spectrum(patches: Sequence[np.ndarray],
                     steps: tuple[float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Measure the spectrum of a bed by the mean of its patches, in rings of wavenumber."""
-    # patches (N, N) [m]; steps [m] -> wavenumber (K,) [rad/m], power (K,) [m^4], modes of a ring (K,)
+    """Return the mean spectrum of patches (N, N) [m] in rings of wavenumber.
+
+    The results (K,) are wavenumber [rad/m], power [m^4] and the number of modes in each ring.
+    """
     size = patches[0].shape[0]
     window = np.hanning(size + 1)[:-1]
     window = np.outer(window, window)
@@ -46,10 +47,10 @@ def radial_spectrum(patches: Sequence[np.ndarray],
 
 def fit_power_law(patches: Sequence[np.ndarray], steps: tuple[float, float],
                   gamma: float | None = None) -> RoughnessSpectrum:
-    """Fit a power law, and white noise beside it, to the spectrum of patches of a bed.
+    """Fit a power law plus white noise to the spectrum of patches of a bed.
 
-    Of 16 patches of 64 x 64 nodes the exponent is right within 0.2 and the spectrum at the grid's highest wavenumber
-    within 1.5 dB (``tests/seabed/test_measured_roughness.py``). Exponents beyond `GAMMAS` are set to the nearer end.
+    For 16 patches of 64 x 64 nodes, the exponent is right within 0.2 and the spectrum at the grid's highest wavenumber
+    within 1.5 dB (``tests/seabed/test_measured_roughness.py``). Exponents beyond `GAMMAS` are clipped.
     """
     from scipy.optimize import least_squares
 
@@ -68,9 +69,9 @@ def fit_power_law(patches: Sequence[np.ndarray], steps: tuple[float, float],
         return weight * np.log((law + np.exp(noise)) / power)
 
     level = np.log(power)
-    found = least_squares(misfit, (np.interp(middle, wavenumber, level), np.mean(exponents), level.min() - 4),
-                          bounds=tuple(zip((level.min() - 20, level.max() + 20), exponents,
-                                           (level.min() - 20, level.min() + 1))), x_scale=(1, 0.3, 1))
-    strength, exponent, _ = found.x
+    fit = least_squares(misfit, (np.interp(middle, wavenumber, level), np.mean(exponents), level.min() - 4),
+                        bounds=tuple(zip((level.min() - 20, level.max() + 20), exponents,
+                                         (level.min() - 20, level.min() + 1))), x_scale=(1, 0.3, 1))
+    strength, exponent, _ = fit.x
     exponent = float(np.clip(exponent, *GAMMAS) if gamma is None else gamma)
     return RoughnessSpectrum(w2=float(np.exp(strength) * middle**exponent), gamma=exponent, outer_scale=_OUTER_SCALE)

@@ -1,8 +1,8 @@
-"""Draw bodies onto a bed: species, pose, burial and place of each, no two nearer than asked.
+"""Random placement of bodies on a bed: species, pose, burial and position, with a least spacing.
 
-Target number k has random streams of its own (seed, k): one for what it is, one for where it lies. Its place is the
-first of its stream that is free of the targets before it. So its place does not depend on how many targets follow, and
-its kind does not depend on its place.
+Target number k has two random streams (seed, k): one for its properties, one for its positions. It takes the first
+position that is free of earlier targets. Its position therefore does not depend on later targets, nor its properties on
+its position.
 """
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -13,39 +13,39 @@ import numpy as np
 from .bed import Bed
 from .bodies import Body, turn_onto
 
-TRIES = 1000                       # places tried for a target before there is said to be no room
-MOST_MISSES = 20                   # targets without room before no more are tried
-SMALLEST, LARGEST = 1e-3, 100.0    # [m] that a target may measure; beyond, its file is not in metres
-_SAMPLES = 9                       # points along either side of a footprint at which the bed's height is taken
+TRIES = 1000                       # positions tried for a target
+MOST_MISSES = 20                   # targets without room before placement stops
+SMALLEST, LARGEST = 1e-3, 100.0    # [m]: size of a target; otherwise its file is not in metres
+_SAMPLES = 9                       # samples of the bed's height along either side of a footprint
 
 Box: TypeAlias = tuple[float, float, float, float]    # [m] west, south, east, north
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rules:
-    """Distributions of targets; pairs are the bounds of uniform distributions.
+    """Distributions of targets; a pair holds the bounds of a uniform distribution.
 
     Parameters
     ----------
     area : (float, float, float, float) [m], optional
-        West, south, east, north; targets lie wholly inside. By default the bounds of the bed.
+        West, south, east and north; targets lie completely inside. Default: the bounds of the bed.
     exclude : array (E, 4) [m]
-        Boxes like `area` that no target may reach into.
+        Boxes like `area` that targets must not touch.
     spacing : float [m]
         Least distance between the bounding circles of two targets.
     scale, burial : (float, float) [-]
-        Factor of size; share of the height that lies below the bed.
+        Factor of size; share of the height below the bed.
     heading : (float, float) [rad]
         Compass heading of the front.
     tilt : (float, float) [rad]
-        Angle of leaning out of the pose, in a direction drawn evenly.
+        Angle of tilt from the pose, in a uniformly random direction.
     pose : str
-        "upright": as the mesh stands; "rest": on any side on which it can come to rest, as often as it would if
-        dropped; "any": all attitudes alike.
+        "upright": as in the mesh; "rest": a stable pose, with the probability after a fall; "any": uniformly random
+        attitude.
     along_slope : bool
-        Stand at right angles to the bed under the footprint, not to the horizon.
+        True to stand normal to the bed under the footprint instead of vertically.
     weights : array (B,), optional
-        How often each body is drawn; by default all alike.
+        Relative frequency of each body; equal by default.
     """
 
     area: tuple[float, float, float, float] | None = None
@@ -62,23 +62,25 @@ class Rules:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Placed:
-    """A body where it lies.
+    """Body in its position on the bed.
 
     Attributes
     ----------
     number : int
-        From 1.
+        Number of the target, from 1.
     body : Body
+        Placed body.
     position : array (3,) [m]
         Middle of the footprint, at the mean height of the bed there.
     radius : float [m]
-        Of the bounding circle about `position`, seen from above.
+        Radius of the bounding circle around `position`, seen from above.
     heading, tilt, tilt_heading : float [rad]
-        Tilt is the angle between the pose's upward axis and that of the bed, or the vertical; it leans towards the
-        compass heading `tilt_heading`.
+        Compass heading of the front; angle between the upward axis of the pose and the vertical (or the normal of the
+        bed); compass heading of the tilt.
     scale, burial : float [-]
+        Factor of size; share of the height below the bed.
     vertices : array (V, 3) [m]
-        Of the body, in scene coordinates.
+        Vertices of the body in scene coordinates.
     """
 
     number: int
@@ -94,42 +96,46 @@ class Placed:
 
 
 def draw_count(low: int, high: int, seed: int | Sequence[int]) -> int:
-    """Draw a whole number from `low` to `high`, both included; `seed` as of `place`."""
+    """Draw an integer from `low` to `high`, both included; for `seed` see `place`."""
     return int(np.random.default_rng([*np.atleast_1d(seed), 0]).integers(low, high, endpoint=True))
 
 
 def place(bodies: Sequence[Body], bed: Bed, rules: Rules, *, count: int, seed: int | Sequence[int],
           taken: Sequence | np.ndarray = (), crowded: Literal["refuse", "fewer"] = "refuse") -> list[Placed]:
-    """Place targets on a bed.
+    """Return targets placed at random on a bed.
 
     Parameters
     ----------
     bodies : sequence of Body
+        Species to draw from.
     bed : Bed
+        Seabed under the targets.
     rules : Rules
+        Distributions of the targets.
     count : int
+        Number of targets.
     seed : int or sequence of int
-        At least 0.
+        Seed, at least 0.
     taken : array (T, 3) [m]
         Circles (x, y, radius) that are occupied already.
     crowded : {'refuse', 'fewer'}
-        What happens to a target that finds no room: an error, or it is left out.
+        For a target without room: raise an error, or leave it out.
 
     Returns
     -------
     list of Placed
-        Numbers of targets that are left out are missing.
+        Placed targets, without the numbers of targets left out.
 
     Raises
     ------
     ValueError
-        If a body is too small or too large for a target, the area has no seabed, or there is no room for all and
-        `crowded` is "refuse".
+        If a body is too small or too large, the area has no seabed, or `crowded` is "refuse" and a target finds no
+        room.
 
     Notes
     -----
-    A body rests with its lowest point in the mean plane of the bed under its footprint (the rectangle about it, along
-    and across its heading): the level mean height, or with ``along_slope`` the plane that fits the bed best. It is
+    A body rests with its lowest point on a plane through the bed under its footprint (the rectangle around it, along
+    and across its heading): the level plane at the mean height, or with ``along_slope`` the plane of best fit. It is
     then lowered by the share ``burial`` of its height over that plane.
     """
     for body in bodies:
@@ -141,10 +147,10 @@ def place(bodies: Sequence[Body], bed: Bed, rules: Rules, *, count: int, seed: i
     west, south, east, north = bed.bounds if rules.area is None else rules.area
     area = west, south, east, north
     if not all(area[k] < bed.bounds[k + 2] and area[k + 2] > bed.bounds[k] for k in (0, 1)):
-        # such as eastings and northings of a survey's file
-        asked, there = (", ".join(f"{edge:.0f}" for edge in edges) for edges in (area, bed.bounds))
-        raise ValueError(f"the area {asked} lies beside the seabed, which is {there} (west, south, east, north) in "
-                         "metres from the scene's origin; give the area in these")
+        # for example eastings and northings of a survey
+        asked, bounds = (", ".join(f"{edge:.0f}" for edge in edges) for edges in (area, bed.bounds))
+        raise ValueError(f"the area {asked} lies beside the seabed, which is {bounds} (west, south, east, north) in "
+                         "metres from the scene's origin; give the area in these coordinates")
     circles = np.empty((len(taken) + count, 3))
     circles[:len(taken)] = np.reshape(taken, (-1, 3))
     done, misses = [], 0
@@ -169,16 +175,16 @@ def place(bodies: Sequence[Body], bed: Bed, rules: Rules, *, count: int, seed: i
 
 def _draw(bodies: Sequence[Body], bed: Bed, rules: Rules, area: Box, others: np.ndarray, number: int,
           seed: int | Sequence[int]) -> Placed | None:
-    """The target of a number, or None where no room is found."""
-    what = np.random.default_rng([*np.atleast_1d(seed), number])
-    share = what.random(7)                                             # all, used or not: one rule moves no other
-    attitude = what.normal(size=4)
+    """Return the target of a number, or None without room."""
+    stream = np.random.default_rng([*np.atleast_1d(seed), number])
+    share = stream.random(7)                                           # always all, so that rules stay independent
+    attitude = stream.normal(size=4)
     odds = np.ones(len(bodies)) if rules.weights is None else np.asarray(rules.weights, float)
     body = bodies[int(np.searchsorted(np.cumsum(odds) / odds.sum(), share[0], side="right"))]
     scale, heading, tilt, burial = (low + part * (high - low) for part, (low, high) in
                                     zip(share[1:5], (rules.scale, rules.heading, rules.tilt, rules.burial)))
     tilt_heading = 2 * np.pi * share[5]
-    # into the frame of the heading, in which the footprint is a rectangle, and from there into the scene
+    # first into the frame of the heading, where the footprint is a rectangle, then into the scene
     lean = _leaning(tilt, tilt_heading - heading) @ _pose(body, rules.pose, share[6], attitude)
     turned = _about_z(-heading)
     corners = scale * body.outline @ lean.T
@@ -194,11 +200,11 @@ def _draw(bodies: Sequence[Body], bed: Bed, rules: Rules, area: Box, others: np.
             continue
         ground = bed.heights(*(spot + footprint).T)
         if np.isnan(ground).any():
-            continue                                                   # over a hole, or the edge of the bed
+            continue                                                   # a hole, or the edge of the bed
         slope = _upright(footprint, ground) if rules.along_slope else np.eye(3)
         radius = _radius(corners @ slope.T)
         if rules.along_slope and not _free(x, y, radius, area, rules, others):
-            continue                                                   # a leaning body is wider
+            continue                                                   # a tilted body is wider
         position = np.array([*spot, ground.mean()])
         vertices = (scale * body.vertices @ lean.T - middle) @ turned.T
         vertices[:, 2] -= burial * (high - low)[2]
@@ -208,7 +214,7 @@ def _draw(bodies: Sequence[Body], bed: Bed, rules: Rules, area: Box, others: np.
 
 
 def _places(area: Box, radius: float, number: int, seed: int | Sequence[int]) -> Iterator[np.ndarray]:
-    """Points (2,) [m] to try, drawn evenly, the circle inside the area."""
+    """Yield uniformly random points (2,) [m] whose circle lies inside the area."""
     west, south, east, north = area
     low, high = np.array([west + radius, south + radius]), np.array([east - radius, north - radius])
     if (low <= high).all():
@@ -216,7 +222,7 @@ def _places(area: Box, radius: float, number: int, seed: int | Sequence[int]) ->
 
 
 def _free(x: float, y: float, radius: float, area: Box, rules: Rules, others: np.ndarray) -> bool:
-    """Tell whether a circle lies in the area, off what is excluded, and far enough from other circles."""
+    """Return True if a circle lies in the area, outside excluded boxes, and far enough from other circles."""
     west, south, east, north = area
     slack = 1e-9 * max(1.0, abs(x), abs(y))
     if min(x - west, east - x, y - south, north - y) < radius - slack:
@@ -233,19 +239,19 @@ def _radius(corners: np.ndarray) -> float:
 
 
 def _pose(body: Body, pose: str, share: float, attitude: np.ndarray) -> np.ndarray:
-    """Rotation (3, 3) of a body into its pose, by chance: a number from 0 to 1, and four normal deviates."""
+    """Return the rotation (3, 3) of a body into its pose, from a random share (0 to 1) and four normal deviates."""
     if pose == "upright":
         return np.eye(3)
     if pose == "any":
         from scipy.spatial.transform import Rotation
 
-        return Rotation.from_quat(np.roll(attitude, -1)).as_matrix()   # of normal deviates: all attitudes alike
-    rotations, often = body.rest_poses
-    return rotations[int(np.searchsorted(np.cumsum(often), share, side="right").clip(0, len(often) - 1))]
+        return Rotation.from_quat(np.roll(attitude, -1)).as_matrix()   # normal deviates give uniform attitudes
+    rotations, probability = body.rest_poses
+    return rotations[int(np.searchsorted(np.cumsum(probability), share, side="right").clip(0, len(rotations) - 1))]
 
 
 def _leaning(tilt: float, towards: float) -> np.ndarray:
-    """Rotation (3, 3) that tips the upward axis by an angle towards a heading, clockwise from +y."""
+    """Return the rotation (3, 3) that tilts the upward axis towards a heading, clockwise from +y."""
     return turn_onto((0.0, 0.0, 1.0), (np.sin(tilt) * np.sin(towards), np.sin(tilt) * np.cos(towards), np.cos(tilt)))
 
 
@@ -255,7 +261,7 @@ def _about_z(angle: float) -> np.ndarray:
 
 
 def _upright(footprint: np.ndarray, ground: np.ndarray) -> np.ndarray:
-    """Rotation (3, 3) of the vertical onto the normal of the plane that fits the bed under a footprint."""
+    """Return the rotation (3, 3) of the vertical onto the normal of the bed under a footprint."""
     (east, north), *_ = np.linalg.lstsq(footprint, ground - ground.mean(), rcond=None)
     normal = np.array([-east, -north, 1.0])
     return turn_onto((0.0, 0.0, 1.0), normal / np.linalg.norm(normal))

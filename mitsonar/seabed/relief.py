@@ -1,12 +1,12 @@
-"""Shapes of the seabed as heights over a horizontal grid, and sums of them.
+"""Shapes of the seabed as heights over a horizontal grid, and their sums.
 
     height(x, y) = sum of parts;   u = x sin(heading) + y cos(heading)
     plane       -tan(slope) u
     sinusoid    (height / 2) cos(2 pi u / wavelength)
 
-x -> ``x`` [m, east], y -> ``y`` [m, north], heading clockwise from north. Every part stands in absolute coordinates:
-what it gives at a place does not depend on how far the grid reaches. Sand ripples are in `ripples`, the rough surface
-of a power law in `fractal`.
+x -> ``x`` [m, east], y -> ``y`` [m, north], heading clockwise from north. Every part uses absolute coordinates:
+its height at a point does not depend on the extent of the grid. Sand ripples are in `ripples`, power-law roughness in
+`fractal`.
 """
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -15,22 +15,11 @@ import numpy as np
 
 
 class Relief(ABC):
-    """Something that has a height everywhere; parts are summed by ``+``."""
+    """Relief with a height at every point; ``+`` sums reliefs."""
 
     @abstractmethod
     def on_grid(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Return the heights over a regular grid.
-
-        Parameters
-        ----------
-        x, y : array (X,), (Y,) [m]
-            Coordinates of the columns and rows, increasing by a constant step.
-
-        Returns
-        -------
-        float64 array (Y, X) [m]
-            Heights about the mean bed, z up.
-        """
+        """Return the heights (Y, X) [m], z up, over the columns x and rows y of an even grid [m]."""
 
     def __add__(self, other: "Relief") -> "Sum":
         return Sum((*_parts(self), *_parts(other)))
@@ -38,7 +27,7 @@ class Relief(ABC):
 
 @dataclass(frozen=True)
 class Sum(Relief):
-    """Add the heights of several parts."""
+    """Sum of several reliefs."""
 
     parts: tuple[Relief, ...]
 
@@ -52,18 +41,10 @@ class Sum(Relief):
 
 @dataclass(frozen=True, kw_only=True)
 class Plane(Relief):
-    """A plane through the origin, level by default.
+    """Plane through the origin, level by default."""
 
-    Parameters
-    ----------
-    slope : float [rad]
-        Angle below the horizon, 0 to less than pi/2.
-    heading : float [rad]
-        Compass heading in which the plane descends.
-    """
-
-    slope: float = 0.0
-    heading: float = 0.0
+    slope: float = 0.0  # [rad]: angle below the horizon, 0 to less than pi/2
+    heading: float = 0.0  # [rad]: compass heading in which the plane descends
 
     def __post_init__(self):
         check("plane", "slope", self.slope, 0 <= self.slope < np.pi / 2, "from 0 to less than pi/2 rad")
@@ -75,22 +56,12 @@ class Plane(Relief):
 
 @dataclass(frozen=True, kw_only=True)
 class Sinusoid(Relief):
-    """Long-crested sinusoidal waves, with a crest at the origin where ``phase`` is 0.
+    """Long-crested sinusoidal waves; with ``phase`` 0, a crest is at the origin."""
 
-    Parameters
-    ----------
-    wavelength : float [m]
-    height : float [m]
-        From trough to crest.
-    heading : float [rad]
-        Compass heading at right angles to the crests.
-    phase : float [rad]
-    """
-
-    wavelength: float
-    height: float
-    heading: float = 0.0
-    phase: float = 0.0
+    wavelength: float  # [m]
+    height: float  # [m]: from trough to crest
+    heading: float = 0.0  # [rad]: compass heading normal to the crests
+    phase: float = 0.0  # [rad]: at the origin
 
     def __post_init__(self):
         check("sinusoid", "wavelength", self.wavelength, 0 < self.wavelength < np.inf, "a finite number [m] above 0")
@@ -102,12 +73,12 @@ class Sinusoid(Relief):
 
 
 def along(heading: float, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return the distance [m] of grid points (Y, X) from the origin in the compass direction ``heading`` [rad]."""
+    """Return the distance [m] of grid points (Y, X) from the origin along the compass heading [rad]."""
     return np.asarray(x) * np.sin(heading) + np.asarray(y)[:, None] * np.cos(heading)
 
 
 def step(name: str, coordinates: np.ndarray) -> float:
-    """Return the constant step [m] of grid coordinates; raise `ValueError` if they do not increase by one."""
+    """Return the constant step [m] of grid coordinates; `ValueError` if the step varies."""
     steps = np.diff(coordinates)
     if steps.size == 0 or not steps[0] > 0 or np.ptp(steps) > 1e-6 * steps[0] + 1e-12 * np.abs(coordinates).max():
         raise ValueError(f"relief: the grid coordinates {name} must be two or more, increasing by a constant step.")
@@ -115,7 +86,7 @@ def step(name: str, coordinates: np.ndarray) -> float:
 
 
 def check(kind: str, name: str, value: object, holds: bool, expected: str) -> None:
-    """Raise `ValueError` unless a record's number holds what it must."""
+    """Raise `ValueError` unless a condition on a value holds."""
     if not holds:
         raise ValueError(f"{kind}: {name} is {value}; it must be {expected}.")
 

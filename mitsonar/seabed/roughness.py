@@ -5,7 +5,7 @@
 
 W -> spectrum [m^4], K -> ``wavenumber`` [rad/m], w2 -> ``w2`` [m^(4 - gamma)], gamma -> ``gamma``,
 L0 -> ``outer_scale`` [m]. Well above K0 this is the pure power law w2 K^-gamma; below, it levels off, which makes
-the variance finite. The tables of the field give w2 in cm^4 with a reference length of 1 cm:
+the variance finite. Published tables give w2 in cm^4 with a reference length of 1 cm:
 
     w2 [m^(4 - gamma)] = 1e-8 * 100^gamma * w2 [cm^4]
 """
@@ -20,54 +20,23 @@ from mitsonar.device.types import Real
 # strength w2 [cm^4] of each sediment. The spectral exponent is 3.25 for all of them.
 GAMMA_TR9407 = 3.25
 W2_CM4_TR9407 = {
-    "rough rock": 0.20693,
-    "rock": 0.01862,
-    "cobble": 0.016, "gravel": 0.016, "pebble": 0.016,
-    "sandy gravel": 0.012937,
-    "very coarse sand": 0.010573,
-    "muddy sandy gravel": 0.008602,
-    "coarse sand": 0.006957, "gravelly sand": 0.006957,
-    "gravelly muddy sand": 0.005587,
-    "medium sand": 0.004446, "sand": 0.004446,
-    "muddy gravel": 0.003498,
-    "fine sand": 0.002715, "silty sand": 0.002715,
-    "muddy sand": 0.002070,
-    "very fine sand": 0.001544,
-    "clayey sand": 0.001119,
-    "coarse silt": 0.000781,
-    "sandy silt": 0.000518, "gravelly mud": 0.000518,
-    "medium silt": 0.000518, "sand silt clay": 0.000518,
-    "silt": 0.000518, "sandy mud": 0.000518,
-    "fine silt": 0.000518, "clayey silt": 0.000518,
-    "sandy clay": 0.000518,
-    "very fine silt": 0.000518,
-    "silty clay": 0.000518,
-    "clay": 0.000518,
-}
+    "rough rock": 0.20693, "rock": 0.01862, "cobble": 0.016, "gravel": 0.016, "pebble": 0.016,
+    "sandy gravel": 0.012937, "very coarse sand": 0.010573, "muddy sandy gravel": 0.008602, "coarse sand": 0.006957,
+    "gravelly sand": 0.006957, "gravelly muddy sand": 0.005587, "medium sand": 0.004446, "sand": 0.004446,
+    "muddy gravel": 0.003498, "fine sand": 0.002715, "silty sand": 0.002715, "muddy sand": 0.002070,
+    "very fine sand": 0.001544, "clayey sand": 0.001119, "coarse silt": 0.000781, "sandy silt": 0.000518,
+    "gravelly mud": 0.000518, "medium silt": 0.000518, "sand silt clay": 0.000518, "silt": 0.000518,
+    "sandy mud": 0.000518, "fine silt": 0.000518, "clayey silt": 0.000518, "sandy clay": 0.000518,
+    "very fine silt": 0.000518, "silty clay": 0.000518, "clay": 0.000518}
 
 
 @dataclass(frozen=True, kw_only=True)
 class RoughnessSpectrum:
-    """Hold an isotropic power-law height spectrum.
+    """Isotropic power-law spectrum of heights."""
 
-    Parameters
-    ----------
-    w2 : float [m^(4 - gamma)]
-        Spectral strength, at least 0.
-    gamma : float [-]
-        Spectral exponent, between 2 and 4, both excluded: at 2 the small features, at 4 the large ones would rule.
-    outer_scale : float [m]
-        Wavelength at which the power law levels off.
-
-    Raises
-    ------
-    ValueError
-        If a number is out of its range.
-    """
-
-    w2: float
-    gamma: float = GAMMA_TR9407
-    outer_scale: float = 10.0
+    w2: float  # [m^(4 - gamma)]: spectral strength, at least 0
+    gamma: float = GAMMA_TR9407  # above 2, where small features would dominate, and below 4, where large ones would
+    outer_scale: float = 10.0  # [m]: wavelength at which the power law levels off
 
     def __post_init__(self):
         for name, holds, expected in (("w2", 0 <= self.w2 < np.inf, "a finite number, at least 0"),
@@ -78,20 +47,14 @@ class RoughnessSpectrum:
 
     @classmethod
     def of_sediment(cls, name: str, *, outer_scale: float = 10.0) -> "RoughnessSpectrum":
-        """Make the spectrum of a sediment of TR 9407, such as "medium sand" (``-`` and ``_`` read as a space).
-
-        Raises
-        ------
-        ValueError
-            If the sediment is not in the table; the message lists those that are.
-        """
-        key = sediment_key(name)
-        return cls(w2=w2_from_cm4(W2_CM4_TR9407[key], GAMMA_TR9407), gamma=GAMMA_TR9407, outer_scale=outer_scale)
+        """Return the spectrum of a sediment of TR 9407, such as "medium sand" (``-`` and ``_`` read as a space)."""
+        w2 = w2_from_cm4(W2_CM4_TR9407[sediment_key(name)], GAMMA_TR9407)
+        return cls(w2=w2, gamma=GAMMA_TR9407, outer_scale=outer_scale)
 
     @classmethod
     def of_height(cls, rms_height: float, *, gamma: float = GAMMA_TR9407,
                   outer_scale: float = 10.0) -> "RoughnessSpectrum":
-        """Make the spectrum whose surface has the root-mean-square height ``rms_height`` [m]."""
+        """Return the spectrum of a surface with the root-mean-square height ``rms_height`` [m]."""
         if not 0 <= rms_height < np.inf:
             raise ValueError(f"roughness spectrum: rms_height is {rms_height}; it must be a finite number [m], "
                              "at least 0.")
@@ -103,18 +66,18 @@ class RoughnessSpectrum:
         return self.w2 * (np.square(wavenumber) + self._corner**2) ** (-self.gamma / 2)
 
     def height_variance(self, highest_wavenumber: float = np.inf) -> float:
-        """Return the variance [m^2] of the heights, of the features up to ``highest_wavenumber`` [rad/m]."""
+        """Return the variance of heights [m^2] from features up to ``highest_wavenumber`` [rad/m]."""
         exponent = 1 - self.gamma / 2
         above = 0.0 if np.isinf(highest_wavenumber) else (highest_wavenumber**2 + self._corner**2) ** exponent
         return np.pi * self.w2 * (above - self._corner ** (2 * exponent)) / exponent
 
     def mean_square_slope(self, highest_wavenumber: float) -> float:
-        """Return the mean of the squared gradient [-] of the features up to ``highest_wavenumber`` [rad/m].
+        """Return the mean squared gradient [-] from features up to ``highest_wavenumber`` [rad/m].
 
         Notes
         -----
         pi w2 [ (s^b - K0^2b) / b - K0^2 (s^a - K0^2a) / a ] with s = Kc^2 + K0^2, a = 1 - gamma/2, b = 2 - gamma/2;
-        for K0 -> 0 this is 2 pi w2 Kc^(4 - gamma) / (4 - gamma). It grows without bound with Kc.
+        for K0 -> 0 this is 2 pi w2 Kc^(4 - gamma) / (4 - gamma). It diverges with Kc.
         """
         s, corner = highest_wavenumber**2 + self._corner**2, self._corner**2
         a, b = 1 - self.gamma / 2, 2 - self.gamma / 2
@@ -126,7 +89,7 @@ class RoughnessSpectrum:
 
 
 def sediment_key(name: str) -> str:
-    """Return the name under which the tables hold a sediment: lower case, ``-`` and ``_`` read as a space."""
+    """Return the name of a sediment in the tables: lower case, ``-`` and ``_`` read as a space."""
     key = " ".join(str(name).lower().replace("_", " ").replace("-", " ").split())
     if key not in W2_CM4_TR9407:
         raise ValueError(f'no sediment is called "{name}"{meant(key, W2_CM4_TR9407)}; known are '
@@ -135,5 +98,5 @@ def sediment_key(name: str) -> str:
 
 
 def w2_from_cm4(w2_cm4: float, gamma: float) -> float:
-    """Return the spectral strength [m^(4 - gamma)] of one tabled in cm^4 with a reference length of 1 cm."""
+    """Return the spectral strength [m^(4 - gamma)] of a value in cm^4 with a reference length of 1 cm."""
     return 1e-8 * 100**gamma * w2_cm4
