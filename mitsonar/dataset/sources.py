@@ -71,20 +71,20 @@ def find_sources(places: FilePath | Iterable[FilePath]) -> list[Source]:
         If there are no images, an image is given twice, or a file or a manifest cannot be read.
     """
     places = [places] if isinstance(places, (str, os.PathLike)) else list(places)
-    found = []
+    images = []
     for place in map(Path, places):
         if place.is_dir():
-            found += [(path, "_".join(path.relative_to(place).with_suffix("").parts), place.resolve().name, classes)
-                      for path, classes in _finished(place)]
+            images += [(path, "_".join(path.relative_to(place).with_suffix("").parts), place.resolve().name, classes)
+                       for path, classes in _finished(place)]
         else:
-            found.append((place, place.stem, place.resolve().parent.name, None))
-    if not found:
+            images.append((place, place.stem, place.resolve().parent.name, None))
+    if not images:
         raise ValueError("there are no images; give EXR or netCDF files, or folders of sweeps.")
-    twice = [path for path, count in Counter(path.resolve() for path, *_ in found).items() if count > 1]
+    twice = [path for path, count in Counter(path.resolve() for path, *_ in images).items() if count > 1]
     if twice:
         raise ValueError(f"the image {twice[0]} is given twice; leave one out.")
-    names = _apart([name for _, name, *_ in found], [folder for _, _, folder, _ in found])
-    return [_source(path, name, classes) for (path, *_, classes), name in zip(found, names, strict=True)]
+    names = _apart([name for _, name, *_ in images], [folder for _, _, folder, _ in images])
+    return [_source(path, name, classes) for (path, *_, classes), name in zip(images, names, strict=True)]
 
 
 def class_order(sources: Sequence[Source]) -> list[str]:
@@ -143,15 +143,13 @@ def _finished(folder):
     """Return the finished files of a sweep, each with the order of classes of its plan."""
     path = folder / MANIFEST
     if not path.is_file():
-        raise ValueError(f"the folder {folder} holds no {MANIFEST}, so it is no sweep of mitsonar; give files by "
-                         "name.")
+        raise ValueError(f"the folder {folder} holds no {MANIFEST}, so it is no sweep of mitsonar; give files by name.")
     entries = manifest.read(path)[0]
     done = [(folder / output, entry.classes) for output, entry in sorted(entries.items()) if entry.status == "ok"]
     paths = [path for path, _ in done]
     outside = [path for path in paths if not path.resolve().is_relative_to(folder.resolve())]
     if outside:
-        raise ValueError(f"{path} names the file {outside[0]}, which is outside its folder; give the files by "
-                         "name.")
+        raise ValueError(f"{path} names the file {outside[0]}, which is outside its folder; give the files by name.")
     missing = [path for path in paths if not path.is_file()]
     if missing:
         raise FileNotFoundError(f"{path} names {missing[0]}, which is not there; run the sweep again to make it.")

@@ -45,7 +45,7 @@ def read_shares(text: str) -> dict[str, float]:
     return shares
 
 
-def deal(groups: Sequence[str], shares: Mapping[str, float], seed: int = 0, what: str = "seabed") -> list[str]:
+def deal(groups: Sequence[str], shares: Mapping[str, float], seed: int = 0, noun: str = "seabed") -> list[str]:
     """Assign images to subsets, group by group.
 
     Parameters
@@ -56,7 +56,7 @@ def deal(groups: Sequence[str], shares: Mapping[str, float], seed: int = 0, what
         Share of every subset; they add up to 1.
     seed : int
         Seed of the order of groups; the same seed gives the same result.
-    what : str
+    noun : str
         Noun for the groups in the error.
 
     Returns
@@ -73,8 +73,8 @@ def deal(groups: Sequence[str], shares: Mapping[str, float], seed: int = 0, what
     if len(sizes) < len(shares):
         raise ValueError(f"the images cannot be split into {len(shares)} subsets ({', '.join(shares)}): "
                          f"{len(groups)} image{'s' * (len(groups) != 1)} with {len(sizes)} different "
-                         f"{what}{'s' * (len(sizes) != 1)}, which cannot be shared; add images with others"
-                         + (", or split by a parameter of the scene." if what == "seabed" else "."))
+                         f"{noun}{'s' * (len(sizes) != 1)}, which cannot be shared; add images with others"
+                         + (", or split by a parameter of the scene." if noun == "seabed" else "."))
     lacking = {name: share * len(groups) for name, share in shares.items()}
     empty, home = set(shares), {}
     order = sorted(sizes, key=lambda group: hashlib.sha256(f"{seed}:{group}".encode()).digest())

@@ -34,62 +34,28 @@ QUANTILES = (0.01, 0.1, 0.5, 0.9, 0.99)
 
 @dataclass(frozen=True, kw_only=True)
 class PictureStatistics:
-    """Statistics of one side of a sidescan.
+    """Statistics of one side of a sidescan."""
 
-    Attributes
-    ----------
-    windows : int
-        Number of windows of 16 x 16 samples on open bed.
-    variation : float [-]
-        Median coefficient of variation of amplitudes.
-    quantiles : (5,) [-]
-        1, 10, 50, 90, 99 % of amplitudes over the local mean.
-    ping_correlation, range_correlation : (5,) [-]
-        Correlation of amplitudes at lags 1 to 5.
-    ping_intensity_correlation, range_intensity_correlation : (5,) [-]
-        Correlation of intensities at lags 1 to 5.
-    ping_texture, range_texture : float [-]
-        Correlation of amplitudes at lag 1 in windows of 128 x 128 less their mean, which includes the texture of the
-        bed. NaN without such a window on the bed.
-    ping_spectrum, range_spectrum : (5,) [-]
-        Power in octaves of the wavelength: 2-4, 4-8, 8-16, 16-32, 32-64 samples; white: 1.
-    shadows : int
-        Number of samples in shadows.
-    shadow_db : (3,) [dB]
-        Quartiles of the depth of shadows below the bed, by intensity; NaN without shadows.
-    rise : float [m]
-        Rise of the first return's mean intensity from 10 to 90 % of its peak.
-    peak_db : float [dB]
-        Peak of the first return relative to the bed 1 to 3 m beyond it.
-    water_db : float [dB]
-        Mean intensity 0.5 to 2 m before the first return, re the bed 1 to 3 m beyond it.
-    dynamic_range_db : float [dB]
-        Ratio of the 99.9 to the 0.1 % quantile of amplitudes; includes the recorder's gain.
-    values : int
-        Number of different amplitudes.
-    saturated : float [-]
-        Share of samples with the highest amplitude.
-    """
-
-    windows: int
-    variation: float
-    quantiles: np.ndarray
-    ping_correlation: np.ndarray
-    range_correlation: np.ndarray
-    ping_intensity_correlation: np.ndarray
-    range_intensity_correlation: np.ndarray
+    windows: int  # number of windows of 16 x 16 samples on open bed
+    variation: float  # median coefficient of variation of amplitudes
+    quantiles: np.ndarray  # (5,): 1, 10, 50, 90, 99 % of amplitudes over the local mean
+    ping_correlation: np.ndarray  # (5,): of amplitudes at lags 1 to 5
+    range_correlation: np.ndarray  # (5,)
+    ping_intensity_correlation: np.ndarray  # (5,): of intensities at lags 1 to 5
+    range_intensity_correlation: np.ndarray  # (5,)
+    # correlation of amplitudes at lag 1 in windows of 128 x 128 less their mean, with the texture of the bed; or NaN
     ping_texture: float
     range_texture: float
-    ping_spectrum: np.ndarray
-    range_spectrum: np.ndarray
-    shadows: int
-    shadow_db: np.ndarray
-    rise: float
-    peak_db: float
-    water_db: float
-    dynamic_range_db: float
-    values: int
-    saturated: float
+    ping_spectrum: np.ndarray  # (5,): in octaves of 2-4, 4-8, 8-16, 16-32, 32-64 samples a wave; white: 1
+    range_spectrum: np.ndarray  # (5,)
+    shadows: int  # number of samples in shadows
+    shadow_db: np.ndarray  # (3,) [dB]: quartiles of the depth of shadows below the bed, by intensity; or NaN
+    rise: float  # [m]: of the first return's mean intensity from 10 to 90 % of its peak
+    peak_db: float  # [dB]: first return relative to the bed 1 to 3 m beyond it
+    water_db: float  # [dB]: mean intensity 0.5 to 2 m before the first return, relative to the same bed
+    dynamic_range_db: float  # [dB]: 99.9 relative to 0.1 % quantile of amplitudes, with the recorder's gain
+    values: int  # number of different amplitudes
+    saturated: float  # share of samples with the highest amplitude
 
 
 def measure(amplitude: np.ndarray, spacing: float, *, keep: np.ndarray | None = None) -> PictureStatistics:
@@ -137,13 +103,7 @@ def measure(amplitude: np.ndarray, spacing: float, *, keep: np.ndarray | None = 
 
 
 def first_return(amplitude: np.ndarray, spacing: float) -> np.ndarray:
-    """Return the sample of the bed's first return of every ping (P,), int, smoothed over 15 pings.
-
-    Raises
-    ------
-    ValueError
-        If fewer than half of the pings rise by 8 dB anywhere.
-    """
+    """Return the sample of the bed's first return of every ping (P,), int, smoothed over 15 pings."""
     power = ndimage.uniform_filter1d(np.asarray(amplitude, float) ** 2, 9, axis=0)
     level = np.log10(np.maximum(ndimage.uniform_filter1d(power, STEP, axis=1), 1e-300))
     rise = 10 * (np.roll(level, -STEP // 2, 1) - np.roll(level, STEP // 2, 1))

@@ -6,6 +6,7 @@ The mean level and the truth of every bin come from an energy record of the same
 """
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import xarray as xr
@@ -44,9 +45,7 @@ def image(power: np.ndarray, record: EnergyRecord, expected: np.ndarray, *, turn
     below = slant_range >= depth_below[:, None] - 2 * (slant_range[-1] / len(slant_range))
     label, shadow = coordinates.shadow_by_bins(record, below)
 
-    def entry(values: np.ndarray, units: str, long_name: str, dims: str | tuple[str, ...] = DIMS) -> tuple:
-        return coordinates.entry(dims, values, units, long_name)
-
+    entry, of_ping = partial(coordinates.entry, DIMS), partial(coordinates.entry, "ping")
     return xr.Dataset(
         {"level": entry(coordinates.levels(power), "dB re 1 µPa", "echo level"),
          "mean_level": entry(coordinates.levels(expected), "dB re 1 µPa", "echo level without speckle and noise"),
@@ -55,9 +54,9 @@ def image(power: np.ndarray, record: EnergyRecord, expected: np.ndarray, *, turn
          "shadow": entry(shadow, "1", "no ray of the main lobe arrives, after the first bottom return"),
          "rays": entry(record.rays, "1", "rays that arrive")},
         coords={
-            "ping": entry(np.arange(len(power)), "1", "ping number", "ping"),
-            "bearing": entry(turns.bearing, "rad", _CLOCKWISE[turns.mount == "forward"], "ping"),
-            "turn": entry(turns.turn, "1", "turn of the head, or sweep across its sector", "ping"),
+            "ping": of_ping(np.arange(len(power)), "1", "ping number"),
+            "bearing": of_ping(turns.bearing, "rad", _CLOCKWISE[turns.mount == "forward"]),
+            "turn": of_ping(turns.turn, "1", "turn of the head, or sweep across its sector"),
             **coordinates.of_bins(labels, slant_range, time),
             **coordinates.of_pings(turns.platform, depth_below, " of the platform")},
         attrs={"sonar": "sector_scan", **attrs, "sound_speed": float(sound_speed), "mount": turns.mount,

@@ -11,6 +11,7 @@ the mean <|z_c|²>, and to a realisation <|z + z_c|²> over each cell, with one 
 Rice distributed (S. O. Rice, 1945).
 """
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 import xarray
@@ -23,6 +24,7 @@ from . import coordinates, truth
 from .energy_record import CoherentRecord, EnergyRecord
 from .recorder import FAULTLESS, Recorder, leaked, leaked_pressure, recorded
 
+DIMS = ("ping", "side", "range")
 WORK = 1 << 18                     # bins drawn at a time
 FEW_CELLS = 64                     # fewer bins if they have more cells than this
 
@@ -119,20 +121,16 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
     label, shadow = coordinates.shadow_by_bins(
         record, slant_range >= depth_below[:, None, None] - sonar.sound_speed * bin_length)
     beam_width, vertical_beam_width = sonar.transmit.beam_widths(sonar.wavelength)
-    dims = ("ping", "side", "range")
-
-    def entry(values: np.ndarray, units: str, long_name: str, dims: str | tuple[str, ...] = dims) -> tuple:
-        return coordinates.entry(dims, values, units, long_name)
-
+    entry = partial(coordinates.entry, DIMS)
     dataset = xarray.Dataset(
         {"level": entry(level, "dB re 1 µPa", "echo level"),
          "mean_level": entry(mean_level, "dB re 1 µPa", "echo level without speckle and noise"),
-         **truth.variables(record.truth, label, class_of, dims),
+         **truth.variables(record.truth, label, class_of, DIMS),
          "depth": entry(depth, "m", "depth of the hits, weighted by echo energy"),
          "shadow": entry(shadow, "1", "no ray of the main lobe arrives, after the first bottom return"),
          "rays": entry(record.rays, "1", "rays that arrive")},
         coords={
-            "ping": entry(np.arange(pings), "1", "ping number", "ping"),
+            "ping": coordinates.entry("ping", np.arange(pings), "1", "ping number"),
             "side": ("side", ["port", "starboard"], {"long_name": "side of the platform"}),
             **coordinates.of_bins(labels, slant_range, time), **coordinates.of_pings(track, depth_below)},
         attrs={"sonar": "sidescan", "seed": int(seed), "sound_speed": float(sonar.sound_speed),
@@ -144,7 +142,7 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
                "bin_width": float(0.5 * sonar.sound_speed * bin_length), "speckle": speckle is not None,
                "labels": {str(number): name for number, name in labels.items()}})
     if record.path_intensity is not None:
-        dataset = dataset.assign(_by_path(record.path_intensity, record.coherent, shares, entry)).assign_coords(
+        dataset = dataset.assign(_by_path(record.path_intensity, record.coherent, shares)).assign_coords(
             path_name=("path_name", list(paths), {"long_name": "bounces: b seabed or object, s sea surface, v water"}))
     return dataset
 
@@ -160,8 +158,7 @@ def _coherent_arrays(record: EnergyRecord) -> tuple[np.ndarray, np.ndarray, np.n
     return coherent.pressure, coherent.intensity, coherent.depth
 
 
-def _by_path(intensity: np.ndarray, coherent_record: CoherentRecord | None, shares: np.ndarray,
-             entry: Callable[..., tuple]) -> dict[str, tuple]:
+def _by_path(intensity: np.ndarray, coherent_record: CoherentRecord | None, shares: np.ndarray) -> dict[str, tuple]:
     """Return the levels of every path (path_name, ping, side, range), and the number of the strongest path."""
     coherent = None if coherent_record is None else coherent_record.path_intensity
     pings, sides, paths, bins = intensity.shape
@@ -176,9 +173,9 @@ def _by_path(intensity: np.ndarray, coherent_record: CoherentRecord | None, shar
     if coherent is not None:
         intensity = intensity + coherent
     strongest = np.where(intensity.max(2) > 0, intensity.argmax(2) + 1, 0).astype(np.uint32)
-    return {"path_level": entry(level, "dB re 1 µPa", "echo level of each path, without speckle and noise",
-                                ("path_name", "ping", "side", "range")),
-            "path": entry(strongest, "1", "path with most of the echo, counted from 1; 0: no echo")}
+    return {"path_level": coordinates.entry(("path_name", *DIMS), level, "dB re 1 µPa",
+                                            "echo level of each path, without speckle and noise"),
+            "path": coordinates.entry(DIMS, strongest, "1", "path with most of the echo, counted from 1; 0: no echo")}
 
 
 def _mean_depth(depth, mean, coherent_depth, coherent_mean):

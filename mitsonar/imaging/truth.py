@@ -45,8 +45,8 @@ def shares(intensity: np.ndarray, shown: Callable[[np.ndarray], np.ndarray],
 
 def _shared(power: np.ndarray) -> np.ndarray:
     """Return the shares of powers (..., L, bins) in their sum over L, 0 where the sum is 0."""
-    whole = power.sum(-2, keepdims=True)
-    return np.where(whole > 0, power / np.where(whole > 0, whole, 1), 0)
+    total = power.sum(-2, keepdims=True)
+    return np.where(total > 0, power / np.where(total > 0, total, 1), 0)
 
 
 def _beside(values: np.ndarray) -> np.ndarray:

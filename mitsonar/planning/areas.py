@@ -101,14 +101,14 @@ def _rings(content: Any) -> list[np.ndarray]:
     rings, waiting = [], [content]
     while waiting:
         element = waiting.pop()
-        kind = str(element.get("type")) if isinstance(element, dict) else ""       # a feature may have no geometry
-        if kind in _WITHIN:
-            within = element.get(_WITHIN[kind])
+        type_name = str(element.get("type")) if isinstance(element, dict) else ""       # a feature may have no geometry
+        if type_name in _WITHIN:
+            within = element.get(_WITHIN[type_name])
             waiting += within if isinstance(within, list) else [within]
-        elif kind in ("Polygon", "MultiPolygon"):
+        elif type_name in ("Polygon", "MultiPolygon"):
             try:
-                found = shapely.get_rings(shapely.get_parts(shape(element)))
-                rings += (corners := [shapely.get_coordinates(ring) for ring in found])
+                parts = shapely.get_rings(shapely.get_parts(shape(element)))
+                rings += (corners := [shapely.get_coordinates(ring) for ring in parts])
                 if not all(np.isfinite(ring).all() for ring in corners):
                     raise ValueError
             except _NO_POLYGON:

@@ -55,7 +55,7 @@ class InstrumentRules:
         way = (f"{'with' if self.under_way else 'without'} the ship's way during reception "
                f"({'without' if self.under_way else 'with'} it {self._millimetres(self.node, not self.under_way)})")
         alike = [question for question, other in (("which sound speed was used", (not self.node, self.under_way)),
-                                          ("whether the way was counted", (self.node, not self.under_way)))
+                                                  ("whether the way was counted", (self.node, not self.under_way)))
                  if self.residual[self.node, self.under_way] > ALIKE * self.residual[other]]
         return (f"{node}, and {way}", *(f"the times do not decide {question}" for question in alike))
 
@@ -100,7 +100,7 @@ def time_residuals(soundings: xr.Dataset, node: bool, under_way: bool) -> list[t
                 offsets[there[0][valid]] = part
             bed = np.stack([soundings[name].values[ping][valid] for name in ("x", "y", "depth")], -1)
             residuals.append(_residuals(echoes, motion, installed, offsets, profile, bed, node, under_way,
-                                    _shift(soundings, motion, ping)))
+                                        _shift(soundings, motion, ping)))
     return residuals
 
 

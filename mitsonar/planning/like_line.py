@@ -67,16 +67,16 @@ def like(line: FilePath, scene: FilePath, *, cell: float | None = None,     # [m
         names["backscatter"] = f"{stem}_backscatter.csv"
     inside = {name: os.path.basename(path) for name, path in names.items()}
     texts = {"track": track, "cast": _table("depth,sound speed", soundings["cast_depth"].values,
-                                                        soundings["cast_sound_speed"].values)}
+                                            soundings["cast_sound_speed"].values)}
     if strengths is not None:
         texts["backscatter"] = _table("grazing angle,strength", *strengths)
-    with replacing_all((scene, *names.values())) as (whole, *rest):
+    with replacing_all((scene, *names.values())) as (scene_file, *rest):
         parts = dict(zip(names, rest))
         for name, text in texts.items():
             parts[name].write_text(text, encoding="utf-8")
         geotiff.write(_bed(soundings, cell), parts["bed"])
-        whole.write_text(_scene(soundings, settings, inside, os.path.basename(os.fspath(line)), words, rules.node),
-                         encoding="utf-8")
+        scene_file.write_text(_scene(soundings, settings, inside, os.path.basename(os.fspath(line)), words, rules.node),
+                              encoding="utf-8")
     if say is not None:
         for text in words:
             say(text)
@@ -114,7 +114,7 @@ def _track(soundings: xr.Dataset, ping_rate: float) -> tuple[str, str]:
     times, values[:, 5] = times[order], np.unwrap(values[:, 5])
     interval, end = float(np.median(np.diff(times))), sent[-1] + LISTENS / ping_rate
     splines = [(columns, smoothed(times, values[:, columns], max(step, interval), end))
-            for columns, step in ((slice(0, 2), WAY_STEP), (slice(2, 6), STEP))]
+               for columns, step in ((slice(0, 2), WAY_STEP), (slice(2, 6), STEP))]
     residual = np.sqrt(np.mean((np.concatenate([spline(times) for _, spline in splines], -1) - values) ** 2, axis=0))
     when = np.linspace(sent[0], end, 1 + int(np.ceil((end - sent[0]) / EVERY)))
     x, y, depth, roll, pitch, heading = np.concatenate([spline(when) for _, spline in splines], -1).T
@@ -171,7 +171,7 @@ def _strengths(soundings: xr.Dataset) -> tuple[np.ndarray, np.ndarray] | None:
         soundings["across_track"].values, soundings["depth"].values - soundings["ping_depth"].values[:, None])))
     usable = np.isfinite(level) & np.isfinite(grazing)
     rows = [(angle, np.median(level[near])) for angle in ANGLES
-             if (near := usable & (np.abs(grazing - angle) <= 1.25)).sum() >= FEWEST]
+            if (near := usable & (np.abs(grazing - angle) <= 1.25)).sum() >= FEWEST]
     if len(rows) < 3:
         return None
     angles, strengths = np.array(rows).T

@@ -40,8 +40,8 @@ def check(path: FilePath, frame: Frame | None = None) -> str:
 
 def write(plan: SurveyPlan, path: FilePath, frame: Frame) -> None:
     """Write the lines of a plan."""
-    kind = check(path, frame)
-    text = {".csv": _csv, ".geojson": _geojson, ".gpx": _gpx}[kind](plan, frame)
+    suffix = check(path, frame)
+    text = {".csv": _csv, ".geojson": _geojson, ".gpx": _gpx}[suffix](plan, frame)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="")
 

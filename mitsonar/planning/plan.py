@@ -121,10 +121,10 @@ def plan(bed: PlannedBed, profile: SoundSpeedProfile, sonar: SwathSonar, layout:
         deepest = float(bed.depth[asked & bed.known].max())
         raise ValueError(f"the area is nowhere deeper than {deepest:.3g} m, and bed shoaler than {least:.3g} m is "
                          "left out; set a smaller least depth, or choose another area.")
-    some = bed.depth[wanted]
+    area_depth = bed.depth[wanted]
     rays = swath_rays(profile, head_depth=sonar.head_depth, half_angle=0.5 * sonar.swath,
                       deepest=float(bed.depth.max()), max_range=sonar.max_range)
-    mean = float(some.mean(dtype=float))
+    mean = float(area_depth.mean(dtype=float))
     width = 2 * float(rays.reach_at(mean))
     heading, contours = _heading(bed, wanted, width, layout, area)
     frame = LineFrame(heading=heading)
@@ -135,16 +135,16 @@ def plan(bed: PlannedBed, profile: SoundSpeedProfile, sonar: SwathSonar, layout:
         segments = fitted_segments(bed, rays, lattice, layout.overlap, shortest)
     else:
         spacing = layout.spacing or (1 - layout.overlap) * 2 * float(rays.reach_at(
-            mean if layout.swath_at == "mean" else float(some.min())))
+            mean if layout.swath_at == "mean" else float(area_depth.min())))
         if not spacing > 0:
-            raise ValueError(f"the shoalest bed of the area is {float(some.min()):.3g} m deep, where the sonar has no "
-                             "swath; leave the shoal out of the area, or let the spacing follow each line.")
+            raise ValueError(f"the shoalest bed of the area is {float(area_depth.min()):.3g} m deep, where the sonar "
+                             "has no swath; leave the shoal out of the area, or let the spacing follow each line.")
         segments = even_segments(lattice, spacing, shortest)
     step = max(*bed.step, FINEST * width)
     tracks = [(track(bed, rays, sonar, frame, segment, float(profile.at(sonar.head_depth)), step), ahead)
               for segment, ahead in in_sailing_order(segments)]
     covered = coverage(bed, rays, sonar, frame, [line for line, _ in tracks], layout.speed, wanted)
-    depths = dict.fromkeys((float(some.min()), mean, float(some.max())))
+    depths = dict.fromkeys((float(area_depth.min()), mean, float(area_depth.max())))
     refraction = [] if used is None else [cast_error(profile, used, sonar.head_depth, depth, 0.5 * sonar.swath, order)
                                           for depth in depths if depth > sonar.head_depth]
     return SurveyPlan(lines=_lines(tracks, frame, layout), frame=frame, contours=contours, area=area, bed=bed,

@@ -92,16 +92,14 @@ def _sensor(root: ElementTree.Element, plan: SurveyPlan, files: BedFile, folder:
     sonar = plan.sonar
     sensor = ElementTree.SubElement(root, "sensor", {"type": "multibeam", "id": "sonar"})
     preset = sonar.name if sonar.name in presets("multibeam") else DEFAULT_PRESET
-    _add(sensor, "string", "preset", preset)
-    _add(sensor, "float", "swath_deg", round(float(np.rad2deg(sonar.swath)), 6))
-    _add(sensor, "string", "beam_spacing", sonar.even)
-    _add(sensor, "integer", "beams", max(sonar.beams // int(presets("multibeam")[preset]["swaths"]), 2))
-    _add(sensor, "string", "waypoints", "$waypoints")
-    _add(sensor, "boolean", "georeferenced", "true" if files.bathymetry is not None else "false")
-    _add(sensor, "float", "turn_radius", 0)
-    _add(sensor, "float", "depth", sonar.head_depth)
-    _add(sensor, "float", "speed_knots", round(plan.layout.speed / KNOT, 6))
-    _add(sensor, "integer", "pings", "$pings")
+    beams = max(sonar.beams // int(presets("multibeam")[preset]["swaths"]), 2)
+    for row in (("string", "preset", preset), ("float", "swath_deg", round(float(np.rad2deg(sonar.swath)), 6)),
+                ("string", "beam_spacing", sonar.even), ("integer", "beams", beams),
+                ("string", "waypoints", "$waypoints"),
+                ("boolean", "georeferenced", "true" if files.bathymetry is not None else "false"),
+                ("float", "turn_radius", 0), ("float", "depth", sonar.head_depth),
+                ("float", "speed_knots", round(plan.layout.speed / KNOT, 6)), ("integer", "pings", "$pings")):
+        _add(sensor, *row)
     if np.isfinite(sonar.rate):
         _add(sensor, "float", "ping_rate_hz", sonar.rate)
     water = ElementTree.SubElement(sensor, "medium", {"type": "seawater", "id": "water"})
@@ -110,14 +108,9 @@ def _sensor(root: ElementTree.Element, plan: SurveyPlan, files: BedFile, folder:
     else:
         _add(water, "float", "sound_speed", 1500)
     film = ElementTree.SubElement(sensor, "film", {"type": "sonar_film"})
-    _add(film, "float", "range", f"{min(ROOM * _farthest(plan), sonar.max_range):.1f}")
-
-
-def _farthest(plan: SurveyPlan) -> float:
-    """Return the farthest slant range of all lines [m]."""
     swaths = [line.track.edges for line in plan.lines]
     reach = max(float(side.max()) for swath in swaths for side in (swath.port, swath.starboard))
-    return float(np.hypot(reach, plan.depths[2]))
+    _add(film, "float", "range", f"{min(ROOM * float(np.hypot(reach, plan.depths[2])), sonar.max_range):.1f}")
 
 
 def _over_bed(plan: SurveyPlan, line: SurveyLine) -> np.ndarray | None:
@@ -141,8 +134,8 @@ def _known(plan: SurveyPlan, places: np.ndarray) -> np.ndarray:
     from scipy.ndimage import map_coordinates
 
     bed = plan.bed
-    about = map_coordinates(bed.known.astype(np.float32), bed.places(*places.T), order=1, mode="constant")
-    return (about > WHOLE) & (bed.depth_at(*places.T) > plan.sonar.head_depth)
+    weight = map_coordinates(bed.known.astype(np.float32), bed.places(*places.T), order=1, mode="constant")
+    return (weight > WHOLE) & (bed.depth_at(*places.T) > plan.sonar.head_depth)
 
 
 def _points(places: np.ndarray) -> str:

@@ -32,7 +32,6 @@ class Sum(Relief):
     parts: tuple[Relief, ...]
 
     def on_grid(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Return the summed heights (Y, X) [m]."""
         heights = np.zeros((len(y), len(x)))
         for part in self.parts:
             heights += part.on_grid(x, y)
@@ -50,7 +49,6 @@ class Plane(Relief):
         check("plane", "slope", self.slope, 0 <= self.slope < np.pi / 2, "from 0 to less than pi/2 rad")
 
     def on_grid(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Return the heights (Y, X) [m] of the plane."""
         return -np.tan(self.slope) * along(self.heading, x, y)
 
 
@@ -68,7 +66,6 @@ class Sinusoid(Relief):
         check("sinusoid", "height", self.height, 0 <= self.height < np.inf, "a finite number [m], at least 0")
 
     def on_grid(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Return the heights (Y, X) [m] of the waves."""
         return self.height / 2 * np.cos(2 * np.pi / self.wavelength * along(self.heading, x, y) + self.phase)
 
 

@@ -50,7 +50,6 @@ class Ripples(Relief):
               f"at least twice the wander of {self.wander} m, or crests would overtake each other")
 
     def on_grid(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Return the heights (Y, X) [m] of the ripples."""
         x, y = np.asarray(x, float), np.asarray(y, float)
         crest = (1 + self.asymmetry) / 2
         cycles = along(self.heading, x, y) / self.wavelength + crest

@@ -15,7 +15,7 @@ import signal
 import time
 from typing import TYPE_CHECKING, Any
 
-from .local import THREADS, shares
+from .local import THREADS, Renderer, shares
 
 if TYPE_CHECKING:
     import distributed
@@ -28,7 +28,7 @@ _FREE = queue.SimpleQueue()        # idle renderers of a Dask worker
 
 
 class Cluster:
-    """A pool of Dask workers."""
+    """Pool of Dask workers."""
 
     def __init__(self, threads: int | None, place: str, folder: str, *, scheduler: str | None = None,
                  workers: int | None = None):
@@ -158,8 +158,6 @@ def _silence():
 
 def _render(job, threads, place):
     """Render a job on a Dask worker, in an idle process or a new one."""
-    from .renderer import Renderer
-
     try:
         renderer = _FREE.get_nowait()
         if (renderer.threads, renderer.place) != (threads, place):

@@ -157,10 +157,10 @@ def standing(plan: Plan, folder: str, entries: Mapping[str, ManifestEntry], made
              verify: bool = False) -> Standing:
     """Return the state of a sweep; renders are missing unless their files exist and match the manifest."""
     missing, changed, damaged, seconds, sizes = array.array("l"), 0, 0, [], []
-    others = {output for output, entry in entries.items() if entry.status == "ok"}
+    unplanned_outputs = {output for output, entry in entries.items() if entry.status == "ok"}
     for index in range(len(plan)):
         render = plan.render(index)
-        others.discard(render.output)
+        unplanned_outputs.discard(render.output)
         entry = entries.get(render.output)
         if entry is not None and entry.redrawn and plan.redraw:
             render = plan.render(index, entry.redrawn)
@@ -175,7 +175,7 @@ def standing(plan: Plan, folder: str, entries: Mapping[str, ManifestEntry], made
         else:
             seconds.append(entry.seconds)
             sizes.append(entry.bytes)
-    unplanned = sorted(output for output in others if os.path.exists(os.path.join(folder, output)))
+    unplanned = sorted(output for output in unplanned_outputs if os.path.exists(os.path.join(folder, output)))
     return Standing(missing=missing, changed=changed, damaged=damaged, seconds=seconds, bytes=sizes,
                     unplanned=unplanned)
 
@@ -337,5 +337,5 @@ def _check_foreign(plan, folder):
     for index in range(len(plan) if foreign else 0):
         output = plan.render(index).output
         if os.path.exists(os.path.join(folder, output)):
-            raise ValueError(f"{folder} holds {output}, but no manifest that knows it; move it away, or give another "
+            raise ValueError(f"{folder} holds {output}, but no manifest lists it; move it away, or give another "
                              "folder by -o")

@@ -50,8 +50,8 @@ def key(parameters: Mapping[str, Any], seed: int, inputs: str, versions: Mapping
 
 def versions() -> dict[str, str]:
     """Return the versions of mitsonar and its numerical libraries, which determine the bytes of a render."""
-    others = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit", "numpy")}
-    return {"mitsonar": __version__, **others}
+    libraries = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit", "numpy")}
+    return {"mitsonar": __version__, **libraries}
 
 
 def sha256(path: FilePath) -> str:
@@ -71,12 +71,12 @@ class Manifest:
         self._lock = _hold(folder)
         try:
             self.fresh = not os.path.exists(self.path)
-            self.entries, self.damaged, whole = read(self.path)
+            self.entries, self.damaged, complete = read(self.path)
             self._file = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666)
             try:
-                if whole < os.fstat(self._file).st_size:
-                    os.ftruncate(self._file, whole)
-                self._end, self._flushed = whole, time.monotonic()
+                if complete < os.fstat(self._file).st_size:
+                    os.ftruncate(self._file, complete)
+                self._end, self._flushed = complete, time.monotonic()
             except BaseException:
                 os.close(self._file)
                 raise
@@ -116,9 +116,9 @@ class Manifest:
 
 def read(path: FilePath) -> tuple[dict[str, ManifestEntry], int, int]:
     """Return the entries of a manifest by output, the number of damaged lines, and the length of complete lines."""
-    entries, damaged, whole = {}, 0, 0
+    entries, damaged, complete = {}, 0, 0
     if not os.path.exists(path):
-        return entries, damaged, whole
+        return entries, damaged, complete
     with open(path, "rb") as file:
         while line := file.readline(LONGEST_LINE):
             if not line.endswith(b"\n"):
@@ -126,15 +126,15 @@ def read(path: FilePath) -> tuple[dict[str, ManifestEntry], int, int]:
                     line = file.readline(LONGEST_LINE)         # skip the rest of an overlong line
                 if not line.endswith(b"\n"):
                     break
-                damaged, whole = damaged + 1, file.tell()
+                damaged, complete = damaged + 1, file.tell()
                 continue
-            whole = file.tell()
+            complete = file.tell()
             try:
                 output, entry = _entry(json.loads(line))
                 entries[output] = entry
             except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError):
                 damaged += 1
-    return entries, damaged, whole
+    return entries, damaged, complete
 
 
 def _entry(record):
@@ -146,10 +146,10 @@ def _entry(record):
     classes = record.get("classes")
     return record["output"], ManifestEntry(key=key(record["parameters"], record["seed"], record["inputs"],
                                                    record["versions"]),
-                                   status=record["status"], bytes=size, preview=preview,
-                                   seconds=float(record["seconds"]), sha256=record.get("sha256"),
-                                   redrawn=int(record.get("redrawn", 0)),
-                                   classes=None if classes is None else tuple(map(str, classes)))
+                                           status=record["status"], bytes=size, preview=preview,
+                                           seconds=float(record["seconds"]), sha256=record.get("sha256"),
+                                           redrawn=int(record.get("redrawn", 0)),
+                                           classes=None if classes is None else tuple(map(str, classes)))
 
 
 def remove_leftovers(folders: Iterable[str]) -> None:

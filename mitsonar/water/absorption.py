@@ -102,8 +102,8 @@ def thorp_db(frequency: ArrayLike, temperature: ArrayLike = 10.0, salinity: Arra
     Ocean Acoustics*: water of about 4 deg C at about 1 km, below 50 kHz. In other water it errs by tens of
     per cent, in fresh water at 100 kHz by a factor of 11; it serves to repeat earlier computations.
     """
-    f, *others = _checked(frequency, temperature, salinity, depth, ph)
-    f = np.broadcast_arrays(f, *others)[0]
+    f, *rest = _checked(frequency, temperature, salinity, depth, ph)
+    f = np.broadcast_arrays(f, *rest)[0]
     return 1e-3 * (0.0033 + 0.11 * _relaxation(f, 1.0) + 44 * f**2 / (4100 + f**2) + 3e-4 * f**2)
 
 

@@ -80,10 +80,10 @@ class SoundSpeedProfile:
         if not depth + SAME_DEPTH < self.depth[-1]:
             raise ValueError(f"sound-speed profile: a node at {depth:g} m is not above the last of the profile, at "
                              f"{self.depth[-1]:g} m; give a profile that goes deeper.")
-        others = np.abs(self.depth - depth) > SAME_DEPTH
-        place = int(np.searchsorted(self.depth[others], depth))
-        return type(self)(np.insert(self.depth[others], place, depth),
-                          np.insert(self.sound_speed[others], place, sound_speed))
+        kept = np.abs(self.depth - depth) > SAME_DEPTH
+        place = int(np.searchsorted(self.depth[kept], depth))
+        return type(self)(np.insert(self.depth[kept], place, depth),
+                          np.insert(self.sound_speed[kept], place, sound_speed))
 
     def at(self, depth: Values) -> Values:
         """Return the sound speed [m/s] at ``depth`` [m], any shape."""

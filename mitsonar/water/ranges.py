@@ -35,7 +35,7 @@ SOUND_SPEED_RANGES = {
 }
 
 
-def checked(what: str, ranges: Mapping[str, tuple[float, float, str]] = RANGES,
+def checked(subject: str, ranges: Mapping[str, tuple[float, float, str]] = RANGES,
             **values: ArrayLike) -> list[np.ndarray]:
     """Return the values as float64 arrays, in order; `ValueError` with the first value outside ``ranges``."""
     arrays = []
@@ -45,13 +45,13 @@ def checked(what: str, ranges: Mapping[str, tuple[float, float, str]] = RANGES,
         bad = ~((array >= low) & (array <= high))  # includes NaN
         if bad.any():
             got, limits = f"{array[bad].flat[0]:g} {unit}".strip(), f"{low:g}..{high:g} {unit}".strip()
-            raise ValueError(f"{what}: {name} is {got}; it must lie in {limits}.")
+            raise ValueError(f"{subject}: {name} is {got}; it must lie in {limits}.")
         arrays.append(array)
     return arrays
 
 
-def chosen(what: str, formula: str, formulas: Mapping[str, Formula]) -> Formula:
+def chosen(subject: str, formula: str, formulas: Mapping[str, Formula]) -> Formula:
     """Return the formula of a name; `ValueError` with all names if it is unknown."""
     if formula not in formulas:
-        raise ValueError(f"{what}: formula {formula!r} is unknown; use one of {', '.join(formulas)}.")
+        raise ValueError(f"{subject}: formula {formula!r} is unknown; use one of {', '.join(formulas)}.")
     return formulas[formula]

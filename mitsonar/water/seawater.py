@@ -2,7 +2,7 @@
 
     p = p(depth, latitude)    SA = SA(salinity, p, longitude, latitude)    c = c(SA, T, p)        TEOS-10
     c = Cw(T, P) + A(T, P) S + B(T, P) S^(3/2) + D(P) S^2,   P = p / 10                           Chen and Millero
-    c = polynomial in T, S and z                                                                  the others
+    c = polynomial in T, S and z                                                                  other formulas
 
 T -> ``temperature`` [deg C, ITS-90], in situ; S -> ``salinity``; z -> ``depth`` [m]; p [dbar], P [bar]. TEOS-10 uses
 the full Gibbs function, not its 75-term fit (rms 0.07 m/s).

@@ -168,7 +168,7 @@ def _column(values: ArrayLike | None) -> np.ndarray:
     return column
 
 
-def _check_strength(what: str, strength_db: float) -> None:
+def _check_strength(subject: str, strength_db: float) -> None:
     if not WEAKEST_DB <= strength_db <= STRONGEST_DB:
-        raise ValueError(f"{what}: strength is {strength_db:g} dB re 1/m; it must lie in {WEAKEST_DB:g}.."
+        raise ValueError(f"{subject}: strength is {strength_db:g} dB re 1/m; it must lie in {WEAKEST_DB:g}.."
                          f"{STRONGEST_DB:g} dB, and is -90 to -50 dB in the sea.")

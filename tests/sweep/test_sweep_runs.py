@@ -345,7 +345,7 @@ def test_a_second_runner_is_told_who_the_first_is(sweep):
 def test_files_that_no_sweep_made_are_left_alone(sweep):
     os.mkdir(sweep.folder / "out")
     (sweep.folder / "out" / "000007.exr").write_bytes(b"mine")
-    with pytest.raises(ValueError, match="holds 000007.exr, but no manifest that knows it"):
+    with pytest.raises(ValueError, match="holds 000007.exr, but no manifest lists it"):
         sweep()
     assert [path.name for path in (sweep.folder / "out").iterdir()] == ["000007.exr"]
 

@@ -66,30 +66,9 @@ def category(class_name: str, kind: str) -> str:
 
 def annotations(dataset: xr.Dataset, frames: Sequence[LabelFrame], *, threshold: float = 0.5,
                 above_noise_db: float = 0.0, smallest: int = 1, whole: bool = False) -> list[list[Annotation]]:
-    """Return the annotations of the objects of a dataset in its pictures.
+    """Return the annotations of every frame of a dataset, by label, highlights before shadows.
 
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        Labelled image.
-    frames : list of LabelFrame
-        Pictures of the dataset, from `frames`.
-    threshold, above_noise_db : float
-        See `mitsonar.imaging.objects.object_bins`.
-    smallest : int
-        Least number of bins of every piece of an annotation.
-    whole : bool
-        Add the highlight with its shadow as a further annotation.
-
-    Returns
-    -------
-    list of list of Annotation
-        Annotations of every picture, by label; the highlight precedes the shadow.
-
-    Raises
-    ------
-    ValueError
-        If the dataset has no labels or the threshold is out of range.
+    ``whole`` adds each highlight with its shadow. For the other arguments and errors see `object_bins`.
     """
     pieces = [[] for _ in frames]
     bins = dataset["range"].values if "range" in dataset.coords else np.zeros(0)
@@ -150,5 +129,4 @@ def _cut_out(mask, smallest):
     if not mask.size or np.count_nonzero(mask) < max(1, smallest):
         return None
     rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
-    return (int(rows[0]), int(columns[0]),
-            mask[rows[0]:rows[-1] + 1, columns[0]:columns[-1] + 1].copy())
+    return (int(rows[0]), int(columns[0]), mask[rows[0]:rows[-1] + 1, columns[0]:columns[-1] + 1].copy())

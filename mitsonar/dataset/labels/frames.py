@@ -77,7 +77,6 @@ class Waterfall(LabelFrame):
     """All pings of a sidescan, or of another sonar with a row per ping."""
 
     def lay(self, values: np.ndarray) -> np.ndarray:
-        """See `LabelFrame.lay`."""
         if values.ndim == 2:
             return values[::-1]
         return np.concatenate([values[::-1, side, ::-1] if part.near == "right" else values[::-1, side]
@@ -92,7 +91,6 @@ class PolarFrame(LabelFrame):
     columns: np.ndarray  # beams in the order of columns
 
     def lay(self, values: np.ndarray) -> np.ndarray:
-        """See `LabelFrame.lay`."""
         laid = (values[self.ping] if values.ndim == 3 else values)[self.columns].T
         return laid if self.parts[0].near == "top" else laid[::-1]
 
@@ -105,24 +103,20 @@ class CartesianFrame(LabelFrame):
     sweep: RasterSweep  # maps its bins to elements
 
     def lay(self, values: np.ndarray) -> np.ndarray:
-        """See `LabelFrame.lay`."""
         bins = self.sweep.own(values)
         if values.dtype == bool and not bins.any():                        # most objects show in few frames
             return np.zeros((self.height, self.width), bool)
         return self.sweep.map.labels(bins)
 
     def levels(self, level: np.ndarray) -> np.ndarray:
-        """See `LabelFrame.levels`."""
         return self.sweep.levels(level)
 
     def seen(self) -> np.ndarray:
-        """See `LabelFrame.seen`."""
         inside = np.zeros(self.height * self.width, bool)
         inside[self.sweep.map.inside] = True
         return inside.reshape(self.height, self.width)
 
     def edge(self, near: bool) -> np.ndarray:
-        """See `LabelFrame.edge`."""
         inside = self.seen()
         edge = inside & ~np.asarray(ndimage.binary_erosion(inside), bool)
         if not near:
@@ -162,7 +156,7 @@ class FocusedFrame(LabelFrame):
         along, across = (_axis(known[dim][where]) for dim, where in drawn.items())
         near_left = abs(across[0]) < abs(across[0] + (known["across_track"].size - 1) * across[1])
         height, width = (values.size for values in known.values())
-        return cls(ping=None, parts=(FramePart(name="", start=0, stop=width, near="left" if near_left else "right"),),
+        return cls(ping=None, parts=_single(width, "left" if near_left else "right"),
                    height=height, width=width, rows=drawn["along_track"], columns=drawn["across_track"], along=along,
                    across=across, grid=even_grid(image.isel(drawn)))
 
@@ -215,8 +209,7 @@ def frames(dataset: xr.Dataset, name: FilePath = "the dataset", form: Form = "po
         columns = [turn.start + in_order(bearing[turn])[0] for turn in pings]
         return _in_beams(dataset, columns, [turn.start for turn in pings], "turn")
     if dims == ("ping", "range"):
-        return [Waterfall(ping=None, parts=(FramePart(name="", start=0, stop=shape[1], near="left"),), height=shape[0],
-                          width=shape[1])]
+        return [Waterfall(ping=None, parts=_single(shape[1], "left"), height=shape[0], width=shape[1])]
     if dims != ("ping", "side", "range"):
         raise ValueError(f"{name} has levels over {', '.join(map(str, dims))}; pictures need (ping, side, range), "
                          "(ping, range) or (ping, beam, range).")
@@ -235,10 +228,15 @@ def tiles(frame: LabelFrame, size: tuple[int, int] | None = None, overlap: float
             for row in _starts(frame.height, height, overlap) for column in _starts(frame.width, width, overlap)]
 
 
+def _single(width: int, near: Literal["left", "right", "top", "bottom"]) -> tuple[FramePart]:
+    """Return all columns of a picture as its only part."""
+    return (FramePart(name="", start=0, stop=width, near=near),)
+
+
 def _in_beams(dataset, columns, pings, kind) -> list[LabelFrame]:
     near, height = "top" if looks_down(dataset) else "bottom", dataset.sizes["range"]
     return [PolarFrame(name=f"{kind}{number if kind == 'turn' else ping:04d}", ping=ping, columns=beams, height=height,
-                       width=beams.size, parts=(FramePart(name="", start=0, stop=beams.size, near=near),))
+                       width=beams.size, parts=_single(beams.size, near))
             for number, (ping, beams) in enumerate(zip(pings, columns, strict=True))]
 
 
@@ -250,8 +248,8 @@ def _in_metres(dataset, name, cell) -> list[LabelFrame]:
     kind, near = "ping" if "beam" in dataset.dims else "turn", "top" if looks_down(dataset) else "bottom"
     return [CartesianFrame(
         name=f"{kind}{number:04d}", ping=sweep.pings.start, sweep=sweep, height=sweep.grid.y.size,
-        width=sweep.grid.x.size, parts=(FramePart(name="", start=0, stop=sweep.grid.x.size, near=near),))
-        for number, sweep in enumerate(rasters)]
+        width=sweep.grid.x.size, parts=_single(sweep.grid.x.size, near))
+            for number, sweep in enumerate(rasters)]
 
 
 def _rises(values):

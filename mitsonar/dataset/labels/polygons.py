@@ -34,8 +34,8 @@ def polygons(mask: np.ndarray) -> list[np.ndarray]:
 
 def joined(rings: Sequence[np.ndarray]) -> np.ndarray:
     """Return polygons as one ring, connected by double lines between close corners."""
-    outline, *others = rings
-    for ring in others:
+    outline, *rest = rings
+    for ring in rest:
         apart = np.abs(outline[:, None] - ring).sum(-1)
         here, there = np.unravel_index(apart.argmin(), apart.shape)
         outline = np.concatenate([outline[:here + 1], ring[there:], ring[:there + 1], outline[here:]])

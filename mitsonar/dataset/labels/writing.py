@@ -170,11 +170,11 @@ class _Writer:
         annotated = annotations(dataset, pictures, threshold=self.labels.threshold, smallest=self.labels.smallest,
                                 above_noise_db=self.labels.above_noise_db, whole=self.labels.whole)
         dark = _dark(dataset) if self.labels.masks and "shadow" in dataset else None
-        about = {"source": source.path.name, "seabed": source.seabed, "seed": source.seed,
-                 "parameters": source.parameters, "window_db": [round(value, 3) for value in shown.window],
-                 "grey": f"{shown.words} [{shown.unit}]"}
+        description = {"source": source.path.name, "seabed": source.seabed, "seed": source.seed,
+                       "parameters": source.parameters, "window_db": [round(value, 3) for value in shown.window],
+                       "grey": f"{shown.words} [{shown.unit}]"}
         if is_focused(dataset):
-            about |= {name: dataset.attrs[name] for name in PLACE if dataset.attrs.get(name) is not None}
+            description |= {name: dataset.attrs[name] for name in PLACE if dataset.attrs.get(name) is not None}
         for frame, pieces in zip(pictures, annotated, strict=True):
             picture = shown.draw(frame)
             shadow = np.zeros(picture.shape, bool) if dark is None else frame.lay(dark)
@@ -185,15 +185,14 @@ class _Writer:
                 name += f"_{tile.row}_{tile.column}" * (self.labels.tile is not None)
                 inside = [piece for piece in (clipped(whole, tile, self.labels.smallest) for whole in seen)
                           if piece and piece.shown >= self.labels.min_visible]
-                where = {"ping": frame.ping, "row": tile.row, "column": tile.column, **about,
+                where = {"ping": frame.ping, "row": tile.row, "column": tile.column, **description,
                          **frame.metres(tile.row, tile.column)}
                 part = np.s_[tile.row:tile.row + tile.height, tile.column:tile.column + tile.width]
                 self._tile(name, picture[part], shadow[part], inside, where, subset)
 
-    def _tile(self, name, picture, shadow, pieces, about, subset):
+    def _tile(self, name, picture, shadow, pieces, description, subset):
         if name in self.names:
-            raise ValueError(f"two pictures would both be named {name}; rename a file, or process them "
-                             "separately.")
+            raise ValueError(f"two pictures would both be named {name}; rename a file, or process them separately.")
         if self.labels.drop_empty and not pieces:
             self.counts["empty"] += 1
             return
@@ -202,7 +201,8 @@ class _Writer:
         for piece in pieces:
             self.counts[f"{piece.kind}s"] += 1
         height, width = picture.shape
-        subset.images.append({"id": number, "file_name": f"{name}.png", "height": height, "width": width, **about})
+        subset.images.append({"id": number, "file_name": f"{name}.png", "height": height, "width": width,
+                              **description})
         if self.labels.masks:
             self._masks(name, shadow, pieces)
         if self.labels.yolo:
@@ -239,8 +239,8 @@ class _Writer:
                              "images with objects.")
         for name, subset in self.subsets.items():
             if self.labels.coco:
-                about = {"description": "sonar images", "subset": name if split else "all", **self.labels.rules}
-                text = coco.document(subset.images, subset.entries, self.numbers, about)
+                description = {"description": "sonar images", "subset": name if split else "all", **self.labels.rules}
+                text = coco.document(subset.images, subset.entries, self.numbers, description)
                 files[f"annotations_{name}.json" if split else "annotations.json"] = text
         if split:
             files["split.json"] = {

@@ -66,12 +66,12 @@ def named_system(crs: str) -> str:
 def map_places(record: xr.Dataset, crs: str | None) -> MapPlaces:
     """Return a record's pings in a coordinate system."""
     position = np.stack([np.asarray(record[axis].values, float) for axis in "xy"], -1) + origin(record.attrs)
-    own = system(record.attrs)
-    if own is None or crs is None or _same(own, crs):
+    source = system(record.attrs)
+    if source is None or crs is None or _same(source, crs):
         return MapPlaces(position=position, derivative=np.broadcast_to(np.eye(2), (len(position), 2, 2)))
     import pyproj
 
-    transformer = pyproj.Transformer.from_crs(named_system(own), named_system(crs), always_xy=True)
+    transformer = pyproj.Transformer.from_crs(named_system(source), named_system(crs), always_xy=True)
     around = position[:, None] + AROUND * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
     moved = np.stack(transformer.transform(around[..., 0], around[..., 1]), -1)
     if not np.isfinite(moved).all():

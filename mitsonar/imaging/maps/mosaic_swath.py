@@ -127,5 +127,4 @@ class MosaicSwath:
         moved = np.einsum("pij,pgj->pgi", self.derivative[pings], offset)
         there = there & (np.hypot(moved[..., 0], moved[..., 1]) <= self.around)      # False for NaN
         place = np.where(there[..., None], moved + self.position[pings][:, None], np.nan)
-        return MosaicGround(place=place, ground_range=ground_range,
-                            bin=np.where(there, number, 0).astype(np.int64))
+        return MosaicGround(place=place, ground_range=ground_range, bin=np.where(there, number, 0).astype(np.int64))

@@ -96,9 +96,9 @@ def _between(ground: MosaicGround, cell: float, fill: float) -> Iterator[tuple[n
         former = share < 0.5
         # beside a hole, a ping shows only its own position
         shares = np.where(hole, 0.0 if former else 1.0, share)
-        own = first if former else ground.place[1:]
+        shown = first if former else ground.place[1:]
         # so does a ping whose neighbour has no position there
-        yield np.where(np.isfinite(way), first + shares[..., None] * way, own), former
+        yield np.where(np.isfinite(way), first + shares[..., None] * way, shown), former
 
 
 GAINS = ("seabed", "target", "angle", None)
@@ -245,10 +245,10 @@ def mosaic(records: xr.Dataset | Sequence[xr.Dataset], cell: float | None = None
     mixed = lines[0][quantity].dtype.kind == "f"
     cells = GridCells(grid=_grid(swaths, cell), blend=blend, mixed=mixed)
     _sum_up(cells, [MosaicLine.of(swath, quantity, gain) for swath in swaths], fill)
-    made = {**options, "blend": blend if mixed else "nearest", "gain": gain if quantity in LEVELS else None}
-    about = {"crs": crs, "cell": cell, "fill": fill, **made, "names": lines[0].attrs.get(NAMES.get(quantity, "")),
-             "files": [line.attrs.get("file") for line in lines]}
-    return _trimmed(_dataset(cells, lines[0][quantity], quantity, about), quantity)
+    used = {**options, "blend": blend if mixed else "nearest", "gain": gain if quantity in LEVELS else None}
+    attributes = {"crs": crs, "cell": cell, "fill": fill, **used, "names": lines[0].attrs.get(NAMES.get(quantity, "")),
+                  "files": [line.attrs.get("file") for line in lines]}
+    return _trimmed(_dataset(cells, lines[0][quantity], quantity, attributes), quantity)
 
 
 def _sum_up(cells, lines, fill):
@@ -261,7 +261,7 @@ def _sum_up(cells, lines, fill):
             cells.add(places, ranges, values, line.swath.reach)
 
 
-def _dataset(cells, like, quantity, about):
+def _dataset(cells, like, quantity, attributes):
     attrs = {"units": like.attrs.get("units", "1"), "long_name": like.attrs.get("long_name", quantity)}
     if cells.mixed:
         values = cells.means()
@@ -271,7 +271,7 @@ def _dataset(cells, like, quantity, about):
         values = cells.nearest(attrs["nodata"]).astype(like.dtype)
     return xr.Dataset({quantity: (("y", "x"), values, attrs)},
                       {"y": ("y", cells.grid.y, {"units": "m", "long_name": "northing"}),
-                       "x": ("x", cells.grid.x, {"units": "m", "long_name": "easting"})}, about)
+                       "x": ("x", cells.grid.x, {"units": "m", "long_name": "easting"})}, attributes)
 
 
 def _cell(swaths, cell):
