@@ -311,11 +311,8 @@ def _column(values):
         return np.array(values)
     for kind in (int, float):
         try:
-            return np.array([kind(value) for value in map(_as_text, values)])
+            # via text, so that 2.5 is no integer
+            return np.array([kind(repr(value) if isinstance(value, (int, float)) else value) for value in values])
         except ValueError:
             continue
     return np.array([str(value) for value in values])
-
-
-def _as_text(value):
-    return repr(value) if isinstance(value, (int, float)) else value

@@ -118,18 +118,15 @@ def frames_of(sources: Iterable[Source]) -> list[Source]:
 
 
 def _source(path, name, classes):
-    attributes = _attributes(path)
+    if is_netcdf(path):
+        with netcdf.opened(path) as record:
+            attributes = dict(_image(record, path).attrs)
+    else:
+        attributes = exr.attributes(path)
     objects = (attributes.get("objects") or {}).values()
     return Source(path=path, name=name, parameters=attributes.get("parameters") or {}, seed=attributes.get("seed"),
                   seabed=attributes.get("seabed"), classes=tuple(sorted((attributes.get("classes") or {}).values())),
                   object_classes=tuple(sorted({entry["class"] for entry in objects})), planned_classes=classes)
-
-
-def _attributes(path):
-    if not is_netcdf(path):
-        return exr.attributes(path)
-    with netcdf.opened(path) as record:
-        return dict(_image(record, path).attrs)
 
 
 def _image(record, path):

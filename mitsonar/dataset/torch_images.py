@@ -66,7 +66,10 @@ class TorchImages(torch.utils.data.Dataset):
             raise ValueError(f"{path} has no variable {name} over {', '.join(map(str, dims))}.")
         variable = dataset[name].transpose(*(dim for dim in dims if dim in dataset[name].dims))
         channels = []
-        for values in _channels(variable):
+        banks = variable.values if "bank" in variable.dims else variable.values[None]
+        if np.iscomplexobj(banks):
+            banks = [part for bank in banks for part in (bank.real, bank.imag)]
+        for values in banks:
             zero = np.zeros((), values.dtype)
             for frame in frames:
                 channels.append(np.clip(np.nan_to_num(frame.levels(values), nan=NOTHING_DB), NOTHING_DB, None)
@@ -101,9 +104,3 @@ class TorchImages(torch.utils.data.Dataset):
         labels = np.array([1 + self.images.object_classes.index(piece.class_name) for piece in highlights], np.int64)
         return {"boxes": torch.as_tensor(boxes), "labels": torch.as_tensor(labels), "masks": torch.as_tensor(masks),
                 "image_id": number}
-
-
-def _channels(variable):
-    """Return the values of every bank, split into real and imaginary part if complex."""
-    banks = variable.values if "bank" in variable.dims else variable.values[None]
-    return [part for bank in banks for part in ((bank.real, bank.imag) if np.iscomplexobj(bank) else (bank,))]

@@ -83,13 +83,17 @@ def measure(amplitude: np.ndarray, spacing: float, *, keep: np.ndarray | None = 
     first = first_return(amplitude, spacing)
     bed, level, middle = _bed(amplitude, first, spacing)
     open_ = _open(bed, level, middle, keep)
-    ratio = np.where(open_, amplitude / _trend(amplitude, open_), np.nan)
+    weight = ndimage.gaussian_filter(open_.astype(float), TREND)
+    around = ndimage.gaussian_filter(np.where(open_, amplitude, 0.0), TREND)
+    ratio = np.where(open_, amplitude / (np.maximum(around, 1e-30) / np.maximum(weight, 1e-9)), np.nan)
     variations = [_variation(amplitude[part]) for part in _windows(open_, WINDOW)]
     squares = [ratio[part] for part in _windows(open_, SQUARE)]
     if not squares:
         raise ValueError("no window of 32 x 32 samples of open bed was found; give a record with more of an even bed.")
     wide = [amplitude[part] for part in _windows(bed if keep is None else bed & keep, WIDE)]
     dark = _shadows(bed, level, middle)
+    low, high = np.quantile(amplitude, (0.001, 0.999))
+    low = max(low, amplitude[amplitude > 0].min(initial=high))         # samples of 0 have no level
     return PictureStatistics(
         windows=len(variations), variation=float(np.median(variations)),
         quantiles=np.nanquantile(ratio, QUANTILES),
@@ -99,7 +103,9 @@ def measure(amplitude: np.ndarray, spacing: float, *, keep: np.ndarray | None = 
         ping_texture=float(_correlation(wide, 0)[0]), range_texture=float(_correlation(wide, 1)[0]),
         ping_spectrum=_spectrum(ratio, 0), range_spectrum=_spectrum(ratio, 1),
         shadows=dark.size, shadow_db=np.quantile(dark, (0.25, 0.5, 0.75)) if dark.size else np.full(3, np.nan),
-        **_onset(amplitude, first, spacing), **_recorder(amplitude))
+        **_onset(amplitude, first, spacing),
+        dynamic_range_db=float(20 * np.log10(max(high, 1e-30) / max(low, 1e-30))),
+        values=int(np.unique(amplitude).size), saturated=float(np.mean(amplitude == amplitude.max())))
 
 
 def first_return(amplitude: np.ndarray, spacing: float) -> np.ndarray:
@@ -159,12 +165,6 @@ def _open(bed, level, middle, keep):
     shift[known, 0] = np.nanmedian(np.where(bed, deviation, np.nan)[known], 1)
     usual = bed & (np.abs(deviation - shift) < OPEN_DB)
     return usual if keep is None else usual & keep
-
-
-def _trend(amplitude, open_):
-    weight = ndimage.gaussian_filter(open_.astype(float), TREND)
-    around = ndimage.gaussian_filter(np.where(open_, amplitude, 0.0), TREND)
-    return np.maximum(around, 1e-30) / np.maximum(weight, 1e-9)
 
 
 def _windows(open_, size):
@@ -250,10 +250,3 @@ def _onset(amplitude, first, spacing):
 def _mean(power, columns):
     """Return the median over pings of the mean over columns, robust to pings that meet a wreck first."""
     return float(np.median(power[:, columns].mean(1)))
-
-
-def _recorder(amplitude):
-    low, high = np.quantile(amplitude, (0.001, 0.999))
-    low = max(low, amplitude[amplitude > 0].min(initial=high))         # samples of 0 have no level
-    return {"dynamic_range_db": float(20 * np.log10(max(high, 1e-30) / max(low, 1e-30))),
-            "values": int(np.unique(amplitude).size), "saturated": float(np.mean(amplitude == amplitude.max()))}

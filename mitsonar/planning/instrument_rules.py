@@ -49,15 +49,17 @@ class InstrumentRules:
         """Return the estimate and its doubts as clauses."""
         if not self.residual:
             return ()
-        node = (f"the file's soundings were made with {'the head' if self.node else 'the cast'}'s sound speed at the "
-                f"arrays (residual of travel times {self._millimetres(self.node, self.under_way)}; with the "
-                f"{'cast' if self.node else 'head'}'s {self._millimetres(not self.node, self.under_way)})")
-        way = (f"{'with' if self.under_way else 'without'} the ship's way during reception "
-               f"({'without' if self.under_way else 'with'} it {self._millimetres(self.node, not self.under_way)})")
+        speed, other_speed = ("head", "cast") if self.node else ("cast", "head")
+        way, other_way = ("with", "without") if self.under_way else ("without", "with")
+        node = (f"the file's soundings were made with the {speed}'s sound speed at the arrays (travel-time residual "
+                f"{self._millimetres(self.node, self.under_way)}; with the {other_speed}'s "
+                f"{self._millimetres(not self.node, self.under_way)})")
+        under_way = (f"{way} the ship's way during reception ({other_way} it "
+                     f"{self._millimetres(self.node, not self.under_way)})")
         alike = [question for question, other in (("which sound speed was used", (not self.node, self.under_way)),
                                                   ("whether the way was counted", (self.node, not self.under_way)))
                  if self.residual[self.node, self.under_way] > ALIKE * self.residual[other]]
-        return (f"{node}, and {way}", *(f"the times do not decide {question}" for question in alike))
+        return (f"{node}, and {under_way}", *(f"the times do not decide {question}" for question in alike))
 
     def _millimetres(self, node, under_way):
         residual = self.residual[node, under_way]
@@ -98,16 +100,13 @@ def time_residuals(soundings: xr.Dataset, node: bool, under_way: bool) -> list[t
             offsets = np.zeros((valid.sum(), 3))
             for part, there in parts_of(soundings, np.array([ping])):
                 offsets[there[0][valid]] = part
+            # the motion records round heave to 1 cm
+            shift = np.array([soundings[f"ping_{name}"].values[ping] for name in ("x", "y", "depth")]) \
+                - motion.at(soundings["ping_time"].values[ping]).place
             bed = np.stack([soundings[name].values[ping][valid] for name in ("x", "y", "depth")], -1)
             residuals.append(_residuals(echoes, motion, installed, offsets, profile, bed, node, under_way,
-                                        _shift(soundings, motion, ping)))
+                                        shift))
     return residuals
-
-
-def _shift(soundings, motion, ping):
-    """Return the ping's place less that of the motion records (3,), whose heave is rounded to 1 cm."""
-    there = motion.at(soundings["ping_time"].values[ping]).place
-    return np.array([soundings[f"ping_{name}"].values[ping] for name in ("x", "y", "depth")]) - there
 
 
 def _residuals(measured, motion, installed, offsets, profile, bed, node, under_way, shift):

@@ -198,18 +198,14 @@ def in_sailing_order(segments: Sequence[Segment]) -> list[tuple[Segment, bool]]:
         rows.setdefault(segment.row, []).append(segment)
     by_line = [(segment, number % 2 == 0) for number, row in enumerate(rows.values())
                for segment in (row if number % 2 == 0 else row[::-1])]
-    return min(by_line, _side_by_side(segments), key=_between)
+    return min(by_line, _side_by_side(segments), key=lambda order: sum(
+        float(np.hypot(*(_ends(*after)[0] - _ends(*before)[1]))) for before, after in zip(order, order[1:])))
 
 
 def _ends(segment: Segment, forwards: bool) -> tuple[np.ndarray, np.ndarray]:
     """Return the first and last point of a segment as sailed, each (2,) along and across."""
     first, last = (np.array([along, segment.offset]) for along in (segment.begin, segment.end))
     return (first, last) if forwards else (last, first)
-
-
-def _between(order: Sequence[tuple[Segment, bool]]) -> float:
-    """Return the length of the straight ways between segments [m]."""
-    return sum(float(np.hypot(*(_ends(*after)[0] - _ends(*before)[1]))) for before, after in zip(order, order[1:]))
 
 
 def _side_by_side(segments: Sequence[Segment]) -> list[tuple[Segment, bool]]:

@@ -185,8 +185,11 @@ def _draw(bodies: Sequence[Body], bed: Bed, rules: Rules, area: Box, others: np.
                                     zip(share[1:5], (rules.scale, rules.heading, rules.tilt, rules.burial)))
     tilt_heading = 2 * np.pi * share[5]
     # first into the frame of the heading, where the footprint is a rectangle, then into the scene
-    lean = _leaning(tilt, tilt_heading - heading) @ _pose(body, rules.pose, share[6], attitude)
-    turned = _about_z(-heading)
+    towards = tilt_heading - heading
+    up = np.sin(tilt) * np.sin(towards), np.sin(tilt) * np.cos(towards), np.cos(tilt)
+    lean = turn_onto((0.0, 0.0, 1.0), up) @ _pose(body, rules.pose, share[6], attitude)
+    cosine, sine = np.cos(-heading), np.sin(-heading)
+    turned = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     corners = scale * body.outline @ lean.T
     low, high = corners.min(axis=0), corners.max(axis=0)
     middle = np.array([*(low + high)[:2] / 2, low[2]])                 # of the footprint, at its lowest point
@@ -248,16 +251,6 @@ def _pose(body: Body, pose: str, share: float, attitude: np.ndarray) -> np.ndarr
         return Rotation.from_quat(np.roll(attitude, -1)).as_matrix()   # normal deviates give uniform attitudes
     rotations, probability = body.rest_poses
     return rotations[int(np.searchsorted(np.cumsum(probability), share, side="right").clip(0, len(rotations) - 1))]
-
-
-def _leaning(tilt: float, towards: float) -> np.ndarray:
-    """Return the rotation (3, 3) that tilts the upward axis towards a heading, clockwise from +y."""
-    return turn_onto((0.0, 0.0, 1.0), (np.sin(tilt) * np.sin(towards), np.sin(tilt) * np.cos(towards), np.cos(tilt)))
-
-
-def _about_z(angle: float) -> np.ndarray:
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _upright(footprint: np.ndarray, ground: np.ndarray) -> np.ndarray:

@@ -131,7 +131,9 @@ class Inputs:
     def _find(self, name):
         if "\0" in name or len(os.fsencode(name)) > 4000:
             return None
-        return next(filter(_is_input, (os.path.join(folder, name) for folder in self.folders)), None)
+        # a sweep's own folder is no input, since its content changes during the run
+        return next((path for path in (os.path.join(folder, name) for folder in self.folders) if os.path.isfile(path)
+                     or os.path.isdir(path) and not os.path.exists(os.path.join(path, MANIFEST))), None)
 
     def _content(self, path):
         """Return the SHA-256 of a file, or of all files in a folder; read again when time or size change."""
@@ -159,8 +161,3 @@ def _is_kind(item, kind):
     except ValueError:
         return False
     return True
-
-
-def _is_input(path):
-    """Return True for a file, or a folder that is not a sweep's own, whose content changes during the run."""
-    return os.path.isfile(path) or (os.path.isdir(path) and not os.path.exists(os.path.join(path, MANIFEST)))

@@ -189,7 +189,8 @@ def _plan(path, place, home, given):
                          f"{meant(unknown[0], KEYS)}; known: {', '.join(KEYS)}")
     if "scene" not in given:
         raise ValueError('the plan names no scene; write scene = "FILE.xml" at its beginning')
-    scene = _scene(_text(given, "scene"), place)
+    beside = os.path.join(place, name := _text(given, "scene"))
+    scene = os.path.abspath(beside if os.path.isfile(beside) else scenes.find(name))
     seed = whole(given.get("seed", 0), "seed", 0, MOST_SEEDS - 1)
     seeds = _seeds(given.get("seeds", 1))
     samples = whole(given.get("samples", 1), "samples", 1, MOST_RENDERS)
@@ -222,7 +223,10 @@ def _plan(path, place, home, given):
     if samples > 1 and not draws:
         raise ValueError(f"samples is {samples}, but no parameter is drawn, so that all would be alike; add [draw], or "
                          "take seeds")
-    _check_number(plan)
+    count = plan.samples * plan._seeds() * math.prod(plan._sizes())        # len() is limited to 63 bits
+    if count > MOST_RENDERS:
+        many = f"{count:,}" if count < 1e15 else "over 1e15"
+        raise ValueError(f"the plan makes {many} renders; make it at most {MOST_RENDERS:,}")
     _check_output(plan)
     inputs.check_kinds({**{name: (item,) for name, item in plan.render(0).parameters.items() if name in draws},
                         **{name: column for name, column in columns.items() if column}})
@@ -246,13 +250,6 @@ def _check_redraw(plan):
         if name in plan.pattern.parameters:
             raise ValueError(f"output holds the parameter {name}, which redraw may draw again; name files by "
                              "{index}")
-
-
-def _check_number(plan):
-    count = plan.samples * plan._seeds() * math.prod(plan._sizes())        # len() is limited to 63 bits
-    if count > MOST_RENDERS:
-        many = f"{count:,}" if count < 1e15 else "over 1e15"
-        raise ValueError(f"the plan makes {many} renders; make it at most {MOST_RENDERS:,}")
 
 
 def _check_output(plan):
@@ -299,11 +296,6 @@ def _check_file(path, role, largest, wanted, otherwise=""):
         raise ValueError(f"the {role} {path} is no file; give the path of {wanted}")
     if os.path.getsize(path) > largest:
         raise ValueError(f"the {role} {path} has {os.path.getsize(path):,} bytes; give {wanted} of at most {largest:,}")
-
-
-def _scene(name, place):
-    beside = os.path.join(place, name)
-    return os.path.abspath(beside if os.path.isfile(beside) else scenes.find(name))
 
 
 def _text(given, key):

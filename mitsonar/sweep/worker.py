@@ -73,7 +73,12 @@ def _do(job, threads):
     if not os.path.isdir(job["folder"]):
         raise ValueError(f"the folder {job['folder']} is not there on the worker; give a folder by -o that all "
                          "workers see")
-    _set_up(threads)
+    import drjit as dr
+    import mitsuba as mi
+
+    mi.set_log_level(mi.LogLevel.Error)
+    if dr.thread_count() != threads:
+        dr.set_thread_count(threads)
     from mitsonar import load_file, render
     from mitsonar.io.records import exr
 
@@ -98,12 +103,3 @@ def _do(job, threads):
         content = file.read()
     return {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest(),
             "instruction_set": dataset.attrs["instruction_set"]}
-
-
-def _set_up(threads):
-    import drjit as dr
-    import mitsuba as mi
-
-    mi.set_log_level(mi.LogLevel.Error)
-    if dr.thread_count() != threads:
-        dr.set_thread_count(threads)

@@ -149,11 +149,12 @@ class FocusedFrame(LabelFrame):
         """Return the picture of an image over (bank, along_track, across_track)."""
         known = {dim: image[dim].values if dim in image.coords else np.arange(image.sizes[dim])
                  for dim in ("along_track", "across_track")}
-        upwards = slice(None, None, 1 if _rises(known["along_track"]) else -1)
+        upwards = slice(None, None, 1 if known["along_track"][-1] >= known["along_track"][0] else -1)
         starboard = to_starboard(image.isel(along_track=upwards))
         drawn = {"along_track": slice(None, None, -upwards.step),
                  "across_track": slice(None, None, 1 if starboard else -1)}
-        along, across = (_axis(known[dim][where]) for dim, where in drawn.items())
+        axes = [known[dim][order] for dim, order in drawn.items()]
+        along, across = ((float(axis[0]), float((axis[-1] - axis[0]) / max(axis.size - 1, 1))) for axis in axes)
         near_left = abs(across[0]) < abs(across[0] + (known["across_track"].size - 1) * across[1])
         height, width = (values.size for values in known.values())
         return cls(ping=None, parts=_single(width, "left" if near_left else "right"),
@@ -250,15 +251,6 @@ def _in_metres(dataset, name, cell) -> list[LabelFrame]:
         name=f"{kind}{number:04d}", ping=sweep.pings.start, sweep=sweep, height=sweep.grid.y.size,
         width=sweep.grid.x.size, parts=_single(sweep.grid.x.size, near))
             for number, sweep in enumerate(rasters)]
-
-
-def _rises(values):
-    return values.size < 2 or values[-1] >= values[0]
-
-
-def _axis(values):
-    """Return the first coordinate of an axis, and the mean step."""
-    return float(values[0]), float((values[-1] - values[0]) / max(values.size - 1, 1))
 
 
 def _starts(size, length, overlap):

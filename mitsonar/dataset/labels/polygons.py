@@ -11,6 +11,7 @@ import numpy as np
 
 def polygons(mask: np.ndarray) -> list[np.ndarray]:
     """Return a mask (H, W) as polygons that have no holes and do not overlap."""
+    from rasterio.features import rasterize, shapes
     from scipy import ndimage
 
     mask = np.asarray(mask, bool)
@@ -20,12 +21,16 @@ def polygons(mask: np.ndarray) -> list[np.ndarray]:
                for number, where in enumerate(ndimage.find_objects(pieces))]
     while waiting:
         piece, x, y = waiting.pop()
-        for exterior, *holes in _rings(piece):
+        for outline, _ in shapes(piece.astype(np.uint8), mask=piece):
+            exterior, *holes = (np.array(ring[:-1], int) for ring in outline["coordinates"])
             if not holes:
                 rings.append(exterior + [x, y])
                 continue
             left, top = exterior.min(0)
-            filled = _filled([ring - [left, top] for ring in (exterior, *holes)])
+            closed = [[tuple(corner) for corner in (np.r_[ring, ring[:1]] - [left, top]).tolist()]
+                      for ring in (exterior, *holes)]
+            filled = np.asarray(rasterize([{"type": "Polygon", "coordinates": closed}],
+                                          out_shape=(exterior.max(0) - [left, top])[::-1]), bool)
             middle = sorted((ring[:, 1].min(), ring[:, 1].max()) for ring in holes)[len(holes) // 2]
             cut = sum(middle) // 2 - top
             waiting += [(filled[:cut], x + left, y + top), (filled[cut:], x + left, y + top + cut)]
@@ -40,19 +45,3 @@ def joined(rings: Sequence[np.ndarray]) -> np.ndarray:
         here, there = np.unravel_index(apart.argmin(), apart.shape)
         outline = np.concatenate([outline[:here + 1], ring[there:], ring[:there + 1], outline[here:]])
     return outline
-
-
-def _rings(mask):
-    """Yield the exterior and the holes of every piece."""
-    from rasterio.features import shapes
-
-    for outline, _ in shapes(mask.astype(np.uint8), mask=mask):
-        yield [np.array(ring[:-1], int) for ring in outline["coordinates"]]
-
-
-def _filled(rings):
-    """Return the mask of a piece whose exterior begins at 0, 0."""
-    from rasterio.features import rasterize
-
-    closed = [[tuple(corner) for corner in (*ring.tolist(), ring[0].tolist())] for ring in rings]
-    return np.asarray(rasterize([{"type": "Polygon", "coordinates": closed}], out_shape=rings[0].max(0)[::-1]), bool)

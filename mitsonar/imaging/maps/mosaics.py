@@ -241,7 +241,11 @@ def mosaic(records: xr.Dataset | Sequence[xr.Dataset], cell: float | None = None
     crs = common_system(lines, crs)
     swaths = [MosaicSwath.of(line, crs, place, float(np.deg2rad(nadir_deg))) for line in lines]
     cell = _cell(swaths, cell)
-    fill = _fill(swaths, cell, fill)
+    if fill is None:
+        fill = max(4 * cell, 2 * max(swath.spacing for swath in swaths))
+    elif not 0 <= fill < np.inf:
+        raise ValueError(f"fill is {fill:g} m; give a length of 0 or more.")
+    fill = float(fill)
     mixed = lines[0][quantity].dtype.kind == "f"
     cells = GridCells(grid=_grid(swaths, cell), blend=blend, mixed=mixed)
     _sum_up(cells, [MosaicLine.of(swath, quantity, gain) for swath in swaths], fill)
@@ -282,14 +286,6 @@ def _cell(swaths, cell):
     if not 0 < cell < np.inf:
         raise ValueError(f"the side of a cell is {cell:g} m; give a length above 0, such as 0.25.")
     return float(cell)
-
-
-def _fill(swaths, cell, fill):
-    if fill is None:
-        return max(4 * cell, 2 * max(swath.spacing for swath in swaths))
-    if not 0 <= fill < np.inf:
-        raise ValueError(f"fill is {fill:g} m; give a length of 0 or more.")
-    return float(fill)
 
 
 def _grid(swaths, cell):
