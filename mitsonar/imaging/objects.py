@@ -31,6 +31,9 @@ FAINT_DB = 10.0                    # [dB] below the bed's median: no highlight i
 LOBE_DB = 15.0                     # [dB] below an object's strongest bin at the same range: a side lobe
 AROUND = {"beam": 3, "range": 5, **dict.fromkeys(GROUND, 5)}      # bins to average
 NOTHING = 1e-20                    # power without an echo
+NEEDED = ("level", "share", "object_shadow")
+FROM_ABOVE = ("level", "label")    # of an image seen from all sides
+SPECK_SHARE = 0.05                 # of the largest piece
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,11 +137,6 @@ def _mean_among(level, mask, sizes):
     power = np.where(mask, 10 ** (0.1 * level.astype(float)), 0)
     mean, share = (ndimage.uniform_filter(values, sizes, mode="constant") for values in (power, mask.astype(float)))
     return 10 * np.log10(np.maximum(np.where(mask, mean / np.maximum(share, 1e-6), 0), NOTHING))
-
-
-NEEDED = ("level", "share", "object_shadow")
-FROM_ABOVE = ("level", "label")    # of an image seen from all sides
-SPECK_SHARE = 0.05                 # of the largest piece
 
 
 @dataclass(frozen=True, kw_only=True)

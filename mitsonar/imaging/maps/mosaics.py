@@ -7,6 +7,7 @@ the same cell and coordinate system fit together.
 """
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -20,6 +21,14 @@ from .georeference import FARTHEST, named_system, system
 from .mosaic_swath import PLACES, MosaicGround, MosaicSwath
 
 Gain = Literal["seabed", "target", "angle"] | None
+Place = Literal["flat", "truth"]
+Blend = Literal["nearest", "feather", "mean"]
+GAINS = ("seabed", "target", "angle", None)
+NAMES = {"label": "labels", "object_shadow": "labels", "class": "classes"}      # attributes that name the numbers
+NEEDED = ("ping_time", "x", "y", "heading", "pitch", "altitude")
+MOST_CELLS = 1 << 25
+MOST_SAMPLES = 1 << 33             # takes a quarter of an hour
+NICE = np.array([1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10])       # default sides of cells, times a power of ten
 LEVELS = ("level", "mean_level")   # averaged as powers
 LOUDEST_DB = 300.0                 # [dB re 1 µPa]
 WORK = 1 << 19                     # samples at a time
@@ -33,13 +42,11 @@ class MosaicLine:
     swath: MosaicSwath
     quantity: str
     gain: Gain  # added to levels
-    angles: AngleGain | None  # of the whole record, for gain="angle"
 
-    @classmethod
-    def of(cls, swath: MosaicSwath, quantity: str, gain: Gain) -> "MosaicLine":
-        """Return a line for a quantity of a record."""
-        by_angle = gain == "angle" and quantity in LEVELS
-        return cls(swath=swath, quantity=quantity, gain=gain, angles=AngleGain.of(swath.record) if by_angle else None)
+    @cached_property
+    def angles(self) -> AngleGain:
+        """Return the gain by angle of the whole record."""
+        return AngleGain.of(self.swath.record)
 
     def values(self, pings: slice) -> np.ndarray:
         """Return the values (K, 2, N) of pings, with levels as powers."""
@@ -49,10 +56,9 @@ class MosaicLine:
             return values
         if values.max() > LOUDEST_DB:
             raise ValueError(f"the record has levels of {values.max():.4g} dB, beyond any sound; render it anew.")
-        if self.angles is not None:
+        if self.gain == "angle":
             return power_from_db(values + self.angles.gain(record))
-        gain = None if self.gain == "angle" else self.gain
-        return power_from_db(values + display_gain(record, gain)[0][:, None])
+        return power_from_db(values + display_gain(record, self.gain)[0][:, None])
 
 
 def samples(line: MosaicLine, cell: float, fill: float, *,
@@ -99,11 +105,6 @@ def _between(ground: MosaicGround, cell: float, fill: float) -> Iterator[tuple[n
         shown = first if former else ground.place[1:]
         # so does a ping whose neighbour has no position there
         yield np.where(np.isfinite(way), first + shares[..., None] * way, shown), former
-
-
-GAINS = ("seabed", "target", "angle", None)
-NAMES = {"label": "labels", "object_shadow": "labels", "class": "classes"}      # attributes that name the numbers
-NEEDED = ("ping_time", "x", "y", "heading", "pitch", "altitude")
 
 
 def check(lines: Sequence[xr.Dataset], quantity: str, options: Mapping[str, Any]) -> None:
@@ -182,13 +183,6 @@ def _khz(record):
     return f"{frequency / 1000:g} kHz" if isinstance(frequency, (int, float)) else "no known frequency"
 
 
-Place = Literal["flat", "truth"]
-Blend = Literal["nearest", "feather", "mean"]
-MOST_CELLS = 1 << 25
-MOST_SAMPLES = 1 << 33             # takes a quarter of an hour
-NICE = np.array([1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10])       # default sides of cells, times a power of ten
-
-
 def mosaic(records: xr.Dataset | Sequence[xr.Dataset], cell: float | None = None, *, quantity: str = "level",
            place: Place = "flat", blend: Blend = "nearest", gain: Gain = "seabed", fill: float | None = None,
            nadir_deg: float = 0.0, crs: str | None = None) -> xr.Dataset:
@@ -248,7 +242,7 @@ def mosaic(records: xr.Dataset | Sequence[xr.Dataset], cell: float | None = None
     fill = float(fill)
     mixed = lines[0][quantity].dtype.kind == "f"
     cells = GridCells(grid=_grid(swaths, cell), blend=blend, mixed=mixed)
-    _sum_up(cells, [MosaicLine.of(swath, quantity, gain) for swath in swaths], fill)
+    _sum_up(cells, [MosaicLine(swath=swath, quantity=quantity, gain=gain) for swath in swaths], fill)
     used = {**options, "blend": blend if mixed else "nearest", "gain": gain if quantity in LEVELS else None}
     attributes = {"crs": crs, "cell": cell, "fill": fill, **used, "names": lines[0].attrs.get(NAMES.get(quantity, "")),
                   "files": [line.attrs.get("file") for line in lines]}
