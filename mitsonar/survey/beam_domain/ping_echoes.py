@@ -73,28 +73,28 @@ class GridEchoes:
     state: mi.UInt32  # (R,), FREE, HIDDEN_BY_BED or HIDDEN_BY_OBJECT
     label: mi.UInt32  # (R,), number of the instance
     launch_sine: mi.Float  # (R,), of the way out, positive below the horizon
-    x: mi.Float  # (R,) [m]: place, scene coordinates
-    y: mi.Float  # (R,) [m]: place, scene coordinates
-    depth: mi.Float  # (R,) [m]: place, scene coordinates
+    x: mi.Float  # (R,) [m], east of the sonar
+    y: mi.Float  # (R,) [m], north of the sonar
+    depth: mi.Float  # (R,) [m], below the surface
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TargetEchoes:
-    """Hold echoes with a phase of their own, of one instance or several."""
+    """Echoes with a phase of their own, of one or several instances."""
 
     echoes: GridEchoes
-    label: np.ndarray  # (R,): numbers of the instances
+    label: np.ndarray  # (R,), numbers of the instances
 
 
-WATER = 0.4                        # points of the water for every scatterer that a cell of the ground has
-NEGLIGIBLE = 1e-8                  # two-way intensity of the beams below which a patch is not looked at
+WATER = 0.4                        # points of the water per scatterer in a resolution cell of the ground
+NEGLIGIBLE = 1e-8                  # two-way intensity of the beams below which a patch is skipped
 DOPPLER_NODES = 33                 # of sines, between which the rows' factors are linear
 SINK = 0.15                        # sine below the horizon that the rows' factors are made for
 
 
 class PingEchoes:
-    """Make the echoes of a survey's pings."""
-    # lobe (3,); turning (P, 3)
+    """Echoes of a survey's pings."""
+    # lobe: axis (3,) and cell [-] of a lobe across the line; turning: axes (P, 3) and cell [-] of a turning head
 
     def __init__(self, survey: ArraySurvey, line: LineArray, *, per_cell: float, beams_from_origin: bool = True,
                  beside: PingEchoes | None = None, lobe: tuple[np.ndarray, float] | None = None,
@@ -111,7 +111,7 @@ class PingEchoes:
         self._row_doppler: tuple[int, _RowDoppler] | None = None
 
     def reception(self, ping: int) -> Reception:
-        """Return how the echoes of a ping are received; the last answer is kept."""
+        """Return the reception of a ping; the last reception is kept."""
         if self._reception is None or self._reception[0] != ping:
             self._reception = ping, Reception(self.survey, ping, axis=self.line.axis, normal=self.line.normal,
                                               receive_centre=self.line.centre,
@@ -120,19 +120,19 @@ class PingEchoes:
         return self._reception[1]
 
     def doppler(self, ping: int) -> np.ndarray | None:
-        """Return the Doppler factors of the grid's rows, at sines evenly from -1 to 1; None where nothing moves."""
+        """Return the Doppler factors of grid rows at even sines from -1 to 1; None if the platform stands still."""
         reception = self.reception(ping)
         if reception.still:
             return None
         return reception.doppler_of_sines(np.linspace(-1, 1, DOPPLER_NODES), SINK if self._turning is None else 0.0)
 
     def of_scatterers(self, ping: int) -> GridEchoes | None:
-        """Return the echoes of a ping's scatterers; None where there is none."""
+        """Return the echoes of a ping's scatterers; None if there are none."""
         placed = self.scatterers(ping)
         return None if placed is None else self.received(ping, placed)
 
     def scatterers(self, ping: int, everywhere: bool = False) -> PlacedEchoes | None:
-        """Return the scatterers around the place of a ping, in its beams or everywhere; None where there is none."""
+        """Return the scatterers around the place of a ping, in its beams or everywhere; None if there are none."""
         useful = _all_of_them if everywhere else self.useful(ping, self._negligible)
         lit = self.ground.lit(self._density(ping), useful)
         if lit is None:
@@ -144,7 +144,7 @@ class PingEchoes:
                             real=real, imaginary=imaginary, state=lit.state, label=lit.scatterers.label)
 
     def hiding(self, ping: int, echoes: GridEchoes | None) -> tuple[mi.UInt32, mi.UInt32]:
-        """Return which scatterers objects hide, by their numbers, and the numbers of the objects: UInt32 (H,)."""
+        """Return the numbers of the scatterers that objects hide, and the numbers of these objects: UInt32 (H,)."""
         if echoes is None:
             return mi.UInt32(), mi.UInt32()
         index = compressed(echoes.state == HIDDEN_BY_OBJECT)
@@ -154,7 +154,7 @@ class PingEchoes:
         return index, self.ground.hiding(origin, index, (echoes.x, echoes.y), echoes.launch_sine)
 
     def _density(self, ping: int) -> Density:
-        """Return the density of scatterers that a ping needs."""
+        """Return the density of scatterers for a ping."""
         survey, reception = self.survey, self.reception(ping)
         if self._turning is None:
             axis, cell = reception.rotation @ self.line.axis, survey.wavelength / self.line.length
@@ -166,7 +166,7 @@ class PingEchoes:
                        around=self._turning is not None)
 
     def _lobes(self, reception: Reception) -> tuple[TransmitLobe, ...]:
-        """Return the lobes of lines or long elements across the line; none where they look widely."""
+        """Return the narrow lobes of transmitting lines or long elements; empty if there are none."""
         steered = self._steered_lobe(reception)
         if steered is not None:
             return (steered,)
@@ -174,7 +174,7 @@ class PingEchoes:
             return ()
         axis, cell = self._long
         centres = [self.patterns.transmit_centre, self.line.centre]
-        # side by side they look the same way
+        # arrays at one place have the same lobe
         together = np.allclose(*centres, atol=1e-9)
         return tuple(TransmitLobe(axis=reception.rotation @ axis, sine=0.0, cell=cell,
                                   place=reception.rotation @ centre) for centre in centres[together:])
@@ -189,7 +189,7 @@ class PingEchoes:
                             place=reception.rotation @ self.patterns.transmit_centre)
 
     def useful(self, ping: int, least: float = NEGLIGIBLE) -> Callable[[mi.Vector3f, mi.Float], mi.Bool]:
-        """Return a test of scene directions at distances; those pass whose two-way intensity is more than `least`."""
+        """Return a test of scene directions at distances: True if the two-way intensity exceeds `least`."""
         beams, rotation = self._beams, self.reception(ping).rotation
 
         def useful(direction: mi.Vector3f, distance: mi.Float) -> mi.Bool:
@@ -198,34 +198,34 @@ class PingEchoes:
         return useful
 
     def _bent(self, ping: int, offset: dr.ArrayBase) -> tuple[mi.Float, mi.Float] | None:
-        """Return curvatures of the waves from points, where beams look from an array off the body's origin."""
+        """Return the curvatures of waves from points; None unless beams look from an array off the body's origin."""
         if self._from_origin or not self.reception(ping).off_the_origin:
             return None
         level = mi.Float(dr.sqrt(dr.fma(offset.x, offset.x, offset.y * offset.y)))
         return self.ground.table(ping).curvatures(level, mi.Float(offset.z))
 
-    # ---- what the element chain makes: targets, smooth surfaces, ghosts, water
+    # ---- targets, smooth surfaces, ghosts and water, from `echoes.ensonification`
 
     def of_targets(self, ping: int) -> Iterator[TargetEchoes]:
-        """Yield the echoes of a ping that owe no phase to chance."""
+        """Yield the echoes of a ping whose phases are not random."""
         for label, some in self.targets(ping):
             placed = self.received(ping, some)
             yield TargetEchoes(echoes=placed, label=np.broadcast_to(label.numpy(), dr.width(placed.sine)))
 
     def targets(self, ping: int) -> Iterator[tuple[mi.UInt32, PlacedEchoes]]:
-        """Yield the numbers of instances and their echoes that owe no phase to chance, around the place of a ping."""
+        """Yield the numbers of instances, and their echoes whose phases are not random, around the place of a ping."""
         for label, echoes in self.ground.ensonification.coherent_echoes(self.survey.track.position[ping]):
             yield label, _placed(echoes)
 
     def mirrored(self, ping: int, everywhere: bool = False) -> Iterator[PlacedEchoes]:
-        """Yield the echoes of scatterers by way of a flat surface that mirrors; see `scatterers`."""
+        """Yield the echoes of scatterers by way of a flat mirroring surface; see `scatterers`."""
         density = self._density(ping)
         for cells in self.ground.mirrored(density, _all_of_them if everywhere else self.useful(ping)):
             for echoes in self.ground.ensonification.mirrored_echoes(density.origin, cells):
                 yield _placed(echoes)
 
     def by_chance(self, ping: int, seed: int) -> Iterator[PlacedEchoes]:
-        """Yield the echoes of more bounces and of the water."""
+        """Yield the random echoes: those of the water and of more bounces."""
         reception = self.reception(ping)
         origin, below = self.survey.track.position[ping], float(self.survey.depth_below[ping])
         key, lobe, drawn = ping_key(seed, ping), self._steered_lobe(reception), None
@@ -236,7 +236,7 @@ class PingEchoes:
 
     @cached_property
     def _lobe_rays(self) -> LobeRays:
-        """Return directions of points of the water: some in every resolution cell."""
+        """Return random directions of points of the water, several in every resolution cell."""
         survey, transmit, axis = self.survey, self.survey.transmit, self.patterns.transmit_axis
         if axis is None:
             raise ValueError("the lobe of a transmitting line was asked for, and it is no line")
@@ -250,7 +250,7 @@ class PingEchoes:
     # ---- the grid
 
     def received(self, ping: int, placed: PlacedEchoes) -> GridEchoes:
-        """Return echoes on the grid of a ping: its reception, its beams, and what Doppler does to a sweep."""
+        """Return echoes on the grid of a ping, with its reception, its beams, and the Doppler delay of a sweep."""
         reception, (out_folded, back_folded) = self.reception(ping), placed.folded
         out_bent = None if out_folded else self._bent(ping, placed.out_offset)
         back_bent = out_bent
@@ -267,7 +267,7 @@ class PingEchoes:
 
     def _on_grid(self, arrival: EndArrival, rest: mi.Float | None, placed: PlacedEchoes, factor,
                  origin: np.ndarray) -> GridEchoes:
-        """Return echoes with their carrier's phase, weighed by a factor; `rest` is what their row leaves of Doppler."""
+        """Return echoes with the carrier's phase, times a factor; `rest` is their Doppler relative to the row."""
         survey, pulse = self.survey, self.survey.pulse
         frequency, rate, start = (dr.opaque(mi.Float64, v) for v in (pulse.frequency, survey.sampling_rate,
                                                                     survey.start))
@@ -300,7 +300,7 @@ def _all_of_them(direction: mi.Vector3f, distance: mi.Float) -> mi.Bool:
 
 
 def _placed(echoes: Echoes) -> PlacedEchoes:
-    """Return echoes along exact legs."""
+    """Return echoes of the ensonification, whose legs are exact, as `PlacedEchoes`."""
     out, back, nothing = echoes.out, echoes.back, dr.zeros(mi.UInt32, echoes.count)
     root = dr.rsqrt(dr.maximum(echoes.energy, 1e-38))
     real, imaginary = (part * root for part in echoes.amplitude)
@@ -313,13 +313,13 @@ def _placed(echoes: Echoes) -> PlacedEchoes:
 
 
 class _RowDoppler:
-    """Hold the Doppler factors of the grid's rows, and what is left of an echo's own."""
+    """Doppler factors of the grid's rows."""
 
     def __init__(self, factors: np.ndarray | None):
         self._factors = None if factors is None else upload(mi.Float, (factors - 1).astype(np.float32))
 
     def rest(self, arrival: EndArrival) -> mi.Float | None:
-        """Return the factor of echoes over that of their row, minus 1; None where nothing moves."""
+        """Return the factor of echoes over that of their row, minus 1; None if the platform stands still."""
         if self._factors is None:
             return None
         last = DOPPLER_NODES - 1
