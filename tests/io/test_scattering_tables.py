@@ -52,7 +52,7 @@ def test_what_is_written_is_read(tmp_path, kind):
     ("frequency_khz,target_strength_db\n0,1\n", "0 or less"), ("frequency_khz,target_strength_db\n1e9,1\n", "kHz"),
     ("frequency_khz,aspect_deg,target_strength_db\n1,0,1\n2,1,1\n", "every combination once"),
     ("frequency_khz,aspect_deg,target_strength_db\n1,9999,1\n", "beyond 360"),
-    ("frequency_khz,aspect_deg,incident_azimuth_deg,real,imaginary\n1,0,0,1,1\n", "the one or the others"),
+    ("frequency_khz,aspect_deg,incident_azimuth_deg,real,imaginary\n1,0,0,1,1\n", "the aspect or the others"),
     ("frequency_khz,real,imaginary\n1,0,0\n", "no value above 0"),
     ("frequency_khz,real,imaginary\n1,1e300,0\n", "check it")])
 def test_bad_tables_are_refused(tmp_path, text, said):
