@@ -37,7 +37,7 @@ ATTRIBUTES = (
 
 
 class ElasticBed(SedimentBed):
-    """See the module's text."""
+    """Elastic seabed."""
 
     law, bounds, declared = ElasticSediment, ELASTIC_BOUNDS, ATTRIBUTES
 

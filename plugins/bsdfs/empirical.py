@@ -24,7 +24,7 @@ ATTRIBUTES = (
 
 
 class Empirical(Material):
-    """See the module's text."""
+    """Material with a measured law."""
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, ATTRIBUTES)

@@ -25,7 +25,7 @@ ATTRIBUTES = (
 
 
 class Impedance(Smooth):
-    """See the module's text."""
+    """Body of a given impedance."""
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, ATTRIBUTES)

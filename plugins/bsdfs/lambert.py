@@ -27,7 +27,7 @@ ATTRIBUTES = (
 
 
 class Lambert(Material):
-    """See the module's text."""
+    """Lambertian surface."""
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, ATTRIBUTES)

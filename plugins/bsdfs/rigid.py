@@ -16,7 +16,7 @@ ATTRIBUTES = ()
 
 
 class Rigid(Smooth):
-    """See the module's text."""
+    """Rigid body."""
 
     def __init__(self, props: mi.Properties) -> None:
         Attributes(props, ATTRIBUTES)

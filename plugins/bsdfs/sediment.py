@@ -77,7 +77,7 @@ ATTRIBUTES = (
 
 
 class SedimentBed(Material):
-    """See the module's text."""
+    """Fluid sediment."""
 
     law, bounds, declared = Sediment, BOUNDS, ATTRIBUTES
     reflects = True

@@ -16,7 +16,7 @@ ATTRIBUTES = ()
 
 
 class Soft(Smooth):
-    """See the module's text."""
+    """Pressure-release body."""
 
     def __init__(self, props: mi.Properties) -> None:
         Attributes(props, ATTRIBUTES)

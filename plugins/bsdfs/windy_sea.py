@@ -22,7 +22,7 @@ ATTRIBUTES = (WIND_SPEED,)
 
 
 class WindySea(Material):
-    """See the module's text."""
+    """Rough sea surface."""
 
     coherence = 0.0
 

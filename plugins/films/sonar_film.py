@@ -1,10 +1,11 @@
-"""Sonar film (`sonar_film`): the window of time a ping is recorded in, and its bins.
+"""Sonar film (`sonar_film`): the recorded time window of a ping, and its bins.
 
-Of an array, ``bins`` or ``sample_rate_khz`` set the sampling of the signals, which are complex; without either the rate
-is 1.5 times what the pulse needs: bandwidth, 2 / duration, Doppler. The bins of a sidescan are usually too few for a
-fan of beams: leave them out there. The least rate that is taken is 0.9 times the pulse's bandwidth, as in instruments
-whose samples are as long as their range resolution. Below 1.25 times the bandwidth the receiver's filter cuts the ends
-of the band: at a rate equal to it the range resolution is a seventh coarser and the bed 0.5 dB higher.
+For an array, ``bins`` or ``sample_rate_khz`` set the sampling of the complex signals. The default rate is 1.5 times the
+rate that the pulse needs for its bandwidth, 2 / duration and Doppler. The usual number of bins of a sidescan is too
+small for a fan of beams: leave it out there. The least accepted rate is 0.9 times the bandwidth of the pulse, as in
+instruments whose samples are as long as their range resolution. Below 1.25 times the bandwidth the receiver's filter
+cuts off the ends of the band: at a rate equal to the bandwidth, the range resolution is a seventh coarser and the bed's
+level 0.5 dB higher.
 
 .. code-block:: xml
 
@@ -27,14 +28,15 @@ MOST_BINS = 1_000_000
 ATTRIBUTES = (
     Number("range", default=100.0, above=0, maximum=FARTHEST, unit="m",
            text="end of the slant range window, at the sonar's sound speed when the scene is loaded"),
-    Number("range_min", default=0.0, minimum=0, unit="m", text="its beginning"),
-    Integer("bins", default=800, minimum=1, maximum=MOST_BINS, text="time bins in the window; or `sample_rate_khz`"),
-    Number("sample_rate_khz", default=None, above=0, unit="kHz", text="bins a millisecond"),
+    Number("range_min", default=0.0, minimum=0, unit="m", text="beginning of the window"),
+    Integer("bins", default=800, minimum=1, maximum=MOST_BINS,
+            text="number of time bins in the window; or write `sample_rate_khz`"),
+    Number("sample_rate_khz", default=None, above=0, unit="kHz", text="sampling rate"),
 )
 
 
 class SonarFilm(mi.Film):
-    """See the module's text."""
+    """Recorded time window and its bins."""
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, ATTRIBUTES)         # Mitsuba's own of films have no meaning here and are refused
@@ -52,11 +54,11 @@ class SonarFilm(mi.Film):
 
     @property
     def written(self) -> tuple[str, float]:
-        """The attribute that the sampling is set by, and its value."""
+        """Return the attribute that sets the sampling, and its value."""
         return ("bins", self._bins) if self._sample_rate is None else ("sample_rate_khz", self._sample_rate / 1000)
 
     def window(self, sound_speed: float) -> tuple[tuple[float, float], int]:
-        """Two-way time window (start, end) [s] and number of bins, at the sonar's sound speed [m/s]."""
+        """Return the two-way time window (start, end) [s] and number of bins, at the sonar's sound speed [m/s]."""
         start, end = 2 * self.range_min / sound_speed, 2 * self.range / sound_speed
         if self._sample_rate is None:
             return (start, end), self._bins
@@ -67,7 +69,7 @@ class SonarFilm(mi.Film):
         return (start, start + bins / self._sample_rate), int(bins)
 
     def sampling(self, sound_speed: float, usual_rate: float, *, written: bool = True) -> tuple[float, float, int]:
-        """Start of the record [s], sampling rate [Hz] and number of samples, at the sonar's sound speed [m/s]."""
+        """Return the start of the record [s], the sampling rate [Hz] and the number of samples."""
         # sound_speed [m/s]; usual_rate [Hz]
         (start, end), bins = self.window(sound_speed)
         rate = usual_rate

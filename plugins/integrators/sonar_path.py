@@ -1,10 +1,10 @@
 """Sonar rays (`sonar_path`): refracted paths to the first hit and back.
 
-Of a sidescan, the first pass finds where rays are needed: steep faces, targets, far range. On a flat bed 10 rays a bin
-leave 0.4 dB rms of ray noise, 100 leave 0.1 dB.
+For a sidescan, a first pass finds where rays are needed: steep faces, targets, far range. On a flat bed 10 rays a bin
+leave 0.4 dB rms of ray noise, 100 rays 0.1 dB.
 
-Of a sonar with arrays, the seabed is cut into cells; each has one scatterer, a fixed point with a complex Gaussian
-amplitude, the same for every element, ping and run. So speckle is Rayleigh, and stays coherent from ping to ping.
+For sonars with arrays, the seabed is cut into cells. Each cell has one scatterer: a fixed point with a complex Gaussian
+amplitude, the same for every element, ping and run. Speckle is therefore Rayleigh, and coherent from ping to ping.
 Meshes and rectangles carry scatterers.
 
 .. code-block:: xml
@@ -38,33 +38,34 @@ MOST_RAYS = 50_000_000             # of a ping: they are one kernel, of a quarte
 
 ATTRIBUTES = (
     Integer("rays", default=100_000, minimum=1, maximum=MOST_RAYS,
-            text="per ping, of a sidescan both sides together, of an array only where rays find cells"),
+            text="rays per ping: of a sidescan, for both sides together; of an array, only for `ensonification` "
+                 "`rays`"),
     Number("first_pass", default=0.15, minimum=0, maximum=0.9,
-           text="share of a sidescan's rays that are sent ahead to find where rays are needed, by one ping of up to "
-                "four that see the same ground; 0: draw them for a flat bed"),
+           text="share of a sidescan's rays that are traced first, to find where rays are needed, by one of up to "
+                "four pings over the same ground; 0: rays are drawn as for a flat bed"),
     Integer("max_depth", default=1, minimum=1, maximum=MOST_BOUNCES,
-            text="bounces an echo may have made, the surface's among them; 2: ghosts by way of the seabed or the "
-                 "surface, 3: surface multiples"),
+            text="greatest number of bounces of an echo, including those at the surface; 2: ghosts by way of the "
+                 "seabed or the surface, 3: surface multiples"),
     Choice("ensonification", default="scatterers", choices=("scatterers", "rays"),
-           text="of an array's cells: `scatterers` connects each cell within reach to the array along its own bent "
-                "ray; `rays` lets `rays` rays find cells, for scenes with too many"),
+           text="method to find the echoes of an array's cells: `scatterers` connects each cell within reach to the "
+                "array along its own bent ray; `rays` finds cells with `rays` rays, for scenes with too many cells"),
     Number("cell", default=None, above=0, unit="m", otherwise="half the range resolution",
-           text="longest side of a cell, for signals of elements; by default also at most a fiftieth of the altitude, "
-                "and of a synthetic aperture by `scatterers_per_cell`"),
+           text="longest side of a cell, for signals of elements; by default at most a fiftieth of the altitude and, "
+                "for a synthetic aperture, as `scatterers_per_cell` needs"),
     Number("scatterers_per_cell", default=5.0, minimum=1, maximum=100,
-           text="of an array's picture made in the beam domain, and of a synthetic aperture: scatterers a resolution "
-                "cell"),
+           text="number of scatterers in a resolution cell, for pictures made in the beam domain and for synthetic "
+                "apertures"),
     Choice("fans", default="centre", choices=("centre", "elements", "interpolated"),
-           text="from where an array's cells are ensonified: its centre (all transmit elements reach the same points), "
-                "each transmit element, or `fan_count` places along the array, between which elements take both "
-                "neighbours'"),
+           text="places from which an array's cells are ensonified: its centre (all transmit elements reach the same "
+                "points), each transmit element, or `fan_count` places along the array, where each element takes the "
+                "echoes of both neighbouring places"),
     Integer("fan_count", default=3, minimum=2, maximum=1000, only=("fans", ("interpolated",)),
-            text="how many places, with `interpolated`"),
+            text="number of places, with `interpolated`"),
 )
 
 
 class SonarPath(mi.SamplingIntegrator):
-    """See the module's text."""
+    """Integrator of sonar scenes."""
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, ATTRIBUTES)
@@ -128,7 +129,7 @@ class SonarPath(mi.SamplingIntegrator):
         return film
 
     def _levels(self, scene: mi.Scene, sonar: Any, seed: int) -> np.ndarray:
-        """Levels (rows, columns)."""
+        """Return levels (rows, columns)."""
         from mitsonar.gradients.elements.coherent_levels import CoherentLevels, is_coherent
         from mitsonar.gradients.records.level_products import wants_gradients
         from mitsonar.scene.geometry import Geometry
@@ -143,12 +144,12 @@ class SonarPath(mi.SamplingIntegrator):
 
     def render_forward(self, scene: mi.Scene, params: Any, sensor: mi.Sensor | int = 0, seed: int = 0,
                        spp: int = 0) -> mi.TensorXf:
-        """Return how the levels of `render` move [dB], as the tangents say that are set in the scene."""
+        """Return the derivative of the levels of `render` [dB] along the tangents set in the scene."""
         return mi.TensorXf(self._products(scene, sensor, seed).forward().astype(np.float32)[..., None])
 
     def render_backward(self, scene: mi.Scene, params: Any, grad_in: mi.TensorXf, sensor: mi.Sensor | int = 0,
                         seed: int = 0, spp: int = 0) -> None:
-        """Send gradients by the levels of `render` [1/dB] to what carries gradients in the scene."""
+        """Propagate gradients by the levels of `render` [1/dB] to the scene's parameters."""
         weights = np.array(dr.detach(grad_in), float)
         self._products(scene, sensor, seed).backward(weights[..., 0])
 

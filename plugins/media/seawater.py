@@ -1,18 +1,19 @@
 """Seawater (`seawater`): sound speed against depth, absorption, ambient noise, volume scattering.
 
-Sound speed is one of, in this order: ``profile``, ``cast``, ``sound_speed``; without any, a formula computes it from
+Sound speed comes from ``profile``, ``cast`` or ``sound_speed``; without any of them, a formula computes it from
 ``temperature`` and ``salinity``.
 
-A profile is linear between its depths and constant beyond. A cast is a file that `mitsonar.io.casts` reads; its
-temperature and salinity, if it has them, set the absorption. A formula gives the speed down to 6000 m, or as deep as it
-reaches, and is constant below.
+A profile is linear between its depths and constant beyond them. A cast is a file that `mitsonar.io.casts` reads; its
+temperature and salinity, if present, set the absorption. A formula is used down to 6000 m or to its limit of validity;
+below, the sound speed is constant.
 
-`mi.traverse` names the sound speeds at the profile's nodes (``sound_speed``) and a factor of the absorption
-(``absorption_scale``). ``absorption_offset`` [dB/m] is added to the absorption before that, at the profile's nodes and
-linear between them, 0 at the start and the same at all frequencies: what no formula says of a layer.
+`mi.traverse` lists the sound speeds at the profile's nodes (``sound_speed``), ``absorption_offset`` [dB/m] and
+``absorption_scale``. The offset is added to the absorption at the profile's nodes and is linear between them; it is 0
+at first and the same at all frequencies, for fits of layers that no formula describes. The scale multiplies the sum.
 
-Sonars that steer beams measure the sound speed at their head. ``head_sound_speed`` is then the profile's node at
-``head_depth``, in place of one within 5 mm; the water is linear from there to the nodes above and below.
+Sonars that steer beams measure the sound speed at their head. Write it as ``head_sound_speed``: it becomes the
+profile's node at ``head_depth``, in place of any node within 5 mm; the water is linear from there to the nodes above
+and below.
 
 .. code-block:: xml
 
@@ -43,42 +44,44 @@ from ..attributes import Attributes, Choice, File, Number, NumberOrTable, Table,
 COLUMN = np.concatenate([np.arange(0, 100, 5.0), np.arange(100, 1000, 50.0), np.arange(1000, 6001, 250.0)])
 
 ATTRIBUTES = (
-    Table("profile", default=None, unit="m : m/s", text="depth : sound speed, increasing depths; or `cast`, or "
-                                                        "`sound_speed`"),
+    Table("profile", default=None, unit="m : m/s",
+          text="depth : sound speed, increasing depths; or write `cast` or `sound_speed`"),
     File("cast", default=None, text="file of a cast"),
     Number("sound_speed", default=None, above=SLOWEST, below=FASTEST, unit="m/s",
-           text="the same at all depths; without any of the three, computed from temperature and salinity"),
+           text="sound speed at all depths; without any of these three, it is computed from temperature and salinity"),
     Choice("cast_sound_speed", default="file", choices=tuple(casts.SOUND_SPEEDS),
-           text="of the cast's file, or from its temperature and salinity, whatever sound speed it gives"),
+           text="source of the sound speed of a cast: the file's own column, or a formula of its temperature and "
+                "salinity"),
     Choice("cast_extension", default="constant", choices=tuple(casts.EXTENSIONS),
-           text="below the cast: its last sound speed, or the gradient of mixed water at rising pressure, about 0.0164 "
-                "1/s"),
+           text="sound speed below the cast: its last value, or the gradient of mixed water under rising pressure, "
+                "about 0.0164 1/s"),
     Choice("sound_speed_formula", default="teos-10", choices=tuple(seawater.FORMULAS),
-           text="by which sound speed is computed; `medwin` reaches to 1000 m"),
+           text="formula that computes sound speed; `medwin` is valid to 1000 m"),
     Number("head_sound_speed", default=None, above=SLOWEST, below=FASTEST, unit="m/s",
-           text="measured at the sonar's head: becomes the profile's node there, beside profile, cast or formula"),
-    Number("head_depth", default=None, minimum=0, unit="m", text="of the sensor of `head_sound_speed`"),
-    Number("temperature", default=10.0, unit="deg C", text="for sound speed and absorption"),
-    Number("salinity", default=35.0, text="practical salinity, for both"),
-    Number("ph", default=8.0, text="acidity, for absorption"),
+           text="sound speed measured at the sonar's head: replaces the node of the profile at that depth"),
+    Number("head_depth", default=None, minimum=0, unit="m", text="depth of the sensor of `head_sound_speed`"),
+    Number("temperature", default=10.0, unit="deg C", text="temperature, for sound speed and absorption"),
+    Number("salinity", default=35.0, text="practical salinity, for sound speed and absorption"),
+    Number("ph", default=8.0, text="pH, for absorption"),
     Choice("absorption_formula", default="francois-garrison", choices=tuple(absorption.FORMULAS),
-           text="`thorp` knows the frequency only, to compare with older results"),
+           text="formula of absorption; `thorp` depends on frequency only, for comparison with older results"),
     NumberOrTable("absorption_db_per_km", default=None, otherwise="computed", unit="dB/km",
-                  text="in place of the formula, the same at all frequencies; a table has depth [m] : dB/km, linear "
-                       "between"),
-    Number("wind_speed", default=5.0, minimum=0, unit="m/s", text="for ambient noise"),
-    Number("shipping", default=0.5, minimum=0, maximum=1, text="traffic, for ambient noise: 0 remote, 1 heavy"),
+                  text="absorption at all frequencies, in place of the formula; a table has depth [m] : dB/km, "
+                       "linear between"),
+    Number("wind_speed", default=5.0, minimum=0, unit="m/s", text="wind speed, for ambient noise"),
+    Number("shipping", default=0.5, minimum=0, maximum=1,
+           text="shipping density, for ambient noise: 0 remote, 1 heavy"),
     NumberOrTable("volume_strength_db", default=None, unit="dB re 1/m",
-                  text="what the water sends back; a table has depth [m] : strength"),
+                  text="volume scattering strength; a table has depth [m] : strength"),
     Text("layers", default="",
-         text='more of it between two depths, "name top bottom dB; ...", such as "fish 20 35 -55; kelp 5 12 -60"; '
-              "`fish`, `plankton` and `bubbles` know numbers that are left out; the bubbles of the wind are part of "
-              "`windy_sea`"),
+         text='additional scattering layers, "name top bottom dB; ...", such as "fish 20 35 -55; kelp 5 12 -60"; '
+              '`fish`, `plankton` and `bubbles` have defaults for numbers left out; the bubbles of the wind are part '
+              'of `windy_sea`'),
 )
 
 
 class Seawater(mi.Medium):
-    """See the module's text."""
+    """Water of a scene."""
     # speeds (K,) [m/s]; absorption_offset (K,) [dB/m]; absorption_scale (1,) [-]
 
     def __init__(self, props: mi.Properties) -> None:
@@ -102,7 +105,7 @@ class Seawater(mi.Medium):
         super().__init__(props)
 
     def absorption_column(self, frequency: float) -> AbsorptionColumn:
-        """Absorption against depth at one frequency [Hz], as an `AbsorptionColumn`."""
+        """Return the absorption against depth at one frequency [Hz]."""
         column, scale = self._column(frequency), float(dr.detach(self.absorption_scale).numpy()[0])
         offset = dr.detach(self.absorption_offset).numpy()
         if np.any(offset):
@@ -133,7 +136,7 @@ class Seawater(mi.Medium):
         return absorption_db
 
     def noise_level_db(self, frequency: float) -> float:
-        """Ambient noise [dB re 1 µPa²/Hz] at a frequency [Hz]."""
+        """Return the ambient noise [dB re 1 µPa²/Hz] at a frequency [Hz]."""
         return float(ambient_noise_db(frequency, self.wind_speed, self.shipping))
 
     def traverse(self, callback: mi.TraversalCallback) -> None:
@@ -180,7 +183,7 @@ def _check_depths(attributes, name):
 
 
 def _given_absorption(attributes):
-    """The column that the scene writes, the same at all frequencies; None where a formula is to say."""
+    """Return the absorption written in the scene, the same at all frequencies; None if a formula computes it."""
     attributes.only_one("absorption_formula", "absorption_db_per_km")
     if attributes.absorption_db_per_km is None:
         return None
@@ -192,7 +195,7 @@ def _given_absorption(attributes):
 
 
 def _cast_and_profile(attributes):
-    """The cast, or None, and the sound speed profile."""
+    """Return the cast, or None, and the sound speed profile."""
     attributes.only_one("profile", "cast", "sound_speed", "sound_speed_formula")
     details = attributes.given("cast_sound_speed", "cast_extension")
     if attributes.cast is None and details:
@@ -215,7 +218,7 @@ def _cast_and_profile(attributes):
 
 
 def _with_head(attributes, profile):
-    """The profile with the node of the head's own sensor, if there is one."""
+    """Return the profile with the node of the head's own sensor, if there is one."""
     given = attributes.given("head_sound_speed", "head_depth")
     if len(given) == 1:
         other = "head_depth" if given[0] == "head_sound_speed" else "head_sound_speed"

@@ -1,17 +1,16 @@
 """Interferometric sidescan (`interferometric`): bathymetry by the phases of rows of receivers on either side.
 
-Either side has a transmitter and two or more rows of receivers one above the other, long along the track, on a face
-that is tilted down. Every bin of range has a level as of a sidescan, and the phases between the rows tell the angle
-that its echo comes from: of all rows together the one that fits best, so that close rows say which of the answers of
-far rows is right (`mitsonar.hydrography.detection.row_angles`). Where several echoes come at one time, the angle lies
-between theirs.
+Each side has a transmitter and two or more rows of receivers, one above the other, on a face that is tilted down. The
+rows are long along the track. Every range bin has a level, as in a sidescan. The phases between the rows give the angle
+of its echo: the angle that fits all rows best. Close rows resolve the ambiguity of distant rows
+(`mitsonar.hydrography.detection.row_angles`). If several echoes arrive at the same time, the angle lies between theirs.
 
-`mitsonar.render` gives `level`, `phase`, `coherence`, `angle`, `depth` and places over (ping, side, range), with
-`true_depth`, `error` and the labels of a sidescan. `mitsonar.soundings` and ``mitsonar soundings`` give a sounding for
-every bin that is coherent, with uncertainty and errors by cause, in the formats of the multibeam.
+`mitsonar.render` makes `level`, `phase`, `coherence`, `angle`, `depth` and places over (ping, side, range), with
+`true_depth`, `error` and the labels of a sidescan. `mitsonar.soundings` and ``mitsonar soundings`` make a sounding of
+every coherent bin, with its uncertainty and its error by cause, in the file formats of the multibeam.
 
-Below the sonar a face hears the other side's bed too, as far as its baffle lets it: soundings are few and poor there.
-Waves are plane over the rows, however near they come from.
+Below the sonar a face also receives the bed of the other side, weakened by its baffle: soundings are few and poor
+there. Waves are plane over the rows, even from near by.
 
 .. code-block:: xml
 
@@ -47,39 +46,44 @@ FARTHEST = 100.0                   # [wavelengths], [m]: of a row or a face from
 
 ATTRIBUTES = (
     Preset("preset", default="four_rows_250khz", choices=tuple(PRESETS),
-           text="where the defaults marked *preset* come from"),
+           text="source of the defaults marked *preset*"),
     Number("frequency_khz", default=PRESET, above=0, maximum=10_000, unit="kHz", text="centre frequency"),
     Number("source_level_db", default=PRESET, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa @ 1 m",
-           text="of either side, on its axis"),
-    Choice("pulse", default=PRESET, choices=tuple(PULSES), text="of one frequency, or a sweep"),
-    Number("pulse_ms", default=PRESET, above=0, maximum=10_000, unit="ms", text="its length"),
-    Number("bandwidth_khz", default=PRESET, above=0, maximum=10_000, unit="kHz", text="of a sweep"),
+           text="source level of each side, on its axis"),
+    Choice("pulse", default=PRESET, choices=tuple(PULSES), text="waveform: one frequency, or a sweep"),
+    Number("pulse_ms", default=PRESET, above=0, maximum=10_000, unit="ms", text="pulse length"),
+    Number("bandwidth_khz", default=PRESET, above=0, maximum=10_000, unit="kHz", text="bandwidth of a sweep"),
     Angle("beam_width_deg", default=PRESET, minimum=0.05, maximum=90,
-          text="along the track, of transmitter and rows, full width at -3 dB one way"),
-    Angle("vertical_beam_width_deg", default=PRESET, minimum=1, maximum=180, text="across, of the transmitter"),
-    Angle("row_vertical_width_deg", default=PRESET, minimum=1, maximum=180, text="across, of each row"),
-    Numbers("rows", default=PRESET, unit="wavelengths", text="where the rows stand, from the lowest up the face"),
-    Angle("tilt_deg", default=PRESET, minimum=0, maximum=80, text="of the faces, below the horizontal"),
+          text="beam width of transmitters and rows along the track, full width at -3 dB one way"),
+    Angle("vertical_beam_width_deg", default=PRESET, minimum=1, maximum=180,
+          text="beam width of the transmitters across the track"),
+    Angle("row_vertical_width_deg", default=PRESET, minimum=1, maximum=180,
+          text="beam width of each row across the track"),
+    Numbers("rows", default=PRESET, unit="wavelengths",
+            text="places of the rows on the face, from the lowest row upwards"),
+    Angle("tilt_deg", default=PRESET, minimum=0, maximum=80, text="tilt of the faces below the horizontal"),
     Numbers("face_place", default=(0.0, 0.1, 0.0), count=3, unit="m",
-            text='"forward, starboard, down" of the middle of the starboard rows from the sonar; port mirrors it'),
-    Numbers("transmitter_place", default=(0.0, 0.1, 0.0), count=3, unit="m", text="likewise, of the transmitter"),
+            text='"forward, starboard, down" of the middle of the starboard rows from the sonar; the port rows '
+                 'mirror it'),
+    Numbers("transmitter_place", default=(0.0, 0.1, 0.0), count=3, unit="m",
+            text='"forward, starboard, down" of the starboard transmitter from the sonar; the port one mirrors it'),
     Number("looks", default=8.0, minimum=1, maximum=10_000, unit="range cells",
-           text="that phases are averaged over, at least; a longer bin is averaged whole"),
-    Number("least_coherence", default=0.85, minimum=0, maximum=1, text="of the rows, for a valid sounding"),
+           text="least number of range cells over which phases are averaged; a longer bin is averaged whole"),
+    Number("least_coherence", default=0.85, minimum=0, maximum=1,
+           text="least coherence between the rows of a valid sounding"),
     Number("head_speed_error", default=0.0, minimum=-100, maximum=100, unit="m/s",
-           text="that the head's own sensor of sound speed says too much"),
+           text="error of the head's own sound-speed sensor: reading minus true value"),
     DEPTH_GATE, SOUND_SPEED, *NOISE, SELF_NOISE, MOTION_ERRORS, pings(100), ROUTE, *NESTED,
 )
 
 
 class Interferometric(SonarSensor):
-    """See the module's text; `mitsonar.survey.interferometric.kind` plans its run, and makes its picture and
-    soundings."""
+    """Interferometric sensor; `mitsonar.survey.interferometric.kind` plans its run, makes its picture and soundings."""
 
     kind, declared = "interferometric", ATTRIBUTES
 
     def read(self, attributes: Attributes) -> None:
-        """Take the pulse, the faces and what is made of them."""
+        """Read the pulse, the faces and the settings of the phase measurement."""
         self.preset = attributes.preset
         self.frequency = float(hertz_from_khz(attributes.frequency_khz))
         self.source_level_db, self.self_noise_db = attributes.source_level_db, attributes.self_noise_db
@@ -98,7 +102,7 @@ class Interferometric(SonarSensor):
 
 
 def _faces(attributes: Attributes, wavelength: float) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """Transmitters, and rows, of port and starboard."""
+    """Return the transmitters and the rows of port and starboard."""
     place, tilt = np.asarray(attributes.rows, float), attributes.tilt_deg
     if not 2 <= len(place) <= MOST_ROWS or not (np.abs(place) <= FARTHEST).all() or not (np.diff(place) > 0).all():
         raise attributes.error(f"rows is {place.tolist()}; give 2 to {MOST_ROWS} places [wavelengths] that rise, "

@@ -1,23 +1,23 @@
 """Multibeam echo sounder (`multibeam`): a swath across the track, a sounding a beam.
 
-A transmitting line along the track and a receiving one across it (a Mills cross) see together what neither sees alone.
-A ping has one or more transmissions, the swath's sectors: each has a frequency, a pulse, a level, a direction and a
-moment of its own, and the absorption of its frequency. Beams listen to the sector that they lie in.
+A transmit line along the track and a receive line across it (a Mills cross) make narrow beams together. A ping has
+one or more transmissions, one for each sector of the swath. Each sector has its own frequency, pulse, level, direction
+and time, and the absorption of its frequency. A beam receives the transmission of its own sector.
 
-Lists have a number for each sector, from port to starboard, or one for all: ``frequency_khz``, ``source_level_db``,
-``pulse_ms``, ``bandwidth_khz``, ``sector_tilt_deg``, ``sector_delay_ms``. ``sector_edges_deg`` says where one ends and
-the next begins; a list of one frequency has no edges. With ``swaths`` of 2 a ping sends them all twice, a step apart
-along the track, and has twice the beams.
+These attributes are lists with one number for each sector, from port to starboard, or one number for all sectors:
+``frequency_khz``, ``source_level_db``, ``pulse_ms``, ``bandwidth_khz``, ``sector_tilt_deg``, ``sector_delay_ms``.
+``sector_edges_deg`` are the limits between sectors; leave it out for a single sector. With ``swaths`` of 2 a ping
+sends all sectors twice, one step apart along the track, and has twice the beams.
 
-Roll, pitch and yaw are compensated as instruments do: beams are steered for the roll that is there when their echo
-comes in, transmissions for pitch and yaw when they leave. Two heads, or two swaths of different settings, are two
-sensors, the second one on the track of the first by ``<ref id="..."/>``; ``mounting_deg`` turns a head.
+Roll, pitch and yaw are compensated as in real instruments: beams are steered for the roll at the reception of their
+echo, transmissions for pitch and yaw at the transmission. Write two heads, or two swaths of different settings, as two
+sensors; the second one takes the track of the first by ``<ref id="..."/>``. ``mounting_deg`` turns a head.
 
-What the instrument believes may differ from what is there: ``head_speed_error``, and what its motion sensors say
-(``roll_bias_deg`` and what follows). Pictures do not change by them; soundings do.
+``head_speed_error`` and the errors of the motion sensors (``roll_bias_deg`` and the attributes after it) change
+soundings. They do not change pictures.
 
-`mitsonar.render` makes the picture of the water column: `level` over (ping, beam, range) with its truth. Soundings are
-`mitsonar.soundings` and ``mitsonar soundings``.
+`mitsonar.render` makes the picture of the water column: `level` over (ping, beam, range), with its truth.
+`mitsonar.soundings` and ``mitsonar soundings`` make the soundings.
 
 .. code-block:: xml
 
@@ -50,68 +50,75 @@ from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE
 
 PRESETS = presets("multibeam")
 PRESET = FromTable(table=PRESETS, by="preset")
-OVERLAP = 1.5                      # times its sector, that a transmitting face sends over at -3 dB
+OVERLAP = 1.5                      # beam width of a transmit face at -3 dB, in widths of its sector
 MOST_SECTORS = 16
 STEEPEST_DEG = 89.0
-FARTHEST = 1000.0                  # [m] of a line from the sonar: longer than any ship
+FARTHEST = 1000.0                  # [m]: greatest distance of a line from the sonar, longer than any ship
 LISTS = ("source_level_db", "pulse_ms", "bandwidth_khz", "sector_tilt_deg", "sector_delay_ms")
 
 ATTRIBUTES = (
     Preset("preset", default="shallow_400khz", choices=tuple(PRESETS),
-           text="where the defaults marked *preset* come from"),
-    Numbers("frequency_khz", default=PRESET, unit="kHz", text="carriers of the sectors"),
-    Numbers("source_level_db", default=PRESET, unit="dB re 1 µPa @ 1 m", text="on the axis of each transmission"),
-    Choice("pulse", default=PRESET, choices=tuple(PULSES), text="of one frequency, or a sweep"),
-    Numbers("pulse_ms", default=PRESET, unit="ms", text="lengths"),
-    Numbers("bandwidth_khz", default=PRESET, unit="kHz", text="of sweeps"),
-    Integer("beams", default=PRESET, minimum=2, maximum=100_000, text="of a swath"),
-    Angle("swath_deg", default=PRESET, above=0, maximum=178, text="from the first to the last beam"),
+           text="source of the defaults marked *preset*"),
+    Numbers("frequency_khz", default=PRESET, unit="kHz", text="carrier frequency of each sector"),
+    Numbers("source_level_db", default=PRESET, unit="dB re 1 µPa @ 1 m",
+            text="source level of each transmission, on its axis"),
+    Choice("pulse", default=PRESET, choices=tuple(PULSES), text="waveform: one frequency, or a sweep"),
+    Numbers("pulse_ms", default=PRESET, unit="ms", text="pulse length of each sector"),
+    Numbers("bandwidth_khz", default=PRESET, unit="kHz", text="bandwidth of each sector's sweep"),
+    Integer("beams", default=PRESET, minimum=2, maximum=100_000, text="number of beams of a swath"),
+    Angle("swath_deg", default=PRESET, above=0, maximum=178, text="swath width, from the first to the last beam"),
     Angle("swath_middle_deg", default=0.0, minimum=-80, maximum=80,
-          text="of its middle from the vertical, to starboard: of a head that looks aside"),
-    Choice("beam_spacing", default=PRESET, choices=SPACINGS, text="what grows by equal steps from beam to beam: the "
-                                                                  "angle, or the distance on a level bed"),
-    Numbers("sector_edges_deg", default=PRESET, unit="degrees", text="between sectors, from port to starboard"),
-    Numbers("sector_tilt_deg", default=(0.0,), unit="degrees", text="of the transmissions, forward of the plane across "
-                                                                    "the track"),
-    Numbers("sector_delay_ms", default=PRESET, unit="ms", text="of the transmissions after the ping's first"),
-    Integer("swaths", default=PRESET, minimum=1, maximum=2, text="along the track, that a ping sends"),
-    Angle("swath_step_deg", default=PRESET, minimum=0, maximum=20, text="between the two, along the track"),
+          text="angle of the swath's middle from the vertical, to starboard, for a head that looks aside"),
+    Choice("beam_spacing", default=PRESET, choices=SPACINGS,
+           text="quantity that grows by equal steps from beam to beam: the angle, or the distance on a level bed"),
+    Numbers("sector_edges_deg", default=PRESET, unit="degrees", text="limits between sectors, from port to starboard"),
+    Numbers("sector_tilt_deg", default=(0.0,), unit="degrees",
+            text="forward tilt of each transmission out of the plane across the track"),
+    Numbers("sector_delay_ms", default=PRESET, unit="ms",
+            text="delay of each transmission after the first one of the ping"),
+    Integer("swaths", default=PRESET, minimum=1, maximum=2, text="number of swaths of a ping, one ahead of the other"),
+    Angle("swath_step_deg", default=PRESET, minimum=0, maximum=20, text="angle between two swaths, along the track"),
     Angle("transmit_beam_width_deg", default=PRESET, minimum=0.1, maximum=90,
-          text="along the track, -3 dB, one way, at the first frequency"),
+          text="beam width of the transmit line along the track, full width at -3 dB one way, at the first frequency"),
     Angle("receive_beam_width_deg", default=PRESET, minimum=0.1, maximum=90,
-          text="across the track, likewise, of a beam straight ahead of the array"),
-    Angle("receive_along_width_deg", default=30.0, minimum=0.5, maximum=180, text="along the track, of the receivers"),
+          text="beam width of the receive line across the track, full width at -3 dB one way, at the first frequency "
+               "and normal to the line"),
+    Angle("receive_along_width_deg", default=30.0, minimum=0.5, maximum=180,
+          text="beam width of the receivers along the track"),
     Number("element_spacing", default=0.5, above=0, maximum=10, unit="wavelengths",
-           text="of both lines, at their highest frequency"),
-    Text("transmit_shading", default="taylor 4 30", text='window over the transmitting elements, such as "taylor 4 30" '
-                                                         'or "boxcar"'),
-    Text("receive_shading", default="taylor 4 30", text="likewise, over the receiving ones; the halves whose phases "
-                                                        "are compared have each their part of it"),
+           text="distance between elements of both lines, at the highest frequency"),
+    Text("transmit_shading", default="taylor 4 30",
+         text='window over the transmit elements, such as "taylor 4 30" or "boxcar"'),
+    Text("receive_shading", default="taylor 4 30",
+         text="window over the receive elements; each of the two halves whose phases are compared has its part of "
+              "the window"),
     Number("receive_flaws", default=0.1, minimum=0, maximum=1,
-           text="root mean square of what each receiver is off, in amplitude and in phase [rad], after calibration of "
-                "the halves: side lobes of twice its square over the number of receivers"),
+           text="rms error of each receiver's amplitude [1] and phase [rad], after calibration of the halves: side "
+                "lobes of twice its square over the number of receivers"),
     Numbers("transmit_place", default=(0.0, 0.0, 0.0), count=3, unit="m",
-            text='"forward, starboard, down" of the transmitting line from the sonar'),
-    Numbers("receive_place", default=(0.0, 0.0, 0.0), count=3, unit="m", text="likewise, of the receiving line"),
+            text='"forward, starboard, down" of the transmit line from the sonar'),
+    Numbers("receive_place", default=(0.0, 0.0, 0.0), count=3, unit="m",
+            text='"forward, starboard, down" of the receive line from the sonar'),
     Numbers("mounting_deg", default=(0.0, 0.0, 0.0), count=3, unit="degrees",
-            text='"roll, pitch, heading" of the head in the body; a roll above 0 looks to port, where '
-                 "`swath_middle_deg` then is, too"),
-    Boolean("roll_stabilised", default=True, text="beams keep their angles from the vertical"),
-    Boolean("pitch_stabilised", default=True, text="transmissions keep their angles from the vertical plane"),
-    Boolean("yaw_stabilised", default=False, text="and that plane stays across the course, by sectors"),
+            text='"roll, pitch, heading" of the head in the body; with a roll above 0 the head looks to port, and '
+                 '`swath_middle_deg` turns with it'),
+    Boolean("roll_stabilised", default=True, text="true: beams keep their angles from the vertical"),
+    Boolean("pitch_stabilised", default=True,
+            text="true: transmissions keep their angles from the vertical plane across the course"),
+    Boolean("yaw_stabilised", default=False, text="true: that plane stays across the course, sector by sector"),
     Number("head_speed_error", default=0.0, minimum=-100, maximum=100, unit="m/s",
-           text="that the head's own sensor of sound speed says too much"),
+           text="error of the head's own sound-speed sensor: reading minus true value"),
     DEPTH_GATE, SOUND_SPEED, *NOISE, SELF_NOISE, MOTION_ERRORS, pings(20), PASS, ROUTE, *NESTED,
 )
 
 
 class Multibeam(SonarSensor):
-    """See the module's text; `mitsonar.survey.multibeam.kind` plans its run and makes its picture and soundings."""
+    """Multibeam sensor; `mitsonar.survey.multibeam.kind` plans its run and makes its picture and soundings."""
 
     kind, declared = "multibeam", ATTRIBUTES
 
     def read(self, attributes: Attributes) -> None:
-        """Take the sectors, their beams, and what makes them."""
+        """Read the sectors, their beams and the arrays."""
         self.preset = attributes.preset
         self.self_noise_db = attributes.self_noise_db
         self.stabilised = (attributes.roll_stabilised, attributes.pitch_stabilised, attributes.yaw_stabilised)
@@ -134,11 +141,11 @@ class Multibeam(SonarSensor):
         self.motion_errors = motion_errors(attributes)
 
     def to_string(self) -> str:
-        return f"Multibeam[{self.frequency / 1000:g} kHz, {sum(len(one.beams) for one in self.sectors)} beams]"
+        return f"Multibeam[{self.frequency / 1000:g} kHz, {sum(len(sector.beams) for sector in self.sectors)} beams]"
 
 
 def _sectors(attributes: Attributes) -> tuple[Sector, ...]:
-    """The transmissions of a ping, swath after swath."""
+    """Return the transmissions of a ping, swath after swath."""
     frequency = hertz_from_khz(attributes.frequency_khz)
     count = len(frequency)
     if not 1 <= count <= MOST_SECTORS or not (frequency > 0).all():
@@ -183,7 +190,7 @@ def _sectors(attributes: Attributes) -> tuple[Sector, ...]:
 
 
 def _column(attributes: Attributes, name: str, count: int) -> np.ndarray:
-    """The numbers of a list, one a sector."""
+    """Return the numbers of a list, one for each sector."""
     values = np.asarray(getattr(attributes, name), float)
     if len(values) not in (1, count):
         raise attributes.error(f"{name} has {len(values)} numbers; give one, or one for each of the {count} sectors of "
@@ -193,7 +200,7 @@ def _column(attributes: Attributes, name: str, count: int) -> np.ndarray:
 
 def _lines(attributes: Attributes, sectors: tuple[Sector, ...],
            finest: float) -> tuple[tuple[Array, ...], Array]:
-    """Transmitting lines, one a sector, and the receiving one; `finest` is the shortest wavelength [m]."""
+    """Return the transmit lines, one for each sector, and the receive line; `finest` is the shortest wavelength [m]."""
     turned = mounting_matrix(*np.deg2rad(attributes.mounting_deg))
     highest = max(sector.pulse.frequency for sector in sectors)
     pitch = attributes.element_spacing * finest

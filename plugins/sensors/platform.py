@@ -1,24 +1,25 @@
 """Platform of a sonar: its course, its depth and its motion.
 
-Where it goes is one of these:
+The course is one of these:
 
 - ``track``: a recorded track (see `mitsonar.io.tracks.tracks`), resampled at the ping rate, to its end or for ``pings``
   if that is written; a CSV file without times holds way points
-- ``waypoints``: sailed to the end or for ``pings`` if that is written
+- ``waypoints``: way points, sailed to the end or for ``pings`` if that is written
 - ``start`` and ``heading_deg``: a straight, level track
 - ``start`` and ``circle_radius``: a circle about the start, once round unless ``pings`` is written
-- or none: straight over the middle of the surveyed area, along its longer axis unless ``heading_deg`` is written.
+- none of these: a straight track over the middle of the surveyed area, along its longer axis unless ``heading_deg`` is
+  written.
 
-How deep: at the z of the track, the way points or the start. Where these have none, ``depth`` or ``altitude`` says it.
-``altitude`` also goes before a recorded z.
+The depth is the z of the track, the way points or the start. If these have no z, it is set by ``depth`` or
+``altitude``. ``altitude`` also replaces a recorded z.
 
-Frames: x and y of files and way points are the scene's, or with ``georeferenced`` eastings and northings as the
-bathymetry's file has them. Degrees are projected to the bathymetry's coordinate system or, where the scene has none, to
-metres about ``origin``.
+x and y of files and way points are those of the scene. With ``georeferenced`` they are eastings and northings as in the
+bathymetry's file. Degrees are projected to the bathymetry's coordinate system or, in a scene without one, to metres
+about ``origin``.
 
-A recorded track has its own motion. Else the motion is random, and ``motion`` says of what kind of platform;
-``roll_deg``, ``pitch_deg``, ``yaw_deg``, ``heave``, ``surge`` and ``sway`` are root mean squares. The cable of a tow
-may strum, also on a recorded track, which knows nothing of it: a narrow band about ``strum_hz``.
+A recorded track has its own motion. On other tracks the motion is random, for the kind of platform that ``motion``
+names; ``roll_deg``, ``pitch_deg``, ``yaw_deg``, ``heave``, ``surge`` and ``sway`` are root mean squares. The cable of a
+tow may strum, in a narrow band about ``strum_hz``; strum is also added to a recorded track.
 """
 from dataclasses import replace
 
@@ -50,65 +51,68 @@ PERIODS = "roll_period", "pitch_period", "yaw_period", "heave_period", "sway_per
 
 ROUTE = Group(title="Track and motion", module="sensors.platform", attributes=(
     Number("ping_rate_hz", default=None, above=0, unit="Hz", otherwise="as the range allows", text="pings a second"),
-    Number("speed_knots", default=4.0, minimum=0, unit="knots", text="of a straight track, or along way points"),
-    Point("start", default=None, text="point of the first ping, z up; without it the track is laid over the middle of "
-                                      "the seabed"),
+    Number("speed_knots", default=4.0, minimum=0, unit="knots", text="speed on a straight track or along way points"),
+    Point("start", default=None,
+          text="place of the first ping, z up; without it the track is laid over the middle of the seabed"),
     Angle("heading_deg", default=None, otherwise="0 from `start`, else the longer axis",
-          text="of a straight track, clockwise from north"),
+          text="heading of a straight track, clockwise from north"),
     Number("circle_radius", default=None, above=0, maximum=1e5, unit="m",
-           text="of a circle about `start`, sailed clockwise: starboard looks inwards"),
+           text="radius of a circle about `start`, sailed clockwise: starboard looks inwards"),
     Number("altitude", default=0.0, minimum=0, unit="m", otherwise="20, of a recorded track 0",
-           text="above the seabed (smoothed over 20 m); 0: keep the recorded z; not with `start`"),
+           text="height above the seabed (smoothed over 20 m); 0: keep the recorded z; not with `start`"),
     Number("depth", default=None, minimum=0, unit="m",
-           text="below the surface, where neither `track`, `waypoints`, `start` nor `altitude` says it"),
+           text="depth below the surface, used where `track`, `waypoints`, `start` and `altitude` leave it open"),
     File("track", default=None,
-         text="CSV or XTF file, resampled to the ping rate; not with `start`, `heading_deg`, `speed_knots`; CSV "
-              "without `time`: way points"),
+         text="CSV or XTF file, resampled to the ping rate; not with `start`, `heading_deg`, `speed_knots`; a CSV "
+              "file without `time` holds way points"),
     Text("waypoints", default="",
-         text='"0 0, 80 0, 80 60" [m], or "37.75N 122.38W, 37.76N 122.38W"; a third number is z (up); heading along '
-              "the course"),
+         text='way points such as "0 0, 80 0, 80 60" [m] or "37.75N 122.38W, 37.76N 122.38W"; a third number is z '
+              '(up); the heading follows the course'),
     Number("turn_radius", default=TURN_RADIUS, minimum=0, unit="m",
-           text="of the arcs between legs, which begin and end within a second; 0: corners, turns left out"),
+           text="radius of the arcs between legs, which begin and end within a second; 0: corners, turns left out"),
     Boolean("georeferenced", default=False,
-            text="x and y of the track are eastings and northings as in the bathymetry's file"),
+            text="true: x and y of the track are eastings and northings as in the bathymetry's file"),
     Numbers("origin", default=None, count=2, unit="degrees", otherwise="middle of the track",
             text='"latitude, longitude" of x = y = 0, for a track in degrees over a seabed without a coordinate '
-                 "system"),
+                 'system'),
     Choice("motion", default="none", choices=tuple(motions()),
-           text="where the defaults marked *motion* come from, of a straight track or way points: `tow` of a fish on a "
-                "cable, `auv` of a vehicle, `hull` of a launch; a recorded track has its own"),
+           text="kind of platform that sets the defaults marked *motion*, on a straight track or way points: `tow` "
+                "for a fish on a cable, `auv` for a vehicle, `hull` for a launch; a recorded track has its own "
+                "motion"),
     Angle("roll_deg", default=MOTION, minimum=0, maximum=30,
-          text="random roll, root mean square; not with a recorded track, as all random motion but strum"),
-    Angle("pitch_deg", default=MOTION, minimum=0, maximum=30, text="pitch, likewise"),
-    Angle("yaw_deg", default=MOTION, minimum=0, maximum=30, text="yaw, likewise"),
-    Number("heave", default=MOTION, minimum=0, unit="m", text="heave, likewise"),
-    Number("surge", default=MOTION, minimum=0, unit="m", text="surge, likewise; forward as heave goes up"),
-    Number("sway", default=MOTION, minimum=0, unit="m", text="sway, likewise; to starboard"),
+          text="rms random roll; like all random motion but strum, not with a recorded track"),
+    Angle("pitch_deg", default=MOTION, minimum=0, maximum=30, text="rms random pitch"),
+    Angle("yaw_deg", default=MOTION, minimum=0, maximum=30, text="rms random yaw"),
+    Number("heave", default=MOTION, minimum=0, unit="m", text="rms random heave"),
+    Number("surge", default=MOTION, minimum=0, unit="m", text="rms random surge; forward while heave rises"),
+    Number("sway", default=MOTION, minimum=0, unit="m", text="rms random sway, positive to starboard"),
     Number("motion_period", default=None, above=0, unit="s", otherwise="those below",
-           text="one period about which all random motion lies"),
-    *(Number(name, default=MOTION, above=0, unit="s", text=f"period about which {name.partition('_')[0]} lies"
-             + (", and surge" if name == "heave_period" else "")) for name in PERIODS),
+           text="one period for all random motion"),
+    *(Number(name, default=MOTION, above=0, unit="s", text=f"period of the random {name.partition('_')[0]}"
+             + (" and surge" if name == "heave_period" else "")) for name in PERIODS),
     Number("strum_heave", default=0.0, minimum=0, maximum=0.1, unit="m",
-           text="strum of the cable, root mean square of its heave; usual: up to 0.003"),
-    Angle("strum_pitch_deg", default=0.0, minimum=0, maximum=5, text="its pitch, likewise; usual: up to 0.2"),
+           text="rms heave of the cable's strum; usual: up to 0.003"),
+    Angle("strum_pitch_deg", default=0.0, minimum=0, maximum=5,
+          text="rms pitch of the cable's strum; usual: up to 0.2"),
     Number("strum_hz", default=None, above=0, unit="Hz", otherwise="0.2 speed / `cable_diameter`",
-           text="frequency about which it lies; a cable may swing twice while echoes of a ping come in"),
-    Number("cable_diameter", default=0.02, above=0, unit="m", text="of the bare cable; usual: 0.008 to 0.025"),
-    Integer("motion_seed", default=0, minimum=0, text="which realisation of it"),
+           text="centre frequency of the strum; a cable may swing twice during the reception of a ping"),
+    Number("cable_diameter", default=0.02, above=0, unit="m", text="diameter of the bare cable; usual: 0.008 to 0.025"),
+    Integer("motion_seed", default=0, minimum=0, text="seed of the random motion"),
     Numbers("offset", default=(0.0, 0.0, 0.0), count=3, unit="m",
-            text='"forward, starboard, down" of the sonar from where the track leads, turned by the attitude'),
+            text='"forward, starboard, down" of the sonar from the reference point of the track, turned by the '
+                 'attitude'),
 ))
 OF_THE_TRACK = ("pings", *(one.name for one in ROUTE.attributes if one.name != "offset"))      # not of the lever arm
 
 
 def pings(usual: int) -> Integer:
-    """Declare how many pings there are; `usual` of them where the scene does not say."""
+    """Declare the number of pings; `usual` is its default."""
     return Integer("pings", default=usual, minimum=1, maximum=MOST_PINGS,
-                   text="number of pings; of a recorded track or way points, the most if written")
+                   text="number of pings; for a recorded track or way points, the greatest number if written")
 
 
 def read_route(attributes: Attributes) -> Route:
-    """Return where a sonar goes."""
+    """Return the route of a sonar."""
     path, text, origin = attributes.track, attributes.waypoints.strip(), attributes.origin
     try:
         record = tracks.load(path) if path is not None else tracks.waypoints(text) if text else None
@@ -132,7 +136,7 @@ def read_route(attributes: Attributes) -> Route:
 
 
 def _rocking(attributes):
-    """Root mean squares and periods of random motion, by the names of `RandomMotion`."""
+    """Return the root mean squares and periods of random motion, by the names of `RandomMotion`."""
     one = {} if attributes.motion_period is None else {
         name: attributes.motion_period for name in PERIODS if not attributes.given(name)}
     return {"roll": attributes.roll_deg, "pitch": attributes.pitch_deg, "yaw": attributes.yaw_deg,
@@ -141,7 +145,7 @@ def _rocking(attributes):
 
 
 def _strum(attributes, speed, recorded):
-    """The strum of a cable, likewise; `speed` [m/s] is that of the water along it, unless the track is recorded."""
+    """Return the strum of a cable, likewise; `speed` [m/s] of the water along it, unless the track is recorded."""
     if not attributes.strum_heave + attributes.strum_pitch_deg:
         if written := attributes.given("strum_hz", "cable_diameter"):
             raise attributes.error(f"{written[0]} is given without strum_heave or strum_pitch_deg; give one of them "
@@ -159,7 +163,7 @@ def _strum(attributes, speed, recorded):
 
 
 def _check(attributes, route, path, text):
-    """Refuse attributes that contradict each other or would count for nothing."""
+    """Refuse attributes that contradict each other or would have no effect."""
     record, sailed = route.record, isinstance(route.record, Waypoints)
     if path is not None and text:
         raise attributes.error("track and waypoints are both given; leave one of them out.")

@@ -1,11 +1,11 @@
 """Sector scan (`sector_scan`): a mechanically rotating head with one beam, on a vehicle, a pole or a tripod.
 
-The head turns from ping to ping, and on while echoes come in: they are sent with the beam of the transmission and
-received with that of their own reception. It also moves with what carries it; one on a tripod has a ``start`` and a
-``speed_knots`` of 0. The picture has a row for each ping, with its ``bearing`` and ``turn``.
+The head turns from ping to ping, and also during reception: the beam of an echo differs between its transmission and
+its reception. The head moves with its platform; for a tripod, write ``start`` and a ``speed_knots`` of 0. The picture
+has a row for each ping, with its ``bearing`` and ``turn``.
 
-Bearings count clockwise, of a head that points ``down`` or ``up`` from the bow as seen from above, of one that points
-``forward`` from straight up as seen looking ahead.
+Bearings count clockwise: with ``mount`` ``down`` or ``up`` from the bow, seen from above; with ``forward`` from
+straight up, seen looking ahead.
 
 .. code-block:: xml
 
@@ -37,51 +37,52 @@ PRESET = FromTable(table=PRESETS, by="preset")
 WINDOW = ("tukey", 0.2)            # over sweeps: without it their ends ring
 
 ATTRIBUTES = (
-    Preset("preset", default="head_750khz", choices=tuple(PRESETS), text="where the defaults marked *preset* come "
-                                                                         "from"),
+    Preset("preset", default="head_750khz", choices=tuple(PRESETS), text="source of the defaults marked *preset*"),
     Number("frequency_khz", default=PRESET, above=0, maximum=10_000, unit="kHz", text="centre frequency"),
     Number("source_level_db", default=PRESET, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa @ 1 m",
-           text="on the axis of the beam, rms over the pulse"),
-    Number("pulse_ms", default=PRESET, above=0, maximum=10_000, unit="ms", text="length of the pulse"),
+           text="source level on the axis of the beam, rms over the pulse"),
+    Number("pulse_ms", default=PRESET, above=0, maximum=10_000, unit="ms", text="pulse length"),
     Number("bandwidth_khz", default=PRESET, minimum=0, unit="kHz",
-           text="of a linear sweep, compressed on reception; 0: a pulse of one frequency"),
+           text="bandwidth of a linear sweep, compressed on reception; 0: a pulse of one frequency"),
     Angle("beam_width_deg", default=PRESET, minimum=0.01, maximum=180,
-          text="in the plane that the beam turns in, full width at -3 dB one way"),
-    Angle("vertical_beam_width_deg", default=PRESET, minimum=0.1, maximum=180, text="the same across that plane"),
+          text="beam width in the plane of rotation, full width at -3 dB one way"),
+    Angle("vertical_beam_width_deg", default=PRESET, minimum=0.1, maximum=180,
+          text="beam width across that plane, full width at -3 dB one way"),
     Choice("mount", default="down", choices=tuple(MOUNTS),
-           text="where the head points: its beam turns about the vertical, or about the way ahead, as of a profiler in "
-                "a pipe"),
+           text="direction of the head's axis: the beam turns about the vertical or, as in a pipe profiler, about "
+                "the forward direction"),
     Angle("tilt_deg", default=0.0, minimum=-90, maximum=90,
-          text="of the beam out of the plane it turns in, towards where the head points"),
-    Angle("step_deg", default=PRESET, minimum=0.01, maximum=90, text="from ping to ping"),
-    Angle("sector_deg", default=360.0, above=0, maximum=360, text="that the head scans; 360: a full circle"),
+          text="tilt of the beam out of the plane of rotation, towards the direction of `mount`"),
+    Angle("step_deg", default=PRESET, minimum=0.01, maximum=90, text="step from ping to ping"),
+    Angle("sector_deg", default=360.0, above=0, maximum=360, text="scanned sector; 360: a full circle"),
     Angle("first_bearing_deg", default=None, minimum=-360, maximum=360, otherwise="half the sector to port",
-          text="of the first ping; the sector lies clockwise from it"),
+          text="bearing of the first ping; the sector lies clockwise from it"),
     Boolean("back_and_forth", default=None, otherwise="true but in a full circle",
-            text="whether the head goes back as it came, and stands for a ping at either end; otherwise a circle goes "
-                 "on and on, and a sector begins anew"),
+            text="true: the head reverses at either end of the sector, where it stays for two pings; false: it goes "
+                 "on round a full circle, or jumps back to the beginning of a sector"),
     Boolean("turns_while_listening", default=True,
-            text="whether it turns on evenly while echoes come in; otherwise it stands, and turns between pings"),
+            text="true: the head turns evenly, also during reception; false: it stands during a ping, and turns "
+                 "between pings"),
     SOUND_SPEED,
     Choice("picture", default=None, choices=("beams", "elements"), otherwise="beams where that can be done",
-           text="how the picture is made: `beams` weighs scatterers, as few as the resolution asks for, by the beam; "
-                "`elements` takes the signals of the head as an element, for a hundred times as long"),
+           text="method: `beams` weighs the echoes of scatterers, as few as the resolution needs, by the beam; "
+                "`elements` takes the signals of the head as one element, and takes a hundred times as long"),
     *NOISE,
     Number("self_noise_db", default=None, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa²/Hz",
-           text="noise of the receiver by itself"),
+           text="self-noise of the receiver"),
     Integer("pings", default=400, minimum=1, maximum=MOST_PINGS, otherwise="one turn, or way across the sector",
-            text="number of pings; of a recorded track or way points, all if not written"),
+            text="number of pings; for a recorded track or way points, all if not written"),
     PASS, ROUTE, *NESTED,
 )
 
 
 class SectorScan(SonarSensor):
-    """See the module's text; `mitsonar.survey.sector_scan.kind` plans its run and makes its picture."""
+    """Sector scan sensor; `mitsonar.survey.sector_scan.kind` plans its run and makes its picture."""
 
     kind, declared = "sector_scan", ATTRIBUTES
 
     def read(self, attributes: Attributes) -> None:
-        """Take the pulse, the beam and how the head turns."""
+        """Read the pulse, the beam and the rotation of the head."""
         self.preset = attributes.preset
         self.frequency = float(hertz_from_khz(attributes.frequency_khz))
         self.source_level_db, self.self_noise_db = attributes.source_level_db, attributes.self_noise_db

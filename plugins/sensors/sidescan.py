@@ -10,9 +10,9 @@
         <film type="sonar_film"><float name="range" value="75"/></film>
     </sensor>
 
-Shadows are as deep as what fills them lets them be: side lobes (`sidelobe_db`), the other side (`back_db`,
-`crosstalk_db`), noise (`self_noise_db`). -200 leaves any of them out. `mean_level` has the echoes of all these, without
-noise; `level` is what the recorder keeps.
+Shadows are filled by side lobes (`sidelobe_db`), by echoes of the other side (`back_db`, `crosstalk_db`) and by noise
+(`self_noise_db`). A value of -200 leaves any of them out. `mean_level` contains all echoes without noise; `level` is
+the recorded level.
 """
 import mitsuba as mi
 
@@ -28,35 +28,35 @@ NARROWEST_DEG, NARROWEST_VERTICAL_DEG = 0.01, 0.1          # what the integrals 
 SHORTEST_MS, LOWEST_KHZ = 1e-6, 0.001
 
 ATTRIBUTES = (
-    Preset("preset", default="towed_400khz", choices=tuple(presets()), text="where the defaults marked *preset* come "
-                                                                           "from"),
+    Preset("preset", default="towed_400khz", choices=tuple(presets()), text="source of the defaults marked *preset*"),
     Number("frequency_khz", default=PRESET, minimum=LOWEST_KHZ, maximum=10_000, unit="kHz", text="centre frequency"),
     Number("source_level_db", default=PRESET, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa @ 1 m",
-           text="on the axis of a face, rms over the pulse"),
+           text="source level on the axis of a face, rms over the pulse"),
     Number("pulse_ms", default=PRESET, minimum=SHORTEST_MS, unit="ms",
            text="effective pulse length after compression; its inverse is the bandwidth"),
     Angle("beam_width_deg", default=PRESET, minimum=NARROWEST_DEG, maximum=180,
-          text="along track, full width at -3 dB one way, of the transmitting face; 180: a point"),
+          text="beam width of the transmit face along the track, full width at -3 dB one way; 180: a point"),
     Angle("vertical_beam_width_deg", default=PRESET, minimum=NARROWEST_VERTICAL_DEG, maximum=180,
-          text="the same across"),
+          text="beam width of the transmit face across the track"),
     Angle("receive_beam_width_deg", default=SameAs("beam_width_deg"), minimum=NARROWEST_DEG, maximum=180,
-          text="along track, of the receiving face"),
+          text="beam width of the receive face along the track"),
     Angle("receive_vertical_beam_width_deg", default=SameAs("vertical_beam_width_deg"),
-          minimum=NARROWEST_VERTICAL_DEG, maximum=180, text="the same across"),
-    Angle("depression_deg", default=PRESET, minimum=-90, maximum=90, text="of the faces' normals below horizontal"),
+          minimum=NARROWEST_VERTICAL_DEG, maximum=180, text="beam width of the receive face across the track"),
+    Angle("depression_deg", default=PRESET, minimum=-90, maximum=90,
+          text="angle of the faces' normals below the horizontal"),
     *FACES, *RECORDER, SOUND_SPEED,
-    Boolean("speckle", default=True, text="complex Gaussian echoes, one per resolution cell; false: mean levels"),
+    Boolean("speckle", default=True, text="true: complex Gaussian echoes, one per resolution cell; false: mean levels"),
     *NOISE, pings(400), ROUTE, *NESTED,
 )
 
 
 class Sidescan(SonarSensor):
-    """See the module's text; `mitsonar.survey.sidescan.kind` plans its run and makes its picture."""
+    """Sidescan sensor; `mitsonar.survey.sidescan.kind` plans its run and makes its picture."""
 
     kind, declared = "sidescan", ATTRIBUTES
 
     def read(self, attributes: Attributes) -> None:
-        """Take the sonar's own attributes."""
+        """Read the attributes of a sidescan."""
         self.preset = attributes.preset
         self.frequency = float(hertz_from_khz(attributes.frequency_khz))
         self.source_level_db, self.pulse_length = attributes.source_level_db, attributes.pulse_ms / 1000

@@ -1,6 +1,4 @@
-"""Faces and receiver of a sidescan: attributes that make pictures as deep and as flawed as real
-ones. -200 dB leaves a flaw out.
-"""
+"""Faces and receiver of a sidescan, with the flaws that real instruments have; -200 dB leaves a flaw out."""
 from mitsonar.imaging.recorder import Recorder
 from mitsonar.io.scene_files import beam_levels
 from mitsonar.sonar.faces.faces import BuiltFace, MeasuredBeam
@@ -15,45 +13,50 @@ MOST_BITS, LARGEST_SAG = 32, 2.0
 LOUDEST_FLOOR_DB = -3.0
 
 FACES = (
-    Text("shading", default="boxcar", text='window along the transmitting face, such as "taylor 4 30"; '
-                                           "`beam_width_deg` is then that of the shaded face"),
-    Text("receive_shading", default=SameAs("shading"), text="along the receiving face"),
+    Text("shading", default="boxcar",
+         text='window along the transmit face, such as "taylor 4 30"; `beam_width_deg` is then the width of the '
+              'shaded face'),
+    Text("receive_shading", default=SameAs("shading"), text="window along the receive face"),
     Number("sidelobe_db", default=PRESET, minimum=LOWEST_DB, maximum=LOUDEST_FLOOR_DB, unit="dB",
-           text="mean level along track of the diffuse side lobes of each face whose beam is not measured, one way, re "
-                "its axis: what errors of segments leave; -20 to -35 of faces in use"),
+           text="mean level of the diffuse side lobes along the track, of each face without a measured beam, one "
+                "way, relative to its axis: the effect of errors of the face's segments; -20 to -35 in used faces"),
     Number("vertical_sidelobe_db", default=PRESET, minimum=LOWEST_DB, maximum=LOUDEST_FLOOR_DB, unit="dB",
-           text="the same across, at its full height downwards: the first return is as bright as that; upwards the "
-                "housing shields it; -10 to -25"),
+           text="mean level of the diffuse side lobes across the track, at its full height downwards, where it sets "
+                "the brightness of the first return; upwards the housing shields it; -10 to -25"),
     Number("vertical_sag", default=0.0, minimum=0, maximum=LARGEST_SAG, unit="wavelengths",
-           text="how far the edges of a face curved across stand back; 0: flat; 0.5 to 1 make flat-topped beams"),
+           text="depth by which the edges of a face curved across the track stand back; 0: flat; 0.5 to 1 make "
+                "flat-topped beams"),
     File("pattern", default=None,
-         text="CSV with `angle_deg` (to the normal, forward) and `level_db`: measured one-way beam along track, side "
-              "lobes and all; speckle takes its forward half for both; not with `beam_width_deg` or `shading`"),
+         text="CSV file with `angle_deg` (from the normal, forward) and `level_db`: measured one-way beam along the "
+              "track with its side lobes; speckle takes the forward half for both sides; not with `beam_width_deg` "
+              "or `shading`"),
     File("vertical_pattern", default=None,
-         text="the same across, angles downwards; not with `vertical_beam_width_deg` or `vertical_sag`"),
-    File("receive_pattern", default=None, otherwise="`pattern`", text="of the receiving face, unless it has "
-                                                                            "a beam width"),
+         text="CSV file of the measured beam across the track, angles downwards; not with `vertical_beam_width_deg` "
+              "or `vertical_sag`"),
+    File("receive_pattern", default=None, otherwise="`pattern`",
+         text="measured beam of the receive face along the track; not with a width of that face"),
     File("receive_vertical_pattern", default=None, otherwise="`vertical_pattern`",
-         text="of the receiving face, likewise"),
+         text="measured beam of the receive face across the track; not with a width of that face"),
 )
 RECORDER = (
     Number("back_db", default=PRESET, minimum=LOWEST_DB, maximum=0, unit="dB",
-           text="how faint a side's face hears what the other side's sends: front-to-back ratio; -20 to -45"),
+           text="front-to-back ratio: level at which a face receives the echoes of the other side's transmission; "
+                "-20 to -45"),
     Number("crosstalk_db", default=PRESET, minimum=LOWEST_DB, maximum=0, unit="dB",
-           text="of the other side's channel in a side's, by wire; -35 to -70"),
+           text="electrical crosstalk from the other side's channel; -35 to -70"),
     Number("chirp_ms", default=PRESET, minimum=0, unit="ms",
-           text="length of the pulse as it is sent; noise is fainter by how much longer that is than `pulse_ms`; 0: "
-                "not compressed"),
+           text="length of the transmitted pulse; compression lowers the noise by the ratio of this length to "
+                "`pulse_ms`; 0: no compression"),
     Number("self_noise_db", default=PRESET, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa²/Hz",
            otherwise="*preset*; none without `noise`",
-           text="noise of each side's receiver, as the level of sound on its axis; 20 to 60"),
+           text="self-noise of each side's receiver, as the level of sound on its axis; 20 to 60"),
     Integer("adc_bits", default=PRESET, minimum=0, maximum=MOST_BITS,
-            text="of a recorded envelope, where `speckle` is true; 0: neither steps, full scale nor ringing"),
+            text="bits of the recorded envelope, where `speckle` is true; 0: no steps, full scale or ringing"),
     Number("full_scale_db", default=PRESET, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa",
-           text="loudest level that the recorder holds: louder echoes, near and straight below, saturate"),
+           text="greatest recorded level: louder echoes, from near by and straight below, saturate"),
     Number("ringing_ms", default=PRESET, minimum=0, unit="ms",
-           text="after the pulse is sent, until the receiver's own ringing has fallen by 60 dB from full scale; 0: no "
-                "bright line at range zero"),
+           text="time after the transmission until the receiver's own ringing has fallen by 60 dB from full scale; "
+                "0: no bright line at range zero"),
 )
 
 
@@ -92,7 +95,7 @@ def read_recorder(attributes: Attributes) -> Recorder:
 
 
 def read_self_noise_db(attributes: Attributes) -> float | None:
-    """Return the receivers' noise [dB re 1 µPa²/Hz]; the preset's belongs to a scene with noise."""
+    """Return the receivers' noise [dB re 1 µPa²/Hz]; the preset's counts only in a scene with noise."""
     wanted = attributes.noise or attributes.given("self_noise_db")
     return attributes.self_noise_db if wanted and attributes.self_noise_db > LOWEST_DB else None
 

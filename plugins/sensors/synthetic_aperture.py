@@ -1,17 +1,17 @@
-"""Synthetic aperture sonar (`synthetic_aperture`): receivers that look aside, and images as fine far off as near.
+"""Synthetic aperture sonar (`synthetic_aperture`): receivers on one side of a vehicle, with the same resolution at all
+ranges.
 
-One side of a vehicle. A transmitter, or several that take turns (a vernier array), and one row of receivers or more,
-one above the other (``banks``, for interferometry), stand along the track. Their echoes are recorded receiver by
-receiver, from where each is at its moment: nothing stops for a ping. `mitsonar.raw_echoes` and ``mitsonar signals``
-give them with the true trajectory; `mitsonar.focus` and ``mitsonar focus`` make the image, and so does
-`mitsonar.render`.
+A transmitter, or several that transmit in turn (a vernier array), and one or more rows of receivers lie along the
+track; rows one above the other (``banks``) are for interferometry. Echoes are recorded receiver by receiver while the
+platform moves, without the stop-and-hop approximation. `mitsonar.raw_echoes` and ``mitsonar signals`` make the raw
+echoes with the true trajectory. `mitsonar.focus`, ``mitsonar focus`` and `mitsonar.render` make the image.
 
-The transmitter is ``transmitter_length`` long, a receiver ``receiver_length``, and receivers stand edge to edge. An
-image resolves half the longer of the two along the track, and c / (2 ``bandwidth_khz``) across. Each ping fills the
-aperture for ``receivers`` times half ``receiver_length``; ``overlap`` receivers of it are covered again by the next
-one, for micronavigation. It sets the ping rate for the speed; without it pings come as fast as the range allows.
+The transmitter is ``transmitter_length`` long and a receiver ``receiver_length``; receivers stand edge to edge. The
+image resolves half the longer of the two along the track, and c / (2 ``bandwidth_khz``) across. Each ping fills
+``receivers`` times half ``receiver_length`` of the aperture; the next ping covers ``overlap`` receivers of it again,
+for micronavigation. The overlap sets the ping rate for the speed; without it pings follow as fast as the range allows.
 
-Tracks are straight, ``circle_radius`` about the start, or recorded, and ``sway``, ``heave``, ``yaw_deg`` and the like
+Tracks are straight, circles (``circle_radius``) or recorded; ``sway``, ``heave``, ``yaw_deg`` and other random motion
 disturb them.
 
 `mi.traverse` names the elements' ``tx_position``, ``rx_position``, ``tx_delay`` and ``rx_delay``.
@@ -54,51 +54,56 @@ WINDOW_TRIED = 64
 
 ATTRIBUTES = (
     Preset("preset", default="minehunting_300khz", choices=tuple(PRESETS),
-           text="where the defaults marked *preset* come from"),
-    Number("frequency_khz", default=PRESET, above=0, maximum=10_000, unit="kHz", text="carrier"),
+           text="source of the defaults marked *preset*"),
+    Number("frequency_khz", default=PRESET, above=0, maximum=10_000, unit="kHz", text="carrier frequency"),
     Number("source_level_db", default=PRESET, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa @ 1 m",
-           text="on the axis of a transmitter"),
+           text="source level on the axis of a transmitter"),
     *(replace(one, default=PRESET) if one.name in ("pulse_ms", "bandwidth_khz") else one for one in PULSE),
-    Choice("side", default="starboard", choices=tuple(SIDES), text="that it looks to"),
-    Angle("depression_deg", default=PRESET, minimum=-89, maximum=89, text="of where it looks, below the horizontal"),
-    Integer("receivers", default=PRESET, minimum=1, maximum=MOST_ELEMENTS, text="of a bank"),
-    Number("receiver_length", default=PRESET, above=0, maximum=100, unit="m", text="along the track"),
-    Integer("banks", default=PRESET, minimum=1, maximum=16, text="rows of receivers, one above the other"),
-    Number("bank_spacing", default=PRESET, above=0, maximum=100, unit="m", text="between their middles, across where "
-                                                                               "they look"),
-    Integer("transmitters", default=1, minimum=1, maximum=64, text="that send one after the other, ping by ping"),
-    Number("transmitter_length", default=PRESET, above=0, maximum=100, unit="m", text="along the track"),
+    Choice("side", default="starboard", choices=tuple(SIDES), text="side to which the sonar looks"),
+    Angle("depression_deg", default=PRESET, minimum=-89, maximum=89,
+          text="angle of the elements' normals below the horizontal"),
+    Integer("receivers", default=PRESET, minimum=1, maximum=MOST_ELEMENTS, text="number of receivers of a bank"),
+    Number("receiver_length", default=PRESET, above=0, maximum=100, unit="m",
+           text="length of a receiver along the track"),
+    Integer("banks", default=PRESET, minimum=1, maximum=16,
+            text="number of banks, rows of receivers one above the other"),
+    Number("bank_spacing", default=PRESET, above=0, maximum=100, unit="m",
+           text="distance between the middles of the banks, in the plane of the face"),
+    Integer("transmitters", default=1, minimum=1, maximum=64,
+            text="number of transmitters, which transmit in turn, ping by ping"),
+    Number("transmitter_length", default=PRESET, above=0, maximum=100, unit="m",
+           text="length of a transmitter along the track"),
     Number("transmitter_spacing", default=None, above=0, maximum=100, unit="m",
-           otherwise="half the length of a bank", text="between transmitters, along the track"),
+           otherwise="half the length of a bank", text="distance between transmitters along the track"),
     Number("transmitter_forward", default=0.0, minimum=-100, maximum=100, unit="m",
-           text="of the middle of the transmitters from that of the receivers"),
+           text="forward distance of the middle of the transmitters from the middle of the receivers"),
     Angle("vertical_beam_width_deg", default=PRESET, minimum=0.5, maximum=180,
-          text="full width at -3 dB one way, of transmitters and receivers; 180: all directions alike"),
+          text="vertical beam width of transmitters and receivers, full width at -3 dB one way; 180: omnidirectional"),
     Number("thin_below_db", default=-30.0, minimum=-80, maximum=0, unit="dB",
-           text="two-way, re the axis: of cells that side lobes leave less of only so many are taken, each the "
-                "stronger, that they bring the energy of all; -80: all are"),
+           text="two-way beam level, relative to the axis, below which cells in side lobes are thinned out: fewer "
+                "cells are used, each stronger, so that the mean energy stays; -80: no thinning"),
     Integer("overlap", default=None, minimum=0, maximum=MOST_ELEMENTS, otherwise="as the range allows",
-            text="receivers whose places along the aperture two pings have in common: sets the ping rate"),
-    Choice("image_grid", default="ground", choices=GRIDS, text="where `mitsonar.render` focuses: points of a level "
-                                                               "plane at the bed's mean depth, or slant ranges"),
+            text="number of receivers whose places along the aperture two pings have in common: sets the ping rate"),
+    Choice("image_grid", default="ground", choices=GRIDS,
+           text="grid of the image of `mitsonar.render`: points of a level plane at the bed's mean depth, or slant "
+                "ranges"),
     Number("image_spacing", default=None, above=0, maximum=100, unit="m", otherwise="half the resolution",
-           text="between the points of that grid"),
-    Text("image_window", default="taylor 4 30", text="over the aperture's angles, of that image, as \"taylor 4 30\" or "
-                                                     "\"boxcar\""),
-    Text("range_window", default="taylor 4 30", text="over the pulse's band, likewise"),
+           text="distance between the points of that grid"),
+    Text("image_window", default="taylor 4 30",
+         text='window over the angles of the aperture in that image, such as "taylor 4 30" or "boxcar"'),
+    Text("range_window", default="taylor 4 30", text="window over the band of the pulse in that image"),
     SOUND_SPEED, *NOISE, SELF_NOISE, pings(40), PASS, ROUTE, *NESTED,
 )
 
 
 class SyntheticAperture(SonarSensor):
-    """See the module's text; `mitsonar.survey.synthetic_aperture.kind` plans its run and makes its echoes and its
-    image."""
+    """Synthetic aperture sensor; `mitsonar.survey.synthetic_aperture.kind` makes its echoes and image."""
 
     kind, declared = "synthetic_aperture", ATTRIBUTES
     follows_offsets = False            # its echoes follow the trajectory
 
     def read(self, attributes: Attributes) -> None:
-        """Take the pulse, the rows of elements and what an image of them is to be."""
+        """Read the pulse, the rows of elements and the settings of the image."""
         self.preset = attributes.preset
         self.frequency = float(hertz_from_khz(attributes.frequency_khz))
         self.source_level_db, self.self_noise_db = attributes.source_level_db, attributes.self_noise_db
@@ -120,13 +125,13 @@ class SyntheticAperture(SonarSensor):
 
 
 def _looks(attributes: Attributes) -> np.ndarray:
-    """The direction that all elements look in, body frame."""
+    """Return the normal of all elements, body frame."""
     angle = attributes.depression_deg
     return np.array([0.0, SIDES[attributes.side] * np.cos(angle), np.sin(angle)])
 
 
 def _upwards(attributes: Attributes) -> np.ndarray:
-    """The direction from a bank to the one above it, across where they look."""
+    """Return the direction from a bank to the bank above it, at right angles to their normal."""
     angle = attributes.depression_deg
     return np.array([0.0, SIDES[attributes.side] * np.sin(angle), -np.cos(angle)])
 
@@ -161,7 +166,7 @@ def _elements(attributes: Attributes, place: np.ndarray, length: float, waveleng
 
 
 def _window(attributes: Attributes, name: str) -> str:
-    """A window's name that is known."""
+    """Return the name of a window after a check that it exists."""
     text = getattr(attributes, name)
     try:
         window_weights(text, WINDOW_TRIED)
@@ -171,7 +176,7 @@ def _window(attributes: Attributes, name: str) -> str:
 
 
 def _paced(attributes: Attributes, route):
-    """The route with the ping rate that the overlap asks for at its speed."""
+    """Return the route with the ping rate that the overlap needs at its speed."""
     overlap, count = attributes.overlap, attributes.receivers
     if overlap is None:
         return route

@@ -1,15 +1,15 @@
 """Surveyed seabed (`bathymetry`): the mesh of a GeoTIFF, BAG, netCDF, ... file, of an array, or of x, y, z as text.
 
-Text of x, y, z a line is laid on its own lattice if it has one; scattered soundings on a grid of ``resolution``, by
-default their mean distance, with holes beyond three times that. Triangles that touch a node without depth are left out.
-A part that ``relief`` is laid on shows the same relief as any other part of the file; give materials that know
-``mesh_resolution`` the ``resolution`` then. Several surveys in one scene need a common ``local_origin``.
+Lines of x, y, z that form a lattice keep that lattice. Scattered soundings are gridded at ``resolution``, by default
+their mean distance; places farther than three times that from any sounding stay holes. Triangles that touch a node
+without depth are left out. ``relief`` does not depend on which part of the file is used; with it, set the
+``mesh_resolution`` of the material to the ``resolution``. Several surveys in one scene need a common ``local_origin``.
 
-A survey that is coarse against the sonar's bins shows its triangles; ``smooth_normals`` takes them away. Write
-it where nodes lie further apart than three bins or so, and not where ``relief`` or a fine survey brings the shape that
-sound sees at its resolution: there it only takes off some of the slopes.
+If a survey is coarse compared with the sonar's bins, its triangles show in the picture; ``smooth_normals`` removes
+them. Use it where nodes lie more than about three bins apart. With ``relief`` or a fine survey leave it out: there it
+only flattens slopes.
 
-Sediments are those of `sediment`, which a bed with a map and without a bsdf has:
+A bed with a sediment map and without a bsdf gets the material `sediment`, whose names the table of classes uses:
 
 .. code-block:: xml
 
@@ -19,9 +19,9 @@ Sediments are those of `sediment`, which a bed with a map and without a bsdf has
         <string name="sediment_classes" value="1: clay, 7: medium sand, nodata: sandy silt"/>
     </shape>
 
-A bsdf of its own reads the classes from the mesh attribute ``face_sediment_class``, numbered in the order of the table,
-those of one name once. Across a border, ``face_second_class`` is the class on its other side and ``face_second_share``
-that one's share; without them borders are steps:
+Another bsdf can read the classes from the mesh attribute ``face_sediment_class``, numbered in the order of the table;
+codes with the same name share a number. Near a border, ``face_second_class`` is the class on the other side and
+``face_second_share`` its share; without these two, borders are sharp:
 
 .. code-block:: xml
 
@@ -51,45 +51,51 @@ from .grid_mesh import SMOOTH_NORMALS, TO_WORLD, fill, triangulate
 MOST_NODES = 5e7        # 100 million triangles: about 10 GB once Embree has built its tree
 
 ATTRIBUTES = (
-    File("filename", text="the survey"),
-    Numbers("crop", default=None, count=4, text='"west, south, east, north" of the part to use; or `crop_centre` and '
-                                                "`crop_size`"),
-    Numbers("crop_centre", default=None, count=2, otherwise="the file's", text='"east, north" of its middle'),
-    Numbers("crop_size", default=None, count=2, unit="m", otherwise="the file's", text='its "width, height"'),
+    File("filename", text="file of the survey"),
+    Numbers("crop", default=None, count=4,
+            text='"west, south, east, north" limits of the part to use; or write `crop_centre` and `crop_size`'),
+    Numbers("crop_centre", default=None, count=2, otherwise="the file's",
+            text='"east, north" of the middle of the part to use'),
+    Numbers("crop_size", default=None, count=2, unit="m", otherwise="the file's",
+            text='"width, height" of the part to use'),
     Choice("crop_frame", default="projected", choices=("projected", "local"),
-           text="crop and centre in the file's coordinates, or in metres from the middle of the file"),
-    Number("resolution", default=0.0, minimum=0, unit="m", text="node distance; 0: the file's"),
+           text="frame of the crop and its centre: the file's coordinates, or metres from the middle of the file"),
+    Number("resolution", default=0.0, minimum=0, unit="m", text="node distance; 0: as in the file"),
     Choice("vertical", default="auto", choices=("auto", "elevation", "depth"),
-           text="by the sign of most, positive up, or positive down"),
-    Integer("band", default=1, minimum=1, text="of the file"),
-    Text("variable", default=None, text="grid of a netCDF file that holds several"),
-    Number("nodata", default=None, otherwise="the file's", text="fill value"),
+           text="sign of depths in the file: that of most values, positive up, or positive down"),
+    Integer("band", default=1, minimum=1, text="band of the file"),
+    Text("variable", default=None, text="name of the grid, for a netCDF file with several grids"),
+    Number("nodata", default=None, otherwise="the file's", text="fill value of nodes without depth"),
     Text("crs", default=None, otherwise="the file's", text='coordinate system such as "EPSG:4326"'),
-    Number("spacing", default=0.0, minimum=0, unit="m", text="node distance of an `.npy` array, whose rows run north; "
-                                                             "it needs one"),
+    Number("spacing", default=0.0, minimum=0, unit="m",
+           text="node distance of an `.npy` array, whose rows run north; required for arrays"),
     Numbers("local_origin", default=None, count=2, unit="m", otherwise="middle of the part, rounded",
-            text='"east, north" that becomes x = y = 0'),
+            text="\"east, north\" of the scene's x = y = 0"),
     Choice("holes", default="cut", choices=("cut", "filled"),
-           text="`filled`: with the smoothest bed, where surrounded"),
+           text="`filled`: holes surrounded by soundings are filled by the smoothest bed"),
     Number("holes_max", default=None, above=0, unit="m", text="width of the widest hole to fill"),
-    Boolean("relief", default=False, text="relief below the file's own resolution that continues its spectrum, where "
-                                          "`resolution` is finer"),
-    Integer("relief_seed", default=0, minimum=0, text="realisation of it"),
-    Number("relief_w2", default=None, minimum=0, unit="m^(4-γ)", otherwise="as measured", text="its spectral strength"),
-    Number("relief_gamma", default=None, above=2, below=4, otherwise="as measured", text="its spectral exponent γ"),
-    File("sediment_map", default=None, text="raster of sediment classes in any coordinates, painted on the bed"),
+    Boolean("relief", default=False,
+            text="true: where `resolution` is finer than the file, add relief that continues the file's spectrum"),
+    Integer("relief_seed", default=0, minimum=0, text="seed of the relief"),
+    Number("relief_w2", default=None, minimum=0, unit="m^(4-γ)", otherwise="as measured",
+           text="spectral strength of the relief"),
+    Number("relief_gamma", default=None, above=2, below=4, otherwise="as measured",
+           text="spectral exponent γ of the relief"),
+    File("sediment_map", default=None, text="raster of sediment classes in any coordinate system, mapped to the bed"),
     TextOrFile("sediment_classes", default=None, sign=":",
-               text='what its codes are: "1: clay, 7: medium sand, nodata: sand", or a CSV file of code, sediment'),
+               text='meaning of the codes of the map: "1: clay, 7: medium sand, nodata: sand", or a CSV file of '
+                    'code, sediment'),
     Text("sediment_map_crs", default=None, otherwise="the map's or survey's", text="coordinate system of the map"),
     Number("sediment_border", default=None, minimum=0, unit="m", otherwise="a cell of the map",
-           text="width over which one sediment goes over into the next, patch by patch; 0: steps"),
+           text="width of the transition between two sediments, patch by patch; 0: sharp borders"),
     SMOOTH_NORMALS, TO_WORLD,
-    Nested("bsdf", default=None, otherwise="`sediment` of the map, else Mitsuba's `diffuse`", text="the material"),
+    Nested("bsdf", default=None, otherwise="`sediment` of the map, else Mitsuba's `diffuse`",
+           text="material of the bed"),
 )
 
 
 class Bathymetry(mi.Mesh):
-    """See the module's text. Attributes of the object are as before ``to_world``."""
+    """Mesh of a surveyed seabed; the object's attributes refer to the shape before ``to_world``."""
     # local_origin [m]; bathymetry_bounds [m]
 
     seabed = True
@@ -133,16 +139,16 @@ class Bathymetry(mi.Mesh):
                              f"with depth, taken as {survey.vertical}, local origin {survey.local_origin}]")
 
     def to_string(self) -> str:
-        """Say where the bed comes from and how it was read."""
+        """Return the source of the bed and how it was read."""
         return self._description
 
 
 def _relief(attributes):
     """Return the relief below the survey's resolution, or None."""
     given = attributes.given("relief_seed", "relief_w2", "relief_gamma")
-    if given and not attributes.given("relief"):
-        raise attributes.error(f"{given[0]} is written without relief; write relief true.")
     if not attributes.relief:
+        if given:
+            raise attributes.error(f"{given[0]} is written without relief; write relief true.")
         return None
     try:
         return bathymetry.SurveyRelief(seed=attributes.relief_seed, w2=attributes.relief_w2,
@@ -166,7 +172,7 @@ def _class_table(attributes):
 
 
 def _material(table):
-    """The bsdf of a bed that has none of its own."""
+    """Return the material of a bed without a bsdf."""
     return mi.load_dict({"type": "sediment", "classes": ", ".join(table.sediments),
                          **{name: {"type": "mesh_attribute", "name": f"face_{name}"}
                             for name in ("sediment_class", "second_class", "second_share")}})

@@ -23,18 +23,20 @@ MOST_FACES = 5_000_000
 COARSER = 1.5                      # from ring to ring of a cap, inwards
 
 ATTRIBUTES = (
-    Number("radius", above=0, unit="m", text="of the tube"),
+    Number("radius", above=0, unit="m", text="radius of the tube"),
     Point("p0", text="middle of one cap"),
     Point("p1", text="middle of the other"),
     Integer("facets", default=None, minimum=3, maximum=MOST, otherwise="within 0.2 mm of round",
-            text="round it; as many as lie that close to the true cylinder, 12 at least"),
-    Transform("to_world", otherwise="the identity", text="of the whole, without shear or scales that differ"),
+            text="number of facets around it; by default as many as the accuracy of the round shape needs, 12 at "
+                 "least"),
+    Transform("to_world", otherwise="the identity",
+              text="transform of the whole shape, without shear or unequal scales"),
     MATERIAL,
 )
 
 
 class CappedCylinder(mi.Mesh):
-    """See the module's text."""
+    """Mesh of a closed cylinder."""
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, ATTRIBUTES)
@@ -69,7 +71,7 @@ class CappedCylinder(mi.Mesh):
 
 
 def _mesh(radius, ends, facets, along):
-    """Mesh and normals of its vertices: `along` rings of `facets` quads, and two caps."""
+    """Return the mesh and the normals of its vertices: `along` rings of `facets` quads, and two caps."""
     axis = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
     x = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     x /= np.linalg.norm(x)
@@ -99,7 +101,7 @@ def _mesh(radius, ends, facets, along):
 
 
 def _cap(facets):
-    """Points (V, 2) of a disc of radius 1, `facets` of its rim first, and triangles, counter-clockwise.
+    """Return the points (V, 2) of a disc of radius 1, its `facets` rim points first, and counter-clockwise triangles.
 
     Rings grow coarser inwards, so that no triangle is much longer than wide.
     """

@@ -7,8 +7,8 @@ import numpy as np
 
 from ..attributes import Boolean, Nested, Transform
 
-TO_WORLD = Transform("to_world", otherwise="the identity", text="applied to the finished shape")
-MATERIAL = Nested("bsdf", default=None, otherwise="Mitsuba's `diffuse`", text="the material")
+TO_WORLD = Transform("to_world", otherwise="the identity", text="transform of the finished shape")
+MATERIAL = Nested("bsdf", default=None, otherwise="Mitsuba's `diffuse`", text="material of the shape")
 SMOOTH_NORMALS = Boolean("smooth_normals", default=False,
                          text="scatter by normals interpolated between nodes, so that the facets of a coarse mesh do "
                               "not show; places, areas and shadows stay those of the facets")

@@ -1,24 +1,26 @@
-"""Point target (`point_target`): a small target of known strength, whose echo has a phase but no chance in it.
+"""Point target (`point_target`): a small target of known strength, whose echo has a definite phase.
 
-It has no body: rays pass it, and nothing lies in its shadow. Its echo adds to those of the bed and of other targets as
-pressures do: in a sidescan's speckle its amplitudes are Rice's. With `max_depth` 2 or more it has an image in beds of
-`sediment`, `elastic` or a smooth material, unless it lies within 2 cm of them.
+The target has no body: rays pass it, and it casts no shadow. Its echo adds as a pressure to the echoes of the bed and
+of other targets: in the speckle of a sidescan its amplitude follows Rice's distribution. With `max_depth` 2 or more it
+is also mirrored in beds of `sediment`, `elastic` or a smooth material, unless it lies within 2 cm of them.
 
-Spheres scatter by their exact series and other targets by a table of their own, over the whole band of the pulse: a
-calibration sphere has its nulls and resonances, and rings on after its first echo. `position` is the sphere's middle.
-Of its ringing the first 1500 / (1.3 W) seconds are kept, W the bandwidth with its skirts; narrower resonances than the
-inverse of that are smoothed, up to several decibels at their peaks, and metals, which have no losses here, have such.
-Echoes drawn by chance, of more bounces than images have, take the mean strength.
+Spheres scatter by their exact series, and targets with a table by that table, over the whole band of the pulse: a
+calibration sphere has nulls and resonances, and rings after its first echo. `position` is the centre of the sphere.
+The first 1500 / (1.3 W) seconds of the ringing are kept, where W is the bandwidth with its skirts. Resonances narrower
+than the inverse of that time are smoothed, by up to several decibels at their peaks. Metals have such resonances, as
+they are lossless here. Random echoes of more bounces than the images have take the mean strength.
 
-`mi.traverse` names its ``position`` and, of one strength, its ``target_strength_db``.
+`mi.traverse` lists the ``position`` and, for a target of one strength, the ``target_strength_db``.
 
-A table has the columns ``frequency_khz``, ``target_strength_db`` and, where it is known, ``phase_deg`` (that of the
-pressure 1 m away for a wave of phase 0 at `position`, for time e^(+iωt); without it the phase is 0), or ``real`` and
-``imaginary`` [m] in the place of both. Angles may go with it, every combination of them once: ``aspect_deg``, between
-the target's x axis and the sonar; or ``incident_azimuth_deg``, ``incident_elevation_deg``, ``scattered_azimuth_deg``,
-``scattered_elevation_deg``, in which the target sees source and receiver (azimuth from x towards y). In netCDF they are
-the dimensions, with coordinates, of variables of these names. Beyond its angles the last ones count. Frequencies lie
-closer than c / 4d, d the target's part farthest from `position`; the pulse's band lies within them.
+A table has the columns ``frequency_khz``, ``target_strength_db`` and optionally ``phase_deg``: the phase of the
+pressure at 1 m for a wave of phase 0 at `position`, with time e^(+iωt), by default 0. Columns ``real`` and
+``imaginary`` [m] may replace the last two. Columns of angles are optional, with one row for every combination:
+``aspect_deg``, between the target's x axis and the direction to the sonar; or ``incident_azimuth_deg``,
+``incident_elevation_deg``, ``scattered_azimuth_deg``, ``scattered_elevation_deg``, the directions from the target to
+source and receiver (azimuth from x towards y). A netCDF file has variables of these names, with frequency and angles as
+dimensions with coordinates.
+Outside the range of its angles, the values at its limits are used. Frequencies must cover the band of the pulse, in
+steps below c / 4d, where d is the distance of the target's farthest part from `position`.
 
 .. code-block:: xml
 
@@ -49,27 +51,30 @@ LOWEST_DB, HIGHEST_DB = -200, 100
 FACE = np.zeros((1, 3), np.uint32)  # without any area: no ray meets it, and Mitsuba wants one
 
 ATTRIBUTES = (
-    Point("position", text="its place, z up"),
+    Point("position", text="place of the target, z up"),
     Choice("scattering", default="constant", choices=("constant", *SPHERES, "table"),
            text="one strength for all frequencies and directions, an exact sphere, or a table"),
-    Number("target_strength_db", default=0.0, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB", text="re 1 m²",
+    Number("target_strength_db", default=0.0, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB",
+           text="target strength relative to 1 m²",
            only=("scattering", ("constant",))),
-    Number("radius", above=0, maximum=100, unit="m", text="of the sphere", only=("scattering", SPHERES)),
+    Number("radius", above=0, maximum=100, unit="m", text="radius of the sphere", only=("scattering", SPHERES)),
     Choice("material", default="tungsten_carbide", choices=tuple(MATERIALS),
-           text="of the sphere", only=("scattering", FILLED[1:])),
-    Number("density", default=None, above=0, unit="kg/m³", otherwise="the material's", text="of the sphere",
+           text="material of the sphere", only=("scattering", FILLED[1:])),
+    Number("density", default=None, above=0, unit="kg/m³", otherwise="the material's", text="density of the sphere",
            only=("scattering", FILLED)),
-    Number("compressional_speed", default=None, above=0, unit="m/s", otherwise="the material's", text="in the sphere",
+    Number("compressional_speed", default=None, above=0, unit="m/s", otherwise="the material's",
+           text="compressional wave speed in the sphere",
            only=("scattering", FILLED)),
-    Number("shear_speed", default=None, above=0, unit="m/s", otherwise="the material's", text="in the sphere",
+    Number("shear_speed", default=None, above=0, unit="m/s", otherwise="the material's",
+           text="shear wave speed in the sphere",
            only=("scattering", FILLED[1:])),
-    File("table", text="CSV or netCDF file, as above", only=("scattering", ("table",))),
+    File("table", text="CSV or netCDF file of the target, as described above", only=("scattering", ("table",))),
     TO_WORLD,
 )
 
 
 class PointTarget(mi.Mesh):
-    """See the module's text."""
+    """Small target of known strength."""
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, ATTRIBUTES)

@@ -1,6 +1,6 @@
 """Sea surface (`sea_surface`): a level square at z = 0 about the origin, rough by its material.
 
-It is no seabed: tracks and altitudes are laid as if it were not there.
+Tracks and altitudes refer to the seabed, not to this surface.
 
 .. code-block:: xml
 
@@ -19,13 +19,13 @@ SQUARES = 64                       # along a side
 
 ATTRIBUTES = (
     Number("size", default=4000.0, above=0, unit="m", text="side of the square about the origin"),
-    replace(WIND_SPEED, text=f"{WIND_SPEED.text}, of the material where none is nested"),
-    Nested("bsdf", default=None, otherwise="`windy_sea`", text="the material"),
+    replace(WIND_SPEED, text=f"{WIND_SPEED.text}, for the default material"),
+    Nested("bsdf", default=None, otherwise="`windy_sea`", text="material of the surface"),
 )
 
 
 class SeaSurface(mi.Mesh):
-    """See the module's text."""
+    """Level square at the sea surface."""
 
     sea_surface = True
 

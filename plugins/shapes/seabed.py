@@ -1,7 +1,8 @@
 """Synthetic seabed (`seabed`): a rectangle with slope, waves, sand ripples and roughness, in any combination.
 
-All parts add up. They stand in absolute coordinates of the shape: a longer bed shows more of the same seabed. The grid
-always has a node at the origin, and reaches at least as far as asked. A wave needs four nodes to its length.
+All parts add up. Each part is a function of the shape's own coordinates, so a longer bed shows more of the same seabed.
+The grid always has a node at the origin, and covers at least ``length`` and ``width``. A wave needs at least four nodes
+a wavelength.
 
 .. code-block:: xml
 
@@ -28,44 +29,48 @@ MOST_NODES = 5e7        # 100 million triangles: about 10 GB once Embree has bui
 NODES_PER_WAVE = 4      # below this the crests of a wave are cut off at random
 
 SINE = (
-    Number("sine_wavelength", default=None, above=0, unit="m", text="sinusoidal waves: crest to crest"),
-    Number("sine_height", default=None, minimum=0, unit="m", text="trough to crest"),
-    Angle("sine_heading_deg", default=0.0, text="compass heading across the crests"),
+    Number("sine_wavelength", default=None, above=0, unit="m", text="wavelength of sinusoidal waves, crest to crest"),
+    Number("sine_height", default=None, minimum=0, unit="m", text="height of sinusoidal waves, trough to crest"),
+    Angle("sine_heading_deg", default=0.0, text="compass heading across the crests of sinusoidal waves"),
 )
 RIPPLE = (
-    Number("ripple_wavelength", default=None, above=0, unit="m", text="sand ripples: crest to crest"),
-    Number("ripple_height", default=None, minimum=0, unit="m", text="trough to crest"),
-    Angle("ripple_heading_deg", default=0.0, text="compass heading that the steep sides face"),
-    Number("ripple_asymmetry", default=0.0, minimum=0, below=1, text="0: equal sides, towards 1: a vertical lee"),
+    Number("ripple_wavelength", default=None, above=0, unit="m", text="wavelength of sand ripples, crest to crest"),
+    Number("ripple_height", default=None, minimum=0, unit="m", text="height of sand ripples, trough to crest"),
+    Angle("ripple_heading_deg", default=0.0, text="compass heading that the steep sides of ripples face"),
+    Number("ripple_asymmetry", default=0.0, minimum=0, below=1,
+           text="asymmetry of ripples; 0: equal sides, towards 1: a vertical lee"),
     Number("ripple_sharpness", default=0.0, minimum=0, maximum=1,
-           text="0: sinusoidal, 1: pointed crests between rounded troughs"),
-    Number("ripple_wander", default=0.0, minimum=0, unit="m", text="rms wander of the crests"),
+           text="sharpness of ripples; 0: sinusoidal, 1: pointed crests between rounded troughs"),
+    Number("ripple_wander", default=0.0, minimum=0, unit="m", text="rms wander of the ripples' crests"),
     Number("ripple_wander_length", default=None, above=0, unit="m", otherwise="8 wavelengths",
-           text="distance over which they wander"),
-    Number("ripple_defects", default=0.0, minimum=0, unit="1/m^2", text="forks and ends of crests per area"),
+           text="distance along a crest over which it wanders"),
+    Number("ripple_defects", default=0.0, minimum=0, unit="1/m^2", text="density of forks and ends of crests"),
 )
 FRACTAL = (
     Text("fractal_sediment", default=None,
          text='power-law roughness of a sediment of TR 9407, such as "medium sand"; or `fractal_rms` or `fractal_w2`'),
-    Number("fractal_rms", default=None, minimum=0, unit="m", text="rms height"),
-    Number("fractal_w2", default=None, minimum=0, unit="m^(4-γ)", text="spectral strength"),
-    Number("fractal_gamma", default=3.25, above=2, below=4, text="spectral exponent γ, with either of these"),
-    Number("fractal_outer_scale", default=10.0, above=0, unit="m", text="longer waves level off"),
+    Number("fractal_rms", default=None, minimum=0, unit="m", text="rms height of power-law roughness"),
+    Number("fractal_w2", default=None, minimum=0, unit="m^(4-γ)", text="spectral strength of power-law roughness"),
+    Number("fractal_gamma", default=3.25, above=2, below=4,
+           text="spectral exponent γ of power-law roughness, with `fractal_rms` or `fractal_w2`"),
+    Number("fractal_outer_scale", default=10.0, above=0, unit="m",
+           text="outer scale of power-law roughness: longer waves level off"),
 )
 ATTRIBUTES = (
-    Number("depth", unit="m", text="of the mean bed below the origin, positive down"),
+    Number("depth", unit="m", text="depth of the mean bed below the origin, positive down"),
     Number("length", default=200.0, above=0, unit="m", text="extent to the north (y)"),
     Number("width", default=200.0, above=0, unit="m", text="extent to the east (x)"),
-    Number("spacing", default=0.5, above=0, unit="m", text="node distance; four to a wavelength at least"),
-    Integer("seed", default=0, minimum=0, text="realisation of everything random"),
-    Angle("slope_deg", default=0.0, minimum=0, below=90, text="of the bed below the horizon"),
+    Number("spacing", default=0.5, above=0, unit="m",
+           text="node distance; at most a quarter of the shortest wavelength"),
+    Integer("seed", default=0, minimum=0, text="seed of everything random"),
+    Angle("slope_deg", default=0.0, minimum=0, below=90, text="slope of the mean bed"),
     Angle("slope_heading_deg", default=0.0, text="compass heading in which it descends"),
     *SINE, *RIPPLE, *FRACTAL, SMOOTH_NORMALS, TO_WORLD, MATERIAL,
 )
 
 
 class Seabed(mi.Mesh):
-    """See the module's text. The class attribute ``seabed`` is True: whoever looks for the seabed finds it by that."""
+    """Mesh of a synthetic seabed; the class attribute ``seabed`` marks it as a seabed."""
 
     seabed = True
 
@@ -85,7 +90,7 @@ class Seabed(mi.Mesh):
         self._description = f"Seabed[{y.size} x {x.size} nodes at {spacing} m, depth {depth} m, {relief}]"
 
     def to_string(self) -> str:
-        """Say what the bed is made of."""
+        """Return the parts of the bed."""
         return self._description
 
 
@@ -118,7 +123,7 @@ def _ripples(attributes):
 
 
 def _is_wave(attributes, declared, wavelength, height):
-    """Tell whether a wave is asked for, and refuse half of one or one that the grid cannot hold."""
+    """Return True if a wave is requested; refuse an incomplete one, or one too short for the grid."""
     names, spacing = [one.name for one in declared], attributes.spacing
     given = attributes.given(*names)
     missing = [name for name, value in zip(names, (wavelength, height)) if value is None]

@@ -1,8 +1,8 @@
 """Random targets (`targets`): meshes strewn at random over the seabed that it refers to by `<ref>`.
 
-Two numbers, "low, high", are drawn from evenly. The first seabed that is referred to bears the targets; whatever else
-is referred to, such as other `targets`, is kept clear of. Names in the labels are those of species, shape and number:
-``tyre.mines.3``.
+For an attribute of two numbers, "low, high", values are drawn uniformly between them. The first seabed referred to
+bears the targets; they keep clear of all other shapes referred to, such as other `targets`. Labels consist of species,
+shape and number: ``tyre.mines.3``.
 
 .. code-block:: xml
 
@@ -37,35 +37,39 @@ SPECK = 0.001                      # [m] side of the one buried triangle of a sh
 ATTRIBUTES = (
     Files("meshes", text='folder of `.ply` and `.obj` files beside the scene, or "mine.ply, rock.obj": metres, z up, '
                          "front to +y, the origin anywhere; their names are species"),
-    Text("species", default=None, otherwise="all", text='those to use: "cylinder, tyre"'),
-    Numbers("weights", default=None, otherwise="alike", text='how often each is drawn: "3, 1"'),
-    Range("count", minimum=0, maximum=100_000, whole=True, text='how many: 12, or "3, 8"'),
+    Text("species", default=None, otherwise="all", text='species to use: "cylinder, tyre"'),
+    Numbers("weights", default=None, otherwise="alike", text='relative frequency of each species: "3, 1"'),
+    Range("count", minimum=0, maximum=100_000, whole=True, text='number of targets: 12, or "3, 8"'),
     Integer("seed", default=0, minimum=0,
-            text="of the draw, which differs by the shape's id too; target k does not depend on how many follow"),
+            text="seed of the draw, which also depends on the shape's id; target k does not depend on the number of "
+                 "targets after it"),
     Numbers("area", default=None, count=4, unit="m", otherwise="the seabed's",
-            text='"west, south, east, north" within which they lie wholly'),
-    Numbers("exclude", default=(), unit="m", text="boxes that they do not touch, four numbers each"),
+            text='"west, south, east, north" limits within which targets lie wholly'),
+    Numbers("exclude", default=(), unit="m", text="boxes that targets do not touch, four numbers each"),
     Number("spacing", default=0.0, minimum=0, unit="m",
-           text="between bounding circles, at least"),
+           text="least distance between the targets' bounding circles"),
     Choice("crowded", default="refuse", choices=("refuse", "fewer"),
-           text="if targets find no room: an error that says how many fit, or a warning and a field without them"),
+           text="reaction if targets find no room: an error that states how many fit, or a warning and a field "
+                "without the others"),
     Range("scale", default=(1.0,), minimum=1e-6, maximum=1e6, text="factor of size"),
     Range("burial", default=(0.0,), minimum=0, maximum=1,
-          text="share of the height below the mean bed under the footprint"),
+          text="share of the height that lies below the mean bed under the footprint"),
     Range("heading_deg", default=(0.0, 360.0), minimum=-360, maximum=720, unit="degrees",
-          text="compass heading of the front"),
-    Range("tilt_deg", default=(0.0,), minimum=0, maximum=180, unit="degrees", text="leaning, in any direction"),
+          text="compass heading of the target's front"),
+    Range("tilt_deg", default=(0.0,), minimum=0, maximum=180, unit="degrees", text="tilt in a random direction"),
     Choice("pose", default="upright", choices=("upright", "rest", "any"),
-           text="as the mesh stands; on any side that bears it, as often as it falls so; in any attitude"),
-    Boolean("along_slope", default=False, text="at right angles to the bed under the footprint, not to the horizon"),
+           text="pose: as the mesh stands; on any side that it rests on, with the probability of a random fall; in "
+                "any attitude"),
+    Boolean("along_slope", default=False,
+            text="true: upright relative to the bed under the footprint; false: relative to the horizon"),
     Nested("shape", many=True, default=None, otherwise="needed",
-           text="by `<ref>`: the seabed, and what to keep clear of"),
+           text="by `<ref>`: the seabed, and shapes to keep clear of"),
     MATERIAL,
 )
 
 
 class Targets(mi.Mesh):
-    """See the module's text."""
+    """Random targets on a seabed."""
     # part_of_face (F,)
 
     def __init__(self, props: mi.Properties) -> None:
@@ -141,7 +145,7 @@ def _check_box(attributes, name, box):
 
 
 def _files(attributes, text):
-    """Paths of the meshes by species, sorted where a folder is given."""
+    """Return the paths of the meshes by species, sorted for a folder."""
     folder = resolved(text.strip())
     try:
         if not text.strip():

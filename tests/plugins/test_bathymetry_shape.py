@@ -143,6 +143,8 @@ def test_holes_and_relief_through_xml(survey):
      'no sediment is called "tar"'),
     ('<boolean name="relief" value="true"/>', "relief needs a resolution finer than the survey's 2 m"),
     ('<float name="relief_gamma" value="3"/>', "relief_gamma is written without relief; write relief true"),
+    ('<boolean name="relief" value="false"/><integer name="relief_seed" value="3"/>',
+     "relief_seed is written without relief; write relief true"),
     ('<boolean name="relief" value="true"/><float name="relief_w2" value="1"/>', "relief_w2 is given without"),
     ('<float name="holes_max" value="3"/>', 'holes_max is 3 m, but holes are cut; write holes "filled" too'),
     ('<string name="holes" value="bridged"/>', 'expected one of "cut", "filled"'),
