@@ -1,6 +1,6 @@
-"""Fits: what in the scene made a record, with what the record can and cannot tell.
+"""Inverse problems: estimate the scene from its records, with the uncertainty of the answer.
 
-`fit` fits any `ForwardModel`; the other verbs are problems that are ready to solve.
+`fit` fits any `ForwardModel`; the other functions solve problems that are set up already.
 """
 from mitsonar.device.lazy import attach
 

@@ -1,10 +1,6 @@
-"""Problems that `mitsonar fit` solves by name: what each asks for, and what answers it.
+"""Inverse problems that `mitsonar fit` solves by name, with their inputs, options and answers.
 
-A new one is a function and a line in `PROBLEMS`. Whatever names none is a scene, whose parameters are fitted.
-
-Problems of arrays, by name: where elements stand, and how a synthetic aperture swayed.
-
-What a problem with a name is: what it asks for, what answers it, and the answer.
+A new problem is a function and a line in `PROBLEMS`. Any other name is a scene, whose parameters are fitted.
 """
 from __future__ import annotations
 
@@ -14,37 +10,33 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    import xarray as xr
-
-    from mitsonar.water import SoundSpeedProfile
-
-if TYPE_CHECKING:
     import mitsuba as mi
     import xarray as xr
 
     from mitsonar.gradients.records.scene_model import SceneModel
+    from mitsonar.water import SoundSpeedProfile
 
     from .fitting.iteration import Method
     from .images.scene_fit import KeyPrior
 
-Options = Mapping[str, Any]        # what was given, by the options' names, in the units of the command line
+Options = Mapping[str, Any]        # given options by name, in the units of the command line
 Progress = Callable[[float, float], object]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Solved:
-    """An answer."""
+    """Answer of a problem."""
 
     dataset: xr.Dataset  # for a file
-    sentences: list[str]  # what was done, and what was observable
-    profile: SoundSpeedProfile | None = None  # that was found, for a cast
+    sentences: list[str]  # on the fit, and on what the record determined
+    profile: SoundSpeedProfile | None = None  # for a cast
 
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """A problem with a name."""
+    """Problem that has a name."""
 
-    asks: str  # the inputs, as the help says them
+    asks: str  # the inputs, as shown in the help
     summary: str
     takes: tuple[str, ...]  # names of options
     solve: Callable[[Sequence[str], Options, Progress], Solved]  # of inputs, options and progress
@@ -63,22 +55,21 @@ def image_of(record: str) -> xr.Dataset:
 
 
 def beliefs(texts: Sequence[str], names: Sequence[str]) -> dict[str, float]:
-    """Read NAME=DEVIATION of some names."""
-    import math
-
+    """Read NAME=DEVIATION texts of the allowed names."""
     from mitsonar.device.spelling import meant
 
     found: dict[str, float] = {}
     for text in texts:
         name, _, number = text.partition("=")
         if name not in names:
-            raise ValueError(f"{text!r} is of none of {', '.join(names)}{meant(name, names)}; give NAME=DEVIATION")
+            raise ValueError(f"{text!r} has an unknown name{meant(name, names)}; give NAME=DEVIATION, with NAME one of "
+                             f"{', '.join(names)}")
         try:
             deviation = float(number)
         except ValueError:
             deviation = math.nan
         if not (math.isfinite(deviation) and deviation >= 0):
-            raise ValueError(f"{text!r} has no deviation of 0 or more; say how far {name} may be off, such as "
+            raise ValueError(f"{text!r} has no deviation of 0 or more; give the standard deviation of {name}, such as "
                              f"{name}=0.01")
         if name in found:
             raise ValueError(f"{name} is given twice; leave one out")
@@ -87,10 +78,10 @@ def beliefs(texts: Sequence[str], names: Sequence[str]) -> dict[str, float]:
 
 
 def array(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
-    """Calibrate an array: the scene with its water and targets, the signals, and NAME=DEVIATION of what is believed."""
+    """Calibrate an array: the scene with its water and targets, the signals, and NAME=DEVIATION of prior deviations."""
     if len(inputs) < 2:
         raise ValueError("fit array takes a scene with point targets and the signals of its sonar's elements, and then "
-                         f"what is believed, such as rx_position=0.002; got {' '.join(inputs)}")
+                         f"prior deviations, such as rx_position=0.002; got {' '.join(inputs)}")
     import numpy as np
     import xarray as xr
 
@@ -114,7 +105,7 @@ def array(inputs: Sequence[str], options: Options, progress: Progress) -> Solved
         raise as_exception(error) from error
     targets = [target.position for target in survey.geometry.targets()]
     if not targets:
-        raise ValueError(f"{path} has no point targets; put a point_target where each is believed to be")
+        raise ValueError(f"{path} has no point targets; put a point_target at the assumed place of each")
     found = calibrated(signals, np.array(targets, float), sensor.water.profile,
                        transmit=np.mean(survey.transmit.position, axis=0), believed=deviations)
     progress(1, 1)
@@ -122,10 +113,10 @@ def array(inputs: Sequence[str], options: Options, progress: Progress) -> Solved
 
 
 def sway(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
-    """Find how a synthetic aperture swayed, of raw echoes; the answer is a trajectory to focus with."""
+    """Estimate the sway of a synthetic aperture from raw echoes; the answer is a trajectory to focus with."""
     if len(inputs) != 1:
-        raise ValueError("fit sway takes a file of raw echoes, of a part of a strip about as long as its aperture; got "
-                         f"{' '.join(inputs) or 'none'}")
+        raise ValueError("fit sway takes one file of raw echoes, from a part of a strip about as long as its aperture; "
+                         f"got {' '.join(inputs) or 'none'}")
     from mitsonar.io.records import raw_echoes
 
     from .arrays.sharpness import sharpened
@@ -141,16 +132,16 @@ def sway(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
 
 
 METHODS = "trust-region", "l-bfgs"
-RAYS_PER_BIN = 10                  # of a fit to a speckled image: 156 found heights no better, in five times the time
+RAYS_PER_BIN = 10                  # in fits to a speckled image: 156 gave no better heights, in five times the time
 
 
 def solve(what: str, inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
-    """Solve a problem of a name, or fit parameters of a scene."""
+    """Solve the problem of a name, or fit parameters of a scene."""
     problem = PROBLEMS.get(what, SCENE)
     for name in options:
         if name not in problem.takes:
             said = f"the problem {what}" if what in PROBLEMS else "a scene"
-            raise ValueError(f"{_flag(name)} is none of the options of {said}; leave it out: it takes "
+            raise ValueError(f"{_flag(name)} is not an option of {said}; leave it out. The options are "
                              f"{', '.join(map(_flag, problem.takes))}")
     return problem.solve(inputs if what in PROBLEMS else [what, *inputs], options, progress)
 
@@ -193,7 +184,7 @@ def _scene(inputs: Sequence[str], options: Options, progress: Progress) -> Solve
 
 
 def _add_truth(dataset: xr.Dataset, sentences: list[str], options: Options) -> None:
-    """Put the parameters of another scene beside the answer, and say how far off it was and is."""
+    """Add the true parameters of another scene to the answer, and its errors at the start and at the end."""
     import numpy as np
 
     from mitsonar.io.scene_files import scenes
@@ -209,26 +200,28 @@ def _add_truth(dataset: xr.Dataset, sentences: list[str], options: Options) -> N
             raise ValueError(f"{name} has the shape {value.shape} in {options['truth']}, and {dataset[name].shape} in "
                              "the scene that is fitted; give a truth of the same mesh")
         told = dataset[f"{name}_resolved"].values > TOLD
-        told = told if told.any() else np.ones(told.shape, bool)
+        which = f"the {int(told.sum())} of {told.size} that the record determined"
+        if not told.any():
+            told, which = np.ones(told.shape, bool), f"all {told.size}, of which the record determined none"
         dataset[f"{name}_truth"] = dataset[name].dims, value, dict(dataset[name].attrs)
         off = [float(np.sqrt(np.mean((dataset[one].values - value)[told] ** 2))) for one in (f"{name}_start", name)]
         unit = dataset[name].attrs["units"]
         said = f"{off[0]:.3g}{'' if unit == '1' else f' {unit}'} before and is by {off[1]:.3g} now"
-        sentences.append(f"{name} was off by {said}, root mean square over {int(told.sum())} of {told.size}")
+        sentences.append(f"{name} was off by {said}, root mean square over {which}")
 
 
 def _key_prior(text: str) -> KeyPrior:
-    """KEY=DEVIATION or KEY=DEVIATION:LOWER:UPPER."""
+    """Read KEY=DEVIATION or KEY=DEVIATION:LOWER:UPPER."""
     from .images.scene_fit import KeyPrior
 
     key, _, rest = text.partition("=")
     try:
-        numbers = [float(one) for one in rest.split(":")]
+        numbers = [float(number) for number in rest.split(":")]
     except ValueError:
         numbers = []
-    if not key or len(numbers) not in (1, 3):
-        raise ValueError(f"{text!r} is no KEY=DEVIATION, nor KEY=DEVIATION:LOWER:UPPER; say how far the parameter may "
-                         "be off, such as bed.heights=0.5")
+    if not key or len(numbers) not in (1, 3) or any(map(math.isnan, numbers)):
+        raise ValueError(f"{text!r} is not KEY=DEVIATION or KEY=DEVIATION:LOWER:UPPER; give the standard deviation of "
+                         "the parameter, such as bed.heights=0.5")
     return KeyPrior(key=key, deviation=numbers[0], lower=numbers[1] if len(numbers) > 1 else -math.inf,
                     upper=numbers[2] if len(numbers) > 1 else math.inf)
 
@@ -242,7 +235,7 @@ def _method(name: str) -> Method:
 # ---- heights, maps and poses from a speckled image
 
 def _heights(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
-    """Fit the heights of a bed, whose tilt and level are unknown, to one image of a sidescan."""
+    """Fit the heights of a bed of unknown tilt and level to one image of a sidescan."""
     if len(inputs) != 3:
         raise ValueError(f"fit heights takes a scene, a record, and the bed's id in the scene; got {' '.join(inputs)}")
     from .images.heights import HeightPrior, fit_heights
@@ -269,7 +262,7 @@ def _map(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
 
 
 def _class(text: str) -> tuple[str, float]:
-    """NAME=DB."""
+    """Read NAME=DB."""
     name, _, level = text.partition("=")
     try:
         return name, float(level)
@@ -278,10 +271,10 @@ def _class(text: str) -> tuple[str, float]:
 
 
 def _pose(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
-    """Fit where an object lies and how it is turned: the scene, the record, its id, and NAME=DEVIATION of numbers."""
+    """Fit the pose of an object: the scene, the record, its id, and NAME=DEVIATION of prior deviations."""
     if len(inputs) < 3:
-        raise ValueError("fit pose takes a scene, a record and the object's id in the scene, and then what is "
-                         f"believed, such as east=0.5 yaw=0.3; got {' '.join(inputs)}")
+        raise ValueError("fit pose takes a scene, a record and the object's id in the scene, and then prior "
+                         f"deviations, such as east=0.5 yaw=0.3; got {' '.join(inputs)}")
     from mitsonar.gradients.parameters.scene_values import differentiable
     from mitsonar.verbs.images import opened
 
@@ -311,7 +304,7 @@ def _scene_of(inputs: Sequence[str], options: Options) -> mi.Scene:
 
 def _model(inputs: Sequence[str], options: Options, keys: Sequence[str],
            scene: mi.Scene | None = None) -> tuple[SceneModel, xr.Dataset]:
-    """The model of a scene's image by some parameters, with as many rays as speckle asks for; and the image."""
+    """Return the model of a scene's image, with as many rays as speckle needs, and the image."""
     from mitsonar.verbs.gradients import scene_model
 
     image, rays = image_of(inputs[1]), None
@@ -322,7 +315,7 @@ def _model(inputs: Sequence[str], options: Options, keys: Sequence[str],
 
 
 def _common(options: Options, progress: Progress) -> dict[str, Any]:
-    """Arguments of all fits to a speckled image."""
+    """Return the arguments that all fits to a speckled image share."""
     return {"looks": options.get("looks", 1.0), "farthest": options.get("farthest"),
             "state_file": options.get("state"), "told": progress}
 
@@ -330,7 +323,7 @@ def _common(options: Options, progress: Progress) -> dict[str, Any]:
 # ---- the sound-speed profile
 
 def _profile(inputs: Sequence[str], options: Options, progress: Progress) -> Solved:
-    """Fit a sound-speed profile to lines of soundings; a cast of it is refused where they tell none."""
+    """Fit a sound-speed profile to lines of soundings; no cast is written if they do not determine it."""
     if not inputs:
         raise ValueError("fit profile takes one line of soundings or more: .nc, .gsf, .kmall or .all")
     from mitsonar.io import casts
@@ -362,11 +355,11 @@ PROBLEMS = {
                    takes=("looks", "class", "deviation", "farthest", "sensor", "seed", "directions", "state",
                           "parameters"),
                    solve=_map),
-    "pose": Problem(asks="SCENE RECORD ID [NAME=DEVIATION ...]", summary="where an object lies and how it is turned, "
+    "pose": Problem(asks="SCENE RECORD ID [NAME=DEVIATION ...]", summary="the position and attitude of an object, "
                     "from an image of it", takes=("looks", "farthest", "strength", "sensor", "seed", "state",
                                                          "parameters"), solve=_pose),
     "profile": Problem(asks="LINE ...", summary="the sound-speed profile, from lines of soundings that overlap or "
-                       "cross; or why they cannot tell it", takes=("cast", "nodes", "noise", "deviation", "length",
+                       "cross; or why they do not determine it", takes=("cast", "nodes", "noise", "deviation", "length",
                                                                    "cell", "under_way", "iterations", "profile"),
                        solve=_profile),
     "array": Problem(asks="SCENE SIGNALS [NAME=DEVIATION ...]", summary="an array's elements and navigation, from "

@@ -70,17 +70,17 @@ def test_a_fit_that_is_stopped_leaves_its_state_and_says_so(folder, monkeypatch,
 
 @pytest.mark.parametrize("arguments, says", [
     (["scene.xml", "a.exr", "-o", "a.nc"], "a scene, a record and one KEY=DEVIATION or more"),
-    (["scene.xml", "a.exr", "bed.heights", "-o", "a.nc"], "is no KEY=DEVIATION"),
-    (["scene.xml", "a.exr", "bed.heights=1:2", "-o", "a.nc"], "is no KEY=DEVIATION"),
+    (["scene.xml", "a.exr", "bed.heights", "-o", "a.nc"], "is not KEY=DEVIATION"),
+    (["scene.xml", "a.exr", "bed.heights=1:2", "-o", "a.nc"], "is not KEY=DEVIATION"),
     (["scene.xml", "a.exr", "bed.heights=1", "-o", "a.nc"], "cannot read a.exr"),
     (["scene.xml", "a.exr", "bed.heights=1", "-o", "a.csv"], "its name must end in .nc"),
     (["scene.xml", "a.exr", "bed.heights=1", "-o", "a.nc", "--picture", "a.gif"], "cannot draw a.gif"),
-    (["scene.xml", "a.exr", "bed.heights=1", "-o", "a.nc", "--farthest", "3"], "--farthest is none of the options"),
+    (["scene.xml", "a.exr", "bed.heights=1", "-o", "a.nc", "--farthest", "3"], "--farthest is not an option"),
     (["heights", "scene.xml", "-o", "a.nc"], "takes a scene, a record, and the bed's id"),
-    (["heights", "scene.xml", "a.exr", "bed", "-o", "b.nc", "--noise", "3"], "--noise is none of the options of the "),
+    (["heights", "scene.xml", "a.exr", "bed", "-o", "b.nc", "--noise", "3"], "--noise is not an option of the "),
     (["heights", "scene.xml", "a.exr", "bed", "-o", "b.nc"], "cannot read a.exr"),
     (["map", "scene.xml", "a.exr", "-o", "b.nc"], "takes a scene, a record, and the key of a texture"),
-    (["map", "scene.xml", "a.exr", "bed.x", "-o", "b.nc", "--strength", "x"], "--strength is none of the options"),
+    (["map", "scene.xml", "a.exr", "bed.x", "-o", "b.nc", "--strength", "x"], "--strength is not an option"),
 ])
 def test_bad_input_is_one_sentence(folder, refusal, arguments, says):
     assert says in refusal("fit", *arguments)

@@ -135,5 +135,5 @@ def test_an_array_is_calibrated_from_its_signals(variant, rng):
         calibrated(believed, TARGETS, profile, believed={"rx_place": 1.0})
     with pytest.raises(ValueError, match="targets that stand out"):
         calibrated(believed, TARGETS + [0, 40, 0], profile)
-    with pytest.raises(ValueError, match="give what mitsonar.element_signals gives"):
+    with pytest.raises(ValueError, match="give the result of mitsonar.element_signals"):
         calibrated(believed.isel(tx=0), TARGETS, profile)

@@ -182,7 +182,7 @@ def test_the_answer_is_a_dataset_that_files_hold(tmp_path):
 
 
 @pytest.mark.parametrize("make, words", [
-    (lambda: {"y": Prior(deviation=1.0)}, "'y' is none of the model's parameters"),
+    (lambda: {"y": Prior(deviation=1.0)}, "'y' is not a parameter of the model"),
     (lambda: {}, "no parameter has a prior"),
     (lambda: {"x": Prior(deviation=0.0)}, "not above zero"),
     (lambda: {"x": Prior(deviation=np.ones(3))}, "deviation of the shape"),

@@ -66,7 +66,7 @@ def test_outliers_weigh_less_when_robust():
 
 
 @pytest.mark.parametrize("make, words", [
-    (lambda: Gaussian(np.array([np.nan]), 1.0), "no value of the record counts"),
+    (lambda: Gaussian(np.array([np.nan]), 1.0), "the record has no finite value that counts"),
     (lambda: Gaussian(np.zeros(3), np.ones(2)), "deviation has the shape"),
     (lambda: Gamma(np.array([-1.0, 1.0])), "below zero; give intensities"),
     (lambda: Gamma(np.ones(3), 0.0), "looks holds numbers"),

@@ -47,5 +47,5 @@ def test_what_is_no_map_in_decibels_is_refused(tmp_path):
         fit_sediment_map(started, None, "bed.vertex_positions")
     with pytest.raises(ValueError, match="has no parameter 'bed.map'; make it with that key"):
         fit_sediment_map(started, None, "bed.map")
-    with pytest.raises(ValueError, match="1 class was given; give two or more, or none"):
+    with pytest.raises(ValueError, match="1 class is too few; give at least two, or leave them out"):
         fit_sediment_map(started, None, KEY, classes={"mud": -27})

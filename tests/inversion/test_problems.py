@@ -117,8 +117,8 @@ def test_the_answer_of_a_sway_is_a_trajectory(tmp_path):
     ("array", ["scene.xml", "s.nc", "rx_positon=1"], "did you mean"),
     ("array", ["scene.xml", "s.nc", "rx_delay=-1"], "has no deviation of 0 or more"),
     ("array", ["scene.xml", "s.nc", "rx_delay=1", "rx_delay=2"], "given twice"),
-    ("sway", [], "takes a file of raw echoes"),
-    ("sway", ["a.nc", "b.nc"], "takes a file of raw echoes"),
+    ("sway", [], "takes one file of raw echoes"),
+    ("sway", ["a.nc", "b.nc"], "takes one file of raw echoes"),
 ])
 def test_what_cannot_be_solved_is_refused_in_a_sentence(tmp_path, monkeypatch, what, inputs, words):
     monkeypatch.chdir(tmp_path)

@@ -92,7 +92,7 @@ def test_what_cannot_be_is_refused(variant, tmp_path, rng):
     from mitsonar.inversion.arrays.ping_images import PingImages
     from mitsonar.inversion.arrays.sharpness import sharpened, sway_of_targets
     raw = raw_record()
-    with pytest.raises(ValueError, match="three pings or more, got 2"):
+    with pytest.raises(ValueError, match="at least three pings, got 2"):
         sharpened(raw.isel(ping=slice(2)))
     with pytest.raises(ValueError, match="correlation is -1"):
         sharpened(raw, correlation=-1)

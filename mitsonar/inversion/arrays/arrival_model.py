@@ -96,7 +96,7 @@ class ArrivalModel:
         """Return values of all parameters, with start values for those left out."""
         for name, value in values.items():
             if name not in self.start:
-                raise ValueError(f"{name!r} is none of the model's parameters{meant(name, list(self.start))}; it has "
+                raise ValueError(f"{name!r} is not a parameter of the model{meant(name, list(self.start))}; it has "
                                  f"{', '.join(self.start)}")
             if np.shape(value) != self.start[name].shape:
                 raise ValueError(f"{name} has the shape {np.shape(value)}; give it {self.start[name].shape}")
@@ -173,7 +173,7 @@ class ArrivalModel:
 
 
 class ArrivalJacobian:
-    """Hold arrival times about some values, as a `Linearised`."""
+    """Arrival times linearised about some values, as a `Linearised`."""
     # value (N,) [s]
 
     def __init__(self, arrivals: Arrivals, start: dict[str, np.ndarray]):

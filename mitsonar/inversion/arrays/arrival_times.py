@@ -24,7 +24,7 @@ FEWEST = 8                         # samples of a window
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasuredArrivals:
-    """Hold peaks of echoes, NaN where there is none."""
+    """Arrival times of peaks; NaN where an echo is missing."""
 
     time: np.ndarray  # (P, K, E) [s]: of envelopes
     peak: np.ndarray  # (P, K, E): a e^(-i2πf₀τ)

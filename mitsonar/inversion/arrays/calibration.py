@@ -167,7 +167,7 @@ def found(model: ArrivalModel, heard: MeasuredArrivals, believed: dict[str, np.n
     coupling = {"envelope": 0.0, "phase": 0.0, **(couplings or {})}
     priors = {name: Prior(deviation=part) for name, part in believed.items() if part.any()}
     if not priors:
-        raise ValueError("all parameters are believed to be right, with deviations of 0; leave some free")
+        raise ValueError("all parameters have a prior deviation of 0; give at least one above 0")
     models = {kind: model.coupled(by) for kind, by in coupling.items()}
     seen, left_out = np.isfinite(heard.time), np.zeros(model.shape[0], bool)
     if seen.sum() < 3 * model.shape[2] or seen.sum() < 0.1 * seen.size:
@@ -250,7 +250,7 @@ def _model(signals: xr.DataArray, targets: np.ndarray, profile: SoundSpeedProfil
     missing += [name for name in ("pulse", "sampling_rate") if name not in signals.attrs]
     if missing or signals.dims != ("ping", "tx", "rx", "sample"):
         raise ValueError(f"signals over {', '.join(map(str, signals.dims))} without {', '.join(missing) or 'nothing'}; "
-                         "give what mitsonar.element_signals gives, over ping, tx, rx and sample")
+                         "give the result of mitsonar.element_signals, over ping, tx, rx and sample")
     track = Track(time=signals["ping_time"].values, position=np.stack([signals[axis].values for axis in "xyz"], 1),
                   **{angle: signals[angle].values for angle in ("roll", "pitch", "heading")})
     receive = np.stack([signals[f"rx_{axis}"].values for axis in "xyz"], 1)

@@ -75,7 +75,7 @@ class PingImages:
         believed = raw if trajectory is None else trajectory
         poses, pings = poses_of(believed), raw.sizes["ping"]
         if pings < 3:
-            raise ValueError(f"sway is told by three pings or more, got {pings}")
+            raise ValueError(f"sway needs at least three pings, got {pings}")
         if grid is None:
             grid = default_grid(raw.assign({name: believed[name] for name in ("motion_time", *MOTION)}))
         if 8 * pings * grid.depth.size > MOST_BYTES:
@@ -123,7 +123,7 @@ class PingImages:
         return whole.reshape(self.grid.depth.shape)
 
     def part(self, chosen: np.ndarray) -> PingImages:
-        """Return the image of some of the points (N,)."""
+        """Return the image at a part of the points (N,)."""
         return PingImages(images=self.images[:, chosen], rates=self.rates[:, chosen], points=self.points[chosen],
                           grid=self.grid, time=self.time, along=self.along)
 

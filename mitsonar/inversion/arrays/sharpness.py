@@ -3,8 +3,8 @@
     L(s) = -ln(⟨|I|⁴⟩ / ⟨|I|²⟩²),   ∂L/∂s_p = -Σ θ_p Im(g* A_p e^(iθ_p s_p)),   g = 4 (1/⟨|I|²⟩ - |I|²/⟨|I|⁴⟩) I / N
 
 Symbols are those of `ping_images`. L falls as an image gets sharper. A common sway, or one that grows along the strip,
-cannot be separated from a scene that is elsewhere or seen at a squint. Mean and trend of sway are therefore no part of
-the answer. Sway at a ping is determined modulo half a wavelength, and taken to change by less than a quarter of one
+cannot be separated from a shift of the scene or a squint. The answer therefore has no mean and no trend of sway. Sway
+at a ping is determined modulo half a wavelength, and taken to change by less than a quarter of one
 from ping to ping. A scene of speckle alone is as sharp with any sway.
 
 References
@@ -152,7 +152,7 @@ def sharpened(raw: xr.Dataset, grid: Grid | None = None, *, trajectory: xr.Datas
     if not (np.isfinite(correlation) and correlation >= 0):
         raise ValueError(f"correlation is {correlation} pings; give a number of at least 0")
     if rounds < 1:
-        raise ValueError(f"{rounds} rounds were asked for; give at least 1")
+        raise ValueError(f"{rounds} rounds are too few; give at least 1")
     how = {"window": None, **how}              # pings at the ends of an aperture count as well
     believed = raw if trajectory is None else trajectory
     first: PingImages | None = None

@@ -1,4 +1,4 @@
-"""Hold the state of a fit between two steps, the conditions of its end, and the interface of its steps."""
+"""State of a fit between two steps, conditions of its end, and the interface of its steps."""
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace

@@ -1,4 +1,4 @@
-"""Likelihood of a record whose means a model gives.
+"""Likelihood of a record whose means a model predicts.
 
     Gaussian    D = (y - m)² / σ²
     gamma       D = 2 L (y / m - 1 - ln(y / m)),    variance m² / L
@@ -139,7 +139,7 @@ class Gamma:
 
 
 def _tamed(deviance: np.ndarray, slope: np.ndarray, weight: np.ndarray, robust: float | None) -> Terms:
-    """Terms, with deviances beyond robust² as their roots."""
+    """Return the terms, where deviances above robust² grow as their roots."""
     if robust is None:
         return Terms(deviance=deviance, slope=slope, weight=weight)
     root = np.sqrt(np.maximum(deviance, 0))
@@ -172,16 +172,16 @@ def _gamma_deviance(looks: np.ndarray, robust: float | None) -> np.ndarray:
 
 
 def _record(record: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A flat record with zeros where it does not count, and where it does."""
+    """Return the record as a flat array, with zeros where it does not count, and a flag where it counts."""
     flat = np.asarray(record, float).ravel()
     counted = np.isfinite(flat)
     if not counted.any():
-        raise ValueError("no value of the record counts; give finite numbers where it does")
+        raise ValueError("the record has no finite value that counts; check its values and mask")
     return np.where(counted, flat, 0), counted
 
 
 def _positive(name: str, value: float | np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """A flat array of numbers above zero, as many as the record has."""
+    """Return an array of numbers above zero, one for each value of the record."""
     array = np.asarray(value, float)
     if array.shape not in ((), shape):
         raise ValueError(f"{name} has the shape {array.shape}; give one number, or an array of the record's {shape}")
@@ -197,7 +197,7 @@ def _checked_robust(robust: float | None) -> float | None:
 
 
 def _means(predicted: np.ndarray, counted: np.ndarray) -> np.ndarray:
-    """A model's means, checked."""
+    """Return a model's means after a check."""
     means = np.asarray(predicted, float).ravel()
     if means.shape != counted.shape:
         raise ValueError(f"the model gives {means.size} values, and the record has {counted.size}; fit a record of the "

@@ -22,7 +22,7 @@ ASYMMETRY = 1e-3                   # between forward and backward, that rounding
 
 @dataclass(frozen=True, kw_only=True)
 class Cost:
-    """Numbers of a fit at some z."""
+    """Cost Φ of a fit at some z, and its parts."""
 
     total: float  # Φ
     deviance: float  # Σ D, of the record alone
@@ -59,7 +59,7 @@ class Misfit:
         return cost if np.isfinite(cost.total) else NO_RECORD
 
     def about(self, z: np.ndarray, iteration: int, *, record_alone: bool = False) -> MisfitLinearised:
-        """Linearise at z, with the pull of classes or without; no other values may be asked of the model meanwhile."""
+        """Linearise at z, with or without the pull of classes; valid until the next call."""
         values = self.unknowns.values(z)
         line = self.model.linearised(values)
         terms = self.likelihood.terms(line.value)
@@ -153,8 +153,9 @@ class MisfitLinearised:
         return np.concatenate([unknowns.bound[name].root.deviation for name in unknowns.names])
 
     def check(self, random: np.random.Generator) -> None:
-        """Check that forward and backward are of one matrix, by each parameter alone: one that the record hears
-        little of would not be noticed beside others.
+        """Check that forward and backward derivatives belong to one matrix, for each parameter alone.
+
+        A parameter with little effect on the record would not be noticed among the others.
         """
         dz, heard = random.standard_normal(self.z.size), False
         for name, part in self._unknowns.pieces.items():
@@ -166,7 +167,7 @@ class MisfitLinearised:
                              "they are heard")
 
     def _check_alone(self, name: str, dz: np.ndarray) -> bool:
-        """Return whether the record moves with dz, of one parameter, and forward and backward agree on it."""
+        """Return True if the record changes with dz, of one parameter; refuse derivatives that disagree on it."""
         moved = self.forward(dz)[:self._root.size]           # without classes, which hear all
         square = float(moved @ moved)
         if not np.isfinite(square):
@@ -190,5 +191,5 @@ def _over(value: np.ndarray, root: np.ndarray) -> np.ndarray:
 
 
 def _times(root: np.ndarray, moved: np.ndarray) -> np.ndarray:
-    """Their product; what does not count may be anything."""
+    """Return the product of two arrays, with 0 for entries that do not count."""
     return np.where(root > 0, root * np.asarray(moved, float), 0)

@@ -1,16 +1,16 @@
-"""Observability of the unknowns of a record: the posterior's covariance by the few directions that are seen.
+"""Observability of unknowns: posterior covariance by the few directions that a record determines.
 
     A = U s Vᵀ,     posterior of z = I - V s² / (1 + s²) Vᵀ,     q = m + S z,     x = b(q)
 
-A -> the whitened Jacobian at the answer (`misfit`); s -> singular values: a combination of s = 1 is told as well by
-the record as by the prior. Where unknowns are few, A is made whole. Else its range is found by random probes, and
-better by one more pass (Halko, Martinsson and Tropp, 2011, algorithm 4.4): values beyond the directions asked for are
-left out, so that nothing is claimed that was not seen. Σ s² / (1 + s²) is the number of parameters that the record
-tells (Rodgers, 2000, eq. 2.56).
+A -> the whitened Jacobian at the answer (`misfit`); s -> singular values: at s = 1 record and prior determine a
+combination equally well. With few unknowns, A is computed whole. Otherwise its range is found by random probes and one
+power iteration (Halko, Martinsson and Tropp, 2011, algorithm 4.4). Singular values beyond the requested number of
+directions are left out, which understates the information. Σ s² / (1 + s²) is the number of parameters that the record
+determines (Rodgers, 2000, eq. 2.56).
 
-The combinations that stay unknown are the leading eigenvectors of the posterior covariance of q. Bounds b bend: what is
-told is a share of the variance of q, which no bound cuts, and the deviation of x is half the way from b(q - σ) to
-b(q + σ), which ends at the bounds.
+The least determined combinations are the leading eigenvectors of the posterior covariance of q. The bounds b are not
+linear: shares of variance refer to q, which no bound cuts. The deviation of x is half the distance from b(q - σ) to
+b(q + σ), which stays within the bounds.
 """
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Observability:
 
 
 def observe(about: MisfitLinearised, directions: int, seed: int) -> Observability:
-    """Look at what a record tells about some z."""
+    """Return the observability of the unknowns at some z."""
     size = about.z.size
     complete = size <= PRODUCTS * (directions + SPARE)
     values, right = _whole(about) if complete else _ranged(about, directions, seed)
@@ -63,7 +63,7 @@ def observe(about: MisfitLinearised, directions: int, seed: int) -> Observabilit
 
 
 def _whole(about: MisfitLinearised) -> tuple[np.ndarray, np.ndarray]:
-    """All singular values, and right vectors in rows."""
+    """Return all singular values, and right vectors in rows."""
     matrix = about.matrix()
     # the same values, without the record's length; block by block, so that only a block is copied
     small = [np.linalg.qr(matrix[begin:begin + BLOCK], mode="r") for begin in range(0, len(matrix), BLOCK)]
@@ -74,7 +74,7 @@ def _whole(about: MisfitLinearised) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _ranged(about: MisfitLinearised, directions: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """The largest singular values, and right vectors in rows."""
+    """Return the largest singular values, and right vectors in rows."""
     from mitsonar.device.chance import Salt
 
     random = np.random.default_rng([seed, Salt.PROBES])
@@ -86,7 +86,7 @@ def _ranged(about: MisfitLinearised, directions: int, seed: int) -> tuple[np.nda
 
 
 def _unseen(about: MisfitLinearised, told: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Leading patterns of the posterior covariance of q, and the shares of them that are told."""
+    """Return leading patterns of the posterior covariance of q, and the shares of them that the record determines."""
     from scipy.sparse.linalg import LinearOperator, eigsh
 
     scale = np.maximum(about.prior_deviation, TINY)            # parameters of different units weigh alike

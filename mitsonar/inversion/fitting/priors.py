@@ -1,18 +1,17 @@
-"""Prior of a parameter.
+"""Prior of a parameter, and its bounds.
 
     x = b(m + S z),     z ~ N(0, 1)
 
-m -> ``mean``; S -> a square root of the covariance, of ``deviation``, ``length``, ``level`` and ``slope``, or of
-``covariance`` (`smoothness`); b -> bounds
-(`bounds`). A fit goes over z, in which all unknowns weigh alike: the prior is also the scale of steps.
+m -> ``mean``; S -> a square root of the covariance, from ``deviation``, ``length``, ``level`` and ``slope``, or from
+``covariance`` (`smoothness`); b -> the bounds. A fit steps in z, in which all unknowns have the same scale.
 
-Bounds that a fit cannot cross, by a transformation: steps go through q, and x stays between.
+Bounds are kept by a transformation of q, so that x always lies between them:
 
     both      x = m + h tanh((q - m) / h),         m, h -> middle and half width
     one       x = b ± s ln(1 + exp(±(q - b) / s)), s -> the prior's deviation
 
-Projection onto bounds would stop steps that are solved for all unknowns together; this leaves them smooth. Where x is
-far from a bound x is q; the prior is normal in q.
+A projection onto bounds would stop steps that are solved for all unknowns together; the transformation is smooth. Far
+from a bound x equals q; the prior is normal in q.
 """
 from __future__ import annotations
 
@@ -84,34 +83,34 @@ class Bounds:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prior:
-    """A parameter's prior.
+    """Prior of a parameter.
 
     Parameters
     ----------
     deviation : float or array, optional
-        About the mean, in the parameter's unit; numbers with a deviation of 0 stand still.
+        Standard deviation about the mean, in the parameter's unit; numbers with a deviation of 0 are fixed.
     covariance : (n, n) array, optional
-        In its place, where it is written out.
+        Covariance matrix, in place of ``deviation``.
     mean : float or array, optional
-        Where a fit begins, too; default: the model's start.
+        Mean, from which a fit also starts; default: the model's start.
     length : float [m], optional
-        Over which neighbours belong together; default: they do not. Needs `spacing` or `vertices` and `faces`.
+        Correlation length between neighbours; default: independent numbers. Needs `spacing`, or `vertices` and `faces`.
     spacing : tuple of float [m], optional
-        Between nodes along each axis of a parameter that is a grid; infinite: they are independent along it.
+        Node distance along each axis of a parameter that is a grid; infinite: nodes are independent along that axis.
     level, slope : float, optional
-        Deviations of a grid's mean and of its slopes along each axis [1/m]; ``deviation`` is then of what bends. They
-        are the first of the unknowns.
+        Deviations of a grid's mean and of its slopes along each axis [1/m]; ``deviation`` is that of the remainder.
+        Mean and slopes are the first of the unknowns.
     vertices, faces : (n, 3) arrays, optional
-        The mesh of a parameter that has a number a vertex.
+        Mesh of a parameter with one number per vertex.
     lower, upper : float
-        Bounds that the answer stays between.
+        Bounds of the answer.
     classes : Classes, optional
-        That the numbers belong to.
+        Classes of the numbers.
 
     Raises
     ------
     ValueError
-        If a length has neither spacing nor mesh, or these have no length, or both are given.
+        If a length has neither spacing nor mesh, spacing or mesh have no length, or both are given.
     """
 
     deviation: float | np.ndarray = 0.0
@@ -157,7 +156,7 @@ class Prior:
         if self.covariance is not None:
             deviation = np.sqrt(np.diag(self.covariance))
         if not ((deviation >= 0).all() and deviation.any()) or self.length is not None and not deviation.all():
-            raise ValueError(f"the prior of {name} has deviations that are not above zero; give what it may be off")
+            raise ValueError(f"the prior of {name} has deviations that are not above zero; give its standard deviation")
         outside = ~((mean > self.lower) & (mean < self.upper))
         if outside.any():
             raise ValueError(f"{name} begins at {mean[outside][0]:g}, which is not between the bounds {self.lower:g} "
@@ -188,7 +187,7 @@ class Prior:
         assert self.vertices is not None and self.faces is not None
         if len(self.vertices) != start.size:
             raise ValueError(f"{name} has {start.size} numbers, and the mesh of its prior {len(self.vertices)} "
-                             "vertices; a smooth prior needs one a vertex, such as heights")
+                             "vertices; a smooth prior needs one number per vertex, such as heights")
         return mesh_root(self.vertices, self.faces, self.length, deviation)
 
     @staticmethod

@@ -1,7 +1,7 @@
-"""The state of a fit in a file, written after every step: who stops it goes on where it was.
+"""State of a fit in a file, written after every step, from which an interrupted fit resumes.
 
-A file of arrays (NumPy's .npz), with a fingerprint of the fit: its record, names, start and priors. What else the model
-has, such as the scene, is its caller's to name, in ``about``.
+The file holds arrays (NumPy's .npz) and a fingerprint of the fit: its record, names, start and priors. The caller adds
+the rest of the model, such as the scene, as ``about``.
 """
 from __future__ import annotations
 
@@ -71,6 +71,6 @@ def load_state(path: FilePath, mark: str, size: int, stages: int = 1) -> State:
 
 
 def _begins(begins: np.ndarray, steps: int, stages: int) -> bool:
-    """Return whether stages can have begun at these iterations."""
+    """Return True if stages can have begun at these iterations."""
     return (begins.ndim == 1 and 0 < begins.size <= stages and begins.dtype.kind == "i" and begins[0] == 0
             and bool(np.all(np.diff(begins) >= 0)) and begins[-1] < steps)

@@ -1,13 +1,13 @@
-"""Square roots of smooth covariances, that are never written out: a grid's by cosines, a mesh's by its Laplacian.
+"""Square roots of smooth covariances, as operators: for a grid by cosines, for a mesh by its Laplacian.
 
     grid    x = σ/s · Cᵀ (1 + l² k²)⁻¹ C z + P p,   k² of each cosine, s its deviation at each node: x has exactly σ
     mesh    x = σ/s · (M + l² K)⁻¹ M^½ z          M, K -> lumped masses and stiffness of linear triangles
 
-z -> independent numbers of deviation 1; l -> ``length``: in two dimensions the covariance is Matérn's of order 1,
+z -> independent numbers of deviation 1; l -> ``length``. In two dimensions the covariance is Matérn's of order 1,
 (d/l) K₁(d/l), 0.12 at d = 3 l (Lindgren, Rue and Lindström, 2011, J. R. Stat. Soc. B 73, eq. 2 and section 2.3).
-P p -> a tilted plane, where one is asked for; the constant of the cosines is then left out. With no length, nodes are
-independent. Power falls by k⁻⁴, that of seabeds by k⁻³ to k⁻⁴ (Jackson and Richardson, 2007, ch. 6): a prior that falls
-faster holds an answer off from them. A step by z's gradient is a step by a smoothed gradient (Nicolet, Jacobson and
+P p -> an optional tilted plane, with which the constant cosine is left out. Without a length, nodes are independent.
+Power falls by k⁻⁴, that of seabeds by k⁻³ to k⁻⁴ (Jackson and Richardson, 2007, ch. 6): a steeper prior would keep
+real short waves out of the answer. A step by z's gradient is a step by a smoothed gradient (Nicolet, Jacobson and
 Jakob, 2021).
 """
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Root:
 
 
 def independent_root(deviation: np.ndarray) -> Root:
-    """Return the root of independent numbers of deviations (n,); those of 0 stand still, and have no z."""
+    """Return the root of independent numbers of deviations (n,); numbers of deviation 0 are fixed, without a z."""
     free = np.flatnonzero(deviation)
 
     def forward(numbers: np.ndarray) -> np.ndarray:
@@ -119,7 +119,7 @@ def mesh_root(vertices: np.ndarray, faces: np.ndarray, length: float, deviation:
 
 
 def _unit_columns(count: int, which: np.ndarray) -> Iterator[np.ndarray]:
-    """Columns of the identity, some at a time."""
+    """Yield blocks of columns of the identity."""
     for begin in range(0, which.size, TOGETHER):
         part = which[begin:begin + TOGETHER]
         block = np.zeros((count, part.size))
@@ -128,7 +128,7 @@ def _unit_columns(count: int, which: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def _samples(vertices: np.ndarray, length: float) -> np.ndarray:
-    """Vertices at which deviations are scaled: all, or one of each cube whose side is a quarter of a length or more."""
+    """Return the vertices at which deviations are scaled: all, or one in each cube of side length / 4 or more."""
     if len(vertices) <= EXACT:
         return np.arange(len(vertices))
     side = length / 4
@@ -140,7 +140,7 @@ def _samples(vertices: np.ndarray, length: float) -> np.ndarray:
 
 
 def _between(vertices: np.ndarray, some: np.ndarray, spread: np.ndarray) -> np.ndarray:
-    """Variances at all vertices of those at some."""
+    """Return the variances at all vertices, interpolated from those at some vertices."""
     from scipy.spatial import cKDTree
 
     if some.size == len(vertices):
@@ -152,7 +152,7 @@ def _between(vertices: np.ndarray, some: np.ndarray, spread: np.ndarray) -> np.n
 
 
 def _elements(vertices: np.ndarray, faces: np.ndarray):
-    """Lumped masses (n,) [m²] and the sparse stiffness (n, n) of linear triangles."""
+    """Return the lumped masses (n,) [m²] and the sparse stiffness (n, n) of linear triangles."""
     from scipy import sparse
 
     count = len(vertices)

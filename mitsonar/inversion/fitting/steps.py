@@ -1,10 +1,10 @@
-"""Steps of a fit, which are SciPy's: of its trust region, and of L-BFGS.
+"""Steps of a fit by SciPy: of its trust region, or of L-BFGS.
 
     d of least |A d - b|² + |z + d|²,  |d| < radius,       Φ(z + d) < Φ(z)
 
-A, b -> of `misfit`. A step of `scipy.optimize.least_squares` begins anew at each z (Branch, Coleman and Li, 1999), so
-that z and a radius are all that an interrupted fit has to keep. Its least squares are solved by LSMR (Fong and
-Saunders, 2011): each inner iteration takes one product with A and one with its transpose.
+A, b -> as in `misfit`. Each step calls `scipy.optimize.least_squares` anew (Branch, Coleman and Li, 1999), so that the
+state of an interrupted fit is z and a radius. Its least squares are solved by LSMR (Fong and Saunders, 2011): each
+inner iteration takes one product with A and one with its transpose.
 """
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NOTHING = 1e-15                    # SciPy's own stopping rules are not asked fo
 
 
 class _AcceptedError(Exception):
-    """SciPy has asked for the Jacobian at another point: the step has been made."""
+    """SciPy asked for the Jacobian at another point, so the step is done."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,17 +37,17 @@ class TrustRegion:
     Parameters
     ----------
     inner : int
-        Iterations of LSMR a step, at most.
+        Greatest number of LSMR iterations a step.
     tolerance : float
-        Of LSMR, relative.
+        Relative tolerance of LSMR.
     whole : bool
-        Put the Jacobian up whole, by a product an unknown, and solve each step exactly: for some hundred unknowns of
-        models whose products cost little.
+        If True, compute the whole Jacobian by one product an unknown, and solve each step exactly: for up to some
+        hundred unknowns of models whose products cost little.
 
     Raises
     ------
     ValueError
-        If there is no inner iteration, or the tolerance is not between 0 and 1.
+        If inner is below 1, or the tolerance is not between 0 and 1.
     """
 
     inner: int = 20
@@ -92,7 +92,7 @@ class TrustRegion:
 def trust_region_step(score: np.ndarray, jacobian: LinearOperator | np.ndarray, total: float,
                       tried: Callable[[np.ndarray], float], scale: float | np.ndarray, **lsmr: Any) \
         -> np.ndarray | None:
-    """Return the first step d (n,) of `scipy.optimize.least_squares` that lowers Φ; None: none does."""
+    """Return the first step d (n,) of `scipy.optimize.least_squares` that lowers Φ; None if no step does."""
     # score (N,); jacobian (N, n)
     from scipy.optimize import least_squares
     from scipy.sparse.linalg import LinearOperator, aslinearoperator
@@ -127,17 +127,17 @@ def trust_region_step(score: np.ndarray, jacobian: LinearOperator | np.ndarray, 
 
 @dataclass(frozen=True, kw_only=True)
 class LBFGS:
-    """Steps of `scipy.optimize.minimize` by L-BFGS-B, which begins anew at each step of the fit.
+    """Steps of `scipy.optimize.minimize` by L-BFGS-B, which is called anew at each step of the fit.
 
     Parameters
     ----------
     gradients : int
-        Iterations of L-BFGS a step of the fit.
+        Number of L-BFGS iterations a step of the fit.
 
     Raises
     ------
     ValueError
-        If there is none.
+        If gradients is below 1.
     """
 
     gradients: int = 20

@@ -20,7 +20,7 @@ class Unknowns:
             raise ValueError(f"no parameter has a prior; give one for {', '.join(model.start)}")
         for name in priors:
             if name not in model.start:
-                raise ValueError(f"{name!r} is none of the model's parameters{meant(name, model.start)}: "
+                raise ValueError(f"{name!r} is not a parameter of the model{meant(name, model.start)}: "
                                  f"{', '.join(model.start)}")
         self.names = tuple(priors)
         self.start = {name: np.asarray(model.start[name], float) for name in self.names}
@@ -68,6 +68,6 @@ class Unknowns:
         return np.concatenate([self.bound[name].deviation for name in self.names])
 
     def _free(self, z: np.ndarray):
-        """Names, and q of each."""
+        """Return the names, and q of each."""
         for name, piece in self.pieces.items():
             yield name, self.bound[name].mean + self.bound[name].root.forward(z[piece])

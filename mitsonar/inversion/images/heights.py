@@ -1,11 +1,11 @@
-"""Seabed heights from one sidescan image: how bright a place is tells its slope, and the first return the depth.
+"""Seabed heights from one sidescan image: brightness determines slopes, and the first return the depth.
 
-    z_v = z_0 + h(x_v, y_v),    µ = µ_0 e^g        h -> a plane and what bends it, g -> what the level is off
+    z_v = z_0 + h(x_v, y_v),    µ = µ_0 e^g        h -> a plane and its remainder, g -> error of the level
 
-The start is a level bed at the depth of the first return. Slopes along the track are seen by what is nearer or farther,
-and hardly by brightness; a level that is off is told from tilt by the two sides together. What no ray meets keeps what
-was believed of it. Deviations are those of speckle, about the answer: a model that differs by its facets, its
-navigation or its water comes on top.
+The start is a level bed at the depth of the first return. Slopes along the track change ranges, and hardly the
+brightness; the two sides together separate tilt from an error of the level. Parts of the bed that no ray meets keep
+their prior. Deviations are those of speckle about the answer; errors of the model, such as facets, navigation and
+water, are not included.
 """
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ class HeightPrior:
     Attributes
     ----------
     deviation : float [m]
-        Of what bends.
+        Standard deviation of the heights about a plane.
     length : float [m]
-        Shorter waves are fainter.
+        Correlation length: shorter waves are weaker.
     level : float [m]
         Deviation of the mean depth about that of the first return.
     slope : float [-]
@@ -80,38 +80,40 @@ def fit_heights(model: SceneModel, image: xr.Dataset, key: str, *, strength: str
     Parameters
     ----------
     model : SceneModel
-        Of the image's sonar and water; with ``key`` and, where it is given, ``strength`` among its parameters.
+        Model of the image's sonar and water, with ``key`` and, if given, ``strength`` among its parameters.
     image : Dataset
-        Of the sidescan.
+        Image of a sidescan.
     key : str
-        Of the bed's vertices, such as ``bed.vertex_positions``.
+        Key of the bed's vertices, such as ``bed.vertex_positions``.
     strength : str
-        Key of the bed's strength, such as ``bed.bsdf.strength``: it takes up a level that is off.
+        Key of the bed's strength, such as ``bed.bsdf.strength``, which absorbs an error of the level.
     looks : float
-        Of a bin: 1 of raw speckle.
+        Number of looks of a bin: 1 for raw speckle.
     prior : HeightPrior
+        Prior of the heights.
     stages : sequence of Stage
+        Stages of the fit, from coarse to fine.
     farthest : float [m]
-        Slant range up to which the image counts; it should end before the bed does.
+        Slant range up to which the image counts; it should lie within the bed.
     modes : int
-        Directions of which uncertainty is told.
+        Number of directions of the uncertainty.
     state_file : str or path
-        As of `fit`.
+        File of the state, as in `fit`.
     told : callable
-        Of steps done, and of all.
+        Called with steps done and their total.
 
     Returns
     -------
     Dataset (x, y)
-        By the names of `Fit.to_dataset`: ``height``, ``height_start``, ``height_deviation``,
-        ``height_prior_deviation`` [m], and ``height_resolved``, the share of the prior's variance that has gone;
-        ``misfit`` by step; ``information`` by mode. Its attributes say what was seen.
+        Variables as in `Fit.to_dataset`: ``height``, ``height_start``, ``height_deviation``,
+        ``height_prior_deviation`` [m], and ``height_resolved``, the removed share of the prior's variance; ``misfit``
+        by step; ``information`` by mode. Its attributes describe what the image determined.
 
     Raises
     ------
     ValueError
-        If a key is unknown, a strength is not above zero, the vertices stand on no grid, or the record is another
-        sonar's.
+        If a key is unknown, a strength is not above zero, the vertices form no grid, or the record belongs to another
+        sonar.
     """
     check_keys(model, [key], [] if strength is None else [strength])
     record = ImageRecord.of(image, model.shape, looks=looks, farthest=farthest)
@@ -141,7 +143,7 @@ def fit_heights(model: SceneModel, image: xr.Dataset, key: str, *, strength: str
 
 
 def grid_of(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Find the regular grid that vertices (N, 3) stand on in the plane."""
+    """Return the regular grid that vertices (N, 3) form in the horizontal plane."""
     # -> x [m], y [m]
     x, column = np.unique(np.round(positions[:, 0], 3), return_inverse=True)
     y, row = np.unique(np.round(positions[:, 1], 3), return_inverse=True)
@@ -152,5 +154,5 @@ def grid_of(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     number = np.full((len(x), len(y)), -1)
     number[column, row] = np.arange(len(positions))
     if np.any(number < 0):
-        raise ValueError("two vertices stand on one place of the grid; give a bed of one height everywhere")
+        raise ValueError("two vertices share one place of the grid; give a bed with a single height at each place")
     return x, y, number

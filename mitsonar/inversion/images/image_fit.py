@@ -1,9 +1,9 @@
-"""Parameters from a speckled image by the generic fit: of sums of bins, coarse to fine.
+"""Parameters from a speckled image by the generic fit, from coarse to fine sums of bins.
 
     F_k(x) = S_k F(x)              S_k -> sums of k bins (`image_record`)
 
-Sums of many bins come first: brightness is then nearly linear in what is unknown. The first stage moves only the
-unknowns that come first, a plane or a pose: far waves of a tilted bed else stand in for its tilt.
+Sums of many bins come first, because their brightness is nearly linear in the unknowns. The first stage moves only the
+first unknowns, a plane or a pose: otherwise long waves would imitate the tilt of a bed.
 """
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class SummedModel:
 
 
 class SummedLine:
-    """A `SummedModel` about some values: see `model.Linearised`."""
+    """A `SummedModel` linearised about some values; see `model.Linearised`."""
 
     def __init__(self, line: Linearised, sums: Comparison):
         self._line, self._sums = line, sums

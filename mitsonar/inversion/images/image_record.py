@@ -83,7 +83,7 @@ class Comparison:
         return rows.reshape(len(rows), self._count, self._bins).sum(2).ravel()
 
     def transposed(self, weights: np.ndarray) -> np.ndarray:
-        """The transpose of `summed`."""
+        """Return the transpose of `summed`."""
         shape, first = self._record.intensity.shape, self._record.first
         rows = np.zeros((shape[0] * shape[1], shape[2]))
         rows[:, first:first + self._count * self._bins] = np.repeat(weights.reshape(len(rows), -1), self._bins, 1)

@@ -2,12 +2,14 @@
 
     v' = c + t + R(ψ, θ, φ) (v - c),    R = R_z(ψ) R_y(θ) R_x(φ)        c -> the middle of its vertices at the start
 
-or the same of the ``to_world`` of a sphere, cylinder, disk or rectangle, about its origin (`gradients.rigid`).
+For a sphere, cylinder, disk or rectangle, the ``to_world`` is moved in the same way about its origin
+(`gradients.rigid`).
 
-Shadows and outlines say most of it: make the model with ``edges``, whose gradients have them. Where its shadow does not
-overlap that of the answer there is no gradient towards it: places and turns that are spread over what is believed are
-tried first, then steps along one number after the other, and the fit begins at the best (Hooke and Jeeves 1961,
-J. ACM 8, 212). Strengths and the track can be unknown beside the pose; its deviation then holds what they are off.
+Shadows and outlines determine most of the pose: make the model with ``edges``, whose gradients include them. If the
+shadow of the start does not overlap the shadow of the answer, there is no gradient towards it. Therefore the fit first
+tries poses spread over the prior, then steps along one number after the other, and begins at the best of them (Hooke
+and Jeeves 1961, J. ACM 8, 212). Strengths and the track can be unknown too; the deviation of the pose then includes
+their errors.
 """
 from __future__ import annotations
 
@@ -39,20 +41,20 @@ LEAST_FALL = 0.01                  # of the cost, below which rounds end
 
 @dataclass(frozen=True, kw_only=True)
 class PosePrior:
-    """Deviations beforehand; 0 holds still.
+    """Prior deviations of a pose; 0 fixes a number.
 
     Attributes
     ----------
     place : (float, float, float) [m]
         East, north, up.
     angles : (float, float, float) [rad]
-        About the vertical, north and east.
+        Rotations about the vertical, north and east.
     level_db : float [dB]
-        Of each strength that is unknown.
+        Deviation of each unknown strength.
     track : float [m]
-        Of the track in each direction, where it is unknown.
+        Deviation of an unknown track in each direction.
     pings : float
-        Over which the track is off alike.
+        Correlation length of the track's error, in pings.
     """
 
     place: tuple[float, float, float] = (0.5, 0.5, 0.1)
@@ -124,27 +126,28 @@ def fit_pose(model: SceneModel, image: xr.Dataset, key: str, *, looks: float = 1
     Parameters
     ----------
     model, image, looks, stages, farthest, state_file, told
-        As of `heights.fit_heights`; the scene's bed is known.
+        Arguments as in `heights.fit_heights`; the scene's bed is known.
     key : str
-        Of the target's vertices, such as ``box.vertex_positions``, or of the transform of a shape without facets, such
-        as ``ball.to_world``.
+        Key of the target's vertices, such as ``box.vertex_positions``, or of the transform of a shape without facets,
+        such as ``ball.to_world``.
     prior : PosePrior
+        Prior deviations of the pose.
     strengths : sequence of str
-        Keys of strengths that are unknown too, such as ``sand.strength``, each one number.
+        Keys of unknown strengths, such as ``sand.strength``, each one number.
     track : str
-        Key of the track's offsets, such as ``sonar.position_offset``, which are unknown then.
+        Key of the unknown offsets of the track, such as ``sonar.position_offset``.
 
     Returns
     -------
     Dataset (number)
-        By the names of `Fit.to_dataset`: ``pose``, ``pose_start``, ``pose_deviation``, ``pose_prior_deviation`` of
-        `NAMES` [m] and [rad], about the start, and ``pose_resolved``; ``information`` by mode, whose numbers
-        ``direction`` has; ``misfit`` by step. Its attributes say what was seen.
+        Variables as in `Fit.to_dataset`: ``pose``, ``pose_start``, ``pose_deviation``, ``pose_prior_deviation`` of
+        `NAMES` [m] and [rad], about the start, and ``pose_resolved``; ``information`` and the numbers ``direction`` by
+        mode; ``misfit`` by step. Its attributes describe what the image determined.
 
     Raises
     ------
     ValueError
-        If the key is unknown or neither of the two, or the record is another sonar's.
+        If the key is unknown or of another type, or the record belongs to another sonar.
     """
     check_keys(model, [key, *([track] if track else [])], strengths)
     if track and model.start[track].shape != (model.shape[0], 3):
@@ -159,7 +162,7 @@ def fit_pose(model: SceneModel, image: xr.Dataset, key: str, *, looks: float = 1
     record, free = ImageRecord.of(image, model.shape, looks=looks, farthest=farthest), np.flatnonzero(deviation)
 
     def begin() -> np.ndarray:
-        """The track stands still until the fit begins."""
+        """Return the unknowns at the start, where the track has no error."""
         sums, unknowns = record.at(stages[0].bins), Unknowns(changed, priors)
         likelihood, steady = sums.likelihood(), free.size + len(strengths)
 

@@ -2,11 +2,9 @@
 
     y ~ Gamma(L, F(x) + f),      1/L = 1/looks + model_error²
 
-y -> the image's intensities, F -> mean intensities (`gradients.scene_model`), f -> `FLOOR` of the loudest bin, which
-keeps shadows from counting without end; x -> parameters of `mi.traverse(scene)`, or ``bed.heights`` and ``crate.pose``
-of an object's ``vertex_positions``, or ``ball.pose`` of the ``to_world`` of a shape without facets.
-
-A sonar's image as intensities that a scene's model can be fitted to.
+y -> the image's intensities; F -> mean intensities (`gradients.scene_model`); f -> `FLOOR` times the loudest bin, which
+limits the weight of shadows; x -> parameters of `mi.traverse(scene)`, ``bed.heights`` or ``crate.pose`` of an object's
+``vertex_positions``, or ``ball.pose`` of the ``to_world`` of a shape without facets.
 """
 from __future__ import annotations
 
@@ -95,27 +93,27 @@ def fit_scene(scene: mi.Scene | FilePath, image: xr.Dataset, priors: Sequence[Ke
     Parameters
     ----------
     scene : mitsuba.Scene or path
-        What is believed, and where the fit begins.
+        Scene at which the fit begins.
     image : xarray.Dataset
-        Of one of its sonars.
+        Image of one of its sonars.
     priors : sequence of KeyPrior
-        One for each parameter that is fitted.
+        One prior for each fitted parameter.
     looks : float
-        Of the image's bins: 1 is full speckle.
+        Number of looks of the image's bins: 1 is full speckle.
     length : float [m], optional
-        Over which the numbers of a mesh's vertices belong together; default: each is on its own.
+        Correlation length of the numbers of a mesh's vertices; default: independent numbers.
     model_error : float
-        Relative deviation of intensities that the model is off by.
+        Relative deviation of the model's intensities from the truth.
     sensor, seed
-        As of `mitsonar.render`.
+        Arguments as in `mitsonar.render`.
     method, stopping, directions, state_file, progress
-        As of `fit`.
+        Arguments as in `fit`.
 
     Raises
     ------
     FileNotFoundError, ValueError, TypeError
-        As `mitsonar.render` and `fit`, or if a parameter is unknown, the record is of another sonar, or a length has
-        no mesh.
+        As in `mitsonar.render` and `fit`, or if a parameter is unknown, the record belongs to another sonar, or a
+        length has no mesh.
     """
     if not (np.isfinite(looks) and looks > 0 and np.isfinite(model_error) and model_error >= 0):
         raise ValueError(f"looks are {looks:g} and the model's error is {model_error:g}; give looks above zero, and an "
@@ -138,14 +136,14 @@ def fit_scene(scene: mi.Scene | FilePath, image: xr.Dataset, priors: Sequence[Ke
 
 def scene_values(scene: mi.Scene | FilePath, names: Sequence[str], *, sensor: int | str = 0) \
         -> dict[str, np.ndarray]:
-    """Return the parameters of a scene by the names of a fit, such as a truth."""
+    """Return the parameters of a scene by the names of a fit, for example as a truth."""
     scene, _, _ = opened(scene, sensor)
     wanted = _model(scene, [name for name in names if _other(name) != "pose"], sensor, 0).start
     return {name: wanted[name] for name in names if name in wanted}
 
 
 def _model(scene: mi.Scene, names: Sequence[str], sensor: int | str, seed: int) -> ForwardModel:
-    """The model of parameters, some of them by other numbers."""
+    """Return the model of parameters, some of them expressed by other numbers."""
     known = differentiable(scene)
     others = {f"{key.removesuffix(VERTICES)}{other}": key for key in known if key.endswith(f".{VERTICES}")
               for other in OTHER}
@@ -165,7 +163,7 @@ def _model(scene: mi.Scene, names: Sequence[str], sensor: int | str, seed: int) 
 
 
 def _farthest(sensor: mi.Sensor) -> float | None:
-    """The slant range [m] that a sonar's record ends at, where its film says so."""
+    """Return the slant range [m] at which a sonar's record ends, if its film has one."""
     reach = getattr(sensor.film(), "range", None)
     return float(reach) if isinstance(reach, (int, float)) and reach > 0 else None
 

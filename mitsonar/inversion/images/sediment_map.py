@@ -1,9 +1,9 @@
-"""A map of the bed's strength from one sidescan image, and of sediments.
+"""Map of the bed's strength, and of its sediments, from one sidescan image.
 
-    S(cell) = S_0 + h(cell) [dB]                        h -> a plane and what bends it, in cells
-    P(k | cell) ∝ exp(-(Ŝ - S_k)² / (2 (σ² + τ²)))      S_k -> levels of classes, σ -> deviation, τ -> within one
+    S(cell) = S_0 + h(cell) [dB]                        h -> a plane and its remainder, in cells
+    P(k | cell) ∝ exp(-(Ŝ - S_k)² / (2 (σ² + τ²)))      S_k -> levels of classes, σ -> deviation, τ -> within a class
 
-The bed's shape is known here. Cells that no ray meets keep what was believed of them, and their classes are even.
+The shape of the bed is known. Cells that no ray meets keep their prior, and all classes are equally likely there.
 """
 from __future__ import annotations
 
@@ -56,23 +56,24 @@ def fit_sediment_map(model: SceneModel, image: xr.Dataset, key: str, *, looks: f
     Parameters
     ----------
     model, image, looks, stages, farthest, modes, state_file, told
-        As of `heights.fit_heights`.
+        Arguments as in `heights.fit_heights`.
     key : str
-        Of the texture, such as ``bed.bsdf.mu_db.data``; in decibels.
+        Key of the texture in decibels, such as ``bed.bsdf.mu_db.data``.
     classes : dict of float [dB]
         Strengths of sediments by name.
     prior : StrengthPrior
+        Prior of the strength.
 
     Returns
     -------
     Dataset (row, column)
         ``start``, ``strength_db``, ``deviation``, ``prior_deviation`` [dB], ``resolved``; with classes, ``probability``
-        (sediment, row, column) and ``label``, the number of the likeliest; ``misfit`` by step.
+        (sediment, row, column) and ``label``, the number of the most likely sediment; ``misfit`` by step.
 
     Raises
     ------
     ValueError
-        If the key is unknown or no texture in decibels, or the record is another sonar's.
+        If the key is unknown or not a texture in decibels, or the record belongs to another sonar.
     """
     check_keys(model, [key])
     start = model.start[key]
@@ -80,7 +81,7 @@ def fit_sediment_map(model: SceneModel, image: xr.Dataset, key: str, *, looks: f
         raise ValueError(f"{key} has the shape {start.shape}; give the key of a bitmap of one channel in decibels, "
                          "such as bed.bsdf.mu_db.data")
     if classes is not None and len(classes) < 2:
-        raise ValueError(f"{len(classes)} class was given; give two or more, or none")
+        raise ValueError(f"{len(classes)} class is too few; give at least two, or leave them out")
     record = ImageRecord.of(image, model.shape, looks=looks, farthest=farthest)
     believed = Prior(deviation=prior.deviation_db, length=prior.length, spacing=(1.0, 1.0, 1.0), level=prior.level_db,
                      slope=prior.deviation_db / max(start.shape))

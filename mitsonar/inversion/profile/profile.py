@@ -1,20 +1,16 @@
-"""The sound-speed profile from times of soundings, the bed and the array's roll being unknown, too.
+"""Sound-speed profile from the times of soundings, with unknown bed and unknown roll offset of the array.
 
     Φ = Σ_i ρ((t_i - T_i(c, b, ρ)) / σ) + (c - c_0)ᵀ C⁻¹ (c - c_0) + (c_h(z_h) - c_head)² / σ_h² + bᵀ B b + ρ² / σ_ρ²
 
-c -> speeds at the profile's nodes, C and B of `profile_priors`, ρ(.) -> Huber's, T -> `gradients.sounding_times`. A
-profile has few unknowns and a bed many, each touched by few soundings: the bed is eliminated (S below), and steps of
-the rest are those of SciPy's trust region (`steps`). With A and D the blocks of the speeds and of the bed in the normal
-matrix, E between them,
+c -> speeds at the profile's nodes; C and B -> priors (`profile_problem`); ρ(.) -> Huber's loss; T ->
+`gradients.sounding_times`. A profile has few unknowns and a bed many, each of which affects few soundings. The bed is
+therefore eliminated (S below), and steps of the other unknowns are those of SciPy's trust region (`steps`). With A and
+D the blocks of the speeds and of the bed in the normal matrix, and E between them,
 
     S = A - E D⁻¹ Eᵀ,      covariance S⁻¹,      singular values² = eigenvalues of Lᵀ (S - C⁻¹) L,   C = L Lᵀ
 
-A beam that comes down once tells nothing of the water: depth and speed trade places. The same bed is to be seen at
-several angles: from lines that overlap, or cross.
-
-A grid for an unknown bed: where its soundings lie in the water that a fit begins with.
-
-The sound-speed profile from lines of soundings in files.
+A single beam does not determine the water, because an error of depth compensates an error of speed. The same bed must
+be seen at several angles, from lines that overlap or cross.
 """
 from __future__ import annotations
 
@@ -89,33 +85,33 @@ def fit_profile(soundings: xr.Dataset | SoundingBeams, start: SoundSpeedProfile,
     Parameters
     ----------
     soundings : xarray.Dataset or SoundingBeams
-        A line or lines, simulated or read from a file.
+        One line or several, simulated or read from a file.
     start : SoundSpeedProfile
-        Its nodes are the unknowns; its speeds, what is believed before.
+        Profile whose nodes are the unknowns and whose speeds are their prior means.
     noise : float [s]
-        Standard deviation of two-way times. Where the times cannot be met to this, what they are met to takes its
-        place.
+        Standard deviation of two-way times; replaced by the actual misfit if that is larger.
     prior : ProfilePrior or None
+        Prior deviations.
     bed : BedGrid or None
-        What is known of the bed, to ``prior.bed_deviation``; None: the bed is unknown.
+        Known bed, to within ``prior.bed_deviation``; None: the bed is unknown.
     cell : float [m] or None
-        Distance of the nodes of an unknown bed; None: as many nodes as the soundings allow.
+        Node distance of an unknown bed; None: as many nodes as the soundings allow.
     under_way : bool
-        Whether the line's places count the way of the platform while an echo comes in (`beams_of`).
+        If True, the line's places include the motion of the platform during reception (`beams_of`).
     iterations : int
-        At most.
+        Greatest number of iterations.
     progress : function of iteration and misfit [s], or None
         Called after each iteration.
 
     Returns
     -------
     ProfileFit
-        Whose ``verdict`` says what could be seen, and whose ``profile`` refuses where that is no profile.
+        Answer, whose ``verdict`` describes what was observable; its ``profile`` raises an error if nothing was.
 
     Raises
     ------
     ValueError
-        If the soundings, the noise or the cell are none, or beams do not reach the bed in the start's water.
+        If soundings, noise or cell are invalid, or beams do not reach the bed in the start's water.
     """
     if not (np.isfinite(noise) and noise > 0):
         raise ValueError(f"fit of a profile: noise is {noise:g} s; give the times' standard deviation, above zero.")
@@ -161,19 +157,19 @@ def fit_lines(paths: Sequence[FilePath], start: SoundSpeedProfile | None = None,
     Parameters
     ----------
     paths : sequence of path
-        .nc as mitsonar writes it, .all, .kmall or .gsf; lines that overlap or cross.
+        Files .nc of mitsonar, .all, .kmall or .gsf; lines that overlap or cross.
     start : SoundSpeedProfile or None
-        What is believed of the water; None: the cast of the first line.
+        Prior mean of the water; None: the cast of the first line.
     nodes : int
-        From the head down to the deepest sounding, as many steps.
+        Number of nodes, evenly spaced from the head down to the deepest sounding.
     noise, cell, iterations, progress
-        As of `fit_profile`.
+        Arguments as in `fit_profile`.
     deviation : float [m/s]
-        Of what is believed.
+        Prior deviation of the speeds.
     length : float [m] or None
-        In depth, over which speeds belong together; None: a sixth of the depth.
+        Correlation length in depth; None: a sixth of the depth.
     under_way : bool
-        As of `beams_of`: instruments leave the way of the ship while echoes come in out.
+        As in `beams_of`: False for instruments that leave out the motion of the ship during reception.
 
     Returns
     -------
@@ -182,13 +178,13 @@ def fit_lines(paths: Sequence[FilePath], start: SoundSpeedProfile | None = None,
     Raises
     ------
     FileNotFoundError
-        If there is no such file.
+        If a file does not exist.
     ValueError
-        If a file is no line of soundings, nodes are fewer than two, or as of `fit_profile`.
+        If a file is not a line of soundings, nodes are fewer than two, or as in `fit_profile`.
 
     Notes
     -----
-    Of more than 40,000 soundings every second, third, ... is taken. Beams that would be nearly level somewhere in the
+    Of more than 40,000 soundings every second, third, ... is used. Beams that would be nearly level anywhere in the
     start's water are left out.
     """
     lines = [joined(survey_lines.read_blocks(path, column=False)) for path in paths]

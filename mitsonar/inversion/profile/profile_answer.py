@@ -1,4 +1,4 @@
-"""Answer of a fit of a sound-speed profile: the speeds, their deviations, and what could not be observed."""
+"""Answer of a fit of a sound-speed profile: speeds, deviations, and what the soundings determined."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -22,42 +22,46 @@ class ProfileFit:
     Attributes
     ----------
     depth : array (K,) [m]
-        Of the nodes.
+        Depths of the nodes.
     start, speed : array (K,) [m/s]
-        Before and after.
+        Speeds before and after the fit.
     deviation, prior_deviation : array (K,) [m/s]
-        After and before, with all that is believed of the water; where a node is not `told`, the first holds only if
-        the layers lie in the order that they had at the start.
+        Deviations after and before the fit, with all prior knowledge of the water. Where a node is not `told`, the
+        deviation holds only if the layers lie in the order of the start.
     told : array (K,) of bool
-        Nodes that the soundings themselves place and tell. Over a bed of one depth the order of the layers above leaves
-        no trace in times and angles: they tell how much of the water has which speed, and no more. Nodes are told
-        between the shallowest and the deepest soundings alone, where these differ, and at the head, by its sensor.
+        Nodes that the soundings determine by themselves. Over a bed of one depth, times and angles do not depend on the
+        order of the layers above it: they determine which share of the water has which speed, and no more. Only nodes
+        between the shallowest and the deepest soundings, if these differ, and the head's by its sensor are determined.
     singular_values : array (K,)
-        Of the times by the speeds, both in units of their deviations, the bed and the roll being free: what is above 1
-        is known better by the soundings than before.
+        Singular values of the times by the speeds, both in units of their deviations, with bed and roll free: values
+        above 1 are determined by the soundings more than by the prior.
     patterns : array (K, K) [m/s]
-        A row a singular value: what it is of, one deviation large.
+        Pattern of each singular value in rows, one deviation large.
     column_mean, column_mean_deviation : float [m/s]
-        Of the speed from the head down to the middle of the bed.
+        Mean speed from the head down to the middle of the bed, and its deviation.
     bed_depths : array (3,) [m]
-        Of the soundings: 2nd, 50th and 98th percentile.
+        Depths of the soundings: 2nd, 50th and 98th percentile.
     bed : array (ny, nx) [m]
+        Depths of the bed's nodes.
     roll : float [rad]
+        Roll offset.
     directions : float
-        Root mean square distance of the unit vectors, in the plane, along which a patch of the bed was seen, in the
-        middle of all soundings; infinite where the bed was known. Of one line it is nearly nothing.
+        Rms distance between the unit vectors, in the horizontal plane, along which a patch of the bed was seen, in the
+        middle of all soundings; infinite for a known bed, nearly 0 for a single line.
     soundings : int
+        Number of soundings.
     noise : float [s]
-        Of the two-way times: as given, or as it was found to be where that is more.
+        Deviation of the two-way times: as given, or as estimated if that is larger.
     misfit : array (I,) [s]
-        Root mean square of times, iteration by iteration.
+        Rms misfit of times by iteration.
     head_depth : float [m]
+        Depth of the head.
     stopped : str
-        Why the iterations ended.
+        Reason why the iterations ended.
     rival : array (K,) [m/s] or None
-        Of an answer that is no profile: another one, of layers in another order.
+        If the answer is not a profile: another answer, with the layers in another order.
     rival_misfit : float [s]
-        That of the rival.
+        Rms misfit of the rival.
     """
 
     depth: np.ndarray
@@ -95,12 +99,12 @@ class ProfileFit:
 
     @property
     def is_overlapping(self) -> bool:
-        """Return whether the same bed was seen at several angles, or known: if not, depth and speed trade places."""
+        """Return True if the bed is known or was seen at several angles, which separates depth from speed."""
         return self.directions > ONE_WAY
 
     @property
     def is_profile(self) -> bool:
-        """Return whether nodes are told over enough of the column to call the answer a profile."""
+        """Return True if nodes are determined over enough of the column to call the answer a profile."""
         some = self.depth[self.told & (self.depth > self.head_depth)]
         if not self.is_overlapping:
             return False
@@ -109,12 +113,12 @@ class ProfileFit:
 
     @property
     def profile(self) -> SoundSpeedProfile:
-        """The answer as a profile.
+        """Return the answer as a profile.
 
         Raises
         ------
         ValueError
-            If the soundings do not tell one.
+            If the soundings do not determine one.
         """
         if not self.is_profile:
             raise ValueError(self.verdict)
@@ -122,7 +126,7 @@ class ProfileFit:
 
     @property
     def verdict(self) -> str:
-        """Return what was observable, in a sentence or two."""
+        """Return one or two sentences on what was observable."""
         low, _, high = self.bed_depths
         mean = (f"the mean sound speed from the head to the bed is {self.column_mean:.2f} +- "
                 f"{self.column_mean_deviation:.2f} m/s")

@@ -1,13 +1,11 @@
-"""The equations of `profile`, put up and solved.
-
-What is believed of the water and of the bed before their soundings are looked at.
+"""Equations of `profile`, and the priors of water and bed.
 
     speeds      about the start, of deviation σ and covariance σ² (1 + √3 d / l) exp(-√3 d / l), d apart in depth
     bed         known: about the given depths; unknown: second differences from node to node of deviation `bed_bend`
     roll        about 0
 
 The covariance is Matérn's of order 3/2 (Rasmussen and Williams, 2006, Gaussian Processes for Machine Learning,
-eq. 4.17): profiles that have a gradient everywhere, and may change it within a length l.
+eq. 4.17): profiles with a continuous gradient, which may change within a length l.
 """
 from __future__ import annotations
 
@@ -33,22 +31,22 @@ FAR = 1000.0                       # [m] from the start that an unknown bed may 
 
 @dataclass(frozen=True, kw_only=True)
 class ProfilePrior:
-    """Deviations and lengths that a fit begins with.
+    """Prior deviations and lengths of a fit.
 
     Parameters
     ----------
     deviation : float [m/s]
-        Of the speeds about the start.
+        Deviation of the speeds about the start.
     length : float [m]
-        In depth, over which they belong together.
+        Correlation length of the speeds in depth.
     head_deviation : float [m/s]
-        Of the head's own sensor of sound speed.
+        Deviation of the head's own sound-speed sensor.
     bed_deviation : float [m]
-        Of a bed that is given; of one that is not, it plays no part.
+        Deviation of a given bed; unused for an unknown bed.
     bed_bend : float [m]
-        Of the second differences of a bed that is not given, from node to node.
+        Deviation of the second differences of an unknown bed, from node to node.
     roll_deviation : float [rad]
-        Of a roll that all beams are turned by; 0: there is none.
+        Deviation of a roll offset of all beams; 0: no offset.
 
     Raises
     ------
@@ -145,7 +143,7 @@ class ProfileProblem:
         return self.start.depth.size + self.rolls
 
     def first(self) -> _ProfileState:
-        """Begin with the start, and the head's speed pulled to its sensor."""
+        """Return the start, with the head's speed pulled to its sensor."""
         speed = np.array(self.start.sound_speed)
         return self.at(speed, self.bed.depth.ravel(), 0.0)
 
@@ -192,7 +190,7 @@ class ProfileProblem:
         return state.by_dense.T @ (weight[:, None] * state.by_dense), cross, solver, weight
 
     def fitted(self, noise: float, iterations: int, progress: Callable[[int, float], object] | None) -> ProfileFit:
-        """Go down until nothing moves; times are trusted as far as they are met, and no farther than to the noise."""
+        """Minimise Φ until nothing changes; the weight of the times follows their misfit, limited by their noise."""
         state, misfits, stopped = self.first(), [], "the iterations were used up"
         trusted, radius = max(noise, self.noise_found(state)), FIRST_RADIUS * np.sqrt(self.dense)
         for _ in range(iterations):
@@ -212,7 +210,7 @@ class ProfileProblem:
 
     def stepped(self, state: _ProfileState, noise: float, radius: float) -> tuple[_ProfileState | None, float, float,
                                                                                   float]:
-        """Go one step of SciPy's trust region over speeds and roll, the bed going with them; None: none fits better."""
+        """Return one step of SciPy's trust region over speeds and roll, the bed eliminated; None: none fits better."""
         nodes = self.start.depth.size
         dense, cross, solver, weight = self.normal(state, noise)
         off, bed_off = self._off(state)
@@ -257,7 +255,7 @@ class ProfileProblem:
         return float(np.median(np.abs(state.rest)) / 0.6745 * np.sqrt(count / rest))
 
     def answer(self, state: _ProfileState, noise: float, misfits: np.ndarray, stopped: str) -> ProfileFit:
-        """Say what came out, and how well it is known."""
+        """Return the answer and its uncertainty."""
         nodes = self.start.depth.size
         dense, cross, solver, weight = self.normal(state, noise)
         given = solver.solve(cross)
@@ -287,7 +285,7 @@ class ProfileProblem:
             soundings=len(self.beams), noise=noise, misfit=misfits, head_depth=self.head_depth, stopped=stopped)
 
     def _scatter(self, state: _ProfileState, weight: np.ndarray, given: np.ndarray) -> np.ndarray:
-        """Covariance of the push on the dense unknowns as residuals make it that go together on a patch of the bed."""
+        """Return the covariance of the gradient on the dense unknowns, from residuals summed over patches."""
         rows = (state.by_dense - state.by_bed @ given) * (weight * state.rest)[:, None]
         sums = self._patches(state) @ rows
         return sums.T @ sums
@@ -301,10 +299,10 @@ class ProfileProblem:
         return sparse.csr_array((np.ones(len(patch)), (patch, np.arange(len(patch)))))
 
     def _directions(self, state: _ProfileState) -> float:
-        """Return how far apart the directions are from which a place of the bed was seen; 0 for a known bed.
+        """Return the rms distance between the directions from which a place of the bed is seen; 0 for a known bed.
 
-        Along one line the direction changes with the place, and evenly: on each patch what a plane through the
-        directions leaves is what another look brought.
+        Along one line the direction changes evenly with the place: in each patch, the residual about a plane through
+        the directions is the effect of other lines.
         """
         if self.known:
             return float("inf")
@@ -337,7 +335,7 @@ def _larger(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 def _column(profile: SoundSpeedProfile, top: float, bottom: float) -> np.ndarray:
-    """Shares of the nodes (K,) in the mean over depths."""
+    """Return the weights of the nodes (K,) in the mean over depths."""
     edges = np.r_[top, profile.depth[(profile.depth > top) & (profile.depth < bottom)], bottom]
     ends = hats(profile, edges)
     return (np.diff(edges)[:, None] * (ends[1:] + ends[:-1]) / 2).sum(0) / (bottom - top)
