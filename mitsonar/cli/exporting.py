@@ -119,7 +119,7 @@ def _convert(arguments):
     asked = [f"--{name}" for name, usual in (("tvg", "seabed"), ("start", None), ("coordinates", None))
              if getattr(arguments, name) != usual]
     if asked:
-        raise ValueError(f"{asked[0]} is of XTF files; leave it out.")
+        raise ValueError(f"{asked[0]} applies to XTF files only; leave it out.")
     reading.write(_image(arguments.images[0]), arguments.output)
     announce(arguments.output)
 

@@ -92,7 +92,7 @@ def _of_file(arguments: argparse.Namespace) -> xr.Dataset:
     given = [option for option, there in (("-D", arguments.parameters), ("--seed", arguments.seed),
                                           ("--sensor", arguments.sensor)) if there]
     if given:
-        raise ValueError(f"{given[0]} is of scenes, and {arguments.scene} holds raw echoes; leave it out.")
+        raise ValueError(f"{given[0]} applies to scenes only, and {arguments.scene} holds raw echoes; leave it out.")
     from mitsonar.io.records import raw_echoes
 
     if os.path.exists(arguments.output) and os.path.samefile(arguments.scene, arguments.output):
@@ -138,7 +138,7 @@ def _focused(arguments: argparse.Namespace, usual: Usual, times: np.ndarray, pin
                          ".exr, .nc or .h5.")
     first = next(pings)
     if arguments.interferogram and len(set(first["rx_bank"].values.tolist())) < 2:
-        raise ValueError("--interferogram is of two banks of receivers, and these echoes have one; leave it out.")
+        raise ValueError("--interferogram needs two banks of receivers, and these echoes have one; leave it out.")
     grid = _grid(arguments, usual, first if navigated is None else navigated, first, times)
     sine = None if arguments.angle is None else math.sin(math.radians(arguments.angle))
     window, range_window = (default if asked is None else asked for asked, default in (

@@ -122,7 +122,7 @@ def _checked_outputs(arguments):
     targets = [files.check_writable(path) for path in outputs]
     for index, target in enumerate(targets):
         if target in targets[:index]:
-            raise ValueError(f"{outputs[index]} is to be written twice; give every output a name of its own.")
+            raise ValueError(f"{outputs[index]} is the name of two outputs; give each output its own name.")
     return outputs
 
 
@@ -201,7 +201,7 @@ def _bed(arguments, corners: "Corners | None") -> "tuple[PlannedBed, Frame]":
     if not 0 < arguments.depth < 12000:
         raise ValueError(f"--depth is {arguments.depth:g} m; give more than 0 and less than 12000.")
     if arguments.resolution is not None or arguments.vertical != "auto":
-        raise ValueError("--resolution and --vertical are of a bathymetry; leave them out beside --depth.")
+        raise ValueError("--resolution and --vertical apply to a bathymetry only; leave them out with --depth.")
     frame = Frame(crs=corners.utm() if arguments.crs is None else named_system(rasters.name_of(rasters.crs_of(
         arguments.crs))))
     west, south, east, north = Corners(rings=tuple(corners.placed(frame)), crs="").bounds

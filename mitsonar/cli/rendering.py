@@ -82,7 +82,7 @@ def _signals(arguments):
         _write_strip(arguments, scene)
         return
     if arguments.scatterers is not None:
-        raise ValueError("--scatterers is of a synthetic aperture, and this sensor is none; leave it out.")
+        raise ValueError("--scatterers applies to a synthetic aperture only; leave it out for this sensor.")
     compute = impulse_response if arguments.response else element_signals
     with Progress() as progress:
         sensor = arguments.sensor
@@ -106,7 +106,7 @@ def _write_strip(arguments: argparse.Namespace, scene: mi.Scene) -> None:
     if arguments.scatterers is not None:
         check_output(arguments.scatterers, (".nc",))
         if os.path.realpath(arguments.scatterers) == os.path.realpath(arguments.output):
-            raise ValueError(f"{arguments.scatterers} is asked for scatterers and for echoes; give another name.")
+            raise ValueError(f"{arguments.scatterers} is the name of two outputs; give another name for --scatterers.")
         netcdf.write(scatterers(scene, sensor=arguments.sensor), arguments.scatterers)
         announce(arguments.scatterers)
     counts: list[int] = []

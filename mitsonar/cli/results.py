@@ -97,7 +97,7 @@ def _opened(path):
 
     with netcdf.opened(path) as record:
         if not isinstance(record, xr.Dataset):
-            raise ValueError(f"{path} holds signals, and plots are of images and soundings; beamform them first.")
+            raise ValueError(f"{path} holds signals, and plots show images and soundings; beamform the signals first.")
         if "signal" in record:
             raise ValueError(f"{path} holds raw echoes, and plots are of images and soundings; focus them by `mitsonar "
                              "focus` first.")

@@ -77,7 +77,7 @@ def _simulated(arguments, place, progress):
     Pings go into a file beside the output, from which the same command continues; the output is made of it at the end.
     """
     if arguments.head_speed is not None:
-        raise ValueError("--head-speed is of a line that was recorded; a scene says head_speed_error in its sensor.")
+        raise ValueError("--head-speed applies to recorded lines; in a scene write head_speed_error of the sensor.")
     from mitsonar.device import files
     from mitsonar.io import survey_lines
     from mitsonar.io.records import ping_file
@@ -116,7 +116,7 @@ def _recorded(arguments, words):
                                           ("--sensor", arguments.sensor), ("--snippets", arguments.snippets),
                                           ("--threads", arguments.threads is not None)) if there]
     if given:
-        raise ValueError(f"{given[0]} is of scenes, and {arguments.scene} is a line that was recorded; leave it out.")
+        raise ValueError(f"{given[0]} applies to scenes only, and {arguments.scene} is a recorded line; leave it out.")
     from mitsonar.hydrography.reduction.resounding import resounded
     from mitsonar.io import casts, survey_lines
     from mitsonar.planning.instrument_rules import rules_of

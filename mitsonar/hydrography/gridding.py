@@ -300,7 +300,7 @@ def _bounds(some: list[xr.Dataset]) -> tuple[float, float, float, float]:
     edges = [(x.min(), y.min(), np.nextafter(x.max(), np.inf), np.nextafter(y.max(), np.inf))
              for _, x, y in map(_places, some) if x.size]
     if not edges:
-        raise ValueError("a grid needs soundings: none is valid.")
+        raise ValueError("a grid needs valid soundings, and the line has none.")
     west, south, east, north = zip(*edges)
     return min(west), min(south), max(east), max(north)
 

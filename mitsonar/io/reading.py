@@ -37,14 +37,14 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
     SonarImage, SonarSignals, dict, list or numpy.ndarray
         Images are an `xarray.Dataset`, signals an `xarray.DataArray`, pictures (row, column) or (row, column, channel).
     xarray.Dataset
-        Of a survey line, as `hydrography.record` describes it.
+        Survey line, as `hydrography.record` describes it.
 
     Raises
     ------
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is of another kind, damaged, or not of mitsonar.
+        If it is of another kind, damaged, or was not written by mitsonar.
     """
     from .survey_lines import reading as survey_lines
 
@@ -68,7 +68,7 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
 
 
 def is_netcdf(path: FilePath) -> bool:
-    """Tell whether there is a file that begins as netCDF-4 files do."""
+    """Return True if a file exists and begins as netCDF-4 files do."""
     if not os.path.isfile(path):
         return False
     with open(path, "rb") as stream:
@@ -81,10 +81,10 @@ def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
     Parameters
     ----------
     record : xarray.Dataset or xarray.DataArray
-        As the verbs of mitsonar give them, or what xarray made of these.
+        Result of a function of mitsonar, or of xarray applied to it.
     path : str or path
         Ending in .exr (images), .nc (images, signals and soundings), .h5 (any dataset), .tif (focused images), or .gsf,
-        .kmall, .csv, .las (soundings; `io.survey_lines.write` also says what such a file has no room for).
+        .kmall, .csv, .las (soundings; `io.survey_lines.write` also reports what such a file cannot hold).
 
     Raises
     ------
@@ -109,11 +109,11 @@ def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
     elif suffix in survey_lines.SUFFIXES:
         raise ValueError(f"cannot write {path}: {suffix} takes lines of soundings; give a name that ends in .nc.")
     else:
-        raise ValueError(f"cannot write {path}: its name says no kind of file; let it end in one of {KINDS}.")
+        raise ValueError(f"cannot write {path}: the name has no known suffix; let it end in one of {KINDS}.")
 
 
 def _write_image(record, path, suffix):
-    """Write what programs beside mitsonar open: HDF5, or a focused image as GeoTIFF."""
+    """Write an image for other programs: HDF5, or a focused image as GeoTIFF."""
     from .records import geotiff
 
     if not isinstance(record, xr.Dataset):

@@ -140,9 +140,12 @@ class ImpulseResponses:
         amplitude : (Float, Float) (H,) [-]
             Real and imaginary part.
         phase : Float (H,) [cycles]
+            Phase at the array's centre.
         sample : Int32 (H,)
-            Hits far outside the record, for example at -2**30, add nothing, whatever their other fields hold.
+            Sample at the array's centre. Hits far outside the record, for example at -2**30, add nothing, whatever
+            their other fields hold.
         fraction : Float (H,)
+            Fraction of a sample.
         hit_fields : sequence of Float (H,) or (1,)
             Fields of hits that `difference` and `gain` need.
         element_fields : sequence of Float or NumPy arrays (E,)
@@ -156,9 +159,11 @@ class ImpulseResponses:
         sheet : UInt32 (H,), optional
             Number of the sheet that each hit is added to, below `sheets`; by default the first.
 
-        Notes ----- Both callables are traced into the kernel with lists of Float. A Python number in them that changes
-        from call to call compiles a new kernel each time; `drjit.opaque` prevents this. Gradients are not supported.
-        Hits in order of time are summed about 1.2 times faster than in random order.
+        Notes
+        -----
+        Both callables are traced into the kernel with lists of Float. A Python number in them that changes from call to
+        call compiles a new kernel each time; `drjit.opaque` prevents this. Gradients are not supported. Hits in order
+        of time are summed about 1.2 times faster than in random order.
         """
         lib = self.lib
         rows = np.arange(self.elements) if rows is None else np.ravel(rows)

@@ -192,7 +192,7 @@ def make_kernel(name: str, *, taps: int | None = None) -> Kernel:
     if taps is None:
         return KERNELS[name]()
     if name != "peterson":
-        raise ValueError(f"taps={taps} was asked of the kernel {name!r}, whose length is fixed; only peterson takes it")
+        raise ValueError(f"taps={taps} does not apply to the kernel {name!r} of fixed length; only peterson takes it")
     return Peterson(taps)
 
 

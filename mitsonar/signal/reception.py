@@ -224,10 +224,11 @@ def absorbed(response: ArrayLike, sampling_rate: float, frequency: float,
     -------
     complex (..., S)
 
-    Notes ----- The record is cut by triangular windows that add to one; each piece passes through the filter of its
-    middle. The loss is therefore interpolated linearly between filters; their number keeps the error below 1e-4 of the
-    amplitude. Outside the flat band of the receiver's filter the loss returns to that of the carrier. Dispersion is
-    left out.
+    Notes
+    -----
+    The record is cut by triangular windows that add to one; each piece passes through the filter of its middle. The
+    loss is therefore interpolated linearly between filters; their number keeps the error below 1e-4 of the amplitude.
+    Outside the flat band of the receiver's filter the loss returns to that of the carrier. Dispersion is left out.
     """
     response = np.asarray(response)
     response = response.astype(np.result_type(response, np.complex64), copy=False)

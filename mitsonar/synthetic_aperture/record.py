@@ -1,20 +1,20 @@
 """A strip of raw echoes as one `xarray.Dataset`, and the image that is focused of it as another.
 
 Raw echoes have the dimensions ``ping``, ``rx`` (receivers), ``sample``, ``tx`` (transmitters), ``axis`` (forward,
-starboard, down), ``motion`` (samples of the true trajectory), ``node`` (of the cast) and ``target``. What a receiver
-hears is complex baseband about the carrier, and its time runs from its ping's transmission on:
+starboard, down), ``motion`` (samples of the true trajectory), ``node`` (of the cast) and ``target``. The received
+signal is complex baseband about the carrier; its time begins at the ping's transmission:
 
-    p(t) = Re[s(t) e^(i2πf₀t)],     s(t) ~ Σ a b(t - τ) e^(-i2πf₀τ),     τ: out to where the echo comes from, and back
+    p(t) = Re[s(t) e^(i2πf₀t)],     s(t) ~ Σ a b(t - τ) e^(-i2πf₀τ),     τ: two-way travel time
 
-b -> the pulse's envelope, which begins at τ. Nothing stands still meanwhile: the transmitter is where the trajectory
-has it at ``ping_time``, the receiver where it has it at ``ping_time`` + τ. Frames are the house's: x east, y north of
-the scene's origin, depth positive down from the surface; body x forward, y starboard, z down.
+b -> the pulse's envelope, which begins at τ. The platform moves during reception: the transmitter has its place at
+``ping_time``, the receiver its place at ``ping_time`` + τ. Frames: x east, y north of the scene's origin, depth
+positive down from the surface; body x forward, y starboard, z down.
 
-Of a focused image the dimensions are ``bank`` (groups of receivers that were focused apart), ``along_track`` and
-``across_track``: metres in the plane of the grid from its origin, along its heading and to starboard of it. ``image``
-is the complex strength of what lies at a point: a point target of the target strength TS on the elements' plane of look
-has |image|² = 10^(TS/10) at its peak; its phase is that of the target's own echo. Beams across the track are not
-undone: off that plane |image|² is less by the two-way beam of the elements.
+A focused image has the dimensions ``bank`` (groups of receivers that are focused separately), ``along_track`` and
+``across_track``: metres in the plane of the grid from its origin, along its heading and to starboard. ``image`` is the
+complex strength at a point: a point target of target strength TS in the elements' plane of look has |image|² =
+10^(TS/10) at its peak; its phase is that of the target's own echo. Beams across the track are not compensated: off that
+plane |image|² is lower by the two-way beam of the elements.
 """
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def test_every_parameter_of_every_scene_has_words(said, name):
 def test_a_parameter_is_described_by_what_it_is_given_to(said):
     out = joined(said("describe", "sidescan_flat"))
     assert "-D range=100 range of sonar_film, a number [m] above 0 and at most 100000: end of the" in out
-    assert "-D depth=40 depth of seabed, a number [m]: of the mean bed" in out
+    assert "-D depth=40 depth of seabed, a number [m]: depth of the mean bed" in out
 
 
 def test_a_comment_comes_first(folder, said):
@@ -75,7 +75,7 @@ def test_attributes_of_a_plugin(said):
     assert out.startswith('<sensor type="sidescan"> Sidescan sonar: port and starboard faces')
     assert "frequency_khz: a number [kHz] at least 0.001 and at most 10000, default preset centre frequency" in out
     assert 'preset: one of "towed_100khz", "towed_300khz", "towed_400khz"' in out and "default towed_400khz" in out
-    assert "depth: a number [m], needed of the mean bed" in joined(said("describe", "seabed"))
+    assert "depth: a number [m], needed depth of the mean bed" in joined(said("describe", "seabed"))
     array = joined(said("describe", "array_sonar"))
     assert "receive_rows: an integer at least 1 and at most 100000, default 1 number of rows of a plane" in array
     assert "altitude: a number [m] at least 0, default 20, of a recorded track 0 above the seabed" in array

@@ -68,7 +68,7 @@ def test_a_mosaic_is_a_geotiff_of_the_lines(record):
     (["convert", "scene.xml", "a.xtf"], "it is no EXR, netCDF"),
     (["convert", "low.exr", "none/a.xtf"], "does not exist; make it first"),
     (["convert", "low.exr", "high.exr", "a.nc"], "do not go into one nc file"),
-    (["convert", "low.exr", "a.nc", "--tvg", "none"], "--tvg is of XTF files"),
+    (["convert", "low.exr", "a.nc", "--tvg", "none"], "--tvg applies to XTF files"),
     (["convert", "low.exr", "a.xtf", "--start", "noon"], "--start is 'noon'"),
     (["convert", "low.exr", "a.xtf", "--start", "1950-01-01"], "1970 to 9999"),
     (["mosaic", "low.exr", "high.exr", "-o", "a.tif"], "whose levels cannot be combined"),

@@ -21,8 +21,8 @@ OPTIONS = {
     "century": (["--start", "1900-01-01"], "give one between 1970 and 2106"),
     "no date": (["--start", ""], "the start is ''; give a date"),
     "nowhere": (["--place", "91", "200"], "place is 91, 200; give latitude and longitude"),
-    "threads": (["--threads", "4"], "--threads is of scenes"),
-    "seed": (["--seed", "4"], "--seed is of scenes"),
+    "threads": (["--threads", "4"], "--threads applies to scenes only"),
+    "seed": (["--seed", "4"], "--seed applies to scenes only"),
     "speed": (["--head-speed", "nan"], "is nan"),
 }
 

@@ -87,7 +87,7 @@ def test_grids_that_make_no_sense_are_refused(line, change, message):
 
 
 def test_soundings_that_cannot_be_gridded_are_refused(line):
-    with pytest.raises(ValueError, match="none is valid"):
+    with pytest.raises(ValueError, match="needs valid soundings"):
         gridded(line.assign(valid=line["valid"] & False), CELL)
     with pytest.raises(ValueError, match="without uncertainty"):
         gridded(line.drop_vars("uncertainty"), CELL, rule="weighted")

@@ -201,7 +201,7 @@ MOVED = recording(line(), pings=2).assign_coords(rx_x=(("ping", "rx"), np.arange
     (lambda: beamforming.fan_beams(PLAIN, "down", widest=2.0), r"reach 114.6° from broadside"),
     (lambda: beamforming.fft_beams(PLAIN, "down", size=7), r"FFT of 7 is shorter than the line of 8"),
     (lambda: beamforming.fft_beams(SEVERAL, "down"), r"2 transmitters; a far-field fan takes one"),
-    (lambda: beamforming.fan_beams(MOVED, "down"), r"stand elsewhere from ping to ping"),
+    (lambda: beamforming.fan_beams(MOVED, "down"), r"change their positions from ping to ping"),
     (lambda: beamforming.mvdr(SEVERAL, LOOK), r"2 transmitters; mvdr takes one"),
     (lambda: beamforming.mvdr(PLAIN, LOOK, subarray=9), r"subarray of 9 elements .* the line has 8"),
     (lambda: beamforming.mvdr(PLAIN, LOOK, half_width=-1), r"half_width is -1 samples"),

@@ -389,7 +389,7 @@ HEADER = "ncols {}\nnrows {}\nxllcorner 0\nyllcorner 0\ncellsize 100\n"
     (text(".tif", "II*\0 this is none"), {}, "GDAL can read"),
     (text(".asc", HEADER.format(10**6, 10**6) + "1 2 3\n"), {}, "1000000 x 1000000 nodes are more than 2e"),
     (text(".asc", HEADER.format(10**4, 10**4) + "1 2 3\n"), {}, "for which the file is too short"),
-    (text(".asc", HEADER.format(3, 2) + "1 2 3\n4 x 6\n"), {}, "the heights stands 'x', which is no number; repair"),
+    (text(".asc", HEADER.format(3, 2) + "1 2 3\n4 x 6\n"), {}, "the heights contain 'x', which is not a number"),
     (text(".asc", HEADER.format(3, 2) + "1 2.01 3.01\n4 5\n"), {}, "5 numbers, and the header names 2 x 3"),
     (text(".asc", HEADER.format(3, 2) + "1 2 3\n4 5 6 7\n"), {}, "more numbers than the 2 x 3"),
     (text(".asc", HEADER.format(3, -2) + "1 2 3\n"), {}, "GDAL can read"),

@@ -115,9 +115,9 @@ def test_faults_are_told_in_one_sentence(write, content, message):
 
 
 def test_absent_sections_are_refused(write):
-    with pytest.raises(ValueError, match="section 2 was asked for, but the file holds 2"):
+    with pytest.raises(ValueError, match="section 2 does not exist; the file holds 2"):
         casts.read(write(CARIS), section=2)
-    with pytest.raises(ValueError, match="one cast a file"):
+    with pytest.raises(ValueError, match="one cast per file"):
         casts.read(write(CASTAWAY), section=1)
 
 

@@ -65,7 +65,7 @@ def test_a_bank_can_be_chosen(drawn):
 @pytest.mark.parametrize("what, options, words", [
     ("imag", {}, "there is no plot 'imag' of a focused image .did you mean .image"),
     ("waterfall", {}, "choose one of image, phase, coherence"), ("image", {"bank": 2}, "there is no bank 2"),
-    ("image", {"ping": 1}, "of all its pings"), ("image", {"tvg": "seabed"}, "no gain over range"),
+    ("image", {"ping": 1}, "contains all its pings"), ("image", {"tvg": "seabed"}, "no gain over range"),
     ("phase", {"bank": 1}, "leave it out"), ("phase", {"colours": "grey"}, "leave them out"),
     ("image", {"colours": "red"}, "no colours 'red'")])
 def test_what_is_not_there_is_refused(drawn, what, options, words):
@@ -82,7 +82,7 @@ def test_views_of_other_records_are_told_apart(drawn):
         drawn(focused_image().drop_vars("label"), "labels")
     with pytest.raises(ValueError, match="the plot 'height' is of a focused image"):
         drawn(sidescan(4, 8), "height")
-    with pytest.raises(ValueError, match="banks are of focused images"):
+    with pytest.raises(ValueError, match="only focused images have banks"):
         drawn(sidescan(4, 8), "waterfall", bank=0)
 
 

@@ -52,8 +52,8 @@ def test_a_figure_that_fails_is_closed():
 
 
 @pytest.mark.parametrize("record, axes, said", [
-    ("image.exr", None, "xarray.Dataset such as mitsonar.read returns, and this is 'image.exr'"),
-    (small(), Figure(), "axes are of matplotlib, and this is <Figure"), (small(), "here", "and this is 'here'")])
+    ("image.exr", None, "xarray.Dataset such as mitsonar.read returns; got 'image.exr'"),
+    (small(), Figure(), "axes must be matplotlib Axes, .* got <Figure"), (small(), "here", "got 'here'")])
 def test_what_is_no_record_and_what_are_no_axes_is_said(record, axes, said):
     with pytest.raises(TypeError, match=said):
         plots.plot(record, axes=axes)

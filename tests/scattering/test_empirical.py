@@ -51,7 +51,7 @@ def test_a_table_of_one_angle_is_lamberts_law_below_it(read):
     ("a, s\n0, -30\n", "line 2: the grazing angle is 0"),
     ("a, s\n95, -30\n", "line 2: the grazing angle is 95"),
     ("a, s\n10, -30\n10, -29\n", "the grazing angle 10 is there twice"),
-    ("a, low, high\n10, -30, -29\n", 'the column "low" does not say its frequency'),
+    ("a, low, high\n10, -30, -29\n", 'the column "low" has no frequency in its name'),
     ("a, 30 kHz, 30 kHz\n10, -30, -29\n", "each be there once"),
     ("a, s\n5, -3\n90, -3\n", "more comes back than arrives: "),
     ("a, 30 kHz, 100 kHz\n5, -33, -3\n90, -23, -3\n", "more comes back than arrives at 100 kHz"),

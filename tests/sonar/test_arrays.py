@@ -301,7 +301,7 @@ def test_pitch_of_a_line(axis):
 
 
 @pytest.mark.parametrize(("array", "words"), [
-    (line_array(1, 0.1), "there is only one element"),
+    (line_array(1, 0.1), "a single element has no pitch"),
     (element_array([[0, 0, 0], [0, 0.1, 0], [0, 0, 0]]), "elements 0 and 2 are both at [0. 0. 0.]"),
     (element_array([[0, 0, 0], [0, 0.1, 0], [0, 0.3, 0]]), "element 1 is 0.05 m off its place at a pitch of 0.15 m"),
     (planar_array(3, 3, 0.1), "do not stand at one pitch on a line"),

@@ -1,13 +1,13 @@
-"""Stand the environment up that a checkout needs, and move into it. Standard library only.
+"""Set up the environment of a checkout, and restart the command in it. Standard library only.
 
-`enter` is called before every command. Where the running interpreter already has the packages, or mitsonar is installed
-without its checkout, there is nothing to do but to have a libLLVM. Otherwise the packages go into ``.venv`` beside
-``pyproject.toml`` (under the user's cache where the checkout cannot be written), and the command starts again in there.
+`enter` is called before every command. If the running interpreter has the packages, or mitsonar is installed without
+its checkout, only a libLLVM may be missing. Otherwise the packages are installed into ``.venv`` beside
+``pyproject.toml`` (or under the user's cache if the checkout is read-only), and the command restarts there.
 
-A file in the environment tells its state. Absent: the environment is somebody else's and is added to. "unfinished": a
-set-up was interrupted and is done again from the start. Otherwise it says what the environment was made of, and while
-that still holds it is used as it is. One that is to be replaced waits under another name until the new one stands, and
-gets its own name back if that fails.
+A file in the environment holds its state. No file: somebody else made the environment; packages are added to it.
+"unfinished": a set-up was interrupted, and starts again. Otherwise the file holds the inputs of the environment, which
+is used while these stay the same. An environment to be replaced is renamed until the new one is complete, and gets its
+name back if that fails.
 """
 import contextlib
 import hashlib
@@ -28,7 +28,8 @@ ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.dirname(os.path.a
 PROJECT = os.path.join(ROOT, "pyproject.toml")
 MOVED = "MITSONAR_MOVED_INTO"  # set for the one process that is started in the environment
 UNFINISHED, ADDED_TO = b"unfinished\n", b"added to\n"
-AT_ONCE = ("-h", "--help", "-v", "--version", "completion", "scenes")  # commands that must not wait for a library
+# commands that need no library
+AT_ONCE = ("-h", "--help", "-v", "--version", "--print-completion", "scenes")
 
 
 def enter(argv: Sequence[str]) -> None:
@@ -181,7 +182,7 @@ def _restore(folder, state):
 
 
 def about_import(error: ImportError) -> str:
-    """Say what to do about a package that is there, or should be, and cannot be imported."""
+    """Return advice about a package that is present, or should be, and cannot be imported."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     what = f"a package that mitsonar needs cannot be imported: {lines[0] if lines else type(error).__name__}"
     if os.environ.get("PYTHONPATH"):
@@ -222,7 +223,7 @@ def _is_ready(folder):
 
 
 def _identity(folder):
-    """Return what makes an environment another one: the checkout it leads to and the interpreter it was made with."""
+    """Return the inputs that distinguish environments: the checkout and the interpreter."""
     return os.fsencode(f"{ROOT}\n{os.path.realpath(installer.python_of(folder))}\n")
 
 

@@ -1,4 +1,4 @@
-"""Tell what mitsonar found on this machine, and whether it renders."""
+"""Report what mitsonar found on this machine, and whether it renders."""
 import importlib.metadata
 import os
 import platform
@@ -37,7 +37,7 @@ def report() -> None:
 
 
 def run(render_check: Callable[[], object] | None = None) -> int:
-    """Print the report, call `render_check`, and say how that went."""
+    """Print the report, call `render_check`, and print its result."""
     try:
         report()
     except llvm.BackendError as error:

@@ -1,8 +1,7 @@
-"""Put mitsonar's packages into an environment, by uv where there is one, else by pip. Standard library only.
+"""Install mitsonar's packages into an environment, by uv if there is one, else by pip. Standard library only.
 
-What is installed is what stands in ``requirements.lock``, with the hashes that stand there, and nothing is built on the
-way; then the checkout itself, by the build tool that came with the lock. What uv and pip say of large downloads and of
-trouble is passed on as they say it.
+Packages are those of ``requirements.lock`` with its hashes, without any build; then the checkout itself is installed,
+by the build tool in the lock. Messages of uv and pip about large downloads and errors are passed on.
 """
 import collections
 import glob
@@ -97,7 +96,7 @@ def _debian_pip(folder, say):
 
 
 def run(folder: str, say: Callable[[str], object], *command: str, **defaults: str) -> None:
-    """Run a command that installs into `folder`, and pass on what it says of its progress; `defaults` are variables."""
+    """Run a command that installs into `folder`, and show its messages of progress; `defaults` are variables."""
     # A user's standing wish for installs into the home folder would make pip fail in an environment, and packages that
     # PYTHONPATH leads to would count as installed. What pip unpacks goes into a folder of ours: it is large for a /tmp
     # in memory, and an interrupted pip leaves it behind.
@@ -127,7 +126,7 @@ def run(folder: str, say: Callable[[str], object], *command: str, **defaults: st
 
 
 def _reasons(said):
-    """Return what a failed command gave as reasons, each once."""
+    """Return the reasons that a failed command printed, each once."""
     found = (CAUSE.search(line.rstrip()) for line in said)
     return list(dict.fromkeys(next(filter(None, match.groups())).strip()[:LONGEST] for match in found if match))
 

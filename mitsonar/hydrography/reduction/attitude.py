@@ -4,10 +4,10 @@ A vector of the body (x forward, y starboard, z down) in the scene (x east, y no
 
     v = S Rz(heading) Ry(pitch) Rx(roll) v_body,     S swaps north-east-down for east-north-down
 
-the order of `mitsonar.sonar.motion.track`. Samples are joined by cubic splines through position and angles. Such a
-spline errs by 5/384 d⁴ times the fourth derivative for samples d apart: of a roll of 5 degrees in 6 s by 1.4e-11 rad at
-100 Hz and 1.4e-7 rad at 10 Hz, where straight lines err by 1.2e-6 and 1.2e-4 rad. Before the first sample and after the
-last all goes on with the rates that it has there.
+the order of `mitsonar.sonar.motion.track`. Cubic splines join the samples of position and angles. Such a spline errs by
+5/384 d⁴ times the fourth derivative for samples d apart: for a roll of 5 degrees in 6 s by 1.4e-11 rad at 100 Hz and
+1.4e-7 rad at 10 Hz, where straight lines err by 1.2e-6 and 1.2e-4 rad. Before the first and after the last sample,
+motion continues at constant rates.
 """
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class PlatformPose:
         return turned(vector, (self.roll, self.pitch, self.heading))
 
     def carried(self, offset: np.ndarray) -> np.ndarray:
-        """Return the place (..., 3) [m] of what is mounted `offset` (3,) [m] from the reference point."""
+        """Return the place (..., 3) [m] of a point mounted at `offset` (3,) [m] from the reference point."""
         return self.place + self.turned(offset)
 
 
@@ -71,16 +71,16 @@ class PlatformMotion:
     Parameters
     ----------
     time : array (M,) [s]
-        Increasing.
+        Increasing times.
     x, y, depth : array (M,) [m]
-        Of the reference point: east, north, below the still surface.
+        Reference point: east, north, below the still surface.
     roll, pitch, heading : array (M,) [rad]
-        Starboard down, bow up, clockwise from north; the heading may run on past a full turn, or wrap.
+        Starboard down, bow up, clockwise from north; the heading may continue past a full turn, or wrap.
 
     Raises
     ------
     ValueError
-        If the arrays differ in length, are empty, hold what is not finite, or times do not increase.
+        If the arrays differ in length, are empty, have values that are not finite, or times do not increase.
     """
 
     time: np.ndarray
@@ -128,7 +128,7 @@ class PlatformMotion:
 
     @cached_property
     def _spline(self) -> CubicSpline:
-        """Made once: a line asks ping by ping."""
+        """Return the spline, which is made once, as a line uses it for every ping."""
         from scipy.interpolate import CubicSpline
 
         return CubicSpline(self.time, self._rows)

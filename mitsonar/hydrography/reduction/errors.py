@@ -1,15 +1,15 @@
-"""Errors of soundings by cause: what detection, refraction and motion add to the depth, one after the other.
+"""Errors of soundings by cause: the contributions of detection, refraction and motion to the depth.
 
-The same times and angles are reduced three times, each time with one more thing as it is believed to be:
+The same times and angles are reduced three times, each time with one more assumed quantity in place of the true one:
 
     e_0    true water, true motion, true mounting
-    e_1    the profile and the head's sound speed that are used
-    e_2    the motion and the mounting that are used, too: the soundings as they come out
+    e_1    assumed profile and sound speed at the head
+    e_2    also assumed motion and mounting: the soundings of the line
 
     e_k = depth_k - bed(x_k, y_k)
     error_detection = e_0      error_refraction = e_1 - e_0      error_motion = e_2 - e_1      error = e_2, their sum
 
-The depth of the bed is taken where each sounding lies: on a slope an error across track is one in depth.
+The depth of the bed is taken at the place of each sounding: on a slope, an error across the track is an error of depth.
 """
 from __future__ import annotations
 
@@ -58,15 +58,15 @@ class Reduction:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Errors:
-    """Errors by cause [m], of the shape of what was measured, as `record` names them.
+    """Errors by cause [m], in the shape of the measurement, by the names of `record`.
 
     Attributes
     ----------
     true_depth : array (...) [m]
-        Of the bed where the soundings lie.
+        Depth of the bed at the places of the soundings.
     error, error_detection, error_refraction, error_motion : array (...) [m]
-        Positive: too deep. The first is the sum of the others. NaN where a sounding has no place, or had none with
-        what is true.
+        Errors of depth, positive: too deep. The first is the sum of the others. NaN for soundings without a place,
+        with the assumed or the true quantities.
     """
 
     true_depth: np.ndarray
@@ -82,26 +82,27 @@ class Errors:
 
 def errors(measured: Measured, true: Reduction, used: Reduction, bed: Bed, *,
            at_rest: Measured | None = None, refracted: Measured | None = None) -> tuple[Located, Errors]:
-    """Return soundings as they come out, and their errors by cause.
+    """Return soundings and their errors by cause.
 
     Parameters
     ----------
     measured : Measured
-        Times and angles as they were detected.
+        Detected times and angles.
     true, used : Reduction
-        What there was, and what is believed.
+        True and assumed water, motion and mounting.
     bed : function of x and y [m], arrays (...)
-        Its depth (...) [m].
+        Function that returns the depth (...) [m] of the bed.
     at_rest : Measured or None
-        What arrays at rest would have measured, where it is another: the first two stages go by it.
+        Measurement of arrays at rest, if it differs; used in the first two stages.
     refracted : Measured or None
-        What the second stage goes by, where the head's sound speed makes it another.
+        Measurement for the second stage, if the head's sound speed changes it.
 
     Returns
     -------
     Located
-        With what is used.
+        Soundings with the assumed quantities.
     Errors
+        Their errors.
     """
     bent = replace(true, profile=used.profile, head_speed=used.head_speed, node=used.node)
     first = measured if at_rest is None else at_rest
@@ -114,20 +115,21 @@ def errors(measured: Measured, true: Reduction, used: Reduction, bed: Bed, *,
 
 
 def disturbed(motion: PlatformMotion, *, latency: float = 0.0, **added: ArrayLike) -> PlatformMotion:
-    """Make the motion that sensors tell out of the true one.
+    """Return the motion that sensors report for a true motion.
 
     Parameters
     ----------
     motion : Motion
+        True motion.
     latency : float [s]
-        By which the sensors' samples are stamped too late.
+        Delay of the sensors' time stamps.
     **added : float or array (M,) [m], [rad]
-        What ``x``, ``y``, ``depth``, ``roll``, ``pitch`` and ``heading`` are off by: biases, or noise sample by sample.
+        Errors of ``x``, ``y``, ``depth``, ``roll``, ``pitch`` and ``heading``: biases, or noise by sample.
 
     Raises
     ------
     ValueError
-        If a name is none of these.
+        If a name is unknown.
     """
     names = {one.name for one in fields(PlatformMotion)} - {"time"}
     unknown = sorted(set(added) - names)

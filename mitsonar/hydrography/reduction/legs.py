@@ -1,4 +1,4 @@
-"""Legs of sound between an array and the bed: one pass down through the layers, of as many rays as there are.
+"""Legs of sound between an array and the bed, for many rays in one pass down through the layers.
 
 A ray keeps its horizontal slowness p. In a layer of thickness h, from the speed c1 and the sine of grazing s1 to c2 and
 s2 = √(1 - p² c2²), with d = c2 - c1 (the forms of `mitsonar.propagation.numpy_rays.layers`, exact as d goes to 0):
@@ -7,22 +7,20 @@ s2 = √(1 - p² c2²), with d = c2 - c1 (the forms of `mitsonar.propagation.num
     t = (2 h / e) atanh(d / e) / (d / e),            e = c2 s1 + c1 s2
     l = (2 h / (s1 + s2)) atan(w) / w,               w = p d / (s1 + s2)
 
-In a layer of gradient g a ray goes within the time t, with u = g t and T = tanh u,
+In a layer of gradient g, the depth that a ray crosses within the time t is, with u = g t and T = tanh u,
 
     s2 = (s1 - T) / (1 - s1 T),       h = c1 t (s1 - tanh(u/2)) sinhc u / (cosh u - s1 sinh u)
 
-The head's own sensor: a ray may start with a speed that the cast does not have. That speed is then the profile's node
-at the ray's start, and the water is linear from there to the next node of the cast below. That is what the real-time
-processing of an EM 710 does: of the blends tried (the same, the head's speed down to the next node, a step to the cast,
-the cast shifted, a ramp of 1 to 20 m) it alone gives that instrument's two-way times to 1.0 to 1.7 mm, one way and rms
-over a ping, and its lever arms to centimetres; a step, or no node, leaves 6 to 9 mm.
+Sound speed at the head: a ray may start with a speed that differs from the cast. This speed then becomes the profile's
+node at the ray's start, and the water is linear from there to the next node of the cast below, as in the real-time
+processing of an EM 710. Of the tested rules (this one, the head's speed down to the next node, a step to the cast, a
+shifted cast, a ramp of 1 to 20 m), only this one reproduces that instrument's two-way times to 1.0 to 1.7 mm, one way
+and rms over a ping, and its lever arms to centimetres; a step, or no node, leaves 6 to 9 mm.
 
-Many layers at once: what a ray gathers in the whole layers of a cast, from a table that is made once.
-
-Sums over layers depend on the ray's slowness p alone. With v = √(1/c_m² - p²), c_m the fastest speed among the nodes,
-they are analytic in v but at v = 0, where a ray turns, so that Chebyshev polynomials in v on [0.15, 1] / c_m give them
-within 1e-12 by 40 coefficients: the nearest singularity leaves (1.35 + √(1.35² - 1))^-40 = 6e-15 before it is scaled by
-the sums' own growth towards it.
+Many layers at once: sums over the whole layers of a cast come from a table, made once. They depend on the ray's
+slowness p alone. With v = √(1/c_m² - p²), where c_m is the fastest speed among the nodes, they are analytic in v except
+at v = 0, where a ray turns. Chebyshev polynomials in v on [0.15, 1] / c_m therefore give them within 1e-12 with 40
+coefficients: the nearest singularity leaves (1.35 + √(1.35² - 1))^-40 = 6e-15 times the growth of the sums towards it.
 """
 from __future__ import annotations
 
@@ -41,7 +39,7 @@ COEFFICIENTS = 40
 
 def crossed(slowness: np.ndarray, thickness: np.ndarray, upper_speed: np.ndarray, lower_speed: np.ndarray
             ) -> tuple[np.ndarray, ...]:
-    """Cross layers, by the forms of `legs`: x / p, dx/dp [m²/s], time [s] and length [m] of each.
+    """Return x / p, dx/dp [m²/s], time [s] and length [m] of rays through layers, by the equations of `legs`.
 
     All arguments broadcast. NaN where a ray turns.
     """
@@ -56,7 +54,7 @@ def crossed(slowness: np.ndarray, thickness: np.ndarray, upper_speed: np.ndarray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LayerColumn:
-    """The layers between some nodes of a profile."""
+    """Layers between some nodes of a profile."""
 
     first: int  # number of the topmost of the nodes
     fastest: float  # [m/s]
@@ -79,11 +77,11 @@ class LayerColumn:
         return LayerColumn(first=first, fastest=fastest, table=table)
 
     def knows(self, slowness: np.ndarray) -> np.ndarray:
-        """Return whether rays are steep enough for the table."""
+        """Return True for rays that are steep enough for the table."""
         return np.abs(slowness) * self.fastest < np.sqrt(1 - FLATTEST**2)
 
     def between(self, slowness: np.ndarray, upper: np.ndarray, lower: np.ndarray) -> np.ndarray:
-        """Return the sums (4, N) of rays that it knows, from nodes to nodes by their numbers (N,)."""
+        """Return the sums (4, N) of rays within the table, from nodes to nodes by their numbers (N,)."""
         sine = np.sqrt(1 - (slowness * self.fastest)**2)
         place = (2 * sine - 1 - FLATTEST) / (1 - FLATTEST)
         powers = np.polynomial.chebyshev.chebvander(place, COEFFICIENTS - 1)
@@ -141,7 +139,7 @@ class Starts:
                       depth=self.depth, head_speed=self.head_speed)
 
     def mirrored(self) -> Starts:
-        """Turn the water upside down: what went up goes down."""
+        """Return the water upside down, so that upward rays go down."""
         return Starts(profile=SoundSpeedProfile(-self.profile.depth[::-1], self.profile.sound_speed[::-1]),
                       depth=-self.depth, head_speed=self.head_speed)
 
@@ -156,7 +154,7 @@ class Starts:
         return np.concatenate([self[i:i + BLOCK]._run(slowness[i:i + BLOCK], time[i:i + BLOCK]) for i in parts])
 
     def _edges(self, lowest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Depths and speeds (N, L + 1) of the edges of the layers from the starts down to `lowest` (N,)."""
+        """Return depths and speeds (N, L + 1) of the edges of the layers from the starts down to `lowest` (N,)."""
         nodes = self.profile.depth
         first, last = self._nodes(lowest)
         between = np.clip(nodes[first:last], self.depth[:, None], lowest[:, None])
@@ -164,13 +162,13 @@ class Starts:
         return edges, self._speeds(edges)
 
     def _nodes(self, lowest: np.ndarray) -> tuple[int, int]:
-        """Numbers of the first node between the highest start and the lowest end, and of the first one below."""
+        """Return the numbers of the first node between highest start and lowest end, and of the first one below."""
         highest = np.min(self.depth, initial=np.inf, where=np.isfinite(self.depth))
         deepest = np.max(lowest, initial=-np.inf, where=np.isfinite(lowest))
         return int(np.searchsorted(self.profile.depth, highest)), int(np.searchsorted(self.profile.depth, deepest))
 
     def _speeds(self, depth: np.ndarray) -> np.ndarray:
-        """Speeds at depths (N, L) along the rays."""
+        """Return the speeds at depths (N, L) along the rays."""
         speeds = self.profile.at(depth)
         if self.head_speed is None:
             return speeds
@@ -180,7 +178,7 @@ class Starts:
         return np.where((depth < following[:, None]) & np.isfinite(following)[:, None], joined, speeds)
 
     def _next(self) -> np.ndarray:
-        """Depth (N,) of the cast's next node below the head's; infinite where there is none."""
+        """Return the depth (N,) of the cast's next node below the head's; infinite if there is none."""
         return np.r_[self.profile.depth, np.inf][np.searchsorted(self.profile.depth, self.depth + SAME_DEPTH)]
 
     def _cross(self, slowness: np.ndarray, depth: np.ndarray) -> RayLeg:
@@ -197,7 +195,7 @@ class Starts:
         return self._cross_layers(slowness, depth)
 
     def _cross_layers(self, slowness: np.ndarray, depth: np.ndarray) -> RayLeg:
-        """Cross layer by layer."""
+        """Return the sums layer by layer."""
         edges, speed = self._edges(depth)
         sums = [one.sum(1) for one in crossed(slowness[:, None], np.diff(edges), speed[:, :-1], speed[:, 1:])]
         with np.errstate(invalid="ignore"):
@@ -205,7 +203,7 @@ class Starts:
         return RayLeg(sums[0], sums[1], sums[2], sums[3], sine, speed[:, -1])
 
     def _cross_column(self, column: LayerColumn, slowness: np.ndarray, depth: np.ndarray) -> RayLeg:
-        """Cross a piece of a layer, whole layers by the table, and another piece."""
+        """Return the sums of a part of a layer, of whole layers by the table, and of another part."""
         nodes, near = self.profile.depth, SAME_DEPTH if self.head_speed is not None else 0.0
         upper = np.searchsorted(nodes, self.depth + near)
         lower = np.searchsorted(nodes, depth) - 1

@@ -1,9 +1,9 @@
 """Errors of motion sensors.
 
-    said(t) = true(t - latency) + bias + n(t),     n(t) = σ √(2/K) Σ_k cos(2π f_k t + φ_k)
+    sensor(t) = true(t - latency) + bias + n(t),     n(t) = σ √(2/K) Σ_k cos(2π f_k t + φ_k)
 
 f_k drawn from a Cauchy distribution of half width 1/(2πT), so that n has the variance σ² and the correlation
-exp(-|τ| / T), at any time and without a step.
+exp(-|τ| / T), is defined at any time and has no steps.
 """
 from __future__ import annotations
 

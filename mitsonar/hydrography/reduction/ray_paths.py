@@ -1,7 +1,7 @@
 """Paths of the sound of beams: directions by two cones, and rays by the layers of a profile.
 
-With a_t and a_r along the transmit and the receive array and g = a_t·a_r, the direction l that is seen at the angles
-t and r of the two is (see `mitsonar.hydrography.record`)
+With a_t and a_r along the transmit and the receive array and g = a_t·a_r, the direction l at the angles t and r of the
+two arrays is (see `mitsonar.hydrography.record`)
 
     l = α a_t + β a_r + γ n      α = (sin t - g sin r) / (1 - g²)      β = (sin r - g sin t) / (1 - g²)
 
@@ -58,7 +58,7 @@ def head_of(line: xr.Dataset, ping: int) -> RayHead:
 
 
 def _with_head(one: xr.Dataset) -> xr.Dataset:
-    """A ping with the receive array of its own head, where the line has several."""
+    """Return a ping with the receive array of its own head, if the line has several."""
     if not set(SEVERAL) <= set(one):
         return one
     head = int(np.clip(one["head"], 0, one.sizes["receive_head"] - 1))
@@ -66,13 +66,13 @@ def _with_head(one: xr.Dataset) -> xr.Dataset:
 
 
 def _turned(vector: np.ndarray, roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> np.ndarray:
-    """A vector (3,) of a frame that is held at angles (...) in the outer one (..., 3); what is unknown counts as 0."""
+    """Return a vector (3,) of a frame at angles (...) in the outer frame (..., 3); unknown angles count as 0."""
     roll, pitch, heading = (np.nan_to_num(np.asarray(angle, float)) for angle in (roll, pitch, heading))
     return np.stack(mounted(np.nan_to_num(vector), (roll, pitch, heading)), -1)
 
 
 def _mounting(line: xr.Dataset, name: str) -> np.ndarray:
-    """The direction along the transmit or the receive array in the body (3,)."""
+    """Return the direction (3,) along the transmit or the receive array in the body."""
     return _turned(np.eye(3)[("transmit", "receive").index(name)], *line[f"{name}_mounting"].values)
 
 
@@ -111,10 +111,9 @@ def launches(head: RayHead, angle: ArrayLike, transmit_angle: ArrayLike,
 
 
 def used_profile(line: xr.Dataset, head: RayHead) -> SoundSpeedProfile:
-    """Return the profile that the soundings of a ping were made with: the cast, and the head's own speed as its node.
+    """Return the profile of the reduction of a ping: the cast, with the head's own speed as a node.
 
-    Below the cast's last node, where there is none to go to, rays see the cast at once
-    (`mitsonar.hydrography.reduction.legs`).
+    Below the cast's last node, rays enter the cast at once (`mitsonar.hydrography.reduction.legs`).
     """
     profile = _profile(line, "cast")
     try:
@@ -124,7 +123,7 @@ def used_profile(line: xr.Dataset, head: RayHead) -> SoundSpeedProfile:
 
 
 def water_profile(line: xr.Dataset) -> SoundSpeedProfile | None:
-    """Return the water's own profile, where the line tells it."""
+    """Return the true profile of the water, if the line has it."""
     return _profile(line, "true_cast") if {"true_cast_depth", "true_cast_sound_speed"} <= set(line) else None
 
 
@@ -171,10 +170,10 @@ def layer_sums(profile: SoundSpeedProfile, depth: float, slowness: np.ndarray,
 
 def refraction_error(used: SoundSpeedProfile, water: SoundSpeedProfile, head: RayHead, bed: float,
                      angle: np.ndarray) -> np.ndarray:
-    """Return by ray theory what a wrong profile does to soundings of a level bed.
+    """Return the errors of soundings of a level bed by a wrong profile, from ray theory.
 
-    A ray of slowness p takes t(p) in the water to the bed, and is placed where a ray of the same p is after t(p) in the
-    profile used. The errors of many p are found, and read off at the angles under which soundings lie then.
+    A ray of slowness p takes the time t(p) through the true water to the bed; its sounding lies where a ray of the same
+    p is after t(p) in the used profile. The errors of many p are interpolated at the angles of the soundings.
     """
     # bed [m]; angle (N,) [rad] -> (N,) [m]
     slowness = np.linspace(0.0, 0.999, 400) / head.sound_speed

@@ -1,21 +1,21 @@
-"""Reduction: soundings from two cones and a time, by refracted rays out from one array and back to the other.
+"""Reduction of soundings: places from two cones and a time, by refracted rays from one array and back to the other.
 
-With T the place of the transmit array when it sends and R that of the receive array when it hears, B the sounding,
-q = (q_x, q_y) the horizontal slowness of a leg from its array to B, w = √(1/c² - q²) the vertical one in the water at
-the array, t(q, z) and X(q, z) time and horizontal way of a ray to the depth z (`legs`), B is where
+With T the place of the transmit array at transmission and R that of the receive array at reception, B the sounding,
+q = (q_x, q_y) the horizontal slowness of a leg from its array to B, w = √(1/c² - q²) the vertical slowness in the water
+at the array, and t(q, z) and X(q, z) the time and horizontal range of a ray to the depth z (`legs`), B satisfies
 
     X_T(q_T, z) = B - T          a_t·(q_T, w_T) = sin(transmit_angle) / c_h
     X_R(q_R, z) = B - R          a_r·(q_R, w_R) = sin(angle) / c_h            t_T + t_R = travel_time
 
-a -> unit vectors along the arrays, at the attitude of each instant, mounting included; c_h -> the head's sound speed,
-which the beams were steered with: what an array measures is the slowness along it, the steering's sine over c_h. Of a
-level array this is the horizontal slowness, which Snell's law keeps: c_h plays no further part, however wrong it is. Of
-a tilted array the vertical slowness counts, too, and with it the speed at the array (Beaudoin, Hughes Clarke and
-Bartlett, 2004, International Hydrographic Review 5(3), 26).
+a -> unit vectors along the arrays, at the attitude of each instant, with the mounting; c_h -> sound speed at the head
+that steered the beams: an array measures the slowness along itself, the sine of the steering over c_h. For a level
+array this is the horizontal slowness, which Snell's law keeps: an error of c_h then has no further effect. For a tilted
+array the vertical slowness also counts, and with it the speed at the array (Beaudoin, Hughes Clarke and Bartlett, 2004,
+International Hydrographic Review 5(3), 26).
 
-Newton's method solves this exactly, for (B, z): a leg answers a step of its end by δq = Q δX, Q = (∂X/∂q)⁻¹, and time
-has the gradient (q, s / c). It starts from the usual shortcut, both cones about a point midway between the arrays,
-which errs by about δ² / (8 R) for arrays δ apart at range R: 0.1 m for 9 m at 100 m.
+Newton's method solves this for (B, z): a leg responds to a step of its end by δq = Q δX, Q = (∂X/∂q)⁻¹, and time has
+the gradient (q, s / c). It starts from the usual approximation, both cones about a point midway between the arrays,
+whose error is about δ² / (8 R) for arrays δ apart at range R: 0.1 m for 9 m at 100 m.
 """
 from __future__ import annotations
 
@@ -106,22 +106,22 @@ class Measured:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Located:
-    """Soundings with places; all of the shape of what was measured, NaN where there is none.
+    """Soundings with places, in the shape of the measurement; NaN for soundings without a place.
 
     Attributes
     ----------
     x, y, depth : array (...) [m]
         East, north, below the still surface.
     across_track, along_track : array (...) [m]
-        To starboard and forward of the reference point when the ping began, along its heading.
+        To starboard and forward of the reference point at the beginning of the ping, relative to its heading.
     grazing : array (...) [rad]
-        Of the way back, at a level bed.
+        Grazing angle of the return leg, at a level bed.
     path_length : array (...) [m]
-        One way: the mean of both legs.
+        One-way length: the mean of both legs.
     spreading_area : array (...) [m²/sr]
-        Cross-section of the ray tube at the bed for a steradian at an array: the geometric mean of both legs.
+        Cross-section of the ray tube at the bed per steradian at an array: the geometric mean of both legs.
     source_depth : array (...) [m]
-        Of the transmit array.
+        Depth of the transmit array.
     """
 
     x: np.ndarray
@@ -136,7 +136,7 @@ class Located:
 
     @property
     def found(self) -> np.ndarray:
-        """Return whether there is a place."""
+        """Return True for soundings with a place."""
         return np.isfinite(self.depth)
 
 
@@ -147,28 +147,30 @@ def located(measured: Measured, motion: PlatformMotion, installation: Installati
     Parameters
     ----------
     measured : Measured
+        Measured times and angles.
     motion : Motion
-        At all times from the first transmission to the last reception; beyond its ends it goes on straight.
+        Motion from the first transmission to the last reception; beyond its ends it continues straight.
     installation : Installation
+        Lever arms and mounting angles.
     profile : SoundSpeedProfile
-        The water, or what is believed of it.
+        True or assumed water.
     head_speed : array (...) or float [m/s], or None
-        That the angles are read with: the slowness along an array is sin(angle) / ``head_speed``. None: what the beams
-        were steered with, which is what an array measures. Any other reads wrong angles out of right beams.
+        Sound speed by which angles are converted: the slowness along an array is sin(angle) / ``head_speed``. None: the
+        speed that steered the beams, which gives the measured slowness. Any other speed misinterprets correct beams.
     node : bool
-        Whether the head's speed is the profile's node at the arrays, as real systems have it: rays start in it, and the
-        water is linear from there to the cast's next node. Otherwise the profile is the water as it stands, and should
-        hold the head's speed where the arrays are.
+        If True, the head's speed is the profile's node at the arrays, as in real systems: rays start with it, and the
+        water is linear from there to the cast's next node. If False, the profile is used unchanged, and should have the
+        head's speed at the arrays.
     under_way : bool
-        Whether the way over ground counts that the platform makes while an echo comes in. Some instruments leave it
-        out (`instrument_rules` finds that from a line): the places of an EM 710 that drifts sideways at 0.19 m/s are
-        met to 1 mm across track without it, to 35 mm with it.
+        If True, include the motion over ground during reception. Some instruments leave it out (`instrument_rules`
+        determines that from a line): places of an EM 710 that drifts sideways at 0.19 m/s agree within 1 mm across the
+        track without it, and within 35 mm with it.
 
     Returns
     -------
     Located
-        NaN where a number is, where cones do not meet, and of rays that turn before the sounding: a beam is to reach
-        its sounding all the way down, or all the way up.
+        NaN where a number is NaN, where cones do not meet, and for rays that turn before the sounding: the whole beam
+        must go down, or up.
     """
     shape = measured.travel_time.shape
     head = np.broadcast_to(measured.head_sound_speed if head_speed is None else np.asarray(head_speed, float), shape)
@@ -238,7 +240,7 @@ class _Legs:
         return _Legs(out=self.out.mirrored(), back=self.back.mirrored(), time=self.time)
 
     def initial(self) -> np.ndarray:
-        """Unit vectors (N, 3) of where the two cones meet about one point, or nearly do; of two, the lower."""
+        """Return unit vectors (N, 3) where the two cones meet, or nearly meet, about one point; the lower of two."""
         t, r, speed = self.out.axis, self.back.axis, self.back.starts.speed
         u, v = self.out.along * self.out.starts.speed, self.back.along * speed
         cosine = (t * r).sum(1)
@@ -295,7 +297,7 @@ def _share(sides: list[_Side], step: np.ndarray, z: np.ndarray, time: np.ndarray
 
 def _step(sides: list[_Side], time: np.ndarray, x: np.ndarray, y: np.ndarray, z: np.ndarray,
           slow: list[Plane]) -> tuple[np.ndarray, list[Plane], list[RayLeg]]:
-    """One step of Newton's: of B and z (3, N), of both slownesses, and the legs before the step."""
+    """Return a Newton step of B and z (3, N), of both slownesses, and the legs before the step."""
     equations, answers, legs, rest = [], [], [], time.copy()
     timing = np.zeros((3, len(z)))
     for side, (qx, qy) in zip(sides, slow):
@@ -331,7 +333,7 @@ class _AttitudeTurn:
     yy: np.ndarray
 
     def of(self, vector: Plane) -> Plane:
-        """Q times a vector of the plane."""
+        """Return Q times a horizontal vector."""
         x, y = vector
         return self.xx * x + self.xy * y, self.xy * x + self.yy * y
 
@@ -346,7 +348,7 @@ def _solved_three(rows: list[np.ndarray], answers: list[np.ndarray]) -> np.ndarr
 
 def _answer(sides: list[_Side], slow: list[tuple[np.ndarray, np.ndarray]], ends: list[RayLeg], todo: np.ndarray,
             place: list[np.ndarray], z: np.ndarray) -> np.ndarray:
-    """The rows of `Located` of soundings that are found; lengths and sines change by the last step's 1e-5 m alone."""
+    """Return the rows of `Located` of solved soundings; lengths and sines lack the last step of 1e-5 m."""
     out, back = ends
     area = np.ones(len(todo))
     with np.errstate(invalid="ignore"):
@@ -361,7 +363,7 @@ def _answer(sides: list[_Side], slow: list[tuple[np.ndarray, np.ndarray]], ends:
 
 
 def _about(reference: PlatformPose, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Across and along track (2, N) of places about a pose."""
+    """Return across and along track (2, N) of places relative to a pose."""
     east, north = x - reference.place[..., 0], y - reference.place[..., 1]
     sine, cosine = np.sin(reference.heading), np.cos(reference.heading)
     return np.stack([east * cosine - north * sine, east * sine + north * cosine])

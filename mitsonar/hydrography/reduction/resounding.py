@@ -1,7 +1,6 @@
-"""A line of soundings reduced anew: through another profile, with another sound speed of the head, or as it stands.
+"""Reduction of a recorded line of soundings with another profile, another sound speed at the head, or unchanged.
 
-What a record holds of its making, for `reduction`: angles, times, motion, lever arms and mountings, the cast and the
-head's sound speed.
+The inputs of `reduction` in a record: angles, times, motion, lever arms and mountings, the cast and the head's speed.
 """
 from __future__ import annotations
 
@@ -26,31 +25,31 @@ STALE = {name for name, one in VARIABLES.items() if name == "true_depth" or name
 
 def resounded(soundings: xr.Dataset, profile: SoundSpeedProfile | None = None, head_speed: ArrayLike | None = None,
               node: bool = True, under_way: bool = True) -> xr.Dataset:
-    """Reduce a line of soundings anew.
+    """Reduce a line of soundings again.
 
     Parameters
     ----------
     soundings : xarray.Dataset
-        Simulated or read from a file; `mitsonar.hydrography.record` says what it holds.
+        Line, simulated or read from a file, as described in `mitsonar.hydrography.record`.
     profile : SoundSpeedProfile or None
-        In place of the cast of the record.
+        Profile in place of the record's cast.
     head_speed : array (ping,) or float [m/s], or None
-        In place of the record's: what the angles are read with, and the node at the arrays.
+        Sound speed at the head in place of the record's, for the angles and for the node at the arrays.
     node : bool
-        Whether the head's speed is the profile's node at the arrays.
+        True if the head's speed is the profile's node at the arrays.
     under_way : bool
-        Whether the way counts that the platform makes while an echo comes in; some instruments leave it out.
+        True to include the motion of the platform during reception; some instruments leave it out.
 
     Returns
     -------
     xarray.Dataset
-        With the new places, cast and head's speed. Depths of the bed and errors at the old places are left out.
+        Line with the new places, cast and head's speed. Depths of the bed and errors at the old places are left out.
         Soundings whose rays turn back before they arrive are no longer valid.
 
     Raises
     ------
     ValueError
-        If it is no line of soundings, or a speed is not a number that water has.
+        If the dataset is no line of soundings, or a speed is impossible for water.
     """
     check(soundings)
     profile = profile_of(soundings) if profile is None else profile
@@ -73,12 +72,12 @@ def resounded(soundings: xr.Dataset, profile: SoundSpeedProfile | None = None, h
 
 
 def placed(places: Located) -> dict[str, np.ndarray]:
-    """Return what a record holds of places (ping, beam), by name."""
+    """Return the variables of places (ping, beam) of a record, by name."""
     return {name: getattr(places, name) for name in PLACES}
 
 
 def measured_of(soundings: xr.Dataset) -> Measured:
-    """Take what the sonar measured out of a record: (ping, beam), NaN where a sounding is not valid."""
+    """Return the measurement in a record: (ping, beam), NaN for soundings that are not valid."""
     valid = soundings["valid"].values
     sector = np.clip(soundings["sector"].values, 0, soundings.sizes["transmission"] - 1)
     sent = soundings["ping_time"].values[:, None]
@@ -99,7 +98,7 @@ def installation_of(soundings: xr.Dataset, head: int | None = None) -> Installat
 
 
 def heads_of(soundings: xr.Dataset) -> list[tuple[int | None, np.ndarray]]:
-    """Receiving heads and their pings; None where there is one."""
+    """Return receiving heads and their pings; None if there is a single head."""
     if "head" not in soundings or "head_receive_offset" not in soundings:
         return [(None, np.arange(soundings.sizes["ping"]))]
     heads = soundings["head"].values
@@ -123,7 +122,7 @@ def profile_of(soundings: xr.Dataset) -> SoundSpeedProfile:
 
 
 def _speeds(given: ArrayLike, soundings: xr.Dataset) -> np.ndarray:
-    """The head's speed (ping,) of every ping."""
+    """Return the head's speed (ping,) of every ping."""
     pings, speeds = soundings.sizes["ping"], np.asarray(given, float)
     if speeds.shape not in ((), (1,), (pings,)):
         raise ValueError(f"head_speed has the shape {speeds.shape}; give one speed, or one for each of {pings} pings.")

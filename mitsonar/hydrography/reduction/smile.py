@@ -1,16 +1,17 @@
-"""The refraction smile: what a wrong profile, or a wrong sound speed at the head, does to a level bed, by ray theory.
+"""Refraction smile: the effect of a wrong profile, or a wrong sound speed at the head, on a level bed, by ray theory.
 
-A beam of slowness p is heard after the time t. With s = √(1 - p² c²), to first order in the error δc(z) of the profile
+A beam of slowness p arrives after the time t. With s = √(1 - p² c²), to first order in the error δc(z) of the profile
 
     δz = c_b s_b ∫ (1 - 2 p² c²) / (c² s³) δc dz          δx = ∫ p / s³ δc dz + δz p c_b / s_b
 
-from the derivatives of time and range at fixed p; the integrals run from the array to the bed, b is at the bed. Of a
-speed δc_h that the sines of a level array are read with wrongly, δp = -p δc_h / c_h, with D = dx/dp = ∫ c / s³ dz:
+from the derivatives of time and range at fixed p; the integrals run from the array to the bed, b is at the bed. An
+error δc_h of the speed by which the sines of a level array are converted, δp = -p δc_h / c_h, has the effect, with
+D = dx/dp = ∫ c / s³ dz:
 
     δz = c_b s_b p² D δc_h / c_h                          δx = -p D δc_h / c_h + δz p c_b / s_b
 
-In uniform water this is δz = z (1 - tan²θ) δc / c and z tan²θ δc_h / c_h: the first changes sign at 45 degrees. What
-the first order leaves out is of the size of δc / (c s²) of it.
+In uniform water this is δz = z (1 - tan²θ) δc / c and z tan²θ δc_h / c_h: the first changes sign at 45 degrees. The
+neglected orders are smaller by a factor of about δc / (c s²).
 """
 from __future__ import annotations
 
@@ -34,9 +35,9 @@ class Smile:
     Attributes
     ----------
     across : array (...) [m]
-        Where the soundings truly are.
+        True places of the soundings across the track.
     depth_error, across_error : array (...) [m]
-        Too deep, and too far to starboard; NaN where no direct ray goes.
+        Positive: too deep, and too far to starboard; NaN where no direct ray arrives.
     """
 
     across: np.ndarray
@@ -51,10 +52,10 @@ def smile_of_profile(true: SoundSpeedProfile, used: SoundSpeedProfile, head_dept
     Parameters
     ----------
     true, used : SoundSpeedProfile
-        Both hold the head's speed where they are to: what is read at the head is a node of both, or of none.
+        True and used profile; both or neither have the measured speed at the head as a node.
     head_depth, bed_depth : float [m]
     across : array (...) [m]
-        True places across track.
+        True places across the track.
 
     Returns
     -------
@@ -75,15 +76,17 @@ def smile_of_profile(true: SoundSpeedProfile, used: SoundSpeedProfile, head_dept
 
 def smile_of_head(true: SoundSpeedProfile, error: float, head_depth: float, bed_depth: float,
                   across: ArrayLike) -> Smile:
-    """Return the smile of a wrong sound speed at the head: right sines of a level array, read with it.
+    """Return the smile of a wrong sound speed at the head, which converts the correct sines of a level array.
 
     Parameters
     ----------
     true : SoundSpeedProfile
+        True profile.
     error : float [m/s]
-        Of the head's speed: what is read less what is true.
+        Error of the head's speed: measured minus true.
     head_depth, bed_depth : float [m]
     across : array (...) [m]
+        True places across the track.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Uncertainty of soundings, a priori: what the accuracies of all sensors come to at every sounding.
+"""A-priori uncertainty of soundings, from the accuracies of all sensors.
 
 With the sounding at x ahead, y to starboard and h below, r and ρ its distances along the ray and in the plane, α the
 steered angle, β the tilt of the receive array (roll and mounting), and tan θ = ρ / h, all from the arrays, but of roll,
@@ -16,10 +16,10 @@ pitch and heading from the reference point, about which those turn the arrays, t
     profile        h (1 - tan²θ) σ_c / c          2 ρ σ_c / c
     head           -y σ_θ                         h σ_θ,     σ_θ = |sin β / (cos α cos(α - β))| σ_ch / c
 
-A sounding's depth is right if it is that of the bed where the sounding lies. Detection, angle, roll, profile and head
-move a sounding within the plane of its beam: up or down and aside at once. On a bed that falls to starboard by tan s,
-the depth is off by v - w tan s of theirs, w to starboard; the fall is taken from the beams around. Other causes count
-by v alone. Squares are added. The first rows are those of Hare (1995), International Hydrographic Review 72(2), 37; the
+A sounding's depth is compared with the bed at its place. Detection, angle, roll, profile and head move a sounding
+within the plane of its beam, vertically and sideways at once. On a bed that falls to starboard by tan s, their effect
+on the depth is v - w tan s, w to starboard; the slope is estimated from the beams around. Other causes count by v
+alone. Squares are added. The first rows are those of Hare (1995), International Hydrographic Review 72(2), 37; the
 profile's is of beams whose slowness is right (`smile`), and the head's what is left of its error where the angles are
 read with the speed they were steered with: nothing of a level array (`reduction`). Rays are taken to be straight in all
 that multiplies an accuracy. σ_t is the travel time over 10^quality where the record has the quality of detection.
@@ -41,23 +41,23 @@ STEEPEST = 1.0                     # of a fall that is believed
 
 @dataclass(frozen=True, kw_only=True)
 class Accuracies:
-    """Standard deviations of what a sounding is made of; the defaults are those of a good inertial system.
+    """Standard deviations of the quantities of a sounding; the defaults are those of a good inertial system.
 
     Attributes
     ----------
     time : float [s]
-        Of detection, both ways, where the record has no quality.
+        Detection, two-way, for records without a quality.
     angle, roll, pitch, heading : float [rad]
-        The first is that of the beam's steering.
+        Steering angle of the beam, and attitude.
     heave : float [m]
     heave_share : float
-        Of the heave, if that is more.
+        Share of the heave, if that is larger.
     draught : float [m]
-        Of the arrays' depth.
+        Depth of the arrays.
     position : float [m]
-        Of the distance in the plane.
+        Horizontal distance.
     latency : float [s]
-        Between motion sensors and sonar.
+        Delay between motion sensors and sonar.
     profile, head : float [m/s]
         Sound speed over the column, and at the head.
     """
@@ -84,14 +84,14 @@ class Accuracies:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Deviations:
-    """Standard deviations of what each sounding of a record was measured by, where detection knows them.
+    """Standard deviations of the measurement of each sounding of a record, from its detection.
 
     Attributes
     ----------
     time : array (ping, beam) [s]
         In place of the record's quality.
     angle : array (ping, beam) [rad]
-        In place of the steering's.
+        In place of that of the steering.
     """
 
     time: np.ndarray
@@ -185,7 +185,7 @@ def _fall(soundings: xr.Dataset) -> np.ndarray:
 
 
 def _time(soundings: xr.Dataset, accuracies: Accuracies) -> np.ndarray:
-    """Standard deviation of detection [s]: (ping, beam)."""
+    """Return the standard deviation of detection [s]: (ping, beam)."""
     given = np.full(soundings["depth"].shape, accuracies.time)
     if "quality" not in soundings:
         return given

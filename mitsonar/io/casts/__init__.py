@@ -1,8 +1,8 @@
-"""Sound-speed casts as instruments and survey software write them, recognised by content and not by suffix.
+"""Sound-speed casts in the files of instruments and survey software, recognised by content, not by suffix.
 
-`FORMATS` lists what is known. A new format is one file: a test of the lines that carry content, and a reader that
-takes all lines and the number of the section asked for and gives `Samples`; and its row in the list. What is the same
-for all comes after: `cleaning` says what becomes of the samples, `completion` of what the file does not give.
+`FORMATS` lists the known formats. A new format is one file, with a function that recognises its lines and a reader that
+takes all lines and the number of a section and returns `Samples`, and a row in the list. The rest is common to all
+formats: `completion` cleans the samples and computes missing quantities.
 """
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -44,16 +44,16 @@ def read(path: FilePath, section: int = 0, *, sound_speed: str = "file", extensi
     Parameters
     ----------
     path : str or path
-        A file in one of `FORMATS`; the last is a plain table of depth [m] and sound speed [m/s] divided by commas,
-        semicolons, tabs or spaces, with or without a header, comments after #.
+        A file in one of `FORMATS`; the last of them is a plain table of depth [m] and sound speed [m/s], separated by
+        commas, semicolons, tabs or spaces, with or without a header, with comments after #.
     section : int
-        Which cast of a file that holds several, from 0.
+        Number of the cast in a file with several casts, from 0.
     sound_speed : {"file", "teos-10"}
-        Of the file, computed only where that has none; or by TEOS-10 from temperature and salinity (or conductivity)
-        whatever the file gives.
+        The file's sound speed, computed only if missing; or sound speed by TEOS-10 from temperature and salinity (or
+        conductivity) in any case.
     extension : {"constant", "gradient"}
-        Below the deepest sample: the last sound speed, or that of mixed water at rising pressure down to 12000 m, as
-        in `completion`. Above the first sample it is constant.
+        Sound speed below the deepest sample: its last value, or that of mixed water at rising pressure down to 12000 m,
+        as in `completion`. Above the first sample it is constant.
 
     Returns
     -------
@@ -62,11 +62,11 @@ def read(path: FilePath, section: int = 0, *, sound_speed: str = "file", extensi
     Raises
     ------
     FileNotFoundError
-        If there is no such file.
+        If the file does not exist.
     ValueError
-        If the file is too large, its content is none of the known formats, a value is not a number or out of range,
-        depths do not increase in a plain table (the line is named), a recording holds no water or no way down, what
-        a sound speed is to be computed from is missing, there is no such section, or a choice is unknown.
+        If the file is too large, its format is unknown, a value is not a number or out of range, depths do not increase
+        in a plain table (the line is named), a recording holds no water or no way down, data for the sound speed are
+        missing, the section does not exist, or a choice is unknown.
     """
     for what, choice, choices in (("sound_speed", sound_speed, SOUND_SPEEDS), ("extension", extension, EXTENSIONS)):
         if choice not in choices:

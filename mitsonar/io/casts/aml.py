@@ -1,10 +1,10 @@
 """AML: sections of ``name=value``, from ``[cast header]`` to ``[data]``, newer ``[Header]`` to ``[MeasurementData]``.
 
-Columns are named by a line of titles at the head of the data, or by ``Columns=`` and ``Units=``. Where neither is
-there, the settings of the instrument tell them: date and time, then the sensors slot by slot (``CT.X C SN ... T SN``
+Columns are named by a line of titles at the head of the data, or by ``Columns=`` and ``Units=``. Without either, the
+settings of the instrument determine them: date and time, then the sensors slot by slot (``CT.X C SN ... T SN``
 is conductivity [mS/cm] and temperature, ``P.X`` pressure [dbar], ``SV.X`` sound speed), then battery, salinity,
-density and sound speed, each if it was to be displayed. Salinity must then be what conductivity, temperature and
-pressure give, or the columns are not what they were taken for.
+density and sound speed, each if it was displayed. Salinity must then agree with conductivity, temperature and pressure;
+otherwise the columns were not recognised correctly.
 """
 import re
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ SALINITIES_AGREE = 0.5
 
 
 def recognises(content: Sequence[str]) -> bool:
-    """Tell whether these lines are of the format."""
+    """Return True if the lines have this format."""
     first = content[0].strip().lower()
     return first in ("[cast header]", "[header]", "[instrument]") or (
         first.startswith("[") and any(_begins_data(line) for line in content))
@@ -91,7 +91,7 @@ def _columns(notes, rows, line):
 
 
 def _each_once(titles):
-    """Blank the titles of second sensors, of which an instrument may carry several; doubled depths stay."""
+    """Blank the titles of second sensors, which an instrument may carry; doubled depths stay."""
     seen, kept = set(), []
     for title in titles:
         what, _ = fields.title(title)

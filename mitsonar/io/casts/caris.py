@@ -7,7 +7,7 @@ from .records import Samples
 
 
 def recognises(content: Sequence[str]) -> bool:
-    """Tell whether these lines are of the format."""
+    """Return True if the lines have this format."""
     return content[0].strip().upper().startswith("[SVP_VERSION")
 
 
@@ -15,7 +15,7 @@ def read(lines: Sequence[str], section: int) -> Samples:
     """Return the samples of a section; see `mitsonar.io.casts.read`."""
     starts = [k for k, line in enumerate(lines) if line.lower().startswith("section")]
     if not 0 <= section < len(starts):
-        raise ValueError(f"section {section} was asked for, but the file holds {len(starts)}; count from 0.")
+        raise ValueError(f"section {section} does not exist; the file holds {len(starts)}; count from 0.")
     start, end = starts[section], (*starts, len(lines))[section + 1]
     rows = [(number, line.split()) for number, line in enumerate(lines[start + 1:end], start + 2) if line.strip()]
     header = re.match(r"section\s+(\d{4}-\d{3}\s+\d+:\d+:\d+)\s+(\S+)\s+(\S+)", lines[start], re.IGNORECASE)

@@ -10,7 +10,7 @@ COLUMNS = {"depth": "Depth (Meter)", "sound speed": "Sound velocity (Meters per 
 
 
 def recognises(content: Sequence[str]) -> bool:
-    """Tell whether these lines are of the format."""
+    """Return True if the lines have this format."""
     return re.match(r"%\s*device\s*,", content[0], re.IGNORECASE) is not None
 
 

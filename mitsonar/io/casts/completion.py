@@ -1,28 +1,27 @@
-"""Completion of casts: depth from pressure, salinity from conductivity, sound speed from both, and extension downwards.
+"""Completion and cleaning of casts.
 
     z = z(p, latitude)    S = S(C, T, p)    c = c(S, T, z)                                     TEOS-10, by gsw
     c(z) = c(z_K) + c(S_K, T_K, z) - c(S_K, T_K, z_K)    below the deepest sample K           extension "gradient"
 
-Above its first sample and below its last a profile is constant; the extension "constant" leaves it so. "gradient" is
-water that is mixed down to the seabed: the temperature and salinity of the deepest sample (`MIXED` where it has none:
-over all seas the gradient differs by 3 %), at rising pressure, about 0.0164 1/s.
+Above its first sample and, with the extension "constant", below its last sample a profile is constant. "gradient" is
+water that is mixed down to the seabed: the temperature and salinity of the deepest sample (`MIXED` for a cast without
+them: over all seas the gradient differs by 3 %), at rising pressure, about 0.0164 1/s.
 
-From the samples of an instrument to the nodes of a profile: the water only, the way down only, each depth once.
+Cleaning turns the samples of an instrument into nodes of a profile. An instrument logs in time: in air, at rest under
+the surface until its sensors have settled (the soak), down, and up through water that it has stirred. These samples are
+kept:
 
-An instrument logs in time: in air, at rest under the surface until its sensors have settled (the soak), down, and up
-through water that it has stirred. What is kept:
-
-- samples in the water. In air are those with a sound speed below `SLOWEST_WATER`, and those within `SPLASH` of the
+- samples in water. Samples in air are those with a sound speed below `SLOWEST_WATER`, and those within `SPLASH` of the
   surface whose conductivity is below half the median of the cast (a cell half full of water);
-- of these, no depth that departs from the median of the five around it by more than `SPIKE` and ten times the step
-  that three quarters of the samples stay below: one wrong pressure must not be the deepest sample;
-- of these, what comes before the deepest sample and, where the instrument came up again by more than `RISE` to less
-  than `SOAK` before it went down for good, what comes after the top of that turn;
+- of these, samples whose depth does not differ from the median of the five around it by more than `SPIKE` and ten times
+  the step that three quarters of the samples stay below: a wrong pressure must not be the deepest sample;
+- of these, samples before the deepest one and, if the instrument came up again by more than `RISE` to less than `SOAK`
+  before its final descent, only those after that turn;
 - of these, samples at least as deep as every sample before, so that heave does not fold the profile;
-- of these, one for each depth: samples less than `SAME_DEPTH` deeper than the first of a group are averaged.
+- of these, one sample for each depth: samples less than `SAME_DEPTH` deeper than the first of a group are averaged.
 
-Processed casts are sorted, and samples at one depth averaged. A plain table is taken at its word: there a
-depth that does not increase is an error.
+Processed casts are sorted, and samples at one depth averaged. A plain table is used as written: a depth that does not
+increase is an error.
 """
 import gsw
 import numpy as np
@@ -40,7 +39,7 @@ SPIKE = 1.0             # [m]
 
 
 def cleaned(samples: Samples) -> tuple[Samples, Cleaning]:
-    """Clean samples that have a depth, by their state."""
+    """Return the cleaned samples, which have a depth, by their state."""
     counts = {"read": samples.lines.size + samples.flagged, "flagged": samples.flagged}
     if samples.state == "ordered":
         _check_order(samples)
@@ -118,7 +117,7 @@ def _deepening(samples):
 
 
 def _merged(samples, width):
-    """Average the samples of each depth, which are sorted; give them and how many vanished."""
+    """Return the averages of the samples of each depth, which are sorted, and the number of merged samples."""
     depth, starts = samples.columns["depth"], [0]
     for k, value in enumerate(depth.tolist()):
         if value - depth[starts[-1]] > width:

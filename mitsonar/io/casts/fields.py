@@ -37,7 +37,7 @@ POSITION = re.compile(r"([+-]?\d+(?:\.\d+)?)(?:[\s:d\N{DEGREE SIGN}]+(\d+(?:\.\d
 def only_section(section: int) -> None:
     """Refuse any section but the first, for formats that hold one cast a file."""
     if section != 0:
-        raise ValueError(f"section {section} was asked for, but the format holds one cast a file; leave section out.")
+        raise ValueError(f"section {section} does not exist; this format has one cast per file: leave section out.")
 
 
 def shown(text: str) -> str:
@@ -47,7 +47,7 @@ def shown(text: str) -> str:
 
 
 def number(text: str) -> float:
-    """Return the number a field holds, NaN where it holds none."""
+    """Return the number in a field, NaN if there is none."""
     try:
         return math.nan if "_" in text else float(text)    # Python's 1_500 is no number to others
     except ValueError:
@@ -111,7 +111,7 @@ def titled(line: int, header: Sequence[str]) -> dict[str, tuple[int, float]]:
 
 
 def suffices(quantities: Collection[str | None]) -> bool:
-    """Tell whether quantities of these names give a sound speed against depth."""
+    """Return True if quantities of these names determine sound speed against depth."""
     named = set(quantities)
     salted = "temperature" in named and not named.isdisjoint(("salinity", "conductivity"))
     return not named.isdisjoint(("depth", "pressure")) and ("sound speed" in named or salted)
@@ -141,7 +141,7 @@ def position(text: str, name: str) -> float | None:
 
 
 def instant(text: str, *layouts: str) -> datetime.datetime | None:
-    """Return the time that a text holds in one of the layouts of ``strptime``, in UTC; None if in none of them."""
+    """Return the time in a text, by the first fitting layout of ``strptime``, in UTC; None if none fits."""
     for layout in layouts:
         try:
             return datetime.datetime.strptime(" ".join(text.split()), layout).replace(tzinfo=datetime.timezone.utc)

@@ -6,7 +6,7 @@ from .records import Samples
 
 
 def recognises(content: Sequence[str]) -> bool:
-    """Tell whether these lines are of the format."""
+    """Return True if the lines have this format."""
     return content[0].split()[:2] == ["FTP", "NEW"]
 
 

@@ -9,7 +9,7 @@ from .records import Samples
 
 
 def recognises(content: Sequence[str]) -> bool:
-    """Tell whether these lines are of the format."""
+    """Return True if the lines have this format."""
     return re.match(r"\s*\(\s*soundvelocity\b", content[0], re.IGNORECASE) is not None
 
 

@@ -1,4 +1,4 @@
-"""Content of a cast's file (`Samples`), what was left out of it (`Cleaning`), and the cast itself (`Cast`)."""
+"""Content of a cast's file (`Samples`), the result of its cleaning (`Cleaning`), and the cast itself (`Cast`)."""
 import datetime
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from mitsonar.water.profile import SoundSpeedProfile
 
 @dataclass(frozen=True, kw_only=True)
 class Cleaning:
-    """Count the samples of a file and why some are no nodes of the profile."""
+    """Numbers of samples of a file, and of those left out by reason."""
 
     read: int  # samples in the file (or its section)
     flagged: int = 0  # marked bad by the instrument's own software
@@ -25,7 +25,7 @@ class Cleaning:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Samples:
-    """Hold what a file says, before anything is cleaned or computed."""
+    """Content of a file before cleaning and completion."""
 
     lines: np.ndarray  # (K,): line numbers in the file
     columns: dict[str, np.ndarray]  # (K,): of `fields.QUANTITIES`, in their units

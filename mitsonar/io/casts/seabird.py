@@ -34,7 +34,7 @@ NO_NUMBER = -9.990e-29
 
 
 def recognises(content: Sequence[str]) -> bool:
-    """Tell whether these lines are of the format."""
+    """Return True if the lines have this format."""
     return content[0].lower().startswith("* sea-bird") or any(line.strip() == "*END*" for line in content)
 
 

@@ -1,4 +1,4 @@
-"""A plain table: depth and sound speed, or what they are computed from, with or without a header."""
+"""Plain table of depth and sound speed, or of quantities that determine it, with or without a header."""
 from collections.abc import Sequence
 
 from . import fields
@@ -6,7 +6,7 @@ from .records import Samples
 
 
 def recognises(content: Sequence[str]) -> bool:
-    """Tell whether these lines are of the format."""
+    """Return True if the lines have this format."""
     first, second = (_split(line) for line in (*content, "")[:2])
     named = {what for what, _ in map(fields.title, first)}
     return _numeric(first) or (_numeric(second) and len(first) == len(second)) or fields.suffices(named)

@@ -1,4 +1,4 @@
-"""The lines of a text file, whatever its encoding, in bounded memory."""
+"""Lines of a text file in any encoding, in bounded memory."""
 from pathlib import Path
 
 MOST_BYTES, MOST_LINES, LONGEST = 32 * 2**20, 1_000_000, 10_000  # hours at 24 samples a second; no line is that long
@@ -7,8 +7,8 @@ MOST_BYTES, MOST_LINES, LONGEST = 32 * 2**20, 1_000_000, 10_000  # hours at 24 s
 def read_lines(path: Path) -> list[str] | None:
     """Read the lines of a text file.
 
-    UTF-8, UTF-16 with its mark, or else Windows-1252, of which every byte is some character: the degree signs of
-    older software matter less than the numbers beside them.
+    UTF-8, UTF-16 with its mark, or else Windows-1252, in which every byte is a character: wrong degree signs of older
+    software do not matter, as the numbers are right.
     """
     size = path.stat().st_size
     if size > MOST_BYTES:

@@ -11,7 +11,7 @@ UNITS = {"m": "depth", "dbar": "pressure"}
 
 
 def recognises(content: Sequence[str]) -> bool:
-    """Tell whether these lines are of the format."""
+    """Return True if the lines have this format."""
     return any(line.lower().startswith(("minisvp:", "pressure units:")) for line in content[:20])
 
 

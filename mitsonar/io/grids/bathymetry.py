@@ -1,15 +1,15 @@
-"""Surveyed bathymetry from grids (GeoTIFF, BAG, netCDF, ESRI ASCII, what else GDAL opens, ``.npy``) and soundings.
+"""Surveyed bathymetry from grids (GeoTIFF, BAG, netCDF, ESRI ASCII, other formats of GDAL, ``.npy``) and soundings.
 
-`read` gives the heights as they will be meshed: z up, rows running north, columns east, metres about a local origin,
-NaN where nothing was measured. Grids in degrees, in feet or turned against north are warped to a grid in metres; every
-node then is interpolated from measured nodes only, so fill values never bleed into the seabed.
+`read` returns heights as they are meshed: z up, rows running north, columns east, metres about a local origin, NaN
+without data. Grids in degrees, in feet or rotated against north are warped to a grid in metres; nodes are interpolated
+from measured nodes only, so that fill values never spread into the seabed.
 
-Holes of a survey filled by the smoothest bed that overshoots nowhere.
+Holes of a survey are filled by the smoothest surface without overshoot:
 
     laplacian(height) = 0 in the hole, heights of the survey on its rim
 
-Such a surface has its highest and lowest point on the rim. The equation is that of five nodes, with the steps of the
-grid, and conjugate gradients solve it, from the solution on a grid of half as many rows and columns on.
+Its highest and lowest points lie on the rim. The equation uses five nodes with the grid's steps; it is solved by
+conjugate gradients, which start from the solution on a grid with half as many rows and columns.
 """
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ _TOLERANCE = 3e-4             # of the residual, relative; the rest is clipped t
 
 
 def fill_holes(heights: np.ndarray, steps: tuple[float, float], widest: float | None = None) -> np.ndarray:
-    """Fill the holes that the survey surrounds; what reaches the grid's edge lies outside the survey and stays open.
+    """Fill the holes that the survey surrounds; holes at the grid's edge stay open.
 
     Parameters
     ----------
     heights : float32 array (Y, X) [m]
-        NaN is a hole. It is left as it is.
+        Heights; NaN is a hole. Not changed.
     steps : tuple of 2 floats [m]
         Distance of columns and of rows.
     widest : float [m], optional
-        Wider holes stay open: width is the diameter of the largest circle that finds room between soundings.
+        Width of the widest hole to fill: the diameter of the largest circle within it.
 
     Returns
     -------
@@ -131,22 +131,22 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bathymetry:
-    """Hold the heights of a seabed on a regular grid.
+    """Heights of a seabed on a regular grid.
 
     Parameters
     ----------
     x, y : float64 array (X,), (Y,) [m]
         Local coordinates of columns (east) and rows (north), increasing by a constant step.
     heights : float32 array (Y, X) [m]
-        z up from the survey's datum; NaN where there is no depth.
+        z up from the survey's datum; NaN without a depth.
     local_origin : tuple of 2 floats [m]
         Easting and northing of x = 0, y = 0.
     crs : str
-        Coordinate system of the origin, as an EPSG code or WKT; empty where the file names none.
+        Coordinate system of the origin, as an EPSG code or WKT; empty if the file has none.
     vertical : str
-        How the file's numbers were taken: "elevation" (positive up) or "depth" (positive down).
+        Sign of the file's numbers: "elevation" (positive up) or "depth" (positive down).
     roughness : RoughnessSpectrum or None
-        That of the relief which was added below the survey's resolution.
+        Spectrum of the relief that was added below the survey's resolution.
     """
 
     x: np.ndarray
@@ -232,36 +232,36 @@ def read(path: FilePath, *, crop: Sequence[float] | None = None, centre: Sequenc
     ----------
     path : path
         A raster GDAL can open, an ``.npy`` array (Y, X) whose rows run north, or text of lines of x, y and z as
-        `soundings.read` takes it. Of a BAG of variable resolution the finest is taken, which the driver interpolates
-        to where it is coarser; the northernmost row of nodes is left out by it.
+        `soundings.read` takes it. A BAG of variable resolution is read at its finest resolution, to which the driver
+        interpolates; the driver leaves out the northernmost row of nodes.
     crop : 4 floats, optional
         West, south, east, north of the part to read; nodes on the edge belong to it.
     centre, size : 2 floats each, optional
-        The same as middle (by default the file's) and as width and height [m].
+        The same part by its middle (by default the file's) and its width and height [m].
     frame : str
-        Coordinates of ``crop`` and ``centre``: "projected" for the file's own, be they metres or degrees, "local" for
+        Coordinates of ``crop`` and ``centre``: "projected" for the file's own, metres or degrees, "local" for
         metres from the middle of the file's extent, rounded to metres.
     resolution : float [m], optional
-        Distance of the nodes; a coarser one averages, a finer one interpolates. By default the file's own; of
-        scattered soundings their mean distance, which is logged.
+        Node distance; a coarser one averages, a finer one interpolates. Default: the file's own; for scattered
+        soundings their mean distance, which is logged.
     vertical : str
-        "elevation" (positive up), "depth" (positive down), or "auto": depth if most numbers are positive. What was
-        taken is in the record, and logged.
+        "elevation" (positive up), "depth" (positive down), or "auto": depth if most numbers are positive. The
+        result is recorded and logged.
     band : int
         Band of the file, from 1.
     variable : str, optional
-        Which grid of a netCDF file; needed if it holds several of which not exactly one is called as heights are.
+        Grid of a netCDF file; needed if the names of several grids do not identify the one with heights.
     spacing : float [m], optional
-        Distance of the nodes of a file without georeference, such as ``.npy``.
+        Node distance of a file without georeference, such as ``.npy``.
     nodata : float, optional
-        Fill value, where the file does not declare it.
+        Fill value, if the file does not declare it.
     crs : str, optional
-        Coordinate system, where the file does not name it, such as "EPSG:4326".
+        Coordinate system, if the file does not name it, such as "EPSG:4326".
     local_origin : 2 floats [m], optional
         Easting and northing of the local origin; by default the middle of what is read, rounded to metres. Several
         files in one scene need a common one.
     holes : str
-        "cut", or "filled" where the part that is read surrounds them, see `hole_filling.fill_holes`.
+        "cut", or "filled" where soundings surround them, see `fill_holes`.
     holes_max : float [m], optional
         Width of the widest hole to fill.
     relief : Relief, optional
@@ -275,8 +275,8 @@ def read(path: FilePath, *, crop: Sequence[float] | None = None, centre: Sequenc
     Raises
     ------
     ValueError
-        If there is no such file, it is no raster, an argument does not fit it, nothing is left in the crop, or it
-        holds numbers that cannot be depths.
+        If the file does not exist or is no raster, an argument does not fit it, the crop is empty, or its numbers
+        cannot be depths.
     """
     if vertical not in ("auto", "elevation", "depth"):
         raise ValueError(f'{path}: vertical is "{vertical}"; it must be "auto", "elevation" or "depth".')
@@ -314,7 +314,7 @@ def read(path: FilePath, *, crop: Sequence[float] | None = None, centre: Sequenc
             heights = survey_relief.refine(x, y, heights, finer_x, finer_y, roughness, relief.seed)
             x, y = finer_x, finer_y
             if np.isnan(heights).all():
-                raise ValueError("there is no depth in the part asked for, only holes.")
+                raise ValueError("the requested part has no depths, only holes; choose another part.")
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     _log.info("%s: taken as %s, heights from %g to %g m", path, vertical, np.nanmin(heights), np.nanmax(heights))
@@ -348,11 +348,11 @@ def _measured(grid, depths, gamma):
 def _z_up(values, vertical):
     """Return the heights, z up, and how the numbers were taken."""
     if np.isnan(values).all():
-        raise ValueError("there is no depth in the part asked for, only holes.")
+        raise ValueError("the requested part has no depths, only holes; choose another part.")
     low, high = np.nanmin(values), np.nanmax(values)
     if max(-low, high) > _DEEPEST:
         fill = low if -low > high else high
-        raise ValueError(f"numbers reach from {low:g} to {high:g} m; if {fill:g} stands for no data, say so by nodata.")
+        raise ValueError(f"numbers reach from {low:g} to {high:g} m; if {fill:g} means no data, set nodata to it.")
     if vertical == "auto":
         vertical = "depth" if np.nanmedian(values) > 0 else "elevation"
     return (-values if vertical == "depth" else values), vertical

@@ -1,16 +1,14 @@
-"""Survey files as rasters, whatever they are: GDAL's formats, NumPy arrays, ESRI ASCII grids and lists of soundings.
+"""Survey files as rasters: GDAL's formats, NumPy arrays, ESRI ASCII grids and lists of soundings.
 
-GDAL reads most of them. What it would read wrongly or not at all comes in other ways: of a BAG of variable resolution
-it shows the coarse overview unless asked for the refinements, of netCDF axes it asks for attributes that many files
-lack, and of text grids it takes words, and what is missing, for 0.
+GDAL reads most of them. Three kinds need care: a BAG of variable resolution is opened with its refinements, not as the
+coarse overview; netCDF axes may lack attributes that GDAL requires; in text grids GDAL reads words and missing numbers
+as 0.
 
-Files are opened as one of `DRIVERS`, formats that hold their grid themselves, whatever the file's name. GDAL knows more
-by their content: descriptions that send it to other files or over the network, which a survey must not.
+Files are opened only as one of `DRIVERS`, formats that contain their grid themselves, whatever the file's name. GDAL
+also recognises descriptions that refer to other files or to the network, which a survey must not do.
 
-ESRI ASCII grids: six lines of header, then the heights by rows from the north.
-
-The header is GDAL's business. The heights are read here, because GDAL takes words among them, and those that are
-missing at the end of a file cut short, for 0, which is a depth.
+ESRI ASCII grids have six lines of header, then the heights by rows from the north. GDAL reads the header. The heights
+are read here, because GDAL takes words, and numbers missing from a truncated file, for 0, which is a depth.
 """
 import contextlib
 import itertools
@@ -41,7 +39,7 @@ _LONGEST = 200    # characters of a line of the header
 
 
 def is_ascii_grid(path: FilePath) -> bool:
-    """Tell whether a file starts as an ESRI ASCII grid does, whatever it is called."""
+    """Return True if a file starts as an ESRI ASCII grid does, whatever its name."""
     try:
         with open(path, "rb") as file:
             word = file.read(40).split()[:1]
@@ -57,17 +55,17 @@ def read_values(path: FilePath, rows: int, columns: int) -> np.ndarray:
     ----------
     path : path
     rows, columns : int
-        As the header says.
+        Size in the header.
 
     Returns
     -------
     float32 array (Y, X) [m]
-        Fill values as they are written.
+        Heights, with fill values as written.
 
     Raises
     ------
     ValueError
-        If there are more or fewer numbers than the header says, or one is none.
+        If the file has more or fewer numbers than the header states, or a word that is not a number.
     """
     count = rows * columns
     with open(path, encoding="ascii", errors="replace") as file:
@@ -84,7 +82,7 @@ def read_values(path: FilePath, rows: int, columns: int) -> np.ndarray:
                 values[filled:filled + len(words)] = words
             except ValueError:
                 word = next((word for word in words if not _is_number(word)), "a word")
-                raise ValueError(f"among the heights stands {word[:40]!r}, which is no number; repair the file."
+                raise ValueError(f"the heights contain {word[:40]!r}, which is not a number; repair the file."
                                  ) from None
             filled += len(words)
     if filled < count:
@@ -101,7 +99,7 @@ def _is_number(word):
 
 
 def _blocks(file):
-    """Return the words after the header, some lines at a time."""
+    """Yield the words after the header in blocks of lines."""
     rest = ""
     while (start := file.tell()) >= 0:
         line = file.readline(_LONGEST)
@@ -131,29 +129,29 @@ _stderr = threading.Lock()  # Mitsuba loads shapes in parallel
 def opened(path: FilePath, *, spacing: float | None = None, variable: str | None = None, crs: str | None = None,
            resolution: float | None = None, nodata: float | None = None,
            what: str = "bathymetry grid") -> "Iterator[tuple[DatasetReader, CRS | None]]":
-    """Open a survey as a raster, and say what GDAL objects to in a sentence.
+    """Open a survey as a raster; an objection of GDAL becomes an error of one sentence.
 
     Parameters
     ----------
     path : path
     spacing : float [m], optional
-        Distance of the nodes of an ``.npy`` array, which needs it; no other file takes it.
+        Node distance of an ``.npy`` array, required there and refused for other files.
     variable : str, optional
-        Which grid of a netCDF file that holds several.
+        Grid of a netCDF file with several grids.
     crs : str, optional
         Coordinate system of a file that names none.
     resolution : float [m], optional
-        Distance of the nodes on which scattered soundings are laid.
+        Node distance of the grid of scattered soundings.
     nodata : float, optional
-        Depth of soundings that stands for none.
+        Depth that marks missing soundings.
     what : str
-        What errors call the file.
+        Name of the file in error messages.
 
     Yields
     ------
     raster : rasterio dataset
     source : rasterio.crs.CRS or None
-        System of the file's own coordinates. Of soundings in degrees or feet the raster has another, in metres.
+        System of the file's own coordinates. The raster of soundings in degrees or feet has another one, in metres.
 
     Raises
     ------
@@ -294,7 +292,7 @@ def _check_companions(path):
 
 
 def _refuse_cut_classic(path):
-    """Refuse a netCDF file of the classic format that is cut off: the driver reads zeros for what is missing."""
+    """Refuse a truncated netCDF file of the classic format: the driver reads zeros for missing data."""
     from scipy.io import netcdf_file
 
     with open(path, "rb") as file:
@@ -343,7 +341,7 @@ def _soundings_as_raster(path, crs, resolution, nodata):
 
 def in_memory(values: np.ndarray, transform: "Affine", *, crs: "CRS | None" = None,
               nodata: float | None = None) -> "DatasetReader":
-    """Make a raster of an array: (Y, X), rows in the order that ``transform`` says."""
+    """Return a raster of an array (Y, X), whose rows have the order of ``transform``."""
     from rasterio.io import MemoryFile
 
     rows, columns = values.shape

@@ -22,7 +22,7 @@ _METRES = ("", "m", "metre", "metres", "meter", "meters")
 
 
 def check(raster: "DatasetReader", band: int) -> None:
-    """Raise `ValueError` if a raster has no such band, no place on Earth, or heights in another unit than metres."""
+    """Raise `ValueError` if a raster lacks the band or a place on Earth, or has heights in another unit than metres."""
     if raster.count == 0:
         parts = f"; it holds {', '.join(raster.subdatasets)}: name one of them" if raster.subdatasets else ""
         raise ValueError(f"the file has no grid of its own{parts}.")
@@ -96,7 +96,7 @@ def refuse_degrees(bounds: Sequence[float]) -> None:
 
 
 def crs_of(text: str) -> "CRS":
-    """Return the coordinate system that a text such as "EPSG:32632" names."""
+    """Return the coordinate system of a text, such as an EPSG code."""
     from rasterio import Env
     from rasterio.crs import CRS
     from rasterio.errors import CRSError
@@ -112,7 +112,7 @@ def crs_of(text: str) -> "CRS":
 
 
 def is_metric(crs: "CRS | None") -> bool:
-    """Tell whether coordinates are metres already; those of no system are taken for metres."""
+    """Return True if coordinates are in metres; coordinates without a system count as metres."""
     return crs is None or not (crs.is_geographic or (crs.is_projected and crs.linear_units_factor[1] != 1))
 
 
@@ -137,8 +137,8 @@ def utm(x: float, y: float, source: "CRS") -> "CRS":
 class RasterPart:
     """Part of a raster to read: a ``crop``, a ``size`` about a ``centre``, or all of it.
 
-    ``crop`` is west, south, east, north; ``frame`` tells whether it and ``centre`` are in the file's own coordinates
-    ("projected") or in metres from the middle of the file's extent, rounded to metres ("local").
+    ``crop`` is west, south, east, north. ``frame`` is the frame of ``crop`` and ``centre``: the file's own coordinates
+    ("projected"), or metres from the middle of the file's extent, rounded to metres ("local").
     """
 
     crop: Sequence[float] | None = None

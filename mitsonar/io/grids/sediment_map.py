@@ -1,15 +1,12 @@
-"""Maps of sediment classes laid on a survey: a raster of codes, and a table of what each code is.
+"""Maps of sediment classes on a survey: a raster of codes, and a table of their meaning.
 
     1: clay, 7: medium sand, nodata: sandy silt
 
-Cells of the survey take the class of the map's cell that their middle falls into, whatever system the map is in. Across
-a border `Painting` has the share of the class on its other side.
-
-How a map of classes goes over from one to the next: for each cell of a survey its class, another one, and that one's
-share.
+A cell of the survey has the class of the map's cell at its middle, in any coordinate system. Near a border, `Painting`
+holds the class on the other side and its share.
 
 Shares are those of `scattering.borders`, of the classes about a cell under a triangle of base w in both directions: two
-running means, each over half of w. Of more than two classes the most frequent other one counts.
+running means, each over half of w. With more than two classes the most frequent other one counts.
 """
 import os
 from dataclasses import dataclass
@@ -57,16 +54,16 @@ _SHOWN = 10                   # codes that an error lists
 
 @dataclass(frozen=True, kw_only=True)
 class ClassTable:
-    """Say what the codes of a map stand for."""
+    """Meaning of the codes of a map."""
 
     classes: dict[int, str]  # code -> sediment of TR 9407
     elsewhere: str | None = None  # sediment where the map has no code
 
     @classmethod
     def of(cls, text: str) -> "ClassTable":
-        """Make a table of a text such as "1: clay, 7: medium sand, nodata: sand", or of a CSV file's path.
+        """Read a table from a text such as "1: clay, 7: medium sand, nodata: sand", or from a CSV file.
 
-        The file has columns ``code`` and ``sediment``; "nodata" is a code in both.
+        The file has columns ``code`` and ``sediment``; "nodata" is a code in both forms.
         """
         if os.path.isfile(text):
             names, _, rows = tables.records(text, "class table")
@@ -100,7 +97,7 @@ class ClassTable:
         return list(dict.fromkeys(named))
 
     def numbers(self, codes: np.ndarray) -> np.ndarray:
-        """Return the places (N,) in ``sediments`` of codes (N,); NaN is where the map has none."""
+        """Return the places (N,) in ``sediments`` of codes (N,); NaN marks cells without a class."""
         found, inverse = np.unique(codes, return_inverse=True)
         place = np.zeros(found.size, np.uint32)
         unknown = [code for code in found if np.isfinite(code) and code not in self.classes]
@@ -130,7 +127,7 @@ class Painting:
 
 def paint(path: FilePath, survey: Bathymetry, table: ClassTable, cells: np.ndarray | None = None, *,
           crs: str | None = None, border: float | None = None) -> Painting:
-    """Read what `read` does, with borders of a width."""
+    """Read as `read`, with borders of a width."""
     # border [m]
     codes, cell = _read(path, survey, crs)
     chosen = np.arange(codes.size) if cells is None else cells
@@ -153,7 +150,7 @@ def read(path: FilePath, survey: Bathymetry, table: ClassTable, cells: np.ndarra
 
 
 def _read(path, survey, crs):
-    """Codes of the survey's cells, and the size of the map's own [m]."""
+    """Return the codes of the survey's cells, and the cell size [m] of the map."""
     try:
         with raster_files.opened(path, crs=crs, what="map of classes") as (raster, source):
             return _codes(raster, source, survey), _cell(raster, source, survey)
@@ -169,7 +166,7 @@ def _named(path, table, codes):
 
 
 def _cell(raster, source, survey):
-    """Mean side of the map's cells in its middle [m], in the survey's system."""
+    """Return the mean side of the map's cells in its middle [m], in the survey's system."""
     from rasterio.warp import transform
 
     column, row = raster.width / 2, raster.height / 2

@@ -109,7 +109,7 @@ class Soundings:
         return first[0] * resolution, (first[1] + rows - 1) * resolution, (resolution, resolution), values[::-1]
 
     def _regular(self):
-        """Return what `gridded` does of soundings that are the nodes of a regular grid, None of others."""
+        """Return the result of `gridded` for soundings at the nodes of a regular grid; None for others."""
         columns_of, rows_of = _lattice(self.x), _lattice(self.y)
         if columns_of is None or rows_of is None:
             return None
@@ -200,7 +200,7 @@ def _node(values, first, step):
 
 
 def _means(node, count, values):
-    """Return the mean of the values at each of ``count`` nodes, NaN where there is none."""
+    """Return the mean of the values at each of ``count`` nodes, NaN for nodes without values."""
     number = np.bincount(node, minlength=count)
     return np.bincount(node, values, minlength=count) / np.where(number, number, np.nan)
 
@@ -215,7 +215,7 @@ _GEOGRAPHIC = ("lon", "long", "longitude")
 
 
 def holds_soundings(path: FilePath) -> bool:
-    """Tell whether a file is text that starts with three numbers a line, or is called as such files are."""
+    """Return True if a file is text with three numbers a line at its start, or has a usual name of such files."""
     if os.path.isfile(path) and str(path).lower().endswith(_SUFFIXES):
         return True
     try:
@@ -317,7 +317,7 @@ def _layout(path):
 
 
 def _parsed(lines, divider, columns, before):
-    """Return x, y and z (N, 3) of some lines, the first of which has number ``before + 1``."""
+    """Return x, y and z (N, 3) of lines, the first of which has number ``before + 1``."""
     try:
         return np.loadtxt(lines, delimiter=divider, usecols=columns, ndmin=2, comments="#").reshape(-1, 3)
     except ValueError:

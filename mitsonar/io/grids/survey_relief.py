@@ -1,8 +1,8 @@
-"""A survey laid on a finer grid, with relief in place of what it could not resolve.
+"""Survey on a finer grid, with relief in place of the waves that it could not resolve.
 
-The survey's heights are interpolated by cubic splines; a random surface of the spectrum that the survey has at its
-shortest waves, continued as the power law it follows there, adds what splines leave out (`mitsonar.scattering.Fractal`
-with ``surveyed``). Longer waves stay as they were surveyed.
+The survey's heights are interpolated by cubic splines. A random surface adds the waves that splines leave out: its
+spectrum continues the survey's own spectrum at its shortest waves by the power law there (`mitsonar.scattering.Fractal`
+with ``surveyed``). Longer waves stay as surveyed.
 """
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
@@ -50,7 +50,7 @@ class FinerGrid(NamedTuple):
 
 def measure(read_window: Callable[[int, int, int], np.ndarray], shape: tuple[int, int], steps: tuple[float, float],
             gamma: float | None = None) -> RoughnessSpectrum:
-    """Measure the roughness of a survey on patches without holes, all over the file, whatever part of it is used."""
+    """Return the roughness of a survey from patches without holes all over the file, whatever part is used."""
     # steps [m]
     for size in (2 * SMALLEST_PATCH, SMALLEST_PATCH):
         patches = _patches(read_window, shape, size)

@@ -1,1 +1,1 @@
-"""Scene files and what they name: meshes, pictures, tables."""
+"""Scene files and the files that they name: meshes, pictures, tables."""

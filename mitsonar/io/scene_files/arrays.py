@@ -4,10 +4,10 @@
     0.0,-0.10,0.02,0,0,1,1.0,0
     0.0, 0.10,0.02,0,0,1,0.5,2.5e-6
 
-``x`` forward, ``y`` starboard and ``z`` down [m] from the array's centre, where the track leads; ``nx, ny, nz`` where
-the element looks, of any length; ``ax, ay, az`` which way its face's length lies; ``weight`` (0: failed) and ``delay``
-[s]. Only x, y and z must be there. Columns stand in any order, others are ignored, and so are empty lines and those
-starting with #. Commas, semicolons or tabs divide them.
+``x`` forward, ``y`` starboard and ``z`` down [m] from the array's centre, which follows the track; ``nx, ny, nz``
+normal of the element, of any length; ``ax, ay, az`` direction of its face's length; ``weight`` (0: failed) and
+``delay`` [s]. Only x, y and z are required. The order of columns is free; other columns, empty lines and lines starting
+with # are ignored. Commas, semicolons or tabs separate the columns.
 """
 from typing import Any
 
@@ -32,7 +32,7 @@ def read(path: FilePath, *, normal: str | np.ndarray = "down", along: str | np.n
     path : str or path
         A CSV file with the columns named above.
     normal, along : str or array (3,) [-]
-        For all elements, where the file has no such columns; as in `sonar.element_array`.
+        Directions for all elements, if the file has no such columns; as in `sonar.element_array`.
     **face
         length, height, pattern and baffle of the elements, as in `sonar.Array`.
 
@@ -47,7 +47,7 @@ def read(path: FilePath, *, normal: str | np.ndarray = "down", along: str | np.n
         If there is no such file.
     ValueError
         If a column is missing or doubled, a field is not a finite number (the line is named), a normal is zero, no
-        element has a weight, or no element is there.
+        element has a weight, or the file has no elements.
     """
     names, lines, rows = tables.records(path, "array")
     groups = [group for group in (NORMAL, ALONG) if any(name in names for name in group)]

@@ -4,8 +4,8 @@
     5, -38.2, -34.0
     45, -24.1, -21.5
 
-The first column is the grazing angle. One more column holds at all frequencies, whatever it is called; several are
-named by their frequencies in kHz. Rows may come in any order.
+The first column is the grazing angle. A single further column, of any name, is valid at all frequencies; several are
+named by their frequencies in kHz. Rows may have any order.
 """
 import re
 from pathlib import Path
@@ -39,7 +39,7 @@ def read(path: FilePath) -> EmpiricalSeabed:
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is no such table, or more would come back than arrives.
+        If it is no such table, or more power would be scattered than arrives.
     """
     names, lines, rows = records(path, "backscatter table")
     if len(names) < 2:
@@ -69,5 +69,5 @@ def read(path: FilePath) -> EmpiricalSeabed:
 def _frequency(path, name):
     found = FREQUENCY.search(name)
     if not found:
-        raise ValueError(f'{path}: the column "{name}" does not say its frequency; call it as "100 kHz".')
+        raise ValueError(f'{path}: the column "{name}" has no frequency in its name; name it as "100 kHz".')
     return float(found[1])

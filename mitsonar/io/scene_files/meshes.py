@@ -78,20 +78,20 @@ def check_target(path: FilePath) -> None:
 
 
 def check(path: FilePath, kind: str, index: int = 0) -> None:
-    """Refuse a mesh whose faces name vertices that are not there, which Mitsuba's readers believe.
+    """Refuse a mesh whose faces name missing vertices, which Mitsuba's readers do not check.
 
     Parameters
     ----------
     path : str or path
     kind : {"ply", "obj", "serialized", "linearcurve", "bsplinecurve"}
-        The reader it is meant for, whatever its name.
+        Reader that is to read the file, whatever its name.
     index : int
-        Which mesh of a serialized file.
+        Number of the mesh in a serialized file.
 
     Raises
     ------
     ValueError
-        If the file is damaged, of another kind, or too large for that reader; says what is wrong.
+        If the file is damaged, of another kind, or too large for that reader.
     """
     files.check_readable(path, "the mesh", "a mesh")
     try:
@@ -109,7 +109,7 @@ def check(path: FilePath, kind: str, index: int = 0) -> None:
 
 
 def _check_obj(path):
-    """Mitsuba checks the numbers of vertices itself, but takes what is in the memory for what corners leave out."""
+    """Refuse mixed corners: for parts that they lack, Mitsuba would read random memory."""
     _check_end(path)
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as text:
         for what, line in OBJ_LINES:
@@ -121,7 +121,7 @@ def _check_obj(path):
 
 
 def _check_end(path):
-    """Mitsuba maps a text file into memory, and looks for the end of its last line one byte beyond it."""
+    """Refuse a file that fills its last memory page: Mitsuba looks one byte beyond it for the end of its last line."""
     size = os.path.getsize(path)
     if size == 0:
         raise ValueError("it is empty")

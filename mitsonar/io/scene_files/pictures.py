@@ -1,7 +1,7 @@
-"""Pictures and volumes for textures, known by their headers before Mitsuba takes memory for what these claim.
+"""Checks of pictures and volumes for textures by their headers, before Mitsuba allocates memory for them.
 
-A picture of a few kilobytes may claim more pixels than any memory holds: Mitsuba's readers believe it, and two of them
-(Targa and Radiance) write beyond their memory where the content does not agree.
+A picture of a few kilobytes may claim more pixels than any memory holds: Mitsuba's readers do not check this, and two
+of them (Targa and Radiance) write beyond their memory if the content does not agree.
 """
 import os
 import struct
@@ -36,7 +36,7 @@ def check(path: FilePath) -> None:
 
 
 def check_volume(path: FilePath) -> None:
-    """Refuse a grid volume (``.vol``) that is shorter than its header says."""
+    """Refuse a grid volume (``.vol``) that is shorter than its header states."""
     files.check_readable(path, "the volume", "a grid volume")
     size = os.path.getsize(path)
     with open(path, "rb") as file:
@@ -70,7 +70,7 @@ def _by_pillow(kind):
 
 
 def _plain(path):
-    """PPM and PFM: words, one blank, and the numbers."""
+    """Check PPM and PFM: words, one blank, and the numbers."""
     with open(path, "rb") as file:
         words = file.read(400).split(maxsplit=4)[:4]
     if len(words) < 4 or not all(word.isdigit() for word in words[1:3]) or (words[0] == b"P6") != words[3].isdigit():

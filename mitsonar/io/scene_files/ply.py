@@ -1,6 +1,6 @@
-"""PLY meshes, checked as Mitsuba's reader takes them: triangles whose corners are vertices of the file.
+"""Checks of PLY meshes for Mitsuba's reader: triangles whose corners are vertices of the file.
 
-That reader believes the header and every index; one beyond the vertices is read and written outside memory.
+That reader checks neither the header nor any index; an index beyond the vertices accesses foreign memory.
 """
 import os
 import warnings
@@ -51,7 +51,7 @@ def check(path: FilePath) -> None:
 
 
 def _header(file):
-    """The byte order, None where the numbers are spelt, and the elements."""
+    """Return the byte order, None for numbers in text, and the elements."""
     order, elements, seen, left = "", [], 0, LONGEST_HEADER
     while True:
         line = file.readline(left)
@@ -123,7 +123,7 @@ def _check_faces(element, columns, vertices):
 
 
 def _spelt(file, elements):
-    """Blocks of the records of each element, (records, properties), from numbers that are spelt; all there are."""
+    """Yield blocks of the records of each element, (records, properties), from numbers in text."""
     blocks, kept = _numbers(file), np.empty(0)
     for element in elements:
         width, left = len(element.fields), element.count
@@ -145,7 +145,7 @@ def _next(blocks, otherwise):
 
 
 def _numbers(file):
-    """Arrays of the numbers that are left in a file, divided by white space and nothing else."""
+    """Yield arrays of the remaining numbers of a file, separated by white space only."""
     rest = b""
     while True:
         data = file.read(BLOCK)

@@ -116,7 +116,7 @@ def _known() -> tuple[str, ...]:
 
 
 def _form(path: FilePath, column: dict[str, np.ndarray]) -> np.ndarray:
-    """f [m] from the columns that hold it."""
+    """Return f [m] from its columns."""
     parts, level = [name for name in ("real", "imaginary") if name in column], column.get("target_strength_db")
     if (level is None) == (len(parts) < 2) or (level is not None and parts) or ("phase_deg" in column and parts):
         raise ValueError(f"cannot read the scattering function {path}: it needs target_strength_db, with phase_deg or "

@@ -48,7 +48,7 @@ def described(path: FilePath) -> tuple[str, list[Parameter]]:
 
 
 def _heading(text):
-    """Return a heading's paragraphs, a line each: a command stands alone."""
+    """Return a heading's paragraphs, one line each; a command is a line of its own."""
     paragraphs = [""]
     for line in map(str.strip, text.splitlines()):
         if line.startswith("mitsonar "):

@@ -20,7 +20,7 @@ MOST_INCLUDED = 1000               # files
 
 
 def find(name: str) -> str:
-    """Find a scene: a file, or one that comes with mitsonar by its name.
+    """Find a scene: a file, or a scene of mitsonar by its name.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def find(name: str) -> str:
     Raises
     ------
     FileNotFoundError
-        If there is neither; lists the scenes that come with mitsonar.
+        If neither exists; lists the scenes of mitsonar.
     """
     if os.path.isfile(name):
         return name
@@ -50,18 +50,18 @@ def find(name: str) -> str:
 
 
 def shipped() -> list[str]:
-    """Names of the scenes that come with mitsonar, sorted."""
+    """Return the sorted names of the scenes that mitsonar includes."""
     return sorted(os.path.splitext(entry.name)[0] for entry in resources.files("mitsonar.scenes").iterdir()
                   if entry.name.endswith(".xml"))
 
 
 def root(path: FilePath) -> ElementTree.Element:
-    """Parse a scene file and give its outermost element.
+    """Parse a scene file and return its outermost element.
 
     Raises
     ------
     FileNotFoundError, PermissionError
-        If there is no such file, or it may not be read.
+        If the file does not exist, or may not be read.
     ValueError
         If it is no ordinary file, too large, or no XML.
     """
@@ -80,7 +80,7 @@ def root(path: FilePath) -> ElementTree.Element:
 def place(path: FilePath, tag: str, name: str) -> str:
     """Return the file and the line that write an attribute of a kind of element, such as ``bins`` of a ``film``.
 
-    It is the file alone where several lines do, or none, as where an included file does.
+    The line is left out if several lines write it, or none does, as with an included file.
     """
     parser, within, lines = expat.ParserCreate(), [], []
 
@@ -105,7 +105,7 @@ def check(path: str, values: Mapping[str, str]) -> list[str]:
     ----------
     path : str
     values : dict of str to str
-        Of its parameters.
+        Values of its parameters.
 
     Returns
     -------
@@ -169,12 +169,12 @@ def filled(template: str, values: Mapping[str, str]) -> str:
 
 
 def text(name: str, value: object) -> str:
-    """Write a parameter's value as XML has it.
+    """Return the text of a parameter's value in XML.
 
     Parameters
     ----------
     name : str
-        Of the parameter.
+        Name of the parameter.
     value : number, str, bool, path, or a list of these
 
     Returns

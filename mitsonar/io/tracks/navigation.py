@@ -1,8 +1,8 @@
-"""Navigation as files hold it, and its way into a scene: east and north in metres about the scene's origin.
+"""Navigation in files, and its conversion to a scene: east and north in metres about the scene's origin.
 
 A file's positions are metres of its own, metres of a projection (eastings and northings), or degrees of latitude and
-longitude on WGS 84. A `Frame` says where on Earth a scene's x = y = 0 lies; degrees are projected to its coordinate
-system by PROJ, and a heading, which compasses count from true north, loses the convergence of the meridians there:
+longitude on WGS 84. A `Frame` is the place on Earth of a scene's x = y = 0. Degrees are projected to its coordinate
+system by PROJ; the convergence of the meridians is subtracted from headings, which refer to true north:
 
     heading from the scene's y axis = heading from true north - convergence
 
@@ -65,7 +65,7 @@ class Frame:
         Raises
         ------
         ValueError
-            If the frame has no coordinate system, or one without metres, or a point lies where it does not reach.
+            If the frame has no coordinate system, or one without metres, or a point lies outside its area.
         """
         import pyproj
 
@@ -128,15 +128,16 @@ class Frame:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Waypoints:
-    """Hold way points as they were written.
+    """Way points as written.
 
     Parameters
     ----------
     x, y : array (N,) [m] or [degrees]
         Eastings and northings; longitudes and latitudes if ``geographic``.
     z : array (N,) [m] or None
-        Up from the sea surface; None where none is written.
+        Up from the sea surface; None if not written.
     geographic : bool
+        True for degrees.
     """
 
     x: np.ndarray
@@ -151,21 +152,22 @@ class Waypoints:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Navigation:
-    """Hold a recorded track as its file has it.
+    """Recorded track as in its file.
 
     Parameters
     ----------
     time : array (P,) [s]
-        Strictly increasing.
+        Strictly increasing times.
     x, y : array (P,) [m] or [degrees]
-        Eastings and northings; longitudes (which may run on past 180) and latitudes if ``geographic``.
+        Eastings and northings; longitudes (which may continue past 180) and latitudes if ``geographic``.
     z : array (P,) [m] or None
-        Up from the mean sea surface, without heave; None where the file does not say.
+        Up from the mean sea surface, without heave; None if the file has none.
     heave, roll, pitch : array (P,) [m], [rad], [rad]
         Heave positive up.
     heading : array (P,) [rad] or None
-        From true north if ``geographic``, else from the y axis; None where the file does not say: the course.
+        From true north if ``geographic``, else from the y axis; None if the file has none: the course.
     geographic : bool
+        True for degrees.
     """
 
     time: np.ndarray
@@ -206,12 +208,12 @@ class Navigation:
 
 
 def middle(record: Waypoints | Navigation) -> Frame:
-    """Return the `Frame` about the middle of what a record in degrees covers."""
+    """Return the `Frame` about the middle of a record in degrees."""
     return Frame.about(*(0.5 * (float(np.min(axis)) + float(np.max(axis))) for axis in (record.y, record.x)))
 
 
 def _placed(record, frame):
-    """East and north of the frame's origin [m] and the convergence [rad], of a record's x and y."""
+    """Return east and north of the frame's origin [m] and the convergence [rad], from a record's x and y."""
     if record.geographic:
         return (frame or middle(record)).project(record.y, record.x)
     position = np.stack([record.x, record.y], -1)
@@ -219,11 +221,10 @@ def _placed(record, frame):
 
 
 def unrepeated(path: FilePath, time: np.ndarray, place: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Return places at times, of a record that may repeat each fix until the next one comes.
+    """Return places at the times of a record that may repeat each fix until the next one.
 
-    Pings are logged faster than positions: ten pings a second with one fix a second stand still nine times and then
-    jump. Where that is so, each fix counts once, when it is new, and curves without overshoot lead from one to the
-    next.
+    Pings are logged faster than positions: with ten pings and one fix a second, the place repeats nine times and then
+    jumps. In such records each new fix counts once; curves without overshoot connect the fixes.
     """
     # time (P,) [s]; place (P, 2) [degrees]; at (N,) [s] -> array (N, 2) [m] or [degrees]
     fixes = _fixes(time, place)
@@ -240,7 +241,7 @@ def unrepeated(path: FilePath, time: np.ndarray, place: np.ndarray, at: np.ndarr
 
 
 def _fixes(time, place):
-    """The numbers of the records that hold a new fix, or None where fixes are not repeated."""
+    """Return the numbers of the records with a new fix, or None if fixes are not repeated."""
     new = np.flatnonzero(np.r_[True, (np.diff(place, axis=0) != 0).any(1)])
     lasting = np.diff(np.r_[new, time.size])
     several = lasting > 1

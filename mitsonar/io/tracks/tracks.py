@@ -1,4 +1,4 @@
-"""Tracks and way points from files: CSV, where a header names the columns and a line follows per ping, and XTF.
+"""Tracks and way points from files: CSV, with a header and one line per ping, and XTF.
 
     time,x,y,z,roll,pitch,heading
     0.0,431000.0,5200000.0,-8.0,0.2,-1.0,270.0
@@ -7,14 +7,14 @@
 since 1970; ``x`` east and ``y`` north [m] (or ``easting``, ``northing``), or in their place ``latitude`` and
 ``longitude`` on WGS 84 [degrees] (or ``lat``, ``lon``); ``z`` up [m] or, in its place, ``depth`` positive down [m];
 ``heave`` [m], positive up, optional, is added to z; the angles in degrees, optional (0, but the heading then is the
-course), named with or without the suffix ``_deg``. A heading beside latitudes counts from true north. Columns stand in
-any order, others are ignored, and so are empty lines and those starting with #. Commas, semicolons or tabs divide them.
+course), named with or without the suffix ``_deg``. With latitudes, headings refer to true north. The order of columns
+is free; other columns, empty lines and lines starting with # are ignored. Commas, semicolons or tabs separate columns.
 
-Positions that are repeated until the next fix comes are used once each (`navigation.unrepeated`), with a warning.
+Positions repeated until the next fix are used once each (`navigation.unrepeated`), with a warning.
 
-Without ``time`` the lines are way points: x and y, or latitude and longitude, and z or depth if they say it.
+Without ``time`` the lines are way points: x and y, or latitude and longitude, and optionally z or depth.
 
-XTF files are known by their first bytes, see `navigation_xtf`.
+XTF files are recognised by their first bytes, see `io.xtf.navigation`.
 """
 import datetime
 import os
@@ -49,10 +49,10 @@ def read(path: FilePath, *, frame: Frame | None = None, depth: float = 0.0) -> T
     path : str or path
         A CSV file with the columns named above, or an XTF file.
     frame : mitsonar.io.tracks.navigation.Frame or None
-        Where x = y = 0 lies on Earth. None: metres stay as they are in the file, degrees are laid about the middle of
-        the track.
+        Place on Earth of x = y = 0. None: metres stay as in the file, degrees are projected about the middle of the
+        track.
     depth : float [m]
-        Of the sonar below the mean sea surface, for an XTF file that does not tell it.
+        Depth of the sonar below the mean sea surface, for an XTF file without it.
 
     Returns
     -------
@@ -74,7 +74,7 @@ def read(path: FilePath, *, frame: Frame | None = None, depth: float = 0.0) -> T
 
 
 def load(path: FilePath) -> Navigation | Waypoints:
-    """Read a track or way points as their file has them.
+    """Read a track or way points as in their file.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def load(path: FilePath) -> Navigation | Waypoints:
         If there is no such file.
     ValueError
         If a column is missing or doubled, a field is not a finite number (the line is named), time does not increase,
-        a position lies above the sea surface or on no globe, or nothing is there; for XTF as `navigation_xtf.read`.
+        a position lies above the sea surface or off the Earth, or the file is empty; for XTF as in `io.xtf.navigation`.
     """
     check_readable(path, "the track", "a CSV or XTF file")
     if navigation_xtf.recognised(path):
@@ -213,7 +213,7 @@ def _columns(path):
 
 
 def _times(path, numbers, column):
-    """Return seconds; what the first record holds, seconds or ISO 8601, all must hold."""
+    """Return seconds, from a column that holds seconds or ISO 8601 in all records."""
     if not INSTANT.fullmatch(column[0]):
         return tables.floats(path, numbers, "time", column)
     seconds = np.empty(len(column))

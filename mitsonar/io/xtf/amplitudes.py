@@ -1,8 +1,8 @@
-"""Samples of sidescan channels of XTF files, as the recorder wrote them: to judge pictures by, not levels.
+"""Samples of sidescan channels of XTF files as recorded, to compare pictures, not levels.
 
-XTF tells neither the gain that was applied nor the scale of the samples: ratios over short ranges are all that
-such amplitudes mean. Port channels are stored with the farthest sample first, by the format's convention; here both
-sides begin at the near end.
+XTF contains neither the applied gain nor the scale of the samples, so that only ratios over short ranges are
+meaningful. By the format's convention, port channels are stored with the farthest sample first; here both sides begin
+at the near end.
 """
 import numpy as np
 import xarray as xr

@@ -35,7 +35,7 @@ _FRACTIONS = {"Microsecond": 1e-6, "Millisecond": 1e-3, "HSeconds": 1e-2}
 
 
 def recognised(path: FilePath) -> bool:
-    """Tell whether a file is, or says it is, XTF: by its name, or by its first byte 123 with binary after it."""
+    """Return True if a file is XTF by its name, or by its first byte 123 followed by binary data."""
     with open(path, "rb") as file:
         start = file.read(1024)
     return str(path).lower().endswith(".xtf") or (start[:1] == b"\x7b" and b"\0" in start)
@@ -51,7 +51,7 @@ def read(path: FilePath) -> Navigation:
 
 
 def _packets(path):
-    """Return the units of navigation, a structured array of each kind of packet that tells of it, and of all pings."""
+    """Return the packets of navigation, a structured array of each kind, and of all pings."""
     import pyxtf
     from pyxtf.xtf_ctypes import XTFPacketClasses  # pyright: ignore[reportAttributeAccessIssue]  pyxtf has it
 
@@ -143,15 +143,14 @@ def _positions(geographic, packets, pings, dropped):
             raise ValueError(f"{near.size - near.sum()} of its {near.size} positions jump faster than {_FASTEST:g} m/s "
                              "away from the others; it is not a track.")
         if near.sum() < 2:
-            raise ValueError(f"less than two of its positions can be true (left out: {_listed(dropped)}); it is not a "
-                             "track.")
+            raise ValueError(f"fewer than two of its positions are plausible (left out: {_listed(dropped)}); it is "
+                             "not a track.")
         return time[near], place[near], records[near]
     raise ValueError("it holds no navigation: no packet has a position; give a track as CSV.")
 
 
 def _times(records, what, dropped):
-    """Return strictly increasing times [s since 1970] and the records' order; what has no time of its own is dropped.
-    """
+    """Return strictly increasing times [s since 1970] and the records' order, without records that have no time."""
     fields = {name: records[name].astype(np.int64) for name in ("Year", "Month", "Day", "Hour", "Minute", "Second")}
     month = (fields["Year"] - 1970) * 12 + fields["Month"] - 1
     day = month.astype("datetime64[M]").astype("datetime64[D]") + (fields["Day"] - 1)
@@ -178,7 +177,7 @@ def _times(records, what, dropped):
 
 
 def _without_jumps(time, place, geographic):
-    """Tell which places a platform can have come to from the others, going out from the middle one, (P,) bool."""
+    """Return a mask (P,) of places that a platform can reach from the others, beginning from the middle one."""
     scale = np.ones(2)
     if geographic and time.size:
         scale = _METRES_PER_DEGREE * np.array([np.cos(np.deg2rad(np.median(place[:, 1]))), 1.0])
@@ -216,7 +215,8 @@ def _attitude(source, packets, time, dropped):
             & (np.abs(angles["heading"]) <= _LARGEST_HEADING))
     _count(dropped, "impossible attitudes", ~real)
     if real.sum() < 2:
-        raise ValueError("less than two of its attitudes can be true: roll, pitch and heave are beyond a platform's.")
+        raise ValueError("fewer than two of its attitudes are plausible: roll, pitch and heave exceed those of any "
+                         "platform.")
     return clock[real], {"clock": clock[real], **{name: column[real] for name, column in angles.items()}}
 
 
@@ -242,7 +242,7 @@ def _turned(at, clock, heading_deg):
 
 
 def _sensor_depth(pings, at, dropped):
-    """Depth [m] of the sensor as ping headers have it, at times; None where none has."""
+    """Return the depth [m] of the sensor in ping headers, at times; None if no header has it."""
     if pings is None or not np.any(pings["SensorDepth"]):
         return None
     clock, order = _times(pings, "pings", dropped)

@@ -1,12 +1,8 @@
-"""Track of XTF's ping headers: time, place, attitude, height, sound speed.
+"""Ping headers of XTF files: layouts, times, track and sound speed.
 
-A header's position is in degrees (WGS 84) or in metres, as the file's header says. Headings count from true north
-beside degrees, from the y axis beside metres. Times of ping headers are hundredths of a second; those of the navigation
-packet before each are tenths of a millisecond.
-
-Dates and hours of pings as XTF has them.
-
-Layouts of XTF's packets as NumPy reads and writes them: those of pyxtf, field by field.
+A header's position is in degrees (WGS 84) or in metres, as the file's header states. Headings refer to true north with
+degrees, to the y axis with metres. Times of ping headers are hundredths of a second; those of the navigation packet
+before each are tenths of a millisecond. The layouts of packets are NumPy types with the fields of pyxtf.
 """
 from __future__ import annotations
 
@@ -62,7 +58,7 @@ HUNDREDTHS, TENTHS_OF_MILLISECONDS = 100, 10_000       # of a second
 
 @dataclass(frozen=True, kw_only=True)
 class XtfPassage:
-    """Hold what all headers of a file's pings share, each an array (P,)."""
+    """Columns that all headers of a file's pings share, each an array (P,)."""
 
     time: np.ndarray  # [s]: since 1970
     number: np.ndarray  # of the ping

@@ -1,22 +1,18 @@
 """Sidescan records as XTF files (eXtended Triton Format), for sidescan software.
 
-A file has a header of 1024 bytes with a channel a side, notes, and for every ping a navigation packet (type 107) and a
-sonar packet (type 0): a ping header, and for every channel a channel header and its samples of 16 bits.
+A file has a header of 1024 bytes with one channel per side, notes, and for every ping a navigation packet (type 107)
+and a sonar packet (type 0): a ping header, and for every channel a channel header and its samples of 16 bits.
 
-    samples           amplitudes, see `xtf_samples`; their scale stands in the header's note and in notes packets
-    port              the farthest sample first, as the format has it of channels 0, 2, ...; starboard the nearest first
-    SlantRange        [m] where the last sample ends; the first begins at 0, silent ones fill up to a later window
-    SecondsPerPing    [s] what a ping records, TimeDuration, as recorders write it; times tell how often it pings
+    samples           amplitudes, see `samples`; the header's note and notes packets contain their scale
+    port              the farthest sample first, by the format's convention for channels 0, 2, ...; starboard reversed
+    SlantRange        [m] end of the last sample; the first begins at 0, and zeros fill the time before a later window
+    SecondsPerPing    [s] recorded duration of a ping, like TimeDuration, as recorders write it
     SoundVelocity     [m/s] half the speed of sound at the head, as the format's own program writes it
-    position          degrees on WGS 84 (NavUnits 3) where the scene's coordinate system is known, else metres (0)
+    position          degrees on WGS 84 (NavUnits 3) if the scene's coordinate system is known, else metres (0)
     AuxVal1 to 3      [m] x, y, z of the scene
 
-Records of one track at several frequencies make one file, the lowest frequency first. Time counts from 1970 unless
-a start is given. Labels and all other truth, levels without speckle, and the scene find no room in it.
-
-What XTF says of channels: in the file's header, in notes, and in the channel header of every ping.
-
-What an XTF file takes: sidescan records that are whole, and several only of one track.
+Records of one track at several frequencies form one file, the lowest frequency first. Times count from 1970 unless a
+start is given. The format has no place for labels and other truth, levels without speckle, and the scene.
 """
 import ctypes
 import os
@@ -52,7 +48,7 @@ def check(record: xr.Dataset) -> None:
     lacking = [name for name in NEEDED if name not in record.coords]
     lacking += [name for name in ("sound_speed", "frequency") if record.attrs.get(name) is None]
     if lacking:
-        raise ValueError(f"the record does not say its {lacking[0]}; give one as mitsonar rendered it.")
+        raise ValueError(f"the record has no {lacking[0]}; give a record that mitsonar rendered.")
     for name in ("sound_speed", "frequency"):
         value = record.attrs[name]
         if not isinstance(value, (int, float)) or not 0 < value < np.inf:
@@ -62,17 +58,17 @@ def check(record: xr.Dataset) -> None:
         if not isinstance(value, (int, float)) or not np.isfinite(value):
             raise ValueError(f"the record's {name} is {value!r}; it takes an angle [rad].")
     if (level.values > LOUDEST_DB).any():
-        raise ValueError(f"the record has levels of {level.values.max():.4g} dB, beyond any sound; render it anew.")
+        raise ValueError(f"the record has levels of {level.values.max():.4g} dB, beyond any sound; render it again.")
     if not all(np.isfinite(record[name].values).all() for name in NEEDED if name != "altitude"):
-        raise ValueError("the record's track has times, places or angles that are no numbers; render it anew.")
+        raise ValueError("the record's track has times, places or angles that are not finite; render it again.")
     if any((np.abs(record[axis].values) > FARTHEST).any() for axis in "xyz"):
         raise ValueError(f"the record's track goes beyond {FARTHEST:g} m, farther than any place on Earth.")
     if (np.diff(record["ping_time"].values) <= 0).any():
-        raise ValueError("the record's pings are not one after the other in time; sort them.")
+        raise ValueError("the times of the record's pings do not increase; sort them.")
     if not record.sizes["ping"]:
         raise ValueError("the record has no pings; give one or more.")
     if not np.isfinite(record["range"].values).all() or not _even(np.diff(record["range"].values)):
-        raise ValueError("the record's ranges are not two or more in even steps; XTF has no others.")
+        raise ValueError("the record needs two or more ranges in even steps, as XTF has no others; resample it.")
 
 
 def _even(steps):
@@ -153,7 +149,7 @@ def file_header(channels: Sequence[Channels], passage: XtfPassage, name: str) ->
 
 
 def notes(channels: Sequence[Channels]) -> Iterator[str]:
-    """Write what the samples and the auxiliary values of a file mean."""
+    """Return notes on the meaning of a file's samples and auxiliary values."""
     for number, each in enumerate(channels):
         yield (f"channels {2 * number}, {2 * number + 1} ({each.record.attrs['frequency'] / 1e3:g} kHz): "
                f"{each.scale.words()}; n a sample, R [m] the slant range of its middle; 0: nothing")
@@ -196,18 +192,18 @@ PACKET = NAVIGATION_BYTES = 64     # bytes: of which lengths are multiples; of a
 
 @dataclass(frozen=True, kw_only=True)
 class XtfWritten:
-    """Say what went into a file.
+    """Content of a written file.
 
     Attributes
     ----------
     scales : tuple of Scale
-        Of each record, in the order of the file.
+        Scale of each record, in the order of the file.
     geographic : bool
-        Positions are degrees.
+        True for positions in degrees.
     saturated : int
-        Samples that are full and stand for higher levels.
+        Number of saturated samples.
     left_out : tuple of str
-        Variables that found no room.
+        Variables that the format cannot hold.
     """
 
     scales: tuple[Scale, ...]
@@ -223,24 +219,24 @@ def write(records: xr.Dataset | Sequence[xr.Dataset], path: FilePath, *, tvg: Tv
     Parameters
     ----------
     records : xarray.Dataset or sequence of them
-        As `mitsonar.render` gives them: ``level`` (ping, side, range). Several must share pings, times and places.
+        Results of `mitsonar.render`: ``level`` (ping, side, range). Several must share pings, times and places.
     path : str or path
     tvg : {'seabed', 'target', 'recorder', None}
         Gain in the samples: 30 log R + 2 a R, 40 log R + 2 a R, or none.
     start : float [s]
-        Since 1970, UTC, of the record's time 0.
+        Time of the record's time 0 since 1970, UTC.
     geographic : bool or None
         Positions in degrees; False: in metres of the scene's coordinate system. None: degrees where they are known.
 
     Returns
     -------
-    Written
+    XtfWritten
 
     Raises
     ------
     ValueError
         If a record is no sidescan's or has uneven ranges, several do not share a track, times lie outside 1970 to 9999,
-        degrees are asked for and not known, or the file would pass 2 GiB.
+        degrees are requested but unknown, or the file would exceed 2 GiB.
     FileNotFoundError, PermissionError, OSError
         If the file cannot be written there.
 
@@ -277,7 +273,7 @@ def write(records: xr.Dataset | Sequence[xr.Dataset], path: FilePath, *, tvg: Tv
 
 
 def _packets(channels, passage, length) -> Iterator[tuple[np.ndarray, int]]:
-    """Blocks of packets, and how many of their samples are saturated."""
+    """Yield blocks of packets, and the number of their saturated samples."""
     fields = [("navigation", structure(pyxtf.XTFPosRawNavigation)), ("ping", structure(pyxtf.XTFPingHeader))]
     for number, each in enumerate(channels):
         for side in SIDES:

@@ -131,10 +131,10 @@ def plot(dataset: xr.Dataset, what: str | None = None, path: FilePath | None = N
         If the file cannot be written.
     """
     if not isinstance(dataset, xr.Dataset):
-        raise TypeError("a plot is of an image or a line, an xarray.Dataset such as mitsonar.read returns, and this is "
+        raise TypeError("a plot needs an image or a line, an xarray.Dataset such as mitsonar.read returns; got "
                         f"{shortened(repr(dataset))}.")
     if not isinstance(axes, Axes | None):
-        raise TypeError(f"axes are of matplotlib, and this is {axes!r}; give Axes, such as pyplot.subplots returns.")
+        raise TypeError(f"axes must be matplotlib Axes, such as pyplot.subplots returns; got {axes!r}.")
     with sheets_for(path, axes):
         return moved(_figure(dataset, what or usual_plot(dataset), path, tvg, ping, colours, bank), axes)
 
@@ -143,12 +143,12 @@ def _figure(dataset: xr.Dataset, what: str, path: FilePath | None, tvg: Tvg, pin
             bank: int | None) -> Figure:
     """Draw a plot, write it if there is a path, and return its sheet; the arguments are those of `plot`."""
     if bank is not None and not is_focused(dataset):
-        raise ValueError("banks are of focused images, and this dataset is no such image; leave the bank out.")
+        raise ValueError("only focused images have banks, and this dataset is no such image; leave the bank out.")
     if is_line(dataset):
         return draw_line(dataset, what, path, ping=ping, tvg=tvg, colours=colours)
     if is_focused(dataset):
         if ping is not None:
-            raise ValueError("a focused image is of all its pings; leave the ping out.")
+            raise ValueError("a focused image contains all its pings; leave the ping out.")
         if tvg != "recorder":
             raise ValueError("a focused image takes no gain over range, since its levels are those of the ground; "
                              "leave the gain out.")
@@ -162,7 +162,7 @@ def _figure(dataset: xr.Dataset, what: str, path: FilePath | None, tvg: Tvg, pin
     if what not in PLOTS:
         raise ValueError(f"there is no plot {what!r}{meant(what, PLOTS)}; choose one of {', '.join(PLOTS)}.")
     if what != "waterfall" and colours != "copper":
-        raise ValueError(f"colours are those of a waterfall or a fan, and the plot is {what!r}; leave them out.")
+        raise ValueError(f"colours apply to a waterfall or a fan, and the plot is {what!r}; leave them out.")
     shades = canvas.colours_of(colours)
     canvas.check_path(path)
     if what in FANS and is_scan(dataset):

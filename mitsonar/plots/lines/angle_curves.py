@@ -81,7 +81,7 @@ def _known(line: xr.Dataset, *names: str) -> list[str]:
 
 
 def total_vertical_uncertainty(order: str, depth: np.ndarray) -> np.ndarray:
-    """Return what an order of S-44 allows at 95 % confidence [m] in a depth [m]."""
+    """Return the total vertical uncertainty that an order of S-44 allows at 95 % confidence [m] in a depth [m]."""
     fixed, share = ORDERS[order]
     return np.hypot(fixed, share * depth)
 
@@ -106,7 +106,7 @@ def draw_smile(axes: Axes, line: xr.Dataset, theory: tuple[np.ndarray, np.ndarra
 
 
 def _ray_theory(line: xr.Dataset, bins: Bins) -> tuple[np.ndarray, np.ndarray] | None:
-    """By the water's own profile, about the line's middle ping."""
+    """Return the errors by the water's own profile, about the line's middle ping."""
     water = water_profile(line)
     if water is None:
         return None
@@ -120,7 +120,7 @@ def _ray_theory(line: xr.Dataset, bins: Bins) -> tuple[np.ndarray, np.ndarray] |
 
 
 def draw_exceeded(axes: Axes, line: xr.Dataset) -> None:
-    """Draw what 95 % of the errors are within, by causes, beside what orders of S-44 allow, over the angle."""
+    """Draw the 95 % limits of errors by cause against the angle, beside the limits of the orders of S-44."""
     bins = angle_bins(line)
     for name in _known(line, *CAUSES):
         within = bins.percentile(np.abs(bins.values(line[name].values)), 95)
@@ -143,13 +143,13 @@ def draw_exceeded(axes: Axes, line: xr.Dataset) -> None:
 
 
 def _apart(places: np.ndarray, gap: float) -> np.ndarray:
-    """Move rising places up until they are a gap apart, and all down by what they were moved in the mean."""
+    """Return rising places moved apart to a least gap, with the same mean."""
     moved = np.maximum.accumulate(places - gap * np.arange(places.size)) + gap * np.arange(places.size)
     return moved - (moved - places).mean()
 
 
 def draw_response(axes: Axes, line: xr.Dataset) -> None:
-    """Draw the mean backscattering strength over the angle, and that of the seabed's law where it is known."""
+    """Draw the mean backscattering strength against the angle, and that of the seabed's law if it is known."""
     bins = angle_bins(line)
     known = _known(line, "backscatter_db", "true_backscatter_db")
     measured = bins.values(line["backscatter_db"].values)
@@ -166,7 +166,7 @@ def draw_response(axes: Axes, line: xr.Dataset) -> None:
 
 
 def draw_uncertainty(axes: Axes, line: xr.Dataset) -> None:
-    """Draw what the soundings say of their uncertainty, beside how their errors really spread, over the angle."""
+    """Draw the stated uncertainty of the soundings against the angle, beside the actual spread of their errors."""
     bins = angle_bins(line)
     marker = "o" if bins.angle.size == 1 else None
     known = _known(line, "uncertainty", "horizontal_uncertainty")

@@ -29,9 +29,9 @@ BEFORE, BEHIND, UNDER, OVER = 84, 128, 62, 86
 def column_video(line: xr.Dataset, path: FilePath, *, fps: float | None = None, tvg: Tvg = "recorder",
                  limits: tuple[float, float] | None = None, colours: Colormap = canvas.COPPER,
                  progress: Callable[[int, int], None] | None = None) -> None:
-    """Draw the fans of all pings of a line as frames of a video; arguments and errors are as of `mitsonar.plots.video`.
+    """Draw the fans of all pings of a line as frames of a video; arguments and errors as in `mitsonar.plots.video`.
 
-    Pings without samples are left out. Some pings are in memory at a time.
+    Pings without samples are left out. Only a few pings are in memory at a time.
     """
     check(line)
     pings = line.sizes["ping"]
@@ -55,7 +55,7 @@ def column_video(line: xr.Dataset, path: FilePath, *, fps: float | None = None, 
 
 
 def _fan(line: xr.Dataset, ping: int, tvg: Tvg, box: Box | None = None) -> ColumnFan | None:
-    """The fan of a ping, or None where it has no samples."""
+    """Return the fan of a ping, or None if it has no samples."""
     try:
         return fan_of_ping(line, ping, tvg=tvg, box=box)
     except ValueError:
@@ -69,7 +69,7 @@ def _fps(line: xr.Dataset) -> float:
 
 
 class _VideoFrame:
-    """A sheet on which fans are shown one after the other."""
+    """Sheet that shows one fan after the other."""
 
     def __init__(self, line: xr.Dataset, sample: list[ColumnFan], window: tuple[float, float],
                  colours: Colormap) -> None:

@@ -1,6 +1,6 @@
-"""Maps of a line: soundings coloured by what they say, as a grid of means where they lie close.
+"""Maps of a line: soundings coloured by a variable, or a grid of means where they lie close.
 
-Relief is shaded as the slope of the grid asks for, lit from the north-west and 45 degrees above, by
+Relief is shaded by the slope of the grid, lit from the north-west and 45 degrees above:
 
     light = (1 - e_x ∂d/∂x k - e_y ∂d/∂y k) / |...|        k: vertical exaggeration, d depth, e towards the light
 """
@@ -78,7 +78,7 @@ def draw_map(axes: Axes, line: xr.Dataset, what: str) -> None:
 
 
 def _cell(x: np.ndarray, y: np.ndarray) -> float | None:
-    """The side of cells that soundings fill without holes, or None where these are few or far apart."""
+    """Return the side of cells that soundings fill without holes, or None if they are few or far apart."""
     if x.size <= FEW:
         return None
     size = max(float(np.ptp(x)), float(np.ptp(y)))
@@ -127,7 +127,7 @@ def shaded(depth: np.ndarray, cell: float, colours: Colormap, norm: Callable[[np
 
 
 def _limits(values: np.ndarray, around_zero: bool) -> tuple[float, float]:
-    """Values of the first and the last colour: all but the outermost hundredth."""
+    """Return the values of the first and the last colour: without the outermost hundredths."""
     low, high = np.percentile(values, [0.5, 99.5])
     if around_zero:
         high = max(abs(low), abs(high), 1e-9)
@@ -138,7 +138,7 @@ def _limits(values: np.ndarray, around_zero: bool) -> tuple[float, float]:
 
 
 def _box(x: np.ndarray, y: np.ndarray, line: xr.Dataset) -> tuple[float, float, float, float]:
-    """West, east, south and north of what is shown."""
+    """Return west, east, south and north of the map."""
     ends = []
     for place, ship in ((x, line["ping_x"].values), (y, line["ping_y"].values)):
         known = np.concatenate([place, ship[np.isfinite(ship)]])

@@ -1,4 +1,4 @@
-"""The sheet of soundings' pictures: light, with curves and maps; what is drawn is told by axes, never by pyplot."""
+"""Sheet of pictures of soundings, with curves and maps, drawn on matplotlib axes without pyplot."""
 from __future__ import annotations
 
 from typing import Literal
@@ -24,7 +24,7 @@ BAR_GAP, BAR_WIDTH = 0.12, 0.16    # [inch]
 
 
 def sounded(line: xr.Dataset) -> np.ndarray:
-    """Tell where there is a sounding with a depth and a place, (ping, beam) bool."""
+    """Return a mask (ping, beam) of soundings with a depth and a place."""
     there = line["valid"].values.astype(bool) & np.isfinite(line["depth"].values)
     for name in ("across_track", "x", "y"):
         there &= np.isfinite(line[name].values)

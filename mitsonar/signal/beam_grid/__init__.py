@@ -1,7 +1,7 @@
-"""Beams from echoes as points of sine and time: two transforms each way instead of a sum over elements.
+"""Beams from echoes as points of sine and time, by two transforms each way instead of a sum over elements.
 
-`LineBeams` makes the beams of a line, be it of one element; it makes grids that echoes are added to, and forms what
-these hold. `residual_doppler` is what an echo's own Doppler leaves.
+`LineBeams` makes the beams of a line of one or more elements: it makes grids, to which echoes are added, and forms
+beams from them. `residual_doppler` is the remaining Doppler of an echo.
 """
 from .grids import BeamGrid
 from .line_beams import LineBeams

@@ -56,7 +56,7 @@ def absorption_terms(rate: np.ndarray, frequency: np.ndarray, weight: np.ndarray
 
 @lru_cache
 def _derivatives(bell: Bell) -> list[list[np.ndarray]]:
-    """Polynomials of the four taps for an echo x = -1/2..1/2 off their middle, and of their first three derivatives."""
+    """Return polynomials of the four taps for an echo x = -1/2..1/2 off their middle, and three derivatives."""
     x = 0.5 * np.cos(np.pi * (np.arange(400) + 0.5) / 400)
     taps = (Polynomial.fit(x, bell.impulse(tap - (bell.taps - 1) / 2 - x), DEGREE, domain=[-1, 1])
             for tap in range(bell.taps))

@@ -66,7 +66,7 @@ class Reading:
 
 
 def by_frequency(spectra: Float, sizes: Sizes, transfers: RowTransfers, noise: Noise | None) -> Float:
-    """Multiply spectra (rows, length) by the rows' transfer functions: (F, period), rows that are none 0."""
+    """Multiply spectra (rows, length) by the rows' transfer functions: (F, period); other rows are 0."""
     lib, U = arrays_of(spectra), arrays_of(spectra).UInt32
     count, period = sizes.frequencies, dr.opaque(U, sizes.period)
     number, row = tiles(lib, count, sizes.rows)
@@ -113,7 +113,7 @@ def by_beam(spectra: Float, sizes: Sizes, period: int, reading: Reading, turn: F
 
 
 def _transfer(lib: ArrayTypes, transfers: RowTransfers, number: UInt32, row: UInt32) -> Any:
-    """P of a row's factor at the frequencies of these numbers."""
+    """Return P of a row's factor at the frequencies of these numbers."""
     U, F = lib.UInt32, lib.Float
     mix = dr.gather(lib.Array4f, upload(F, transfers.mix.view(np.float32)), row)
     begin = dr.gather(U, upload(U, transfers.node), row) * dr.opaque(U, transfers.pairs.shape[1])
@@ -123,7 +123,7 @@ def _transfer(lib: ArrayTypes, transfers: RowTransfers, number: UInt32, row: UIn
 
 
 def _row_noise(lib: ArrayTypes, noise: Noise, sizes: Sizes, number: UInt32, row: UInt32) -> Any:
-    """Noise of a row and its two neighbours, through the bell and the replica."""
+    """Return the noise of a row and its two neighbours, through the bell and the replica."""
     U = lib.UInt32
     key, rows, total = dr.opaque(U, noise.key), dr.opaque(U, sizes.rows), lib.Complex2f(0)
     for away in (-1, 0, 1):

@@ -141,7 +141,7 @@ class LineBeams:
                               for one in turns])
 
     def _noise_tables(self, noise: NoiseDensity) -> tuple[Float | None, list[Float | None]]:
-        """Amplitudes of noise on rows, (R,), and of that on (f, ν), (F, U), for each aperture; see `noise`."""
+        """Return amplitudes of noise on rows (R,) and on (f, ν) (F, U), for each aperture; see `noise`."""
         if self._drawn[0] != noise:
             band = self._rate * self.length
             rows: Float | None = None

@@ -76,9 +76,9 @@ class LineResponse:
     def own_noise(self, farthest: float) -> np.ndarray:
         """Return the power of white noise of variance 1 at every element, read from rows at the ν used: (F, U) [-].
 
-        Its transform is to be Σ|w_n|² e^{-2πi x_n (1 + f/f0) y/λ} / (Σ|w_n|)² for |y| <= `farthest`, and it is to be
-        positive: found by meeting the one and the other by turns. Right to 0.01 of the level for 32 elements and more,
-        to 0.1 for a few of them, at beams far from each other.
+        Its transform must be Σ|w_n|² e^{-2πi x_n (1 + f/f0) y/λ} / (Σ|w_n|)² for |y| <= `farthest`, and it must be
+        positive: alternating projections meet both conditions. Accurate to 0.01 of the level for 32 elements and more,
+        to 0.1 for a few elements, at beams far from each other.
         """
         rows = replace(self.rows, before=self.rows.period // 2)
         wanted = self._pattern(np.abs(self._weight / self._scale) ** 2, rows)

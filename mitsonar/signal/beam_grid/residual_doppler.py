@@ -2,13 +2,13 @@
 
     S_{1+d}(f) ≈ S_1(f) e^{-2πi f τ(d)} e^{2πi φ(d)}
 
-d -> how much the echo's factor differs from the row's, relative to it; τ -> ``delay`` [s], φ -> ``phase`` [cycles],
-both polynomials of d without a constant. They are those for which the compressed echo correlates best with what stands
-for it, found from the spectra of the pulse itself, so that they hold for any: a cw turns by f0 d T/2, a sweep is late
-by about -f0 d T/B besides.
+d -> relative difference of the echo's factor from the row's; τ -> ``delay`` [s], φ -> ``phase`` [cycles], both
+polynomials of d without a constant. They maximise the correlation of both sides, computed from the spectra of the pulse
+itself, so that they hold for any pulse: a cw turns by f0 d T/2; a sweep is also delayed by about -f0 d T/B.
 
-What is left is a change of shape: a cw's frequency, which no delay makes good, and the ends of a sweep that leave the
-replica's band. It is -29 dB of a cw's peak where f0 d T = 0.05, and -38 dB of an lfm's of BT = 10 where that is 0.09.
+The remaining error is a change of shape: the frequency of a cw, which no delay corrects, and the ends of a sweep that
+leave the replica's band. It is -29 dB of a cw's peak where f0 d T = 0.05, and -38 dB of an lfm's of BT = 10 where that
+is 0.09.
 """
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""From element signals to beams: delay-and-sum, fans of uniform lines, and the adaptive beamformer.
+"""Beams from element signals: delay-and-sum, fans of uniform lines, and the adaptive beamformer.
 
-Every beamformer takes an xarray.DataArray (ping, tx, rx, sample) that carries the element positions, and gives one with
-(ping, beam, sample); `mitsonar.signal.beamforming.recording` says what it must carry. An echo of amplitude a in the
-look direction comes out as a, phase included, whatever the window.
+Every beamformer takes an xarray.DataArray (ping, tx, rx, sample) with the element positions, and returns one with
+(ping, beam, sample); `mitsonar.signal.beamforming.recording` lists its coordinates. An echo of amplitude a in the look
+direction keeps its amplitude and phase, whatever the window.
 """
 from .delay_and_sum import backproject, delay_and_sum, focus
 from .fan_beams import fan_beams, fft_beams

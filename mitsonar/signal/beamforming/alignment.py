@@ -57,7 +57,7 @@ class ElementSignals:
         self.cycles_per_metre = dr.opaque(lib.Float, recording.frequency / recording.sound_speed)
 
     def load(self, ping: int, centre: np.ndarray) -> None:
-        """Bring a ping to the device; positions count from centre (3,) [m]."""
+        """Upload a ping to the device; positions are relative to centre (3,) [m]."""
         lib, recording = self.lib, self.recording
         shaded = recording.values[ping] * self.weights[:, None]
         self.values = upload(lib.Float, corrected(self.kernel, shaded).view(np.float32))
@@ -152,9 +152,9 @@ def to_complex(re: Float, im: Float) -> np.ndarray:
 
 
 def dealt(count: int) -> np.ndarray:
-    """Deal `count` numbers out to groups of one size that are worked on together: int (groups, size).
+    """Return `count` numbers in groups of equal size that are processed together: int (groups, size).
 
-    The last group may repeat the last number; in order, what comes first counts.
+    The last group may repeat the last number; the first occurrence counts.
     """
     groups = TOGETHER if count >= TOGETHER else 1
     return np.minimum(np.arange(-(-count // groups) * groups), count - 1).reshape(groups, -1)

@@ -7,7 +7,7 @@ is its dynamic focus. An echo of amplitude a in the look direction comes out as 
 centre; noise that is independent from element to element goes down by Σw²/(Σw)².
 
 The water is homogeneous here, at ``sound_speed``. Directions are as seen by the array at reception: an array that moves
-on at v meanwhile hears a target up to 2 v/c from where it stood at transmission.
+on at v meanwhile receives a target's echo up to 2 v/c from where it stood at transmission.
 """
 from __future__ import annotations
 

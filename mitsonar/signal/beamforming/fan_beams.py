@@ -52,7 +52,7 @@ def fan_beams(signals: xr.DataArray, facing: str | ArrayLike, *, beams: int | No
     recording, elements = fan.recording, len(fan.weights)
     beams = 2 * elements + 1 if beams is None else beams
     if not beams >= 1:
-        raise ValueError(f"a fan of {beams} beams is asked for; give at least 1")
+        raise ValueError(f"a fan of {beams} beams is empty; give at least 1 beam")
     sines = np.linspace(-1, 1, beams) * np.sin(widest) if beams > 1 else np.zeros(1)
     samples = recording.values.shape[-1]
     across = np.abs(fan.offset(np.array([-1.0, 1.0]))).max() + (elements - 1) * fan.pitch
@@ -69,7 +69,7 @@ def fan_beams(signals: xr.DataArray, facing: str | ArrayLike, *, beams: int | No
 
 
 class _BeamFan:
-    """A uniform line, the side it looks to, and the shading of its elements."""
+    """Uniform line, the side that it faces, and the shading of its elements."""
 
     def __init__(self, signals: xr.DataArray, facing: str | ArrayLike, widest: float, window: Shading):
         self.recording = recording = read_recording(signals)
@@ -79,7 +79,7 @@ class _BeamFan:
                              "signals.isel(tx=[0]), or use delay_and_sum, which focuses them all")
         still = recording.receivers[0], recording.transmitters[0, 0]
         if (recording.receivers != still[0]).any() or (recording.transmitters != still[1]).any():
-            raise ValueError("the elements stand elsewhere from ping to ping; give their positions in the body frame, "
+            raise ValueError("the elements change their positions from ping to ping; give positions in the body frame, "
                              "or use delay_and_sum")
         self.first, self.axis, self.pitch = uniform_line(still[0], recording.wavelength)
         self.first = self.first + still[1]                   # the way out is shorter by T·u, as the way back by R·u
@@ -117,8 +117,7 @@ class _BeamFan:
         return np.outer(sines, self.axis) + np.outer(np.sqrt(1 - sines ** 2), self.facing)
 
     def offset(self, sines: np.ndarray) -> np.ndarray:
-        """Return how much nearer [m] a far target is by way of transmitter and first element than of the origin, (B,).
-        """
+        """Return the path [m] of a far target's echo by way of the first element, less that by the origin: (B,)."""
         return self.vectors(sines) @ self.first
 
     def labelled(self, values: np.ndarray, sines: np.ndarray, method: str) -> xr.DataArray:

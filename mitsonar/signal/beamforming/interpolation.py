@@ -1,15 +1,15 @@
-"""Reading a sampled signal between its samples: twice the sampling rate, a correcting filter, a short kernel.
+"""Interpolation between the samples of a signal: twice the sampling rate, a correcting filter, a short kernel.
 
     z(x) ≈ Σ_k g_k φ(2x - k),   g = z at twice the rate, filtered by  d(f) = φ̂(f) / Σ_m φ̂(f + m)²
 
-x -> place in samples, f in cycles per sample of the doubled rate, |f| < 1/4. d is what makes the error least in the
-mean square at every frequency; what remains is the images of φ, at frequency f
+x -> place in samples; f in cycles per sample of the doubled rate, |f| < 1/4. d minimises the mean square error at every
+frequency; the remaining error are the images of φ, at frequency f
 
     ε²(f) = Σ_{m≠0} φ̂(f + m)² / Σ_m φ̂(f + m)²
 
-``band_limited``, four taps of a Kaiser-Bessel kernel: -67 dB rms over everything the record can hold, nowhere above
--63 dB. ``linear``: -34 dB rms over two thirds of it (sampling at 1.5 times the bandwidth), -27 dB over all.
-The idea is the gridding of Jackson et al. (1991, IEEE Trans. Med. Imaging 10, 473), run backwards.
+``band_limited``, four taps of a Kaiser-Bessel kernel: -67 dB rms over the whole band of the record, nowhere above
+-63 dB. ``linear``: -34 dB rms over two thirds of it (sampling at 1.5 times the bandwidth), -27 dB over all of it. The
+idea is the gridding of Jackson et al. (1991, IEEE Trans. Med. Imaging 10, 473), run backwards.
 """
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -119,6 +119,6 @@ def corrected_transposed(kernel: Interpolation, weights: np.ndarray) -> np.ndarr
 
 
 def _gain(kernel: Interpolation, size: int) -> np.ndarray:
-    """d at the frequencies of a transform, times what stuffing with zeros takes: float32 (size,)."""
+    """Return d at the frequencies of a transform, times the factor of zero padding: float32 (size,)."""
     images = kernel.spectrum(fft.fftfreq(size)[:, None] / RATE + np.arange(-IMAGES, IMAGES + 1))
     return (RATE * images[:, IMAGES] / (images ** 2).sum(axis=1)).astype(np.float32)

@@ -43,7 +43,7 @@ def mvdr(signals: xr.DataArray, directions: ArrayLike, *, subarray: int | None =
         uniform_line(recording.receivers[ping], recording.wavelength)
     length = max(1, elements // 2) if subarray is None else subarray
     if not 1 <= length <= elements:
-        raise ValueError(f"a subarray of {length} elements is asked for; the line has {elements}, give 1 to {elements}")
+        raise ValueError(f"a subarray of {length} elements does not fit; the line has {elements}, give 1 to {elements}")
     if not half_width >= 0:
         raise ValueError(f"half_width is {half_width} samples; give 0 or more")
     if not (np.isfinite(loading) and loading > 0):
@@ -59,7 +59,7 @@ def mvdr(signals: xr.DataArray, directions: ArrayLike, *, subarray: int | None =
 
 
 def _adapted(lined: np.ndarray, length: int, half_width: int, loading: float) -> np.ndarray:
-    """Adaptive sum complex (S,) of aligned signals (S, E)."""
+    """Return the adaptive sum, complex (S,), of aligned signals (S, E)."""
     samples, elements = lined.shape
     at_once = max(1, COVARIANCE_BYTES // (16 * length * (length + elements)))
     out = np.empty(samples, np.complex64)

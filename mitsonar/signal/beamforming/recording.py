@@ -84,7 +84,7 @@ def read_recording(signals: xr.DataArray) -> Recording:
         raise ValueError(f"element signals are empty: {dict(signals.sizes)}; give at least one of each")
     values = np.ascontiguousarray(signals.values, np.complex64)
     if not np.isfinite(values.view(np.float32)).all():
-        raise ValueError("element signals hold NaN or infinite samples; set what was not recorded to 0")
+        raise ValueError("element signals hold NaN or infinite samples; set samples that were not recorded to 0")
     start, rate = _time_axis(signals)
     numbers = {name: _positive(signals, name) for name in ("frequency", "sound_speed")}
     return Recording(values=values, receivers=_positions(signals, "rx"), transmitters=_positions(signals, "tx"),
@@ -115,7 +115,7 @@ def _time_axis(signals: xr.DataArray) -> tuple[float, float]:
 
 
 def _positions(signals: xr.DataArray, which: str) -> np.ndarray:
-    """Positions of `rx` or `tx`, float64 (ping, elements, 3) [m]."""
+    """Return the positions of `rx` or `tx`, float64 (ping, elements, 3) [m]."""
     count, pings = signals.sizes[which], signals.sizes["ping"]
     names = [f"{which}_{axis}" for axis in "xyz"]
     missing = [name for name in names if name not in signals.coords]
@@ -165,7 +165,7 @@ def _labelled(recording: Recording, values: np.ndarray, dims: tuple[str, ...], m
 
 
 def uniform_line(position: np.ndarray, wavelength: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Find the line that elements stand on in equal steps."""
+    """Return the line on which elements lie in equal steps."""
     # position (E, 3) [m]; wavelength [m] -> first (3,) [m], axis (3,), pitch [m]
     count = len(position)
     if count < 2:

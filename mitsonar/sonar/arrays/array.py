@@ -46,21 +46,21 @@ class Array:
     position : array (E, 3) [m]
         Body frame, about the array's centre.
     normal : array (E, 3) [-]
-        Direction that each face looks in, normalised to unit vectors.
+        Normal of each face, normalised to unit vectors.
     along : array (E, 3) [-]
         Direction of each face's length, perpendicular to the normal; made unit vectors.
     length, height : float [m]
-        Of every element's face, along ``along`` and across; a circle's length is its diameter, its height 0.
+        Size of every element's face, along ``along`` and across; a circle's length is its diameter, its height 0.
     pattern : str
         ``omni``, ``rectangular`` or ``circular``.
     baffle : str
         ``none``, ``hard``, ``soft`` or ``cardioid``.
     weight : array (E,) or float [-]
-        Of each element; 0 is one that has failed.
+        Weight of each element; 0 for a failed one.
     delay : array (E,) or float [s]
-        Of each element's signal.
+        Delay of each element's signal.
     layout : tuple of int
-        Elements along each axis of a regular array, the last axis running fastest; empty where there is no such order.
+        Elements along each axis of a regular array, the last axis running fastest; empty for irregular arrays.
 
     Raises
     ------
@@ -114,7 +114,7 @@ class Array:
         value.flags.writeable = False
         object.__setattr__(self, name, value)
 
-    # ---- what it is
+    # ---- properties
 
     @property
     def elements(self) -> int:
@@ -137,11 +137,11 @@ class Array:
         Raises
         ------
         ValueError
-            If there is only one element, two coincide, or they do not stand in order on a straight line at one
+            If there is only one element, two coincide, or they do not lie in order on a straight line at one
             spacing.
         """
         if self.elements < 2:
-            raise ValueError("array: a pitch was asked for, but there is only one element; use at least two.")
+            raise ValueError("array: a single element has no pitch; use at least two elements.")
         order = np.lexsort(self.position.T)
         same = np.flatnonzero(~np.diff(self.position[order], axis=0).any(axis=1))[:1]
         if same.size:
@@ -188,7 +188,7 @@ class Array:
         return element_pressure(direction, wavelength, normal, along, length=self.length, height=self.height,
                                 pattern=self.pattern, baffle=self.baffle)
 
-    # ---- others made of it
+    # ---- changed copies
 
     def shaded(self, *windows: str | tuple) -> Array:
         """Multiply the weights by windows.
@@ -196,7 +196,7 @@ class Array:
         Parameters
         ----------
         *windows : str or tuple
-            One for every axis of the array, or one for each: along the array's axis first, then across its rows.
+            One window for all axes of the array, or one for each: along the array's axis first, then across its rows.
             Names and numbers as in `shading.window_weights`.
 
         Returns
@@ -206,7 +206,7 @@ class Array:
         Raises
         ------
         ValueError
-            If a window is unknown, or the elements stand in no regular order.
+            If a window is unknown, or the elements have no regular order.
         """
         if not self.layout:
             raise ValueError("array: its elements stand in no regular order, so a window has no meaning; give each "
@@ -261,7 +261,7 @@ class Array:
         Parameters
         ----------
         indices : int or array of int (K,)
-            From 0.
+            Numbers of the elements, from 0.
 
         Returns
         -------
@@ -270,7 +270,7 @@ class Array:
         Raises
         ------
         ValueError
-            If there is no such element, or none is left at work.
+            If an element does not exist, or all have failed.
         """
         indices = np.atleast_1d(indices)
         if indices.size and not np.issubdtype(indices.dtype, np.integer):

@@ -23,7 +23,7 @@ def positions_of(values: ArrayLike) -> np.ndarray:
 
 
 def check_face(length: float, height: float, pattern: str, baffle: str) -> None:
-    """Raise a ValueError if a face is of no known kind, or has sizes that its pattern does not use."""
+    """Raise a ValueError if a face has an unknown pattern or baffle, or sizes that its pattern does not use."""
     for name, given, known in (("pattern", pattern, PATTERNS), ("baffle", baffle, BAFFLES)):
         if given not in known:
             raise ValueError(f'array: {name} is "{given}"; give one of {", ".join(known)}.')
@@ -39,7 +39,7 @@ def check_face(length: float, height: float, pattern: str, baffle: str) -> None:
 
 
 def as_numbers(name: str, value: ArrayLike) -> np.ndarray:
-    """Return a new float64 array of what is given, or raise a ValueError that names it."""
+    """Return a new float64 array of a value, or raise a ValueError that names it."""
     try:
         return np.array(value, dtype=np.float64)
     except (TypeError, ValueError):

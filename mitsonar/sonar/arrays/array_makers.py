@@ -7,7 +7,7 @@
 
 N -> ``elements``, d -> ``pitch``, â -> ``axis``, n̂ -> ``normal``, a -> ``radius``, Ψ -> ``aperture``. Every array is
 moved to the mean of its positions. Elements of lines and planes look along the normal, those of cylinders and spheres
-outwards. What all makers pass on as ``**face`` is length, height, pattern and baffle of the elements, see `Array`.
+outwards. All makers take ``**face``: length, height, pattern and baffle of the elements, see `Array`.
 
 The Fibonacci lattice covers a sphere with equal areas (e.g. Swinbank and Purser 2006, Q. J. R. Meteorol. Soc. 132).
 A line steered to ψ0 from broadside has no grating lobe where d < λ/(1 + |sin ψ0|).
@@ -59,7 +59,7 @@ def element_array(position: ArrayLike, *, normal: str | ArrayLike = "down", alon
 
 
 def _each(name: str, directions: str | ArrayLike, elements: int) -> np.ndarray:
-    """Unit vectors (elements, 3) of one direction or of one for each element."""
+    """Return unit vectors (elements, 3) of one direction or of one for each element."""
     if np.ndim(directions) < 2:
         return np.tile(axis_vector(f"array: {name}", directions), (elements, 1))
     vectors = cast(Sequence[ArrayLike], directions)
@@ -77,11 +77,11 @@ def line_array(elements: int, pitch: float, *, axis: str | ArrayLike = "starboar
     ----------
     elements : int
     pitch : float [m]
-        From element to element.
+        Distance from element to element.
     axis : str or array (3,) [-]
-        Which way the line runs, and the length of its faces.
+        Direction of the line, and of the length of its faces.
     normal : str or array (3,) [-]
-        Where the elements look; default down, or forward for a line that hangs.
+        Normal of the elements; default down, or forward for a vertical line.
     **face
         As in `Array`.
 
@@ -172,18 +172,18 @@ def cylindrical_array(elements: int, radius: float, *, rows: int = 1, row_pitch:
     Parameters
     ----------
     elements : int
-        In a ring; numbered from port to starboard for the default axis.
+        Elements of a ring, numbered from port to starboard for the default axis.
     radius : float [m]
     rows : int
-        Rings along the axis.
+        Number of rings along the axis.
     row_pitch : float [m]
-        From ring to ring; default: as far as elements of a ring are from each other along the arc.
+        Distance from ring to ring; default: the distance of the elements of a ring along the arc.
     aperture : float [rad]
-        Of the arc, divided into equal parts with an element in the middle of each.
+        Angle of the arc, divided into equal parts with an element in the middle of each.
     axis : str or array (3,) [-]
-        Of the cylinder.
+        Axis of the cylinder.
     normal : str or array (3,) [-]
-        Where the middle of the arc looks; made perpendicular to the axis.
+        Normal of the middle of the arc; made perpendicular to the axis.
     **face
         As in `Array`; the length of the faces lies around the axis, the height along it.
 
@@ -237,7 +237,7 @@ def spherical_array(elements: int, radius: float, *, aperture: float = 2 * np.pi
 
 
 def _places(what: str, count_name: str, count: int, pitch_name: str, pitch: float) -> np.ndarray:
-    """Evenly spaced places [m] about 0."""
+    """Return evenly spaced places [m] about 0."""
     count, pitch = _count(what, count_name, count), _size(what, pitch_name, pitch)
     return (np.arange(count) - (count - 1) / 2) * pitch
 
@@ -261,7 +261,7 @@ def _arc(what: str, aperture: float) -> float:
 
 
 def _square(what: str, axis: str | ArrayLike, normal: str | ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """An axis made perpendicular to a normal, and the normal, as unit vectors."""
+    """Return an axis made perpendicular to a normal, and the normal, as unit vectors."""
     axis, normal = axis_vector(f"{what}: axis", axis), axis_vector(f"{what}: normal", normal)
     if _parallel(axis, normal):
         raise ValueError(f"{what}: axis and normal are parallel ({axis} and {normal}); turn one of them.")

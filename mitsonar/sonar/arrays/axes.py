@@ -60,7 +60,7 @@ def axis_vector(name: str, axis: str | ArrayLike) -> np.ndarray:
 
 
 def across(normal: np.ndarray, towards: ArrayLike) -> np.ndarray:
-    """Return the unit part of one direction that is perpendicular to others."""
+    """Return the unit component of a direction that is perpendicular to other directions."""
     # normal (..., 3) [-]; towards (3,) [-] -> (..., 3) [-]
     part = normal                  # nothing found yet: shares no direction with what is wanted
     found = np.zeros(normal.shape[:-1] + (1,), dtype=bool)

@@ -116,7 +116,7 @@ def element_directivity_index_db(array: Array, wavelength: float) -> float:
     Parameters
     ----------
     array : Array
-        Its first element stands for all.
+        Array whose first element represents all.
     wavelength : float [m]
 
     Returns

@@ -54,7 +54,7 @@ def piston(x: Numbers) -> Numbers:
 
 @functools.cache
 def _bessel_series() -> tuple[tuple[float, ...], ...]:
-    """Coefficients of J1(x)/x in (x/8)², and of P and Q x/8 in (8/x)², all on [0, 1]."""
+    """Return coefficients of J1(x)/x in (x/8)², and of P and Q x/8 in (8/x)², all on [0, 1]."""
     def near(s):
         x = FAR * np.sqrt((s + 1) / 2)
         return j1(x) / x
@@ -117,7 +117,7 @@ def element_pressure(direction: Triple, wavelength: Numbers, normal: Triple, alo
 
 
 def _parts(vector: Triple) -> Triple:
-    """The three components of NumPy vectors (..., 3), or of a sequence or a Dr.Jit vector of three."""
+    """Return the three components of NumPy vectors (..., 3), of a sequence, or of a Dr.Jit vector."""
     return np.moveaxis(vector, -1, 0) if isinstance(vector, np.ndarray) else vector
 
 

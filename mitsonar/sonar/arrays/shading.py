@@ -2,8 +2,8 @@
 
 A window is a name, ``"hann"``, or a name with its numbers, ``("chebwin", 30)`` or in one string ``"chebwin 30"``
 (scipy.signal.windows; symmetric). Weights are scaled to a largest weight of 1, so that shading lowers the level of no
-element above its own. The taper loss 10 log10 (Σw)²/(N Σw²) is what it costs against noise that is independent from
-element to element.
+element above its own. The taper loss 10 log10 (Σw)²/(N Σw²) is the loss against noise that is independent from element
+to element.
 """
 from __future__ import annotations
 
@@ -68,6 +68,6 @@ def window_weights(window: str | tuple, elements: int) -> np.ndarray:
 
 
 def taper_loss_db(weights: ArrayLike) -> float:
-    """Return the level [dB] that weights (E,) lose against independent noise: 0 for equal ones, negative for others."""
+    """Return the loss [dB] of weights (E,) against independent noise: 0 for equal weights, negative for others."""
     weights = np.asarray(weights, dtype=np.float64)
     return float(db_from_power(weights.sum() ** 2 / (weights.size * (weights ** 2).sum())))

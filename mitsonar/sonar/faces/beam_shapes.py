@@ -1,10 +1,10 @@
-"""The beam of a face in one plane: an even line, or one that is shaded, curved, measured, and built with errors.
+"""Beam of a face in one plane: a uniform line, or one that is shaded, curved, measured, and built with errors.
 
     b²(s) = (1 - f) p²(s) + f,     p(s) = ∫ w(ξ) exp(i 2π (x ξ + g (2ξ)²)) dξ / ∫ w exp(i 2π g (2ξ)²) dξ,   x = L s / λ
 
 s is the sine of the angle to the normal, L -> the side, ξ from -1/2 to 1/2 along it. w -> ``window``, a window of
 `shading`. g -> ``sag`` [wavelengths], how far the edges of a curved face stand back: the phase of an arc, to second
-order; 0.5 to 1 make beams flat-topped. An even, flat line has p = sinc x. f -> ``floor``, the mean power of diffuse
+order; 0.5 to 1 make beams flat-topped. A uniform, flat line has p = sinc x. f -> ``floor``, the mean power of diffuse
 side lobes: what errors σ of amplitude and phase [rad] from segment to segment leave of a line of N of them,
 f = σ²/N of the axis (Mailloux 2005, Phased Array Antenna Handbook, ch. 7); -20 to -35 dB of faces in use. Where the
 housing shields the face above (``shielded``), f is f (1 + s) of s < 0: nothing straight up, which lies behind the plane
@@ -40,7 +40,7 @@ class BeamShape:
         if not 0 <= self.floor < 1:
             raise ValueError(f"the floor of side lobes is {self.floor:g} of the axis; give a power from 0 to below 1")
         if self.table is not None and not (len(self.table) > 1 and np.isfinite(self.table).all()):
-            raise ValueError("a table of pressures has no two values, or some that are not finite; give finite ones")
+            raise ValueError("a table of pressures needs at least two values, all finite; give such a table")
 
     def lobes(self, s: Numbers, size: Numbers) -> Numbers:
         """Return p at sines s, of a side `size` [wavelengths]."""
@@ -122,7 +122,7 @@ def _half_power(window, sag):
 
 
 def _line(x: np.ndarray, window: str, sag: float, segments: int) -> np.ndarray:
-    """Pressures of a line at even steps x (K,): signed where it is flat, without their phases where it is curved."""
+    """Return pressures of a line at even steps x (K,): signed for a flat line, magnitudes for a curved one."""
     weights = window_weights(window, segments)
     place = (np.arange(segments) + 0.5) / segments - 0.5
     weights = weights * np.exp(8j * np.pi * sag * place ** 2) if sag else weights

@@ -46,7 +46,7 @@ class BuiltFace:
 
 def _side(width: float, wavelength: float, window: str, sag: float, floor: float, shielded: bool,
           measured: MeasuredBeam | None) -> tuple[float, BeamShape]:
-    """The side [m] that makes a beam in its plane, and that beam."""
+    """Return the side [m] that makes a beam in its plane, and that beam."""
     if measured is not None:
         shape, width = measured_shape(measured.angle, measured.level_db)
         return length_for_beam_width(width, wavelength), shape

@@ -1,4 +1,4 @@
-"""The beam of a face that does not focus, at any range.
+"""Beam of an unfocused face, at any range.
 
 At a range r a face receives from the direction u, against a point in its middle,
 
@@ -35,7 +35,7 @@ def near_pressure(face: Aperture, u: np.ndarray, ranges: np.ndarray, wavelength:
 
 
 def _weights(face: Aperture, x: np.ndarray, wavelength: float) -> np.ndarray:
-    """Weights w (X,) along a face, from the lobes of its beam next to the axis."""
+    """Return weights w (X,) along a face, from the lobes of its beam next to the axis."""
     u = np.linspace(0, min(LOBES * wavelength / face.length, 1.0), 64 * LOBES)
     pattern = face.along_shape.lobes(u, face.length / wavelength)
     pattern[0] *= 0.5

@@ -29,14 +29,14 @@ class Sidescan:
     ----------
     frequency : float [Hz]
     source_level_db : float [dB re 1 µPa @ 1 m]
-        On the axis of each face, rms over the pulse.
+        Source level on the axis of each face, rms over the pulse.
     pulse_length : float [s]
         Effective length of the (compressed) pulse: its bandwidth is the inverse.
     transmit, receive : Aperture
     depression_angle : float [rad]
-        Of the faces' normals below horizontal.
+        Angle of the faces' normals below the horizontal.
     sound_speed : float [m/s]
-        At the head: what the sonar takes to turn time into slant range.
+        Sound speed at the head, by which the sonar converts time to slant range.
     """
 
     frequency: float

@@ -1,1 +1,1 @@
-"""Motion of what carries a sonar: tracks, trajectories, rotating heads."""
+"""Motion of a sonar: tracks, trajectories, rotating heads."""

@@ -58,12 +58,12 @@ class HeadSweep:
         return self.first + self.step * self._place(ping)
 
     def onward(self, ping: np.ndarray) -> np.ndarray:
-        """Return how far the head turns from pings (P,) to the ones after them [rad]; not the way back to its start."""
+        """Return the turns of the head from pings (P,) to the next ones [rad], without its return to the start."""
         change = self._place(np.asarray(ping) + 1) - self._place(ping)
         return self.step * (change if self.back_and_forth else np.ones_like(change))
 
     def _place(self, ping: np.ndarray) -> np.ndarray:
-        """Steps from the first bearing, (P,)."""
+        """Return the steps from the first bearing, (P,)."""
         if self.endless:
             return np.asarray(ping, float)
         turn, place = np.divmod(np.asarray(ping), self.pings_per_turn)
@@ -82,7 +82,7 @@ class RotatingHead:
 
     @property
     def mounted(self) -> np.ndarray:
-        """M, (3, 3): its columns are bearing 0, aside, and the axis that the head turns about; platform's frame."""
+        """Return M (3, 3), whose columns are bearing 0, aside, and the axis of rotation, in the platform's frame."""
         return MOUNTS[self.mount][0]
 
     def rotation(self, bearing: np.ndarray) -> np.ndarray:
@@ -111,7 +111,7 @@ class HeadTrajectory(Trajectory):
         return Trajectory(lead=self.lead, motion=self.motion, offset=self.offset)
 
     def carried(self, offset: np.ndarray) -> HeadTrajectory:
-        """Follow another point of the head, `offset` (3,) [m] further along the beam, aside, and across."""
+        """Return the track of another point of the head, `offset` (3,) [m] along the beam, aside, and across."""
         return HeadTrajectory(lead=self.lead, motion=self.motion, offset=self.offset, head=self.head,
                               times=self.times, interval=self.interval, reach=self.reach + np.asarray(offset, float))
 

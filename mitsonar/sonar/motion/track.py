@@ -106,13 +106,13 @@ class Track:
         heading : float [rad]
             Course and heading, clockwise from north.
         speed : float [m/s]
-            Over ground; zero stands still.
+            Speed over ground; 0 for a fixed sonar.
         interval : float [s]
-            Between pings.
+            Time between pings.
         pings : int
             Number of pings.
         roll, pitch : float [rad]
-            Held all the way.
+            Constant roll and pitch.
 
         Returns
         -------
@@ -158,7 +158,7 @@ class Track:
         velocity : array (P, 3) [m/s]
             Scene frame.
         turn_rate : array (P, 3) [rad/s]
-            ω of the body, scene frame: what is fixed to it at d moves with ω x d.
+            ω of the body, scene frame: a point of the body at d moves with ω x d.
 
         Raises
         ------
@@ -170,7 +170,7 @@ class Track:
         Second-order differences; ω is the skew part of dR/dt Rᵀ.
         """
         if self.pings < 2:
-            raise ValueError("track: one ping has no motion; give at least two, or say the velocity.")
+            raise ValueError("track: a single ping has no motion; give at least two pings, or the velocity.")
         order = 2 if self.pings > 2 else 1
         velocity = np.gradient(self.position, self.time, axis=0, edge_order=order)
         rotation = self.rotation()

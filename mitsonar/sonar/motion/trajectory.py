@@ -134,10 +134,10 @@ class PingTravel:
     duration: float  # [s]: after the transmission, in which the polynomials hold
 
     def trimmed(self) -> PingTravel:
-        """Leave out the highest powers that stay below 1e-9 m and rad; a platform at rest has none.
+        """Return a copy without the highest powers that stay below 1e-9 m and rad; none for a platform at rest.
 
-        Kernels are compiled for a number of powers. Therefore one that neither rests nor goes straight ahead keeps 4,
-        which is enough for most ways, 6 or 12, of which those left out are 0.
+        Kernels are compiled for a number of powers. A moving platform that does not go straight ahead therefore keeps
+        4 powers, which is usually enough, or 6 or 12; unneeded ones are 0.
         """
         worth = np.maximum(np.abs(self.displacement).max((0, 2)), np.abs(self.turn).max((0, 2)))
         count = int(np.max(np.flatnonzero(worth * self.duration ** np.arange(1, len(worth) + 1) > NEGLIGIBLE) + 1,
@@ -155,7 +155,7 @@ class PingTravel:
         return np.linalg.norm(values, axis=-1).max(1, initial=0)
 
     def reach(self, coefficients: np.ndarray) -> np.ndarray:
-        """Bound what polynomials (P, K, 3) make of the components until the end: (3,)."""
+        """Return bounds (3,) of the components of polynomials (P, K, 3) until the end."""
         powers = self.duration ** np.arange(1, coefficients.shape[1] + 1)
         return (np.abs(coefficients) * powers[:, None]).sum(1).max(0, initial=0)
 
@@ -207,7 +207,7 @@ class Trajectory:
     def rates(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return velocity and angular velocity (P, 3) [m/s], [rad/s] at times (P,) [s], scene frame.
 
-        Second-order differences forwards: what they are while the echoes come in.
+        Second-order forward differences, so that they hold for the reception.
         """
         times = np.asarray(times, float)
         position, attitude = self.pose(times + STEP * np.arange(3)[:, None], times)
@@ -267,14 +267,14 @@ class Voyage:
 
 @cache
 def _fitted(powers: int) -> tuple[np.ndarray, np.ndarray]:
-    """Chebyshev points (N,) of a unit of time, and the matrix (K, N) that makes K powers of what is known there."""
+    """Return Chebyshev points (N,) of a unit of time, and the matrix (K, N) from values there to K powers."""
     count = powers + 3
     points = 0.5 - 0.5 * np.cos(np.pi * (np.arange(1, count + 1) - 0.5) / count)
     return points, np.linalg.pinv(points[:, None] ** np.arange(1, powers + 1))
 
 
 def _rotation_vector(matrix: np.ndarray) -> np.ndarray:
-    """Rotation vectors (..., 3) of matrices (..., 3, 3)."""
+    """Return rotation vectors (..., 3) of matrices (..., 3, 3)."""
     from scipy.spatial.transform import Rotation
 
     vector = Rotation.from_matrix(matrix.reshape(-1, 3, 3)).as_rotvec().reshape(matrix.shape[:-1])

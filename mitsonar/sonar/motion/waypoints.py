@@ -57,13 +57,13 @@ class Course:
 
     @staticmethod
     def _cuts(turns: np.ndarray, lengths: np.ndarray, radius: float) -> np.ndarray:
-        """Return how much of the legs on both sides of each inner way point its arc takes [m]."""
+        """Return the lengths [m] that the arc of each inner way point takes from the legs on both sides."""
         if radius == 0:
             return np.zeros(len(turns))
         back = np.flatnonzero(np.abs(turns) > np.deg2rad(_BACK_DEG))
         if back.size:
             raise ValueError(f"the course turns back on itself at way point {back[0] + 2}, where no arc of "
-                             f"{radius:g} m fits; put a way point aside, or take a turn radius of 0.")
+                             f"{radius:g} m fits; move a way point aside, or use a turn radius of 0.")
         tangents = np.r_[0.0, np.tan(np.abs(turns) / 2), 0.0]
         taken = tangents[:-1] + tangents[1:]
         tight = np.flatnonzero(radius * taken > lengths * (1 + 1e-12))

@@ -1,1 +1,1 @@
-"""Pulses: what a sonar transmits."""
+"""Pulses that a sonar transmits."""

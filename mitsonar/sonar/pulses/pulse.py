@@ -36,13 +36,13 @@ class Pulse:
         Carrier, to which the complex envelope refers.
     duration : float [s]
     window : None, str or tuple
-        Of ``scipy.signal.get_window``, over the duration; None is rectangular.
+        Window of ``scipy.signal.get_window`` over the duration; None is rectangular.
     modulation : callable
-        Time (N,) [s] within the pulse to the complex envelope (N,) before the window.
+        Function from time (N,) [s] within the pulse to the complex envelope (N,) before the window.
     sweep : (float, float) or None [Hz]
-        First and last frequency of a sweep relative to the carrier, None for what does not sweep.
+        First and last frequency of a sweep relative to the carrier; None for other pulses.
     finest : float [Hz]
-        No instantaneous frequency of the envelope lies further from the carrier.
+        Greatest distance of the envelope's instantaneous frequency from the carrier.
     """
 
     kind: str
@@ -113,8 +113,8 @@ class Pulse:
         Returns
         -------
         list of (float, Pulse)
-            When each begins [s], and what is sent from then on: with the phase that the carrier has by then, and the
-            band of the whole.
+            Beginning of each piece [s], and the piece, with the carrier's phase at its beginning and the band of the
+            whole pulse.
         """
         if count == 1:
             return [(0.0, self)]
@@ -128,7 +128,7 @@ class Pulse:
         return self._shape(own) * np.exp(2j * np.pi * np.mod(self.frequency * start, 1.0))
 
     def _simpson(self, highest: float) -> tuple[np.ndarray, np.ndarray]:
-        """Nodes [s] over the pulse and weights [s] of Simpson's rule for frequencies up to `highest` [Hz]."""
+        """Return nodes [s] over the pulse and weights [s] of Simpson's rule for frequencies up to `highest` [Hz]."""
         steps = 2 * int(np.ceil(0.5 * max(STEPS_PER_CYCLE * self.duration * highest, 256)))
         weight = np.full(steps + 1, 2 / 3)
         weight[1::2], weight[[0, -1]] = 4 / 3, 1 / 3
@@ -180,7 +180,7 @@ class Pulse:
 
     @cached_property
     def energy(self) -> float:
-        """∫|s_b|² dt [s]: what a pulse that is not compressed is worth in a reverberation equation."""
+        """∫|s_b|² dt [s], the effective length of an uncompressed pulse in a reverberation equation."""
         return self._overlap(self)
 
     def compressed_length(self, window: Window | None = None) -> float:
@@ -211,7 +211,7 @@ class Pulse:
         return float(np.sum(weight * self._shape(time) * np.conj(replica._shape(time))).real)
 
     def _power_spectrum(self, per_duration: int) -> tuple[np.ndarray, np.ndarray]:
-        """Frequencies [Hz], rising, `per_duration` to 1/T, and |S|² [s²] well beyond the skirts."""
+        """Return rising frequencies [Hz], `per_duration` to 1/T, and |S|² [s²] well beyond the skirts."""
         rate = 2 * self.finest + SKIRTS / self.duration
         samples = int(np.ceil(rate * self.duration * per_duration))
         power = np.abs(self.spectrum(rate, samples) / rate) ** 2

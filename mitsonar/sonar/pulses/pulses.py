@@ -34,7 +34,7 @@ def cw(frequency: float, duration: float, window: Window | None = None) -> Pulse
     Returns
     -------
     Pulse
-        Of -3 dB bandwidth 0.886 / duration without a window.
+        Pulse of -3 dB bandwidth 0.886 / duration without a window.
 
     Raises
     ------
@@ -91,15 +91,15 @@ def sampled(frequency: float, samples: ArrayLike, sampling_rate: float) -> Pulse
     Parameters
     ----------
     frequency : float [Hz]
-        Carrier that was taken out.
+        Carrier of the complex envelope.
     samples : complex (N,)
-        From the first instant of the pulse to its last; 1 is the source level.
+        Samples from the first instant of the pulse to its last; 1 is the source level.
     sampling_rate : float [Hz]
 
     Returns
     -------
     Pulse
-        Of duration (N - 1) / sampling_rate.
+        Pulse of duration (N - 1) / sampling_rate.
 
     Raises
     ------

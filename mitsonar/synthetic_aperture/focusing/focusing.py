@@ -221,8 +221,8 @@ class Focuser:
             scale = np.divide(1, weight, out=np.zeros(len(weight)), where=seen) / loudness
             values.append((total * scale).astype(np.complex64).reshape(shape))
         if not any(sums.weight.numpy().any() for sums in self._images):
-            raise ValueError(f"none of {self.pings} pings sees the grid within its beam and record; lay the grid on "
-                             "the side and range of the record, or give none")
+            raise ValueError(f"the grid lies outside the beam and the record of all {self.pings} pings; lay it on the "
+                             "side and range of the record, or leave it out")
         image = np.stack(values)
         unseen = np.mean([sums.weight.numpy() == 0 for sums in self._images])
         if unseen:
