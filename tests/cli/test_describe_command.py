@@ -78,7 +78,7 @@ def test_attributes_of_a_plugin(said):
     assert "depth: a number [m], needed depth of the mean bed" in joined(said("describe", "seabed"))
     array = joined(said("describe", "array_sonar"))
     assert "receive_rows: an integer at least 1 and at most 100000, default 1 number of rows of a plane" in array
-    assert "altitude: a number [m] at least 0, default 20, of a recorded track 0 above the seabed" in array
+    assert "altitude: a number [m] at least 0, default 20, of a recorded track 0 height above the seabed" in array
     assert "receive_steer_deg: 2 numbers [degrees] separated by commas" in array
 
 
@@ -101,8 +101,9 @@ def test_a_parameter_is_described_by_the_attribute_that_it_sets(folder, said):
     text = TEXT.replace("<integrator", '<default name="light" value="rays"/>\n<integrator', 1)
     text = re.sub(r'(<integrator type="sonar_path">)', r'\1<string name="ensonification" value="$light"/>', text)
     (folder / "mine.xml").write_text(text, encoding="utf-8")
-    assert '-D light=rays ensonification of sonar_path, one of "scatterers", "rays": of an array\'s cells' in joined(
-        said("describe", "mine.xml"))
+    expected = ('-D light=rays ensonification of sonar_path, one of "scatterers", "rays": method to find the echoes of an '
+                "array's cells")
+    assert expected in joined(said("describe", "mine.xml"))
 
 
 def test_the_page_of_all_plugins(said):
