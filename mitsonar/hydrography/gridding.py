@@ -1,4 +1,4 @@
-"""Lay soundings on a map grid, and sum mosaic samples in map cells.
+"""Map grids: grids of soundings, and sums of mosaic samples in map cells.
 
 Rules of a grid of soundings, with σ_i the uncertainty of sounding i and n the soundings of the cell:
 

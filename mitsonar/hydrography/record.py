@@ -1,4 +1,4 @@
-"""Define the dataset of a line of soundings, simulated or read from an instrument's file.
+"""Dataset of a line of soundings, simulated or read from an instrument's file.
 
 Dimensions: ``ping``, ``beam`` (soundings of a ping, padded), ``transmission`` (sectors of a ping), ``motion`` (samples
 of the motion sensors), ``node`` (of the cast), ``axis`` (forward, starboard, down) and, where present, ``true_node``
@@ -43,7 +43,7 @@ class Variable:
     needed: bool = False
 
 
-def _some(group: Group, dims: tuple[str, ...], needed: bool, *rows: tuple[str, str, str, str]) -> list[Variable]:
+def _rows(group: Group, dims: tuple[str, ...], needed: bool, *rows: tuple[str, str, str, str]) -> list[Variable]:
     return [Variable(name=name, dims=dims, dtype=dtype, unit=unit, meaning=meaning, group=group, needed=needed)
             for name, dtype, unit, meaning in rows]
 
@@ -51,18 +51,18 @@ def _some(group: Group, dims: tuple[str, ...], needed: bool, *rows: tuple[str, s
 _PING, _BEAM, _SECTOR = ("ping",), ("ping", "beam"), ("ping", "transmission")
 
 VARIABLES: dict[str, Variable] = {one.name: one for one in [
-    *_some("line", ("node",), True,
+    *_rows("line", ("node",), True,
            ("cast_depth", "f8", "m", "depth of the cast's nodes, increasing"),
            ("cast_sound_speed", "f8", "m/s", "sound speed there, as the soundings were made with")),
-    *_some("line", ("axis",), True,
+    *_rows("line", ("axis",), True,
            ("transmit_offset", "f8", "m", "transmit array from the reference point, body frame"),
            ("receive_offset", "f8", "m", "receive array likewise"),
            ("transmit_mounting", "f8", "rad", "roll, pitch and heading of the transmit array in the body"),
            ("receive_mounting", "f8", "rad", "the same of the receive array")),
-    *_some("line", ("receive_head", "axis"), False,
+    *_rows("line", ("receive_head", "axis"), False,
            ("head_receive_offset", "f8", "m", "receive_offset of each of several heads"),
            ("head_receive_mounting", "f8", "rad", "receive_mounting of each")),
-    *_some("motion", ("motion",), True,
+    *_rows("motion", ("motion",), True,
            ("motion_time", "f8", "s", "after the line's start"),
            ("motion_x", "f8", "m", "reference point, east"),
            ("motion_y", "f8", "m", "reference point, north"),
@@ -70,7 +70,7 @@ VARIABLES: dict[str, Variable] = {one.name: one for one in [
            ("motion_roll", "f8", "rad", "starboard down"),
            ("motion_pitch", "f8", "rad", "bow up"),
            ("motion_heading", "f8", "rad", "clockwise from north")),
-    *_some("ping", _PING, True,
+    *_rows("ping", _PING, True,
            ("ping_time", "f8", "s", "of the first transmission, after the line's start"),
            ("ping_x", "f8", "m", "reference point then, east"),
            ("ping_y", "f8", "m", "north"),
@@ -79,8 +79,8 @@ VARIABLES: dict[str, Variable] = {one.name: one for one in [
            ("ping_pitch", "f8", "rad", "bow up"),
            ("ping_heading", "f8", "rad", "clockwise from north"),
            ("head_sound_speed", "f8", "m/s", "at the arrays, by the head's own sensor")),
-    *_some("ping", _PING, False, ("head", "i4", "1", "number of the receiving head where there are several")),
-    *_some("sector", _SECTOR, True,
+    *_rows("ping", _PING, False, ("head", "i4", "1", "number of the receiving head where there are several")),
+    *_rows("sector", _SECTOR, True,
            ("sector_frequency", "f8", "Hz", "middle of the band"),
            ("sector_delay", "f8", "s", "of the transmission after the ping's first"),
            ("sector_angle", "f8", "rad", "transmit_angle that the sector is steered to"),
@@ -88,9 +88,9 @@ VARIABLES: dict[str, Variable] = {one.name: one for one in [
            ("sector_bandwidth", "f8", "Hz", "of the pulse"),
            ("sector_source_level_db", "f8", "dB re 1 µPa @ 1 m", "on the axis"),
            ("sector_absorption_db", "f8", "dB/m", "that backscatter was corrected with")),
-    *_some("sector", ("ping", "transmission", "axis"), False,
+    *_rows("sector", ("ping", "transmission", "axis"), False,
            ("sector_offset", "f8", "m", "of a sector's own part of the transmit array from transmit_offset")),
-    *_some("sounding", _BEAM, True,
+    *_rows("sounding", _BEAM, True,
            ("valid", "bool", "1", "whether there is a sounding"),
            ("travel_time", "f8", "s", "from the sector's transmission to the reception, both ways"),
            ("angle", "f8", "rad", "asin(a_r·l_r), positive to starboard: of the receiving beam"),
@@ -101,14 +101,14 @@ VARIABLES: dict[str, Variable] = {one.name: one for one in [
            ("y", "f8", "m", "north"),
            ("across_track", "f8", "m", "from the reference point, starboard"),
            ("along_track", "f8", "m", "from the reference point, forward")),
-    *_some("sounding", _BEAM, False,
+    *_rows("sounding", _BEAM, False,
            ("detection", "u1", "1", "0 none, 1 by amplitude, 2 by phase"),
            ("quality", "f4", "1", "depth over its spread by detection, as log10: 2 is 1 % (Lurton and Augustin 2010)"),
            ("uncertainty", "f4", "m", "of the depth, standard deviation"),
            ("horizontal_uncertainty", "f4", "m", "of x and y, standard deviation of the distance"),
            ("backscatter_db", "f4", "dB re 1", "bottom backscattering strength; attrs say the corrections"),
            ("grazing", "f4", "rad", "at the bed, were it level")),
-    *_some("truth", _BEAM, False,
+    *_rows("truth", _BEAM, False,
            ("true_depth", "f8", "m", "of the bed at x, y"),
            ("error", "f8", "m", "depth - true_depth: the sum of the next three"),
            ("error_detection", "f8", "m", "by the echo's time and the beam's footprint"),
@@ -118,25 +118,25 @@ VARIABLES: dict[str, Variable] = {one.name: one for one in [
            ("footprint_along", "f4", "m", "of the transmitted beam, -3 dB"),
            ("label", "u4", "1", "instance that most of the echo at the sounding is of; 0 none"),
            ("true_backscatter_db", "f4", "dB re 1", "strength of the seabed's law at the grazing angle there")),
-    *_some("truth", ("true_node",), False,
+    *_rows("truth", ("true_node",), False,
            ("true_cast_depth", "f8", "m", "depth of the nodes of the water's own profile, increasing"),
            ("true_cast_sound_speed", "f8", "m/s", "sound speed there, as the echoes travelled")),
-    *_some("column", ("ping", "column_beam"), False,
+    *_rows("column", ("ping", "column_beam"), False,
            ("column_angle", "f8", "rad", "as angle"),
            ("column_sector", "i4", "1", "number of the sector"),
            ("column_start", "f8", "s", "of the first sample, after the sector's transmission"),
            ("column_rate", "f8", "Hz", "samples a second")),
-    *_some("column", ("ping", "column_beam", "column_sample"), False,
+    *_rows("column", ("ping", "column_beam", "column_sample"), False,
            ("column_level_db", "f4", "dB re 1 µPa", "echo level; NaN where there is no sample")),
-    *_some("snippet", _PING, False, ("snippet_rate", "f8", "Hz", "samples of snippets a second")),
-    *_some("snippet", _BEAM, False, ("snippet_start", "f8", "s", "of the first sample, as of travel_time")),
-    *_some("snippet", ("ping", "beam", "snippet_sample"), False,
+    *_rows("snippet", _PING, False, ("snippet_rate", "f8", "Hz", "samples of snippets a second")),
+    *_rows("snippet", _BEAM, False, ("snippet_start", "f8", "s", "of the first sample, as of travel_time")),
+    *_rows("snippet", ("ping", "beam", "snippet_sample"), False,
            ("snippet_db", "f4", "dB re 1", "backscattering strength sample by sample; NaN where there is none")),
 ]}
 
 
 def variable(name: str, values: np.ndarray) -> xr.Variable:
-    """Make a variable of the record, with its dimensions, type, unit and meaning.
+    """Return a variable of the record, with its dimensions, type, unit and meaning.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Hold the requirements of IHO S-44 (edition 6.1.0, 2022, table 1) on the uncertainty of soundings.
+"""Requirements of IHO S-44 (edition 6.1.0, 2022, table 1) on the uncertainty of soundings.
 
     TVU = sqrt(a² + (b d)²)          THU = e + f d          at 95 %
 
@@ -18,7 +18,7 @@ __all__ = ["ORDERS", "SurveyOrder", "survey_order"]
 
 @dataclass(frozen=True, kw_only=True)
 class SurveyOrder:
-    """Hold one order of S-44: coefficients a [m], b, e [m], f, and the share of the area to cover."""
+    """Order of S-44: coefficients a [m], b, e [m], f, and the share of the area to cover."""
 
     name: str
     a: float
@@ -45,7 +45,7 @@ ORDERS = {one.name: one for one in (
 
 
 def survey_order(name: str) -> SurveyOrder:
-    """Return an order by its name; raise ValueError if there is none."""
+    """Return an order by its name; raise ValueError for an unknown name."""
     if name not in ORDERS:
         raise ValueError(f"S-44 has no order {name!r}; choose one of {', '.join(ORDERS)}.")
     return ORDERS[name]

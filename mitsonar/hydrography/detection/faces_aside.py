@@ -26,7 +26,7 @@ class AsideSeen:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AsideFace:
-    """Face of a side, body frame (forward, starboard, down)."""
+    """Array face on one side, in the body frame (forward, starboard, down)."""
 
     transmit_centre: np.ndarray  # (3,) [m], T
     receive_centre: np.ndarray  # (3,) [m], R

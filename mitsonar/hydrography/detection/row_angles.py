@@ -30,10 +30,10 @@ __all__ = ["RowAngles", "ReceiverRows", "sector_of"]
 
 PER_PERIOD = 8                     # sines tried in the shortest period of (1)
 STEPS = 4                          # of Newton's method
-ALIKE = 0.9                        # of the maximum of f, that another sine of the sector may reach
+ALIKE = 0.9                        # share of the maximum of f that other sines of the sector may reach
 BLOCK = 1 << 22                    # numbers in memory at once
 CERTAIN = 1 - 1e-6                 # largest coherence in (3)
-MARGIN = np.deg2rad(10.0)          # searched beyond nadir and horizon, as a platform rolls
+MARGIN = np.deg2rad(10.0)          # search beyond nadir and horizon, because the platform rolls
 STEEPEST = np.deg2rad(80.0)        # off the face's normal
 
 
@@ -161,7 +161,7 @@ class ReceiverRows:
         low, high = self.sector
         tried = np.linspace(low, high, self._tried(high - low))
         waves = np.exp(-1j * np.outer(turn, tried))                                          # (pairs, sines)
-        best = np.concatenate([np.argmax(np.real(some.T @ waves), 1) for some in np.array_split(
+        best = np.concatenate([np.argmax(np.real(block.T @ waves), 1) for block in np.array_split(
             products, 1 + products.shape[1] * len(tried) // BLOCK, axis=1)])
         sine, step = tried[best], tried[1] - tried[0]
         for _ in range(STEPS):

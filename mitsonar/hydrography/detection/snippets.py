@@ -35,30 +35,33 @@ def snippets(halves: tuple[np.ndarray, np.ndarray], *, time: np.ndarray, detecte
              pulse_length: float | np.ndarray, transmit_width: float | np.ndarray, receive_width: float | np.ndarray,
              sound_speed: float | np.ndarray, source_level_db: float | np.ndarray, absorption_db: float,
              transmit_pattern_db: float | np.ndarray = 0.0, receive_pattern_db: float | np.ndarray = 0.0) -> Snippets:
-    """Cut the snippets of a ping.
+    """Return the snippets of a ping.
 
     Parameters
     ----------
     halves : complex (B, T), complex (B, T) [µPa]
+        Compressed beams of the port and of the starboard half.
     time : float (T,) [s]
+        Times of the samples after the transmission.
     detected : float (B,) [s]
-        Times of `Detections`, NaN where there is none.
+        Times of `Detections`, NaN where nothing was detected.
     begin, end : int (B,)
-        Samples of the footprint, of `Detections`.
+        Samples of the footprint, from `Detections`.
     samples : int
-        Of every snippet; those of a longer footprint are its middle ones.
+        Number of samples of every snippet. Of a longer footprint, the middle samples are taken.
     incidence : float (B,) [rad]
+        Incidence on the bed across the track.
     slant_range : float (B,) [m]
-        Of the detections; a sample's range is in proportion to its time.
+        Range of the detections. The range of a sample is proportional to its time.
     loss_db : float (B,) [dB]
-        Both ways, of the detections.
+        Two-way transmission loss of the detections.
     pulse_length, transmit_width, receive_width, sound_speed
-        As of `ensonified_area`.
+        Arguments of `ensonified_area`.
     source_level_db : float or (B,) [dB re 1 µPa @ 1 m]
     absorption_db : float [dB/m]
-        That the loss of a sample nearer or farther changes by, with its spreading.
+        Absorption between the range of the detection and that of a sample.
     transmit_pattern_db, receive_pattern_db : float or (B,) [dB]
-        Towards the detections.
+        Patterns of both arrays towards the detections.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Convert soundings to single rays of known slowness, which depend on no sound-speed profile.
+"""Convert soundings to single rays of known slowness, which do not depend on a sound-speed profile.
 
 An array measures the slowness along it, which Snell's law preserves down to the bed, and a time. Both follow from the
 reduced place B of a sounding through the cast of its reduction. For the ray from the point M midway between the
@@ -99,9 +99,9 @@ def beams_of(soundings: xr.Dataset, under_way: bool = True) -> SoundingBeams:
                           for part in (0, 1))
         if not under_way:
             received.place[..., :2] = sent.place[..., :2]
-        hears = received.carried(np.asarray(installed.receive_offset))
+        receiver = received.carried(np.asarray(installed.receive_offset))
         for part, some in parts_of(soundings, pings):
-            middle = 0.5 * (sent.carried(installed.transmit_offset + part) + hears)
+            middle = 0.5 * (sent.carried(installed.transmit_offset + part) + receiver)
             start[pings] = np.where(some[..., None], middle, start[pings])
     head = np.broadcast_to(soundings["head_sound_speed"].values[:, None], shape)
     heading = np.broadcast_to(soundings["ping_heading"].values[:, None], shape)

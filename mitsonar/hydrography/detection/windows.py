@@ -1,4 +1,4 @@
-"""Hold windows of samples about an echo in every beam, of different lengths, laid end to end.
+"""Windows of samples about an echo in every beam, of different lengths, laid end to end.
 
 Sums over each window run over one flat array, so that the cost is that of the samples, not of the longest window.
 """
@@ -44,7 +44,7 @@ class Windows:
 
 
 def among_neighbours(values: np.ndarray, good: np.ndarray, aside: int = 2) -> np.ndarray:
-    """Return means of values (B,) over the good ones of each beam and ``aside`` to either side; NaN where none is."""
+    """Return means of values (B,) over the good ones of each beam and ``aside`` to either side; NaN without any."""
     size = 2 * aside + 1
     total = ndimage.uniform_filter1d(np.where(good, values, 0.0), size, mode="constant")
     count = ndimage.uniform_filter1d(good.astype(float), size, mode="constant")

@@ -26,7 +26,7 @@ Angles = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlatformPose:
-    """A place and an attitude.
+    """Position and attitude of a platform.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class PlatformPose:
     heading: np.ndarray
 
     def turned(self, vector: np.ndarray) -> np.ndarray:
-        """Return a vector (..., 3) of the body in the scene: (..., 3)."""
+        """Return a vector (..., 3) of the body frame in the scene frame: (..., 3)."""
         return turned(vector, (self.roll, self.pitch, self.heading))
 
     def carried(self, offset: np.ndarray) -> np.ndarray:
@@ -50,13 +50,13 @@ class PlatformPose:
 
 
 def turned(vector: np.ndarray, angles: Angles) -> np.ndarray:
-    """Turn vectors (..., 3) of a frame held at roll, pitch and heading [rad]: east, north, down (..., 3)."""
+    """Return vectors (..., 3) of a frame at roll, pitch and heading [rad] in east, north, down (..., 3)."""
     north, east, down = mounted(vector, angles)
     return np.stack([east, north, down], -1)
 
 
 def mounted(vector: np.ndarray, angles: Angles) -> Angles:
-    """Turn vectors (..., 3) of a frame within another of the same handedness, as an array in the body."""
+    """Return components of vectors (..., 3) in an outer frame of the same handedness, as of an array in the body."""
     x, y, z = np.moveaxis(np.asarray(vector, float), -1, 0)
     (sr, sp, sh), (cr, cp, ch) = (tuple(f(np.asarray(one, float)) for one in angles) for f in (np.sin, np.cos))
     y, z = y * cr - z * sr, y * sr + z * cr
@@ -109,11 +109,11 @@ class PlatformMotion:
 
     @classmethod
     def of(cls, soundings: xr.Dataset) -> PlatformMotion:
-        """Take the motion out of a line of soundings."""
+        """Return the motion of a line of soundings."""
         return cls(**{one.name: soundings[f"motion_{one.name}"].values for one in fields(cls)})
 
     def at(self, time: np.ndarray) -> PlatformPose:
-        """Return the pose at times (...) [s]; NaN where the time is."""
+        """Return the pose at times (...) [s]; NaN where the time is NaN."""
         time = np.asarray(time, float)
         inside = np.clip(time, self.time[0], self.time[-1])
         if self.time.size == 1:

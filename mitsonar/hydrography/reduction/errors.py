@@ -32,16 +32,16 @@ Bed = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reduction:
-    """Arguments of `mitsonar.hydrography.reduction.reduction.located`.
+    """Inputs of `mitsonar.hydrography.reduction.reduction.located`.
 
     Attributes
     ----------
-    motion : Motion
+    motion : PlatformMotion
     installation : Installation
     profile : SoundSpeedProfile
     head_speed : array (...) or float [m/s], or None
     node : bool
-        False of the truth: the true profile holds the head's speed already.
+        False for the true water: the true profile already contains the head's speed.
     """
 
     motion: PlatformMotion
@@ -76,7 +76,7 @@ class Errors:
     error_motion: np.ndarray
 
     def variables(self) -> dict[str, np.ndarray]:
-        """Return them by name, as a record holds them."""
+        """Return the errors by their names in a record."""
         return {one.name: getattr(self, one.name) for one in fields(self)}
 
 

@@ -33,7 +33,7 @@ import numpy as np
 from mitsonar.propagation.numpy_rays.layers import atan_ratio, atanh_ratio
 from mitsonar.water.profile import SAME_DEPTH, SoundSpeedProfile
 
-FLATTEST = 0.15                    # v c_m of the flattest ray the table knows: the sine at the fastest depth
+FLATTEST = 0.15                    # v c_m of the flattest ray in the table: its sine at the fastest depth
 COEFFICIENTS = 40
 
 
@@ -41,7 +41,7 @@ def crossed(slowness: np.ndarray, thickness: np.ndarray, upper_speed: np.ndarray
             ) -> tuple[np.ndarray, ...]:
     """Return x / p, dx/dp [m²/s], time [s] and length [m] of rays through layers, by the equations of `legs`.
 
-    All arguments broadcast. NaN where a ray turns.
+    All arguments broadcast.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         upper, lower = (np.sqrt(1 - (slowness * speed)**2) for speed in (upper_speed, lower_speed))
@@ -56,14 +56,14 @@ def crossed(slowness: np.ndarray, thickness: np.ndarray, upper_speed: np.ndarray
 class LayerColumn:
     """Layers between some nodes of a profile."""
 
-    first: int  # number of the topmost of the nodes
+    first: int  # number of the top node
     fastest: float  # [m/s]
     table: np.ndarray  # chebyshev coefficients of `crossed`'s sums from the first node down to each
 
     @staticmethod
     @lru_cache(maxsize=64)
     def of(profile: SoundSpeedProfile, first: int, last: int) -> LayerColumn:
-        """Make the table of the layers between two nodes, by their numbers."""
+        """Return the table of the layers between two nodes, given by their numbers."""
         depth, speed = profile.depth[first:last + 1], profile.sound_speed[first:last + 1]
         fastest = float(speed.max())
         place = np.cos(np.pi * (np.arange(COEFFICIENTS) + 0.5) / COEFFICIENTS)
@@ -90,11 +90,11 @@ class LayerColumn:
 
 
 BLOCK = 2048                       # rays at a time: their layers stay in the processor's cache
-FEW = 24                           # layers that are crossed one by one; more by the table of `columns`
+FEW = 24                           # layers that are crossed one by one; for more, `LayerColumn` is used
 
 
 class RayLeg(NamedTuple):
-    """Rays from their starts to a depth each: (N,), NaN where a ray turns before.
+    """Rays from their starts to one depth each: (N,), NaN where a ray turns before.
 
     ``stretch`` is x / p and ``slope`` dx/dp [m²/s]; ``sine`` and ``speed`` are those at the end.
     """
@@ -108,13 +108,13 @@ class RayLeg(NamedTuple):
 
     @classmethod
     def joined(cls, blocks: list[RayLeg]) -> RayLeg:
-        """Put blocks of rays one after another."""
+        """Join blocks of rays."""
         return cls(*map(np.concatenate, zip(*blocks)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Starts:
-    """Start of rays, and their water."""
+    """Starts of N rays, and the profile of the water."""
 
     profile: SoundSpeedProfile
     depth: np.ndarray  # (N,) [m]
@@ -122,7 +122,7 @@ class Starts:
 
     @property
     def speed(self) -> np.ndarray:
-        """At the start: (N,) [m/s]."""
+        """Return the sound speed at the starts: (N,) [m/s]."""
         return self.profile.at(self.depth) if self.head_speed is None else self.head_speed
 
     def __getitem__(self, rays: np.ndarray | slice) -> Starts:
@@ -130,7 +130,7 @@ class Starts:
         return Starts(profile=self.profile, depth=self.depth[rays], head_speed=head)
 
     def coarse(self, time: np.ndarray) -> Starts:
-        """Take few of the nodes that rays pass within a time (N,) [s], for a first guess."""
+        """Return starts with only a few of the nodes that rays pass within a time (N,) [s], for a first guess."""
         reach = float(self.profile.sound_speed.max()) * np.max(time, initial=0.0, where=np.isfinite(time))
         first, last = self._nodes(self.depth + reach)
         first, last = max(0, first - 1), min(last, self.profile.depth.size - 1)
@@ -144,12 +144,12 @@ class Starts:
                       depth=-self.depth, head_speed=self.head_speed)
 
     def to_depth(self, slowness: np.ndarray, depth: np.ndarray) -> RayLeg:
-        """Follow rays of horizontal slowness (N,) [s/m] down to depths (N,) [m]."""
+        """Trace rays of horizontal slowness (N,) [s/m] down to depths (N,) [m]."""
         parts = range(0, len(depth), BLOCK)
         return RayLeg.joined([self[i:i + BLOCK]._cross(slowness[i:i + BLOCK], depth[i:i + BLOCK]) for i in parts])
 
     def depth_after(self, slowness: np.ndarray, time: np.ndarray) -> np.ndarray:
-        """Follow rays that start downwards for a time (N,) [s]: depth (N,) [m], NaN of a ray that turned by then."""
+        """Return the depths (N,) [m] of downward rays after a time (N,) [s], NaN where a ray turned before."""
         parts = range(0, len(time), BLOCK)
         return np.concatenate([self[i:i + BLOCK]._run(slowness[i:i + BLOCK], time[i:i + BLOCK]) for i in parts])
 

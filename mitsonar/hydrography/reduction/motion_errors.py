@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 LINES = 64                         # K
-FASTEST = 5.0                      # [Hz]: no sensor's error wanders faster
+FASTEST = 5.0                      # [Hz]: errors of real sensors vary more slowly
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +22,7 @@ class MotionErrors:
     roll_bias: float = 0.0  # [rad]
     pitch_bias: float = 0.0  # [rad]
     heading_bias: float = 0.0  # [rad]
-    latency: float = 0.0  # [s]: by which attitude and heave are those of an earlier time
+    latency: float = 0.0  # [s]: age of attitude and heave when they are stamped
     attitude_noise: float = 0.0  # [rad] rms, of roll and of pitch
     heading_noise: float = 0.0  # [rad] rms
     heave_noise: float = 0.0  # [m] rms, of the depth

@@ -1,13 +1,13 @@
-"""Paths of the sound of beams: directions by two cones, and rays by the layers of a profile.
+"""Ray paths of beams: directions from two cones, and rays through the layers of a profile.
 
 With a_t and a_r along the transmit and the receive array and g = a_t·a_r, the direction l at the angles t and r of the
 two arrays is (see `mitsonar.hydrography.record`)
 
     l = α a_t + β a_r + γ n      α = (sin t - g sin r) / (1 - g²)      β = (sin r - g sin t) / (1 - g²)
 
-where n = a_t x a_r / |a_t x a_r| looks down and γ ≥ 0 makes l a unit vector. The head's own sound speed c_h makes an
-angle of it: what the ray keeps is p = |l_h| / c_h, l_h the level part of l. In a layer of thickness h and constant
-gradient, s = (1 - p² c²)^½ and e = c2 s1 + c1 s2,
+where n = a_t x a_r / |a_t x a_r| points down and γ ≥ 0 makes l a unit vector. The ray keeps its horizontal slowness
+p = |l_h| / c_h, with l_h the horizontal part of l and c_h the sound speed of the head's own sensor. In a layer of
+thickness h and constant gradient, with s = (1 - p² c²)^½ and e = c2 s1 + c1 s2,
 
     range h p (c1 + c2) / (s1 + s2)        time (2 h / e) atanh(y) / y,  y = (c2 - c1) / e
 """
@@ -24,35 +24,35 @@ from mitsonar.water.profile import SoundSpeedProfile
 from .attitude import mounted
 
 ATTITUDE = ("ping_time", "ping_heading", "receive_mounting", "motion_time", "motion_roll", "motion_pitch",
-            "motion_heading")      # variables that `receiving_axes` looks at, and those of `head_of`
+            "motion_heading")      # variables that `receiving_axes` uses; below, those of `head_of`
 HELD = ("ping_roll", "ping_pitch", "ping_depth", "transmit_offset", "receive_offset", "transmit_mounting",
         "receive_mounting", "head_sound_speed", "cast_depth", "cast_sound_speed")
-SEVERAL = ("head", "head_receive_offset", "head_receive_mounting")         # of a line of several heads
+SEVERAL = ("head", "head_receive_offset", "head_receive_mounting")         # additional variables of lines with several heads
 
-STEPS = 240                        # layers that the water under the head is cut into, beside the profile's own
-FLATTEST = 1e-4                    # least sine of a ray that is followed: flatter ones turn
+STEPS = 240                        # layers below the head, in addition to those of the profile
+FLATTEST = 1e-4                    # least sine of a traced ray: flatter rays turn
 
 
 @dataclass(frozen=True, kw_only=True)
 class RayHead:
-    """The arrays in one ping, level axes along the heading: forward, starboard, down."""
+    """Arrays in one ping, in level axes along the heading: forward, starboard, down."""
 
-    depth: float  # [m]: of the middle between the arrays
-    across: float  # [m]: their way to starboard from the reference point
+    depth: float  # [m]: of the midpoint of the arrays
+    across: float  # [m]: of the midpoint, to starboard of the reference point
     sound_speed: float  # [m/s]: by the head's own sensor
-    transmit: np.ndarray  # (3,): unit vectors along the arrays at the transmission
-    receive: np.ndarray  # (3,): unit vectors along the arrays at the transmission
+    transmit: np.ndarray  # (3,): unit vector along the transmit array at the transmission
+    receive: np.ndarray  # (3,): unit vector along the receive array at the transmission
 
 
 def head_of(line: xr.Dataset, ping: int) -> RayHead:
-    """Return where the arrays of a ping are, and how they lie."""
-    one = _with_head(line[[name for name in (*HELD, *SEVERAL) if name in line]].isel(ping=ping))
-    held = float(one["ping_roll"]), float(one["ping_pitch"]), 0.0
-    middle = _turned(0.5 * (one["transmit_offset"].values + one["receive_offset"].values), *held)
-    along = [_turned(_mounting(one, name), *held) for name in ("transmit", "receive")]
-    speed = float(one["head_sound_speed"])
+    """Return position and axes of the arrays in a ping."""
+    record = _with_head(line[[name for name in (*HELD, *SEVERAL) if name in line]].isel(ping=ping))
+    held = float(record["ping_roll"]), float(record["ping_pitch"]), 0.0
+    middle = _turned(0.5 * (record["transmit_offset"].values + record["receive_offset"].values), *held)
+    along = [_turned(_mounting(record, name), *held) for name in ("transmit", "receive")]
+    speed = float(record["head_sound_speed"])
     if not speed > 0:
-        speed = float(np.interp(0.0, one["cast_depth"].values, one["cast_sound_speed"].values))
+        speed = float(np.interp(0.0, record["cast_depth"].values, record["cast_sound_speed"].values))
     return RayHead(depth=float(np.nan_to_num(one["ping_depth"])) + float(middle[2]), across=float(middle[1]),
                 sound_speed=speed, transmit=along[0], receive=along[1])
 
@@ -81,17 +81,17 @@ def receiving_axes(line: xr.Dataset, ping: int, head: RayHead, time: np.ndarray)
     # time (N,) [s] -> (N, 3)
     when = float(line["ping_time"][ping]) + time
     clock = line["motion_time"].values
-    told = [line[f"motion_{name}"].values for name in ("roll", "pitch", "heading")]
-    known = np.isfinite([clock, *told]).all(0)
+    attitudes = [line[f"motion_{name}"].values for name in ("roll", "pitch", "heading")]
+    known = np.isfinite([clock, *attitudes]).all(0)
     axes = np.broadcast_to(head.receive, (time.size, 3)).copy()
     if not known.any():
         return axes
-    clock, told = clock[known], [values[known] for values in told]
+    clock, attitudes = clock[known], [values[known] for values in attitudes]
     north = float(np.nan_to_num(line["ping_heading"][ping]))
     inside = (when >= clock[0]) & (when <= clock[-1])
-    roll, pitch, heading = (np.interp(when[inside], clock, values) for values in (*told[:2], np.unwrap(told[2])))
-    one = _with_head(line[[name for name in (*ATTITUDE, *SEVERAL) if name in line]].isel(ping=ping))
-    axes[inside] = _turned(_mounting(one, "receive"), roll, pitch, heading - north)
+    roll, pitch, heading = (np.interp(when[inside], clock, values) for values in (*attitudes[:2], np.unwrap(attitudes[2])))
+    record = _with_head(line[[name for name in (*ATTITUDE, *SEVERAL) if name in line]].isel(ping=ping))
+    axes[inside] = _turned(_mounting(record, "receive"), roll, pitch, heading - north)
     return axes
 
 
@@ -135,7 +135,7 @@ def _profile(line: xr.Dataset, name: str) -> SoundSpeedProfile:
 
 def ray_places(profile: SoundSpeedProfile, depth: float, slowness: np.ndarray,
                time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Follow rays that go down."""
+    """Return horizontal distances and depths of downward rays after given times."""
     # depth [m]; slowness (N,) [s/m]; time (N, T) [s] -> away, depth (N, T) [m]
     edges, ways, times = layer_sums(profile, depth, slowness, float(np.nanmax(time, initial=0.0)))
     places = np.full((2, *time.shape), np.nan)
@@ -149,10 +149,7 @@ def ray_places(profile: SoundSpeedProfile, depth: float, slowness: np.ndarray,
 
 def layer_sums(profile: SoundSpeedProfile, depth: float, slowness: np.ndarray,
                longest: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return depths (D,) that rays cross within a time [s], and there the ways and times (N, D) of each; NaN from a
-    turn.
-
-    """
+    """Return depths (D,) within reach of a time [s], and distances and times (N, D) of each ray there, NaN past a turn."""
     reach = depth + max(1.01 * longest * float(profile.sound_speed.max()), 1e-3)
     nodes = profile.depth[(profile.depth > depth) & (profile.depth < reach)]
     edges = np.unique(np.concatenate([np.linspace(depth, reach, STEPS), nodes]))
@@ -163,7 +160,7 @@ def layer_sums(profile: SoundSpeedProfile, depth: float, slowness: np.ndarray,
     total = speed[1:] * above + speed[:-1] * below
     bend = (speed[1:] - speed[:-1]) / total
     ways = thickness * slowness[:, None] * (speed[:-1] + speed[1:]) / (above + below)
-    times = 2 * thickness / total * (1 + bend**2 / 3 + bend**4 / 5)              # of thin layers: bend is small
+    times = 2 * thickness / total * (1 + bend**2 / 3 + bend**4 / 5)              # series for thin layers, where bend is small
     before = np.zeros((slowness.size, 1))
     return edges, np.cumsum(np.hstack([before, ways]), axis=1), np.cumsum(np.hstack([before, times]), axis=1)
 

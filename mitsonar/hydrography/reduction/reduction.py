@@ -30,8 +30,8 @@ from .attitude import PlatformMotion, PlatformPose, mounted
 from .legs import RayLeg, Starts
 
 STEPS = 24
-CLOSE = 1e-5                       # [m]: the next step is shorter than the square of this over the range
-LOWEST = 0.1                       # sine at which a search begins where cones about one point do not meet
+CLOSE = 1e-5                       # [m]: the next step is shorter than CLOSE² over the range
+LOWEST = 0.1                       # sine at the start of the search where the cones about one point do not meet
 Plane = tuple[np.ndarray, np.ndarray]
 
 
@@ -44,7 +44,7 @@ class Installation:
     transmit_offset, receive_offset : array (3,) [m]
         Lever arms from the reference point: forward, starboard, down.
     transmit_mounting, receive_mounting : array (3,) [rad]
-        Roll, pitch and heading in the body.
+        Roll, pitch and heading of the arrays in the body.
     """
 
     transmit_offset: ArrayLike = (0.0, 0.0, 0.0)
@@ -61,12 +61,12 @@ class Installation:
 
     @property
     def transmit_axis(self) -> np.ndarray:
-        """Unit vector along the transmit array, in the body."""
+        """Return the unit vector along the transmit array, in the body."""
         return np.stack(mounted(np.array([1.0, 0.0, 0.0]), tuple(np.asarray(self.transmit_mounting))))
 
     @property
     def receive_axis(self) -> np.ndarray:
-        """Unit vector along the receive array, in the body."""
+        """Return the unit vector along the receive array, in the body."""
         return np.stack(mounted(np.array([0.0, 1.0, 0.0]), tuple(np.asarray(self.receive_mounting))))
 
 
@@ -77,15 +77,15 @@ class Measured:
     Attributes
     ----------
     ping_time : array (...) [s]
-        When the ping began, by the motion's clock: across and along track are about the reference point then.
+        Start of the ping, by the motion's clock. Across and along track refer to the reference point at this time.
     transmit_time : array (...) [s]
-        When the sounding's sector was sent.
+        Transmission of the sounding's sector.
     travel_time : array (...) [s]
-        From then to the reception.
+        Time from the transmission to the reception.
     angle, transmit_angle : array (...) [rad]
-        Steered, of the receiving and of the transmitted beam.
+        Steering angles of the receiving and of the transmitted beam.
     head_sound_speed : array (...) [m/s]
-        That the beams were steered with.
+        Sound speed with which the beams were steered.
     """
 
     ping_time: np.ndarray
@@ -111,7 +111,7 @@ class Located:
     Attributes
     ----------
     x, y, depth : array (...) [m]
-        East, north, below the still surface.
+        Position: east, north, below the still surface.
     across_track, along_track : array (...) [m]
         To starboard and forward of the reference point at the beginning of the ping, relative to its heading.
     grazing : array (...) [rad]
@@ -190,12 +190,12 @@ def located(measured: Measured, motion: PlatformMotion, installation: Installati
     return Located(**{one.name: row.reshape(shape) for one, row in zip(fields(Located), found)})
 
 
-_UP = np.array([1, 1, -1, 1, 1, 1, 1, 1, -1.0])[:, None]   # depths of water that stood upside down
+_UP = np.array([1, 1, -1, 1, 1, 1, 1, 1, -1.0])[:, None]   # signs of the rows of `Located` in water turned upside down
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Side:
-    """Legs of one array: its place (N, 3), axis (N, 3), the slowness along it (N,), and the water there."""
+    """Legs of one array: its place (N, 3), axis (N, 3), the slowness along it (N,), and the starts of rays."""
 
     place: np.ndarray
     axis: np.ndarray
@@ -260,7 +260,7 @@ def _solved(legs: _Legs) -> np.ndarray:
     middle = replace(out.starts, depth=0.5 * (out.place[:, 2] + back.place[:, 2]))
     q = legs.initial()[:, :2] / middle.speed[:, None]
     z = middle.coarse(0.5 * legs.time).depth_after(np.hypot(*q.T), 0.5 * legs.time)
-    if (turned := np.isnan(z)).any():                          # there, perhaps, but not in all of the water
+    if (turned := np.isnan(z)).any():                          # in the few nodes of the first guess; try all nodes
         z[turned] = middle[turned].depth_after(np.hypot(*q[turned].T), 0.5 * legs.time[turned])
     z = np.where(z > np.maximum(out.place[:, 2], back.place[:, 2]), z, np.nan)
     slow = [tuple(q.T.copy()) for _ in range(2)]
@@ -326,7 +326,7 @@ def _step(sides: list[_Side], time: np.ndarray, x: np.ndarray, y: np.ndarray, z:
 
 @dataclass(frozen=True, eq=False)
 class _AttitudeTurn:
-    """The symmetric Q of N legs."""
+    """Symmetric matrices Q of N legs."""
 
     xx: np.ndarray
     xy: np.ndarray
@@ -339,7 +339,7 @@ class _AttitudeTurn:
 
 
 def _solved_three(rows: list[np.ndarray], answers: list[np.ndarray]) -> np.ndarray:
-    """Solve three equations, rows (3, N) and answers (N,), by Cramer's rule: (3, N)."""
+    """Return the solutions (3, N) of three equations, rows (3, N) and answers (N,), by Cramer's rule."""
     a, b, c = rows
     crosses = [np.cross(*pair, axis=0) for pair in ((b, c), (c, a), (a, b))]
     with np.errstate(invalid="ignore", divide="ignore"):

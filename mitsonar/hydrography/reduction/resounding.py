@@ -19,7 +19,7 @@ from .reduction import Installation, Located, Measured, located
 __all__ = ["heads_of", "installation_of", "measured_of", "parts_of", "placed", "profile_of", "resounded"]
 
 PLACES = ("depth", "x", "y", "across_track", "along_track", "grazing")
-# What was known of the soundings where they were before.
+# Truth at the old places.
 STALE = {name for name, one in VARIABLES.items() if name == "true_depth" or name.startswith("error")}
 
 
@@ -89,7 +89,7 @@ def measured_of(soundings: xr.Dataset) -> Measured:
 
 
 def installation_of(soundings: xr.Dataset, head: int | None = None) -> Installation:
-    """Take lever arms and mountings out of a record; of one of several receiving heads by its number."""
+    """Return lever arms and mountings of a record; `head` is the number of one of several receiving heads."""
     names = ("transmit_offset", "receive_offset", "transmit_mounting", "receive_mounting")
     values = {name: soundings[name].values for name in names}
     if head is not None:
@@ -106,7 +106,7 @@ def heads_of(soundings: xr.Dataset) -> list[tuple[int | None, np.ndarray]]:
 
 
 def parts_of(soundings: xr.Dataset, pings: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the places (3,) of parts of the transmit array from its offset, and the soundings (ping, beam) of each."""
+    """Return offsets (3,) of the parts of the transmit array, and True for the soundings (ping, beam) of each part."""
     valid = soundings["valid"].values[pings]
     if "sector_offset" not in soundings:
         return [(np.zeros(3), np.ones_like(valid))]
@@ -117,7 +117,7 @@ def parts_of(soundings: xr.Dataset, pings: np.ndarray) -> list[tuple[np.ndarray,
 
 
 def profile_of(soundings: xr.Dataset) -> SoundSpeedProfile:
-    """Take the cast out of a record."""
+    """Return the cast of a record."""
     return SoundSpeedProfile(soundings["cast_depth"].values, soundings["cast_sound_speed"].values)
 
 
@@ -127,5 +127,5 @@ def _speeds(given: ArrayLike, soundings: xr.Dataset) -> np.ndarray:
     if speeds.shape not in ((), (1,), (pings,)):
         raise ValueError(f"head_speed has the shape {speeds.shape}; give one speed, or one for each of {pings} pings.")
     for speed in speeds.ravel():
-        SoundSpeedProfile.constant(float(speed))           # refuses what no water has
+        SoundSpeedProfile.constant(float(speed))           # raises ValueError for impossible speeds
     return np.broadcast_to(speeds, (pings,)).copy()

@@ -25,7 +25,7 @@ from mitsonar.water.profile import SoundSpeedProfile
 
 __all__ = ["Smile", "smile_of_head", "smile_of_profile"]
 
-POINTS = 8                         # of Gauss and Legendre in every layer
+POINTS = 8                         # points of Gauss-Legendre quadrature in every layer
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,7 +107,7 @@ def smile_of_head(true: SoundSpeedProfile, error: float, head_depth: float, bed_
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _SmileWays:
-    """Rays from a head to a level bed, and points (Q,) of depth to integrate along them; sines are (..., Q)."""
+    """Rays from a head to a level bed, and depths (Q,) of the integration points; sines are (..., Q)."""
 
     across: np.ndarray
     slowness: np.ndarray
@@ -135,14 +135,14 @@ class _SmileWays:
 
     @property
     def sines(self) -> np.ndarray:
-        """Along the rays."""
+        """Return the sines of grazing along the rays."""
         return np.sqrt(1 - (self.slowness[..., None] * self.speed) ** 2)
 
     @property
     def end_sine(self) -> np.ndarray:
-        """At the bed."""
+        """Return the sine of grazing at the bed."""
         return np.sqrt(1 - (self.slowness * self.end_speed) ** 2)
 
     def integral(self, values: np.ndarray) -> np.ndarray:
-        """Over depth, of values (..., Q)."""
+        """Return the integral over depth of values (..., Q)."""
         return values @ self.weight

@@ -1,8 +1,8 @@
 """A-priori uncertainty of soundings, from the accuracies of all sensors.
 
-With the sounding at x ahead, y to starboard and h below, r and ρ its distances along the ray and in the plane, α the
-steered angle, β the tilt of the receive array (roll and mounting), and tan θ = ρ / h, all from the arrays, but of roll,
-pitch and heading from the reference point, about which those turn the arrays, too:
+x, y, h -> distance of the sounding ahead, to starboard and below; r, ρ -> its distance along the ray and in the plane;
+α -> steered angle; β -> tilt of the receive array (roll and mounting); tan θ = ρ / h. All are measured from the arrays,
+except for roll, pitch and heading: from the reference point, because these angles also move the arrays about it.
 
     cause          vertical v                     horizontal w
     detection      (h / r) c σ_t / 2              (ρ / r) c σ_t / 2
@@ -36,7 +36,7 @@ from ..record import check, variable
 
 __all__ = ["Accuracies", "Deviations", "budget", "with_uncertainty"]
 
-STEEPEST = 1.0                     # of a fall that is believed
+STEEPEST = 1.0                     # largest fall of the bed that is used
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +50,7 @@ class Accuracies:
     angle, roll, pitch, heading : float [rad]
         Steering angle of the beam, and attitude.
     heave : float [m]
+        Least deviation of heave.
     heave_share : float
         Share of the heave, if that is larger.
     draught : float [m]
@@ -89,7 +90,7 @@ class Deviations:
     Attributes
     ----------
     time : array (ping, beam) [s]
-        In place of the record's quality.
+        Deviation of the time, in place of the record's quality.
     angle : array (ping, beam) [rad]
         In place of that of the steering.
     """
@@ -100,13 +101,13 @@ class Deviations:
 
 def with_uncertainty(soundings: xr.Dataset, accuracies: Accuracies | None = None,
                      deviations: Deviations | None = None) -> xr.Dataset:
-    """Add ``uncertainty`` and ``horizontal_uncertainty`` to a record, by the square root of all causes.
+    """Add ``uncertainty`` and ``horizontal_uncertainty`` of all causes together to a record.
 
     Parameters
     ----------
     soundings : xarray.Dataset
     accuracies : Accuracies or None
-        None: its defaults.
+        Accuracies of the sensors. None takes the defaults.
     deviations : Deviations or None
 
     Returns
@@ -132,12 +133,12 @@ def budget(soundings: xr.Dataset, accuracies: Accuracies,
     Returns
     -------
     dict of (array (ping, beam), array (ping, beam))
-        Of the causes of the module's table; the first is that of the depth against the bed's.
+        Deviations for each cause of the module's table. The vertical one is that of the depth less the bed's depth.
 
     Raises
     ------
     ValueError
-        If it is no line of soundings.
+        If the dataset is not a line of soundings.
     """
     check(soundings)
     arms = 0.5 * (soundings["transmit_offset"].values + soundings["receive_offset"].values)
@@ -173,7 +174,7 @@ def budget(soundings: xr.Dataset, accuracies: Accuracies,
 
 
 def _fall(soundings: xr.Dataset) -> np.ndarray:
-    """Return how the bed falls to starboard, tan s, by the beams around: (ping, beam); 0 where too few are valid."""
+    """Return the fall of the bed to starboard, tan s, (ping, beam), from neighbouring beams; 0 if too few are valid."""
     found = np.zeros(soundings["depth"].shape)
     angles, across, depths = (soundings[name].values.astype(float) for name in ("angle", "across_track", "depth"))
     for ping, some in enumerate(soundings["valid"].values):
