@@ -1,5 +1,7 @@
 """The commands about lines of soundings: soundings, like."""
 import os
+from collections.abc import Iterator
+from typing import Any
 
 from mitsonar.io.scene_files import scenes
 
@@ -90,7 +92,7 @@ def _simulated(arguments, place, progress):
     total: list[int] = []
     scene = load_file(scenes.find(arguments.scene), **parameters(arguments))
 
-    def pings_from(number):
+    def pings_from(number: int) -> Iterator[Any]:
         began.append(number)
         return sounded_pings(scene, arguments.seed, arguments.profile, sensor=arguments.sensor, column=arguments.column,
                              snippets=arguments.snippets, start=number, count=total.append)

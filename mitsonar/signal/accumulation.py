@@ -17,13 +17,13 @@ Rows of few elements are kept in several copies, each for a share of the hits. O
 last bits vary.
 """
 from collections.abc import Callable, Sequence
-from typing import TypeAlias, cast
+from typing import Any, TypeAlias, cast
 
 import drjit as dr
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, looped, upload
-from mitsonar.device.types import DrJitArray, Float, Float64, Int32, UInt32
+from mitsonar.device.types import Bool, DrJitArray, Float, Float64, Int32, UInt32
 
 from .impulses import Kernel, Nearest, Peterson, make_kernel, tap_weights, turned
 
@@ -237,7 +237,7 @@ class ImpulseResponses:
         end = dr.select(group < number["used"], end, 0)
         begin += lane - bundle * NEIGHBOURS
 
-        def packets(hit, active, owned):
+        def packets(hit: UInt32, active: Bool, owned: list[tuple[UInt32, Bool, list[Float]]]) -> list[tuple[Any, ...]]:
             read = [_gather(lib.Float, field, hit, active) for field in hits]
             place = _gather(lib.Int32, sample, hit, active)
             on_sheet = _gather(lib.UInt32, sheet, hit, active) * self.numbers["sheet"] if self.sheets > 1 else U(0)
@@ -247,13 +247,13 @@ class ImpulseResponses:
             return [packet for (row, exists, _), delays in zip(owned, late)
                     for packet in self._packets(read[:4], place, *delays, row + on_sheet, group, active & exists)]
 
-        def scatter(packets):
+        def scatter(packets: list[tuple[Any, ...]]) -> None:
             mode = dr.ReduceMode.NoConflicts if self.on_cpu else dr.ReduceMode.Auto
             kind = lib.Array2f if self.packet == 2 else lib.ArrayXf
             for index, *values in packets:
                 dr.scatter_add(self.sums, kind(*values) if self.packet == 2 else kind(values), index, mode=mode)
 
-        def stream(hit):
+        def stream(hit: UInt32) -> tuple[UInt32]:
             """Add all hits of a lane; idle lanes do not run this."""
             owned = []
             for k in range(together):
@@ -266,7 +266,7 @@ class ImpulseResponses:
             # What was computed in one turn is added in the next, so that arithmetic and additions overlap.
             ready = packets(hit, lib.Bool(True), owned)
 
-            def turn(hit, ready):
+            def turn(hit: UInt32, ready: list[tuple[Any, ...]]) -> tuple[UInt32, list[tuple[Any, ...]]]:
                 fresh = packets(hit, lib.Bool(True), owned)
                 scatter(ready)
                 return hit + number["step"], fresh
@@ -315,7 +315,7 @@ class ImpulseResponses:
         plane = n["plane"] * (self.packet // 2)
         begin += element * values_in_row
 
-        def add(copy, total):
+        def add(copy: UInt32, total: DrJitArray) -> tuple[UInt32, DrJitArray]:
             row = begin + copy * (n["copy"] * (self.packet // 2))
             for shift in range(self.planes):
                 there = column >= shift

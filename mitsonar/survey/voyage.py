@@ -117,7 +117,7 @@ class Route:
         z = np.full(pings, -(self.depth or 0.0)) if record.z is None else np.interp(
             self.speed * time, course.marks, record.z)
 
-        def sailed(z):
+        def sailed(z: np.ndarray) -> Trajectory:
             return Trajectory(lead=Sailed(course=course, speed=self.speed, height=SmoothCurve(time, z)))
 
         length = self.speed * time[-1]

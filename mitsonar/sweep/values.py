@@ -183,7 +183,7 @@ def _choice(given, where, weights=None):
     ends = [end / total for end in itertools.accumulate(weights)]
     last = max(k for k, weight in enumerate(weights) if weight > 0)     # if rounding keeps the ends below 1
 
-    def chosen(bits):
+    def chosen(bits: int) -> Any:
         return choices[min(bisect.bisect_right(ends, fraction(bits)), last)]
 
     return Draw(what="choice", at=chosen, choices=choices)

@@ -101,8 +101,8 @@ def test_a_parameter_is_described_by_the_attribute_that_it_sets(folder, said):
     text = TEXT.replace("<integrator", '<default name="light" value="rays"/>\n<integrator', 1)
     text = re.sub(r'(<integrator type="sonar_path">)', r'\1<string name="ensonification" value="$light"/>', text)
     (folder / "mine.xml").write_text(text, encoding="utf-8")
-    expected = ('-D light=rays ensonification of sonar_path, one of "scatterers", "rays": method to find the echoes of an '
-                "array's cells")
+    expected = ('-D light=rays ensonification of sonar_path, one of "scatterers", "rays": method to find the echoes of '
+                "an array's cells")
     assert expected in joined(said("describe", "mine.xml"))
 
 

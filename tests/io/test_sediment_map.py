@@ -44,7 +44,8 @@ def middles(survey):
 
 
 def expected(values, placed, east, north):
-    column, row = ~placed * (east, north)
+    back = ~placed
+    column, row = east * back.a + north * back.b + back.c, east * back.d + north * back.e + back.f
     return values[np.floor(row).astype(int), np.floor(column).astype(int)], column % 1, row % 1
 
 

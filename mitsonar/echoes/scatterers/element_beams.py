@@ -35,7 +35,7 @@ class ElementBeams:
 
     def intensity(self, direction: Triple, rotation: np.ndarray) -> Numbers:
         """Return the two-way intensity towards scene directions, NumPy (..., 3) or Dr.Jit, at an attitude (3, 3)."""
-        def beam(array, normal, along):
+        def beam(array: Array, normal: np.ndarray, along: np.ndarray) -> Numbers:
             if dr.is_array_v(direction):
                 return dr.square(pressure(array, direction, self.wavelength, normal, along))
             return array.element_pressure(direction, self.wavelength, normal, along) ** 2
@@ -49,7 +49,7 @@ class ElementBeams:
         `distance` [m] is from the centre. The limit also holds for all directions up to `wider` [rad] (R,) off. With a
         negative `wider`, the bound of every direction up to that angle off is at least the returned value.
         """
-        def beam(array, normal, along):
+        def beam(array: Array, normal: np.ndarray, along: np.ndarray) -> Numbers:
             # from the source, which may be any transmit element, to the farthest element
             slack = dr.opaque(mi.Float, reach) / distance + dr.opaque(mi.Float, self.turns[array is receive]) + wider
             return dr.square(_envelope(array, direction, slack, self.wavelength, opaque_vector(mi.Vector3f, normal),
@@ -72,12 +72,12 @@ class ElementBeams:
 
 def _envelope(array, direction, slack, wavelength, normal, along):
     """Return the largest pressure of a face towards directions up to `slack` [rad] from the given ones."""
-    def cosine(axis):
+    def cosine(axis: Triple) -> Numbers:
         return direction[0] * axis[0] + direction[1] * axis[1] + direction[2] * axis[2]
 
-    def lobe(side, axis):
-        side = dr.opaque(mi.Float, side / wavelength)
-        return dr.minimum(dr.rcp(dr.maximum(np.pi * side * (abs(cosine(axis)) - slack), 1e-6)), 1)
+    def lobe(side: float, axis: Triple) -> mi.Float:
+        wavelengths = dr.opaque(mi.Float, side / wavelength)
+        return dr.minimum(dr.rcp(dr.maximum(np.pi * wavelengths * (abs(cosine(axis)) - slack), 1e-6)), 1)
 
     (nx, ny, nz), (ax, ay, az) = normal, along
     across = ny * az - nz * ay, nz * ax - nx * az, nx * ay - ny * ax

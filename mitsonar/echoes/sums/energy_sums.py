@@ -29,6 +29,11 @@ def sum_size(needed: int) -> int:
     return max(1 << 16, 1 << (int(needed) - 1).bit_length())
 
 
+def read_sums(sums: DrJitArray, *shape: int) -> np.ndarray:
+    """Return the first entries of sums in a shape; see `sum_size`."""
+    return sums.numpy()[:int(np.prod(shape))].reshape(shape)
+
+
 def add_words(target: DrJitArray, words: Sequence[DrJitArray], index: DrJitArray, active: DrJitArray) -> None:
     """Add 2, 4 or 8 words of UInt64 to rows of as many words; `index` (R,) is the number of the row.
 
@@ -103,18 +108,15 @@ class EchoSums:
         """Return the sums in physical units, from the size of a unit [µPa²] in each bin."""
         shape = (self.rows, self.bins)
 
-        def values(sums, *shape):
-            return sums.numpy()[:int(np.prod(shape))].reshape(shape)
-
-        energy = values(self.energy, self.rows, self.labels, self.bins)
+        energy = read_sums(self.energy, self.rows, self.labels, self.bins)
         total = energy.sum(1, dtype=np.uint64)
-        depth, count = np.moveaxis(values(self.depth_and_count, *shape, 2), -1, 0)
+        depth, count = np.moveaxis(read_sums(self.depth_and_count, *shape, 2), -1, 0)
         height = depth / np.maximum(total * 0.25, 1e-9)
         top, bottom = self.depth_range
         path_intensity = None
         if self.path_energy is not None:
-            path_intensity = values(self.path_energy, self.rows, self.paths, self.bins) * unit
-        met = values(self.met, self.rows, self.words, self.bins).astype("<u8")
+            path_intensity = read_sums(self.path_energy, self.rows, self.paths, self.bins) * unit
+        met = read_sums(self.met, self.rows, self.words, self.bins).astype("<u8")
         bits = np.unpackbits(met[..., None].view(np.uint8), axis=-1, bitorder="little")       # (rows, words, bins, 64)
         meets = np.moveaxis(bits, -1, 2).reshape(self.rows, -1, self.bins)[:, :self.labels].astype(bool)
         return SummedEnergy(

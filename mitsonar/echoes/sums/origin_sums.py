@@ -17,7 +17,7 @@ import numpy as np
 from mitsonar.device.arrays import held
 from mitsonar.device.types import DrJitArray
 
-from .energy_sums import LARGEST, add_words, sum_size
+from .energy_sums import LARGEST, add_words, read_sums, sum_size
 
 SECTORS = 256
 PLACE, MASK = 8, SECTORS // 64     # words of a bin: seabed's energy, that of the main lobe, by x, y, depth, 3 idle;
@@ -80,19 +80,16 @@ class OriginSums:
 
     def read(self, unit: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> SummedOrigins:
         """Return the sums in physical units, from the size of a unit [µPa²] and the limits (3,) [m] of places."""
-        def values(sums, *shape):
-            return sums.numpy()[:int(np.prod(shape))].reshape(shape)
-
-        place = values(self.place, self.rows, self.bins, PLACE).astype(float)
+        place = read_sums(self.place, self.rows, self.bins, PLACE).astype(float)
         seabed, weight = place[..., 0], place[..., 1:2]
         lower, upper = np.asarray(lower, float), np.asarray(upper, float)
         there = weight > (upper - lower).max() / ROUNDING
         place = np.where(there, lower + place[..., 2:5] / np.maximum(weight, 1) * (upper - lower), np.nan)
         hidden = None
         if self.hidden is not None:
-            hidden = 4 * values(self.hidden, self.rows, self.labels, self.bins) * unit
+            hidden = 4 * read_sums(self.hidden, self.rows, self.labels, self.bins) * unit
         return SummedOrigins(seabed_place=place.astype(np.float32), seabed_intensity=seabed / FINER * unit,
-                             hidden_intensity=hidden, layover=runs(values(self.sectors, self.rows, self.bins, MASK)))
+                             hidden_intensity=hidden, layover=runs(read_sums(self.sectors, self.rows, self.bins, MASK)))
 
 
 def runs(masks: np.ndarray) -> np.ndarray:

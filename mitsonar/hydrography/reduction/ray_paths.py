@@ -27,7 +27,7 @@ ATTITUDE = ("ping_time", "ping_heading", "receive_mounting", "motion_time", "mot
             "motion_heading")      # variables that `receiving_axes` uses; below, those of `head_of`
 HELD = ("ping_roll", "ping_pitch", "ping_depth", "transmit_offset", "receive_offset", "transmit_mounting",
         "receive_mounting", "head_sound_speed", "cast_depth", "cast_sound_speed")
-SEVERAL = ("head", "head_receive_offset", "head_receive_mounting")         # additional variables of lines with several heads
+SEVERAL = ("head", "head_receive_offset", "head_receive_mounting")         # of several heads
 
 STEPS = 240                        # layers below the head, in addition to those of the profile
 FLATTEST = 1e-4                    # least sine of a traced ray: flatter rays turn
@@ -53,20 +53,20 @@ def head_of(line: xr.Dataset, ping: int) -> RayHead:
     speed = float(record["head_sound_speed"])
     if not speed > 0:
         speed = float(np.interp(0.0, record["cast_depth"].values, record["cast_sound_speed"].values))
-    return RayHead(depth=float(np.nan_to_num(one["ping_depth"])) + float(middle[2]), across=float(middle[1]),
-                sound_speed=speed, transmit=along[0], receive=along[1])
+    return RayHead(depth=float(np.nan_to_num(record["ping_depth"])) + float(middle[2]), across=float(middle[1]),
+                   sound_speed=speed, transmit=along[0], receive=along[1])
 
 
-def _with_head(one: xr.Dataset) -> xr.Dataset:
-    """Return a ping with the receive array of its own head, if the line has several."""
-    if not set(SEVERAL) <= set(one):
-        return one
-    head = int(np.clip(one["head"], 0, one.sizes["receive_head"] - 1))
-    return one.assign({name: one[f"head_{name}"][head] for name in ("receive_offset", "receive_mounting")})
+def _with_head(ping: xr.Dataset) -> xr.Dataset:
+    """Return a ping with the receive array of its own head, if the line has several heads."""
+    if not set(SEVERAL) <= set(ping):
+        return ping
+    head = int(np.clip(ping["head"], 0, ping.sizes["receive_head"] - 1))
+    return ping.assign({name: ping[f"head_{name}"][head] for name in ("receive_offset", "receive_mounting")})
 
 
 def _turned(vector: np.ndarray, roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> np.ndarray:
-    """Return a vector (3,) of a frame at angles (...) in the outer frame (..., 3); unknown angles count as 0."""
+    """Return a vector (3,) of a frame at angles (...) in the outer frame (..., 3); unknown values count as 0."""
     roll, pitch, heading = (np.nan_to_num(np.asarray(angle, float)) for angle in (roll, pitch, heading))
     return np.stack(mounted(np.nan_to_num(vector), (roll, pitch, heading)), -1)
 
@@ -89,7 +89,8 @@ def receiving_axes(line: xr.Dataset, ping: int, head: RayHead, time: np.ndarray)
     clock, attitudes = clock[known], [values[known] for values in attitudes]
     north = float(np.nan_to_num(line["ping_heading"][ping]))
     inside = (when >= clock[0]) & (when <= clock[-1])
-    roll, pitch, heading = (np.interp(when[inside], clock, values) for values in (*attitudes[:2], np.unwrap(attitudes[2])))
+    roll, pitch, heading = (np.interp(when[inside], clock, values)
+                            for values in (*attitudes[:2], np.unwrap(attitudes[2])))
     record = _with_head(line[[name for name in (*ATTITUDE, *SEVERAL) if name in line]].isel(ping=ping))
     axes[inside] = _turned(_mounting(record, "receive"), roll, pitch, heading - north)
     return axes
@@ -111,9 +112,9 @@ def launches(head: RayHead, angle: ArrayLike, transmit_angle: ArrayLike,
 
 
 def used_profile(line: xr.Dataset, head: RayHead) -> SoundSpeedProfile:
-    """Return the profile of the reduction of a ping: the cast, with the head's own speed as a node.
+    """Return the profile that reduced the soundings of a ping: the cast with the head's own speed as a node.
 
-    Below the cast's last node, rays enter the cast at once (`mitsonar.hydrography.reduction.legs`).
+    A head below the cast's last node adds no node (`mitsonar.hydrography.reduction.legs`).
     """
     profile = _profile(line, "cast")
     try:
@@ -123,7 +124,7 @@ def used_profile(line: xr.Dataset, head: RayHead) -> SoundSpeedProfile:
 
 
 def water_profile(line: xr.Dataset) -> SoundSpeedProfile | None:
-    """Return the true profile of the water, if the line has it."""
+    """Return the true profile of the water, or None if the line has none."""
     return _profile(line, "true_cast") if {"true_cast_depth", "true_cast_sound_speed"} <= set(line) else None
 
 
@@ -149,7 +150,7 @@ def ray_places(profile: SoundSpeedProfile, depth: float, slowness: np.ndarray,
 
 def layer_sums(profile: SoundSpeedProfile, depth: float, slowness: np.ndarray,
                longest: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return depths (D,) within reach of a time [s], and distances and times (N, D) of each ray there, NaN past a turn."""
+    """Return depths (D,) within reach of a time [s], and distances and times (N, D) there, NaN past a turn."""
     reach = depth + max(1.01 * longest * float(profile.sound_speed.max()), 1e-3)
     nodes = profile.depth[(profile.depth > depth) & (profile.depth < reach)]
     edges = np.unique(np.concatenate([np.linspace(depth, reach, STEPS), nodes]))
@@ -160,17 +161,17 @@ def layer_sums(profile: SoundSpeedProfile, depth: float, slowness: np.ndarray,
     total = speed[1:] * above + speed[:-1] * below
     bend = (speed[1:] - speed[:-1]) / total
     ways = thickness * slowness[:, None] * (speed[:-1] + speed[1:]) / (above + below)
-    times = 2 * thickness / total * (1 + bend**2 / 3 + bend**4 / 5)              # series for thin layers, where bend is small
+    times = 2 * thickness / total * (1 + bend**2 / 3 + bend**4 / 5)        # series for thin layers
     before = np.zeros((slowness.size, 1))
     return edges, np.cumsum(np.hstack([before, ways]), axis=1), np.cumsum(np.hstack([before, times]), axis=1)
 
 
 def refraction_error(used: SoundSpeedProfile, water: SoundSpeedProfile, head: RayHead, bed: float,
                      angle: np.ndarray) -> np.ndarray:
-    """Return the errors of soundings of a level bed by a wrong profile, from ray theory.
+    """Return the depth errors of soundings of a level bed due to a wrong profile, by ray theory.
 
-    A ray of slowness p takes the time t(p) through the true water to the bed; its sounding lies where a ray of the same
-    p is after t(p) in the used profile. The errors of many p are interpolated at the angles of the soundings.
+    A ray of slowness p reaches the bed in the true water after t(p). Its sounding is placed where a ray of the same p
+    is after t(p) in the used profile. Errors of many p are interpolated at the angles of the soundings.
     """
     # bed [m]; angle (N,) [rad] -> (N,) [m]
     slowness = np.linspace(0.0, 0.999, 400) / head.sound_speed

@@ -16,7 +16,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -294,7 +294,7 @@ def read(path: FilePath, *, crop: Sequence[float] | None = None, centre: Sequenc
             native = raster.crs or source
             with rasters.in_metres(raster, native, None if relief else resolution, nodata,
                                    smooth=relief is not None) as grid:
-                def depths(window):
+                def depths(window: Any) -> np.ndarray:
                     return _values(grid, raster, band, window, nodata)
                 if relief:
                     finer = survey_relief.FinerGrid.over(grid, resolution)
@@ -340,7 +340,7 @@ def _values(grid, raster, band, window, nodata):
 
 
 def _measured(grid, depths, gamma):
-    def read_window(row, column, size):
+    def read_window(row: int, column: int, size: int) -> np.ndarray:
         return depths(rasters.window_at(int(column), int(row), size, size))
     return survey_relief.measure(read_window, grid.shape, grid.res, gamma)
 

@@ -29,7 +29,7 @@ def blended(numbers: np.ndarray, known: np.ndarray, count: int,
 
     half = [min(max(1, round(0.5 * cells)), length) for cells, length in zip(width, numbers.shape)]
 
-    def smoothed(values):
+    def smoothed(values: np.ndarray) -> np.ndarray:
         values = values.astype(np.float32)
         for axis, size in enumerate(half):
             # two means over an even number of cells lean to one side each
@@ -169,8 +169,8 @@ def _cell(raster, source, survey):
     """Return the mean side of the map's cells in its middle [m], in the survey's system."""
     from rasterio.warp import transform
 
-    column, row = raster.width / 2, raster.height / 2
-    east, north = zip(*(raster.transform * place for place in ((column, row), (column + 1, row), (column, row + 1))))
+    column, row, at = raster.width / 2 + np.array([0, 1, 0]), raster.height / 2 + np.array([0, 0, 1]), raster.transform
+    east, north = column * at.a + row * at.b + at.c, column * at.d + row * at.e + at.f
     if source is not None and survey.crs:
         east, north = transform(source, survey.crs, east, north)
     east, north = np.asarray(east), np.asarray(north)

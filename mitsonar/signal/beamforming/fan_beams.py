@@ -135,7 +135,7 @@ class _ChirpZ:
         self.beams = len(sines)
         rate = 0.5 * cycles * step
 
-        def chirp(number):
+        def chirp(number: np.ndarray) -> np.ndarray:
             return np.exp(2j * np.pi * np.outer(rate, number.astype(float) ** 2)).astype(np.complex64)
 
         first = np.exp(-2j * np.pi * np.outer(cycles * sines[0], n)).astype(np.complex64)

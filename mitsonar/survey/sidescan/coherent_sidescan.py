@@ -84,7 +84,7 @@ class CoherentSidescan:
         sonar = self._survey.sonar
         faces = ((sonar.transmit, 0.0), (sonar.receive, self._shift))
 
-        def choose(number, centre, radius):
+        def choose(number: np.ndarray, centre: np.ndarray, radius: np.ndarray) -> np.ndarray:
             towards = (centre - position[number]) @ rotation[number]
             distance = np.linalg.norm(towards, axis=1)
             u = np.maximum(np.abs(towards[:, 0]) - radius, 0) / np.maximum(distance, 1e-9)
