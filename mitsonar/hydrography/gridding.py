@@ -22,7 +22,7 @@ Ranges of one track within a cell differ by the cell's diagonal at most.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -166,32 +166,33 @@ def gridded(lines: xr.Dataset | Sequence[xr.Dataset], cell: float, *, rule: Rule
     ValueError
         If there are no soundings, too many cells, two systems, no uncertainties to weight with, or a bad number.
     """
-    some = [lines] if isinstance(lines, xr.Dataset) else list(lines)
-    _check(some, cell, rule, least)
-    grid = _CellGrid.over(_bounds(some) if bounds is None else bounds, cell)
-    total, squares, best = (np.zeros(grid.count) for _ in range(3))
+    lines = [lines] if isinstance(lines, xr.Dataset) else list(lines)
+    _check(lines, cell, rule, least)
+    grid = _covering(_bounds(lines) if bounds is None else bounds, cell)
+    cells = grid.rows * grid.columns
+    total, squares, best = (np.zeros(cells) for _ in range(3))
     if rule == "shoalest":
         best[:] = np.inf
-    number = np.zeros(grid.count, np.int64)
-    weight = np.zeros(grid.count if rule == "weighted" else 0)
-    for index, depth, sigma in _points(some, grid, rule):
-        number += np.bincount(index, minlength=grid.count)
-        total += np.bincount(index, depth, grid.count)
+    number = np.zeros(cells, np.int64)
+    weight = np.zeros(cells if rule == "weighted" else 0)
+    for index, depth, sigma in _points(lines, grid, rule):
+        number += np.bincount(index, minlength=cells)
+        total += np.bincount(index, depth, cells)
         if rule == "weighted":
-            weight += np.bincount(index, sigma**-2, grid.count)
-            best += np.bincount(index, depth * sigma**-2, grid.count)
+            weight += np.bincount(index, sigma**-2, cells)
+            best += np.bincount(index, depth * sigma**-2, cells)
         elif rule == "shoalest":
             np.minimum.at(best, index, depth)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = total / number
-        for index, depth, _ in _points(some, grid, rule):
-            squares += np.bincount(index, (depth - mean[index])**2, grid.count)
+        for index, depth, _ in _points(lines, grid, rule):
+            squares += np.bincount(index, (depth - mean[index])**2, cells)
         layers = {"depth": {"mean": mean, "shoalest": best}.get(rule, best / weight if weight.size else best),
                   "deviation": np.sqrt(squares / number)}
         if rule == "weighted":
             layers["uncertainty"] = weight**-0.5
-    return grid.chart({name: np.where(number >= least, layer, np.nan) for name, layer in layers.items()}, number,
-                      {"crs": some[0].attrs.get("crs"), "origin": _origin(some[0]), "cell": float(cell), "rule": rule})
+    return _chart(grid, {name: np.where(number >= least, layer, np.nan) for name, layer in layers.items()}, number,
+                  {"crs": lines[0].attrs.get("crs"), "origin": _origin(lines[0]), "cell": float(cell), "rule": rule})
 
 
 def residual(grid: xr.Dataset, bed: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> xr.DataArray:
@@ -221,53 +222,37 @@ def residual(grid: xr.Dataset, bed: Callable[[np.ndarray, np.ndarray], np.ndarra
     return (grid["depth"] - depth).rename("residual").assign_attrs(units="m", long_name="depth less that of the bed")
 
 
-@dataclass(frozen=True, kw_only=True)
-class _CellGrid:
-    """Grid of soundings."""
+def _covering(bounds: tuple[float, float, float, float], cell: float) -> SoundingGrid:
+    """Return the grid of at least one cell that covers west, south, east, north [m]."""
+    west, south, east, north = map(float, bounds)
+    if not (np.isfinite([west, south, east, north]).all() and west < east and south < north):
+        raise ValueError(f"a grid has the bounds {bounds}; give west, south, east, north, in order.")
+    if (east - west) / cell * ((north - south) / cell) > MOST_CELLS:
+        raise ValueError(f"a grid of {east - west:.0f} m by {north - south:.0f} m in cells of {cell:g} m has more "
+                         f"than {MOST_CELLS} cells; give a larger cell, or bounds.")
+    grid = SoundingGrid.over((west, south, east, north), cell)
+    return replace(grid, rows=max(1, grid.rows), columns=max(1, grid.columns))
 
-    cell: float
-    west: int
-    north: int
-    rows: int
-    columns: int
 
-    @classmethod
-    def over(cls, bounds: tuple[float, float, float, float], cell: float) -> _CellGrid:
-        west, south, east, north = (float(one) for one in bounds)
-        if not (np.isfinite([west, south, east, north]).all() and west < east and south < north):
-            raise ValueError(f"a grid has the bounds {bounds}; give west, south, east, north, in order.")
-        if (east - west) / cell * ((north - south) / cell) > MOST_CELLS:
-            raise ValueError(f"a grid of {east - west:.0f} m by {north - south:.0f} m in cells of {cell:g} m has more "
-                             f"than {MOST_CELLS} cells; give a larger cell, or bounds.")
-        first, top = int(np.floor(west / cell)), int(np.ceil(north / cell))
-        return cls(cell=cell, west=first, north=top, rows=max(1, top - int(np.floor(south / cell))),
-                   columns=max(1, int(np.ceil(east / cell)) - first))
+def _cells(grid: SoundingGrid, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the cell numbers of places, and True for places inside the grid."""
+    column = np.floor(x / grid.cell).astype(np.int64) - grid.west
+    row = grid.north - 1 - np.floor(y / grid.cell).astype(np.int64)
+    inside = (column >= 0) & (column < grid.columns) & (row >= 0) & (row < grid.rows)
+    return row * grid.columns + column, inside
 
-    @property
-    def count(self) -> int:
-        """Return the number of cells."""
-        return self.rows * self.columns
 
-    def find(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the cell numbers of places, and True for places inside the grid."""
-        column = np.floor(x / self.cell).astype(np.int64) - self.west
-        row = self.north - 1 - np.floor(y / self.cell).astype(np.int64)
-        inside = (column >= 0) & (column < self.columns) & (row >= 0) & (row < self.rows)
-        return row * self.columns + column, inside
-
-    def chart(self, layers: dict[str, np.ndarray], number: np.ndarray, attrs: dict) -> xr.Dataset:
-        """Return the layers as a map."""
-        shape, words = (self.rows, self.columns), {"depth": "below the still surface, positive down",
-                                                   "deviation": "of the soundings in a cell, about their mean",
-                                                   "uncertainty": "of the depth, standard deviation"}
-        variables: dict[str, tuple] = {
-            name: (("y", "x"), layer.reshape(shape).astype(np.float32), {"units": "m", "long_name": words[name]})
-            for name, layer in layers.items()}
-        variables["count"] = (("y", "x"), number.reshape(shape).astype(np.int32),
-                              {"units": "1", "long_name": "soundings", "nodata": -1})
-        middles = {"x": (self.west + np.arange(self.columns) + 0.5) * self.cell,
-                   "y": (self.north - np.arange(self.rows) - 0.5) * self.cell}
-        return xr.Dataset(variables, {name: (name, one, {"units": "m"}) for name, one in middles.items()}, attrs)
+def _chart(grid: SoundingGrid, layers: dict[str, np.ndarray], number: np.ndarray, attrs: dict) -> xr.Dataset:
+    """Return the layers as a map."""
+    shape, words = (grid.rows, grid.columns), {"depth": "below the still surface, positive down",
+                                               "deviation": "of the soundings in a cell, about their mean",
+                                               "uncertainty": "of the depth, standard deviation"}
+    variables: dict[str, tuple] = {
+        name: (("y", "x"), layer.reshape(shape).astype(np.float32), {"units": "m", "long_name": words[name]})
+        for name, layer in layers.items()}
+    variables["count"] = (("y", "x"), number.reshape(shape).astype(np.int32),
+                          {"units": "1", "long_name": "soundings", "nodata": -1})
+    return xr.Dataset(variables, {name: (name, getattr(grid, name), {"units": "m"}) for name in "xy"}, attrs)
 
 
 def _origin(soundings: xr.Dataset) -> tuple[float, float]:
@@ -284,11 +269,11 @@ def _places(soundings: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return good, x[good] + east, y[good] + north
 
 
-def _points(some: list[xr.Dataset], grid: _CellGrid, rule: Rule) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def _points(lines: list[xr.Dataset], grid: SoundingGrid, rule: Rule) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Yield cell numbers, depths and uncertainties of the soundings, line by line."""
-    for soundings in some:
+    for soundings in lines:
         good, x, y = _places(soundings)
-        index, inside = grid.find(x, y)
+        index, inside = _cells(grid, x, y)
         depth, sigma = soundings["depth"].values[good], np.ones(len(x))
         if rule == "weighted":
             sigma = soundings["uncertainty"].values[good].astype(float)
@@ -296,17 +281,17 @@ def _points(some: list[xr.Dataset], grid: _CellGrid, rule: Rule) -> Iterator[tup
         yield index[inside], depth[inside], sigma[inside]
 
 
-def _bounds(some: list[xr.Dataset]) -> tuple[float, float, float, float]:
+def _bounds(lines: list[xr.Dataset]) -> tuple[float, float, float, float]:
     edges = [(x.min(), y.min(), np.nextafter(x.max(), np.inf), np.nextafter(y.max(), np.inf))
-             for _, x, y in map(_places, some) if x.size]
+             for _, x, y in map(_places, lines) if x.size]
     if not edges:
         raise ValueError("a grid needs valid soundings, and the line has none.")
     west, south, east, north = zip(*edges)
     return min(west), min(south), max(east), max(north)
 
 
-def _check(some: list[xr.Dataset], cell: float, rule: str, least: int) -> None:
-    if not some:
+def _check(lines: list[xr.Dataset], cell: float, rule: str, least: int) -> None:
+    if not lines:
         raise ValueError("a grid needs soundings: no line was given.")
     if not (np.isfinite(cell) and cell > 0):
         raise ValueError(f"a grid's cell is {cell!r} m; give a positive number.")
@@ -314,8 +299,8 @@ def _check(some: list[xr.Dataset], cell: float, rule: str, least: int) -> None:
         raise ValueError(f'a grid\'s rule is "{rule}"; give one of {", ".join(RULES)}.')
     if least < 1:
         raise ValueError(f"a cell is to have at least {least!r} soundings; give a whole number of 1 or more.")
-    if rule == "weighted" and any("uncertainty" not in one for one in some):
+    if rule == "weighted" and any("uncertainty" not in one for one in lines):
         raise ValueError("soundings without uncertainty cannot be weighted by it; add it, or take the mean.")
-    systems = {one.attrs.get("crs") for one in some}
+    systems = {one.attrs.get("crs") for one in lines}
     if len(systems) > 1:
         raise ValueError(f"lines in {' and '.join(sorted(map(str, systems)))} cannot be on one grid; give one system.")

@@ -81,12 +81,12 @@ def receiving_axes(line: xr.Dataset, ping: int, head: RayHead, time: np.ndarray)
     # time (N,) [s] -> (N, 3)
     when = float(line["ping_time"][ping]) + time
     clock = line["motion_time"].values
-    attitudes = [line[f"motion_{name}"].values for name in ("roll", "pitch", "heading")]
-    known = np.isfinite([clock, *attitudes]).all(0)
+    angles = [line[f"motion_{name}"].values for name in ("roll", "pitch", "heading")]
+    known = np.isfinite([clock, *angles]).all(0)
     axes = np.broadcast_to(head.receive, (time.size, 3)).copy()
     if not known.any():
         return axes
-    clock, attitudes = clock[known], [values[known] for values in attitudes]
+    clock, angles = clock[known], [values[known] for values in angles]
     north = float(np.nan_to_num(line["ping_heading"][ping]))
     inside = (when >= clock[0]) & (when <= clock[-1])
     roll, pitch, heading = (np.interp(when[inside], clock, values)
