@@ -1,1 +1,1 @@
-"""The command line; `main` has its commands."""
+"""Command line; `main` runs its commands."""

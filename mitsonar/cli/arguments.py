@@ -19,7 +19,7 @@ GAINS = ("seabed", "target", "recorder", "none")
 class Parser(argparse.ArgumentParser):
     """Argument parser that raises ValueError, as every other check does."""
 
-    _words: Sequence[str] = ()         # those parsed last
+    _words: Sequence[str] = ()         # of the last command line
 
     def error(self, message: str) -> NoReturn:
         choice = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)$", message)
@@ -31,7 +31,7 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(  # pyright: ignore[reportIncompatibleMethodOverride]  one form of several
             self, args: Sequence[str] | None = None,
             namespace: argparse.Namespace | None = None) -> tuple[argparse.Namespace, list[str]]:
-        """Parse the words, and keep them for the hint of `error`."""
+        """Parse the words, and keep them for the hint in `error`."""
         self._words = list(sys.argv[1:] if args is None else args)
         return super().parse_known_args(self._words, argparse.Namespace() if namespace is None else namespace)
 
@@ -48,7 +48,7 @@ class Parser(argparse.ArgumentParser):
             namespace: argparse.Namespace | None = None) -> argparse.Namespace:
         """Parse all words, and suggest a known option for an unknown one."""
         parsed, rest = self.parse_known_args(args, namespace)
-        behind = getattr(parsed, "behind_options", None)       # a list whose words may also follow the options
+        behind = getattr(parsed, "behind_options", None)       # name of a list that may continue after the options
         if behind is not None and not any(word.startswith("-") for word in rest):
             setattr(parsed, behind, [*getattr(parsed, behind), *rest])
             rest = []
@@ -82,6 +82,12 @@ def add_threads(command: argparse._ActionsContainer) -> None:
     command.add_argument("--threads", type=whole, metavar="N", help="worker threads, at least 2; default: one per core")
 
 
+def add_gain(command: argparse.ArgumentParser, default: str, text: str = "display gain over range",
+             choices: Sequence[str] = GAINS) -> None:
+    """Add ``--tvg``."""
+    command.add_argument("--tvg", default=default, choices=choices, help=f"{text}; default: {default}")
+
+
 def parameters(arguments: argparse.Namespace) -> dict[str, str]:
     """Return the values of ``-D`` by name, as text."""
     values = {}
@@ -101,7 +107,7 @@ def gain(arguments: argparse.Namespace) -> Any:
 
 
 def check_output(path: str, suffixes: Sequence[str], advice: str = "") -> str:
-    """Check the folder and the suffix of an output file before any work is spent on it; return the suffix."""
+    """Check folder and suffix of an output file before the work begins; return the suffix."""
     check_writable(path)
     suffix = os.path.splitext(path)[1].lower()
     if suffix not in suffixes:

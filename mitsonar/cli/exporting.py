@@ -2,7 +2,7 @@
 import datetime
 import os
 
-from .arguments import GAINS, Commands, check_output, gain, number, whole
+from .arguments import GAINS, Commands, add_gain, check_output, gain, number, whole
 from .completion import add_file
 from .words import announce, warn
 
@@ -29,17 +29,16 @@ def add(commands: Commands) -> None:
     add_file(convert, "images", metavar="IN.exr", nargs="+",
              help="EXR or netCDF; for XTF several frequencies of one track")
     add_file(convert, "output", metavar="OUT.xtf|nc|exr|tif|h5", help="converted image")
-    convert.add_argument("--tvg", default="seabed", choices=[name for name in GAINS if name != "recorder"],
-                         help="gain over range in the samples of an XTF; their scale is printed")
+    add_gain(convert, "seabed", "gain over range in the samples of an XTF, whose scale is printed",
+             [name for name in GAINS if name != "recorder"])
     convert.add_argument("--start", metavar="DATE",
                          help="date of time 0, such as 2026-05-01T10:00:00Z; default: 1970")
     convert.add_argument("--coordinates", choices=("degrees", "metres"),
-                         help="of an XTF's positions; default: degrees where the scene's coordinate system is known")
+                         help="unit of positions in an XTF; default: degrees where the scene's coordinate system is known")
     convert.set_defaults(run=_convert)
 
     mosaic = commands.add_parser("mosaic", help="lay sidescan images on a map, as a GeoTIFF")
     add_file(mosaic, "images", metavar="IN.exr", nargs="+", help="EXR or netCDF")
-    add_file(mosaic, "-o", "--output", metavar="OUT.tif", required=True, help="map")
     mosaic.add_argument("--resolution", type=number, metavar="M",
                         help="side of a cell; default: the longer of a bin and the distance between pings")
     mosaic.add_argument("--quantity", default="level", metavar="NAME",
@@ -47,9 +46,10 @@ def add(commands: Commands) -> None:
     mosaic.add_argument("--place", default="flat", choices=("flat", "truth"),
                         help="position of bins: on a level bed below each ping (default), or at the image's true depth")
     mosaic.add_argument("--blend", default="nearest", choices=("nearest", "feather", "mean"),
-                        help="of swaths: the nearest track (default), less weight towards the edges, or the mean")
+                        help="rule where swaths overlap: the nearest track (default), less weight towards the edges, or the "
+                             "mean")
     mosaic.add_argument("--gain", default="seabed", choices=("seabed", "target", "angle", "none"),
-                        help="of levels: over range, or angle: equal medians at every angle from nadir")
+                        help="gain of levels: over range; or angle: equal medians at every angle from nadir")
     mosaic.add_argument("--fill", type=number, metavar="M",
                         help="fill gaps up to this distance between pings; default: four cells or twice the usual "
                              "distance")
@@ -60,7 +60,6 @@ def add(commands: Commands) -> None:
 
     grid = commands.add_parser("grid", help="lay lines of soundings on a map, as a GeoTIFF")
     add_file(grid, "lines", metavar="LINE", nargs="+", help=".nc, .gsf, .kmall or .all")
-    add_file(grid, "-o", "--output", metavar="OUT.tif", required=True, help="map")
     grid.add_argument("--cell", type=number, default=1.0, metavar="M", help="side of a cell; default: 1")
     grid.add_argument("--rule", default="mean", choices=("mean", "weighted", "shoalest"),
                       help="combination of the depths in a cell; weighted: by their uncertainties")
@@ -68,6 +67,8 @@ def add(commands: Commands) -> None:
                       help="least number of soundings in a cell; default: 1")
     grid.add_argument("--layer", default="depth", choices=LAYERS, help="quantity to write; default: depth")
     grid.set_defaults(run=_grid)
+    for command in (mosaic, grid):
+        add_file(command, "-o", "--output", metavar="OUT.tif", required=True, help="map")
 
 
 def _raster(arguments):

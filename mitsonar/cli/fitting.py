@@ -35,7 +35,7 @@ def add(commands: Commands) -> None:
     check.add_argument("--directions", type=whole, default=3, metavar="N",
                        help="smooth random directions for each part of a parameter; default: 3")
     check.add_argument("--tolerance", type=number, default=0.01, metavar="SHARE",
-                       help="largest relative error of a right gradient; default: 0.01")
+                       help="largest relative error of a correct gradient; default: 0.01")
     check.add_argument("--allow-undecided", action="store_true",
                        help="exit with 0 if differences could not decide; default: exit with 1, as for a wrong "
                             "gradient")

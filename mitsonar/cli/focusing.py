@@ -1,4 +1,4 @@
-"""The command focus: an image of a synthetic aperture from raw echoes, of a file or of a scene."""
+"""The command focus: focus raw echoes of a synthetic aperture, from a file or a scene, to an image."""
 from __future__ import annotations
 
 import argparse
@@ -28,7 +28,7 @@ WIDEST_ANGLE = 64.0                # [degrees]
 
 @dataclass(frozen=True, kw_only=True)
 class Usual:
-    """Defaults of the options; a scene's sensor has its own."""
+    """Default options; the sensor of a scene has its own."""
 
     grid: str = "ground"
     spacing: float | None = None           # [m]
@@ -88,9 +88,9 @@ def _focus(arguments: argparse.Namespace) -> None:
 
 
 def _of_file(arguments: argparse.Namespace) -> xr.Dataset:
-    """Return the image of echoes in a file, read ping by ping."""
-    given = [option for option, there in (("-D", arguments.parameters), ("--seed", arguments.seed),
-                                          ("--sensor", arguments.sensor)) if there]
+    """Return the image focused from echoes in a file, which is read ping by ping."""
+    given = [option for option, value in (("-D", arguments.parameters), ("--seed", arguments.seed),
+                                          ("--sensor", arguments.sensor)) if value]
     if given:
         raise ValueError(f"{given[0]} applies to scenes only, and {arguments.scene} holds raw echoes; leave it out.")
     from mitsonar.io.records import raw_echoes
@@ -104,7 +104,7 @@ def _of_file(arguments: argparse.Namespace) -> xr.Dataset:
 
 
 def _of_scene(arguments: argparse.Namespace) -> xr.Dataset:
-    """Return the image of a scene's echoes, simulated ping by ping, with its truth."""
+    """Return the image focused from a scene's echoes, simulated ping by ping, with the truth."""
     from mitsonar.device.files import described
     from mitsonar.io.scene_files import scenes
     from mitsonar.scene.loading import load_file
@@ -118,16 +118,16 @@ def _of_scene(arguments: argparse.Namespace) -> xr.Dataset:
     scene = load_file(path, **parameters(arguments))
     survey = strip_survey(scene, sensor=arguments.sensor)
     first, last = _pings(arguments, survey.track.pings)
-    made = raw_pings(scene, arguments.seed, sensor=arguments.sensor, start=first)
+    pings = raw_pings(scene, arguments.seed, sensor=arguments.sensor, start=first)
     times = survey.track.time[first:last + 1]
     usual = Usual(grid=survey.grid, spacing=survey.grid_spacing, window=survey.aperture_window,
                   range_window=survey.range_window)
-    image = _focused(arguments, usual, times, itertools.islice(made, len(times)))
+    image = _focused(arguments, usual, times, itertools.islice(pings, len(times)))
     return with_truth(image, survey, arguments.seed)
 
 
 def _focused(arguments: argparse.Namespace, usual: Usual, times: np.ndarray, pings: Iterator[xr.Dataset]) -> xr.Dataset:
-    """Return the image of pings; one ping is in memory at a time."""
+    """Return the image focused from pings; only one ping is in memory at a time."""
     from mitsonar.io.reading import GEOTIFF
     from mitsonar.io.records.records import SonarImage
     from mitsonar.synthetic_aperture.focusing.focusing import Focuser
@@ -185,7 +185,7 @@ def _trajectory(path: str | None) -> xr.Dataset | None:
 
 
 def _profile(text: str | None) -> SoundSpeedProfile | float | None:
-    """Return the water of ``--profile``: a number is one sound speed, any other text is a file."""
+    """Return the water of ``--profile``: a number is a sound speed, other text the file of a cast."""
     if text is None:
         return None
     try:
@@ -235,7 +235,7 @@ def _grid(arguments: argparse.Namespace, usual: Usual, trajectory: xr.Dataset, r
 
 
 def _spacing(text: str | None) -> tuple[float, float] | None:
-    """Read one number, or two with an x between."""
+    """Return the spacings along and across of ``--spacing``: one number, or two with an x between them."""
     if text is None:
         return None
     try:

@@ -3,7 +3,7 @@ import argparse
 import os
 import sys
 
-from .arguments import GAINS, Commands, gain, whole
+from .arguments import Commands, add_gain, gain, whole
 from .completion import add_file
 from .progress import Progress
 from .words import announce
@@ -34,14 +34,13 @@ def add(commands: Commands) -> None:
                              "the plan or images")
     labels.add_argument("--tile", type=_size, metavar="PINGSxBINS",
                         help="cut the pictures into tiles, as 512x512; for arrays BINSxBEAMS, in metres ROWSxCOLUMNS")
-    labels.add_argument("--overlap", type=float, default=0.0, metavar="SHARE", help="of neighbouring tiles; default: 0")
+    labels.add_argument("--overlap", type=float, default=0.0, metavar="SHARE", help="overlap of neighbouring tiles; default: 0")
     labels.add_argument("--drop-empty", action="store_true", help="leave out pictures and tiles without annotations")
     labels.add_argument("--cartesian", action="store_true",
                         help="draw fans and rotating heads in metres; default: a column per beam")
     labels.add_argument("--cell", type=float, metavar="M",
                         help="side of a picture element in metres; default: a bin, with at most 1024 a side")
-    labels.add_argument("--tvg", default="seabed", choices=GAINS,
-                        help="display gain over range, except of focused images; default: seabed")
+    add_gain(labels, "seabed", "display gain over range, except in focused images")
     labels.add_argument("--window", type=_window, metavar="BLACK,WHITE",
                         help="levels after the gain [dB], as --window=60,90; default: chosen for each image")
     labels.add_argument("--split", metavar="SHARES", help="subsets without a common seabed: train=0.8,val=0.1,test=0.1")

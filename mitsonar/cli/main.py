@@ -1,4 +1,4 @@
-"""The command line.
+"""Command line.
 
 Exit codes: 0 done; 1 if `validate` finds too large an error, `gradient-check` finds a wrong gradient or cannot decide,
 `doctor` cannot render, or renders of a `sweep` failed; 2 for errors that the user can mend; 128 + n after signal n (130

@@ -37,7 +37,8 @@ def add(commands: Commands) -> None:
              help="a preset of `multibeam`, or a scene with one; the options below override it")
     sonar.add_argument("--swath", type=number, metavar="DEG", help="angle between the outermost beams; default: 130")
     sonar.add_argument("--beams", type=whole, metavar="N", help="soundings of a ping; default: 256")
-    sonar.add_argument("--beam-spacing", choices=("angle", "distance"), help="even in; default: distance")
+    sonar.add_argument("--beam-spacing", choices=("angle", "distance"),
+                       help="quantity in which soundings are evenly spaced; default: distance")
     sonar.add_argument("--rate", type=number, metavar="HZ",
                        help="highest ping rate; default: as the travel times allow")
     sonar.add_argument("--head-depth", type=number, metavar="M",
@@ -46,15 +47,16 @@ def add(commands: Commands) -> None:
     add_file(sonar, "--cast", metavar="FILE", help="sound speed over depth; default: 1500 m/s")
     lines = plan.add_argument_group("the lines")
     lines.add_argument("--spacing", type=number, metavar="M", help="distance between lines; default: by --overlap")
-    lines.add_argument("--overlap", type=number, metavar="PERCENT", help="of neighbouring swaths; default: 10")
+    lines.add_argument("--overlap", type=number, metavar="PERCENT", help="overlap of neighbouring swaths; default: 10")
     lines.add_argument("--swath-at", choices=("line", "shoalest", "mean"),
                        help="swath for --overlap: each line's own (default), or that of one depth for all lines")
     lines.add_argument("--heading", metavar="DEG|best", default="best",
-                       help="clockwise from north; default: best, along the contours")
-    lines.add_argument("--speed", type=number, default=5.0, metavar="KNOTS", help="default: 5")
+                       help="heading of the lines, clockwise from north; default: best, along the contours")
+    lines.add_argument("--speed", type=number, default=5.0, metavar="KNOTS", help="speed of the ship; default: 5")
     lines.add_argument("--run-in", type=number, default=50.0, metavar="M",
                        help="distance before each line; default: 50")
-    lines.add_argument("--turn-radius", type=number, default=50.0, metavar="M", help="default: 50; 0: no turns")
+    lines.add_argument("--turn-radius", type=number, default=50.0, metavar="M",
+                       help="radius of turns between lines; default: 50; 0: no turns")
     errors = plan.add_argument_group("a wrong cast")
     errors.add_argument("--cast-error", type=number, metavar="M/S", help="error of the surface layer's sound speed")
     errors.add_argument("--layer", type=number, metavar="M", help=f"thickness of that layer; default: {LAYER:g}")
@@ -109,7 +111,7 @@ def _plan(arguments):
 
 
 def _checked_outputs(arguments):
-    """Return the names of all outputs, checked before any work is spent on them."""
+    """Return the names of all outputs, checked before the work begins."""
     from mitsonar.device import files
     from mitsonar.planning import line_files, scene_of_plan
 
@@ -183,7 +185,7 @@ def _used(arguments, profile: "SoundSpeedProfile") -> "SoundSpeedProfile | None"
 
 
 def _bed(arguments, corners: "Corners | None") -> "tuple[PlannedBed, Frame]":
-    """Return the bed and the place of its origin."""
+    """Return the bed, and the frame of its coordinates."""
     from mitsonar.imaging.maps.georeference import named_system
     from mitsonar.io.grids import bathymetry, rasters
     from mitsonar.io.tracks.navigation import Frame
@@ -213,7 +215,7 @@ def _bed(arguments, corners: "Corners | None") -> "tuple[PlannedBed, Frame]":
 
 
 def _doubts(planned, numbers, deepest_sample):
-    """Yield warnings to read before the plan is trusted."""
+    """Yield warnings about the plan."""
     _, _, deepest = planned.depths
     if deepest_sample is not None and deepest_sample < deepest:
         yield (f"the cast ends at {deepest_sample:.4g} m and the bed lies down to {deepest:.4g} m; sound speed is "

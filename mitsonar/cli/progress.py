@@ -5,16 +5,16 @@ import time
 
 from .words import end_if_interrupted
 
-QUIET_SECONDS = 2.0                # progress is shown of anything longer
-LINE_SECONDS = 10.0                # without a terminal, a line this often
+QUIET_SECONDS = 2.0                # no progress is shown before
+LINE_SECONDS = 10.0                # between lines, without a terminal
 SLOW = 0.1                         # [1/s]; below, the rate is shown per hour
 WORTH_SAYING = 10.0                # [s]; a shorter run needs no warning
 
 
 class Progress:
-    """Show how many are done, the rate, and the time left, once a run lasts longer than a moment.
+    """Progress of a longer run: number done, rate and time left.
 
-    Rate and time left count from the first report: before it, the command loads and compiles, which happens once.
+    Rate and time left count from the first call, because the command loads and compiles before it.
     """
 
     def __init__(self, unit: str = "pings", verb: str = "rendering", *, warm_up: int = 1, at_most: bool = False):
@@ -67,7 +67,7 @@ class Progress:
 
 
 def long_run(began: float, count: int) -> str:
-    """Return the expected time of `count` pings, the first of which began at `began` [s]; empty if it is short."""
+    """Return the expected time of `count` pings, of which the first began at `began` [s]; empty if it is short."""
     seconds = (time.monotonic() - began) * count
     if seconds <= WORTH_SAYING:
         return ""

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     import mitsuba as mi
     import xarray as xr
 
-EVERY = "all"                      # of the sensors
-DEMO = {"rays": 60_000}            # a ping: 32 a bin, whose noise is a fourteenth of the speckle's
+EVERY = "all"                      # value of --sensor for all sonars
+DEMO = {"rays": 60_000}            # in a ping, 32 in a bin: their noise is a fourteenth of the speckle
 OF_ARRAYS = (("--ping", "ping", None), ("--response", "response", False), ("--kernel", "kernel", "band_limited"),
              ("--return-path", "return_path", "vector"), ("--path", "path", None))     # option, name, default
 
@@ -101,7 +101,7 @@ def _write_strip(arguments: argparse.Namespace, scene: mi.Scene) -> None:
 
     for option, name, usual in OF_ARRAYS:
         if getattr(arguments, name) != usual:
-            raise ValueError(f"{option} is of arrays whose pings stand alone, and this sensor is a synthetic_aperture; "
+            raise ValueError(f"{option} is for other arrays, and this sensor is a synthetic_aperture; "
                              "leave it out.")
     if arguments.scatterers is not None:
         check_output(arguments.scatterers, (".nc",))
@@ -115,22 +115,22 @@ def _write_strip(arguments: argparse.Namespace, scene: mi.Scene) -> None:
     leave_if_interrupted(raw_echoes.part_of(check_writable(arguments.output)))
     with Progress() as progress:
         def pings_from(number: int) -> Iterator[xr.Dataset]:
-            made = planned if number == 0 else raw_pings(scene, arguments.seed, sensor=arguments.sensor, start=number)
-            return _with_estimate(made, number, counts[0])
+            pings = planned if number == 0 else raw_pings(scene, arguments.seed, sensor=arguments.sensor, start=number)
+            return _with_estimate(pings, number, counts[0])
 
         raw_echoes.write(pings_from, arguments.output, count=counts[0],
                          progress=lambda done, total: progress(done - start, total - start))
     announce(arguments.output)
     if start:
-        warn(f"{start} of {counts[0]} pings were there from before")
+        warn(f"{start} of {counts[0]} pings were already in the file")
 
 
-def _with_estimate(made: Iterator[xr.Dataset], start: int, count: int) -> Iterator[xr.Dataset]:
+def _with_estimate(pings: Iterator[xr.Dataset], start: int, count: int) -> Iterator[xr.Dataset]:
     """Yield the pings; after the first, print the expected size and time of a long run."""
     from mitsonar.io.records.raw_echoes import size_of
 
     began = time.monotonic()
-    for number, ping in enumerate(made, start):
+    for number, ping in enumerate(pings, start):
         if number == start and (expected := long_run(began, count - start)):
             _, receivers, samples = ping["signal"].shape
             size = size_of(ping, count)
@@ -200,7 +200,7 @@ def _render_pings(arguments):
 
 
 def _check_outputs(output, preview):
-    """Check both names: an hour of rendering must not end in a missing folder."""
+    """Check both names before rendering, which may take an hour."""
     try:
         f"{output}{preview}".encode()
     except UnicodeEncodeError:

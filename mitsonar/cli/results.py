@@ -3,7 +3,7 @@ import contextlib
 import importlib
 import os
 
-from .arguments import GAINS, Commands, gain, number, set_up, whole
+from .arguments import Commands, add_gain, gain, number, set_up, whole
 from .completion import add_file
 from .progress import Progress
 from .words import announce
@@ -22,9 +22,7 @@ def add(commands: Commands) -> None:
     plot.add_argument("-o", "--output", metavar="OUT.png", help="picture; default: IN_VIEW.png")
     plot.add_argument("--ping", type=whole, metavar="N",
                       help="number of the ping, from 0; default: the middle one, of a fan the first")
-    plot.add_argument("--tvg", default="recorder", choices=GAINS, help="display gain over range; default: recorder")
-    plot.add_argument("--colours", default="copper", choices=("copper", "grey"),
-                      help="of a waterfall, a fan, a water column or a focused image; default: copper")
+    add_gain(plot, "recorder")
     plot.add_argument("--bank", type=whole, metavar="N",
                       help="bank of receivers of a focused image; default: the first")
     plot.set_defaults(run=_plot)
@@ -36,9 +34,11 @@ def add(commands: Commands) -> None:
     add_file(video, "output", metavar="OUT", help="OUT.gif, OUT.mp4, or a folder for PNG files")
     video.add_argument("--fps", type=number, metavar="N",
                        help="frames a second; default: the ping rate, between 1 and 30")
-    video.add_argument("--tvg", default="seabed", choices=GAINS, help="display gain over range; default: seabed")
-    video.add_argument("--colours", default="copper", choices=("copper", "grey"), help="default: copper")
+    add_gain(video, "seabed")
     video.set_defaults(run=_video)
+    for command in (plot, video):
+        command.add_argument("--colours", default="copper", choices=("copper", "grey"),
+                             help="colours of waterfalls, fans, water columns and focused images; default: copper")
 
     published = commands.add_parser("published", help="compute a table or figure of the published method again")
     published.add_argument("result", metavar="RESULT", help="table_1, effective_speed, figure_2 or figure_3")
@@ -67,15 +67,15 @@ def _plot(arguments):
 
 
 def _plot_fit(arguments, answer):
-    """Draw a fit's answer, which has one view and no options."""
+    """Draw a fit's answer, which has only one view and no options."""
     from mitsonar.plots.canvas import save
     from mitsonar.plots.sheets.fit_sheet import fit_figure
 
     asked = {"--ping": arguments.ping is not None, "--bank": arguments.bank is not None,
              "--tvg": arguments.tvg != "recorder", "--colours": arguments.colours != "copper"}
     if arguments.what not in (None, "fit"):
-        raise ValueError(f"{arguments.image} holds the answer of a fit, which has the plot fit alone, and the one "
-                         f"asked for is {arguments.what!r}; leave --what out.")
+        raise ValueError(f"{arguments.image} holds the answer of a fit, whose only plot is fit, and not "
+                         f"{arguments.what!r}; leave --what out.")
     if any(asked.values()):
         needless = ", ".join(option for option, given in asked.items() if given)
         raise ValueError(f"the picture of a fit has no {needless}; leave that out.")
@@ -86,7 +86,7 @@ def _plot_fit(arguments, answer):
 
 @contextlib.contextmanager
 def _opened(path):
-    """Open an EXR, an instrument's line, or a netCDF file, whose water column may be larger than memory."""
+    """Open an EXR, a line of an instrument, or a netCDF file, whose water column may be larger than memory."""
     from mitsonar.io.reading import is_netcdf
     from mitsonar.io.records import exr, netcdf
 
@@ -105,7 +105,7 @@ def _opened(path):
 
 
 def _sounders_line(path):
-    """Return the soundings of an echo sounder's or survey software's file, by its first bytes; None for others."""
+    """Return the soundings of a file of an echo sounder or survey software, known by its first bytes, else None."""
     if not os.path.isfile(path):
         return None
     with open(path, "rb") as stream:

@@ -1,4 +1,6 @@
 """The commands about lines of soundings: soundings, like."""
+from __future__ import annotations
+
 import os
 from collections.abc import Iterator
 from typing import Any
@@ -9,6 +11,9 @@ from .arguments import Commands, add_scene, check_output, number, parameters, se
 from .completion import add_file
 from .progress import Progress
 from .words import announce, leave_if_interrupted, warn
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 LINES = (".all", ".gsf", ".kmall", ".kmwcd", ".nc", ".wcd")        # read as recorded lines, not as scenes
 
@@ -56,15 +61,15 @@ def _soundings(arguments):
         else:
             before, written = _simulated(arguments, place, progress)
     announce(arguments.output)
-    kept = (f"{before} pings were there from before",) if before else ()
+    kept = (f"{before} pings were already in the file",) if before else ()
     warn("; ".join((f"{written.soundings} soundings of {written.pings} pings", *written.words, *words, *kept)))
 
 
 def _is_recorded(path):
-    """Return True for a recorded line in place of a scene, by its name or its first bytes."""
+    """Return True if the file is a recorded line, not a scene, by its name or its first bytes."""
     if os.path.splitext(path)[1].lower() in LINES:
         return True
-    if not (os.path.isfile(path) and os.access(path, os.R_OK)):            # the reader of scenes reports it
+    if not (os.path.isfile(path) and os.access(path, os.R_OK)):            # the reader of scenes reports the error
         return False
     from mitsonar.io.survey_lines import reading
 
@@ -74,9 +79,9 @@ def _is_recorded(path):
 
 
 def _simulated(arguments, place, progress):
-    """Write soundings of a scene; return the number of pings from an interrupted run, and the written line.
+    """Write soundings of a scene; return the number of pings kept from an interrupted run, and the written line.
 
-    Pings go into a file beside the output, from which the same command continues; the output is made of it at the end.
+    Pings go into a file beside the output, from which an interrupted command continues. The output is written at the end.
     """
     if arguments.head_speed is not None:
         raise ValueError("--head-speed applies to recorded lines; in a scene write head_speed_error of the sensor.")
@@ -98,11 +103,11 @@ def _simulated(arguments, place, progress):
                              snippets=arguments.snippets, start=number, count=total.append)
 
     began: list[int] = []
-    made = pings_from(0)
+    pings = pings_from(0)
     leave_if_interrupted(part)
-    ping_file.fill(lambda number: made if number == 0 else pings_from(number), part, count=total[0],
+    ping_file.fill(lambda number: pings if number == 0 else pings_from(number), part, count=total[0],
                    check=lambda first: survey_lines.check_asked(place, arguments.start, first),
-                   progress=lambda done, pings: progress(done - began[-1], pings - began[-1]))
+                   progress=lambda done, count: progress(done - began[-1], count - began[-1]))
     files.clear_left(arguments.output)
     written = survey_lines.write(survey_lines.stored(part), arguments.output, place=place, start=arguments.start)
     part.unlink()
@@ -110,13 +115,13 @@ def _simulated(arguments, place, progress):
 
 
 def _recorded(arguments, words):
-    """Yield the blocks of a recorded line, reduced anew by the instrument's own rules if a cast or speed is given.
+    """Yield the blocks of a recorded line, reduced again by the instrument's own rules if a cast or speed is given.
 
-    Remarks on the line and the rules are appended to `words`.
+    Remarks on the line and on the rules are appended to `words`.
     """
-    given = [option for option, there in (("-D", arguments.parameters), ("--seed", arguments.seed),
+    given = [option for option, value in (("-D", arguments.parameters), ("--seed", arguments.seed),
                                           ("--sensor", arguments.sensor), ("--snippets", arguments.snippets),
-                                          ("--threads", arguments.threads is not None)) if there]
+                                          ("--threads", arguments.threads is not None)) if value]
     if given:
         raise ValueError(f"{given[0]} applies to scenes only, and {arguments.scene} is a recorded line; leave it out.")
     from mitsonar.hydrography.reduction.resounding import resounded

@@ -43,14 +43,14 @@ def _sweep(arguments):
                       progress=progress, say=warn)
     took = datetime.timedelta(seconds=round(outcome.seconds))
     parts = [f"{outcome.done} rendered in {took}" if outcome.done or outcome.failed else "nothing to do",
-             *([f"{outcome.kept} were there"] if outcome.kept else []),
+             *([f"{outcome.kept} already there"] if outcome.kept else []),
              *([f"{outcome.redrawn} drawn again"] if outcome.redrawn else []),
              *([f"{outcome.failed} failed"] if outcome.failed else [])]
     announce(f"{_count(outcome.total, 'render')}: {', '.join(parts)}")
     for output, error in outcome.failures[:SHOWN]:
         warn(f"{output} failed: {error}")
     if outcome.failed > SHOWN:
-        warn(f"and {outcome.failed - SHOWN} more; see the lines of the manifest that say \"failed\"")
+        warn(f"and {outcome.failed - SHOWN} more; see the lines of the manifest with \"failed\"")
     announce(os.path.join(outcome.folder, "manifest.jsonl"))
     return 1 if outcome.failed else 0
 
@@ -65,15 +65,15 @@ def _print_estimate(plan, arguments):
                     threads=arguments.threads, verify=arguments.verify, say=warn)
     there = f"{cost.total - cost.missing} of them there" if cost.missing < cost.total else "none of them there yet"
     announce(f"{_count(cost.total, 'render')} into {cost.folder}, {there}"
-             + (f", {cost.changed + cost.damaged} to be made anew" if cost.changed + cost.damaged else ""))
+             + (f", {cost.changed + cost.damaged} to be rendered again" if cost.changed + cost.damaged else ""))
     if cost.unplanned:
         warn(unplanned_said(cost.unplanned, cost.folder))
     if cost.seconds is not None and cost.bytes is not None and cost.duration is not None:
-        how = f"tried {cost.trials}" if cost.trials else "as those there took"
+        how = f"tried {cost.trials}" if cost.trials else "as the existing ones took"
         length = datetime.timedelta(seconds=round(cost.duration))
         announce(f"time: about {length}, {cost.seconds:.2g} s each ({how}), by "
                  f"{_count(cost.processes, 'process')} of {cost.threads} threads"
-                 + (f", of which the cores bear {cost.at_once} at once" if cost.at_once < cost.processes else ""))
+                 + (f", of which the cores run {cost.at_once} at once" if cost.at_once < cost.processes else ""))
         announce(f"disk: about {_size(cost.bytes * cost.missing)}, and {_size(cost.free)} are free")
     return 0
 

@@ -6,16 +6,16 @@ from pathlib import Path
 
 
 class InterruptSignals:
-    """Context in which Ctrl-C and SIGTERM end the command alike; `received` is the signal that came."""
+    """Context in which Ctrl-C and SIGTERM both end the command; `received` is the signal that arrived."""
 
-    active: "InterruptSignals | None" = None            # that of the running command
+    active: "InterruptSignals | None" = None            # signals of the running command
 
     def __enter__(self):
         self.received, self.before = None, {}
         self.left: Path | None = None          # an unfinished file that the same command continues
         InterruptSignals.active = self
         for number in (signal.SIGINT, signal.SIGTERM):
-            if signal.getsignal(number) is not signal.SIG_IGN:                 # the parent process wants it ignored
+            if signal.getsignal(number) is not signal.SIG_IGN:                 # the parent process ignores it
                 self.before[number] = signal.signal(number, self._stop)
         return self
 
@@ -29,7 +29,7 @@ class InterruptSignals:
         raise KeyboardInterrupt
 
     def end(self) -> int:
-        """Report the interruption and end the process; return the exit code if no signal came."""
+        """Report the interruption and end the process; return the exit code if there was no signal."""
         for number in self.before:
             signal.signal(number, signal.SIG_IGN)      # a second Ctrl-C must not break into the message
         after_echo = "\n" if self.received == signal.SIGINT and sys.stderr.isatty() else ""     # the terminal's ^C
@@ -55,7 +55,7 @@ def end_if_interrupted() -> None:
 
 
 def announce(path: object) -> None:
-    """Print the name of a written file; a closed output is no error, the file stays."""
+    """Print the name of a written file; a closed output is not an error, because the file stays."""
     try:
         print(path, flush=True)
     except OSError:
@@ -63,7 +63,7 @@ def announce(path: object) -> None:
 
 
 def mute() -> None:
-    """Discard further output, else Python complains about the closed output when it ends."""
+    """Discard further output; otherwise Python reports the closed output when it ends."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

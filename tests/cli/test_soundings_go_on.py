@@ -68,7 +68,7 @@ def test_the_same_command_goes_on_and_the_bytes_are_those_of_one_run(variant, sc
     # what a program that was killed while it wrote leaves; no process has so high a number
     (scene / ".line.7fffffff-0123abcd.nc").write_bytes(b"half")
     assert run(*options) == 0
-    assert "2 pings were there from before" in capfd.readouterr().err
+    assert "2 pings were already in the file" in capfd.readouterr().err
     assert (scene / name).read_bytes() == whole and files(scene) == [name]
 
 

@@ -41,7 +41,7 @@ def test_the_file_holds_what_python_gives_and_an_interrupted_one_goes_on(variant
     assert cli.main([*SIGNALS, "--seed", "6"]) == 2
     assert f"{left} was begun with another seed (5, and here 6); remove it" in capfd.readouterr().err
     assert cli.main([*SIGNALS, "--seed", "5"]) == 0
-    assert capfd.readouterr() == ("raw.nc\n", "mitsonar: 2 of 4 pings were there from before\n")
+    assert capfd.readouterr() == ("raw.nc\n", "mitsonar: 2 of 4 pings were already in the file\n")
     assert (folder / "raw.nc").read_bytes() == whole and not left.exists()
 
 

@@ -26,16 +26,16 @@ from .installer import SetupError
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))))
 PROJECT = os.path.join(ROOT, "pyproject.toml")
-MOVED = "MITSONAR_MOVED_INTO"  # set for the one process that is started in the environment
+MOVED = "MITSONAR_MOVED_INTO"  # set for the process that is started in the environment
 UNFINISHED, ADDED_TO = b"unfinished\n", b"added to\n"
 # commands that need no library
 AT_ONCE = ("-h", "--help", "-v", "--version", "--print-completion", "scenes")
 
 
 def enter(argv: Sequence[str]) -> None:
-    """Return when this interpreter can run the command `argv`; start it again in an interpreter that can, otherwise.
+    """Return if this interpreter can run the command `argv`; otherwise restart the command in one that can.
 
-    A libLLVM that cannot be had stops only the commands that need it, by `mitsonar.device.llvm.check`.
+    A missing libLLVM stops only the commands that need it, in `mitsonar.device.llvm.check`.
     """
     try:
         if os.path.isfile(PROJECT):
@@ -45,10 +45,10 @@ def enter(argv: Sequence[str]) -> None:
     if llvm.new_folder():
         say(f"the folder for caches cannot be written; {llvm.new_folder()} takes its place until the system clears it. "
             "Set XDG_CACHE_HOME to a folder that lasts.")
-    if argv and argv[0] not in AT_ONCE:
+    if argv and argv[0].partition("=")[0] not in AT_ONCE:
         try:
             _have_library()
-        except OSError as error:                       # commands that need no library work without
+        except OSError as error:                       # other commands work without a library
             say(f"no LLVM library could be fetched: {error}. Set XDG_CACHE_HOME to a folder that can be written, or "
                 f"{llvm.VARIABLE} to a library.")
 
@@ -69,14 +69,14 @@ def _move_in(argv):
             set_up(folder)
             moved = "new"
     python = installer.python_of(folder)
-    # A path beyond ASCII is no text for Mitsuba where Python takes the locale "C" at its word.
+    # With the locale "C", Python and Mitsuba do not agree on paths beyond ASCII.
     options = [] if sys.getfilesystemencoding() == "utf-8" else ["-X", "utf8"]
     variables = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     os.execve(python, [python, *options, "-m", "mitsonar", *argv], {**variables, MOVED: moved or "old"})
 
 
 def _forget_python_path(folder):
-    """Let PYTHONPATH hide no package of the environment, which has all that is needed."""
+    """Remove PYTHONPATH if its packages could hide those of the environment."""
     entries = {os.path.realpath(entry) for entry in os.environ.get("PYTHONPATH", "").split(os.pathsep) if entry}
     foreign = {entry for entry in entries if entry != os.path.realpath(ROOT)
                and not entry.startswith(os.path.realpath(folder) + os.sep)}
@@ -89,7 +89,7 @@ def _have_library():
     if llvm.is_ready():
         return
     with _alone(llvm.private_folder()):
-        if not llvm.is_ready():  # somebody else may just have fetched it
+        if not llvm.is_ready():  # another process may just have fetched it
             try:
                 llvm.provide(say)
             except llvm.BackendError as error:
@@ -106,9 +106,9 @@ def run_tests(arguments: Sequence[str]) -> int:
 
     os.chdir(ROOT)  # where pytest finds its settings, the tests, and a place for its cache
     first = [] if os.access(ROOT, os.W_OK) else ["-p", "no:cacheprovider"]
-    if importlib.util.find_spec("xdist") is not None and not any(os.path.exists(one.partition("::")[0])
-                                                                 for one in arguments):
-        # of the whole suite: two processes, which must collect the tests in one order, sets of parameters included
+    if importlib.util.find_spec("xdist") is not None and not any(os.path.exists(argument.partition("::")[0])
+                                                                 for argument in arguments):
+        # both processes of the whole suite must collect the tests in the same order, sets of parameters included
         os.environ.setdefault("PYTHONHASHSEED", "0")
         first += ["-n", "2", "--dist", "loadfile"]
     return int(pytest.main([*first, *arguments]))
@@ -145,15 +145,15 @@ def missing(with_tests: bool = False) -> list[str]:
 
 
 def set_up(folder: str) -> None:
-    """Make the environment `folder`, or bring it up to date; the caller holds its lock."""
+    """Make or update the environment `folder`; the caller holds its lock."""
     if os.name != "posix":
-        raise SetupError("The set-up by itself works on Linux and macOS; elsewhere, run pip install -e .[test] first.")
+        raise SetupError("The automatic set-up works on Linux and macOS; elsewhere, run pip install -e .[test] first.")
     before, waiting = _read(_state_file(folder)), f"{folder}.old"
     there = os.path.isdir(folder) and bool(os.listdir(folder))
     foreign = there and (before is None or before.endswith(ADDED_TO))
     in_place = foreign or before is not None and there and before.startswith(_identity(folder))
     if there and not in_place:
-        if os.path.lexists(waiting):  # then what is here is a replacement that was not finished
+        if os.path.lexists(waiting):  # `folder` is then an unfinished replacement
             shutil.rmtree(folder)
         else:
             os.rename(folder, waiting)
@@ -167,7 +167,7 @@ def set_up(folder: str) -> None:
             shutil.rmtree(folder)
             if os.path.lexists(waiting):
                 os.rename(waiting, folder)
-        elif isinstance(error, SetupError):  # which takes back what it began; an interruption does not
+        elif isinstance(error, SetupError):  # an interruption leaves the mark "unfinished"
             _restore(folder, before)
         raise
     _write(_state_file(folder), _identity(folder) + _digest() + (ADDED_TO if foreign else b""))
@@ -188,18 +188,18 @@ def about_import(error: ImportError) -> str:
     if os.environ.get("PYTHONPATH"):
         return f"{what}; PYTHONPATH is {os.environ['PYTHONPATH']}: unset it if the package is taken from there"
     if os.path.isfile(PROJECT) and _inside(environment()):
-        return f"{what}; remove the folder {environment()} and run the command again, which makes it anew"
+        return f"{what}; remove the folder {environment()} and run the command again; it makes the folder again"
     return f"{what}; install it again for {sys.executable}, or mitsonar by pip install --force-reinstall"
 
 
 def say(line: str) -> None:
-    """Print one line of progress, beside the command's own output."""
+    """Print one line of progress to stderr."""
     print(f"mitsonar: {line}", file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager
 def _alone(folder):
-    """Hold the lock of `folder`, a file beside it, which the system takes back however the process ends."""
+    """Hold the lock file beside `folder`; the system releases it however the process ends."""
     import fcntl
 
     os.makedirs(os.path.dirname(folder), exist_ok=True)

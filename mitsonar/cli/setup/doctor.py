@@ -10,7 +10,7 @@ from mitsonar.device import llvm
 from mitsonar.version import __version__
 
 PACKAGES = ("mitsuba", "drjit", "numpy", "OpenEXR")
-BACKENDS = {"llvm_": "LLVM", "cuda_": "CUDA"}  # how a variant begins, and what compiles its kernels
+BACKENDS = {"llvm_": "LLVM", "cuda_": "CUDA"}  # prefix of variants: backend that compiles their kernels
 
 
 def report() -> None:
@@ -48,7 +48,7 @@ def run(render_check: Callable[[], object] | None = None) -> int:
     start = time.perf_counter()
     try:
         render_check()
-    except Exception as error:  # whatever is wrong is what the doctor was asked to tell
+    except Exception as error:  # the doctor reports any error
         _line("check", f"FAILED, {type(error).__name__}: {error}")
         return 1
     _line("check", f"ok, rendered in {time.perf_counter() - start:.1f} s")

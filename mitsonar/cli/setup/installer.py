@@ -16,11 +16,11 @@ from collections.abc import Callable
 LOCK = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "requirements.lock")
 LOCKED = ("--require-hashes", "--only-binary", ":all:", "-r", LOCK)
 CHECKOUT = ("--no-deps", "--no-build-isolation", "-e")
-SYSTEM_CERTIFICATES = "/etc/ssl/certs/ca-certificates.crt"  # the only ones Debian's pip knows; a bare system has none
+SYSTEM_CERTIFICATES = "/etc/ssl/certs/ca-certificates.crt"  # the only ones that Debian's pip uses; a bare system has none
 SHOWN = re.compile(r"\s*(?:Downloading .*\([\d.]+ ?[MG]i?B\)|Installing collected|Building|Could not fetch|WARNING"
                    r"|ERROR|error\b)")
-WIDEST, LONGEST = 160, 500  # characters of a line that is passed on, and of a reason
-REASONS = 6  # lines of an error that a sentence takes
+WIDEST, LONGEST = 160, 500  # most characters of a line that is passed on, and of a reason
+REASONS = 6  # most reasons in an error sentence
 CAUSE = re.compile(r"connection broken by '(.+?)': /|^ *Caused by: (.+)|^((?=.*(?:certificate|No space left)).+)"
                    # pip's first line about a failed child ("subprocess-exited-with-error") says nothing
                    r"|^ *error: (?!subprocess-exited)(.+)", re.I)
@@ -31,7 +31,7 @@ class SetupError(Exception):
 
 
 def install(folder: str, root: str, say: Callable[[str], object]) -> None:
-    """Make the environment `folder` if it is not there, and have all packages in it."""
+    """Make the environment `folder` if it is missing, and install all packages into it."""
     if not (shutil.which("uv") and _by_uv(folder, root, say)):
         _by_pip(folder, root, say)
 
@@ -57,34 +57,34 @@ def _by_pip(folder, root, say):
     import venv
 
     try:
-        import ensurepip  # noqa: F401  (Debian packs it apart)
+        import ensurepip  # noqa: F401  (a separate package in Debian)
         has_pip = True
     except ImportError:
         has_pip = False
     try:
         venv.create(folder, symlinks=True, with_pip=has_pip)
     except (OSError, subprocess.CalledProcessError) as error:
-        said = (getattr(error, "output", None) or b"").decode(errors="replace").strip().splitlines()
-        raise SetupError(f"Could not make a Python environment in {folder}: {said[-1] if said else error}.") from None
+        output = (getattr(error, "output", None) or b"").decode(errors="replace").strip().splitlines()
+        raise SetupError(f"Could not make a Python environment in {folder}: {output[-1] if output else error}.") from None
     pip, variables = ["-m", "pip"], {}
     if not has_pip:
         wheel = _debian_pip(folder, say)
         pip = [os.path.join(wheel, "pip")]
         if not os.path.exists(SYSTEM_CERTIFICATES):
-            its_own = zipfile.ZipFile(wheel).extract("pip/_vendor/certifi/cacert.pem", os.path.dirname(wheel))
-            variables = {"PIP_CERT": its_own}
+            certificates = zipfile.ZipFile(wheel).extract("pip/_vendor/certifi/cacert.pem", os.path.dirname(wheel))
+            variables = {"PIP_CERT": certificates}
     command = [python_of(folder), *pip, "install", "--disable-pip-version-check", "--no-input"]
     run(folder, say, *command, *LOCKED, **variables)
     run(folder, say, *command, *CHECKOUT, root, **variables)
 
 
 def _base():
-    """Return the interpreter outside all environments: the one that runs may lie in the folder that is replaced."""
+    """Return the interpreter outside all environments; the running one may lie in the folder that is replaced."""
     return getattr(sys, "_base_executable", None) or sys.executable
 
 
 def _debian_pip(folder, say):
-    """Return the wheel of pip, out of Debian's package."""
+    """Return the wheel of pip from Debian's package."""
     from mitsonar.device import debian
 
     try:
@@ -105,14 +105,14 @@ def run(folder: str, say: Callable[[str], object], *command: str, **defaults: st
     for name in ("PYTHONPATH", "PYTHONHOME"):
         environment.pop(name, None)
     os.makedirs(scratch, exist_ok=True)
-    said = collections.deque(maxlen=1000)
+    output = collections.deque(maxlen=1000)
     try:
         with subprocess.Popen(command, cwd=folder, env=environment, stdin=subprocess.DEVNULL,
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8",
                               errors="replace") as child:
             try:
                 for line in child.stdout or ():
-                    said.append(line)
+                    output.append(line)
                     if SHOWN.match(line) and ".whl.metadata" not in line:
                         say(line.strip()[:WIDEST])
             except BaseException:
@@ -122,7 +122,7 @@ def run(folder: str, say: Callable[[str], object], *command: str, **defaults: st
         shutil.rmtree(scratch, ignore_errors=True)
     if child.returncode:
         name = os.path.basename(command[0])
-        raise SetupError(_sentence(_reasons(said) or [f"{name} ended with exit code {child.returncode}"]))
+        raise SetupError(_sentence(_reasons(output) or [f"{name} ended with exit code {child.returncode}"]))
 
 
 def _reasons(said):
@@ -134,6 +134,6 @@ def _reasons(said):
 def _sentence(reasons):
     text = "; ".join(reasons[-REASONS:]).rstrip(".")
     if "certificate" in text.lower():
-        return (f"Could not install mitsonar's packages: {text}. Where a proxy has certificates of its own, name the "
-                "file of them by PIP_CERT and SSL_CERT_FILE.")
+        return (f"Could not install mitsonar's packages: {text}. If a proxy has certificates of its own, set "
+                "PIP_CERT and SSL_CERT_FILE to their file.")
     return f"Could not install mitsonar's packages (is there a network?): {text}."
