@@ -1,6 +1,6 @@
-"""Every comparison of mitsonar with closed forms, published numbers and exact eigenrays, by one command.
+"""Comparisons of mitsonar with closed forms, published numbers and exact eigenrays, by one command.
 
-Each of the `CASES` is a module of `cases`; it renders scenes of its own where the whole chain is compared.
+Each of the `CASES` is a module of `cases`. Comparisons of the whole chain render scenes of their own.
 """
 import time
 from collections.abc import Callable, Sequence
@@ -17,19 +17,19 @@ __all__ = ["CASES", "Case", "Curve", "Panel", "Compared", "Table", "validate"]
 
 def validate(names: Sequence[str] | None = None, *, quick: bool = False, folder: FilePath | None = None,
              say: Callable[[str], object] = print) -> bool:
-    """Run comparisons, report each as it ends, and write a report of all to a folder."""
+    """Run comparisons, print each result, and write a report to a folder; return True if all numbers hold."""
     for name in names or ():
         if name not in CASES:
             raise ValueError(f"there is no comparison {name!r}{meant(name, CASES)}; give some of {', '.join(CASES)}")
     if folder is not None:
         report.check_folder(folder)
-    found = {}
+    tables = {}
     for name, case in CASES.items():
         if names and name not in names:
             continue
         start = time.monotonic()
-        found[name] = case.run(quick)
-        say(report.lines(name, case, found[name], time.monotonic() - start))
+        tables[name] = case.run(quick)
+        say(report.lines(name, case, tables[name], time.monotonic() - start))
     if folder is not None:
-        report.write(folder, found, CASES, quick)
-    return all(table.holds for table in found.values())
+        report.write(folder, tables, CASES, quick)
+    return all(table.holds for table in tables.values())

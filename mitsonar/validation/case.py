@@ -1,6 +1,6 @@
-"""A comparison: a case with rows of computed and expected numbers, and panels of curves.
+"""Records of a comparison: rows of computed and expected numbers, and panels of curves.
 
-A row holds if |got - expected| is at most what is allowed; its ``share`` is the error over that.
+A row holds if |got - expected| <= allowed; its ``share`` is the error over the allowed error.
 """
 from __future__ import annotations
 
@@ -14,33 +14,33 @@ import numpy.typing as npt
 
 @dataclass(frozen=True)
 class Compared:
-    """Hold one number that was computed, and the number it should be."""
+    """Computed and expected value of one number."""
 
     label: str
     got: float  # [unit]
     expected: float  # [unit]
-    allowed: float  # [unit]: the largest error, either way, that passes
+    allowed: float  # [unit]: largest error of either sign
     unit: str  # "-" for pure numbers
 
     @property
     def error(self) -> float:
-        """Got minus expected [unit]."""
+        """Return got minus expected [unit]."""
         return self.got - self.expected
 
     @property
     def share(self) -> float:
-        """The error over what is allowed [-]; infinite where nothing was got."""
+        """Return the error over the allowed error [-], infinite if the computed number is not finite."""
         return abs(self.error) / self.allowed if np.isfinite(self.error) else np.inf
 
     @property
     def holds(self) -> bool:
-        """Tell whether the error is within what is allowed."""
+        """Return True if the error is at most the allowed error."""
         return self.share <= 1
 
 
 @dataclass(frozen=True)
 class Curve:
-    """Hold a curve of a panel; ``style`` is "-" for what is expected and "." for what was got."""
+    """Curve of a panel; ``style`` is "-" for expected and "." for computed values."""
 
     label: str
     x: npt.ArrayLike
@@ -50,7 +50,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Panel:
-    """Hold a set of axes: their words, their lines, and whether x or y is logarithmic ("x", "y", "xy" or "")."""
+    """Axes of a picture: labels, lines, and the logarithmic axes ("x", "y", "xy" or "")."""
 
     title: str
     x_label: str
@@ -61,7 +61,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Table:
-    """Hold the result of a case: rows, panels that show them (at least one of each), and notes on what is missing."""
+    """Result of a case: rows, panels that show them (at least one of each), and notes on left-out comparisons."""
 
     rows: tuple[Compared, ...]
     panels: tuple[Panel, ...]
@@ -69,37 +69,36 @@ class Table:
 
     @property
     def holds(self) -> bool:
-        """Tell whether every row holds."""
+        """Return True if every row holds."""
         return all(row.holds for row in self.rows)
 
     @property
     def share(self) -> float:
-        """The largest error over what is allowed [-]."""
+        """Return the largest error over the allowed error [-]."""
         return max(row.share for row in self.rows)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """Hold a comparison."""
+    """Comparison."""
 
-    title: str  # what is compared, in a line
-    text: str  # geometry, equation, source, and why that much error is allowed
+    title: str  # subject, in one line
+    text: str  # geometry, equation, source, and reason for the allowed error
     run: Callable[[bool], Table]  # with ``quick`` fewer rays, angles or sediments
 
 
 def root_of(function: Callable[[float], float], low: float, high: float) -> float:
-    """Return the place between two others at which a function passes through 0."""
+    """Return the zero of a function between `low` and `high`."""
     from scipy.optimize import brentq
 
     return float(cast(float, brentq(function, low, high)))
 
 
 def worst(label: str, got: npt.ArrayLike, expected: npt.ArrayLike, allowed: float, unit: str) -> Compared:
-    """Make the row of the number that errs most among arrays of them, told with how many they are."""
+    """Return the row of the number with the largest error in arrays; its label says how many numbers there are."""
     # got, expected [unit]; allowed [unit]
-    got, expected = (np.ravel(one) for one in np.broadcast_arrays(np.asarray(got, float), expected))
+    got, expected = (np.ravel(values) for values in np.broadcast_arrays(np.asarray(got, float), expected))
     error = np.abs(got - expected)
     k = int(np.argmax(np.where(np.isfinite(error), error, np.inf)))
     return Compared(f"{label} (worst of {got.size})" if got.size > 1 else label, float(got[k]), float(expected[k]),
-                    allowed,
-               unit)
+                    allowed, unit)

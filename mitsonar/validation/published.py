@@ -1,20 +1,20 @@
-"""The published table and coefficient of the method, computed anew; scenes/published prints and draws them.
+"""Published table and coefficient of the method, computed again; scenes/published prints and draws them.
 
 Table 1: effective speed and return time of one ray, traced and by equation 2.
 
     ev_r = ev_i + 0.503 g (h_r - h_i),    t_r = |F - I| / ev_r
 
-Published are the heights of transmission 9.5 m and reception 9.382419 m over the bed, the horizontal range 11.494591 m
-of the reception, a gradient of -5 1/s, two effective speeds and two times. The profile is not. Water of one gradient
-dc/dh = -5 1/s all the way down reproduces both columns if its speed at the bed is 1499.346571 m/s, by
+The publication has the heights of transmission 9.5 m and reception 9.382419 m over the bed, the horizontal range
+11.494591 m of the reception, a gradient of -5 1/s, two effective speeds and two times, but not the profile. Water of
+constant gradient dc/dh = -5 1/s reproduces both columns if its speed at the bed is 1499.346571 m/s, by
 
     cosh(g t) = 1 + g² D² / (2 c_I c_F)
 
-and the hit then lies 11.369819 m from the transmission: the receiver is 0.125 m behind and 0.118 m below it, on a face
-tilted by 47 degrees, which is "around 40" depressed. The second time is printed ...573 in the copy at hand; its speed
-and the published difference of 23 ns, 1/87 of a period at 500 kHz, make it ...578.
+The hit then lies 11.369819 m from the transmission: the receiver is 0.125 m behind and 0.118 m below it, on a face
+tilted by 47 degrees, published as "around 40". The second time is printed as ...573 in the available copy; its speed and
+the published difference of 23 ns, 1/87 of a period at 500 kHz, give ...578.
 
-The law of effective speed against height, its coefficient by regression, and where it fails:
+Law of effective speed against height, its coefficient by regression, and its limits:
 
     ev(h + Δh) = ev(h) + κ g Δh,    published: κ = 0.503
 
@@ -23,16 +23,16 @@ array. In water of one gradient from the bed to the array
 
     κ = 1/2 - g h / (6 c)
 
-which is more than a half where sound is faster at the bed: over greatly exaggerated gradients of -1 to -5 1/s and an
-array 9.5 m up, 0.503 in the mean. With the signs turned it is 0.497. In any other water
+which exceeds 1/2 if sound is faster at the bed: its mean is 0.503 over strongly exaggerated gradients of -1 to -5 1/s
+and an array 9.5 m up, and 0.497 with the opposite sign. In any other water
 
     κ = (c - ev) / (g h)
 
-c the sound speed at the array, so the coefficient says how the array's own water differs from the mean of the column
-and has nothing to do with a half: where the array hangs in a layer the law errs by microseconds, more than no
-correction at all.
+with c the sound speed at the array. The coefficient then depends on the difference between the water at the array and
+the mean of the column, and is far from 1/2. For an array within a layer the law errs by microseconds, more than without
+any correction.
 """
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -48,7 +48,7 @@ GRADIENT = -5.0                    # [1/s] dc/dh
 BED_SPEED = 1499.346570536         # [m/s]
 INCIDENT_RANGE = 11.36981948       # [m] of the transmission
 FREQUENCY = 500e3                  # [Hz]
-WATER_DEPTH = 10.0                 # [m]; the water above the sonar takes no part
+WATER_DEPTH = 10.0                 # [m]; the water above the sonar has no effect
 METHODS: dict[str, Literal["eigenray", "paper", "vector"]] = {
     "traced": "eigenray", "equation 2": "paper", "vector approximation": "vector"}
 PRINTED_SPEED = 1475.859495, 1475.856104, np.nan
@@ -61,7 +61,7 @@ KINDS = "exaggerated", "reversed", "cast-like"
 
 
 def table_1() -> xr.Dataset:
-    """Compute the table."""
+    """Return Table 1: effective speeds and times by each method, with the printed numbers."""
     water = SoundSpeedProfile([0, WATER_DEPTH], [BED_SPEED + GRADIENT * WATER_DEPTH, BED_SPEED])
     origin = np.array([0, 0, HEIGHTS[0] - WATER_DEPTH])
     hit, element = [INCIDENT_RANGE, 0, -WATER_DEPTH], [INCIDENT_RANGE - RANGE, 0, HEIGHTS[1] - HEIGHTS[0]]
@@ -91,14 +91,14 @@ class _Setting(NamedTuple):
 
 
 def _settings() -> dict[str, _Setting]:
-    """Return the waters by name: exaggerated ones of one gradient, their reverse, and shapes as casts have them."""
+    """Return the waters by name: exaggerated gradients, reversed ones, and shapes like those of casts."""
     found = {}
     for kind, sign in zip(KINDS, (-1, 1)):
         for size in (1, 2, 3, 4, 5):
             gradient = sign * size
             profile = SoundSpeedProfile([0, HEIGHT + 1], [FIXED_SPEED + gradient * (HEIGHT + 1), FIXED_SPEED])
             found[f"{gradient:+d} 1/s"] = _Setting(profile, HEIGHT, ACROSS, kind)
-    # made up: fresh water on salt, as in a fjord's mouth; a warm layer over a shelf; a steep layer at the array alone
+    # invented: fresh water above salt water, as at the mouth of a fjord; a warm layer over a shelf; a steep top layer
     estuary = SoundSpeedProfile([0, 1, 2, 3, 4, 6, 8, 11, 15, 20, 30, 45],
                                 [1462.1, 1463.0, 1466.4, 1471.2, 1474.9, 1477.6, 1478.3, 1478.9, 1479.2, 1479.7, 1480.6,
                                  1481.5])
@@ -114,21 +114,21 @@ def _settings() -> dict[str, _Setting]:
 
 
 def effective_speed() -> xr.Dataset:
-    """Compute effective speeds against height, and the coefficients."""
+    """Return effective speeds against height, and the coefficients."""
     waters = _settings()
-    found = [_one(setting) for setting in waters.values()]
+    results = [_results(setting) for setting in waters.values()]
     kinds = np.array([setting.kind for setting in waters.values()])
     units = {"effective_speed": "m/s", "gradient": "1/s", "coefficient": "1", "expected": "1", "curvature": "m/s",
              "law_error": "s", "no_correction_error": "s"}
     data = {name: (("water", "height_change") if name == "effective_speed" else "water",
-                   np.array([one[name] for one in found]), {"units": unit}) for name, unit in units.items()}
+                   np.array([result[name] for result in results]), {"units": unit}) for name, unit in units.items()}
     return xr.Dataset({**data, "kind": ("water", kinds)},
                       coords={"water": list(waters), "height_change": ("height_change", CHANGES, {"units": "m"})},
                       attrs={"mean_coefficient": float(data["coefficient"][1][kinds == KINDS[0]].mean())})
 
 
-def _one(setting):
-    """Everything about one water."""
+def _results(setting: _Setting) -> dict[str, Any]:
+    """Return the results for one water."""
     bed = setting.profile.depth[-1]
     depth = bed - setting.height
     time = eigenray(setting.profile, depth - CHANGES, bed, setting.across).travel_time

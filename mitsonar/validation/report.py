@@ -1,8 +1,7 @@
-"""The report: a line per number on the terminal, and a folder with report.md and a picture for every case.
+"""Report of comparisons: lines on the terminal, and a folder with report.md and a picture for every case.
 
-The folder is written beside its place under another name and takes its place when it is complete.
-
-The picture of a case: its panels side by side, what is expected as lines, what was got as points.
+The folder is written under another name beside its place, and renamed when it is complete. The picture of a case has its
+panels side by side, with lines for expected and points for computed values.
 """
 import os
 import secrets
@@ -20,7 +19,7 @@ from mitsonar.version import __version__
 from .case import Case, Table
 
 COLOURS = ("#1f4e79", "#b86f22", "#1b7a3d", "#b3261e", "#6a4c93", "#3a3a3a", "#0f8b8d", "#c05299")
-IN_A_ROW, WIDTH, HEIGHT = 3, 520, 400      # panels, and picture elements of one
+IN_A_ROW, WIDTH, HEIGHT = 3, 520, 400      # panels; width and height of a panel in pixels
 
 
 def draw(case: Case, table: Table) -> Figure:
@@ -65,20 +64,20 @@ def _fill(axes, panel, colours):
 
 REPORT = "report.md"
 LABEL = 68                         # characters of a row's label on the terminal
-MOST_DECIMALS = 7                  # more are written as powers of ten
+MOST_DECIMALS = 7                  # numbers with more are written with a power of ten
 
 
 def lines(name: str, case: Case, table: Table, seconds: float) -> str:
-    """Say what a case found."""
+    """Return the results of a case as text for the terminal."""
     # seconds [s]
-    said = [f"{name}: {case.title}",
+    text = [f"{name}: {case.title}",
             f"  {'':{LABEL}}{'got':>16}{'expected':>16}{'error':>11}{'allowed':>10}"]
     for row in table.rows:
         got, expected, error, allowed = _numbers(row)
         mark = "" if row.holds else "   TOO MUCH"
-        said.append(f"  {row.label:{LABEL}}{got:>16}{expected:>16}{error:>11}{allowed:>10} {row.unit}{mark}")
-    said += [f"  {note}" for note in table.notes]
-    return "\n".join([*said, f"  {_verdict(table)} ({seconds:.1f} s)", ""])
+        text.append(f"  {row.label:{LABEL}}{got:>16}{expected:>16}{error:>11}{allowed:>10} {row.unit}{mark}")
+    text += [f"  {note}" for note in table.notes]
+    return "\n".join([*text, f"  {_verdict(table)} ({seconds:.1f} s)", ""])
 
 
 def _verdict(table):
@@ -89,7 +88,7 @@ def _verdict(table):
 
 
 def _numbers(row):
-    """Got, expected, error and allowed as text, to a tenth of what is allowed."""
+    """Return got, expected, error and allowed as text, with decimals to a tenth of the allowed error."""
     decimals = max(0, 1 - int(np.floor(np.log10(row.allowed))))
     if decimals > MOST_DECIMALS:
         return f"{row.got:.10g}", f"{row.expected:.10g}", f"{row.error:.1e}", f"{row.allowed:.1e}"
@@ -97,7 +96,7 @@ def _numbers(row):
 
 
 def check_folder(folder: FilePath) -> Path:
-    """Check that a report can be put into ``folder``, before any work is spent on it."""
+    """Check that a report can be written to ``folder``, before the comparisons begin; return its real path."""
     if os.fspath(folder) == "":
         raise ValueError("cannot write '': it names no folder; give the name of one for the report.")
     target = Path(os.path.realpath(folder))
@@ -113,22 +112,20 @@ def check_folder(folder: FilePath) -> Path:
 
 
 def _is_ours(entry, folder):
-    """Return whether a file may be one of an older report: report.md, or a picture beside it."""
+    """Return True if a file may belong to an older report: report.md, or a picture beside it."""
     return entry.is_file() and (entry.name == REPORT or entry.suffix == ".png" and (folder / REPORT).is_file())
 
 
-def write(folder: FilePath, found: Mapping[str, Table], cases: Mapping[str, Case], quick: bool) -> None:
-    """Write the report and its pictures, whole or not at all."""
-    from mitsonar.plots import canvas
-
+def write(folder: FilePath, tables: Mapping[str, Table], cases: Mapping[str, Case], quick: bool) -> None:
+    """Write the report and its pictures, or no file at all after an error."""
     target = check_folder(folder)
     mark = secrets.token_hex(4)
     fresh, stale = (target.with_name(f".{target.name[:100]}.{mark}.{age}") for age in ("new", "old"))
     fresh.mkdir()
     try:
-        for name, table in found.items():
+        for name, table in tables.items():
             canvas.save(draw(cases[name], table), fresh / f"{name}.png")
-        (fresh / REPORT).write_text(_markdown(found, cases, quick), encoding="utf-8")
+        (fresh / REPORT).write_text(_markdown(tables, cases, quick), encoding="utf-8")
         if target.exists():
             os.replace(target, stale)
         os.replace(fresh, target)
@@ -139,8 +136,8 @@ def write(folder: FilePath, found: Mapping[str, Table], cases: Mapping[str, Case
         shutil.rmtree(stale, ignore_errors=True)
 
 
-def _markdown(found, cases, quick):
-    rows = [row for table in found.values() for row in table.rows]
+def _markdown(tables, cases, quick):
+    rows = [row for table in tables.values() for row in table.rows]
     beyond = sum(not row.holds for row in rows)
     all_in_all = f"{beyond} of them beyond" if beyond else "all within"
     text = [f"# How exact mitsonar {__version__} is", "",
@@ -149,8 +146,8 @@ def _markdown(found, cases, quick):
             "case over what is allowed there.", "",
             "| case | what | numbers | of allowed | verdict |", "|---|---|---|---|---|"]
     text += [f"| [{name}](#{name}) | {cases[name].title} | {len(table.rows)} | {100 * table.share:.0f} % | "
-             f"{_word(table.holds)} |" for name, table in found.items()]
-    for name, table in found.items():
+             f"{_word(table.holds)} |" for name, table in tables.items()]
+    for name, table in tables.items():
         text += ["", f"## {name}", "", f"**{cases[name].title}.** {cases[name].text}", "",
                  "| what | got | expected | error | allowed | unit | verdict |", "|---|---|---|---|---|---|---|"]
         text += [f"| {row.label.replace('|', chr(92) + '|')} | {' | '.join(_numbers(row))} | {row.unit} | "

@@ -3,7 +3,7 @@
     scene = sidescan({"bed": bed(40.0), "ball": point_target([30.0, 0.0, -38.0])}, film={"range": 60.0})
 
 Every scene has a sonar that stands still at x = y = 0 and looks north, in water of 1500 m/s, without speckle and noise.
-A sidescan is without flaws: even faces without errors, nothing of the other side, a recorder that holds everything.
+Sidescans are without flaws: no side lobes, no crosstalk between the sides, no noise of their own, no quantization.
 The arguments ``sensor``, ``water``, ``film`` and ``integrator`` add attributes to these, or replace them.
 """
 from collections.abc import Mapping, Sequence
@@ -35,7 +35,7 @@ def sidescan(shapes: Mapping[str, Any], *, depth: float = 20.0, pings: int = 4, 
 def array_sonar(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: Attributes | None = None,
                 water: Attributes | None = None, film: Attributes | None = None,
                 integrator: Attributes | None = None) -> "mi.Scene":
-    """Load a scene of one omnidirectional element that sends and hears, by default 100 kHz to 30 m; as `sidescan`."""
+    """Load a scene of one omnidirectional element that sends and receives, by default 100 kHz to 30 m; as `sidescan`."""
     return loaded(shapes, {"type": "array_sonar", "frequency_khz": 100.0}, at_rest(depth), sensor, water,
                    {"range": 30.0, **(film or {})}, integrator or {})
 
@@ -47,7 +47,7 @@ def at_rest(depth: float) -> dict[str, Any]:
 
 def loaded(shapes: Mapping[str, Any], kind: Attributes, still: Attributes, sensor: Attributes | None,
             water: Attributes | None, film: Attributes, integrator: Attributes) -> "mi.Scene":
-    """Load a scene of a sensor of this `kind`, which stands `at_rest` unless it follows a track."""
+    """Load a scene with a sensor of the attributes `kind`, which stands `at_rest` unless it follows a track."""
     from mitsonar.scene.loading import prepare
 
     prepare()
@@ -56,7 +56,7 @@ def loaded(shapes: Mapping[str, Any], kind: Attributes, still: Attributes, senso
     sensor, water = sensor or {}, water or {}
     place = {} if "track" in sensor else still
     speed = {} if {"profile", "cast"} & set(water) else {"sound_speed": 1500.0}
-    # None leaves out what would be written otherwise
+    # the value None leaves an attribute out
     written = {name: value for name, value in {**kind, "noise": False, **place, **sensor}.items() if value is not None}
     return mi.load_dict({
         "type": "scene",
@@ -75,7 +75,7 @@ def water_of(profile: "SoundSpeedProfile") -> dict[str, Any]:
 
 
 def bed(depth: float, material: Attributes | None = None, *, size: float = 800.0, tilt: float = 0.0) -> dict[str, Any]:
-    """Describe a flat bed of two facets."""
+    """Return the description of a flat bed of two facets."""
     # depth [m]; size [m]; tilt [rad]
     from mitsonar.scene.loading import prepare
 
@@ -88,21 +88,21 @@ def bed(depth: float, material: Attributes | None = None, *, size: float = 800.0
 
 
 def buried_bed(depth: float, *, size: float = 200.0) -> dict[str, Any]:
-    """Describe a bed that as good as scatters nothing, for targets alone."""
+    """Return the description of a bed with negligible scattering, for scenes of targets."""
     return bed(depth, lambert(-190.0), size=size)
 
 
 def lambert(mu_db: float = -27.0) -> dict[str, Any]:
-    """Describe a material of Lambert's law, of strength µ [dB]."""
+    """Return the description of a material of Lambert's law with the strength µ [dB]."""
     return {"type": "lambert", "mu_db": float(mu_db)}
 
 
 def sediment(name: str) -> dict[str, Any]:
-    """Describe the material of a named sediment."""
+    """Return the description of the material of a named sediment."""
     return {"type": "sediment", "sediment": name}
 
 
 def point_target(position: Sequence[float] | np.ndarray, strength_db: float = 0.0) -> dict[str, Any]:
-    """Describe a point target at a place (3,) [m], of a target strength [dB re 1 m²]."""
+    """Return the description of a point target at a place (3,) [m] with a target strength [dB re 1 m²]."""
     return {"type": "point_target", "position": [float(one) for one in position],
             "target_strength_db": float(strength_db)}

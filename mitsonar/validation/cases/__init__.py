@@ -1,4 +1,4 @@
-"""Comparisons, one a module: rows of computed and expected numbers, with what is allowed between them."""
+"""Comparisons, one in each module: rows of computed and expected numbers, with the allowed error."""
 from . import (
     beams,
     closure,

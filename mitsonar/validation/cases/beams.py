@@ -16,7 +16,7 @@ from mitsonar.sonar.faces.directivity import Aperture
 from ..case import Case, Compared, Curve, Panel, Table, root_of, worst
 
 SPEED, WAVELENGTH = 1500.0, 0.015
-WINDOWS = {  # over 16 elements: highest side lobe [dB], full -3 dB width in (d/λ) sin ψ, taper loss [dB]
+WINDOWS = {  # of 16 elements: highest side lobe [dB], full -3 dB width in (d/λ) sin ψ, taper loss [dB]
     "chebwin 30": (-30.0, 0.069582, -0.6468), "taylor 4 30": (-30.06, 0.070350, -0.6885),
     "hann": (-31.50, 0.096043, -2.0412), "hamming": (-39.37, 0.084883, -1.5440)}
 LINES = {(16, 0.5): 12.041200, (16, 0.25): 9.117833, (64, 0.5): 18.061800, (10, 0.8): 11.857444}
@@ -25,12 +25,12 @@ RECTANGLES = {(20, 20): 37.0160, (50, 0.5): 24.712}        # sides in wavelength
 
 
 def db(pressure: npt.ArrayLike) -> np.ndarray:
-    """Pressure ratio in decibels."""
+    """Return a pressure ratio in decibels."""
     return 20 * np.log10(np.abs(pressure))
 
 
 def _towards(sine):
-    """Directions off straight down, to starboard, by the sine of the angle."""
+    """Return directions to starboard of straight down, from the sine of the angle."""
     sine = np.asarray(sine, float)
     return np.stack([0 * sine, sine, np.sqrt(1 - sine ** 2)], -1)
 
@@ -45,7 +45,7 @@ def _continuous():
     yield Compared("line, two-way: full -3 dB width times L/λ", 200 * half, 0.63783340, 1e-6, "rad")
     piston = _piston(30.0)
 
-    def circle(sine):
+    def circle(sine: float) -> float:
         return float(db(beam_pattern(piston, _towards(sine), WAVELENGTH)))
 
     lobe: Any = minimize_scalar(lambda sine: -circle(sine), bounds=(4.2 / 30, 6.5 / 30), method="bounded",
@@ -127,4 +127,5 @@ def _run(quick):
 CASE = Case(title="Beam patterns and directivity", run=_run, text=(
     "Continuous lines sin x/x, pistons 2 J₁(x)/x, lines of elements |sin Nu/(N sin u)|, windows over 16 elements "
     "(measured once by other means), directivity indices by closed sums and quadrature (Van Trees 2002; Urick 1983). "
-    "Allowed is the last digit of the numbers; side lobes of windows are found on a grid. The quick run is the same."))
+    "The allowed error is the last digit of the numbers. Side lobes of windows are found on a grid. The quick run is the "
+    "same."))

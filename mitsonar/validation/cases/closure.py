@@ -1,4 +1,4 @@
-"""The sonar equation closes: backscatter strength read back from the levels of a sidescan's whole ray chain."""
+"""Backscatter strength computed back from the levels of a sidescan, by the sonar equation."""
 import numpy as np
 
 from mitsonar.scattering.laws.strength import backscatter_strength_db
@@ -17,8 +17,8 @@ FLATTEST = np.radians(5.0)
 ABSORPTION = {30: 0.0083, 100: 0.0334, 300: 0.0728}        # [dB/m]
 WATERS = {
     "uniform": SoundSpeedProfile.constant(1500.0),
-    "summer": SUMMER,                                      # bends down: no ray arrives flatter than 7 degrees
-    "winter": SoundSpeedProfile([0, 8, 12, 16, 22, 40], [1480, 1481, 1484, 1490, 1500, 1503]),    # bends up
+    "summer": SUMMER,                                      # rays bend down; no ray arrives flatter than 7 degrees
+    "winter": SoundSpeedProfile([0, 8, 12, 16, 22, 40], [1480, 1481, 1484, 1490, 1500, 1503]),    # rays bend up
 }
 ALLOWED = 0.2                                              # [dB]
 # a printed example: 220 dB, 100 kHz, pulse 0.1 ms, faces of 0.5 m, 20 m above the bed, 1500 m/s, 0.0334 dB/m:
@@ -30,13 +30,13 @@ POINTS = 60                                                # of a curve in the p
 
 
 def _example(name, rays):
-    """Levels [dB] of the printed example, by their slant ranges."""
+    """Return the computed levels [dB] of the printed example, in the order of its slant ranges."""
     import mitsonar
 
     wavelength, got = 0.015, {}
     width = np.degrees(2 * np.arcsin(HALF_POWER * wavelength / 0.5))
     material = scenes.lambert(-27.0) if name.startswith("lambert") else scenes.sediment(name)
-    for start in (0.0, GATE / 3):                          # one of them puts the end of a bin at each range
+    for start in (0.0, GATE / 3):                          # with one of both, a bin ends at each range
         scene = scenes.sidescan(
             {"bed": scenes.bed(40.0, material)}, depth=20.0, rays=rays, pings=4,
             sensor={"source_level_db": 220.0, "beam_width_deg": width, "vertical_beam_width_deg": 180.0},
@@ -50,7 +50,7 @@ def _example(name, rays):
 
 
 def _strengths(water, khz, material, law, rays, pings, seed=1):
-    """Grazing angles [rad] of the bins, and strengths [dB] read back from their levels and by the law."""
+    """Return grazing angles [rad] of the bins, and strengths [dB] from their levels and by the law."""
     import mitsonar
     from mitsonar.survey.sidescan.kind import sonar_at
 
@@ -89,7 +89,8 @@ def _run(quick):
                 if (name, khz) not in pairs or quick and _left_out(water, name, khz):
                     continue
 
-                def law(angle, name=name, khz=khz, speed=float(profile.at(BED_DEPTH))):
+                def law(angle: np.ndarray, name: str = name, khz: float = khz,
+                        speed: float = float(profile.at(BED_DEPTH))) -> np.ndarray:
                     return backscatter_strength_db("sediment", angle, 1e3 * khz, sediment=name, sound_speed=speed)
 
                 grazing, got, strength = _strengths(water, khz, scenes.sediment(name), law,
@@ -106,7 +107,10 @@ def _run(quick):
 
 
 def _left_out(water, name, khz):
-    """The quick run: all sediments at 100 kHz in uniform water, one of them at 30 and 300 kHz and in other waters."""
+    """Return True if the quick run leaves a comparison out.
+
+    It has all sediments at 100 kHz in uniform water, and one sediment at 30 and 300 kHz and in other waters.
+    """
     return name != "medium sand" and (water, khz) != ("uniform", 100) or water != "uniform" and khz != 100
 
 
@@ -116,5 +120,6 @@ CASE = Case(title="Backscatter strength from the levels of a sidescan", run=_run
     "and Richardson 2007), with the law of the sediment, reduced to a strength. Waters: uniform; a summer cast, which "
     "bends rays down, with the thermocline between sonar and bed; winter water, 1.5 1/s, which bends them up. Bins "
     "from the first echo on to a grazing angle of 5 degrees, or to where rays that turned arrive besides. "
-    "First the levels of an example computed by two-dimensional integration elsewhere. "
-    "Allowed is 0.2 dB in every bin; rays scatter by 0.03 dB rms, by four times that in the worst of a thousand bins."))
+    "The first rows are levels of an example that was computed elsewhere by two-dimensional integration. "
+    "The allowed error is 0.2 dB in every bin; rays scatter by 0.03 dB rms, by four times that in the worst of a "
+    "thousand bins."))

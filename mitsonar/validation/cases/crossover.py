@@ -1,4 +1,4 @@
-"""The range at which noise drowns reverberation: from a sidescan's levels, and by the sonar equation."""
+"""Range at which noise exceeds reverberation, from a sidescan's levels and by the sonar equation."""
 import numpy as np
 
 from mitsonar.scattering.laws.strength import backscatter_strength_db
@@ -15,11 +15,11 @@ CASES = {  # kHz, wind [m/s], sediment, source level [dB], pulse [ms], farthest 
     "100 kHz, silt": (100, 10.0, "silt", 205.0, 0.1, 400.0),
     "300 kHz, medium sand": (300, 5.0, "medium sand", 205.0, 0.05, 250.0),
     "30 kHz, coarse sand": (30, 5.0, "coarse sand", 190.0, 0.5, 600.0)}
-BINS, WINDOW = 600, 20                             # bins that are averaged on either side
+BINS, WINDOW = 600, 20                             # bins averaged to either side
 
 
 def _levels(name, pings):
-    """Slant ranges [m], intensities of bins with noise and speckle (bin,) and by the sonar equation, noise [µPa²]."""
+    """Return slant ranges [m], intensities (bin,) of the chain and of the sonar equation, and the noise [µPa²]."""
     import mitsonar
     from mitsonar.survey.sidescan.kind import sonar_at
 
@@ -35,10 +35,10 @@ def _levels(name, pings):
     half = 0.5 * (time[1] - time[0])
     rays = FlatBed.of(SoundSpeedProfile.constant(SPEED), SONAR_DEPTH, BED_DEPTH, farthest)
 
-    def law(angle):
+    def law(angle: np.ndarray) -> np.ndarray:
         return 10 ** (backscatter_strength_db("sediment", angle, 1e3 * khz, sediment=sediment) / 10)
 
-    # the face's own angles: v is the cosine across it of a ray of that launch angle, straight abeam
+    # in the face's own angles, for rays straight abeam
     across = sonar.across_intensity(np.sin(rays.launch - sonar.depression_angle))
     expected = 10 ** (source / 10) * min(1.0, 1e-3 * pulse / (2 * half)) * rays.energy(
         np.append(time - half, time[-1] + half), law, _loss(khz), across * rays.beam_azimuths(sonar.along_intensity))
@@ -48,7 +48,7 @@ def _levels(name, pings):
 
 
 def _loss(khz):
-    """Absorption [dB/m]."""
+    """Return the absorption [dB/m]."""
     return float(absorption_db(1e3 * khz))
 
 
@@ -66,8 +66,7 @@ def _run(quick):
         rows += [Compared(f"{name}: range at which reverberation is as strong as noise", got, wanted, 0.01 * wanted,
                           "m"),
                  Compared(f"{name}: level of the last bins", float(10 * np.log10(np.mean(tail))),
-                          float(10 * np.log10(last)),
-                     0.1, "dB")]
+                          float(10 * np.log10(last)), 0.1, "dB")]
         panels.append(Panel(name, "slant range [m]", "dB re 1 µPa", (
             Curve("chain", r, 10 * np.log10(recorded), "."), Curve("reverberation", r, 10 * np.log10(expected)),
             Curve("noise", r[[0, -1]], [10 * np.log10(noise)] * 2),
@@ -76,13 +75,13 @@ def _run(quick):
 
 
 def _crossing(r, excess):
-    """Return the place where a curve falls through 0 for the last time, between bins."""
+    """Return the last range at which a curve falls through 0, interpolated between bins."""
     k = np.flatnonzero(excess > 0)[-1]
-    return root_of(lambda one: float(np.interp(one, r[k:k + 2], excess[k:k + 2])), r[k], r[k + 1])
+    return root_of(lambda place: float(np.interp(place, r[k:k + 2], excess[k:k + 2])), r[k], r[k + 1])
 
 
 CASE = Case(title="Reverberation to noise", run=_run, text=(
     "A sidescan with speckle and noise on, 20 m above a flat bed: the slant range at which mean reverberation equals "
     "noise, once where the recorded mean intensity is twice the noise, and once by the sonar equation integrated over "
     "the bed against NL + 10 log B - DI (Wenz 1962; B the inverse of the pulse length, DI of the receiving face), both "
-    "smoothed over 41 bins. Allowed is 1 % of the range, and 0.1 dB of level at the end of the record."))
+    "smoothed over 41 bins. The allowed error is 1 % of the range, and 0.1 dB of level at the end of the record."))

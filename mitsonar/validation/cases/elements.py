@@ -1,4 +1,4 @@
-"""The sonar equation closes through element signals too: mean energy of responses of one element above a bed."""
+"""Backscatter strength computed back from element signals: mean energy of one element's responses above a bed."""
 from functools import partial
 
 import numpy as np
@@ -22,7 +22,7 @@ ALLOWED, ALLOWED_MEAN = 0.2, 0.05                  # [dB]
 
 
 def _energy(water, sediment, ensonified_by, seeds):
-    """Mean energy of the response in the gates (gate,), over beds whose scatterers differ."""
+    """Return the mean energy of the response in the gates (gate,), over beds whose scatterers differ."""
     import mitsonar
 
     total = 0
@@ -33,7 +33,7 @@ def _energy(water, sediment, ensonified_by, seeds):
             sensor={"frequency_khz": FREQUENCY / 1e3}, film={"range": RANGE, "sample_rate_khz": 1000.0},
             integrator=ENSONIFICATIONS[ensonified_by])
         response = mitsonar.impulse_response(scene, kernel="nearest")
-        # float64: histogram adds up from the first sample on, which is stronger by a million
+        # float64, because the histogram sums from the first sample on, which is stronger by a million
         power = np.abs(response.values[0, 0, 0].astype(complex)) ** 2
         total = total + np.histogram(response["time"].values, GATES, weights=power)[0]
     return total / seeds
@@ -64,5 +64,5 @@ def _run(quick):
 CASE = Case(title="Backscatter strength from element signals", run=_run, text=(
     "An omnidirectional element 10 m above a flat bed of scatterers with complex Gaussian amplitudes: energy of its "
     "impulse responses in gates of time, over the sonar equation integrated over exact eigenrays with the law of the "
-    "sediment, reduced to a strength. Several beds, whose scatterers differ, with cells of 0.25 m, lit by connecting "
-    "each to the element or by rays. What is left is speckle: 0.05 dB rms in the gate with the fewest scatterers."))
+    "sediment, reduced to a strength. Several beds, whose scatterers differ, have cells of 0.25 m, ensonified by "
+    "connecting each to the element, or by rays. The rest is speckle: 0.05 dB rms in the gate of fewest scatterers."))

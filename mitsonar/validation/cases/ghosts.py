@@ -1,4 +1,4 @@
-"""Ghosts of a point target by way of a flat sea surface, in refracting water: time and level of every way."""
+"""Ghosts of a point target reflected by a flat sea surface, in refracting water: time and level of every path."""
 import numpy as np
 
 from mitsonar.propagation.numpy_rays.eigenrays import eigenray
@@ -15,9 +15,9 @@ STEP = 0.5 / RATE
 
 
 def _ways(profile):
-    """Time [s] and level [dB] of the echoes there and back: straight, once and twice by way of the surface.
+    """Yield name, time [s] and level [dB] of the echoes: direct, and with one or two reflections at the surface.
 
-    By way of the surface the ray is the straight one of water unfolded about it; R = -1 at every bounce.
+    A reflected ray is the direct ray in water mirrored about the surface; R = -1 at every bounce.
     """
     x, depth = float(np.hypot(*TARGET[:2])), -TARGET[2]
     mirrored = profile.mirrored()
@@ -60,5 +60,5 @@ def _run(quick):
 CASE = Case(title="Ghosts of a target by way of the surface", run=_run, text=(
     "A point target 15 m deep, 30 m from an element 10 m deep, under a flat surface, R = -1: echoes along the straight "
     "ray, by way of the surface once (there or back, two that coincide) and twice, time T_out + T_back and pressure "
-    "(c_h/c₀)/√(A_out A_back) with the eigenrays of water unfolded about the surface. Every echo is put into the "
-    "nearest sample of 0.1 µs, so that times are told to half of it; levels to 0.02 dB. The quick run is the same."))
+    "(c_h/c₀)/√(A_out A_back) with the eigenrays of water unfolded about the surface. Every echo is in the nearest "
+    "sample of 0.1 µs, so the allowed error of times is half of that; of levels it is 0.02 dB. The quick run is the same."))

@@ -25,7 +25,7 @@ SONAR_DEPTH, BED_DEPTH = 10.3, 45.0
 
 
 def _closed_forms():
-    """Rows of waters of one gradient, where rays are circles: 50 pairs of points each."""
+    """Yield rows of waters of one gradient, where rays are circles, for 50 pairs of points each."""
     rng = np.random.default_rng(20240611)
     for gradient in GRADIENTS:
         water = SoundSpeedProfile([0.0, 200.0], [1500.0, 1500.0 + 200 * gradient])
@@ -60,7 +60,7 @@ def _printed():
 
 
 def _traced(count):
-    """Hits of traced rays on a rough bed, and the exact eigenrays to the same points: errors of time and spreading."""
+    """Return ranges [m] of traced hits on a rough bed, and their errors of time [s] and spreading [dB]."""
     from mitsonar.scene.loading import prepare
 
     prepare()
@@ -85,11 +85,11 @@ def _traced(count):
     x, y, z = hits.point.numpy()[:, valid]
     across = np.hypot(x, y)
     exact = eigenrays(SUMMER, SONAR_DEPTH, -z, across)
-    # of several arrivals, the one launched like the traced ray
+    # of several arrivals, that with the launch angle nearest to the traced ray's
     nearest = np.nanargmin(np.where(exact.exists, np.abs(exact.launch_angle - angle[valid, None]), np.inf), axis=1)
-    one = np.arange(len(x)), nearest
-    time = hits.travel_time.numpy()[valid] - exact.travel_time[one]
-    ratio = hits.spreading_area.numpy()[valid] / exact.spreading_area[one]
+    arrival = np.arange(len(x)), nearest
+    time = hits.travel_time.numpy()[valid] - exact.travel_time[arrival]
+    ratio = hits.spreading_area.numpy()[valid] / exact.spreading_area[arrival]
     return across, time, 10 * np.log10(ratio)
 
 
@@ -99,8 +99,7 @@ def _run(quick):
             worst("traced hit, summer cast: time", time, 0.0, 1e-9, "s"),
             Compared("traced hit, summer cast: time, median", float(np.median(np.abs(time))), 0.0, 1e-12, "s"),
             Compared("traced hit, summer cast: spreading, 99 % of hits", float(np.quantile(np.abs(spreading), 0.99)),
-                     0.0,
-                0.005, "dB"))
+                     0.0, 0.005, "dB"))
     depth = np.linspace(0, 60, 241)
     reach = np.linspace(1, 270, 400)
     ray = eigenray(SIX_NODES, 3.0, 60.0, reach)
@@ -110,8 +109,8 @@ def _run(quick):
               (Curve("six nodes", SIX_NODES.at(depth), -depth), Curve("summer cast", SUMMER.at(depth), -depth))),
         Panel("six nodes, 3 m to 60 m deep", "horizontal range [m]", "spreading less that of a straight line [dB]",
               (Curve("eigenray", reach, 10 * np.log10(ray.spreading_area / (reach ** 2 + 57 ** 2))),
-               Curve("printed", [one[2] for one in SIX_NODE_RAYS if one[0] == 3],
-                    [one[7] - 10 * np.log10(one[2] ** 2 + 57 ** 2) for one in SIX_NODE_RAYS if one[0] == 3], "."))),
+               Curve("printed", [ray[2] for ray in SIX_NODE_RAYS if ray[0] == 3],
+                     [ray[7] - 10 * np.log10(ray[2] ** 2 + 57 ** 2) for ray in SIX_NODE_RAYS if ray[0] == 3], "."))),
         Panel("traced hits, summer cast, rough bed", "horizontal range [m]", "error of the time [s]",
               (Curve("", across[some], np.maximum(np.abs(time[some]), 1e-18), "."),), "y")))
 
@@ -120,6 +119,6 @@ CASE = Case(title="Rays: time, length, angles and spreading", run=_run, text=(
     "Eigenrays in water of one gradient g against closed forms, T = (2/g) asinh(g D / (2 √(c₁c₂))), arc length of a "
     "circle of radius 1/(p g), A = (c₂ sinh(g T)/g)² (Jensen, Kuperman, Porter and Schmidt, *Computational Ocean "
     "Acoustics*); in water of six nodes, and after turning, against numbers of 34-digit quadrature of Snell's law. "
-    "Allowed are a few roundings of double precision, and the last printed digit of spreading. Then rays traced by "
-    "Mitsuba on a rough bed 45 m deep through a summer cast, against the exact eigenray to each point hit: 1 ns is "
-    "0.0005 cycle at 500 kHz; spreading errs most beside what a node of the cast focuses."))
+    "The allowed errors are a few roundings of double precision, and the last printed digit of spreading. Then rays "
+    "traced by Mitsuba on a rough bed 45 m deep through a summer cast, against the exact eigenray to each point hit: "
+    "1 ns is 0.0005 cycle at 500 kHz. The error of spreading is largest beside the focus of a node of the cast."))

@@ -56,7 +56,7 @@ SPEED = 1500.0
 
 def holding(names: Sequence[str] = SIX,
             frequencies: Sequence[float] = KHZ) -> tuple[list[tuple[str, float]], tuple[str, ...]]:
-    """Tell of which sediments the law holds at which frequencies."""
+    """Return the pairs of sediment and frequency for which the law holds, and its refusals."""
     # frequencies [kHz]
     pairs, refusals = [], []
     for khz in frequencies:
@@ -71,8 +71,7 @@ def holding(names: Sequence[str] = SIX,
 
 
 def scattered_share(surface: Callable[..., np.ndarray], grazing: float, rings: int = 160, spokes: int = 96) -> float:
-    """Return the share of the power that a law sends back, (1/sin θ_i) ∫ σ dΩ, by quadrature around the specular lobe.
-    """
+    """Return the share of power that a law scatters, (1/sin θ_i) ∫ σ dΩ, by quadrature around the specular lobe."""
     # grazing [rad]
     # polar about the specular direction up to the edge of the half space: r = edge s, fine where s is small
     specular = np.cos(grazing)
@@ -117,8 +116,8 @@ def _printed():
 
 
 def _surface_share(sediment, khz, degrees):
-    one, k = Sediment.of(sediment), 2e3 * np.pi * khz / SPEED
-    return scattered_share(partial(one.rough_strength, wavenumber=k), np.radians(degrees))
+    law, k = Sediment.of(sediment), 2e3 * np.pi * khz / SPEED
+    return scattered_share(partial(law.rough_strength, wavenumber=k), np.radians(degrees))
 
 
 def _laws():
@@ -130,7 +129,7 @@ def _laws():
 
 
 def _kept(quick):
-    """Check that a law is reciprocal and returns no more power than arrives."""
+    """Yield rows of reciprocity and scattered power of every law."""
     rng = np.random.default_rng(3)
     way_in, way_out = np.arcsin(rng.uniform(0.02, 1, (2, 300)))
     azimuth = rng.uniform(-np.pi, np.pi, 300)
@@ -143,8 +142,7 @@ def _kept(quick):
                                   np.radians(angle))
                   for khz in frequencies for angle in degrees]
         yield Compared(f"{name}: share of power scattered is {max(shares):.3f}, beyond 1", max(0.0, max(shares) - 1),
-                       0.0,
-                  1e-3, "-")
+                       0.0, 1e-3, "-")
 
 
 def _run(quick):
@@ -154,11 +152,11 @@ def _run(quick):
         lines = [Curve(sediment, np.degrees(fine), backscatter_strength_db("sediment", fine, 1e3 * khz,
                                                                           sediment=sediment))
                  for sediment in SIX if (sediment, khz) in pairs]
-        lines += [Curve(sediment, DEGREES, strengths, ".") for (sediment, one), strengths in STRENGTHS.items()
-                  if one == khz]
+        lines += [Curve(sediment, DEGREES, strengths, ".") for (sediment, printed_khz), strengths in STRENGTHS.items()
+                  if printed_khz == khz]
         panels.append(Panel(f"fluid, {khz} kHz", "grazing angle [deg]", "backscatter strength [dB]", tuple(lines)))
     for khz in (20, 300):
-        lines = [line for (name, one), strengths in SOLIDS.items() if one == khz for line in (
+        lines = [line for (name, printed_khz), strengths in SOLIDS.items() if printed_khz == khz for line in (
             Curve(name, np.degrees(fine), backscatter_strength_db("elastic", fine, 1e3 * khz, sediment=name)),
             Curve(name, SOLID_DEGREES, strengths, "."))]
         panels.append(Panel(f"with shear, {khz} kHz", "grazing angle [deg]", "backscatter strength [dB]", tuple(lines)))
@@ -171,4 +169,4 @@ CASE = Case(title="Sediments: strengths, reciprocity, energy", run=_run, text=(
     "coefficients and scattered power computed independently, to their last digit; power by quadrature here to 1e-3. "
     "Cobble and rock with shear waves against the levels of APL-UW TM 2-00 (Jackson 2000), whose integral is a fit "
     "that is 0.014 dB off in rough rock. "
-    "Then of every law σ(in, out) = σ(out, in), and (1/sin θ) ∫ σ dΩ, surface and volume together, at most 1."))
+    "Then σ(in, out) = σ(out, in) for every law, and (1/sin θ) ∫ σ dΩ of surface and volume together is at most 1."))

@@ -1,4 +1,4 @@
-"""Statistics of echoes: Rayleigh amplitudes, and K-distributed ones of patchy beds."""
+"""Statistics of echoes: Rayleigh-distributed amplitudes, and K-distributed amplitudes of patchy beds."""
 import numpy as np
 from scipy.special import gamma, kv
 from scipy.stats import kstest
@@ -6,21 +6,21 @@ from scipy.stats import kstest
 from .. import scenes
 from ..case import Case, Compared, Curve, Panel, Table
 
-LOG_MEAN_DB, LOG_SPREAD_DB = -2.506816, 5.570043   # of exponential intensity in decibels: mean and standard deviation
+LOG_MEAN_DB, LOG_SPREAD_DB = -2.506816, 5.570043   # mean and standard deviation of exponential intensity in decibels
 KNOWN_MEAN, ESTIMATED_MEAN = 1.628, 1.28           # √n D at 1 % (Kolmogorov; Lilliefors for a mean that is estimated)
 PATCH, PINGS = 16.0, 1500                          # [m]
-APART = 1.0                                        # [m], of pings, more than the aperture
+APART = 1.0                                        # [m], distance of pings, more than the aperture
 
 
 def k_distribution(intensity: np.ndarray, shape: float) -> np.ndarray:
-    """Distribution function of K-distributed intensity of mean 1: 1 - 2/Γ(ν) (ν I)^(ν/2) K_ν(2 √(ν I))."""
+    """Return the distribution function of K-distributed intensity of mean 1: 1 - 2/Γ(ν) (ν I)^(ν/2) K_ν(2 √(ν I))."""
     intensity = np.maximum(intensity, 1e-9)
     root = 2 * np.sqrt(shape * intensity)
     return 1 - 2 / gamma(shape) * (shape * intensity) ** (shape / 2) * kv(shape, root)
 
 
 def _sidescan(pings):
-    """Intensities of bins one pulse long over their means, of pings that share no ground."""
+    """Return intensities over their means, in bins one pulse long of pings without common ground."""
     import mitsonar
 
     track = {"start": [0.0, -APART * (pings - 1) / 2, -20.0], "ping_rate_hz": 4.0,
@@ -32,17 +32,17 @@ def _sidescan(pings):
 
 
 def _patchy(shape, pings):
-    """Intensities in the middles of patches over what they would be without patches."""
+    """Return intensities in the middles of patches over the mean intensities without patches."""
     import mitsonar
 
-    # a patch a ping, through the middles of patches, slowly: sidescans move while echoes come in
+    # one patch in each ping, along the middles of patches; slow, because sidescans move while echoes return
     track = {"start": [0.0, -PATCH * (pings - 1) / 2, -20.0], "ping_rate_hz": 0.05,
              "speed_knots": PATCH * 0.05 * 3600 / 1852}
     images = []
-    for more in ({}, {"patchiness": shape, "patch_size": PATCH}):
+    for patches in ({}, {"patchiness": shape, "patch_size": PATCH}):
         scene = scenes.sidescan(
-            {"bed": scenes.bed(40.0, {**scenes.lambert(-27.0), **more}, size=20.0 * PATCH + PATCH * pings)}, depth=20.0,
-            rays=25_000, pings=pings, sensor={**track, "speckle": bool(more)},
+            {"bed": scenes.bed(40.0, {**scenes.lambert(-27.0), **patches}, size=20.0 * PATCH + PATCH * pings)}, depth=20.0,
+            rays=25_000, pings=pings, sensor={**track, "speckle": bool(patches)},
             film={"range_min": 25.0, "range": 46.0, "bins": 280})
         images.append(mitsonar.render(scene, seed=5))
     mean = 10 ** (images[0]["mean_level"].values.astype(float) / 10)
@@ -53,10 +53,10 @@ def _patchy(shape, pings):
 
 
 def _element(beds):
-    """Intensities of samples of an element's response, about independent of each other, over their mean."""
+    """Return intensities over their mean, of nearly independent samples of an element's response."""
     import mitsonar
 
-    found = []
+    samples = []
     for number in range(beds):
         scene = scenes.array_sonar(
             {f"bed {number}": scenes.bed(20.0, scenes.lambert(-27.0), size=60.0)}, depth=10.0,
@@ -64,13 +64,13 @@ def _element(beds):
         response = mitsonar.impulse_response(scene)
         r = 750.0 * response["time"].values
         density = r ** -5.0 * 10 ** (-0.2 * 0.030 * r)
-        found.append((response.values[0, 0, 0] / np.sqrt(density))[20:-20:3])
-    power = np.abs(np.concatenate(found)) ** 2
+        samples.append((response.values[0, 0, 0] / np.sqrt(density))[20:-20:3])
+    power = np.abs(np.concatenate(samples)) ** 2
     return power / power.mean()
 
 
 def _rows(name, intensity, moment, distribution, critical, bias=0.0):
-    """Second moment, its error three standard ones and a bias, and the Kolmogorov-Smirnov distance."""
+    """Yield the second moment, allowed three standard errors and a bias, and the Kolmogorov-Smirnov distance."""
     root = np.sqrt(intensity.size)
     allowed = 3 * float(np.std(intensity ** 2)) / root + bias * moment
     yield Compared(f"{name}: second moment (n = {intensity.size})", float(np.mean(intensity ** 2)), moment, allowed,
@@ -99,11 +99,9 @@ def _run(quick):
     level = 10 * np.log10(intensity)
     error = LOG_SPREAD_DB / np.sqrt(level.size)
     rows += [Compared("sidescan, Rayleigh: mean level less level of the mean", float(level.mean()), LOG_MEAN_DB,
-                      3 * error,
-                 "dB"),
+                      3 * error, "dB"),
              Compared("sidescan, Rayleigh: standard deviation of the level", float(level.std()), LOG_SPREAD_DB,
-                      4 * error,
-                 "dB")]
+                      4 * error, "dB")]
     panels.append(_panel("sidescan, Rayleigh", intensity, _exponential))
     intensity = _element(2 if quick else 8)
     rows += _rows("element signals, Rayleigh", intensity, 2.0, "expon", ESTIMATED_MEAN)
@@ -111,8 +109,8 @@ def _run(quick):
     for shape in (2.0,) if quick else (0.5, 1.0, 2.0, 5.0):
         intensity = _patchy(shape, PINGS // 3 if quick else PINGS)
 
-        def distribution(one, shape=shape):
-            return k_distribution(one, shape)
+        def distribution(values: np.ndarray, shape: float = shape) -> np.ndarray:
+            return k_distribution(values, shape)
 
         rows += [Compared(f"patchy bed, ν = {shape:g}: mean", float(intensity.mean()), 1.0,
                      3 * float(intensity.std()) / np.sqrt(intensity.size), "-"),
@@ -125,5 +123,5 @@ CASE = Case(title="Statistics of echoes", run=_run, text=(
     "Bins one pulse long of a sidescan over a flat bed, and samples of element signals: intensity is exponential, "
     "second moment 2, -2.507 ± 5.570 dB in decibels; a bed whose strength varies by patches of 16 m, one patch a "
     "resolution cell and ping: K distribution, second moment 2(1 + 1/ν) (Jakeman and Pusey 1976; Abraham and Lyons "
-    "2002). Allowed are three standard errors of moments, 3 % more for patches that sidelobes reach, and the "
+    "2002). The allowed errors are three standard errors of moments, 3 % more for patches that sidelobes reach, and the "
     "Kolmogorov-Smirnov distance that one sample in a hundred exceeds. Seeds are fixed."))

@@ -1,4 +1,4 @@
-"""The sea surface: printed strengths and losses, and its return in a sidescan's picture."""
+"""Sea surface: printed strengths and losses, and its echo in a sidescan's image."""
 import numpy as np
 
 from mitsonar.scattering.laws.sea_surface import bubble_loss_db
@@ -31,8 +31,11 @@ def _printed():
 
 
 def _return(water, wind, rays):
-    """Grazing angles [rad], strengths [dB] read back from the bins and by the law; centre [s] of the first with an echo
-    and of that of the shortest way, and half a bin."""
+    """Return the comparison of the surface's echo with its law.
+
+    The answer is grazing angles [rad], strengths [dB] from the bins and by the law, the centres [s] of the first bin
+    with an echo and of the bin of the shortest path, and half a bin [s].
+    """
     import mitsonar
     from mitsonar.survey.sidescan.kind import sonar_at
 
@@ -49,7 +52,7 @@ def _return(water, wind, rays):
     half = 0.5 * (time[1] - time[0])
     plane = FlatBed.of(profile, SONAR_DEPTH, 0.0, RANGE)
 
-    def law(angle):
+    def law(angle: np.ndarray) -> np.ndarray:
         return backscatter_strength_db("sea_surface", angle, 1e3 * KHZ, wind_speed=wind,
                                        sound_speed=float(profile.at(0.0)))
 
@@ -59,7 +62,6 @@ def _return(water, wind, rays):
     grazing = plane.grazing_at(time)
     some = (time > 2 * plane.time[0]) & (grazing > FLATTEST) & np.isfinite(expected)
     strength = law(grazing[some])
-    # the first bin with an echo, and that into which the shortest way falls
     first = float(time[np.flatnonzero(got > 1e-6 * got.max())[0]])
     nearest = float(time[np.searchsorted(time + half, 2 * plane.time[0] + 1e-9)])
     return grazing[some], strength + 10 * np.log10(got[some] / expected[some]), strength, first, nearest, half
@@ -91,4 +93,4 @@ CASE = Case(title="Sea surface: loss, strength, return", run=_run, text=(
     "Loss to bubbles and backscatter strength of APL-UW TR 9407, part II, against printed numbers; then the surface "
     "12 m above a sidescan, omnidirectional in elevation: the first bin with an echo, of 0.25 m, and the "
     "level of every bin down to 9 degrees over the sonar equation integrated over exact eigenrays to the surface, "
-    "reduced to a strength. Allowed are the printed digits, and 0.2 dB in every bin."))
+    "reduced to a strength. The allowed errors are the printed digits, and 0.2 dB in every bin."))

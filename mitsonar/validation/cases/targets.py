@@ -22,8 +22,10 @@ DIHEDRAL, SQUARE = (0.2, 0.3), 0.2                 # [m] sides
 
 
 def strength_db(shapes: dict[str, Any], bounces: int = 1, middle: float = DISTANCE) -> float:
-    """Target strength [dB re 1 m²] of bodies met at `DISTANCE`: the echo's spectrum at the carrier, spreading taken
-    out; `middle` [m] is what one of the two ranges is told to, for a sphere its centre."""
+    """Return the target strength [dB re 1 m²] of bodies at `DISTANCE`: the echo's spectrum at the carrier less spreading.
+
+    `middle` [m] replaces one of the two ranges, for a sphere the range of its centre.
+    """
     import mitsonar
 
     scene = scenes.array_sonar(
@@ -35,7 +37,7 @@ def strength_db(shapes: dict[str, Any], bounces: int = 1, middle: float = DISTAN
 
 
 def _placed(kind, x, y, normal, centre):
-    """A rectangle or disk with half sides x and y (vectors) [m]."""
+    """Return a rectangle or disk with half sides x and y (vectors) [m]."""
     import mitsuba as mi
 
     matrix = np.eye(4)
@@ -44,7 +46,7 @@ def _placed(kind, x, y, normal, centre):
 
 
 def _facing(kind, width, height, tilt):
-    """A plate that faces the sonar, turned about the vertical by `tilt` [rad]."""
+    """Return a plate that faces the sonar, turned about the vertical by `tilt` [rad]."""
     along = np.array([np.cos(tilt), np.sin(tilt), 0])
     return _placed(kind, 0.5 * width * along, [0, 0, 0.5 * height], [along[1], -along[0], 0], AT)
 
@@ -107,7 +109,7 @@ def _trihedral():
 
 
 def _ellipsoid(end_on, steps=160, long=0.4, short=0.12):
-    """Target strength of a mesh of an ellipsoid of revolution that touches `AT`, and the closed form."""
+    """Return the target strength of a mesh of an ellipsoid of revolution that touches `AT`, and the closed form."""
     import mitsuba as mi
 
     theta, phi = np.meshgrid(np.linspace(0, np.pi, steps + 1), np.arange(steps) * 2 * np.pi / steps, indexing="ij")
@@ -128,18 +130,18 @@ def _ellipsoid(end_on, steps=160, long=0.4, short=0.12):
     parameters["vertex_normals"] = normals.astype(np.float32).ravel()
     parameters["faces"] = faces.astype(np.uint32).ravel()
     parameters.update()
-    radius = short ** 2 / long if end_on else long         # of the sphere that is as strong
+    radius = short ** 2 / long if end_on else long         # of the sphere of the same strength
     return strength_db({"body": body}), 20 * np.log10(radius / 2)
 
 
 def _tilted(quick):
-    """Rows and panels of plates and cylinders over tilt."""
+    """Return rows and panels of plates and cylinders over tilt."""
     rows, panels = [], []
     for name, (body, closed_form, tilts) in TILTED.items():
         tilts = tilts[:1] if quick else tilts
         got = [strength_db(body(np.radians(tilt))) for tilt in tilts]
-        rows += [Compared(f"rigid {name}, {tilt:g} degrees", one, float(closed_form(np.radians(tilt))), ALLOWED, "dB")
-                 for tilt, one in zip(tilts, got)]
+        rows += [Compared(f"rigid {name}, {tilt:g} degrees", level, float(closed_form(np.radians(tilt))), ALLOWED, "dB")
+                 for tilt, level in zip(tilts, got)]
         fine = np.linspace(0, 1.2 * max(tilts), 400)
         expected = closed_form(np.radians(fine))
         panels.append(Panel(f"rigid {name}", "tilt [deg]", "target strength [dB re 1 m²]", (
@@ -157,8 +159,8 @@ def _run(quick):
         cases = list(table)[1:2] if quick else list(table)
         got = [_sphere(ka, surface) for ka in cases]
         expected = [20 * np.log10(0.5 * ka / K) + table[ka] for ka in cases]
-        rows += [Compared(f"{surface} sphere, ka {ka}", one, wanted, ALLOWED, "dB")
-                 for ka, one, wanted in zip(cases, got, expected)]
+        rows += [Compared(f"{surface} sphere, ka {ka}", level, wanted, ALLOWED, "dB")
+                 for ka, level, wanted in zip(cases, got, expected)]
         rows += [Compared(f"exact series of a {surface} sphere, ka {ka}", float(sphere_target_strength_db(
             ka / K, FREQUENCY, SPEED, surface=surface)), wanted, 1e-5, "dB") for ka, wanted in zip(cases, expected)]
         spheres += [Curve(surface, cases, expected), Curve(surface, cases, got, ".")]
@@ -176,4 +178,4 @@ CASE = Case(title="Target strengths of smooth bodies", run=_run, text=(
     "One omnidirectional element, water without loss, bodies 150 m away at 100 kHz: |response at the carrier|² r⁴. "
     "Rectangle (ab/λ)² sinc² cos², disc (πa²/λ)² (2J₁(x)/x)² cos², cylinder (aL²/2λ) sinc² cos², dihedral 2(ab/λ)², "
     "trihedral of squares 3(a²/λ)², ellipsoid (R₁R₂)/4 (Urick 1983, ch. 9; Kirchhoff); spheres by the exact series. "
-    "Allowed is 0.5 dB; at ka = 20 the Kirchhoff integral lacks the wave that creeps around a rigid sphere."))
+    "The allowed error is 0.5 dB; at ka = 20 the Kirchhoff integral lacks the wave that creeps around a rigid sphere."))

@@ -1,4 +1,4 @@
-"""The vector approximation: the published table, and return times against exact eigenrays."""
+"""Vector approximation: the published table, and return times against exact eigenrays."""
 from typing import Literal
 
 import numpy as np
@@ -28,11 +28,10 @@ WATERS = {"gradient -1 1/s": SoundSpeedProfile([0, 60], [1520, 1460]), "six node
 def _published():
     table = table_1()
     for method in ("traced", "equation 2"):
-        one = table.sel(found_by=method)
-        yield Compared(f"Table 1, {method}: effective speed", float(one.effective_speed), float(one.printed_speed),
-                       6e-7,
-                  "m/s")
-        yield Compared(f"Table 1, {method}: time", float(one.return_time), float(one.printed_time), 6e-10, "s")
+        row = table.sel(found_by=method)
+        yield Compared(f"Table 1, {method}: effective speed", float(row.effective_speed), float(row.printed_speed),
+                       6e-7, "m/s")
+        yield Compared(f"Table 1, {method}: time", float(row.return_time), float(row.printed_time), 6e-10, "s")
     late = table.return_time.sel(found_by="equation 2") - table.return_time.sel(found_by="traced")
     yield Compared("Table 1: equation 2 is late by", 1e9 * float(late), 23.0995, 0.002, "ns")
     yield Compared("published coefficient", effective_speed().mean_coefficient, 0.503, 6e-4, "-")
@@ -56,7 +55,7 @@ def _times():
 
 
 def _statistics(count):
-    """Errors [s] of the methods at random hits 20 to 200 m away, elements all around: {(water, offset): (a, b, c)}."""
+    """Return errors [s] of the methods at random hits 20 to 200 m away, by (water, offset of the elements)."""
     rng = np.random.default_rng(5)
     found = {}
     for name, water in WATERS.items():
@@ -92,8 +91,8 @@ def _run(quick):
 
 
 CASE = Case(title="Return times: the vector approximation", run=_run, text=(
-    "Table 1 of the published method and its coefficient 0.503 computed anew; return times to elements beside the "
+    "Table 1 of the published method and its coefficient 0.503 computed again; return times to elements beside the "
     "origin against exact eigenrays of 34 digits; a sonar under way in uniform water against the closed quadratic "
     "t = [w·v + √((w·v)² + (c² - v²)w²)]/(c² - v²); and random hits 20 to 200 m away, rays steeper than 5 degrees, "
-    "against eigenrays to every element. Allowed: the printed digit, or 0.6 ns, which is what the guard of 0.5 ns "
-    "leaves."))
+    "against eigenrays to every element. The allowed error is the printed digit, or 0.6 ns, the error that the guard of "
+    "0.5 ns leaves."))

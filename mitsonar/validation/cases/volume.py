@@ -1,4 +1,4 @@
-"""Volume reverberation of a sidescan against the sonar equation, of water alike everywhere and of a layer."""
+"""Volume reverberation of a sidescan against the sonar equation, for uniform water and for a layer."""
 import numpy as np
 
 from mitsonar.water.volume import volume_reverberation_db
@@ -15,7 +15,7 @@ ALLOWED = 0.2                                      # [dB]
 
 
 def _levels(water, rays, pings):
-    """Slant ranges [m] and mean levels [dB] of the bins, and the sonar."""
+    """Return slant ranges [m] and mean levels [dB] of the bins, the sonar, and the width of a bin [m]."""
     import mitsonar
     from mitsonar.survey.sidescan.kind import sonar_at
 
@@ -28,13 +28,13 @@ def _levels(water, rays, pings):
 
 
 def _layered(sonar, slant_range, width):
-    """The sonar equation of a layer integrated over the directions of a face and over each bin [dB]."""
+    """Return the levels [dB] of a layer by the sonar equation, integrated over directions and over each bin."""
     u = np.sinh(np.linspace(-9, 9, 1201)) / np.sinh(9)
     phi = np.linspace(-np.pi / 2, np.pi / 2, 6001)
     across = np.sqrt(1 - u * u)[:, None]
     pattern = sonar.along_intensity(u)[:, None] * sonar.across_intensity(
         across * np.sin(phi - sonar.depression_angle))
-    # the beam's share below each depth per metre of range, Ψ(d) = ∫ B [sin < d] dΩ, by a fine histogram
+    # the beam's share above the direction sine d, Ψ(d) = ∫ B [sin < d] dΩ, by a fine histogram
     solid = pattern * np.gradient(u)[:, None] * (phi[1] - phi[0])
     edges = np.linspace(-1, 1, 4001)
     share = np.append(0, np.cumsum(np.histogram(across * np.sin(phi), edges, weights=solid)[0]))
@@ -53,8 +53,8 @@ def _run(quick):
     r, got, sonar, width = _levels({"volume_strength_db": STRENGTH_DB}, rays, pings)
     expected = (sonar.source_level_db - 20 * np.log10(r) - 2 * ABSORPTION * r + STRENGTH_DB
                 + 10 * np.log10(sonar.solid_angle() * 0.5 * SPEED * sonar.pulse_length))
-    rows += [worst("water alike everywhere: level", got, expected, ALLOWED, "dB"),
-             Compared("water alike everywhere: mean over bins", float(np.mean(got - expected)), 0.0, 0.02, "dB")]
+    rows += [worst("uniform water: level", got, expected, ALLOWED, "dB"),
+             Compared("uniform water: mean over bins", float(np.mean(got - expected)), 0.0, 0.02, "dB")]
     panels = [Panel("-80 dB everywhere", "slant range [m]", "dB re 1 µPa", (Curve("closed form", r, expected),
                                                                           Curve("chain", r, got, ".")))]
     r, got, sonar, width = _levels({"layers": f"bubbles {LAYER[0]} {LAYER[1]} {LAYER_DB}"}, rays, pings)
@@ -71,5 +71,5 @@ def _run(quick):
 CASE = Case(title="Volume reverberation", run=_run, text=(
     "A sidescan in the middle of deep water: level of every bin against SL - 20 log R - 2αR + S_v + 10 log(ψcτ/2) "
     "(Urick 1983), ψ = ∫ b_t² b_r² dΩ of a face; and of a layer below the sonar against the same equation integrated "
-    "over directions, ∫ b_t² b_r² s_v(z + R sin) dΩ. Allowed is 0.2 dB in every bin, and less on the average, which "
-    "has less of the rays' scatter."))
+    "over directions, ∫ b_t² b_r² s_v(z + R sin) dΩ. The allowed error is 0.2 dB in every bin, and less in the mean over "
+    "bins, because the scatter of rays averages out."))

@@ -93,4 +93,4 @@ def _run(quick):
 CASE = Case(title="Sound speed, absorption, ambient noise", run=_run, text=(
     "Formulas against numbers printed with them (Wong and Zhu 1995; Mackenzie 1981) and against other implementations "
     "(TEOS-10 by gsw; Francois and Garrison 1982; Ainslie and McColm 1998; Thorp 1967; Wenz 1962 as fitted by Coates "
-    "1990; Mellen 1952). Allowed is the last digit of the numbers. The quick run is the same."))
+    "1990; Mellen 1952). The allowed error is the last digit of the numbers. The quick run is the same."))
