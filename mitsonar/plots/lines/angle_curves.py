@@ -1,4 +1,4 @@
-"""Curves over the angle from the vertical: means in bins of equal width, with what they spread.
+"""Curves over the angle from the vertical: means and spread in bins of equal width.
 
 Orders of the International Hydrographic Organization allow at 95 % confidence a total vertical uncertainty of
 
@@ -19,9 +19,9 @@ from .line_sheet import CAUSES, METHODS, curve_axes, key_above, sounded, vertica
 
 ORDERS = {"exclusive": (0.15, 0.0075), "special": (0.25, 0.0075), "1a, 1b": (0.5, 0.013), "2": (1.0, 0.023)}  # a, b
 WIDTHS = (0.5, 1.0, 2.0, 5.0, 10.0)            # of bins [deg]
-MOST, FULL = 90, 0.8               # bins; and of beams, so that bins have some
-LEAST_SHARE = 1e-3                 # of the largest error: what is smaller is not drawn
-ORDER_GAP = 0.07                   # of the axes' height between the names of orders
+MOST, FULL = 90, 0.8               # most bins, and most bins per beam, so that few bins are empty
+LEAST_SHARE = 1e-3                 # of the largest error: smaller errors are not drawn
+ORDER_GAP = 0.07                   # share of the axes' height between the names of orders
 ANGLE = "port   ←   angle from the vertical [deg]   →   starboard"
 
 
@@ -29,17 +29,17 @@ ANGLE = "port   ←   angle from the vertical [deg]   →   starboard"
 class Bins:
     """Soundings in bins of angle."""
 
-    angle: np.ndarray  # (B,) [deg]: means of the soundings' angles in each bin, rising
+    angle: np.ndarray  # (B,) [deg]: mean angle of the soundings in each bin, increasing
     width: float  # [deg]
-    of: np.ndarray  # (N,): bin of every sounding that counts
-    where: np.ndarray  # those soundings
+    of: np.ndarray  # (N,): bin of every sounding used
+    where: np.ndarray  # (ping, beam) bool: soundings used
 
     def values(self, array: np.ndarray) -> np.ndarray:
-        """Return the soundings' values (N,) of an array (ping, beam)."""
+        """Return the values (N,) of the soundings used, from an array (ping, beam)."""
         return np.asarray(array, float)[self.where]
 
     def mean(self, values: np.ndarray) -> np.ndarray:
-        """Average values (N,) in bins (B,); those that are not finite are left out."""
+        """Return the means of finite values (N,) in bins (B,)."""
         known = np.isfinite(values)
         count = np.bincount(self.of[known], minlength=self.angle.size)
         with np.errstate(invalid="ignore"):
@@ -58,7 +58,7 @@ class Bins:
 
 
 def angle_bins(line: xr.Dataset, where: np.ndarray | None = None) -> Bins:
-    """Sort soundings into bins of angle."""
+    """Return soundings sorted into bins of angle; by default all soundings with a place."""
     angle = np.rad2deg(vertical_angle(line))
     where = (sounded(line) if where is None else where) & np.isfinite(angle)
     angle = angle[where]
@@ -72,7 +72,7 @@ def angle_bins(line: xr.Dataset, where: np.ndarray | None = None) -> Bins:
 
 
 def _known(line: xr.Dataset, *names: str) -> list[str]:
-    """Return the variables that have a number at some sounding; raise `ValueError` if none has."""
+    """Return the variables with a finite value at any sounding; raise `ValueError` without any."""
     there = sounded(line)
     known = [name for name in names if name in line and np.isfinite(line[name].values[there]).any()]
     if not known:
@@ -170,8 +170,8 @@ def draw_uncertainty(axes: Axes, line: xr.Dataset) -> None:
     bins = angle_bins(line)
     marker = "o" if bins.angle.size == 1 else None
     known = _known(line, "uncertainty", "horizontal_uncertainty")
-    for name, words, colour, style in (("uncertainty", "said: of depth", "#0072b2", "-"),
-                                       ("horizontal_uncertainty", "said: of place", "#009e73", ":")):
+    for name, words, colour, style in (("uncertainty", "stated: of depth", "#0072b2", "-"),
+                                       ("horizontal_uncertainty", "stated: of place", "#009e73", ":")):
         if name in known:
             values = np.sqrt(bins.mean(bins.values(line[name].values)**2))
             axes.plot(bins.angle, values, color=colour, linestyle=style, linewidth=1.6, label=words, marker=marker)
@@ -185,7 +185,7 @@ def draw_uncertainty(axes: Axes, line: xr.Dataset) -> None:
 
 
 def draw_quality(axes: Axes, line: xr.Dataset) -> None:
-    """Draw the quality of soundings over the angle, by the way they were detected."""
+    """Draw the quality of soundings over the angle, by method of detection."""
     there = sounded(line)
     _known(line, "quality")
     method = line["detection"].values if "detection" in line else None
@@ -203,7 +203,7 @@ def draw_quality(axes: Axes, line: xr.Dataset) -> None:
 
 
 def draw_methods(axes: Axes, line: xr.Dataset) -> None:
-    """Draw the shares of soundings by the way they were detected, over the angle."""
+    """Draw the shares of the methods of detection over the angle."""
     sounded(line)
     bins = angle_bins(line, np.isfinite(vertical_angle(line)))
     method = np.where(line["valid"].values.astype(bool), line["detection"].values, 0)[bins.where]

@@ -16,12 +16,12 @@ from .. import canvas
 from .line_sheet import LABEL_SIZE, bar_beside, curve_axes, key_above
 from .water_column import column_window, curtain, fan_of_ping
 
-PHASE, AMPLITUDE = "#56b4e9", "#cc79a7"      # on the sheet's white as on the dark of the column
+PHASE, AMPLITUDE = "#56b4e9", "#cc79a7"      # visible on the white sheet and on the dark column
 
 
 def draw_column(axes: Axes, line: xr.Dataset, ping: int, *, bend: bool = True, tvg: Tvg = "recorder",
                 colours: Colormap = canvas.COPPER) -> float:
-    """Draw the fan of a ping, and its soundings over it; give how many times as wide as high it is."""
+    """Draw the fan of a ping with its soundings; return its width over its height."""
     fan = fan_of_ping(line, ping, bend=bend, tvg=tvg)
     low, high = column_window(fan.image)
     axes.set_facecolor(canvas.PAPER)
@@ -47,24 +47,24 @@ def _draw_soundings(axes: Axes, line: xr.Dataset, ping: int, bend: bool) -> None
 
 
 def soundings_of(line: xr.Dataset, ping: int, bend: bool = True) -> tuple[np.ndarray, ...]:
-    """Return where the soundings of a ping are on its fan."""
-    # -> across, depth [m]
-    one = line.isel(ping=ping)
-    across, depth = (one[name].values.astype(float) for name in ("across_track", "depth"))
+    """Return the places of a ping's soundings on its fan, and which are valid and detected by amplitude."""
+    # -> across, depth [m], valid, amplitude, each (beam,)
+    record = line.isel(ping=ping)
+    across, depth = (record[name].values.astype(float) for name in ("across_track", "depth"))
     if not bend:
         head = head_of(line, ping)
-        time = one["travel_time"].values
+        time = record["travel_time"].values
         away = 0.5 * head.sound_speed * time[:, None] * launches(
-            head, one["angle"].values, one["transmit_angle"].values, receiving_axes(line, ping, head, time))
+            head, record["angle"].values, record["transmit_angle"].values, receiving_axes(line, ping, head, time))
         across, depth = head.across + away[:, 1], head.depth + away[:, 2]
-    there = one["valid"].values.astype(bool) & np.isfinite(across) & np.isfinite(depth)
-    amplitude = one["detection"].values == BY_AMPLITUDE if "detection" in one else np.zeros(there.shape, bool)
+    there = record["valid"].values.astype(bool) & np.isfinite(across) & np.isfinite(depth)
+    amplitude = record["detection"].values == BY_AMPLITUDE if "detection" in record else np.zeros(there.shape, bool)
     return across, depth, there, amplitude
 
 
 def draw_curtain(panels: Sequence[Axes], line: xr.Dataset, *, tvg: Tvg = "recorder",
                  colours: Colormap = canvas.COPPER) -> None:
-    """Draw the beam that looks straight down, and the largest level of all beams, over the time of the pings."""
+    """Draw the level of the beam nearest to the vertical and the largest level of all beams over the pings."""
     pings = curtain(line, tvg)
     pictures = {"the beam nearest to the vertical": pings.nadir, "the largest of all beams": pings.largest}
     low, high = column_window(*pictures.values())

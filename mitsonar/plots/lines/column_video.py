@@ -1,4 +1,4 @@
-"""The water column of a line as a video: one frame a ping, its soundings over it, one dynamic range for all."""
+"""Water column of a line as a video: a frame for each ping with its soundings, in one dynamic range."""
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -20,9 +20,9 @@ from .column_plot import soundings_of
 from .line_sheet import line_title
 from .water_column import BLOCK, Box, ColumnFan, column_window, fan_of_ping, has_column
 
-SAMPLED = 12                       # pings that the frame and the dynamic range are taken from
+SAMPLED = 12                       # pings that determine the frame and the dynamic range
 SLOWEST_FPS, FASTEST_FPS = 1.0, 30.0
-WIDE, HIGHEST = 900, 800           # picture elements of the fan, and at most of its height
+WIDE, HIGHEST = 900, 800           # width of the fan and its largest height, in pixels
 BEFORE, BEHIND, UNDER, OVER = 84, 128, 62, 86
 
 
@@ -45,11 +45,11 @@ def column_video(line: xr.Dataset, path: FilePath, *, fps: float | None = None, 
     frame = _VideoFrame(line, sample, window, colours)
     with movie_file(path, _fps(line) if fps is None else fps, colours) as add_frame:
         for first in range(0, pings, BLOCK):
-            some = line.isel(ping=slice(first, first + BLOCK)).load()
-            for ping in range(some.sizes["ping"]):
-                fan = _fan(some, ping, tvg, box)
+            block = line.isel(ping=slice(first, first + BLOCK)).load()
+            for ping in range(block.sizes["ping"]):
+                fan = _fan(block, ping, tvg, box)
                 if fan is not None:
-                    add_frame(frame.pixels(fan, some, ping, first + ping))
+                    add_frame(frame.pixels(fan, block, ping, first + ping))
                 if progress is not None:
                     progress(first + ping + 1, pings)
 
@@ -91,13 +91,13 @@ class _VideoFrame:
         self.words = canvas.headings(self.figure, BEFORE, line_title(line), "")
         canvas.colour_bar(self.image, self.axes, f"level{sample[0].gain}  [dB]", "both")
 
-    def pixels(self, fan: ColumnFan, some: xr.Dataset, ping: int, number: int) -> np.ndarray:
+    def pixels(self, fan: ColumnFan, block: xr.Dataset, ping: int, number: int) -> np.ndarray:
         """Return the sheet with a fan as colours (rows, columns, 3) uint8."""
-        across, depth, there, _ = soundings_of(some, ping)
+        across, depth, there, _ = soundings_of(block, ping)
         self.image.set_data(fan.image)
         self.image.set_extent(fan.extent)
         self.dots.set_data(across[there], depth[there])
-        self.words.set_text(f"ping {number}, {float(some['ping_time'][ping]):.2f} s")
+        self.words.set_text(f"ping {number}, {float(block['ping_time'][ping]):.2f} s")
         paper = self.figure.canvas
         assert isinstance(paper, FigureCanvasAgg)
         paper.draw()

@@ -23,11 +23,11 @@ from mitsonar.units import db_from_power, power_from_db
 from .line_sheet import CAUSES, LABEL_SIZE, bar_beside, sounded
 
 FINEST = 700                       # cells of the longer side of a grid
-CLOSE = 1.5                        # soundings that a filled cell has in the mean, so that a grid has few holes
-FEW = 4000                         # soundings that are drawn as points, however close
-GAP = 2                            # half the cells of the widest gap that is filled
-EDGE = 0.02                        # of the longer side: room around the soundings
-STEEP = 0.35                       # slope times exaggeration that is shaded strongly
+CLOSE = 1.5                        # mean number of soundings in a filled cell, so that a grid has few holes
+FEW = 4000                         # fewer soundings are always drawn as points
+GAP = 2                            # half the widest gap that is filled, in cells
+EDGE = 0.02                        # margin around the soundings, as a share of the longer side
+STEEP = 0.35                       # slope times exaggeration with strong shading
 MOST_EXAGGERATED = 30.0
 
 
@@ -35,12 +35,12 @@ MOST_EXAGGERATED = 30.0
 class Mapped:
     """Content of a map."""
 
-    name: str  # the variable
-    words: str  # what it is called on the bar
-    colours: str  # of matplotlib
-    around_zero: bool = False  # colours are the same to both sides of 0
-    falls: bool = False  # the bar's large values are below
-    decibel: bool = False  # means are those of intensities
+    name: str  # variable
+    words: str  # label of the colour bar
+    colours: str  # colour map of matplotlib
+    around_zero: bool = False  # True centres the colours on 0
+    falls: bool = False  # True puts large values at the bottom of the bar
+    decibel: bool = False  # True averages intensities
 
 
 MAPPED = {
@@ -52,7 +52,7 @@ MAPPED = {
 
 
 def draw_map(axes: Axes, line: xr.Dataset, what: str) -> None:
-    """Draw soundings at their places, coloured by one of `MAPPED`, and the ship's track."""
+    """Draw soundings on a map, coloured by one of `MAPPED`, and the ship's track."""
     about = MAPPED[what]
     there = sounded(line) & np.isfinite(line[about.name].values)
     if not there.any():
@@ -68,7 +68,7 @@ def draw_map(axes: Axes, line: xr.Dataset, what: str) -> None:
     else:
         grid, extent = mean_grid(x, y, values, cell, decibel=about.decibel)
         picture = (shaded(grid, cell, colours, norm) if what == "swath" else colours(norm(grid)))
-        picture[~np.isfinite(grid)] = 0                                                     # clear
+        picture[~np.isfinite(grid)] = 0                                                     # transparent
         axes.imshow(picture, origin="lower", extent=extent, interpolation="nearest", aspect="equal")
     _draw_track(axes, line)
     bar_beside(axes, ScalarMappable(norm, colours), about.words, falls=about.falls, extend="both")
@@ -95,8 +95,7 @@ def _cell(x: np.ndarray, y: np.ndarray) -> float | None:
 
 def mean_grid(x: np.ndarray, y: np.ndarray, values: np.ndarray, cell: float, *,
               decibel: bool = False) -> tuple[np.ndarray, tuple[float, float, float, float]]:
-    """Average values (N,) at places (N,) [m] in square cells [m]."""
-    # -> extent [m]
+    """Return means of values (N,) at places (N,) [m] in square cells [m], and the extent of the grid [m]."""
     columns, rows = (np.floor((place - place.min()) / cell).astype(np.int64) for place in (x, y))
     shape = int(rows.max()) + 1, int(columns.max()) + 1
     place = rows * shape[1] + columns
@@ -149,7 +148,7 @@ def _box(x: np.ndarray, y: np.ndarray, line: xr.Dataset) -> tuple[float, float, 
 
 
 def map_shape(line: xr.Dataset) -> float:
-    """Return how many times as wide as high the map of a line is."""
+    """Return the width of a line's map over its height."""
     there = sounded(line)
     west, east, south, north = _box(line["x"].values[there], line["y"].values[there], line)
     return (east - west) / (north - south)

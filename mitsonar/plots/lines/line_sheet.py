@@ -35,10 +35,10 @@ def sounded(line: xr.Dataset) -> np.ndarray:
 
 
 def vertical_angle(line: xr.Dataset) -> np.ndarray:
-    """Return the angles from the vertical under which soundings lie from the arrays (ping, beam) [rad].
+    """Return the angles of soundings from the vertical (ping, beam) [rad], positive to starboard.
 
-    Positive to starboard, from the middle between both arrays of a level ship. Where a sounding has no place it is the
-    angle at the array.
+    The vertex is the midpoint of both arrays of a level ship. For a sounding without a place, the angle at the array is
+    returned.
     """
     receive = line["receive_offset"].values[None]
     if {"head", "head_receive_offset"} <= set(line):
@@ -51,12 +51,12 @@ def vertical_angle(line: xr.Dataset) -> np.ndarray:
 
 
 def line_title(line: xr.Dataset) -> str:
-    """Name a line, or its sonar."""
+    """Return the title of a line: its own, or the name of its sonar."""
     return str(line.attrs.get("title") or line.attrs.get("preset") or line.attrs.get("sonar") or "soundings")
 
 
 def line_words(line: xr.Dataset) -> str:
-    """Say how many pings and soundings there are, how deep the bed is, and at which frequencies."""
+    """Return a line of text: number of pings and soundings, depths, and frequencies."""
     valid = line["valid"].values.astype(bool)
     pings = line.sizes["ping"]
     parts = [f"{pings} ping{'s' * (pings != 1)}", f"{int(valid.sum())} of {valid.size} soundings valid"]
@@ -81,7 +81,7 @@ def headed(figure: Figure, title: str, words: str) -> None:
 
 
 def curve_axes(axes: Axes, across: str, up: str) -> None:
-    """Name the axes of curves, and give them a grid."""
+    """Label the axes of curves, and add a grid."""
     axes.set_xlabel(across, fontsize=LABEL_SIZE)
     axes.set_ylabel(up, fontsize=LABEL_SIZE)
     axes.tick_params(labelsize=9.5)
@@ -90,11 +90,11 @@ def curve_axes(axes: Axes, across: str, up: str) -> None:
 
 def bar_beside(axes: Axes, drawn: ScalarMappable, label: str, *, falls: bool = False,
                extend: Literal["neither", "both", "min", "max"] = "neither") -> Colorbar:
-    """Put a bar of colours to the right of axes; where values fall upwards, the deep is below."""
-    # as high as the axes, whose scale may be the same both ways, and of one width [inch] beside any
+    """Add a colour bar to the right of axes; `falls` puts large values at the bottom."""
+    # as high as the axes, even if their aspect is equal, and of constant width [inch]
     figure = axes.figure
     beside = figure.dpi_scale_trans + ScaledTranslation(
-        1, 0, axes.transAxes)                          # pyright: ignore[reportArgumentType]  any transform does
+        1, 0, axes.transAxes)                          # pyright: ignore[reportArgumentType]  any transform works
     room = axes.inset_axes((BAR_GAP, 0, BAR_WIDTH, 1), transform=blended_transform_factory(beside, axes.transAxes))
     bar = figure.colorbar(drawn, cax=room, extend=extend, extendfrac=0.02)
     bar.set_label(label, fontsize=LABEL_SIZE)
@@ -105,7 +105,7 @@ def bar_beside(axes: Axes, drawn: ScalarMappable, label: str, *, falls: bool = F
 
 
 def key_above(axes: Axes, markers: float = 1.0) -> None:
-    """Put the legend above axes, where it hides no curve; its markers are so many times as large as those drawn."""
+    """Add the legend above axes, where it hides no curve; `markers` scales its markers."""
     handles, words = axes.get_legend_handles_labels()
     letters = max(map(len, words), default=1)
     columns = int(np.clip(axes.bbox.width / (7.5 * letters + 50), 1, 5))

@@ -1,7 +1,4 @@
-"""The views of a line of soundings, a function each, named in the table `LINE_VIEWS`.
-
-What the motion sensors said along a line, against time.
-"""
+"""Views of a line of soundings, one function each, listed in `LINE_VIEWS`."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
@@ -30,11 +27,11 @@ from .water_column import COLUMN, has_column
 MOTIONS = {"motion_roll": "roll [deg]\nstarboard down", "motion_pitch": "pitch [deg]\nbow up",
            "motion_depth": "heave [m]\nup", "motion_heading": "heading [deg]\nfrom north"}
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#000000")
-MOST_TICKS = 400                   # pings that are marked
+MOST_TICKS = 400                   # more pings are not marked
 
 
 def draw_motion(panels: Sequence[Axes], line: xr.Dataset, names: Sequence[str] = tuple(MOTIONS)) -> None:
-    """Draw motions, a panel each, and mark the pings below."""
+    """Draw samples of the motion sensors over time, one panel each, and mark the pings at the bottom."""
     time = line["motion_time"].values
     for axes, name in zip(panels, names, strict=True):
         values = line[name].values
@@ -66,7 +63,7 @@ def draw_attitude(axes: Axes, line: xr.Dataset) -> None:
 
 
 def _unwrapped(heading: np.ndarray) -> np.ndarray:
-    """Headings [rad] without jumps at north, near 0 to 360 degrees; NaN stays."""
+    """Return headings [rad] without jumps at north; NaN stays."""
     known = np.isfinite(heading)
     smooth = heading.astype(float).copy()
     smooth[known] = np.unwrap(heading[known])
@@ -78,11 +75,11 @@ def _since(line: xr.Dataset) -> str:
     return f" after {start}" if start and not start.startswith("1970-01-01T00:00:00") else ""
 
 
-WIDE = 1200                        # picture elements
-LONGER, SHORTER = 1000, 330        # of a map, the former its longer side, the latter the least of the other
-LEAST_WIDE = 800                   # that the words above need
-FLAT = 1.6                         # of a panel's sides in metres: beyond it equal scales leave most of the paper empty
-HEAD_ROOM = 62                     # picture elements above what is drawn
+WIDE = 1200                        # pixels
+LONGER, SHORTER = 1000, 330        # pixels: longer side of a map, and least shorter side
+LEAST_WIDE = 800                   # least width of a map, for its title
+FLAT = 1.6                         # largest ratio of a panel's sides [m] for equal scales, which leave most of the paper empty beyond
+HEAD_ROOM = 62                     # pixels for the title
 OF_A_PING, OF_LEVELS = ("column", "rays", "overview"), ("column", "curtain", "overview")
 
 
@@ -100,16 +97,16 @@ class Options:
 
 @dataclass(frozen=True, kw_only=True)
 class LineView:
-    """A view."""
+    """View of a line."""
 
-    words: str  # what it shows, for the title
-    needs: tuple[str, ...] = ()  # variables that not every line has
-    size: tuple[int, int] | None = (WIDE, 720)  # of the sheet [picture elements]
+    words: str  # content, for the title
+    needs: tuple[str, ...] = ()  # needed variables that not every line has
+    size: tuple[int, int] | None = (WIDE, 720)  # of the sheet [pixels]; None: as the map needs
     draw: Callable[[Figure, xr.Dataset, Options], None]
 
 
 def is_line(dataset: xr.Dataset) -> bool:
-    """Tell whether a dataset is a line of soundings."""
+    """Return True if a dataset is a line of soundings."""
     return {"travel_time", "angle"} <= set(map(str, dataset.variables))
 
 
@@ -128,26 +125,26 @@ def line_figure(line: xr.Dataset, what: str = "overview", *, ping: int | None = 
     Parameters
     ----------
     line : xarray.Dataset
-        As `mitsonar.soundings` and the readers of instruments' files make it.
+        Line from `mitsonar.soundings` or from a file of an instrument.
     what : str
-        ``overview``: several in one; ``column``: water column of a ping, with its soundings; ``curtain``: that of all
-        pings against time; ``swath``: soundings on the map by depth; ``error``, ``error_detection``,
+        ``overview``: several views; ``column``: water column of a ping with its soundings; ``curtain``: water column of
+        all pings against time; ``swath``: soundings on the map by depth; ``error``, ``error_detection``,
         ``error_refraction``, ``error_motion``: by error; ``backscatter``: a mosaic and the mean by angle; ``smile``:
-        errors by angle; ``rays``: ray paths of a ping over the bed; ``quality``: quality, uncertainty and the ways of
-        detection by angle; ``motion``: what the motion sensors said.
+        errors by angle; ``rays``: ray paths of a ping over the bed; ``quality``: quality, uncertainty and methods
+        of detection by angle; ``motion``: samples of the motion sensors.
     ping : int, optional
-        Of ``column``, ``rays`` and the overview, by position; the middle one by default.
+        Position of the ping in ``column``, ``rays`` and the overview. The default is the middle ping.
     tvg : {'seabed', 'target', 'recorder', None}
         Gain over range of the water column (see `mitsonar.plots.images.gain`).
     colours : str
-        Of the water column: ``copper`` or ``grey``.
+        Colours of the water column: ``copper`` or ``grey``.
     bend : bool
-        The water column lies along the rays of the profile in use; else along straight lines.
+        True draws the water column along rays of the profile in use, False along straight lines.
     theory : pair of arrays, optional
-        Angles from the vertical [rad] and errors [m]: a curve beside the smile. By default that of ray theory on a
-        level bed, where the line tells the water's own profile.
+        Angles from the vertical [rad] and errors [m] of a curve beside the smile. The default is ray theory on a level
+        bed, if the line has the true profile of the water.
     water : SoundSpeedProfile, optional
-        The water's own, for ``rays``; by default as the line tells it.
+        True profile of the water for ``rays``. The default is that of the line.
 
     Returns
     -------
@@ -156,7 +153,7 @@ def line_figure(line: xr.Dataset, what: str = "overview", *, ping: int | None = 
     Raises
     ------
     ValueError
-        If the dataset is no such line, there is no such view or ping, or nothing to be drawn in it.
+        If the dataset is not a line of soundings, if the view or ping is unknown, or if there is nothing to draw.
     """
     check(line)
     if what not in LINE_VIEWS:
@@ -262,7 +259,7 @@ def _motion(figure: Figure, line: xr.Dataset, options: Options) -> None:
 
 
 def _overview(figure: Figure, line: xr.Dataset, options: Options) -> None:
-    """Six of the panels that the line has something for."""
+    """Draw the first six (or four) panels for which the line has data."""
     colours = canvas.colours_of(options.colours)
     panels: list[Callable[[Axes], object]] = [draw for draw, needed in (
         (lambda axes: draw_map(axes, line, "swath"), True),
@@ -279,25 +276,25 @@ def _overview(figure: Figure, line: xr.Dataset, options: Options) -> None:
         (lambda axes: draw_attitude(axes, line), line.sizes["motion"] > 0)) if needed]
     columns = 3 if len(panels) > 4 else 2
     places = figure.add_gridspec(2, columns)
-    drawn, said = 0, ""
+    drawn, reason = 0, ""
     for draw in panels:
         if drawn == 2 * columns:
             break
         axes = figure.add_subplot(places[divmod(drawn, columns)])
         try:
             draw(axes)
-        except ValueError as error:                    # there is nothing of the kind in the line
+        except ValueError as error:                    # the line has no data for this panel
             axes.remove()
-            said = said or str(error)
+            reason = reason or str(error)
         else:
             _fill(axes)
             drawn += 1
     if not drawn:
-        raise ValueError(said)
+        raise ValueError(reason)
 
 
 def _fill(axes: Axes) -> None:
-    """Let a panel of equal scales fill its room by other scales across and up, if it is flat or narrow."""
+    """Let a flat or narrow panel of equal scales fill its room with different scales."""
     across, up = (abs(end - start) for start, end in (axes.get_xlim(), axes.get_ylim()))
     if axes.get_aspect() != "auto" and not 1 / FLAT < across / up < FLAT:
         axes.set_aspect("auto")

@@ -1,4 +1,4 @@
-"""Rays of one ping over the bed: where the echoes came from, and where the profile in use says they did."""
+"""Rays of one ping over the bed, through the profile in use and through the true water."""
 from __future__ import annotations
 
 import numpy as np
@@ -19,15 +19,15 @@ from mitsonar.water.profile import SoundSpeedProfile
 from .line_sheet import curve_axes, key_above, sounded
 
 MOST_RAYS = 25
-POINTS = 60                        # of a ray
+POINTS = 60                        # points of a ray
 USED, WATER = "#0072b2", "#d55e00"
 
 
 def draw_rays(axes: Axes, line: xr.Dataset, ping: int, water: SoundSpeedProfile | None = None) -> None:
-    """Draw some rays of a ping by the profile in use and by the water's own, soundings and the bed."""
-    one = line.isel(ping=[ping])
-    there = np.flatnonzero(_of_ping(one, ping))
-    across, depth = (one[name].values[0] for name in ("across_track", "depth"))
+    """Draw some rays of a ping through the profile in use and through the true water, soundings and the bed."""
+    record = line.isel(ping=[ping])
+    there = np.flatnonzero(_usable(record, ping))
+    across, depth = (record[name].values[0] for name in ("across_track", "depth"))
     chosen = there[np.unique(np.linspace(0, there.size - 1, MOST_RAYS).round().astype(int))]
     chosen = chosen[np.argsort(across[chosen], kind="stable")]
     head = head_of(line, ping)
@@ -35,12 +35,12 @@ def draw_rays(axes: Axes, line: xr.Dataset, ping: int, water: SoundSpeedProfile 
     for profile, colour, style, words in ((used_profile(line, head), USED, "-", "rays by the profile in use"),
                                           (water, WATER, "--", "rays by the water's own")):
         if profile is not None:
-            ways, depths = ray_lines(one.isel(beam=chosen), head, profile)
+            ways, depths = ray_lines(record.isel(beam=chosen), head, profile)
             axes.plot(ways.T, depths.T, color=colour, linestyle=style, linewidth=0.8)
             axes.plot([], [], color=colour, linestyle=style, linewidth=1.2, label=words)
-    if "true_depth" in one:
+    if "true_depth" in record:
         order = there[np.argsort(across[there], kind="stable")]
-        axes.plot(across[order], one["true_depth"].values[0][order], color="#000000", linewidth=1.4, label="bed")
+        axes.plot(across[order], record["true_depth"].values[0][order], color="#000000", linewidth=1.4, label="bed")
     axes.plot(across[there], depth[there], ".", color="#cc79a7", markersize=4, label="soundings")
     axes.plot(head.across, head.depth, "v", color="#000000", markersize=7)
     axes.invert_yaxis()
@@ -48,9 +48,9 @@ def draw_rays(axes: Axes, line: xr.Dataset, ping: int, water: SoundSpeedProfile 
     key_above(axes)
 
 
-def _of_ping(one: xr.Dataset, ping: int) -> np.ndarray:
+def _usable(record: xr.Dataset, ping: int) -> np.ndarray:
     try:
-        return sounded(one)[0] & np.isfinite(one["angle"].values[0]) & np.isfinite(one["travel_time"].values[0])
+        return sounded(record)[0] & np.isfinite(record["angle"].values[0]) & np.isfinite(record["travel_time"].values[0])
     except ValueError:
         raise ValueError(f"ping {ping} has no valid sounding, so there are no rays to draw; choose another.") from None
 
@@ -70,7 +70,7 @@ def ray_lines(beams: xr.Dataset, head: RayHead, profile: SoundSpeedProfile) -> t
 
 def draw_profiles(axes: Axes, line: xr.Dataset, ping: int, deepest: float,
                   water: SoundSpeedProfile | None = None) -> None:
-    """Draw the profile in use, the water's own and what the head's sensor says, over depth."""
+    """Draw the profile in use, the true profile and the speed of the head's sensor over depth."""
     water = water_profile(line) if water is None else water
     head = head_of(line, ping)
     for profile, colour, style, words in ((used_profile(line, head), USED, "-", "in use"),

@@ -1,9 +1,9 @@
-"""The water column of a line: the fan of one ping with its soundings, and all pings as a curtain along the track.
+"""Water column of a line: the fan of one ping with its soundings, and all pings as a curtain along the track.
 
-A picture's element at a place below the head lies between the rays of two beams, which pass its depth at x_1 <= x < x_2
-after the times t_1 and t_2. It shows the power of both beams, each at its own sample of the time in between, weighted
-with its nearness; samples that are shorter than an element are averaged before. So the picture follows rays that are
-bent as well as straight ones, and beams whose sectors were sent one after the other.
+A pixel at a place below the head lies between the rays of two beams, which pass its depth at x_1 <= x < x_2 after the
+times t_1 and t_2. Its power is interpolated linearly between both beams, each at its own sample at the interpolated time;
+samples shorter than a pixel are averaged first. Bent rays, and sectors sent one after the other, are thus drawn
+correctly.
 """
 from __future__ import annotations
 
@@ -30,45 +30,45 @@ from mitsonar.water.profile import SoundSpeedProfile
 
 from ..images.gain import heard_to
 
-SIZE = 860                         # picture elements of the larger side of the fan
-BELOW, ASIDE = 1.3, 1.12           # times the soundings' reach: how far pictures go, where samples go farther
+SIZE = 860                         # pixels of the longer side of the fan
+BELOW, ASIDE = 1.3, 1.12           # extent of pictures over that of the soundings, if samples go farther
 CURTAIN_BELOW = 1.5
 CURTAIN_ROWS = 600
-LEAST_DOWN = 0.05                  # of a unit vector: flatter beams are left out
-DYNAMIC_DB, LEAST_DB = 70.0, 20.0  # between the first and the last colour
-FAINT, BRIGHT = 5.0, 99.9          # percentiles of both
+LEAST_DOWN = 0.05                  # downward component of a unit vector: flatter beams are left out
+DYNAMIC_DB, LEAST_DB = 70.0, 20.0  # most and least range of the colours
+FAINT, BRIGHT = 5.0, 99.9          # percentiles of the first and the last colour
 Box = tuple[float, float, float]
 COLUMN = ("column_angle", "column_sector", "column_start", "column_rate", "column_level_db")
 _SAMPLED = [*COLUMN, "sector_angle", "sector_absorption_db", "travel_time", *ATTITUDE]
-BLOCK = 32                         # pings that are read together
+BLOCK = 32                         # pings read together
 
 
 @dataclass(frozen=True, kw_only=True)
 class ColumnFan:
-    """The picture of a ping."""
+    """Water column of one ping as a picture."""
 
-    image: np.ndarray  # [dB]: the head's depth first
-    extent: tuple[float, float, float, float]  # [m]: about the reference point, and below the surface
-    gain: str  # formula of the gain in it
-    box: Box  # [m]: how far it goes from the head to port (negative), to starboard and down
+    image: np.ndarray  # [dB], from the head's depth down
+    extent: tuple[float, float, float, float]  # [m]: across from the reference point, and below the surface
+    gain: str  # formula of the applied gain
+    box: Box  # [m]: extent from the head to port (negative), to starboard and down
 
 
 @dataclass(frozen=True, kw_only=True)
 class Curtain:
-    """All pings."""
+    """Water column of all pings over range."""
 
-    edges: np.ndarray  # of the pings, in time [s], or in numbers where times do not rise
-    timed: bool  # they are times
+    edges: np.ndarray  # edges of the pings: times [s], or numbers if times do not increase
+    timed: bool  # True if edges are times
     slant_range: np.ndarray  # [m]: edges of the rows
-    nadir: np.ndarray  # (rows, P) [dB]: mean power of the beam that is the nearest to the vertical
+    nadir: np.ndarray  # (rows, P) [dB]: mean power of the beam nearest to the vertical
     largest: np.ndarray  # (rows, P) [dB]: largest level of any beam
-    bottom: np.ndarray  # (P,) [m]: slant range of the sounding that is the nearest to the vertical
+    bottom: np.ndarray  # (P,) [m]: slant range of the sounding nearest to the vertical
     gain: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class _ColumnBeams:
-    """Samples of a ping that has some, beams from port to starboard."""
+    """Samples of the usable beams of a ping, from port to starboard."""
 
     towards: np.ndarray            # (B, 3) unit vectors
     start: np.ndarray              # (B,) [s]
@@ -79,14 +79,13 @@ class _ColumnBeams:
 
 
 def has_column(line: xr.Dataset) -> bool:
-    """Tell whether a line has a water column."""
+    """Return True if a line has a water column."""
     return set(COLUMN) <= set(line) and line["column_level_db"].size > 0
 
 
 def fan_of_ping(line: xr.Dataset, ping: int, *, bend: bool = True, tvg: Tvg = "recorder",
                 box: Box | None = None) -> ColumnFan:
-    """Lay the water column of a ping out across its track."""
-    # box [m]
+    """Return the water column of a ping as a picture across its track; `box` [m] sets its extent."""
     head = head_of(line, ping)
     beams = _beams(line, ping, head)
     if beams.start.size < 2:
@@ -101,7 +100,7 @@ def fan_of_ping(line: xr.Dataset, ping: int, *, bend: bool = True, tvg: Tvg = "r
     x = np.arange(box[0], box[1], cell) + 0.5 * cell
     depth = np.arange(0, box[2], cell) + 0.5 * cell
     gain, words = _held_gain(beams, head, tvg)
-    samples = 2 * cell / head.sound_speed * float(np.median(beams.rate))                # to an element
+    samples = 2 * cell / head.sound_speed * float(np.median(beams.rate))                # in a pixel
     power = _averaged(power_from_db(beams.level + gain), int(samples))
     image = np.full((depth.size, x.size), np.nan)
     passed = [np.array([np.interp(head.depth + depth, edges, part, right=np.nan) for part in parts])
@@ -114,32 +113,32 @@ def fan_of_ping(line: xr.Dataset, ping: int, *, bend: bool = True, tvg: Tvg = "r
 
 
 def _sampled(line: xr.Dataset) -> list[str]:
-    """Variables that the samples of a ping are drawn by."""
+    """Return the names of the variables needed to draw the samples of a ping."""
     return [*_SAMPLED, *(name for name in SEVERAL if name in line)]
 
 
 def _beams(line: xr.Dataset, ping: int, head: RayHead) -> _ColumnBeams:
-    one = line[_sampled(line)].isel(ping=ping)
-    level = one["column_level_db"].values
-    start, rate, angle = (one[f"column_{name}"].values.astype(float) for name in ("start", "rate", "angle"))
-    echo = one["travel_time"].values[np.isfinite(one["travel_time"].values)]
+    record = line[_sampled(line)].isel(ping=ping)
+    level = record["column_level_db"].values
+    start, rate, angle = (record[f"column_{name}"].values.astype(float) for name in ("start", "rate", "angle"))
+    echo = record["travel_time"].values[np.isfinite(record["travel_time"].values)]
     receive = receiving_axes(line, ping, head, np.array([np.median(echo) if echo.size else 0.0]))
-    steered = np.append(one["sector_angle"].values, 0.0)                        # the last is that of unknown sectors
-    number = one["column_sector"].values
+    steered = np.append(record["sector_angle"].values, 0.0)                     # the last is for unknown sectors
+    number = record["column_sector"].values
     towards = launches(head, angle, steered[np.where((number >= 0) & (number < steered.size - 1), number, -1)], receive)
     known = np.isfinite(level)
     use = (towards[:, 2] > LEAST_DOWN) & known.any(1) & np.isfinite(start) & (rate > 0)
     order = np.flatnonzero(use)[np.argsort(np.arctan2(towards[use, 1], towards[use, 2]), kind="stable")]
     level, start, rate, known = level[order], start[order], rate[order], known[order]
     last = level.shape[1] - known[:, ::-1].argmax(1)
-    absorption = one["sector_absorption_db"].values
+    absorption = record["sector_absorption_db"].values
     absorption = absorption[np.isfinite(absorption) & (absorption >= 0)]
     return _ColumnBeams(towards=towards[order], start=start, rate=rate, level=level, ends=start + last / rate,
-                  absorption=float(absorption.mean()) if absorption.size else 0.0)
+                        absorption=float(absorption.mean()) if absorption.size else 0.0)
 
 
 def _gain(time: np.ndarray, beams: _ColumnBeams, head: RayHead, tvg: Tvg) -> tuple[np.ndarray, str]:
-    """The gain [dB] at two-way times (...), and its formula."""
+    """Return the gain [dB] at two-way times (...), and its formula."""
     away = xr.Dataset(coords={"range": 0.5 * head.sound_speed * time.ravel()},
                       attrs={"absorption_db": beams.absorption})
     gain, words = display_gain(away, tvg)
@@ -147,7 +146,7 @@ def _gain(time: np.ndarray, beams: _ColumnBeams, head: RayHead, tvg: Tvg) -> tup
 
 
 def _held_gain(beams: _ColumnBeams, head: RayHead, tvg: Tvg) -> tuple[np.ndarray, str]:
-    """The gain (B, S) of the samples, held from where noise hides the bed, and its formula."""
+    """Return the gain (B, S) of the samples, constant beyond the range at which noise hides the bed, and its formula."""
     time = beams.start[:, None] + np.arange(beams.level.shape[1]) / beams.rate[:, None]
     gain, words = _gain(time, beams, head, tvg)
     shared = int(np.isfinite(beams.level).all(0).sum())
@@ -170,14 +169,14 @@ def _box(one: xr.Dataset, head: RayHead, beams: _ColumnBeams, edges: np.ndarray,
     if there.any():
         depth, across = one["depth"].values[there] - head.depth, one["across_track"].values[there] - head.across
         below = min(below, BELOW * max(float(depth.max()), 1e-3))
-        least = 0.3 * below                                  # a few soundings on one side do not hide the other
+        least = 0.3 * below                                  # soundings on one side only must not hide the other side
         port = max(port, min(ASIDE * float(across.min()), -least))
         starboard = min(starboard, max(ASIDE * float(across.max()), least))
     return port, max(starboard, port + 1e-3), max(below, 1e-3)
 
 
 def _averaged(power: np.ndarray, width: int) -> np.ndarray:
-    """Powers (B, S) averaged over so many samples, which a picture's element has."""
+    """Return powers (B, S) averaged over the `width` samples of a pixel."""
     if width < 2:
         return power
     known = np.isfinite(power)
@@ -187,7 +186,7 @@ def _averaged(power: np.ndarray, width: int) -> np.ndarray:
 
 
 def _row(x: np.ndarray, places: np.ndarray, times: np.ndarray, beams: _ColumnBeams, power: np.ndarray) -> np.ndarray:
-    """Powers at places x of one depth, which beams' rays pass at some places after two-way times."""
+    """Return powers at places x of one depth, which the beams' rays pass at `places` after two-way `times`."""
     there = np.flatnonzero(np.isfinite(places) & np.isfinite(times))
     if there.size < 2:
         return np.full(x.size, np.nan)
@@ -209,7 +208,7 @@ def _row(x: np.ndarray, places: np.ndarray, times: np.ndarray, beams: _ColumnBea
 
 
 def column_window(*images: np.ndarray) -> tuple[float, float]:
-    """Return the levels [dB] of the first and the last colour, wide enough for the ring of side lobes under the bed."""
+    """Return the levels [dB] of the first and the last colour, which include the ring of side lobes under the bed."""
     shown = np.concatenate([image[np.isfinite(image)] for image in images])
     if not shown.size:
         return 0.0, 1.0
@@ -218,7 +217,7 @@ def column_window(*images: np.ndarray) -> tuple[float, float]:
 
 
 def curtain(line: xr.Dataset, tvg: Tvg = "recorder") -> Curtain:
-    """Gather the water column of all pings, of which some are in memory at a time."""
+    """Return the water column of all pings; only a block of pings is in memory at a time."""
     pings, still = line.sizes["ping"], line[[name for name in (*HELD, *SEVERAL) if name in line]].load()
     heads = [head_of(still, ping) for ping in range(pings)]
     reach, length = _reach(line, heads)
@@ -228,8 +227,8 @@ def curtain(line: xr.Dataset, tvg: Tvg = "recorder") -> Curtain:
     words = ""
     for ping, head in enumerate(heads):
         if ping % BLOCK == 0:
-            some = line[_sampled(line)].isel(ping=slice(ping, ping + BLOCK)).load()
-        beams = _beams(some, ping % BLOCK, head)
+            block = line[_sampled(line)].isel(ping=slice(ping, ping + BLOCK)).load()
+        beams = _beams(block, ping % BLOCK, head)
         if beams.start.size:
             down = int(np.argmax(beams.towards[:, 2]))
             nadir[:, ping], words = _by_row(beams, np.array([down]), head, edges, tvg)
@@ -257,9 +256,9 @@ def _reach(line: xr.Dataset, heads: list[RayHead]) -> tuple[float, float]:
     return max(reach, 1e-3), 0.5 * speed / float(rate[known].min())
 
 
-def _by_row(beams: _ColumnBeams, chosen: np.ndarray, head: RayHead, edges: np.ndarray, tvg: Tvg) -> tuple[np.ndarray,
-                                                                                                          str]:
-    """Mean power over the samples of each row of the largest of some beams, with its gain, and the gain's formula."""
+def _by_row(beams: _ColumnBeams, chosen: np.ndarray, head: RayHead, edges: np.ndarray,
+            tvg: Tvg) -> tuple[np.ndarray, str]:
+    """Return the mean power in each row, with gain, of the strongest of the chosen beams, and the gain's formula."""
     rows, words = edges.size - 1, ""
     samples = np.arange(beams.level.shape[1])
     best = np.full(rows, -np.inf)
