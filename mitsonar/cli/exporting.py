@@ -34,7 +34,7 @@ def add(commands: Commands) -> None:
     convert.add_argument("--start", metavar="DATE",
                          help="date of time 0, such as 2026-05-01T10:00:00Z; default: 1970")
     convert.add_argument("--coordinates", choices=("degrees", "metres"),
-                         help="unit of positions in an XTF; default: degrees where the scene's coordinate system is known")
+                         help="unit of positions in an XTF; default: degrees if the coordinate system is known")
     convert.set_defaults(run=_convert)
 
     mosaic = commands.add_parser("mosaic", help="lay sidescan images on a map, as a GeoTIFF")
@@ -46,8 +46,7 @@ def add(commands: Commands) -> None:
     mosaic.add_argument("--place", default="flat", choices=("flat", "truth"),
                         help="position of bins: on a level bed below each ping (default), or at the image's true depth")
     mosaic.add_argument("--blend", default="nearest", choices=("nearest", "feather", "mean"),
-                        help="rule where swaths overlap: the nearest track (default), less weight towards the edges, or the "
-                             "mean")
+                        help="rule for overlapping swaths: nearest track (default), less weight to the edges, or the mean")
     mosaic.add_argument("--gain", default="seabed", choices=("seabed", "target", "angle", "none"),
                         help="gain of levels: over range; or angle: equal medians at every angle from nadir")
     mosaic.add_argument("--fill", type=number, metavar="M",

@@ -34,7 +34,8 @@ def add(commands: Commands) -> None:
                              "the plan or images")
     labels.add_argument("--tile", type=_size, metavar="PINGSxBINS",
                         help="cut the pictures into tiles, as 512x512; for arrays BINSxBEAMS, in metres ROWSxCOLUMNS")
-    labels.add_argument("--overlap", type=float, default=0.0, metavar="SHARE", help="overlap of neighbouring tiles; default: 0")
+    labels.add_argument("--overlap", type=float, default=0.0, metavar="SHARE",
+                        help="overlap of neighbouring tiles; default: 0")
     labels.add_argument("--drop-empty", action="store_true", help="leave out pictures and tiles without annotations")
     labels.add_argument("--cartesian", action="store_true",
                         help="draw fans and rotating heads in metres; default: a column per beam")

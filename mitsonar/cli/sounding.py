@@ -81,7 +81,7 @@ def _is_recorded(path):
 def _simulated(arguments, place, progress):
     """Write soundings of a scene; return the number of pings kept from an interrupted run, and the written line.
 
-    Pings go into a file beside the output, from which an interrupted command continues. The output is written at the end.
+    Pings go into a file beside the output, from which an interrupted command continues. The output is written last.
     """
     if arguments.head_speed is not None:
         raise ValueError("--head-speed applies to recorded lines; in a scene write head_speed_error of the sensor.")

@@ -269,7 +269,8 @@ def _places(soundings: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return good, x[good] + east, y[good] + north
 
 
-def _points(lines: list[xr.Dataset], grid: SoundingGrid, rule: Rule) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def _points(lines: list[xr.Dataset], grid: SoundingGrid,
+            rule: Rule) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Yield cell numbers, depths and uncertainties of the soundings, line by line."""
     for soundings in lines:
         good, x, y = _places(soundings)
@@ -299,8 +300,8 @@ def _check(lines: list[xr.Dataset], cell: float, rule: str, least: int) -> None:
         raise ValueError(f'a grid\'s rule is "{rule}"; give one of {", ".join(RULES)}.')
     if least < 1:
         raise ValueError(f"a cell is to have at least {least!r} soundings; give a whole number of 1 or more.")
-    if rule == "weighted" and any("uncertainty" not in one for one in lines):
+    if rule == "weighted" and any("uncertainty" not in line for line in lines):
         raise ValueError("soundings without uncertainty cannot be weighted by it; add it, or take the mean.")
-    systems = {one.attrs.get("crs") for one in lines}
+    systems = {line.attrs.get("crs") for line in lines}
     if len(systems) > 1:
         raise ValueError(f"lines in {' and '.join(sorted(map(str, systems)))} cannot be on one grid; give one system.")

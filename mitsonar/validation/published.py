@@ -11,8 +11,8 @@ constant gradient dc/dh = -5 1/s reproduces both columns if its speed at the bed
     cosh(g t) = 1 + g² D² / (2 c_I c_F)
 
 The hit then lies 11.369819 m from the transmission: the receiver is 0.125 m behind and 0.118 m below it, on a face
-tilted by 47 degrees, published as "around 40". The second time is printed as ...573 in the available copy; its speed and
-the published difference of 23 ns, 1/87 of a period at 500 kHz, give ...578.
+tilted by 47 degrees, published as "around 40". The second time is printed as ...573 in the available copy; its speed
+and the published difference of 23 ns, 1/87 of a period at 500 kHz, give ...578.
 
 Law of effective speed against height, its coefficient by regression, and its limits:
 

@@ -1,7 +1,7 @@
 """Report of comparisons: lines on the terminal, and a folder with report.md and a picture for every case.
 
-The folder is written under another name beside its place, and renamed when it is complete. The picture of a case has its
-panels side by side, with lines for expected and points for computed values.
+The folder is written under another name beside its place, and renamed when it is complete. The picture of a case has
+its panels side by side, with lines for expected and points for computed values.
 """
 import os
 import secrets

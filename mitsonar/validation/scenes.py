@@ -35,7 +35,7 @@ def sidescan(shapes: Mapping[str, Any], *, depth: float = 20.0, pings: int = 4, 
 def array_sonar(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: Attributes | None = None,
                 water: Attributes | None = None, film: Attributes | None = None,
                 integrator: Attributes | None = None) -> "mi.Scene":
-    """Load a scene of one omnidirectional element that sends and receives, by default 100 kHz to 30 m; as `sidescan`."""
+    """Load a scene of one omnidirectional transducer, by default 100 kHz to 30 m; see `sidescan`."""
     return loaded(shapes, {"type": "array_sonar", "frequency_khz": 100.0}, at_rest(depth), sensor, water,
                    {"range": 30.0, **(film or {})}, integrator or {})
 

@@ -58,7 +58,7 @@ def files(folder):
 def test_the_same_command_goes_on_and_the_bytes_are_those_of_one_run(variant, scene, capfd, interrupted):
     name, options = "line.nc", ("-o", "line.nc", "--column")
     assert run(*options) == 0
-    assert "from before" not in capfd.readouterr().err and files(scene) == [name]
+    assert "already in the file" not in capfd.readouterr().err and files(scene) == [name]
     whole = (scene / name).read_bytes()
     os.remove(name)
     interrupted(*options)

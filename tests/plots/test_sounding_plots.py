@@ -298,7 +298,7 @@ def test_the_quality_of_each_way_of_detection_stands_where_it_was_used():
     uncertainty, quality, shares = plots.line_figure(FULL, "quality").axes
     angle, by_phase = curve(quality, "by phase")
     assert np.isnan(by_phase[np.abs(angle) < 20]).all() and by_phase[np.abs(angle) > 30] == pytest.approx(2.5)
-    angle, said = curve(uncertainty, "said: of depth")
+    angle, said = curve(uncertainty, "stated: of depth")
     assert said == pytest.approx(0.05 + 0.1 * np.deg2rad(np.abs(angle)), abs=0.006)
     heights = [[bar.get_height() for bar in group] for group in shares.containers]
     assert np.sum(heights, 0) == pytest.approx(100)

@@ -16,7 +16,7 @@ from collections.abc import Callable
 LOCK = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "requirements.lock")
 LOCKED = ("--require-hashes", "--only-binary", ":all:", "-r", LOCK)
 CHECKOUT = ("--no-deps", "--no-build-isolation", "-e")
-SYSTEM_CERTIFICATES = "/etc/ssl/certs/ca-certificates.crt"  # the only ones that Debian's pip uses; a bare system has none
+SYSTEM_CERTIFICATES = "/etc/ssl/certs/ca-certificates.crt"  # the only ones of Debian's pip; a bare system has none
 SHOWN = re.compile(r"\s*(?:Downloading .*\([\d.]+ ?[MG]i?B\)|Installing collected|Building|Could not fetch|WARNING"
                    r"|ERROR|error\b)")
 WIDEST, LONGEST = 160, 500  # most characters of a line that is passed on, and of a reason
@@ -65,7 +65,8 @@ def _by_pip(folder, root, say):
         venv.create(folder, symlinks=True, with_pip=has_pip)
     except (OSError, subprocess.CalledProcessError) as error:
         output = (getattr(error, "output", None) or b"").decode(errors="replace").strip().splitlines()
-        raise SetupError(f"Could not make a Python environment in {folder}: {output[-1] if output else error}.") from None
+        reason = output[-1] if output else error
+        raise SetupError(f"Could not make a Python environment in {folder}: {reason}.") from None
     pip, variables = ["-m", "pip"], {}
     if not has_pip:
         wheel = _debian_pip(folder, say)

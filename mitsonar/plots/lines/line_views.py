@@ -78,7 +78,7 @@ def _since(line: xr.Dataset) -> str:
 WIDE = 1200                        # pixels
 LONGER, SHORTER = 1000, 330        # pixels: longer side of a map, and least shorter side
 LEAST_WIDE = 800                   # least width of a map, for its title
-FLAT = 1.6                         # largest ratio of a panel's sides [m] for equal scales, which leave most of the paper empty beyond
+FLAT = 1.6                         # largest ratio of a panel's sides [m] with equal scales
 HEAD_ROOM = 62                     # pixels for the title
 OF_A_PING, OF_LEVELS = ("column", "rays", "overview"), ("column", "curtain", "overview")
 

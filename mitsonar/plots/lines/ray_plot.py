@@ -50,7 +50,8 @@ def draw_rays(axes: Axes, line: xr.Dataset, ping: int, water: SoundSpeedProfile 
 
 def _usable(record: xr.Dataset, ping: int) -> np.ndarray:
     try:
-        return sounded(record)[0] & np.isfinite(record["angle"].values[0]) & np.isfinite(record["travel_time"].values[0])
+        known = np.isfinite(record["angle"].values[0]) & np.isfinite(record["travel_time"].values[0])
+        return sounded(record)[0] & known
     except ValueError:
         raise ValueError(f"ping {ping} has no valid sounding, so there are no rays to draw; choose another.") from None
 

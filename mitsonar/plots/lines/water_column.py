@@ -1,8 +1,8 @@
 """Water column of a line: the fan of one ping with its soundings, and all pings as a curtain along the track.
 
 A pixel at a place below the head lies between the rays of two beams, which pass its depth at x_1 <= x < x_2 after the
-times t_1 and t_2. Its power is interpolated linearly between both beams, each at its own sample at the interpolated time;
-samples shorter than a pixel are averaged first. Bent rays, and sectors sent one after the other, are thus drawn
+times t_1 and t_2. Its power is interpolated linearly between both beams, each at its own sample of the interpolated
+time; samples shorter than a pixel are averaged first. Bent rays, and sectors sent one after the other, are thus drawn
 correctly.
 """
 from __future__ import annotations
@@ -146,7 +146,7 @@ def _gain(time: np.ndarray, beams: _ColumnBeams, head: RayHead, tvg: Tvg) -> tup
 
 
 def _held_gain(beams: _ColumnBeams, head: RayHead, tvg: Tvg) -> tuple[np.ndarray, str]:
-    """Return the gain (B, S) of the samples, constant beyond the range at which noise hides the bed, and its formula."""
+    """Return the gain (B, S) of the samples, constant from where noise hides the bed, and its formula."""
     time = beams.start[:, None] + np.arange(beams.level.shape[1]) / beams.rate[:, None]
     gain, words = _gain(time, beams, head, tvg)
     shared = int(np.isfinite(beams.level).all(0).sum())

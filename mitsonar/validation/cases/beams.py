@@ -127,5 +127,5 @@ def _run(quick):
 CASE = Case(title="Beam patterns and directivity", run=_run, text=(
     "Continuous lines sin x/x, pistons 2 J₁(x)/x, lines of elements |sin Nu/(N sin u)|, windows over 16 elements "
     "(measured once by other means), directivity indices by closed sums and quadrature (Van Trees 2002; Urick 1983). "
-    "The allowed error is the last digit of the numbers. Side lobes of windows are found on a grid. The quick run is the "
-    "same."))
+    "The allowed error is the last digit of the numbers. Side lobes of windows are found on a grid. The quick run is "
+    "the same."))

@@ -61,4 +61,5 @@ CASE = Case(title="Ghosts of a target by way of the surface", run=_run, text=(
     "A point target 15 m deep, 30 m from an element 10 m deep, under a flat surface, R = -1: echoes along the straight "
     "ray, by way of the surface once (there or back, two that coincide) and twice, time T_out + T_back and pressure "
     "(c_h/c₀)/√(A_out A_back) with the eigenrays of water unfolded about the surface. Every echo is in the nearest "
-    "sample of 0.1 µs, so the allowed error of times is half of that; of levels it is 0.02 dB. The quick run is the same."))
+    "sample of 0.1 µs, so the allowed error of times is half of that; of levels it is 0.02 dB. The quick run is the "
+    "same."))

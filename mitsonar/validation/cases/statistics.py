@@ -41,8 +41,8 @@ def _patchy(shape, pings):
     images = []
     for patches in ({}, {"patchiness": shape, "patch_size": PATCH}):
         scene = scenes.sidescan(
-            {"bed": scenes.bed(40.0, {**scenes.lambert(-27.0), **patches}, size=20.0 * PATCH + PATCH * pings)}, depth=20.0,
-            rays=25_000, pings=pings, sensor={**track, "speckle": bool(patches)},
+            {"bed": scenes.bed(40.0, {**scenes.lambert(-27.0), **patches}, size=20.0 * PATCH + PATCH * pings)},
+            depth=20.0, rays=25_000, pings=pings, sensor={**track, "speckle": bool(patches)},
             film={"range_min": 25.0, "range": 46.0, "bins": 280})
         images.append(mitsonar.render(scene, seed=5))
     mean = 10 ** (images[0]["mean_level"].values.astype(float) / 10)
@@ -123,5 +123,5 @@ CASE = Case(title="Statistics of echoes", run=_run, text=(
     "Bins one pulse long of a sidescan over a flat bed, and samples of element signals: intensity is exponential, "
     "second moment 2, -2.507 ± 5.570 dB in decibels; a bed whose strength varies by patches of 16 m, one patch a "
     "resolution cell and ping: K distribution, second moment 2(1 + 1/ν) (Jakeman and Pusey 1976; Abraham and Lyons "
-    "2002). The allowed errors are three standard errors of moments, 3 % more for patches that sidelobes reach, and the "
-    "Kolmogorov-Smirnov distance that one sample in a hundred exceeds. Seeds are fixed."))
+    "2002). The allowed errors are three standard errors of moments, 3 % more for patches that sidelobes reach, and "
+    "the Kolmogorov-Smirnov distance that one sample in a hundred exceeds. Seeds are fixed."))

@@ -22,9 +22,9 @@ DIHEDRAL, SQUARE = (0.2, 0.3), 0.2                 # [m] sides
 
 
 def strength_db(shapes: dict[str, Any], bounces: int = 1, middle: float = DISTANCE) -> float:
-    """Return the target strength [dB re 1 m²] of bodies at `DISTANCE`: the echo's spectrum at the carrier less spreading.
+    """Return the target strength [dB re 1 m²] of bodies at `DISTANCE`: the echo's spectrum at the carrier.
 
-    `middle` [m] replaces one of the two ranges, for a sphere the range of its centre.
+    Spreading is removed; `middle` [m] replaces one of the two ranges, for a sphere the range of its centre.
     """
     import mitsonar
 

@@ -34,7 +34,7 @@ def _layered(sonar, slant_range, width):
     across = np.sqrt(1 - u * u)[:, None]
     pattern = sonar.along_intensity(u)[:, None] * sonar.across_intensity(
         across * np.sin(phi - sonar.depression_angle))
-    # the beam's share above the direction sine d, Ψ(d) = ∫ B [sin < d] dΩ, by a fine histogram
+    # the beam's share of directions with sin < d, d the depth per metre of range: Ψ(d) = ∫ B [sin < d] dΩ, by a histogram
     solid = pattern * np.gradient(u)[:, None] * (phi[1] - phi[0])
     edges = np.linspace(-1, 1, 4001)
     share = np.append(0, np.cumsum(np.histogram(across * np.sin(phi), edges, weights=solid)[0]))
@@ -71,5 +71,5 @@ def _run(quick):
 CASE = Case(title="Volume reverberation", run=_run, text=(
     "A sidescan in the middle of deep water: level of every bin against SL - 20 log R - 2αR + S_v + 10 log(ψcτ/2) "
     "(Urick 1983), ψ = ∫ b_t² b_r² dΩ of a face; and of a layer below the sonar against the same equation integrated "
-    "over directions, ∫ b_t² b_r² s_v(z + R sin) dΩ. The allowed error is 0.2 dB in every bin, and less in the mean over "
-    "bins, because the scatter of rays averages out."))
+    "over directions, ∫ b_t² b_r² s_v(z + R sin) dΩ. The allowed error is 0.2 dB in every bin, and less in the mean "
+    "over bins, because the scatter of rays averages out."))
