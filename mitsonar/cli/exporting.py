@@ -46,7 +46,7 @@ def add(commands: Commands) -> None:
     mosaic.add_argument("--place", default="flat", choices=("flat", "truth"),
                         help="position of bins: on a level bed below each ping (default), or at the image's true depth")
     mosaic.add_argument("--blend", default="nearest", choices=("nearest", "feather", "mean"),
-                        help="rule for overlapping swaths: nearest track (default), less weight to the edges, or the mean")
+                        help="rule for overlapping swaths: nearest track (default), less weight to edges, or the mean")
     mosaic.add_argument("--gain", default="seabed", choices=("seabed", "target", "angle", "none"),
                         help="gain of levels: over range; or angle: equal medians at every angle from nadir")
     mosaic.add_argument("--fill", type=number, metavar="M",

@@ -168,17 +168,13 @@ def set_up(folder: str) -> None:
             if os.path.lexists(waiting):
                 os.rename(waiting, folder)
         elif isinstance(error, SetupError):  # an interruption leaves the mark "unfinished"
-            _restore(folder, before)
+            if before is None:
+                os.unlink(_state_file(folder))
+            else:
+                _write(_state_file(folder), before)
         raise
     _write(_state_file(folder), _identity(folder) + _digest() + (ADDED_TO if foreign else b""))
     shutil.rmtree(waiting, ignore_errors=True)
-
-
-def _restore(folder, state):
-    if state is None:
-        os.unlink(_state_file(folder))
-    else:
-        _write(_state_file(folder), state)
 
 
 def about_import(error: ImportError) -> str:

@@ -94,5 +94,5 @@ CASE = Case(title="Return times: the vector approximation", run=_run, text=(
     "Table 1 of the published method and its coefficient 0.503 computed again; return times to elements beside the "
     "origin against exact eigenrays of 34 digits; a sonar under way in uniform water against the closed quadratic "
     "t = [w·v + √((w·v)² + (c² - v²)w²)]/(c² - v²); and random hits 20 to 200 m away, rays steeper than 5 degrees, "
-    "against eigenrays to every element. The allowed error is the printed digit, or 0.6 ns, the error left by the guard "
-    "of 0.5 ns."))
+    "against eigenrays to every element. The allowed error is the printed digit, or 0.6 ns, the error left by the "
+    "guard of 0.5 ns."))

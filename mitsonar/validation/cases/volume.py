@@ -34,7 +34,7 @@ def _layered(sonar, slant_range, width):
     across = np.sqrt(1 - u * u)[:, None]
     pattern = sonar.along_intensity(u)[:, None] * sonar.across_intensity(
         across * np.sin(phi - sonar.depression_angle))
-    # the beam's share of directions with sin < d, d the depth per metre of range: Ψ(d) = ∫ B [sin < d] dΩ, by a histogram
+    # the beam's share of directions with sin < d, d depth per metre of range: Ψ(d) = ∫ B [sin < d] dΩ, by a histogram
     solid = pattern * np.gradient(u)[:, None] * (phi[1] - phi[0])
     edges = np.linspace(-1, 1, 4001)
     share = np.append(0, np.cumsum(np.histogram(across * np.sin(phi), edges, weights=solid)[0]))
