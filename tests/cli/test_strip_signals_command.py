@@ -61,8 +61,8 @@ def test_scatterers_are_written_beside_and_longer_work_is_told(variant, folder, 
 @pytest.mark.parametrize("options, words", [
     (("--scatterers", "raw.nc"), "raw.nc is the name of two outputs"),
     (("--scatterers", "a.csv"), "cannot write a.csv: its name must end in .nc"),
-    (("--response",), "--response is for other arrays"), (("--ping", "1"), "--ping is of arrays"),
-    (("--kernel", "nearest"), "--kernel is of arrays"), (("--path", "b"), "--path is of arrays"),
+    (("--response",), "--response is for other arrays"), (("--ping", "1"), "--ping is for other arrays"),
+    (("--kernel", "nearest"), "--kernel is for other arrays"), (("--path", "b"), "--path is for other arrays"),
     (("-o", "raw.h5"), "its name must end in .nc")])
 def test_options_of_other_arrays_are_refused(variant, refusal, options, words):
     assert words in refusal(*SIGNALS, *options)

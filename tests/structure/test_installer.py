@@ -88,6 +88,6 @@ def test_a_certificate_that_is_not_trusted_is_told(tmp_path, monkeypatch, strang
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("PIP_CONFIG_FILE", "/dev/null")
     monkeypatch.setenv("PIP_RETRIES", "0")
-    with pytest.raises(installer.SetupError, match="CERTIFICATE_VERIFY_FAILED.* name the file of them by PIP_CERT"):
+    with pytest.raises(installer.SetupError, match="CERTIFICATE_VERIFY_FAILED.* set PIP_CERT and SSL_CERT_FILE"):
         installer.run(str(tmp_path), print, sys.executable, "-m", "pip", "install", "--index-url",
                       f"https://127.0.0.1:{stranger}/simple", "no-such-package")
