@@ -40,7 +40,7 @@ def test_a_written_answer_is_drawn_and_nothing_else_of_it(folder, answered, refu
     assert cli.main(["fit", "scene.xml", "a.exr", "x=1", "-o", "a.nc"]) == 0
     assert cli.main(["plot", "a.nc"]) == 0
     assert (folder / "a_fit.png").read_bytes().startswith(b"\x89PNG")
-    assert "has the plot fit alone" in refusal("plot", "a.nc", "--what", "waterfall")
+    assert "whose only plot is fit" in refusal("plot", "a.nc", "--what", "waterfall")
     assert "the picture of a fit has no --ping, --tvg" in refusal("plot", "a.nc", "--ping", "1", "--tvg", "none")
 
 
