@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING
 
 from mitsonar.io.scene_files import scenes
 
@@ -97,7 +97,7 @@ def _simulated(arguments, place, progress):
     total: list[int] = []
     scene = load_file(scenes.find(arguments.scene), **parameters(arguments))
 
-    def pings_from(number: int) -> Iterator[Any]:
+    def pings_from(number: int) -> Iterator[xr.Dataset]:
         began.append(number)
         return sounded_pings(scene, arguments.seed, arguments.profile, sensor=arguments.sensor, column=arguments.column,
                              snippets=arguments.snippets, start=number, count=total.append)

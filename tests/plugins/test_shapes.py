@@ -202,7 +202,7 @@ def test_bathymetry_attributes(survey):
     ({"vertical": "down"}, 'vertical is the string "down"; expected one of "auto", "elevation", "depth"'),
     ({"depth": 5.0}, 'unknown attribute "depth"'),
     ({"crop": "400000, 6000058, 400004, 6000060"}, "1 x 2 nodes are left"),
-    ({"crop": "400041, 6000037, 400043, 6000039"}, "there is no depth in the part asked for, only holes"),
+    ({"crop": "400041, 6000037, 400043, 6000039"}, "the requested part has no depths, only holes"),
     ({"crop": "400000, 6000056, 400003, 6000060", "local_origin": "0, 0"}, "holds no two neighbouring"),
 ])
 def test_bathymetry_refusals(survey, attributes, said):

@@ -89,8 +89,7 @@ def receiving_axes(line: xr.Dataset, ping: int, head: RayHead, time: np.ndarray)
     clock, angles = clock[known], [values[known] for values in angles]
     north = float(np.nan_to_num(line["ping_heading"][ping]))
     inside = (when >= clock[0]) & (when <= clock[-1])
-    roll, pitch, heading = (np.interp(when[inside], clock, values)
-                            for values in (*attitudes[:2], np.unwrap(attitudes[2])))
+    roll, pitch, heading = (np.interp(when[inside], clock, values) for values in (*angles[:2], np.unwrap(angles[2])))
     record = _with_head(line[[name for name in (*ATTITUDE, *SEVERAL) if name in line]].isel(ping=ping))
     axes[inside] = _turned(_mounting(record, "receive"), roll, pitch, heading - north)
     return axes
