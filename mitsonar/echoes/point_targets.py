@@ -1,10 +1,10 @@
 """Point targets: scatterers with a target strength instead of an area, and with a phase that is not random.
 
-A target echoes with the pressure f = 10^(TS/20) along every leg: straight, by way of a flat sea surface (`sights`) or
-of the bed (`bed_mirror`). It may lie on a surface, which then does not hide it.
+A target echoes with the pressure f = 10^(TS/20) along every leg: straight, by way of a flat sea surface or of the
+bed (`sights`). It may lie on a surface, which then does not hide it.
 
-A target with a scattering function is a row of such targets at one place, the taps of `scattering.echo_taps`. Their
-pressures are complex and depend on the directions that sound comes from and goes to; each tap has its own delay.
+A target with a scattering function is a row of such targets at one place, the taps of `scattering.bodies.echo_taps`.
+Their pressures are complex and depend on the directions that sound comes from and goes to; each tap has its own delay.
 """
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ def altered(scene: mi.Scene, before: dict[str, Any]) -> list[str]:
 
 
 def _numbers(value):
-    """The value, or the matrix of a transform."""
+    """Return the value, or the matrix of a transform."""
     return getattr(value, "matrix", value)
 
 

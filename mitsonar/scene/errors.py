@@ -76,9 +76,9 @@ def _strip_tag(text):
 def _sentence(text):
     if text.startswith("Traceback (most recent call last)"):
         return _sentence(_strip_tag(_raised(text)))
-    for pattern, say in _SENTENCES:
+    for pattern, write in _SENTENCES:
         if match := pattern.match(text):
-            return say(match)
+            return write(match)
     return " ".join(text.split())
 
 
@@ -139,7 +139,7 @@ def _not_pairs(match):
     return f'the table holds "{match[1]}"; expected pairs with a colon, such as depth:speed in 0:1490.5, 10:1485.'
 
 
-_SENTENCES = [(re.compile(pattern, re.DOTALL), say) for pattern, say in (
+_SENTENCES = [(re.compile(pattern, re.DOTALL), write) for pattern, write in (
     (r"Found \d+ unreferenced propert\w+ in (?P<kind>\S+) plugin of type \"(?P<plugin>.*?)\":\n(?P<list>.*)",
      _unreferenced),
     (r"Found unused parameters:\n(?P<list>.*)", _unused),

@@ -100,7 +100,7 @@ def _children(thing):
 
 
 def _check_kind(shape, material, inside):
-    """Refuse a material of Mitsuba's that holds one of mitsonar's: its value knows neither frequency nor mirrors."""
+    """Refuse a material of Mitsuba's that holds one of mitsonar's: its value has neither frequency nor mirrors."""
     if hasattr(material, "patchy_strength"):
         return
     for part in inside:

@@ -15,7 +15,7 @@ from .shadows.exposure import exposed_shares
 
 
 def scene_of(shapes: Sequence[mi.Shape]) -> mi.Scene:
-    """Return a scene of some shapes of another one, which keep their ids, to trace rays against these alone."""
+    """Return a scene of these shapes alone, which keep their ids, to trace rays against them."""
     names = [shape.id() for shape in shapes]
     scene = mi.load_dict({"type": "scene", **{f"part{number}": shape for number, shape in enumerate(shapes)}},
                          optimize=False)
@@ -30,7 +30,7 @@ MOST_NAMES = 5                     # in the warning about objects that no ping s
 
 def annotated(image: xr.Dataset, classes: dict[int, str], class_of: dict[int, int], geometry: Geometry,
               places: np.ndarray) -> xr.Dataset:    # places (P, 3) [m]: the sonar's
-    """Return an image with attributes that describe its scene, and which objects it does not show."""
+    """Return an image with attributes that describe its scene, and with the names of objects that it does not show."""
     image = image.assign_attrs(known(classes, class_of, geometry, places))
     return image.assign_attrs(unseen=unseen(image))
 

@@ -1,8 +1,8 @@
-"""Partners of path ends: the end of the same row that each end is connected with, chosen by what the pair would bring.
+"""Partners of path ends: the end of the same row that each end is connected with, chosen by the pair's likely energy.
 
 M candidates are drawn without regard to the scene (`partners`), each with its probability q_k. One is kept with a
-probability proportional to f_k / q_k, where f is the square root of about what the pair brings: the sonar equation of
-the path along the straight line between the ends, ignoring obstacles. The path's energy is then divided by
+probability proportional to f_k / q_k, where f is the square root of the pair's likely energy, by the sonar equation
+of the path along the straight line between the ends, ignoring obstacles. The path's energy is then divided by
 
     q = f M / Σ_k (f_k / q_k)
 
@@ -92,21 +92,21 @@ class ChosenPartners:
         def add_candidate(k: mi.UInt32, total: mi.Float, partner: mi.UInt32, worth: mi.Float) -> tuple[Any, ...]:
             candidate_key = salted(key, Salt.CANDIDATE, k)
             candidate, chance = partners(strata, candidate_key)
-            brings = self._brings(a, b.chosen(candidate), dr.gather(mi.Float, seen, candidate), strata, folded, wanted)
-            weight = brings / chance
+            value = self._value(a, b.chosen(candidate), dr.gather(mi.Float, seen, candidate), strata, folded, wanted)
+            weight = value / chance
             total = total + weight
             bits, _ = other_pair(within, candidate_key)
             kept = (weight > 0) & (uniform(self._lib, bits) * total < weight)
-            return (k + 1, total, dr.select(kept, candidate, partner), dr.select(kept, brings, worth))
+            return (k + 1, total, dr.select(kept, candidate, partner), dr.select(kept, value, worth))
 
-        none = dr.zeros(mi.Float, strata.rays)
-        state = (mi.UInt32(0), none, dr.zeros(mi.UInt32, strata.rays), mi.Float(none))
+        zero = dr.zeros(mi.Float, strata.rays)
+        state = (mi.UInt32(0), zero, dr.zeros(mi.UInt32, strata.rays), mi.Float(zero))
         _, total, partner, worth = looped(state, lambda k, *_: k < self._count, add_candidate, "partners")
         chance = dr.select(total > 0, worth * mi.Float(self._count) / total, 0)
         dr.eval(partner, chance)
         return partner, chance
 
-    def _brings(self, a, b, seen, strata, folded, unlike):
+    def _value(self, a, b, seen, strata, folded, unlike):
         """Return f, except for factors that all pairs of an end of a share."""
         way = mi.Vector3f(b.point - (image_of(a.point) if folded else a.point))
         distance = dr.norm(way)
@@ -120,8 +120,8 @@ class ChosenPartners:
         sine_b = -dr.dot(b.hits.normal, b.hits.arrival_direction)
         power = scattered(b.solid_angle * mi.Float(strata.per_row) * seen * strength_a, strength_b, sine_b)
         length = distance + mi.Float((a.leg.travel_time + a.between + b.leg.travel_time) * b.hits.sound_speed)
-        brings = passed_on(power, spreading_area=dr.square(distance), patch=b.patch / CANDIDATES) * length ** LATE
-        return dr.select(active & dr.isfinite(brings), dr.sqrt(brings), 0)
+        energy = passed_on(power, spreading_area=dr.square(distance), patch=b.patch / CANDIDATES) * length ** LATE
+        return dr.select(active & dr.isfinite(energy), dr.sqrt(energy), 0)
 
     def _strength(self, end, towards, distance, folded):
         """Return about the strength of ends along straight lines, and whether bent rays may lead there."""

@@ -1,7 +1,7 @@
 """Connections of path ends with each other, with point targets and with the sonar; symbols as in `multipath`.
 
-The part that a bed reflects coherently on to a target is a coherent echo (`bed_mirror`). Where sound scatters from the
-bed on to a target, the bed's strength is therefore multiplied by the rest of the reflected power, 1 - |V/R|².
+The part that a bed reflects coherently on to a target is a coherent echo (`sights.BedMirror`). Where sound scatters
+from the bed on to a target, the bed's strength is therefore multiplied by the rest of the reflected power, 1 - |V/R|².
 """
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ class ConnectedEnds:
                          self._water.one_way_db(ends.point, target.point, way, folded))
 
     def home(self, ends: Ends, sonar: Origins, again: bool) -> Iterator[Ghosts]:
-        """Yield ghosts from where smooth targets sent rays back to the sonar; `again` adds those by the mirror."""
+        """Yield ghosts from the hits of rays off smooth targets to the sonar; `again` adds those by the mirror."""
         hits = ends.hits
         for folded in (False, True)[:1 + (self._mirror and again)]:
             way, place, code = self._seen(sonar, hits.point, hits.normal, hits.valid, folded, ends.code)

@@ -43,7 +43,7 @@ class Ghosts:
 
 
 def joined(code: mi.UInt32, last: mi.UInt32) -> mi.UInt32:
-    """Return the codes of paths that continue with the bounces of `last` in reverse, as that came from the sonar."""
+    """Return the codes of paths that continue with the bounces of `last`, a path from the sonar, in reverse."""
     # the last bounce of `last` comes first on the way back
     for _ in range(2):
         more = last > 1

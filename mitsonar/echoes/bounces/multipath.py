@@ -8,8 +8,8 @@ the shares of power that its bounces carried on,
     e² = β_i (σ_i / sin θ_i) (1 / A_ij) (σ_j / sin θ_j) ΔΩ_j (c_j / c_0)² 10^(-ᾱ L / 10) / q_ij
 
 σ_i, σ_j are strengths towards each other, θ grazing angles of incidence, A_ij the spreading area between the ends, c
-sound speeds at j and at the source, and q_ij the probability that i was paired with j: partners are chosen by what the
-pair would bring (`chosen_partners`).
+sound speeds at j and at the source, and q_ij the probability that i was paired with j: partners are chosen by the
+pair's likely energy (`chosen_partners`).
 (Bidirectional path tracing with one vertex from the receiver: Veach 1997, chapter 10; on sound: Siltanen et al. 2007.)
 A_ij is kept above the patch that ray j stands for, over π, so that corners do not become infinite.
 

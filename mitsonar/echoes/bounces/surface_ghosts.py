@@ -2,8 +2,8 @@
 
 A cell that is reached along one leg and sends back along another, m of them by way of the mirror, whose reflection is
 -1, has the echo of `sonar_equation.along_legs` times g (-1)^m, where g is the cell's Gaussian. Paths of more bounces
-(`multipath`) and points of the water (`volume`) bring energies. Their Gaussians are hashed from the ray, because the
-sum of many such paths is speckle; they are coherent from element to element, not from ping to ping.
+(`multipath`) and points of the water (`volume`) have energies only. Their Gaussians are hashed from the ray, because
+the sum of many such paths is speckle; they are coherent from element to element, not from ping to ping.
 """
 from __future__ import annotations
 

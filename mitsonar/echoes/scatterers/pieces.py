@@ -1,4 +1,4 @@
-"""Pieces of facets within reach of a ping, and what an array's beams leave of them.
+"""Pieces of facets within reach of a ping and in the beams of an array.
 
 A small facet is one piece. A large one is cut into blocks of k rows and k columns of its cells (`cells`), about `SHARE`
 of the reach long. With e and f the sides of a facet of n rows, the block that starts at row i and column j is the

@@ -19,7 +19,7 @@ from mitsonar.scene.materials import reflects
 from mitsonar.scene.shadows.bed_cover import ROUNDING, bed_height
 
 SPOTS = 61                         # points of the bed to which a plane is fitted
-FEWEST = 12                        # of them that must lie on a bed
+FEWEST = 12                        # least number of these points that must lie on a bed
 CLOSE = 0.1                        # [m] least radius
 
 

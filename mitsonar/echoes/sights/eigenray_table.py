@@ -27,7 +27,7 @@ BEYOND = 0.01                      # [m] margin of the table beyond the scene
 NOTHING, FAINTEST = -60.0, -50.0   # γ of nodes without a ray; γ below which a point has such a node beside it
 NEAREST = 1e-3                     # [m] avoids divisions by zero
 STEEP = 0.05                       # sine of the angle to vertical or to level within which waves count as round
-CLOSEST = 0.05                     # [m] from the source; spreading does not go on nearer
+CLOSEST = 0.05                     # [m] from the source; nearer than this, the spreading stays the same
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +70,7 @@ class EigenrayTable:
         good = way.exists
         for node in nodes:
             good &= dr.isfinite(node)
-        nodes = [dr.select(good, node, nothing_there) for node, nothing_there in zip(nodes, (0, 0, 0, NOTHING))]
+        nodes = [dr.select(good, node, missing) for node, missing in zip(nodes, (0, 0, 0, NOTHING))]
         self._table = dr.zeros(mi.Float, 4 * len(x))
         dr.scatter(self._table, self.lib.Array4f(*nodes), dr.arange(mi.UInt32, len(x)))
         dr.eval(self._table)

@@ -84,7 +84,7 @@ class BedMirror:
         second = self._connector.join(hits.point, hits.normal, point, normal, known, short=short)
         free = known & first.free & second.free
         later = self._time(sources, origin, source, met, point, flat, way, last, known) - way.travel_time
-        real, imaginary = self._thrown_on(hits, sine, plane, way, mi.Float(last), free, smooth)
+        real, imaginary = self._reflection_factor(hits, sine, plane, way, mi.Float(last), free, smooth)
         ratio = speed_ratio(speed, sources.state.gather(lib, source)[1])
         gain = leg_gain(spreading_area=way.spreading_area, speed_ratio=ratio,
                         loss_db=water.loss_db(origin, image, way))
@@ -127,8 +127,8 @@ class BedMirror:
         return first.travel_time + second.travel_time - (
             self._lib.Float64((a * a + b * b) / (2 * bent)) / first.sound_speed)
 
-    def _thrown_on(self, hits: Hits, sine: mi.Float, plane: Planes, way: Connection, last: mi.Float,
-                   active: mi.Bool, smooth: bool) -> tuple[mi.Float, mi.Float]:
+    def _reflection_factor(self, hits: Hits, sine: mi.Float, plane: Planes, way: Connection, last: mi.Float,
+                           active: mi.Bool, smooth: bool) -> tuple[mi.Float, mi.Float]:
         """Return V as real and imaginary part."""
         wavenumber = dr.opaque(mi.Float, 2 * np.pi * self._frequency) / mi.Float(hits.sound_speed)
         first = dr.maximum(way.arc_length - last, 1e-3)
@@ -146,6 +146,7 @@ def _over(plane: Planes, up: mi.Float64, point: dr.ArrayBase) -> mi.Float64:
 
 
 JUST_BELOW = 1e-4                  # [m] depth at which the sea surface is met from below
+
 
 class Sights:
     """Sights of points from sonars."""
@@ -177,19 +178,19 @@ class Sights:
         return Sight(way=way, leg=EchoLeg.along(way, start, point, folded=folded), gain=gain)
 
     def ways(self, bounces: int = 1) -> Iterator[tuple[bool, bool, float]]:
-        """Yield the further ways of an echo of some bounces by the mirror: out or not, back or not, and the sign."""
+        """Yield the ways that also use the mirror, as (out, back, sign), for an echo that has `bounces` without it."""
         if self.mirror:
             for there, back in ((False, True), (True, False), (True, True)):
                 if bounces + there + back <= self.max_depth:
                     yield there, back, 1.0 if there == back else -1.0
 
     def bed_ways(self, bounces: int = 1) -> Iterator[tuple[str, str]]:
-        """Yield the ways of an echo of some bounces by the bed: "", "s" or "b" for each leg."""
+        """Yield the ways by the bed, "", "s" or "b" for each leg, for an echo that has `bounces` without it."""
         if self.bed is None:
             return
-        others = ("", "s", "b") if self.mirror else ("", "b")
-        for there in others:
-            for back in others:
+        legs = ("", "s", "b") if self.mirror else ("", "b")
+        for there in legs:
+            for back in legs:
                 if "b" in there + back and bounces + len(there + back) <= self.max_depth:
                     yield there, back
 

@@ -1,6 +1,6 @@
 """Facets of a scene's smooth surfaces, and their cells: corners, normals, and the facet that a hit lies in.
 
-A facet is cut into n² congruent triangles, numbered as in `echoes.cells`; n depends on the place it is seen from.
+A facet is cut into n² congruent triangles, numbered as in `scatterers.cells`; n depends on the place it is seen from.
 Smooth surfaces are those whose material has the attribute ``smooth``. Shapes without facets are tessellated
 (`tessellation`). Corners of cells lie on the curved surface that a facet stands for, at the height over the facet
 
@@ -27,7 +27,7 @@ from mitsonar.scene.tessellation import FINEST_SAGITTA, Grids, grid_of
 from ..scatterers.cells import four_wide, place
 
 ROUNDED = 2e-7                     # rounding of corners to float32, relative to their distance from the origin
-SHARP = np.radians(30.0)           # angle between neighbours above which their edge is one of the object
+SHARP = np.radians(30.0)           # angle between neighbours above which their common edge is one of the object itself
 FLAT_ENOUGH = 1e-5                 # wavelengths that cells may lie below a curved surface: more acts as a grating
 RESOLVED = 0.55                    # cell side in wavelengths below which no grating angle exists
 TURN = 0.06                        # [rad] largest turn of the surface over a cell that is lit or not as a whole
@@ -48,8 +48,8 @@ class SmoothCells:
 
 class SmoothFacets:
     """The facets of a scene's smooth surfaces."""
-    # wavelength [m]; corner (F, 3, 3) [m]; centre (F, 3) [m]; normal (F, 3) [-]; radius (F,) [m]; side (F,) [m]; bent
-    # (F,); fewest (F,); fewest_lit (F,); outward (F,); label (F,)
+    # corner (F, 3, 3) [m]; centre, normal (F, 3) [m], [-]; radius, side, area (F,) [m], [m], [m²];
+    # bent, fewest, fewest_lit, outward, label (F,)
 
     def __init__(self, geometry: Geometry, wavelength: float):
         self.lib = arrays_of(mi.Float)
@@ -190,8 +190,8 @@ def too_coarse(corner: np.ndarray, wavelength: float,
     """Return sagitta [m] and needed edge length [m] if a mesh is too coarse for a curved surface, else None.
 
     The sagitta between two neighbours is l a / 8, with l their mean height over the shared edge and a the angle between
-    them. An edge of more than 30 degrees counts as one of the object. Facets whose normals follow the curvature, to the
-    depth `bend` [m], are fine enough.
+    them. An edge of more than 30 degrees is taken for one of the object itself. Facets whose normals follow the
+    curvature, to the depth `bend` [m], are fine enough.
     """
     # corner (F, 3, 3) [m]; wavelength [m]; bend (F,) [m]
     _, vertex = np.unique(np.round(corner.reshape(-1, 3), 6), axis=0, return_inverse=True)
@@ -244,7 +244,7 @@ def _vertex_normals(shape):
 
 
 def _at_corners(corner, normal):
-    """Return normals at corners (F, 3, 3): the facet's own if there are no others, or if those lead round an edge."""
+    """Return normals at corners (F, 3, 3): the facet's own if a mesh has none, or where its own lead round an edge."""
     flat = np.broadcast_to(_area_and_normal(corner)[1][:, None], corner.shape)
     if normal is None:
         return flat

@@ -7,7 +7,7 @@ small that the phase is linear over each and that they have no grating angle:
 
 s and r are the places that the wave comes from and goes to, at the radius of its curvature behind the cell's middle
 x_c. n_j is the surface's own normal in the middle of part j, which counts if both s and r see it. (`facets` has heights
-and normals, `scattering.facets` the means.)
+and normals, `scattering.surfaces.facets` the means.)
 """
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Echoes of smooth surfaces: coherent, from cells so small that phases are linear over them, several facets included.
 
-A cell of a facet is reached like a scatterer, along its own bent ray, and sends back (`scattering.facets`)
+A cell of a facet is reached like a scatterer, along its own bent ray, and sends back (`scattering.surfaces.facets`)
 
     e = √(g_out g_back) (ik/4π) R (n·u_s + n·u_r) S <e^iφ>
 
@@ -17,7 +17,7 @@ two for a dihedral, six for a trihedral. (Physical optics after geometrical: E. 
 Propag. 25, 406.)
 
 Under a flat sea surface all of this is seen straight and by way of the mirror (`sights`). Over a bed that reflects,
-single facets are also seen by way of the bed (`bed_mirror`).
+single facets are also seen by way of the bed (`sights`).
 """
 from __future__ import annotations
 
@@ -246,7 +246,7 @@ class SmoothTargets:
                 between=dr.zeros(mi.Float64, dr.width(s)), out=sight.leg)
             tube, path = self._reflected(tube, way.sound_speed), "b"
             while len(path) + folded < self.bounces:
-                tube = self._on(sources, tube, way)
+                tube = self._next_footprints(sources, tube, way)
                 if tube is None:
                     break
                 origin, source = places.at(tube.place)
@@ -293,7 +293,7 @@ class SmoothTargets:
         yield from _sent(tube.place, self.facets.facts(tube.facet)[2], tube.out, sight.leg, tube.between,
                          _turned(tube.reflected, mean, pressure), path, active)
 
-    def _on(self, sources, tube, way):
+    def _next_footprints(self, sources, tube, way):
         """Mirror tubes and follow them to the next smooth facet; return the tubes that meet one, or None."""
         zero = dr.zeros(mi.Vector3f, dr.width(tube.facet))
         normals = self.facets.normals_at(tube.facet, tube.point, [zero, *tube.corners])

@@ -20,8 +20,9 @@ from mitsonar.device.types import DrJitArray
 from .energy_sums import LARGEST, add_words, read_sums, sum_size
 
 SECTORS = 256
-PLACE, MASK = 8, SECTORS // 64     # words of a bin: seabed's energy, that of the main lobe, by x, y, depth, 3 idle;
-WORDS = PLACE + MASK               # sectors; total
+# words of a bin: the seabed's energy, its part in the main lobe, this part times x, y and depth, 3 unused; sectors
+PLACE, MASK = 8, SECTORS // 64
+WORDS = PLACE + MASK
 FINER = 16                         # parts of a unit, for far places; a bin 30 dB above a perfect reflector still fits
 ROUNDING = 0.02                    # [m] tolerated shift of a place by rounding an echo's share to 1
 

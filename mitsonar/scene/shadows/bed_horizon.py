@@ -6,8 +6,8 @@
 lower than the one to a nearer crest of the same azimuth passes below that crest. This is exact for rays that do not
 cross before the crest, and needs table look-ups instead of rays.
 
-A bed whose vertices are the nodes of a grid is used as it is. Any other is sampled by vertical rays at the nodes of a
-grid, so any mesh will do that has a single height at every place. Nodes are fixed on the ground: shadows do not depend
+A bed whose vertices are the nodes of a grid is used as it is. Any other bed is sampled by vertical rays at the nodes of
+a grid; it needs a single height at every place. Nodes are fixed on the ground: shadows do not depend
 on the part of the bed that is looked at.
 """
 from __future__ import annotations

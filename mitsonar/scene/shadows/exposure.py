@@ -1,8 +1,8 @@
 """Shares of objects' surfaces that the sonar could see, written to labels as ``exposed``.
 
 Points are drawn evenly over an object's surface. The share is that of points seen along a straight line, among those on
-the side that faces the sonar at the ping nearest to the object. The others are buried, or behind something, which may
-be the object itself. Refraction and the beam are left out: the share belongs to the scene, the same for every sonar.
+the side that faces the sonar at the ping nearest to the object. The other points are buried or hidden, perhaps by
+the object itself. Refraction and the beam are left out: the share belongs to the scene, the same for every sonar.
 """
 from __future__ import annotations
 

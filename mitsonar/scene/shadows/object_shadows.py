@@ -1,7 +1,7 @@
 """Shadows of objects: rays along coarse chords against a scene of the objects alone.
 
 A point is tested only if an object lies in its azimuth, nearer than the point. Chords keep within 8 mm of the ray. This
-is enough to decide if something is in the way, but not where (`tracing.occlusion`).
+is enough to decide if something is in the way, but not where (`occlusion`).
 """
 from __future__ import annotations
 

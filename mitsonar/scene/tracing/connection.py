@@ -1,8 +1,8 @@
-"""Connections between points of a scene along the exact bent ray, and if the way is free.
+"""Connections between points of a scene along the exact bent ray, and a test if the way is free.
 
-The ray is the earliest arrival (`propagation.arrivals`), an exact eigenray. It starts at a source that has a ray fan,
+The ray is the earliest arrival (`device_rays.arrivals`), an exact eigenray. It starts at a source that has a ray fan,
 or at any point of the water. It may be reflected by a flat surface; it then runs through water unfolded about that
-surface (`tracing.water`). The way is free if none of the ray's chords meets anything (`tracing.occlusion`).
+surface (`tracing.water`). The way is free if none of the ray's chords meets anything (`shadows.occlusion`).
 """
 from __future__ import annotations
 

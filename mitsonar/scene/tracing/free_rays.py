@@ -1,6 +1,6 @@
 """Rays that start anywhere in the water, not at a source with a ray fan: the legs between bounces.
 
-A ray is followed arc by arc (`propagation.ray_fans.arc_step`), in chords within `TOLERANCE` of the ray, with one
+A ray is followed arc by arc (`device_rays.ray_fans.arc_step`), in chords within `TOLERANCE` of the ray, with one
 triangle query for each chord.
 """
 from __future__ import annotations

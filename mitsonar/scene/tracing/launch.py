@@ -27,8 +27,8 @@ from mitsonar.sonar.faces.sidescan import Sidescan
 
 CELLS = 1024
 TIME_SHARE, BEAM_SHARE = 0.70, 0.25          # of the first pass; the rest is uniform in φ
-WIDE_SHARE = 0.05                            # of the along-track draw, which ignores the beam
-LIT_SHARE = 0.1                              # of it, which ignores the receiving beam where the platform turns
+WIDE_SHARE = 0.05                            # share of the along-track draw that ignores the beam
+LIT_SHARE = 0.1                              # share of it that ignores the receiving beam where the platform turns
 FINEST = 1 << 16                             # cells of u that resolve the side lobes of one face
 KEEP_SHARE = 0.25                            # of the first pass's density that the second keeps
 SPREAD = 6                                   # cells either way, over which the need outside the core is averaged

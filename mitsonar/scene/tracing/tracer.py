@@ -1,8 +1,8 @@
 """Bent rays against a Mitsuba scene.
 
-Each ray follows the chords of its row of the ray fan (`propagation.ray_fans`), with one triangle query for each chord,
+Each ray follows the chords of its row of the ray fan (`device_rays.ray_fans`), with one triangle query for each chord,
 until the first hit. The hit point is rebuilt in float64 from barycentrics and vertices (float32 along the ray would
-cost 1e-5 m), and the exact eigenray to that point gives time, spreading and angles (`propagation.two_point`).
+cost 1e-5 m), and the exact eigenray to that point gives time, spreading and angles (`device_rays.two_point`).
 """
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The water on the device: everything that rays and echoes need from it.
 
-    layers        sound speed by depth, in layers that rays are exact in         `propagation.layer_table`
+    layers        sound speed by depth, in layers that rays are exact in         `device_rays.layer_table`
     absorption    two-way loss along bent rays                                   `water.absorption_table`
     volume        backscatter of the water itself                                `water.volume_table`
 
