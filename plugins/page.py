@@ -18,34 +18,34 @@ HEAD = """\
 
 What a scene may hold, in a Mitsuba XML file: a sonar (`<sensor>`) with its water (`<medium>`) and its record
 (`<film>`), an `<integrator>`, and shapes with their materials (`<bsdf>`). [A complete scene](../README.md#one-scene)
-is in the README; `python3 -m mitsonar describe NAME` shows the same as this page for one plugin.
+is in the README; `python3 -m mitsonar describe NAME` shows the part of this page about one plugin.
 
 ## Writing a scene
 
-Numbers are written `<float>` unless they are counts (`<integer>`), yes or no (`<boolean>`), a point (`<point>`), a
-transform (`<transform>`), or text, lists of numbers and names of files (`<string>`). A table of numbers is a
-`<spectrum>`. An attribute without a default is optional, or *needed* where the table says so. One that is misspelt,
-of the wrong type or out of range is an error that names the line.
+Write numbers as `<float>`, counts as `<integer>`, true or false as `<boolean>`, points as `<point>`, transforms as
+`<transform>`, and text, lists of numbers and names of files as `<string>`. A table of numbers is a `<spectrum>`. An
+attribute without a default is optional, unless the table marks it as *needed*. An attribute that is misspelt, of the
+wrong type or out of range is an error that names the line.
 
-Every file and number can be a `$parameter` with a `<default>`. Files are looked for beside the scene, then where you
-are.
+Every file and number can be a `$parameter` with a `<default>`. Files are searched beside the scene, then in the current
+folder.
 
 Any shape of Mitsuba is a target (`sphere`, `cylinder`, `cube`, `rectangle`, `ply`, `obj`, ...), placed by its
 `to_world`; its `cylinder` is an open tube, `capped_cylinder` is closed. A shape's `id`, of at most 200 bytes, is its
 name in the labels, and shapes with the same id share a label. The seabed is a shape too: make it wider than twice
 the range.
 
-A Mitsuba material in place of `lambert` is taken at its value: `diffuse` of reflectance ρ is a Lambert bottom of µ =
-ρ/π. What mirrors only (`conductor`) is refused. So are the materials of this page within another (`twosided`, `mask`);
-only `lambert` may stand there. Textures are Mitsuba's: a `bitmap` (PNG, JPEG, OpenEXR, BMP, PPM or PFM, at most 10⁸
-pixels) on shapes with texture coordinates, or a `mesh_attribute`, of which `face_mud` is the property `mud_1` that the
-faces of a PLY file have, `vertex_mud` that of its vertices.
+Mitsuba's own materials keep their values: `diffuse` of reflectance ρ is a Lambert bottom of µ = ρ/π. Materials that
+only mirror (`conductor`) are refused. Materials of this page cannot be nested in another material (`twosided`, `mask`),
+except `lambert`. Textures are Mitsuba's: a `bitmap` (PNG, JPEG, OpenEXR, BMP, PPM or PFM, at most 10⁸ pixels) on shapes
+with texture coordinates, or a `mesh_attribute`: `face_mud` is the property `mud_1` of the faces of a PLY file,
+`vertex_mud` that of its vertices.
 
-`mitsonar.load_file` refuses a mesh whose faces name vertices that are not there: Mitsuba's readers would write outside
-memory. It also refuses every plugin that is neither of this page nor of the Mitsuba package, and folders with a library
-of such a name: Mitsuba would run it. `mi.load_file` and `mi.load_dict` check nothing, so load scenes that you do not
-trust by `mitsonar.load_file`. In a folder that you do not trust, call `mitsonar`, or `python3 -P -m mitsonar`:
-`python3 -m` alone takes any Python file there for a package that it imports.
+`mitsonar.load_file` refuses a mesh whose faces name missing vertices, because Mitsuba's readers would write outside
+their memory. It also refuses plugins that belong neither to this page nor to the Mitsuba package, and folders with a
+library of such a name, which Mitsuba would run. `mi.load_file` and `mi.load_dict` check nothing: load scenes that you
+do not trust by `mitsonar.load_file`. In a folder that you do not trust, call `mitsonar` or `python3 -P -m mitsonar`,
+because `python3 -m` alone imports any Python file there in place of a package.
 """
 KINDS = {"sensor": "Sonars", "medium": "Water", "film": "Record", "integrator": "Rays", "bsdf": "Materials",
          "shape": "Shapes"}

@@ -46,11 +46,6 @@ def add_words(target: DrJitArray, words: Sequence[DrJitArray], index: DrJitArray
         dr.scatter_add(target, word, len(words) * index + place, active)
 
 
-def values(sums: DrJitArray, *shape: int) -> np.ndarray:
-    """Return the first sums of an array of `sum_size` entries, in a shape."""
-    return sums.numpy()[:int(np.prod(shape))].reshape(shape)
-
-
 @dataclass(frozen=True, kw_only=True)
 class SummedEnergy:
     """Energies of a block of pings in physical units."""
