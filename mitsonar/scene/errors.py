@@ -114,7 +114,7 @@ def _spectrum(match):
     """Return the message about a table file, without Mitsuba's quotes from it: the file may be a private one."""
     what = match["what"]
     if line := re.search(r" in line (\d+) of spectrum file", what):
-        return (f'the file "{match["file"]}", line {line[1]}, is no table; expected two numbers a line, such as 10 '
+        return (f'the file "{match["file"]}", line {line[1]}, is not a table; expected two numbers a line, such as 10 '
                 '1490.5.')
     if "increasing order" in what or "at least two" in what:
         return f'the file "{match["file"]}": {_sentence(_strip_tag(what))}'

@@ -119,8 +119,8 @@ def _check_ways(state, path):
             ways[index] = 1 + sum(ways.get(other, 0) for other in held)
             if index and ways[index] > MOST_WAYS:
                 raise ValueError(f"{_place(state, state.nodes[index])}: {state.nodes[index].props.plugin_name()}: it "
-                                 f"holds others in more than {MOST_WAYS} ways, each of which is computed by itself; "
-                                 "simplify it.")
+                                 f"holds other objects in more than {MOST_WAYS} ways, each of which is computed by "
+                                 "itself; simplify it.")
 
 
 def _name(state, index):

@@ -78,8 +78,8 @@ def load_file(path: FilePath, /, **parameters: object) -> mi.Scene:
     values = {name: text(name, value) for name, value in parameters.items()}
     for name in TAKEN:
         if name in values:
-            raise ValueError(f"a scene's parameter cannot be called {name}, which means something to Mitsuba's loader; "
-                             "rename it in the scene")
+            raise ValueError(f"a scene's parameter cannot be called {name}, a name that Mitsuba's loader uses "
+                             "itself; rename the parameter in the scene")
     prepare()
     _first_scene()
     from .errors import as_exception

@@ -73,7 +73,7 @@ SCENES = {
     "table without colons": ([water(WATER + '<spectrum name="absorption" value="0,1508; 3,1507"/>')],
                              'the table holds "0"; expected pairs with a colon, such as depth:speed in 0:1490.5'),
     "table in a foreign file": ([water(WATER + '<spectrum name="absorption" filename="scene.xml"/>')],
-                                'the file "scene.xml", line 1, is no table; expected two numbers a line'),
+                                'the file "scene.xml", line 1, is not a table; expected two numbers a line'),
     "ping rate too high": ([sensor('<float name="ping_rate_hz" value="50"/>')], "use at most 12.500 Hz"),
     "frequency": ([sensor('<float name="frequency_khz" value="0"/>')], "expected a number [kHz] at least 0.001"),
     "beam without width": ([sensor('<float name="beam_width_deg" value="0"/>')], "at least 0.01 and at most 180"),

@@ -159,8 +159,8 @@ def test_damaged_scenes_load_or_say_why(load, tmp_path, rng):
 
 
 @pytest.mark.parametrize("content, sentence", [
-    ("root:secret\n", "the file .*table.txt., line 1, is no table; expected two numbers a line, such as 10 1490.5"),
-    ("0 1500\n9 secret\n", "the file .*table.txt., line 2, is no table"),
+    ("root:secret\n", "the file .*table.txt., line 1, is not a table; expected two numbers a line, such as 10 1490.5"),
+    ("0 1500\n9 secret\n", "the file .*table.txt., line 2, is not a table"),
     ("9 1500\n0 1500\n", "the file .*table.txt.: the first numbers of a table .* must increase"),
     ("9 1500\n", "the file .*table.txt.: a table needs at least two entries"),
 ])
@@ -188,7 +188,7 @@ def blends(levels, first):
 def test_materials_that_hold_others_in_too_many_ways(load):
     assert len(load(blends(8, None)).shapes()) == 1
     assert len(load(blends(40, "m0")).shapes()) == 1               # deep, and of few ways
-    with pytest.raises(ValueError, match="line 10: blendbsdf: it holds others in more than 100000 ways"):
+    with pytest.raises(ValueError, match="line 10: blendbsdf: it holds other objects in more than 100000 ways"):
         load(blends(40, None))
 
 
