@@ -26,9 +26,15 @@ from mitsonar.seabed.roughness import RoughnessSpectrum
 
 from . import raster_files, rasters, survey_relief
 
+if TYPE_CHECKING:
+    from rasterio.windows import Window
+
 _MOST_NODES = 5_000_000       # unknowns: about 1.5 GB
 _FEW = 1000                   # unknowns that need no first guess
-_TOLERANCE = 3e-4             # of the residual, relative; the rest is clipped to the rim's heights
+_TOLERANCE = 3e-4             # relative residual; what it leaves beyond the heights of the rim is clipped
+_DEEPEST = 12000.0            # [m], beyond any ocean: larger numbers are undeclared fill values
+
+_log = logging.getLogger(__name__)
 
 
 def fill_holes(heights: np.ndarray, steps: tuple[float, float], widest: float | None = None) -> np.ndarray:
@@ -39,7 +45,7 @@ def fill_holes(heights: np.ndarray, steps: tuple[float, float], widest: float | 
     heights : float32 array (Y, X) [m]
         Heights; NaN is a hole. Not changed.
     steps : tuple of 2 floats [m]
-        Distance of columns and of rows.
+        Distance between columns and between rows.
     widest : float [m], optional
         Width of the widest hole to fill: the diameter of the largest circle within it.
 
@@ -50,19 +56,19 @@ def fill_holes(heights: np.ndarray, steps: tuple[float, float], widest: float | 
     Raises
     ------
     ValueError
-        If the holes to be filled have more nodes than fit into memory.
+        If the holes to be filled have too many nodes for the memory.
     """
     from scipy import ndimage
 
     holes, count = cast("tuple[np.ndarray, int]", ndimage.label(np.isnan(heights)))
     edge = np.concatenate((holes[0], holes[-1], holes[:, 0], holes[:, -1]))
-    asked = np.ones(count + 1, bool)
-    asked[0] = asked[edge] = False
-    if widest is not None and asked.any():
-        deep = ndimage.maximum(ndimage.distance_transform_edt(holes > 0, sampling=steps[::-1]), holes,
+    surrounded = np.ones(count + 1, bool)
+    surrounded[0] = surrounded[edge] = False
+    if widest is not None and surrounded.any():
+        radius = ndimage.maximum(ndimage.distance_transform_edt(holes > 0, sampling=steps[::-1]), holes,
                                np.arange(count + 1))
-        asked &= 2 * deep <= widest
-    unknown = asked[holes]
+        surrounded &= 2 * radius <= widest
+    unknown = surrounded[holes]
     number = np.count_nonzero(unknown)
     if number == 0:
         return heights
@@ -71,7 +77,7 @@ def fill_holes(heights: np.ndarray, steps: tuple[float, float], widest: float | 
                          "by holes_max, or use a coarser resolution.")
     filled = heights.copy()
     filled[unknown] = _harmonic(heights, unknown, steps)
-    # Of each hole, not higher nor lower than its rim.
+    # Keep each hole within the heights of its rim.
     rim = ndimage.grey_dilation(np.where(unknown, holes, 0), footprint=ndimage.generate_binary_structure(2, 1))
     rim = np.where(unknown | np.isnan(heights), 0, rim)
     index = np.arange(count + 1)
@@ -81,34 +87,33 @@ def fill_holes(heights: np.ndarray, steps: tuple[float, float], widest: float | 
 
 
 def _harmonic(heights, unknown, steps):
-    """Return the heights of the unknown nodes, in the order of the array."""
+    """Return the heights of the unknown nodes, in the order of the array, by conjugate gradients."""
     from scipy.sparse import coo_array, diags_array
     from scipy.sparse.linalg import cg
 
     nodes = np.argwhere(unknown)
-    level = float(np.nanmean(heights))                  # small numbers: sums keep their digits
+    level = float(np.nanmean(heights))                  # heights near 0 lose fewer digits in sums
     known = np.where(unknown | np.isnan(heights), 0.0, heights - level)
     index = np.full(heights.shape, -1, np.int32)
     index[unknown] = np.arange(len(nodes))
-    pull, entries = np.zeros(len(nodes)), []
+    right_side, entries = np.zeros(len(nodes)), []
     across, along = 1 / steps[0] ** 2, 1 / steps[1] ** 2
     for weight, down, right in (along, 1, 0), (along, -1, 0), (across, 0, 1), (across, 0, -1):
         beside = nodes[:, 0] + down, nodes[:, 1] + right                # a hole never touches the edge
         neighbour = index[beside]
         inside = np.flatnonzero(neighbour >= 0)
-        pull += weight * np.where(neighbour < 0, known[beside], 0)
+        right_side += weight * np.where(neighbour < 0, known[beside], 0)
         entries.append((np.full(inside.size, weight), inside, neighbour[inside]))
     weight, row, column = (np.concatenate(part) for part in zip(*entries))
     beside = coo_array((weight, (row, column)), shape=(len(nodes), len(nodes))).tocsr()
     matrix = (diags_array(np.full(len(nodes), 2 * across + 2 * along)) - beside).tocsr()
     start = _coarse(heights, unknown, steps, nodes) - level if len(nodes) > _FEW else None
-    solution, _ = cg(matrix, pull, x0=start, rtol=_TOLERANCE, maxiter=5000)
+    solution, _ = cg(matrix, right_side, x0=start, rtol=_TOLERANCE, maxiter=5000)
     return solution + level
 
 
 def _coarse(heights, unknown, steps, nodes):
-    """Return a first guess at nodes: the same on a grid of half as many rows and columns, from which a few rounds do.
-    """
+    """Return a first guess at the nodes, interpolated from the solution on a grid of half as many rows and columns."""
     from scipy.ndimage import map_coordinates
 
     rows, columns = (length + length % 2 for length in heights.shape)
@@ -120,13 +125,8 @@ def _coarse(heights, unknown, steps, nodes):
     hole = np.pad(unknown, padded).reshape(blocks.shape).any((1, 3)) & (number == 0)
     hole[[0, -1]] = hole[:, [0, -1]] = False
     halved[hole] = _harmonic(halved, hole, tuple(2 * step for step in steps))
-    halved[np.isnan(halved)] = np.nanmean(halved)       # outside
+    halved[np.isnan(halved)] = np.nanmean(halved)       # outside the survey
     return map_coordinates(halved, (nodes.T - 0.5) / 2, order=1, mode="nearest")
-
-
-_DEEPEST = 12000.0  # [m], beyond any ocean: larger numbers are undeclared fill values
-
-_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -159,12 +159,12 @@ class Bathymetry:
 
     @property
     def valid(self) -> np.ndarray:
-        """Tell which nodes have a depth: bool array (Y, X)."""
+        """Return True where a node has a depth: bool array (Y, X)."""
         return np.isfinite(self.heights)
 
     @property
     def spacing(self) -> tuple[float, float]:
-        """Return the distance of columns and of rows [m]."""
+        """Return the distance between columns and between rows [m]."""
         across, along = (float((axis[-1] - axis[0]) / (axis.size - 1)) for axis in (self.x, self.y))
         return across, along
 
@@ -186,21 +186,21 @@ class Bathymetry:
 
 @dataclass(frozen=True, kw_only=True)
 class SurveyRelief:
-    """Ask for relief below a survey's resolution.
+    """Relief to be added below the resolution of a survey.
 
     Parameters
     ----------
     seed : int
-        Realisation.
+        Seed of the random surface.
     w2 : float [m^(4 - gamma)], optional
-        Spectral strength; measured on the survey unless given, and then ``gamma`` with it.
+        Spectral strength; by default measured on the survey. It needs ``gamma``.
     gamma : float, optional
-        Spectral exponent; measured unless given.
+        Spectral exponent; by default measured on the survey.
 
     Raises
     ------
     ValueError
-        If the strength is given alone, or a number is out of the range of `RoughnessSpectrum`.
+        If the strength is given alone, or `RoughnessSpectrum` does not allow a number.
     """
 
     seed: int = 0
@@ -215,7 +215,7 @@ class SurveyRelief:
 
     @property
     def spectrum(self) -> RoughnessSpectrum | None:
-        """Return the spectrum, where both numbers are given, else None."""
+        """Return the spectrum if both numbers are given, else None."""
         if self.w2 is None or self.gamma is None:
             return None
         return RoughnessSpectrum(w2=self.w2, gamma=self.gamma, outer_scale=1e6)
@@ -235,7 +235,7 @@ def read(path: FilePath, *, crop: Sequence[float] | None = None, centre: Sequenc
         `soundings.read` takes it. A BAG of variable resolution is read at its finest resolution, to which the driver
         interpolates; the driver leaves out the northernmost row of nodes.
     crop : 4 floats, optional
-        West, south, east, north of the part to read; nodes on the edge belong to it.
+        West, south, east and north of the part to read, nodes on its edge included.
     centre, size : 2 floats each, optional
         The same part by its middle (by default the file's) and its width and height [m].
     frame : str
@@ -248,7 +248,7 @@ def read(path: FilePath, *, crop: Sequence[float] | None = None, centre: Sequenc
         "elevation" (positive up), "depth" (positive down), or "auto": depth if most numbers are positive. The
         result is recorded and logged.
     band : int
-        Band of the file, from 1.
+        Number of the band in the file, from 1.
     variable : str, optional
         Grid of a netCDF file; needed if the names of several grids do not identify the one with heights.
     spacing : float [m], optional
@@ -258,15 +258,15 @@ def read(path: FilePath, *, crop: Sequence[float] | None = None, centre: Sequenc
     crs : str, optional
         Coordinate system, if the file does not name it, such as "EPSG:4326".
     local_origin : 2 floats [m], optional
-        Easting and northing of the local origin; by default the middle of what is read, rounded to metres. Several
-        files in one scene need a common one.
+        Easting and northing of the local origin; by default the middle of the part that is read, rounded to metres.
+        Several files in one scene need a common origin.
     holes : str
         "cut", or "filled" where soundings surround them, see `fill_holes`.
     holes_max : float [m], optional
         Width of the widest hole to fill.
-    relief : Relief, optional
-        Lay the survey on the finer ``resolution`` by splines and add relief that continues the survey's spectrum,
-        see `survey_relief`. The spectrum is measured on the whole file, so that every part has the same.
+    relief : SurveyRelief, optional
+        Interpolate the survey to the finer ``resolution`` by splines and add relief that continues its spectrum, see
+        `survey_relief`. The spectrum is measured on the whole file, so that all parts have the same.
 
     Returns
     -------
@@ -346,7 +346,7 @@ def _measured(grid, depths, gamma):
 
 
 def _z_up(values, vertical):
-    """Return the heights, z up, and how the numbers were taken."""
+    """Return the heights, z up, and the sign assumed for the numbers, "depth" or "elevation"."""
     if np.isnan(values).all():
         raise ValueError("the requested part has no depths, only holes; choose another part.")
     low, high = np.nanmin(values), np.nanmax(values)

@@ -108,7 +108,7 @@ def _blocks(file):
             break
     for block in itertools.chain(iter(lambda: file.read(_BLOCK), ""), ("\n",)):
         words = (rest + block).split()
-        # A word may go on in the next block.
+        # The last word may continue in the next block.
         rest = words.pop() if words and not block[-1].isspace() else ""
         if len(rest) > _LONGEST:
             raise ValueError("among the heights is a word without an end; this is no grid.")
@@ -120,7 +120,7 @@ _HEIGHTS = ("z", "elevation", "depth", "bathymetry", "bathy", "topo", "topograph
 DRIVERS = ("GTiff", "BAG", "netCDF", "HDF5", "S102", "AAIGrid", "GRASSASCIIGrid", "XYZ", "ZMap", "ISG", "GSAG", "GSBG",
            "GS7BG", "EHdr", "ENVI", "HFA", "RST", "SAGA", "RRASTER", "PCRaster", "USGSDEM", "DTED", "SRTMHGT", "GRIB",
            "GPKG", "BT", "Leveller", "Terragen", "HF2", "SIGDEM", "NWT_GRD", "NWT_GRC", "PNG", "JPEG", "GIF", "BMP")
-_COMPANIONS = (".ovr", ".msk")              # files of coarser copies and masks, which GDAL opens as anything they are
+_COMPANIONS = (".ovr", ".msk")              # coarser copies and masks, which GDAL opens with any driver
 _RASTERS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"EHFA")
 _stderr = threading.Lock()  # Mitsuba loads shapes in parallel
 
@@ -139,7 +139,7 @@ def opened(path: FilePath, *, spacing: float | None = None, variable: str | None
     variable : str, optional
         Grid of a netCDF file with several grids.
     crs : str, optional
-        Coordinate system of a file that names none.
+        Coordinate system, if the file does not name it.
     resolution : float [m], optional
         Node distance of the grid of scattered soundings.
     nodata : float, optional
@@ -156,7 +156,7 @@ def opened(path: FilePath, *, spacing: float | None = None, variable: str | None
     Raises
     ------
     ValueError
-        If there is no such file, or none of its kind can be read.
+        If the file does not exist or cannot be read.
     """
     import rasterio.errors
     from rasterio._err import CPLE_BaseError
@@ -190,7 +190,7 @@ def opened(path: FilePath, *, spacing: float | None = None, variable: str | None
             if variable is not None and raster.driver != "netCDF":
                 raise ValueError(f'variable is "{variable}", but only netCDF files hold variables; leave it out.')
             yield raster, source_crs(raster, crs)
-        except (rasterio.errors.RasterioError, CPLE_BaseError) as error:    # of rasterio's own, and GDAL's as they are
+        except (rasterio.errors.RasterioError, CPLE_BaseError) as error:    # both of rasterio and of GDAL
             reason = str(error.__cause__ or error).replace(f"'{os.path.abspath(path)}'", "")
             reason = " ".join(reason.split()).rstrip(".")
             raise ValueError(f"this is not a {what} that GDAL can read ({reason}).") from None
@@ -200,7 +200,7 @@ def opened(path: FilePath, *, spacing: float | None = None, variable: str | None
 
 @contextlib.contextmanager
 def _hushed(path):
-    """Keep the HDF5 library from printing its stack of errors: GDAL turns them into one exception all the same."""
+    """Keep the HDF5 library from printing its stack of errors, which GDAL raises as one exception anyway."""
     if not _is_hdf5(path):
         yield
         return
@@ -229,12 +229,12 @@ def _by_gdal(path, variable):
     if raster.driver == "BAG":
         refined = raster.tags().get("HAS_SUPERGRIDS") == "TRUE"
         raster.close()
-        # The finest resolution of the refinements, by linear interpolation within each.
+        # All refinements at their finest resolution, each interpolated linearly.
         return _open(path, REPORT_VERTCRS="NO", **({"MODE": "INTERPOLATED"} if refined else {}))
     if raster.driver != "netCDF":
         return raster
     _refuse_cut_classic(path)
-    # Of one grid alone the driver makes no parts.
+    # The driver lists no parts if there is only one grid.
     parts = [name.rpartition(":")[2] for name in raster.subdatasets] or \
         [raster.tags(band).get("NETCDF_VARNAME") for band in raster.indexes[:1]]
     raster.close()
@@ -246,12 +246,12 @@ def _by_gdal(path, variable):
     if variable is not None and variable not in parts:
         raise ValueError(f'the file holds no grid "{variable}"; it has {", ".join(map(str, parts)) or "none"}.')
     name = f'netcdf:"{path}":{variable}' if variable else path
-    # Axes called other than the conventions have it, or without their attributes, are axes all the same.
+    # Accept axes whose names or attributes do not follow the conventions.
     return rasterio.open(name, driver="netCDF", IGNORE_XY_AXIS_NAME_CHECKS="YES", ASSUME_LONGLAT="YES")
 
 
 def _is_hdf5(path):
-    """Return True if a file is HDF5: that may begin at 0, 512, 1024, 2048, ... bytes, after other bytes."""
+    """Return True if a file is HDF5, whose first byte may be byte 0, 512, 1024, 2048, ... of the file."""
     with open(path, "rb") as file:
         size, place = file.seek(0, os.SEEK_END), 0
         while place < size:
@@ -268,7 +268,7 @@ def _check_hdf5(path):
         check_hdf5(path)
     except DataElsewhere:
         raise
-    except Exception as error:                         # of many kinds, by where the file is damaged
+    except Exception as error:                         # its type depends on where the file is damaged
         raise ValueError(f"the HDF5 file is damaged ({' '.join(str(error).split())}).") from None
 
 
@@ -276,8 +276,8 @@ def _open(path, **options):
     import rasterio
     from rasterio.io import DatasetReader
 
-    with rasterio.Env():                       # which rasterio.open makes as well, but it takes one driver, not several
-        # by its whole path: GDAL takes some relative names for addresses
+    with rasterio.Env():                       # rasterio.open does the same, but takes one driver only
+        # absolute path: GDAL takes some relative names for addresses
         return DatasetReader(os.path.abspath(path), driver=list(DRIVERS), **options)
 
 
@@ -300,9 +300,9 @@ def _refuse_cut_classic(path):
             return
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)         # views of the map that are still about
-            netcdf_file(path, mmap=True).close()                    # lays every variable on the file, reads none
-    except Exception as error:                                      # of many kinds, by where the file ends
+            warnings.simplefilter("ignore", RuntimeWarning)         # views of the memory map are still in use
+            netcdf_file(path, mmap=True).close()                    # places all variables in the file, reads none
+    except Exception as error:                                      # its type depends on where the file ends
         raise ValueError(f"the netCDF file is cut off or broken ({' '.join(str(error).split())}).") from None
 
 
@@ -353,7 +353,7 @@ def in_memory(values: np.ndarray, transform: "Affine", *, crs: "CRS | None" = No
 
 
 def check_size(rows: int, columns: int) -> None:
-    """Raise `ValueError` if a grid that must be held whole has too many nodes."""
+    """Check that a grid that must fit into memory has few enough nodes."""
     if rows * columns > MOST_NODES:
         raise ValueError(f"{rows} x {columns} nodes are more than {MOST_NODES:.0e}; make a GeoTIFF of it, of which "
                          "parts can be read.")

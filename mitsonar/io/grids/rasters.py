@@ -1,4 +1,4 @@
-"""Rasters as `bathymetry` needs them: checked, in metres, upright, and cut to a part."""
+"""Rasters prepared for `bathymetry`: checked, in metres, not rotated, and cut to a part."""
 import contextlib
 import os
 import re
@@ -40,9 +40,9 @@ def check(raster: "DatasetReader", band: int) -> None:
 @contextlib.contextmanager
 def in_metres(raster: "DatasetReader", source: "CRS | None", resolution: float | None, nodata: float | None,
               smooth: bool = False) -> "Iterator[DatasetReader | WarpedVRT]":
-    """Return the raster itself, or a view of it in metres, upright and at the resolution asked for.
+    """Yield the raster, or a view of it in metres, with rows running east, at the given resolution.
 
-    Views interpolate linearly, or if ``smooth`` by cubics, which keep more of the short waves.
+    Views interpolate linearly, or by cubics if ``smooth``, which keep more of the short waves.
     """
     from rasterio.crs import CRS
     from rasterio.enums import Resampling
@@ -71,7 +71,7 @@ def in_metres(raster: "DatasetReader", source: "CRS | None", resolution: float |
     elif resolution > native:
         view["resampling"] = Resampling.average
     width, height = (max(round(extent / resolution), 1) for extent in (east - west, north - south))
-    if max(width, height) > MOST_NODES:                # beyond what the library counts
+    if max(width, height) > MOST_NODES:                # more than the library can count
         raise ValueError(f"cells of {resolution:g} m would be {height:.3g} rows of {width:.3g}; give a larger "
                          "resolution.")
     with WarpedVRT(raster, transform=from_origin(west, north, resolution, resolution), width=width, height=height,
@@ -89,7 +89,7 @@ def source_crs(raster: "DatasetReader", crs: str | None) -> "CRS | None":
 
 
 def refuse_degrees(bounds: Sequence[float]) -> None:
-    """Raise `ValueError` if west, south, east and north of no system that is named look like degrees."""
+    """Raise `ValueError` if west, south, east and north, without a named system, look like degrees."""
     if np.all(np.abs(bounds) <= (360, 90, 360, 90)):
         raise ValueError("no coordinate system is named and the coordinates look like degrees; "
                          'say crs "EPSG:4326", or what they are.')
@@ -102,10 +102,10 @@ def crs_of(text: str) -> "CRS":
     from rasterio.errors import CRSError
 
     try:
-        # GDAL would fetch an address, and read a file
+        # GDAL would fetch an address or read a file
         if re.match(r"\s*(\w+:)?[/\\]", str(text)) or os.path.exists(str(text)):
             raise CRSError
-        with Env():                                    # what GDAL complains of is our error, not a line of its own
+        with Env():                                    # keeps GDAL from printing its own error
             return CRS.from_user_input(text)
     except CRSError:
         raise ValueError(f'"{text}" is no coordinate system; write an EPSG code such as "EPSG:32632".') from None
@@ -117,7 +117,7 @@ def is_metric(crs: "CRS | None") -> bool:
 
 
 def utm(x: float, y: float, source: "CRS") -> "CRS":
-    """Return the UTM system of a place in the system ``source``."""
+    """Return the UTM system of a place given in the system ``source``."""
     from pyproj.aoi import AreaOfInterest
     from pyproj.database import query_utm_crs_info
     from rasterio.crs import CRS
@@ -125,12 +125,12 @@ def utm(x: float, y: float, source: "CRS") -> "CRS":
 
     (longitude,), (latitude,) = transform(source, CRS.from_epsg(4326), [x], [y])[:2]
     longitude = (longitude + 180) % 360 - 180
-    found = query_utm_crs_info(datum_name="WGS 84", contains=True, area_of_interest=AreaOfInterest(
+    zones = query_utm_crs_info(datum_name="WGS 84", contains=True, area_of_interest=AreaOfInterest(
         longitude, latitude, longitude, latitude))
-    if not found:
+    if not zones:
         raise ValueError(f"no UTM zone holds {latitude:.2f} N {longitude:.2f} E; reproject the file to metres "
                          "(gdalwarp -t_srs).")
-    return CRS.from_epsg(found[0].code)
+    return CRS.from_epsg(zones[0].code)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,7 +160,7 @@ class RasterPart:
 
     def bounds(self, middle: tuple[float, float], source: "CRS | None",
                target: "CRS | None") -> tuple[float, float, float, float]:
-        """Return west, south, east and north in the system ``target`` of a grid about ``middle``."""
+        """Return west, south, east and north in the system ``target`` of a grid with the given middle."""
         from rasterio.warp import transform_bounds
 
         def placed(west: float, south: float, east: float, north: float) -> tuple[float, float, float, float]:
@@ -180,9 +180,9 @@ class RasterPart:
 
 def window(grid: "DatasetReader | WarpedVRT | FinerGrid", part: RasterPart,
            source: "CRS | None") -> "tuple[np.ndarray, np.ndarray, Window]":
-    """Return the coordinates of the columns and rows that ``part`` holds, and their window in the grid.
+    """Return the coordinates of the columns and rows in ``part``, and their window in the grid.
 
-    Rows come in the file's order, mostly from the north; raises `ValueError` if fewer than two of either are left.
+    Rows are in the order of the file, mostly from the north. Fewer than two rows or columns raise `ValueError`.
     """
     at = grid.transform
     x = at.c + (np.arange(grid.width) + 0.5) * at.a
@@ -203,7 +203,7 @@ def window(grid: "DatasetReader | WarpedVRT | FinerGrid", part: RasterPart,
 
 
 def window_at(column: int, row: int, width: int, height: int) -> "Window":
-    """Return the window of so many columns and rows from one on."""
+    """Return the window of ``width`` columns and ``height`` rows from a column and a row."""
     from rasterio.windows import Window
 
     return Window(column, row, width, height)  # pyright: ignore[reportCallIssue]  its fields are declared untyped
@@ -211,8 +211,7 @@ def window_at(column: int, row: int, width: int, height: int) -> "Window":
 
 def window_about(grid: "DatasetReader | WarpedVRT", x: np.ndarray, y: np.ndarray,
                  margin: int) -> "tuple[np.ndarray, np.ndarray, Window]":
-    """Return the coordinates of columns and rows of a grid about those of another, and the window that holds them."""
-    # x, y (P,) [m]
+    """Return the columns, rows and window of a grid that cover columns x (P,) and rows y (Q,) [m], plus a margin."""
     at = grid.transform
     spans = []
     for places, first, step, number in ((x, at.c, at.a, grid.width), (y, at.f, at.e, grid.height)):
@@ -224,7 +223,7 @@ def window_about(grid: "DatasetReader | WarpedVRT", x: np.ndarray, y: np.ndarray
 
 
 def name_of(crs: "CRS | None") -> str:
-    """Return a coordinate system's EPSG code, else its WKT, else nothing."""
+    """Return the EPSG code of a coordinate system, else its WKT; an empty text for None."""
     if not crs:
         return ""
     code = crs.to_epsg()

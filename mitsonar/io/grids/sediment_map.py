@@ -23,8 +23,7 @@ from .bathymetry import Bathymetry
 
 def blended(numbers: np.ndarray, known: np.ndarray, count: int,
             width: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the other class of every cell, and its share."""
-    # numbers (Y, X); known (Y, X); width [cells] -> other (Y, X), share (Y, X)
+    """Return the class (Y, X) beyond the border nearest to every cell, and its share (Y, X); ``width`` in cells."""
     from scipy.ndimage import uniform_filter1d
 
     half = [min(max(1, round(0.5 * cells)), length) for cells, length in zip(width, numbers.shape)]
@@ -32,7 +31,7 @@ def blended(numbers: np.ndarray, known: np.ndarray, count: int,
     def smoothed(values: np.ndarray) -> np.ndarray:
         values = values.astype(np.float32)
         for axis, size in enumerate(half):
-            # two means over an even number of cells lean to one side each
+            # a mean over an even number of cells is shifted by half a cell, so the two are shifted oppositely
             values = uniform_filter1d(values, size, axis, mode="nearest")
             values = uniform_filter1d(values, size, axis, mode="nearest", origin=-1 if size % 2 == 0 else 0)
         return values
@@ -92,7 +91,7 @@ class ClassTable:
 
     @property
     def sediments(self) -> list[str]:
-        """Return the sediments, each once, in the order of the numbers that `numbers` gives."""
+        """Return the sediments, each once, in the order in which `numbers` counts them."""
         named = [*self.classes.values(), *([self.elsewhere] if self.elsewhere else [])]
         return list(dict.fromkeys(named))
 
@@ -107,7 +106,7 @@ class ClassTable:
             known = ", ".join(map(str, self.classes))
             raise ValueError(f"the map has the code{'s' * (len(unknown) > 1)} {listed} on {share:.1%} of the seabed, "
                              f"and the class table knows {known}; add what is missing.")
-        for index, code in enumerate(found):
+        for index, code in enumerate(distinct):
             sediment = self.classes[int(code)] if np.isfinite(code) else self.elsewhere
             if sediment is None:
                 raise ValueError(f"the map has no class on {np.isnan(codes).mean():.1%} of the seabed; say what lies "
@@ -120,9 +119,9 @@ class ClassTable:
 class Painting:
     """Sediments of a map on the cells of a survey."""
 
-    number: np.ndarray  # (N,): places in `ClassTable.sediments`
-    other: np.ndarray  # (N,): the class beyond the nearest border
-    share: np.ndarray  # (N,): of that class, 0 away from borders
+    number: np.ndarray  # (N,): indices into `ClassTable.sediments`
+    other: np.ndarray  # (N,): class beyond the nearest border
+    share: np.ndarray  # (N,): share of that class, 0 away from borders
 
 
 def paint(path: FilePath, survey: Bathymetry, table: ClassTable, cells: np.ndarray | None = None, *,
@@ -133,18 +132,17 @@ def paint(path: FilePath, survey: Bathymetry, table: ClassTable, cells: np.ndarr
     chosen = np.arange(codes.size) if cells is None else cells
     number = _named(path, table, codes.ravel()[chosen])
     known = np.isin(codes, list(table.classes)) | (np.isnan(codes) & (table.elsewhere is not None))
-    whole = np.zeros(codes.shape, np.uint32)
-    whole[known] = table.numbers(codes[known])
-    width = cell if border is None else border
+    numbers = np.zeros(codes.shape, np.uint32)
+    numbers[known] = table.numbers(codes[known])
+    width = cell_size if border is None else border
     step = survey.spacing
-    other, share = blended(whole, known, len(table.sediments), (width / step[1], width / step[0]))
+    other, share = blended(numbers, known, len(table.sediments), (width / step[1], width / step[0]))
     return Painting(number=number, other=other.ravel()[chosen], share=share.ravel()[chosen])
 
 
 def read(path: FilePath, survey: Bathymetry, table: ClassTable, cells: np.ndarray | None = None, *,
          crs: str | None = None) -> np.ndarray:
-    """Read the classes of a map on the cells between the nodes of a survey."""
-    # cells (N,) -> (N,)
+    """Read the classes of a map on cells between the nodes of a survey, all or the numbered ``cells`` (N,)."""
     codes = _read(path, survey, crs)[0].ravel()
     return _named(path, table, codes if cells is None else codes[cells])
 
@@ -178,7 +176,7 @@ def _cell(raster, source, survey):
 
 
 def _codes(raster, source, survey):
-    """Return the codes (Y - 1, X - 1) of the cells, rows from the south; NaN where the map has none."""
+    """Return the codes (Y - 1, X - 1) of the cells, rows from the south; NaN where the map has no code."""
     from rasterio.crs import CRS
     from rasterio.enums import Resampling
     from rasterio.transform import from_origin

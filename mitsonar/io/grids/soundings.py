@@ -1,11 +1,8 @@
-"""Lists of soundings as text: x, y and z a line, with or without names of the columns.
+"""Lists of soundings as text (x, y and z on each line, with or without column names), and their grids.
 
-Soundings laid on grids: on the lattice that they are the nodes of, or on one of a chosen distance.
-
-Scattered soundings are averaged over the cells of the grid (where several fall into one), and the rest is linear
-interpolation over the Delaunay triangles between them. Nodes further from every sounding than a few of their
-distances are holes.
-"""
+Soundings that are the nodes of a regular grid stay on it. Scattered soundings are averaged over the cells of a grid
+(where several fall into one), then interpolated linearly over the Delaunay triangles between them. Nodes that are
+farther from every sounding than a few mean distances of soundings are holes."""
 import itertools
 import logging
 import math
@@ -26,28 +23,28 @@ if TYPE_CHECKING:
 
 _MOST_TRIANGULATED = 5_000_000   # about 2 GB of triangles
 _NODES = 1_000_000               # interpolated at a time
-_MOST_STEPS = 1000               # from triangle to triangle; more are the hair of a degenerate triangulation
-_ON_A_SIDE = 1e-9                # share of a triangle by which a place may lie beyond a side, by rounding
-_REACH = 3                       # distances of soundings over which is interpolated
-_OFF_LATTICE = 0.05              # steps by which coordinates may miss the nodes of a regular grid, being rounded
-_EMPTIEST = 20                   # nodes of a regular grid for each that was sounded
-_NEIGHBOURS = 0.7                # share of its nodes that must have the next one east, and north
+_MOST_STEPS = 1000               # from triangle to triangle; only degenerate triangulations need more
+_ON_A_SIDE = 1e-9                # share of a triangle by which rounding may put a place beyond a side
+_REACH = 3                       # mean distances of soundings over which heights are interpolated
+_OFF_LATTICE = 0.05              # steps by which rounded coordinates may miss the nodes of a regular grid
+_EMPTIEST = 20                   # most nodes of a regular grid for each sounding
+_NEIGHBOURS = 0.7                # share of its soundings that must have a neighbour east, and one north
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Soundings:
-    """Hold soundings in metres.
+    """Soundings in metres.
 
     Parameters
     ----------
     x, y : float64 array (N,) [m]
         Eastings and northings.
     z : float64 array (N,) [m]
-        As in the file: elevation or depth.
+        Elevation or depth, as in the file.
     crs, source : rasterio.crs.CRS or None
-        Of x and y, and of the coordinates as the file has them.
+        Coordinate systems of x and y, and of the coordinates in the file.
     """
 
     x: np.ndarray
@@ -58,7 +55,7 @@ class Soundings:
 
     @property
     def distance(self) -> float:
-        """Return the mean distance [m] of soundings: that of as many on a square grid over their convex hull."""
+        """Return the mean distance [m] of soundings, as if they were a square grid over their convex hull."""
         from scipy.spatial import ConvexHull, QhullError
 
         try:
@@ -70,20 +67,20 @@ class Soundings:
         return math.sqrt(area / self.x.size)
 
     def gridded(self, resolution: float | None = None) -> tuple[float, float, tuple[float, float], np.ndarray]:
-        """Lay the soundings on a grid.
+        """Interpolate the soundings to a grid.
 
         Parameters
         ----------
         resolution : float [m], optional
-            Distance of the nodes of scattered soundings, which lie at its multiples; by default their mean distance,
-            rounded. A regular grid stays as it is.
+            Distance of the nodes, which lie at its multiples; by default the rounded mean distance of the soundings.
+            It does not change soundings that are a regular grid.
 
         Returns
         -------
         west, north : float [m]
-            Place of the first node.
+            Coordinates of the first node.
         step : tuple of 2 floats [m]
-            To the next column east and row south.
+            Distance to the next column east and to the next row south.
         values : float64 array (Y, X) [m]
             Rows from the north; NaN where nothing was sounded.
 
@@ -126,10 +123,10 @@ class Soundings:
         return west, south + (rows - 1) * step_y, (step_x, step_y), values[::-1]
 
     def _interpolated(self, first, columns, rows, resolution, reach):
-        """Return the heights (Y, X), rows from the south, at multiples of the resolution from ``first`` on."""
+        """Return the heights (Y, X), rows from the south, at multiples of the resolution from ``first``."""
         from scipy.spatial import Delaunay, KDTree, QhullError
 
-        x, y = self.x / resolution - first[0], self.y / resolution - first[1]  # [nodes]: small numbers
+        x, y = self.x / resolution - first[0], self.y / resolution - first[1]  # [nodes]
         cell = np.rint(y).astype(np.int64) * columns + np.rint(x).astype(np.int64)
         filled, cell, count = np.unique(cell, return_inverse=True, return_counts=True)
         if filled.size > _MOST_TRIANGULATED:
@@ -155,8 +152,9 @@ class Soundings:
 def _on_triangles(triangles, z, places, nearest):
     """Interpolate linearly at places (N, 2), each near a corner of the triangulation; NaN beyond its hull.
 
-    From a triangle at that corner it is a few steps through the side that the place lies furthest beyond. (SciPy's
-    own search inverts a matrix for each triangle by LAPACK first: minutes of a million where its threads contend.)
+    The search starts from a triangle at that corner and steps through the side beyond which the place lies farthest.
+    (SciPy's own search first inverts a matrix for each triangle by LAPACK: minutes for a million triangles where its
+    threads contend.)
     """
     at, values = triangles.vertex_to_simplex[nearest], np.full(len(places), np.nan)
     walking = np.flatnonzero(at >= 0)
@@ -164,28 +162,28 @@ def _on_triangles(triangles, z, places, nearest):
         corners = triangles.simplices[at[walking]]
         (x0, y0), (x1, y1), (x2, y2) = (triangles.points[corners[:, i]].T for i in range(3))
         x, y = places[walking].T
-        with np.errstate(divide="ignore", invalid="ignore"):        # triangles of no area are left at once
+        with np.errstate(divide="ignore", invalid="ignore"):        # triangles without area are left at once
             area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
             second = ((x - x0) * (y2 - y0) - (x2 - x0) * (y - y0)) / area
             third = ((x1 - x0) * (y - y0) - (x - x0) * (y1 - y0)) / area
         weights = np.stack((1 - second - third, second, third), axis=-1)
         side = np.argmin(weights, axis=1)
-        found = np.take_along_axis(weights, side[:, None], 1)[:, 0] >= -_ON_A_SIDE
-        values[walking[found]] = np.sum(weights * z[corners], axis=1)[found]
+        inside = np.take_along_axis(weights, side[:, None], 1)[:, 0] >= -_ON_A_SIDE
+        values[walking[inside]] = np.sum(weights * z[corners], axis=1)[inside]
         at[walking] = triangles.neighbors[at[walking], side]
-        walking = walking[~found & (at[walking] >= 0)]
+        walking = walking[~inside & (at[walking] >= 0)]
         if walking.size == 0:
             break
     return values
 
 
 def _lattice(values):
-    """Return the first of evenly spaced coordinates, their step and number; None if they are not evenly spaced."""
+    """Return the first, the step and the number of evenly spaced coordinates, or None if their steps differ."""
     places = np.unique(values)
     if places.size < 2:
         return None
     gaps = np.diff(places)
-    # Rounding makes several of one place.
+    # Rounding splits one coordinate into several.
     gaps = gaps[gaps > 2 * _OFF_LATTICE * np.median(gaps)]
     number = round((places[-1] - places[0]) / np.median(gaps))
     if not 1 <= number < MOST_NODES:
@@ -230,26 +228,26 @@ def holds_soundings(path: FilePath) -> bool:
 def read(path: FilePath, *, crs: str | None = None, nodata: float | None = None) -> Soundings:
     """Read a list of soundings.
 
-    Blanks, tabs, commas or semicolons divide the columns, and ``#`` starts a comment. A header may name the columns;
-    without one, or where it names others, the first three are x, y and z. Soundings whose z is NaN are left out.
+    Blanks, tabs, commas or semicolons divide the columns, and ``#`` starts a comment. A header may name the columns.
+    Without these names the first three columns are x, y and z. Soundings whose z is NaN are left out.
 
     Parameters
     ----------
     path : path
     crs : str, optional
-        Coordinate system; without one, columns called longitude and latitude are "EPSG:4326", others metres.
+        Coordinate system; by default "EPSG:4326" for columns named longitude and latitude, else metres.
     nodata : float, optional
-        z that stands for no sounding.
+        Value of z that means no sounding.
 
     Returns
     -------
     Soundings
-        Degrees and feet become metres of the UTM zone of their middle.
+        Degrees and feet are converted to metres of the UTM zone at their middle.
 
     Raises
     ------
     ValueError
-        If a line does not hold three numbers, or there are fewer than three soundings or too many.
+        If a line does not hold three numbers, or the file holds fewer than three soundings or too many.
     """
     divider, skipped, columns, geographic = _layout(path)
     parts, total = [], 0
@@ -322,7 +320,7 @@ def _parsed(lines, divider, columns, before):
         return np.loadtxt(lines, delimiter=divider, usecols=columns, ndmin=2, comments="#").reshape(-1, 3)
     except ValueError:
         pass
-    for number, line in enumerate(lines, before + 1):      # NumPy counts without empty lines and comments
+    for number, line in enumerate(lines, before + 1):      # NumPy does not count empty lines and comments
         words = line.partition("#")[0]
         try:
             if words.strip():
@@ -333,11 +331,11 @@ def _parsed(lines, divider, columns, before):
 
 
 def _numbers(line):
-    """Return the numbers that a line starts with."""
-    found = []
+    """Return the numbers at the start of a line."""
+    values = []
     for word in re.split(r"[,;\s]+", line.partition("#")[0].strip()):
         try:
-            found.append(float(word))
+            values.append(float(word))
         except ValueError:
             break
-    return found
+    return values

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from rasterio.vrt import WarpedVRT
 
 
-MARGIN = 12                        # nodes of the survey about a part, beyond which splines feel nothing
-_PATCHES, _TRIED = 64, 24          # patches that are enough; places looked at along each side of the file
-_FEW = 4                           # patches with which larger ones do
+MARGIN = 12                        # nodes around a part; those farther away do not change its splines
+_PATCHES, _TRIED = 64, 24          # patches that suffice; places tried along each side of the file
+_FEW = 4                           # large patches that suffice, so that smaller ones need not be tried
 
 
 class FinerGrid(NamedTuple):
-    """Say where the nodes of a finer grid are, as rasters do: ``transform``, ``width``, ``height``, ``crs``."""
+    """Nodes of a finer grid, in the attributes of a raster."""
 
     transform: "Affine"
     width: int
@@ -35,7 +35,7 @@ class FinerGrid(NamedTuple):
 
     @classmethod
     def over(cls, grid: "DatasetReader | WarpedVRT", resolution: float | None) -> "FinerGrid":
-        """Lay one over a raster, with the nodes that the raster resampled to ``resolution`` [m] would have."""
+        """Make the grid whose nodes a raster would have after resampling to ``resolution`` [m]."""
         from rasterio.transform import from_origin
 
         step = min(grid.res)
@@ -66,24 +66,24 @@ def _patches(read_window, shape, size):
     starts = [np.unique(np.linspace(0, length - size, min(_TRIED, length // size)).astype(int))
               if length >= size else [] for length in shape]
     places = [(row, column) for row in starts[0] for column in starts[1]]
-    found = []
-    for index in np.random.default_rng(0).permutation(len(places)):         # those that are enough lie all over
+    patches = []
+    for index in np.random.default_rng(0).permutation(len(places)):         # spread over the file
         heights = read_window(*places[index], size)
         if np.isfinite(heights).all():
-            found.append(heights)
-        if len(found) == _PATCHES:
+            patches.append(heights)
+        if len(patches) == _PATCHES:
             break
-    return found
+    return patches
 
 
 def refine(x: np.ndarray, y: np.ndarray, heights: np.ndarray, finer_x: np.ndarray, finer_y: np.ndarray,
            spectrum: RoughnessSpectrum, seed: int) -> np.ndarray:
-    """Lay a survey on a finer grid and add the relief below its resolution."""
-    # x, y (X,) [m]; heights (Y, X) [m]; finer_x, finer_y (P,) [m] -> (Q, P) [m]
+    """Interpolate a survey to a finer grid and add the relief below its resolution."""
+    # x (X,), y (Y,), heights (Y, X), finer_x (P,), finer_y (Q,) [m] -> (Q, P) [m]
     from scipy import ndimage
 
     holes = np.isnan(heights)
-    if holes.any():                # splines would carry a hole everywhere
+    if holes.any():                # NaN would spread through the splines
         nearest = ndimage.distance_transform_edt(holes, return_distances=False, return_indices=True)
         heights = heights[tuple(np.asarray(nearest))]
     steps = [(axis[-1] - axis[0]) / (axis.size - 1) for axis in (y, x)]
