@@ -18,16 +18,17 @@ __all__ = ["EXTENSIONS", "FORMATS", "SOUND_SPEEDS", "Cast", "Cleaning", "Format"
 
 
 class Format(NamedTuple):
-    """One format: its name, a test of the lines that carry content, and the reader."""
+    """Format of casts: its name, the test of the lines that carry content, and the reader."""
 
     name: str
     recognises: Callable[[Sequence[str]], bool]
-    reads: Callable[[Sequence[str], int], Samples]
+    reads: Callable[..., Samples]          # of the lines, and of the section if there are several
+    several: bool = False                  # a file may hold several casts
 
 
-# The table comes last: it is the least particular.
+# The table comes last, because it accepts most.
 FORMATS = (
-    Format("CARIS SVP", caris.recognises, caris.read),
+    Format("CARIS SVP", caris.recognises, caris.read, several=True),
     Format("CastAway CSV", castaway.recognises, castaway.read),
     Format("AML CSV", aml.recognises, aml.read),
     Format("Kongsberg ASVP", kongsberg.recognises, kongsberg.read),
@@ -78,7 +79,11 @@ def read(path: FilePath, section: int = 0, *, sound_speed: str = "file", extensi
         content = [line for line in lines or () if line.partition("#")[0].strip()]
         for known in FORMATS:
             if lines and content and known.recognises(content):
-                return completed(known.reads(lines, section), known.name, sound_speed, extension)
+                if section and not known.several:
+                    raise ValueError(f"section {section} was asked for, but the format holds one cast a file; leave "
+                                     "section out.")
+                samples = known.reads(lines, section) if known.several else known.reads(lines)
+                return completed(samples, known.name, sound_speed, extension)
     except ValueError as error:
         raise ValueError(f"cannot read the cast {path}: {error}") from None
     what = "its content" if content else "it is empty, which" if lines is not None else "it is binary, which"

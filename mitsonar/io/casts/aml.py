@@ -30,9 +30,8 @@ def recognises(content: Sequence[str]) -> bool:
         first.startswith("[") and any(_begins_data(line) for line in content))
 
 
-def read(lines: Sequence[str], section: int) -> Samples:
-    """Return the samples; see `mitsonar.io.casts.read`."""
-    fields.only_section(section)
+def read(lines: Sequence[str]) -> Samples:
+    """Return the samples of the file."""
     start = next((k for k, line in enumerate(lines) if _begins_data(line)), None)
     if start is None:
         raise ValueError("it has no section [data]; the file was cut: copy it again.")
@@ -45,7 +44,7 @@ def read(lines: Sequence[str], section: int) -> Samples:
             rows.append((number, [field.strip() for field in line.split(",")]))
     columns, rows = _columns(notes, rows, start + 1)
     latitude, longitude = (_first_position(notes, name) for name in ("latitude", "longitude"))
-    if latitude == longitude == 0:                  # what an instrument without a fix writes
+    if latitude == longitude == 0:                  # written by an instrument without a fix
         latitude = longitude = None
     date, time = notes.get("date", [""])[0], notes.get("time", [""])[0].partition(".")[0]
     samples = fields.samples(
@@ -60,7 +59,7 @@ def _begins_data(line):
 
 
 def _notes(lines):
-    """Return all values of each name, in order: sections repeat names."""
+    """Return all values of each name, in order, since sections repeat names."""
     notes = {}
     for line in lines:
         name, equals, value = line.partition("=")
@@ -70,12 +69,12 @@ def _notes(lines):
 
 
 def _first_position(notes, name):
-    found = (fields.position(text, name) for text in (*notes.get(name, ()), *notes.get(f"gps{name}", ())))
-    return next((value for value in found if value is not None), None)
+    positions = (fields.position(text, name) for text in (*notes.get(name, ()), *notes.get(f"gps{name}", ())))
+    return next((value for value in positions if value is not None), None)
 
 
 def _columns(notes, rows, line):
-    """Return the columns and the rows that are samples."""
+    """Return the columns, and the rows without a line of titles."""
     if "columns" in notes:
         names, units = (notes.get(key, [""])[0].split(",") for key in ("columns", "units"))
         titles = [f"{name} ({unit})" for name, unit in zip(names, units + [""] * len(names), strict=False)]
@@ -117,7 +116,7 @@ def _columns_of_settings(notes, rows):
 def _check_salinity(columns):
     if not {"salinity", "conductivity", "temperature", "pressure"} <= set(columns):
         return
-    with np.errstate(all="ignore"):                 # of impossible water; the next lines say so
+    with np.errstate(all="ignore"):                 # NaN for impossible water is refused below
         computed = gsw.SP_from_C(*(columns[what] for what in ("conductivity", "temperature", "pressure")))
     if not np.median(np.abs(computed - columns["salinity"])) < SALINITIES_AGREE:
         raise ValueError("its salinity is not that of its conductivity, temperature and pressure; check columns and "

@@ -1,4 +1,4 @@
-"""CARIS SVP: sections, each a line with time and place and then depth and sound speed."""
+"""CARIS SVP: sections, each with a line of time and place, then lines of depth and sound speed."""
 import re
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ def recognises(content: Sequence[str]) -> bool:
 
 
 def read(lines: Sequence[str], section: int) -> Samples:
-    """Return the samples of a section; see `mitsonar.io.casts.read`."""
+    """Return the samples of a section, from 0."""
     starts = [k for k, line in enumerate(lines) if line.lower().startswith("section")]
     if not 0 <= section < len(starts):
         raise ValueError(f"section {section} does not exist; the file holds {len(starts)}; count from 0.")

@@ -1,4 +1,4 @@
-"""CastAway CSV, the processed cast: notes after %, a header, rows."""
+"""CastAway CSV, the processed cast: notes after %, a header, then rows."""
 import re
 from collections.abc import Sequence
 
@@ -14,9 +14,8 @@ def recognises(content: Sequence[str]) -> bool:
     return re.match(r"%\s*device\s*,", content[0], re.IGNORECASE) is not None
 
 
-def read(lines: Sequence[str], section: int) -> Samples:
-    """Return the samples; see `mitsonar.io.casts.read`."""
-    fields.only_section(section)
+def read(lines: Sequence[str]) -> Samples:
+    """Return the samples of the file."""
     notes, rows = {}, []
     for number, line in enumerate(lines, 1):
         if line.startswith("%"):

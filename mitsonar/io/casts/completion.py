@@ -102,7 +102,7 @@ def _to_the_deepest(samples):
 
 def _after_the_soak(samples):
     depth = samples.columns["depth"]
-    steady = _smoothed(depth)                                   # one sample further up is no turn
+    steady = _smoothed(depth)                                   # a single shallow sample is no turn
     risen = np.flatnonzero((steady < SOAK) & (np.maximum.accumulate(steady) - steady > RISE))
     start = 0
     if risen.size:
@@ -127,7 +127,7 @@ def _merged(samples, width):
     return samples.taking(starts, **means), int(depth.size - count.size)
 
 
-UNKNOWN_LATITUDE, UNKNOWN_LONGITUDE = 45.0, -20.0   # gravity changes depths by 0.26 % from there to pole or equator
+UNKNOWN_LATITUDE, UNKNOWN_LONGITUDE = 45.0, -20.0   # from there to pole or equator, gravity changes depths by 0.26 %
 HIGHEST, DEEPEST = -20.0, 12000.0                   # [m]
 MIXED = {"temperature": 10.0, "salinity": 35.0}
 SOUND_SPEEDS = ("file", "teos-10")
@@ -136,7 +136,7 @@ STEPS = np.concatenate([np.arange(0, 1000, 50.0), np.arange(1000, DEEPEST + 1, 2
 
 
 def completed(samples: Samples, name: str, source: str, extension: str) -> Cast:
-    """Make the cast of samples."""
+    """Return the cast of samples: cleaned, completed and extended."""
     samples, latitude = _with_depth(samples)
     samples, cleaning = cleaned(samples)
     samples = _with_salinity(samples, latitude)
@@ -151,7 +151,7 @@ def completed(samples: Samples, name: str, source: str, extension: str) -> Cast:
 
 
 def _with_depth(samples):
-    """Turn pressure into depth where there is no depth, and check both depths and sound speeds, by line."""
+    """Compute depths from pressures if there are no depths; check depths and sound speeds line by line."""
     latitude = None
     if "depth" not in samples.columns:
         latitude = UNKNOWN_LATITUDE if samples.latitude is None else samples.latitude
@@ -159,7 +159,7 @@ def _with_depth(samples):
         samples = samples.taking(slice(None), depth=-gsw.z_from_p(samples.columns["pressure"], latitude))
     _check(samples, "depth", "m", HIGHEST, DEEPEST)
     if "sound speed" in samples.columns:
-        # In air an instrument writes anything below; the cleaning drops that.
+        # In air an instrument may write any low value, which the cleaning drops.
         _check(samples, "sound speed", "m/s", -np.inf if samples.state == "recorded" else SLOWEST, FASTEST)
     return samples, latitude
 
@@ -183,7 +183,7 @@ def _with_salinity(samples, latitude):
     if pressure is None:
         latitude = UNKNOWN_LATITUDE if samples.latitude is None else samples.latitude
         pressure = gsw.p_from_z(-columns["depth"], latitude)
-    with np.errstate(all="ignore"):                 # of impossible water; the next lines say so
+    with np.errstate(all="ignore"):                 # NaN for impossible water is refused below
         salinity = gsw.SP_from_C(columns["conductivity"], columns["temperature"], pressure)
     bad = np.flatnonzero(~np.isfinite(salinity))
     if bad.size:
@@ -212,7 +212,7 @@ def _teos_10(samples, **water):
 
 
 def _extended(samples):
-    """Return the columns with nodes below the deepest sample, at the depths of `STEPS`."""
+    """Return the columns with further nodes at the depths of `STEPS` below the deepest sample."""
     columns = samples.columns
     below = STEPS[STEPS > columns["depth"][-1]]
     last = {what: float(columns[what][-1]) if what in columns else MIXED[what] for what in MIXED}

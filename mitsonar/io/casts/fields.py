@@ -1,4 +1,4 @@
-"""The fields that the formats share: numbers, titles of columns, positions and times."""
+"""Fields that the formats share: numbers, column titles, positions and times."""
 import datetime
 import math
 import re
@@ -11,7 +11,7 @@ from mitsonar.water.ranges import RANGES
 
 from .records import Samples
 
-# quantity -> the names that titles give it, without case
+# quantity -> its names in titles, in lower case
 QUANTITIES = {
     "depth": {"depth", "z", "d"},
     "pressure": {"pressure", "pres", "press", "p"},
@@ -20,7 +20,7 @@ QUANTITIES = {
     "salinity": {"salinity", "sal", "s"},
     "conductivity": {"conductivity", "cond"},
 }
-# quantity -> its units and by what a number in them is multiplied; the first is ours
+# quantity -> its units and the factors to the first one, which mitsonar uses
 UNITS = {
     "depth": dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1),
     "pressure": dict.fromkeys(("dbar", "db", "decibar", "decibars"), 1),
@@ -41,7 +41,7 @@ def only_section(section: int) -> None:
 
 
 def shown(text: str) -> str:
-    """Return a field as an error may show it: short, on one line."""
+    """Return a field as errors show it: short, on one line."""
     text = "".join(character if character.isprintable() else "?" for character in text[:31])
     return f"{text[:30]}..." if len(text) > 30 else text
 
@@ -49,14 +49,14 @@ def shown(text: str) -> str:
 def number(text: str) -> float:
     """Return the number in a field, NaN if there is none."""
     try:
-        return math.nan if "_" in text else float(text)    # Python's 1_500 is no number to others
+        return math.nan if "_" in text else float(text)    # Python alone reads 1_500 as a number
     except ValueError:
         return math.nan
 
 
 def samples(rows: Sequence[tuple[int, Sequence[str]]], columns: Mapping[str, int | tuple[int, float]],
             state: Literal["recorded", "processed", "ordered"], **more: Any) -> Samples:
-    """Make samples of the rows of a file."""
+    """Return the samples of rows (line number, fields); a column is an index, or an index and a factor."""
     if not rows:
         raise ValueError("it holds no samples; give at least one depth with its sound speed.")
     table = {what: np.empty(len(rows)) for what in columns}
@@ -73,13 +73,13 @@ def samples(rows: Sequence[tuple[int, Sequence[str]]], columns: Mapping[str, int
 
 
 def rows_of(lines: Sequence[str]) -> list[tuple[int, str]]:
-    """Return the rows that carry content, as (line number, text), without comments after #."""
+    """Return the rows with content as (line number, text), without comments after #."""
     rows = ((number, line.partition("#")[0].strip()) for number, line in enumerate(lines, 1))
     return [(number, row) for number, row in rows if row]
 
 
 def title(text: str) -> tuple[str | None, str]:
-    """Return the quantity and the unit that the title of a column names, or None and all of it."""
+    """Return the quantity and the unit in the title of a column, or None and the whole title."""
     words = re.sub(r"[_()\[\]\"']+", " ", text.lower()).split()
     for end in range(min(len(words), 4), 0, -1):
         for what, names in QUANTITIES.items():
@@ -89,7 +89,7 @@ def title(text: str) -> tuple[str | None, str]:
 
 
 def titled(line: int, header: Sequence[str]) -> dict[str, tuple[int, float]]:
-    """Return the columns that a header names."""
+    """Return the index and the factor of every column that a header names."""
     columns, titles = {}, [title(text) for text in header]
     named = {what for what, _ in titles}
     for k, (what, unit) in enumerate(titles):
@@ -118,9 +118,9 @@ def suffices(quantities: Collection[str | None]) -> bool:
 
 
 def position(text: str, name: str) -> float | None:
-    """Return the degrees of a latitude or longitude: decimal, or with minutes and seconds; None if it cannot be read.
+    """Return a latitude or longitude in degrees, from decimals or minutes and seconds; None if it cannot be read.
 
-    The sign before the degrees is that of the whole, and so is a letter behind.
+    A sign before the degrees, or a letter before or after them, holds for the whole angle.
 
     Examples
     --------
@@ -128,10 +128,10 @@ def position(text: str, name: str) -> float | None:
     (43.075, -122.465, None)
     """
     text = re.sub(r"^([NSEWnsew])\s*(.+)$", r"\2 \1", text.strip())
-    found = POSITION.fullmatch(text)
-    if not found:
+    match = POSITION.fullmatch(text)
+    if not match:
         return None
-    degrees, minutes, seconds, side = found.groups()
+    degrees, minutes, seconds, side = match.groups()
     minutes, seconds = float(minutes or 0), float(seconds or 0)
     value = abs(float(degrees)) + minutes / 60 + seconds / 3600
     low, high, _ = RANGES[name]

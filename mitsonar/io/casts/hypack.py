@@ -10,9 +10,8 @@ def recognises(content: Sequence[str]) -> bool:
     return content[0].split()[:2] == ["FTP", "NEW"]
 
 
-def read(lines: Sequence[str], section: int) -> Samples:
-    """Return the samples; see `mitsonar.io.casts.read`."""
-    fields.only_section(section)
+def read(lines: Sequence[str]) -> Samples:
+    """Return the samples of the file."""
     (_, header), *rows = [(number, row.split()) for number, row in fields.rows_of(lines)]
     latitude, longitude, hour, day = (header[3:7] + [""] * 4)[:4]
     return fields.samples(rows, {"depth": 0, "sound speed": 1}, "processed",

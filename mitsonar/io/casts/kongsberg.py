@@ -13,9 +13,8 @@ def recognises(content: Sequence[str]) -> bool:
     return re.match(r"\s*\(\s*soundvelocity\b", content[0], re.IGNORECASE) is not None
 
 
-def read(lines: Sequence[str], section: int) -> Samples:
-    """Return the samples; see `mitsonar.io.casts.read`."""
-    fields.only_section(section)
+def read(lines: Sequence[str]) -> Samples:
+    """Return the samples of the file."""
     (_, header), *rows = [(number, row.split()) for number, row in fields.rows_of(lines)]
     ended, header = header[-1] == ")", [word for word in header if word not in "()"]
     if ended and re.fullmatch(r"[0-9]{1,9}", header[-1]) and len(rows) < int(header[-1]):

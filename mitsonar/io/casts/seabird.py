@@ -1,7 +1,7 @@
 """Sea-Bird CNV: notes after * and #, of which ``# name k = short: Long name [unit]`` name the columns; ``*END*``; rows.
 
-Of sensors there may be two; the first counts. Depths in fresh water are pressures times 1.019716 m/dbar, and
-temperatures in IPTS-68 are 1.00024 times those in ITS-90 (Sea-Bird application notes 69 and 42).
+Of two sensors of a kind the first counts. Depths in fresh water are pressures times 1.019716 m/dbar, and temperatures
+in IPTS-68 are 1.00024 times those in ITS-90 (Sea-Bird application notes 69 and 42).
 """
 import re
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from . import fields
 from .records import Samples
 
 PSI = 0.6894757                     # [dbar]
-# (beginning of the long name, ending of its brackets) -> quantity, factor
+# beginning of the long name, unit in brackets, quantity, factor
 NAMES = (
     (r"pressure\b(?! temp)", r"db|dbar", "pressure", 1.0),
     (r"pressure\b(?! temp)", r"psi", "pressure", PSI),
@@ -38,9 +38,8 @@ def recognises(content: Sequence[str]) -> bool:
     return content[0].lower().startswith("* sea-bird") or any(line.strip() == "*END*" for line in content)
 
 
-def read(lines: Sequence[str], section: int) -> Samples:
-    """Return the samples; see `mitsonar.io.casts.read`."""
-    fields.only_section(section)
+def read(lines: Sequence[str]) -> Samples:
+    """Return the samples of the file."""
     end = next((k for k, line in enumerate(lines) if line.strip() == "*END*"), None)
     if end is None:
         raise ValueError("it has no line *END*, after which the samples come; the file was cut: copy it again.")
@@ -70,19 +69,19 @@ def _header(lines):
         elif note:
             notes.setdefault(note[1].lower(), note[2])
     if "pressure" in columns:
-        columns.pop("depth", None)                  # computed from it, by an older formula
+        columns.pop("depth", None)                  # computed from the pressure, by an older formula
     if not fields.suffices(columns):
         raise ValueError(f"its columns are {fields.shown(', '.join(named)) or 'not named'}; it needs pressure or "
                          "depth, and sound velocity or temperature with salinity or conductivity, in metric units.")
     if notes.get("time") is None:
-        # Often with a remark in brackets: where it was taken from.
+        # A remark in brackets may follow: the source of the time.
         start = " ".join(notes.get("start_time", "").partition("[")[0].split()[:4])
         notes["time"] = fields.instant(start, "%b %d %Y %H:%M:%S")
     return notes, columns, flag
 
 
 def _unflagged(samples, columns, bad_flag):
-    """Drop samples that the software marked, in the column of flags or in place of a value."""
+    """Drop samples marked bad, in the column of flags or by a bad value in another column."""
     bad_flag = NO_NUMBER if np.isnan(bad_flag) else bad_flag
     values = {what: samples.columns[what] / factor for what, (_, factor) in columns.items()}
     bad = np.any([np.isclose(value, bad_flag, rtol=1e-6, atol=0) for value in values.values()], axis=0)

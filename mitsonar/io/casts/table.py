@@ -12,9 +12,8 @@ def recognises(content: Sequence[str]) -> bool:
     return _numeric(first) or (_numeric(second) and len(first) == len(second)) or fields.suffices(named)
 
 
-def read(lines: Sequence[str], section: int) -> Samples:
-    """Return the samples; see `mitsonar.io.casts.read`."""
-    fields.only_section(section)
+def read(lines: Sequence[str]) -> Samples:
+    """Return the samples of the file."""
     rows = [(number, _split(row)) for number, row in fields.rows_of(lines)]
     (number, first), columns = rows[0], {"depth": 0, "sound speed": 1}
     if not _numeric(first):
@@ -29,7 +28,7 @@ def read(lines: Sequence[str], section: int) -> Samples:
 
 
 def _split(line):
-    """Cut a row at semicolons (then a comma is a decimal point), else commas, else tabs or spaces."""
+    """Split a row at semicolons (a comma is then a decimal point), else at commas, else at tabs or spaces."""
     line = line.partition("#")[0].strip().rstrip(",;")
     if ";" in line:
         return [field.strip() for field in line.replace(",", ".").split(";")]

@@ -1,11 +1,11 @@
 """Lines of a text file in any encoding, in bounded memory."""
 from pathlib import Path
 
-MOST_BYTES, MOST_LINES, LONGEST = 32 * 2**20, 1_000_000, 10_000  # hours at 24 samples a second; no line is that long
+MOST_BYTES, MOST_LINES, LONGEST = 32 * 2**20, 1_000_000, 10_000  # hours at 24 samples a second; characters of a line
 
 
 def read_lines(path: Path) -> list[str] | None:
-    """Read the lines of a text file.
+    """Read the lines of a text file, or return None if it is binary.
 
     UTF-8, UTF-16 with its mark, or else Windows-1252, in which every byte is a character: wrong degree signs of older
     software do not matter, as the numbers are right.

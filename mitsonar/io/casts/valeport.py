@@ -1,6 +1,6 @@
-"""Valeport MiniSVP: notes ``name: value``, the last ``Pressure units: m`` or ``dBar``, then pressure, temperature and
-sound speed as they were logged, the tare of the pressure taken off. In air the sound speed is 0. Days come before
-months.
+"""Valeport MiniSVP: notes ``name: value``, the last ``Pressure units: m`` or ``dBar``, then rows of pressure,
+temperature and sound speed as recorded, with the tare subtracted from the pressure. In air the sound speed is 0. In dates the day
+comes before the month.
 """
 from collections.abc import Sequence
 
@@ -15,9 +15,8 @@ def recognises(content: Sequence[str]) -> bool:
     return any(line.lower().startswith(("minisvp:", "pressure units:")) for line in content[:20])
 
 
-def read(lines: Sequence[str], section: int) -> Samples:
-    """Return the samples; see `mitsonar.io.casts.read`."""
-    fields.only_section(section)
+def read(lines: Sequence[str]) -> Samples:
+    """Return the samples of the file."""
     notes, rows = {}, []
     for number, line in enumerate(lines, 1):
         key, colon, value = line.partition(":")

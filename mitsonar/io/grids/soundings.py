@@ -2,7 +2,8 @@
 
 Soundings that are the nodes of a regular grid stay on it. Scattered soundings are averaged over the cells of a grid
 (where several fall into one), then interpolated linearly over the Delaunay triangles between them. Nodes that are
-farther from every sounding than a few mean distances of soundings are holes."""
+farther from every sounding than a few mean distances of soundings are holes.
+"""
 import itertools
 import logging
 import math
