@@ -1,6 +1,6 @@
 """Valeport MiniSVP: notes ``name: value``, the last ``Pressure units: m`` or ``dBar``, then rows of pressure,
-temperature and sound speed as recorded, with the tare subtracted from the pressure. In air the sound speed is 0. In dates the day
-comes before the month.
+temperature and sound speed as recorded, with the tare subtracted from the pressure. In air the sound speed is 0. In
+dates the day comes before the month.
 """
 from collections.abc import Sequence
 

@@ -52,7 +52,7 @@ def listed(folder: FilePath) -> list[Path]:
 
 
 def check_target(path: FilePath) -> None:
-    """Refuse a target's mesh that cannot be read, or is too large for one of many.
+    """Check that a target's mesh can be read and is not too large.
 
     Parameters
     ----------
@@ -166,12 +166,12 @@ def _check_serialized(path, index):
 
 
 class _Unpacked:
-    """A stream that zlib packed."""
+    """Stream that zlib compressed."""
 
     def __init__(self, file):
         self._file, self._zlib, self._kept = file, zlib.decompressobj(), b""
 
-    def read(self, size):
+    def read(self, size: int) -> bytes:
         parts = []
         try:
             while size:

@@ -35,8 +35,7 @@ EARLIEST, LATEST = "1970-01-01", "10000-01-01"
 
 
 def clock(time: np.ndarray, ticks: int) -> dict[str, np.ndarray]:
-    """Split times into the calendar's fields."""
-    # time (P,) [s]
+    """Split times (P,) [s since 1970] into calendar fields, with ``ticks`` per second."""
     first, last = (np.datetime64(day, "s").astype(np.int64) for day in (EARLIEST, LATEST))
     outside = np.flatnonzero(~((time >= first) & (time < last)))
     if outside.size:
@@ -75,8 +74,7 @@ class XtfPassage:
 
 
 def passage_of(record: xr.Dataset, start: float, geographic: bool) -> XtfPassage:
-    """Take a record's passage."""
-    # start [s]
+    """Return the passage of a record whose time 0 is ``start`` [s since 1970]."""
     from mitsonar.imaging.maps.georeference import origin, system  # which needs xarray, and tracks are read without
 
     time = np.asarray(record["ping_time"].values, float)

@@ -4,9 +4,9 @@
     level = 20 log10(n) + offset - gain(R)                               dB re 1 µPa
     gain(R) = k log10(R) + 2 a R                                         k = 30 (seabed), 40 (target), or no gain at all
 
-R slant range of a sample's middle [m], a absorption [dB/m]. Full scale is the record's highest level after the gain, or
-40 dB over its median where that is lower: few bright echoes saturate, as they do in recorders, so that the bed keeps
-its steps. 0 is no sound, or less than half a step.
+R is the slant range of the middle of a sample [m], a the absorption [dB/m]. Full scale is the record's highest level
+after the gain, or 40 dB over its median where that is lower: few bright echoes
+saturate, as they do in recorders, so that the bed keeps its steps. 0 means no sound, or less than half a step.
 """
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ HEADROOM_DB = 40.0                 # over the median
 
 @dataclass(frozen=True, kw_only=True)
 class Scale:
-    """Say how levels became samples; all numbers are exact as they are written."""
+    """Scale of samples; its numbers are rounded to the digits that are written."""
 
     offset_db: float  # [dB re 1 µPa]: level, after the gain, of the sample 1
     spreading_db: int  # [dB]: k
@@ -54,7 +54,7 @@ def scale_of(record: xr.Dataset, tvg: Tvg) -> Scale:
     """Choose the scale of a record's levels."""
     if tvg is not None and tvg not in SPREADING:
         raise ValueError(f"the gain is {tvg!r}; use 'seabed', 'target', 'recorder' or None.")
-    # the steps in which it is written
+    # rounded as it is written
     absorption = round(2 * absorption_of(record.attrs), 4) if tvg else 0.0
     plain = Scale(offset_db=0.0, spreading_db=SPREADING[tvg] if tvg else 0, absorption_db=absorption)
     level = record["level"].transpose("ping", "side", "range").values

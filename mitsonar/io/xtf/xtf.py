@@ -40,7 +40,7 @@ SAME_TIME, SAME_PLACE = 1e-6, 1e-3          # [s], [m]
 
 
 def check(record: xr.Dataset) -> None:
-    """Check one record."""
+    """Check that a record is a complete sidescan record."""
     level = record.get("level")
     if level is None or set(level.dims) != {"ping", "side", "range"} or list(record["side"].values) != list(SIDES):
         dims = "no levels" if level is None else f"levels over {', '.join(map(str, level.dims))}"
@@ -97,27 +97,27 @@ NOTES = 1                          # type of packet
 
 @dataclass(frozen=True, kw_only=True)
 class Channels:
-    """Hold one record's two channels: where their samples lie in range, and their scale."""
+    """The two channels of a record: ranges of their samples, and their scale."""
 
     record: xr.Dataset
     scale: Scale
-    silent: int  # samples before the window
-    near: float  # [m]: where the first sample begins
+    silent: int  # number of zero samples before the window
+    near: float  # [m]: range at which the first sample begins
     step: float  # [m]: length of a sample
 
     @property
     def count(self) -> int:
-        """Samples of a side."""
+        """Number of samples of a side."""
         return self.silent + self.record.sizes["range"]
 
     @property
     def middle(self) -> np.ndarray:
-        """Slant ranges of the window's samples [m]."""
+        """Slant ranges [m] of the middles of the window's samples."""
         return self.near + (self.silent + np.arange(self.record.sizes["range"]) + 0.5) * self.step
 
 
 def channels_of(record: xr.Dataset, tvg: Tvg) -> Channels:
-    """Lay out a record's channels; `ValueError` as `scale_of`."""
+    """Return the channels of a record; errors as `scale_of`."""
     slant_range = np.asarray(record["range"].values, float)
     step = float(np.diff(slant_range).mean())
     begin = max(float(slant_range[0]) - 0.5 * step, 0.0)
@@ -127,7 +127,7 @@ def channels_of(record: xr.Dataset, tvg: Tvg) -> Channels:
 
 
 def file_header(channels: Sequence[Channels], passage: XtfPassage, name: str) -> bytes:
-    """Return the header of 1024 bytes of a file of that name."""
+    """Return the header (1024 bytes) of a file with the given name."""
     header = pyxtf.XTFFileHeader()
     header.RecordingProgramName, header.RecordingProgramVersion = b"mitsonar", _ascii(__version__, 7)
     header.SonarName = b"mitsonar"
@@ -159,7 +159,7 @@ def notes(channels: Sequence[Channels]) -> Iterator[str]:
 
 
 def note(text: str, passage: XtfPassage) -> bytes:
-    """Return a packet of notes, dated as the first ping."""
+    """Return a notes packet with the date of the first ping."""
     first = navigation(passage)
     packet = pyxtf.XTFNotesHeader()
     packet.HeaderType, packet.NumBytesThisRecord = NOTES, ctypes.sizeof(pyxtf.XTFNotesHeader)
@@ -170,7 +170,7 @@ def note(text: str, passage: XtfPassage) -> bytes:
 
 
 def channel_header(channels: Channels, number: int, passage: XtfPassage) -> Mapping[str, np.ndarray | float]:
-    """Return the fields of the headers of one of a file's channels, one a ping."""
+    """Return the fields of the channel headers of all pings, for one channel."""
     far = channels.near + channels.count * channels.step
     duration = 2 * (far - channels.near) / passage.sound_speed
     return {"ChannelNumber": number, "SlantRange": far, "NumSamples": channels.count,
@@ -185,9 +185,9 @@ def _ascii(text, most):
     return str(text).encode("ascii", "replace")[:most]
 
 
-MOST_BYTES = (1 << 31) - 1         # of a file: what readers can address that count in 32 bits with a sign
-BLOCK_BYTES = 1 << 24              # written at a time
-PACKET = NAVIGATION_BYTES = 64     # bytes: of which lengths are multiples; of a navigation packet
+MOST_BYTES = (1 << 31) - 1         # of a file, which readers address by signed 32-bit numbers
+BLOCK_BYTES = 1 << 24              # written at once
+PACKET = NAVIGATION_BYTES = 64     # bytes: packet lengths are multiples of it; length of a navigation packet
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,7 +214,7 @@ class XtfWritten:
 
 def write(records: xr.Dataset | Sequence[xr.Dataset], path: FilePath, *, tvg: Tvg = "seabed", start: float = 0.0,
           geographic: bool | None = None) -> XtfWritten:
-    """Write a sidescan record, or several of one track, as an XTF file; whole or not at all.
+    """Write a sidescan record, or several of one track, as an XTF file. A failed write leaves no file.
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ def write(records: xr.Dataset | Sequence[xr.Dataset], path: FilePath, *, tvg: Tv
     start : float [s]
         Time of the record's time 0 since 1970, UTC.
     geographic : bool or None
-        Positions in degrees; False: in metres of the scene's coordinate system. None: degrees where they are known.
+        True: positions in degrees. False: in metres of the scene's coordinate system. None: degrees if they are known.
 
     Returns
     -------
