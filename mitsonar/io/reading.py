@@ -1,4 +1,4 @@
-"""Any file that mitsonar wrote, and lines of soundings, read by content; images and signals, written by name."""
+"""Read any file of mitsonar, or a line of soundings, by content; write images, signals and soundings by suffix."""
 import json
 import os
 
@@ -13,7 +13,7 @@ from .records.self_contained import DataElsewhere, check_store
 
 __all__ = ["is_netcdf", "read", "write"]
 
-HEAD = 8                           # bytes that tell kinds of files
+HEAD = 8                           # first bytes, by which formats are recognised
 HDF = b"\x89HDF"
 ZARR = ("zarr.json", ".zmetadata", ".zgroup")
 LARGEST_JSON = 10 ** 9             # bytes; text takes some ten times as much once it is read
@@ -76,7 +76,7 @@ def is_netcdf(path: FilePath) -> bool:
 
 
 def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
-    """Write an image, signals or a line of soundings, whole or not at all.
+    """Write an image, signals or a line of soundings. A failed write leaves no file.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def _zarr(path):
         raise
     except DataElsewhere as error:
         raise ValueError(f"cannot read {path}: {error}") from None
-    except Exception as error:                         # of many kinds, by where the store is damaged
+    except Exception as error:                         # its type depends on where the store is damaged
         raise ValueError(f"cannot read {path}: this Zarr store is damaged, or of a kind that is not read "
                          f"({' '.join(str(error).split())}).") from None
     variables = list(dataset.data_vars.values())

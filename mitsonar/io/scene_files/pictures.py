@@ -16,7 +16,7 @@ REMEDY = "give a PNG, JPEG or OpenEXR file"
 
 
 def check(path: FilePath) -> None:
-    """Refuse a picture that Mitsuba cannot read, or that is too large for a texture."""
+    """Check that Mitsuba can read a picture and that it is not too large for a texture."""
     files.check_readable(path, "the picture", "a picture")
     with open(path, "rb") as file:
         start = file.read(8)
@@ -64,7 +64,7 @@ def _by_pillow(kind):
             raise ValueError(str(error).partition(",")[0]) from None
         except UnidentifiedImageError:
             raise ValueError("its header is damaged") from None
-        except Exception as error:                     # of many kinds, by where the damage is
+        except Exception as error:                     # its type depends on where the damage is
             raise ValueError(f"it is damaged ({_shown(error)})") from None
     return read
 

@@ -26,7 +26,7 @@ class _Element(NamedTuple):
 
 
 def check(path: FilePath) -> None:
-    """Refuse a PLY file that Mitsuba's reader would misread."""
+    """Check that Mitsuba's reader reads a PLY file correctly."""
     size = os.path.getsize(path)
     with open(path, "rb") as file:
         order, elements = _header(file)
@@ -108,7 +108,7 @@ def _record(element, order):
 
 
 def _check_faces(element, columns, vertices):
-    """Check records, given as columns."""
+    """Check the faces in records, given as columns."""
     if element.name != "face":
         return
     names = list(element.fields)

@@ -23,8 +23,8 @@ class Parameter:
 
 
 def described(path: FilePath) -> tuple[str, list[Parameter]]:
-    """Read the heading and the parameters of a scene file, in its order."""
-    root(path)                                     # says what is wrong with it
+    """Read the heading and the parameters of a scene file, in the order of the file."""
+    root(path)                                     # raises a clear error for a bad file
     with open(path, encoding="utf-8", errors="replace") as stream:
         heading = re.search(r"^[^<]*(?:<\?[^>]*\?>)?\s*<!--(.*?)-->", stream.read(), re.DOTALL)
     top = ElementTree.parse(path, ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))).getroot()

@@ -78,7 +78,7 @@ def root(path: FilePath) -> ElementTree.Element:
 
 
 def place(path: FilePath, tag: str, name: str) -> str:
-    """Return the file and the line that write an attribute of a kind of element, such as ``bins`` of a ``film``.
+    """Return the file and the line that set an attribute of a kind of element, such as ``bins`` of a ``film``.
 
     The line is left out if several lines write it, or none does, as with an included file.
     """
@@ -115,8 +115,8 @@ def check(path: str, values: Mapping[str, str]) -> list[str]:
     Raises
     ------
     FileNotFoundError, PermissionError, ValueError
-        As `root`, for any of them; those that are not there are left to Mitsuba, which says where they are named. If
-        elements are nested too deep for its reader.
+        As `root`, for any of these files, or if elements are nested too deep for Mitsuba's reader. Missing files are
+        left to Mitsuba, which reports where they are named.
     """
     known, folders, seen = dict(values), [os.path.dirname(path)], set()
 

@@ -1,7 +1,7 @@
 """Tables in text files: a header names the columns, then a record a line.
 
-Commas, semicolons or tabs divide the fields; empty lines and those starting with # are skipped. What is wrong is said
-with the file and, where there is one, the line.
+Commas, semicolons or tabs divide the fields; empty lines and those starting with # are skipped. Errors name
+the file and, if possible, the line.
 """
 import csv
 from collections.abc import Sequence
@@ -42,9 +42,7 @@ def records(path: FilePath, what: str) -> tuple[list[str], list[int], list[list[
 
 
 def floats(path: FilePath, lines: Sequence[int], name: str, column: Sequence[str]) -> np.ndarray:
-    """Return a column as finite numbers: all at once if they are sound, else one by one to find the first that is not.
-    """
-    # lines (R,); column (R,) -> (R,)
+    """Return a column (R,) as numbers; an error names the line of the first that is not finite."""
     try:
         values = np.array(column, dtype=np.float64)
     except ValueError:

@@ -29,7 +29,7 @@ _STANDS = 3.0                      # times as long as fixes usually are repeated
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """Say where on Earth a scene lies.
+    """Position of a scene on Earth.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Frame:
 
     @classmethod
     def about(cls, latitude_deg: float, longitude_deg: float) -> Frame:
-        """Lay a frame about a point: transverse Mercator, true to scale and to north there."""
+        """Make a frame centred at a point: transverse Mercator, with scale 1 and grid north = true north there."""
         return cls(crs=f"+proj=tmerc +lat_0={latitude_deg:.9f} +lon_0={longitude_deg:.9f} +k=1 +x_0=0 +y_0=0 "
                        "+datum=WGS84 +units=m +no_defs")
 
@@ -86,7 +86,7 @@ class Frame:
         return np.stack([east, north], -1) - self.origin, np.deg2rad(factors.meridian_convergence)
 
     def on_globe(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return latitudes and longitudes of points: the way back from `project`.
+        """Return latitudes and longitudes of points: the inverse of `project`.
 
         Parameters
         ----------
@@ -181,7 +181,7 @@ class Navigation:
     geographic: bool = False
 
     def placed(self, frame: Frame | None = None, depth: float = 0.0) -> Track:
-        """Lay the track into a scene.
+        """Return the track in the coordinates of a scene.
 
         Parameters
         ----------

@@ -134,7 +134,7 @@ def load(path: FilePath) -> Navigation | Waypoints:
 
 
 def waypoints(text: str) -> Waypoints:
-    """Read way points written in a line: "0 0, 50 0, 50 30" or "37.75N 122.38W, 37.76N 122.38W".
+    """Read way points from a text such as "0 0, 50 0, 50 30" or "37.75N 122.38W, 37.76N 122.38W".
 
     Parameters
     ----------
