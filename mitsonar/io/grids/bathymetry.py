@@ -16,7 +16,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -294,7 +294,7 @@ def read(path: FilePath, *, crop: Sequence[float] | None = None, centre: Sequenc
             native = raster.crs or source
             with rasters.in_metres(raster, native, None if relief else resolution, nodata,
                                    smooth=relief is not None) as grid:
-                def depths(window: Any) -> np.ndarray:
+                def depths(window: Window) -> np.ndarray:
                     return _values(grid, raster, band, window, nodata)
                 if relief:
                     finer = survey_relief.FinerGrid.over(grid, resolution)

@@ -1,12 +1,11 @@
-"""Maps of sediment classes on a survey: a raster of codes, and a table of their meaning.
+"""Maps of sediment classes on a survey: a raster of codes, and a table with the sediment of each code.
 
     1: clay, 7: medium sand, nodata: sandy silt
 
-A cell of the survey has the class of the map's cell at its middle, in any coordinate system. Near a border, `Painting`
-holds the class on the other side and its share.
-
-Shares are those of `scattering.borders`, of the classes about a cell under a triangle of base w in both directions: two
-running means, each over half of w. With more than two classes the most frequent other one counts.
+Each cell of the survey takes the class of the map cell in which its middle lies; the map may have another coordinate
+system. Near a border, `Painting` also holds the class on the other side and its share, as `scattering.borders` mixes
+them: the classes around a cell, weighted by a triangle of base w in both directions (two running means, each over w/2).
+Where more than two classes meet, the most frequent of the other classes counts.
 """
 import os
 from dataclasses import dataclass
@@ -53,16 +52,16 @@ _SHOWN = 10                   # codes that an error lists
 
 @dataclass(frozen=True, kw_only=True)
 class ClassTable:
-    """Meaning of the codes of a map."""
+    """Sediments that the codes of a map stand for."""
 
     classes: dict[int, str]  # code -> sediment of TR 9407
     elsewhere: str | None = None  # sediment where the map has no code
 
     @classmethod
     def of(cls, text: str) -> "ClassTable":
-        """Read a table from a text such as "1: clay, 7: medium sand, nodata: sand", or from a CSV file.
+        """Make a table from a text such as "1: clay, 7: medium sand, nodata: sand", or from a CSV file.
 
-        The file has columns ``code`` and ``sediment``; "nodata" is a code in both forms.
+        The file has the columns ``code`` and ``sediment``. In both forms "nodata" is a code.
         """
         if os.path.isfile(text):
             names, _, rows = tables.records(text, "class table")
@@ -96,10 +95,10 @@ class ClassTable:
         return list(dict.fromkeys(named))
 
     def numbers(self, codes: np.ndarray) -> np.ndarray:
-        """Return the places (N,) in ``sediments`` of codes (N,); NaN marks cells without a class."""
-        found, inverse = np.unique(codes, return_inverse=True)
-        place = np.zeros(found.size, np.uint32)
-        unknown = [code for code in found if np.isfinite(code) and code not in self.classes]
+        """Return the indices (N,) into ``sediments`` of codes (N,); NaN means that the map has no code."""
+        distinct, inverse = np.unique(codes, return_inverse=True)
+        place = np.zeros(distinct.size, np.uint32)
+        unknown = [code for code in distinct if np.isfinite(code) and code not in self.classes]
         if unknown:
             listed = ", ".join(f"{code:g}" for code in unknown[:_SHOWN])
             share = np.isin(codes, unknown).mean()
@@ -126,9 +125,8 @@ class Painting:
 
 def paint(path: FilePath, survey: Bathymetry, table: ClassTable, cells: np.ndarray | None = None, *,
           crs: str | None = None, border: float | None = None) -> Painting:
-    """Read as `read`, with borders of a width."""
-    # border [m]
-    codes, cell = _read(path, survey, crs)
+    """Read the classes as `read`, with mixed borders of width ``border`` [m]; by default that of a cell of the map."""
+    codes, cell_size = _read(path, survey, crs)
     chosen = np.arange(codes.size) if cells is None else cells
     number = _named(path, table, codes.ravel()[chosen])
     known = np.isin(codes, list(table.classes)) | (np.isnan(codes) & (table.elsewhere is not None))
@@ -148,7 +146,7 @@ def read(path: FilePath, survey: Bathymetry, table: ClassTable, cells: np.ndarra
 
 
 def _read(path, survey, crs):
-    """Return the codes of the survey's cells, and the cell size [m] of the map."""
+    """Return the codes of the survey's cells, and the size of the map's own cells [m]."""
     try:
         with raster_files.opened(path, crs=crs, what="map of classes") as (raster, source):
             return _codes(raster, source, survey), _cell(raster, source, survey)
@@ -164,11 +162,13 @@ def _named(path, table, codes):
 
 
 def _cell(raster, source, survey):
-    """Return the mean side of the map's cells in its middle [m], in the survey's system."""
+    """Return the mean side [m] of the map's cells at its middle, in the coordinate system of the survey."""
     from rasterio.warp import transform
 
-    column, row, at = raster.width / 2 + np.array([0, 1, 0]), raster.height / 2 + np.array([0, 0, 1]), raster.transform
-    east, north = column * at.a + row * at.b + at.c, column * at.d + row * at.e + at.f
+    at, column, row = raster.transform, raster.width / 2, raster.height / 2
+    x, y = np.array([column, column + 1, column]), np.array([row, row, row + 1])
+    # not by an operator: old versions of affine have no @, new ones are about to drop *
+    east, north = at.a * x + at.b * y + at.c, at.d * x + at.e * y + at.f
     if source is not None and survey.crs:
         east, north = transform(source, survey.crs, east, north)
     east, north = np.asarray(east), np.asarray(north)
