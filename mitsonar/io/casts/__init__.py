@@ -80,7 +80,7 @@ def read(path: FilePath, section: int = 0, *, sound_speed: str = "file", extensi
         for known in FORMATS:
             if lines and content and known.recognises(content):
                 if section and not known.several:
-                    raise ValueError(f"section {section} was asked for, but the format holds one cast a file; leave "
+                    raise ValueError(f"section {section} does not exist; this format has one cast per file: leave "
                                      "section out.")
                 samples = known.reads(lines, section) if known.several else known.reads(lines)
                 return completed(samples, known.name, sound_speed, extension)

@@ -34,12 +34,6 @@ POSITION = re.compile(r"([+-]?\d+(?:\.\d+)?)(?:[\s:d\N{DEGREE SIGN}]+(\d+(?:\.\d
                       r"[\s\"'\N{DEGREE SIGN}]*([NSEWnsew]?)")
 
 
-def only_section(section: int) -> None:
-    """Refuse any section but the first, for formats that hold one cast a file."""
-    if section != 0:
-        raise ValueError(f"section {section} does not exist; this format has one cast per file: leave section out.")
-
-
 def shown(text: str) -> str:
     """Return a field as errors show it: short, on one line."""
     text = "".join(character if character.isprintable() else "?" for character in text[:31])
