@@ -47,13 +47,12 @@ class Salt:
     FAN_TRUTH = 0x3C6EF372         # added to keys; the others are mixed in
     PARTNER, DIRECTION, TARGET = 0x2C1B3C6D, 0x297A2D39, 0x5F356495    # of a ray that bounces on
     CANDIDATE = 0x7C9E1A4F         # candidates for a ray's partner
-    PLACE, AMPLITUDE = 0x0B5297A4, 0x68E31DA4           # of the scatterer in a cell of the seabed
+    PLACE, AMPLITUDE = 0x0B5297A4, 0x68E31DA4           # of the scatterers of a facet
+    COUNT = 0x1B56C4E9             # fraction of a scatterer by which facets with the same need differ
     OF_ONE_PASS, PASS = 0x2F0B4C47, 0x3A8C35D1          # a scatterer's part of one pass; seed of a pass
-    SIDE_LOBES, BESIDE_SIDE_LOBES = 0x4E6B5A73, 0x27D4EB2F             # survival of a cell in the side lobes
-    THINNED_COUNT, THINNED_PLACE, THINNED_AMPLITUDE = 0x1B56C4E9, 0x7F4A7C15, 0x4CF5AD43    # scatterers of a patch
     PATCH = 0x6A09E667             # strength of a patch of seabed
     BORDER = 0x3AF54FA5            # sediment of a place within a border of two
-    GROUND_SPECKLE = 0x35C0FBCF    # lattices of a sidescan's speckle
+    WATER_SPECKLE = 0x35C0FBCF     # a sidescan's speckle of the water
     BEAM_AMBIENT, BEAM_NOISE = 0x1F83D9AB, 0x5BE0CD19   # noise in beams: on rows of sine, on waves along the line
     RECEIVER_FLAWS = 0x464C4157    # errors of a multibeam's receivers
     EDGES = 0x6A3C91D7             # points on edges, for gradients

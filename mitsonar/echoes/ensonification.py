@@ -6,7 +6,7 @@
                   |e|² = Σ_k ΔΩ_k (σ / sin θ_i) (c_h / c_0)² 10^(-2 ᾱ L / 10) / A
 
 e is the echo's pressure 1 m from a source of pressure 1 at 1 m, without the patterns of the elements: the cell's
-Gaussian (`cells`) times |e|. Symbols as in `sonar_equation`. With enough rays both methods agree. The first has no
+Gaussian (`scatterers`) times |e|. Symbols as in `sonar_equation`. With enough rays both methods agree. The first has no
 sampling noise and costs time by the scene within reach, the second by the number of rays.
 """
 from __future__ import annotations
@@ -30,9 +30,8 @@ from .bounces.surface_ghosts import ArrayGhosts
 from .point_targets import PointTargets
 from .record import Echoes, EchoLeg
 from .scatterers.element_beams import ElementBeams
-from .scatterers.pieces import NEGLIGIBLE, Pieces, pieces_in_beams, pieces_in_reach
+from .scatterers.pieces import NEGLIGIBLE, Pieces, SideLobes, pieces_in_beams, pieces_in_reach
 from .scatterers.scatterers import Cells, Scatterers
-from .scatterers.side_lobes import SideLobes
 from .sights.sights import Sights
 from .smooth.targets import SmoothTargets
 from .sonar_equation import GRAZING, absorbed, along_legs, echo_energy, lit_patch, speed_ratio
@@ -55,7 +54,7 @@ class Ensonification:
                  max_depth: int = 1, thin_below: float = 0.0, band: ReceivedBand | None = None):
         self.scatterers, self.water, self.frequency, self.window = scatterers, water, frequency, window
         self.method, self.beams = method, beams or None
-        self.side_lobes = SideLobes(scatterers=scatterers, below=thin_below) if thin_below and beams else None
+        self.side_lobes = SideLobes(below=thin_below) if thin_below and beams else None
         geometry = scatterers.geometry
         self.targets = PointTargets(geometry.targets(), band or ReceivedBand.about(frequency), water.profile)
         self.nearest = 0.5 * window[0] * water.slowest - margin
@@ -105,8 +104,8 @@ class Ensonification:
                             for path, pieces in self.pieces(origin)]
             total, done = max(sum(int(pieces.cells.sum()) for _, (_, pieces, _) in within_reach), 1), 0
             for path, (aim, pieces, bound) in within_reach:
-                for facet, s in self._cells(pieces, bound):
-                    yield from self._echoes(sources, start, rotation, facet, s, path, aim=aim)
+                for facet, k in self._cells(pieces, bound):
+                    yield from self._echoes(sources, start, rotation, facet, k, path, aim=aim)
                     done += dr.width(facet)
                     if progress is not None:
                         progress(done / total)
@@ -114,11 +113,11 @@ class Ensonification:
             facets, *columns = self._cells_of_rays(sources, start, rotation, depth_below, key)
             for path, at_surface in BOTTOM_AND_SURFACE:
                 there = self.scatterers.at_surface[facets] == at_surface
-                facet, s, energy, area = (column[there] for column in (facets, *columns))
+                facet, k, energy, area = (column[there] for column in (facets, *columns))
                 for first in range(0, len(facet), CELLS_PER_BLOCK):
                     block = slice(first, first + CELLS_PER_BLOCK)
                     yield from self._echoes(sources, start, rotation, upload(mi.UInt32, facet[block]),
-                                            upload(mi.UInt32, s[block]), path,
+                                            upload(mi.UInt32, k[block]), path,
                                             [upload(mi.Float, column[block].astype(np.float32))
                                              for column in (energy, area)])
         for _, echoes in self.coherent_echoes(origin):
@@ -180,11 +179,10 @@ class Ensonification:
 
     def _cells(self, pieces, bound):
         """Yield the cells of pieces, block by block; in side lobes only cells that may exist."""
-        if self.side_lobes is None:
-            return self.scatterers.listed(pieces.runs(), CELLS_PER_BLOCK)
-        return self.side_lobes.listed(pieces, bound, CELLS_PER_BLOCK)
+        share = None if self.side_lobes is None else self.side_lobes.largest_share(bound)
+        return self.scatterers.listed(pieces.runs(share), CELLS_PER_BLOCK)
 
-    def _echoes(self, sources, origin, rotation, facet, s, path, from_rays=None, aim=True):
+    def _echoes(self, sources, origin, rotation, facet, k, path, from_rays=None, aim=True):
         """Yield the echoes of cells that can be connected, or that rays found with energies and areas `from_rays`.
 
         With `aim`, cells that beams make negligible are left out, and cells in side lobes are thinned.
@@ -192,23 +190,23 @@ class Ensonification:
         share = None
         if self.beams is not None and aim:
             # the direction in which the rays leave; the straight line may lie in another lobe
-            point = self.scatterers.at(facet, s).point
+            point = self.scatterers.at(facet, k).point
             direction = self.connector.launch_direction(sources, origin, mi.UInt32(0), point)
             distance = mi.Float(dr.norm(point - origin))
             bound = self.beams.bound(direction, distance, rotation)
             counts = bound > NEGLIGIBLE
             if self.side_lobes is not None and from_rays is None:
                 share = self.side_lobes.share(bound)
-                counts &= self.side_lobes.exist(facet, s, share)
+                counts &= self.scatterers.exist(facet, k, share)
                 dr.eval(counts, share)
             index = compressed(counts)
             if not dr.width(index):
                 return
-            facet, s = dr.gather(mi.UInt32, facet, index), dr.gather(mi.UInt32, s, index)
+            facet, k = dr.gather(mi.UInt32, facet, index), dr.gather(mi.UInt32, k, index)
             from_rays = from_rays and [dr.gather(mi.Float, column, index) for column in from_rays]
             share = None if share is None else dr.gather(mi.Float, share, index)
-            dr.eval(facet, s, from_rays, share)
-        cells = self.scatterers.at(facet, s)
+            dr.eval(facet, k, from_rays, share)
+        cells = self.scatterers.at(facet, k)
         way = self.connector.connect(sources, origin, mi.UInt32(0), cells.point, cells.normal,
                                      occlusion=from_rays is None, coarse=True)
         reached = way.free & (way.travel_time < dr.opaque(mi.Float64, 0.55 * self.window[1] + 1e-3))
@@ -240,7 +238,7 @@ class Ensonification:
                 yield label, visible
 
     def _cells_of_rays(self, sources, origin, rotation, depth_below, key):
-        """Return the cells that rays find: facets, numbers s, and the summed energies and areas of their rays."""
+        """Return the cells that rays find: facets, numbers k, and the summed energies and areas of their rays."""
         direction, solid_angle, _ = self.drawn_rays.draw(origin, rotation, depth_below, key)
         hits = self.tracer.trace(sources, origin, mi.UInt32(0), direction)
         strength, sin_grazing = scattering_strength(hits, hits.valid, self.frequency)
@@ -248,14 +246,14 @@ class Ensonification:
         energy = echo_energy(solid_angle=solid_angle, strength=strength, sin_grazing=sin_grazing,
                              spreading_area=hits.spreading_area, speed_ratio=ratio,
                              loss=absorbed(self.water.loss_db(origin, hits.point, hits)))
-        facet, s = self.scatterers.of(hits)
+        facet, k = self.scatterers.of(hits)
         area = lit_patch(solid_angle, spreading_area=hits.spreading_area, sin_grazing=sin_grazing)
-        columns = facet, s, energy, area
+        columns = facet, k, energy, area
         dr.eval(columns, hits.valid, sin_grazing)
         lit = hits.valid.numpy() & (sin_grazing.numpy() > GRAZING) & (energy.numpy() > 0)
-        facet, s, energy, area = (column.numpy()[lit] for column in columns)
+        facet, k, energy, area = (column.numpy()[lit] for column in columns)
         scattering = self.scatterers.scattering[facet]
-        cell, number = np.unique((facet[scattering].astype(np.uint64) << np.uint64(32)) | s[scattering],
+        cell, number = np.unique((facet[scattering].astype(np.uint64) << np.uint64(32)) | k[scattering],
                                  return_inverse=True)
         return ((cell >> np.uint64(32)).astype(np.uint32), cell.astype(np.uint32),
                 *(np.bincount(number, weights=column[scattering], minlength=len(cell)) for column in (energy, area)))

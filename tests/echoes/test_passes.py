@@ -11,6 +11,7 @@ from scipy.ndimage import gaussian_filter
 from sonar_scenes import array_sonar, bed, forward_looking, sidescan
 
 import mitsonar
+from mitsonar.device.arrays import compressed
 from mitsonar.echoes.scatterers.scatterers import Scatterers
 from mitsonar.echoes.scatterers.thinned_scatterers import Density, ThinnedScatterers
 from mitsonar.scene.geometry import Geometry
@@ -51,8 +52,8 @@ def thinned(geometry, number):
                       sine_cell=0.01, nearest=1.0, farthest=15.0)
     scatterers = ThinnedScatterers(Scatterers(geometry, np.inf, number), farthest=15.0,
                                    places=density.origin[None])
-    some = scatterers.at(*scatterers.candidates(density, lambda direction, distance: mi.Bool(True)),
-                         density).where_existing()
+    some, exist = scatterers.at(*scatterers.candidates(density, lambda direction, distance: mi.Bool(True)), density)
+    some = some.chosen(compressed(exist))
     amplitude, label = some.amplitude[0].numpy() + 1j * some.amplitude[1].numpy(), some.label.numpy()
     return {name: amplitude[label == key] for key, name in geometry.labels.items()}
 

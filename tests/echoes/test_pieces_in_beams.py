@@ -28,8 +28,8 @@ def test_no_cell_of_a_facet_contradicts_what_is_said_of_it(variant, rng, face):
     assert {-1, 0, 1} == set(found)
     assert np.mean(found == 0) < 0.5
     for _ in range(4):
-        s = (rng.random(len(found)) * pieces.cells).astype(np.uint32)
-        cells = made.scatterers.at(upload(mi.UInt32, pieces.facet), upload(mi.UInt32, s))
+        k = pieces.first + (np.floor(rng.random(len(found)) * pieces.cells).astype(np.int64) << 2 * pieces.level)
+        cells = made.scatterers.at(upload(mi.UInt32, pieces.facet), upload(mi.UInt32, k.astype(np.uint32)))
         direction = made.connector.launch_direction(sources, start, mi.UInt32(0), cells.point)
         bound = made.beams.bound(direction, mi.Float(dr.norm(cells.point - start)), rotation).numpy()
         assert np.all(bound <= most * (1 + 1e-6))

@@ -80,17 +80,17 @@ def test_neighbouring_pings_thin_to_nearly_the_same_cells(survey):
 
 
 def test_no_cell_that_may_exist_is_left_out_when_they_are_listed(survey):
-    """Listing of one in 2^L, against a look at every cell."""
+    """Listing of the first ones of each piece, against a look at every cell."""
     light = ensonification_of(replace(survey, thin_below=BELOW))
     origin, rotation = np.array([0.0, 0.0, -10.0]), survey.track.rotation()[0]
     found, every = (numbered(echoes(survey, below)[0]) for below in (BELOW, 0.0))
     exist = []
     sources, start = light._source(origin)
     for _, pieces in light.pieces(origin):
-        for facet, s in light.scatterers.listed(pieces.runs(), 1 << 20):
-            point = light.scatterers.at(facet, s).point
+        for facet, k in light.scatterers.listed(pieces.runs(), 1 << 20):
+            point = light.scatterers.at(facet, k).point
             direction = light.connector.launch_direction(sources, start, mi.UInt32(0), point)
             bound = light.beams.bound(direction, mi.Float(dr.norm(point - start)), rotation)
-            these = light.side_lobes.exist(facet, s, light.side_lobes.share(bound)) & (bound > 1e-8)
+            these = light.scatterers.exist(facet, k, light.side_lobes.share(bound)) & (bound > 1e-8)
             exist.append(numbered(point.numpy().T[these.numpy()]))
     np.testing.assert_array_equal(np.intersect1d(np.concatenate(exist), every), found)

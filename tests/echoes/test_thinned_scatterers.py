@@ -1,7 +1,7 @@
 """Scatterers thinned to the resolution: as many as asked, fixed to the ground, and of the right area together.
 
 The number in a region is the integral of (1) of the module over it, within the 5 sigma of what low-discrepancy places
-and one hash a patch leave (Poisson is an upper bound). The areas of all scatterers of a region add to its own.
+and one hash a facet leave (Poisson is an upper bound). The areas of all scatterers of a region add to its own.
 """
 import drjit as dr
 import mitsuba as mi
@@ -33,11 +33,11 @@ def scatterers(request):
 def existing(scatterers, density):
     """Places (R, 3) in the scene, areas and amplitudes of the scatterers that exist."""
     patch, k = scatterers.candidates(density, lambda direction, distance: mi.Bool(True))
-    some = scatterers.at(patch, k, density)
-    dr.eval(some.exists, some.offset, some.area, some.amplitude)
-    there = some.exists.numpy()
-    return (some.offset.numpy().T[there] + density.origin, some.area.numpy()[there],
-            (some.amplitude[0].numpy() + 1j * some.amplitude[1].numpy())[there])
+    cells, exist = scatterers.at(patch, k, density)
+    dr.eval(exist, cells.point, cells.area, cells.amplitude)
+    there = exist.numpy()
+    return (cells.point.numpy().T[there], cells.area.numpy()[there],
+            (cells.amplitude[0].numpy() + 1j * cells.amplitude[1].numpy())[there])
 
 
 def ring(place, inner, outer):

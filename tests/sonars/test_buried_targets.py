@@ -107,13 +107,13 @@ def test_pictures_in_the_beam_domain_see_nothing_of_what_is_buried(variant, grou
     lit = Ground(survey).lit(density, lambda way, distance: (abs(way.y * distance - away) < 1)
                              & (abs(way.x * distance) < 1))
     assert lit is not None
-    height = lit.scatterers.offset.z.numpy() - 14.0 + DEPTH
+    height = lit.offset.z.numpy() - 14.0 + DEPTH
     label = next(number for number, name in survey.geometry.labels.items() if name == "ball")
     there = (lit.scatterers.label.numpy() == label) & (lit.energy.numpy() > 0)
     free, normal = lit.state.numpy() == FREE, lit.scatterers.normal
     arrival = lit.legs.arrival_direction
     facing = abs(dr.dot(normal, arrival)).numpy() > 0.05
-    front = lit.scatterers.offset.y.numpy() < away
+    front = lit.offset.y.numpy() < away
     assert there[height < -0.001].any() and not free[there & (height < -0.001)].any()
     over = there & facing & front & (height > 0.001)
     assert over.sum() > 100 and free[over].all()

@@ -95,7 +95,7 @@ def test_a_point_on_the_surface_is_in_its_facet(variant, kind):
     last = first + (count or 2)
     runs = np.arange(first, last, dtype=np.uint32)
     cells = scatterers.cuts[runs].astype(np.int64) ** 2
-    facet, s = next(scatterers.listed((runs, np.zeros(len(runs), np.int64), cells), 1 << 22))
+    facet, s = next(scatterers.listed((runs, 0 * cells, 1 + 0 * cells, cells), 1 << 22))
     at = scatterers.at(facet, s)
 
     class Hits:

@@ -17,10 +17,10 @@ import numpy as np
 import pytest
 from track_files import write_track
 
-from mitsonar.echoes.scatterers.ground_speckle import LATTICES
 from mitsonar.imaging.sidescan import pulse_shares, realisation
 from mitsonar.scene.loading import prepare
-from mitsonar.survey.sidescan.kind import _lattices, plan, side_speckle
+from mitsonar.survey.sidescan.kind import plan
+from mitsonar.survey.sidescan.speckle import SideSpeckle
 from mitsonar.units import metres_per_second_from_knots
 from mitsonar.validation.scenes import bed, sidescan
 
@@ -33,7 +33,7 @@ def speckle_of(seed=1, pings=40, film=None, **sensor):
     film = {"range": 75.0, "bins": 1000, **(film or {})}
     scene = sidescan(BED, rays=100, sensor={"pings": pings, **sensor}, film=film)
     survey = plan(scene, scene.sensors()[0], scene.integrator().settings)
-    return side_speckle(survey, seed).of(np.arange(survey.track.pings)), survey
+    return SideSpeckle(survey, seed).of(np.arange(survey.track.pings)), survey
 
 
 def overlap(sonar, apart, yaw=0.0, ranges=(1e6,)):
@@ -182,7 +182,7 @@ def test_speckle_has_unit_variance_whatever_the_course():
 def test_pings_may_be_asked_for_in_any_order():
     scene = sidescan(BED, rays=100, sensor={"pings": 9, "speed_knots": 4.0})
     survey = plan(scene, scene.sensors()[0], scene.integrator().settings)
-    source = side_speckle(survey, 3)
+    source = SideSpeckle(survey, 3)
     together = source.of(np.arange(9))
     assert np.array_equal(source.of(np.array([7, 2])), together[[7, 2]])
 
@@ -193,14 +193,3 @@ def test_echoes_of_the_water_column_have_speckle_too():
     water = between(speckle, 5.0, 18.0)
     expected = overlap(survey.sonar, 0.25, ranges=np.linspace(5, 18, 19))
     assert correlation(water[1:], water[:-1]) == pytest.approx(expected, abs=0.05)
-
-
-@pytest.mark.parametrize("pings, turn", [(1, 0.0), (63, 0.01), (64, 0.01), (65, 0.01), (500, 0.02), (300, 0.4)])
-def test_lattices_follow_the_course(pings, turn):
-    """None lies further from it than three quarters of their spacing and what the mean of a stretch is rounded by; one
-    serves a straight stretch, whatever its length."""
-    course = 1.0 + turn * np.arange(pings)
-    number, spacing = _lattices(course), np.pi / LATTICES
-    away = np.angle(np.exp(2j * (course - number * spacing))) / 2
-    assert np.abs(away).max() <= (2 * 0.75 + 0.5) * spacing
-    assert np.count_nonzero(np.diff(number)) <= np.ceil(pings * turn / (0.25 * spacing))

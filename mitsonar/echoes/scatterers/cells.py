@@ -1,15 +1,9 @@
-"""Cells of facets: each cell has one scatterer with a fixed place and a fixed complex Gaussian amplitude.
+"""Congruent cells of facets, for quadratures over them.
 
 A facet (a, b, c) is cut into n² congruent triangles, n = ⌈longest side / cell size⌉. In barycentric coordinates
 (u towards b, v towards c), row i = ⌊n u⌋ has 2 (n - i) - 1 cells, alternately upright and upside down. Cell numbers are
 
     s = i (2 n - i) + 2 j + k,    j = ⌊n v⌋,    k = 1 where frac(n u) + frac(n v) > 1,    s = 0 .. n² - 1
-
-The place of a scatterer is uniform over its cell. Its amplitude g is circular complex Gaussian, <|g|²> = 1: an echo has
-the pressure g √(σ dA), times the effect of propagation. The mean level of many cells is therefore σ times their area,
-for any cell size. Amplitudes are Rayleigh where a resolution cell holds many scatterers. With N on average, the second
-moment of intensity is 2 (1 + 1/N), because their number varies. Place and amplitude are hashed from (shape, facet, s)
-alone: every element, ping and run uses the same seabed.
 """
 from __future__ import annotations
 
@@ -18,7 +12,7 @@ from types import ModuleType
 import drjit as dr
 import numpy as np
 
-from mitsonar.device.types import DrJitArray, Float64, UInt32
+from mitsonar.device.types import Float64, UInt32
 
 
 def four_wide(rows: np.ndarray) -> np.ndarray:
@@ -29,16 +23,6 @@ def four_wide(rows: np.ndarray) -> np.ndarray:
 def divisions(longest_side: np.ndarray, cell_size: float | np.ndarray) -> np.ndarray:
     """Return n, uint32 (F,), for facets with these longest sides [m] (F,) and cells of at most `cell_size` [m]."""
     return np.maximum(1, np.ceil(np.asarray(longest_side, float) / cell_size - 1e-9)).astype(np.uint32)
-
-
-def cell_of(lib: ModuleType, u: DrJitArray, v: DrJitArray, n: UInt32) -> UInt32:
-    """Return the number s of the cell at (u, v), Float or Float64 (H,), in facets cut n-fold."""
-    N = type(u)(n)
-    i = dr.minimum(lib.UInt32(u * N), n - 1)
-    j = dr.minimum(lib.UInt32(v * N), n - 1 - i)
-    fraction = u * N - type(u)(i) + (v * N - type(u)(j))
-    upside_down = (fraction > 1) & (i + j + 1 < n)
-    return i * (2 * n - i) + 2 * j + dr.select(upside_down, lib.UInt32(1), lib.UInt32(0))
 
 
 def place(lib: ModuleType, s: UInt32, n: UInt32, a: Float64, b: Float64) -> tuple[Float64, Float64]:

@@ -1,20 +1,16 @@
 """Pieces of facets within reach of a ping and in the beams of an array.
 
-A small facet is one piece. A large one is cut into blocks of k rows and k columns of its cells (`cells`), about `SHARE`
-of the reach long. With e and f the sides of a facet of n rows, the block that starts at row i and column j is the
-parallelogram
+A piece is a triangle of level L that holds scatterer p of its facet (`nested_points`), and with it every scatterer
+p + 4^L j. Small facets are pieces as a whole; large ones are cut, level by level, until pieces are about `SHARE` of the
+reach large.
 
-    a + (i/n) e + (j/n) f + x e + y f,     0 <= x, y <= k/n
+A piece of radius r whose middle is d away fills an angle of r / (d - r). Because water bends rays, rays to its
+scatterers leave within WIDER times that angle of the ray to its middle. b is the bound of `ElementBeams.bound` at the
+middle, with that angle added to (+) or taken from (-) the angle that the bound allows for:
 
-as far as it lies in the facet. A ball about its middle contains it.
-
-A piece of radius r whose middle is d away fills an angle of r / (d - r). Because water bends rays, rays to its cells
-leave within WIDER times that angle of the ray to its middle. b is the bound of `ElementBeams.bound` at the middle, with
-that angle added to (+) or taken from (-) the angle that the bound allows for:
-
-    b(+) negligible       no cell counts
-    b(-) large enough     all cells count
-    else                  each cell is evaluated
+    b(+) negligible       no scatterer counts
+    b(-) large enough     all scatterers count
+    else                  each scatterer is evaluated
 """
 from __future__ import annotations
 
@@ -31,9 +27,8 @@ from mitsonar.scene.tracing.tracer import Sources
 from .element_beams import ElementBeams
 from .scatterers import Scatterers
 
-SHARE = 0.01                       # length of a block relative to the reach,
-FEWEST = 8                         # but no fewer rows of cells
-LARGE = 0.04                       # relative to the reach: facets of a larger radius are cut
+SHARE = 0.015                      # largest radius of a piece relative to the reach,
+FEWEST = 32                        # unless it has fewer scatterers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,10 +36,10 @@ class Pieces:
     """Pieces of facets, (P,) each."""
 
     facet: np.ndarray  # (P,)
-    cuts: np.ndarray  # (P,): n of the facet
-    row: np.ndarray  # (P,): first row and column of the piece
-    column: np.ndarray
-    side: np.ndarray  # (P,): k
+    level: np.ndarray  # (P,): L
+    first: np.ndarray  # (P,): p
+    number: np.ndarray  # (P,): scatterers of the whole facet
+    threshold: np.ndarray  # (P,): h of the facet
     centre: np.ndarray  # (P, 3) [m]
     radius: np.ndarray  # (P,) [m]: of a ball that holds the piece
 
@@ -54,81 +49,81 @@ class Pieces:
 
     @property
     def cells(self) -> np.ndarray:
-        """Return the number of cells of each piece, int64 (P,)."""
-        piece, _, count = self.rows()
-        return np.bincount(piece, weights=count, minlength=len(self.facet)).astype(np.int64)
+        """Return the number of scatterers of each piece, int64 (P,)."""
+        return np.maximum(-(-(self.number - self.first) >> 2 * self.level), 0)
 
-    def runs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return runs of cells, piece after piece: facet, first number s, count, each (S,)."""
-        piece, first, count = self.rows()
-        return self.facet[piece], first, count
+    def runs(self, share: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return runs of scatterers: facet, first k, step of k, and how many there are, (P,) each.
 
-    def rows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the runs of cells as (piece, first s, count); a block has one run for each of its rows."""
-        whole = self.side == self.cuts
-        rows = np.where(whole, 1, np.minimum(self.side, self.cuts - self.row))
-        piece = np.repeat(np.arange(len(rows)), rows)
-        n, k, j = self.cuts[piece], self.side[piece], self.column[piece]
-        i = self.row[piece] + np.arange(len(piece)) - np.repeat(np.cumsum(rows) - rows, rows)
-        # the last column of a row has one cell, the others two
-        count = np.where(whole[piece], n * n, np.minimum(2 * (j + k), 2 * (n - i) - 1) - 2 * j)
-        filled = count > 0
-        return piece[filled], (i * (2 * n - i) + 2 * j)[filled], count[filled]
+        With a `share` (P,) of the facet's scatterers, runs hold those that can exist (`nested_points.exists`).
+        """
+        count, step = self.cells, np.int64(1) << 2 * self.level
+        if share is not None:
+            last = np.minimum(share, 1) * self.number - self.threshold
+            count = np.where(share < 1, np.clip(np.ceil((last - self.first) / step), 0, count), count).astype(np.int64)
+        return self.facet, self.first, step, count
 
 
 def pieces_in_reach(scatterers: Scatterers, facets: np.ndarray, origin: np.ndarray, nearest: float,
                     farthest: float) -> Pieces:
-    """Cut facets (K,) and keep the pieces that reach from `nearest` to `farthest` [m] from `origin` (3,).
-
-    Small facets come first, then the blocks of large ones.
-    """
-    large = scatterers.radius[facets] > LARGE * farthest
-    whole = facets[~large]
-    cuts = scatterers.cuts[whole].astype(np.int64)
-    start = np.zeros(len(whole), np.int64)
-    parts = [Pieces(facet=whole, cuts=cuts, row=start, column=start, side=cuts, centre=scatterers.centre[whole],
-                    radius=scatterers.radius[whole])]
-    parts += [_blocks(scatterers, facet, origin, farthest) for facet in facets[large]]
-    pieces = Pieces(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])})
-    distance = np.linalg.norm(pieces.centre - origin, axis=1)
-    return pieces.chosen((distance - pieces.radius < farthest) & (distance + pieces.radius > nearest))
-
-
-def _blocks(scatterers: Scatterers, facet: np.uint32, origin: np.ndarray, farthest: float) -> Pieces:
-    """Return the blocks of a facet: all that come nearer than `farthest`, and some more."""
-    n = int(scatterers.cuts[facet])
-    a, b, c = scatterers.corners(np.array([facet]))[0].astype(float)
-    e, f = (b - a) / n, (c - a) / n
-    k = min(max(FEWEST, int(SHARE * farthest * n / scatterers.longest_side[facet])), n)
-    row = np.arange(0, n, k)
-    # the middle of a row of blocks is the line q + f v; no point of a block is farther from it than a block is long
-    q = a + (row + 0.5 * k)[:, None] * e - origin
-    reach = farthest + k * max(map(np.linalg.norm, (e, f, f - e)))
-    ff = max(f @ f, 1e-30)
-    foot = -(q @ f) / ff
-    half = np.sqrt(np.maximum(reach ** 2 - np.sum(q ** 2, axis=1) + ff * foot ** 2, 0) / ff)
-    first, last = (np.clip(np.floor(end / k), -1, (n - row - 1) // k).astype(np.int64)
-                   for end in (foot - half, foot + half))
-    first = np.maximum(first, 0)
-    count = np.where(half > 0, np.maximum(last - first + 1, 0), 0)
-    row = np.repeat(row, count)
-    column = k * (np.arange(len(row)) - np.repeat(np.cumsum(count) - count - first, count))
-    centre = a + (row + 0.5 * k)[:, None] * e + (column + 0.5 * k)[:, None] * f
-    radius = 0.5 * k * max(np.linalg.norm(e + f), np.linalg.norm(e - f))
-    size = len(row)
-    return Pieces(facet=np.full(size, facet, np.uint32), cuts=np.full(size, n), row=row, column=column,
-                  side=np.full(size, k), centre=centre, radius=np.full(size, radius))
+    """Cut facets (K,) and keep the pieces that reach from `nearest` to `farthest` [m] from `origin` (3,)."""
+    start = np.zeros(len(facets), np.int64)
+    pieces = Pieces(facet=facets, level=start, first=start, number=scatterers.cuts[facets].astype(np.int64) ** 2,
+                    threshold=scatterers.threshold[facets], centre=scatterers.centre[facets],
+                    radius=scatterers.radius[facets])
+    done = []
+    while len(pieces.facet):
+        distance = np.linalg.norm(pieces.centre - origin, axis=1)
+        pieces = pieces.chosen((distance - pieces.radius < farthest) & (distance + pieces.radius > nearest))
+        large = (pieces.radius > SHARE * farthest) & (pieces.cells > FEWEST)
+        done.append(pieces.chosen(~large))
+        pieces = _cut(scatterers, pieces.chosen(large))
+    return Pieces(**{name: np.concatenate([getattr(part, name) for part in done or [pieces]])
+                     for name in vars(pieces)})
 
 
-NEGLIGIBLE = 1e-8                  # two-way intensity of the beams below which a cell is ignored
+def _cut(scatterers: Scatterers, pieces: Pieces) -> Pieces:
+    """Return the four quarters of each piece, as far as they have scatterers."""
+    fields = {name: np.repeat(value, 4, axis=0) for name, value in vars(pieces).items()}
+    fields["first"] = fields["first"] + (np.tile(np.arange(4), len(pieces.facet)) << 2 * fields["level"])
+    fields["level"] = fields["level"] + 1
+    corner = scatterers.triangles(fields["facet"], fields["first"], fields["level"])
+    fields["centre"] = corner.mean(1)
+    fields["radius"] = np.linalg.norm(corner - fields["centre"][:, None], axis=-1).max(1)
+    quarters = Pieces(**fields)
+    return quarters.chosen(quarters.cells > 0)
+
+
+NEGLIGIBLE = 1e-8                  # two-way intensity of the beams below which a scatterer is ignored
 WIDER = 2.0
-LARGEST = 0.1                      # [rad] pieces that fill more are evaluated cell by cell,
-FEWEST_CELLS = 4                   # and all pieces if they have fewer cells on average
+LARGEST = 0.1                      # [rad] pieces that fill more are evaluated one by one,
+FEWEST_CELLS = 4                   # and all pieces if they have fewer scatterers on average
+ROUNDED = 1.001                    # allowance for the rounding of bounds
+
+
+@dataclass(frozen=True, kw_only=True)
+class SideLobes:
+    """Thinning in the side lobes of beams: fewer scatterers carry the energy of all.
+
+    Where the bound b of the beams (`element_beams`) is below b₀ -> ``below``, a facet has the share b / b₀ of its
+    scatterers, each for as much more area. No echo is stronger than one at b₀ could be. As the sonar moves on, single
+    scatterers come or go while the others stay (`nested_points`).
+    """
+
+    below: float  # b₀
+
+    def share(self, bound: mi.Float) -> mi.Float:
+        """Return the shares of scatterers from the bounds of the beams there, Float (R,)."""
+        return dr.minimum(bound * dr.opaque(mi.Float, 1 / self.below), 1)
+
+    def largest_share(self, bound: np.ndarray) -> np.ndarray:
+        """Return the largest shares in pieces with bounds (P,)."""
+        return np.minimum(ROUNDED * bound / self.below, 1)
 
 
 def pieces_in_beams(pieces: Pieces, connector: Connector, beams: ElementBeams, sources: Sources, origin: dr.ArrayBase,
                     rotation: np.ndarray, enough: float = NEGLIGIBLE) -> tuple[np.ndarray, np.ndarray]:
-    """Return 1 for pieces whose cells all count, -1 for none, 0 for undecided, (P,); and bounds of their beams (P,)."""
+    """Return 1 for pieces whose scatterers all count, -1 for none, 0 for undecided, (P,); and bounds of beams (P,)."""
     # origin (1,) [m]; rotation (3, 3)
     if not len(pieces.facet) or pieces.cells.sum() < FEWEST_CELLS * len(pieces.facet):
         return np.zeros(len(pieces.facet), int), np.ones(len(pieces.facet))

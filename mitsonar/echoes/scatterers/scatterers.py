@@ -1,7 +1,17 @@
-"""Scatterers of a scene: cells of its facets (`cells`), and their amplitudes in repeated passes.
+"""Scatterers of a scene: one field for all sonars, fixed to its facets, and their amplitudes in repeated passes.
 
-Shapes without facets are tessellated (`scene.tessellation`). Point targets and smooth surfaces have no cells; they have
-modules of their own (`point_targets`, `smooth.targets`).
+A facet has scatterers k = 0, 1, 2 ... at places of a nested sequence (`nested_points`), each with a circular complex
+Gaussian amplitude g, <|g|²> = 1. A sonar takes as many as it needs. Each stands for an equal area dA: its echo has the
+pressure g √(σ dA), times the effect of propagation, so the mean level does not depend on their number. Amplitudes of
+echoes are Rayleigh where a resolution cell holds many scatterers. With N on average, the second moment of intensity is
+at most 2 (1 + 1/N), because their number varies. Place and amplitude are hashed from (shape, facet, k) alone: every
+kind of sonar, element, ping and run uses the same seabed.
+
+An array's elements take n² of a facet, n = ⌈longest side / cell size⌉; the beam domain and a sidescan's speckle take
+what their resolution needs (`thinned_scatterers`).
+
+Shapes without facets are tessellated (`scene.tessellation`). Point targets and smooth surfaces have no scatterers; they
+have modules of their own (`point_targets`, `smooth.targets`).
 
 The ground may be disturbed between passes. In pass n, a scatterer of coherence c (an attribute of its material) has the
 amplitude
@@ -16,13 +26,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.device.arrays import arrays_of, reinterpreted, upload
-from mitsonar.device.chance import Salt, gaussian, hashed_pair, shape_key, uniform_inside
+from mitsonar.device.arrays import arrays_of, held, reinterpreted, upload
+from mitsonar.device.chance import Salt, gaussian, hashed, hashed_pair, shape_key, uniform
 from mitsonar.device.types import Array4u
 from mitsonar.scene.geometry import Geometry, interpolated
 from mitsonar.scene.materials import coherence, loses_coherence
@@ -30,7 +41,8 @@ from mitsonar.scene.tessellation import Grids, grid_of
 from mitsonar.scene.tracing.connection import Connection
 from mitsonar.scene.tracing.hits import Hits
 
-from .cells import cell_of, divisions, four_wide, place
+from .cells import divisions, four_wide
+from .nested_points import exists, owner_of, path_of, place_of, triangle_of
 
 
 class Amplitudes:
@@ -38,14 +50,14 @@ class Amplitudes:
 
     def __init__(self, geometry: Geometry, pass_number: int):
         self._lib, self._first = arrays_of(mi.Float), pass_number == 0
-        self._changes = loses_coherence(geometry, pass_number)
+        self.change = loses_coherence(geometry, pass_number)
         self._pass = dr.opaque(mi.UInt32, pass_number)
 
     def of(self, first: mi.UInt32, second: mi.UInt32, point: dr.ArrayBase, normal: mi.Vector3f, shape: mi.ShapePtr,
            primitive: mi.UInt32, uv: mi.Point2f) -> tuple[mi.Float, mi.Float]:
         """Return a_n as real and imaginary part (R,), from two hashes (R,) of each scatterer."""
         own = gaussian(self._lib, first, second)
-        if not self._changes:
+        if not self.change:
             return own
         kept = coherence(point, normal, shape, primitive, uv)
         if self._first:
@@ -56,7 +68,7 @@ class Amplitudes:
         return a * own[0] + b * of_pass[0], a * own[1] + b * of_pass[1]
 
 
-MOST_CUTS = 32768                  # s and n² are 32-bit
+MOST_CUTS = 32768                  # k and n² are 32-bit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,25 +77,34 @@ class Cells:
 
     point: dr.ArrayBase  # (R,) [m]
     normal: mi.Vector3f  # (R,): of the facet, unit; vertices run counter-clockwise seen from its side
-    area: mi.Float  # (R,) [m²]
+    area: mi.Float  # (R,) [m²]: that each stands for
     amplitude: tuple[mi.Float, mi.Float]  # (Float, Float): real and imaginary part of a_n
     shape: mi.ShapePtr  # (R,)
-    primitive: mi.UInt32  # (R,)
+    primitive: mi.UInt32  # (R,): facet of the shape
+    label: mi.UInt32  # (R,)
     uv: mi.Point2f  # (R,): texture coordinates, as in `Hits`
     smooth: mi.Vector3f | None = None  # (R,): interpolated normal, see `tracing.hits.towards_sound`
 
     def hits(self, way: Connection) -> Hits:
-        """Return the cells as hits of sound that arrives along `way`."""
+        """Return the scatterers as hits of sound that arrives along `way`."""
         return Hits.on_surface(valid=way.free, point=self.point, normal=self.normal, shape=self.shape, uv=self.uv,
                                primitive=self.primitive, arrival_direction=way.arrival_direction,
                                sound_speed=way.sound_speed, smooth=self.smooth)
 
+    def chosen(self, index: mi.UInt32) -> Cells:
+        """Return the scatterers at an index."""
+        dr.eval(*(value for value in vars(self).values() if value is not None))
+        real, imaginary = (dr.gather(mi.Float, part, index) for part in self.amplitude)
+        values = {name: dr.gather(type(value), value, index) for name, value in vars(self).items()
+                  if name != "amplitude" and value is not None}
+        return Cells(amplitude=(real, imaginary), **values)
+
 
 class Scatterers:
-    """Facets of a scene and their cells."""
+    """Facets of a scene and their scatterers."""
     # centre (F, 3) [m]; radius (F,) [m]; longest_side (F,) [m]; cuts (F,); at_surface (F,); label (F,)
 
-    def __init__(self, geometry: Geometry, cell_size: float, pass_number: int = 0):           # cell_size [m]
+    def __init__(self, geometry: Geometry, cell_size: float, pass_number: int = 0, seed: int = 0):  # cell_size [m]
         self.lib = arrays_of(mi.Float)
         self.amplitudes = Amplitudes(geometry, pass_number)
         self.geometry = geometry
@@ -106,7 +127,7 @@ class Scatterers:
         self._host_vertices, self._host_faces = vertices, faces
         self.centre = corner.mean(1)
         self.radius = np.linalg.norm(corner - self.centre[:, None], axis=-1).max(1)
-        # for each facet: registry index of its shape, its number there, the hash key of its cells, and 1 if its
+        # for each facet: registry index of its shape, its number there, the key of its scatterers, and 1 if its
         # corners have texture coordinates
         facts = np.zeros((len(faces), 4), np.uint32)
         self.scattering, self.at_surface = np.zeros(len(faces), bool), np.zeros(len(faces), bool)
@@ -124,10 +145,16 @@ class Scatterers:
             self.rows[index] = first, first >= meshed_faces
             self.label[own] = named[own] if first < meshed_faces else geometry.named.of(shape)
             facts[own, 3] = geometry.textured and (self.rows[index, 1] or shape.has_vertex_texcoords())
+        key, number = (upload(mi.UInt32, facts[:, column]) for column in (2, 1))
+        own_key = hashed(self.lib, key, number, dr.opaque(mi.UInt32, int(seed) & 0xFFFFFFFF))
+        facts[:, 2] = own_key.numpy()
         self._grids = Grids([(index, grid, first) for (index, _, grid), (_, _, first, _) in zip(grids, rows)],
                             len(self.rows))
         self._vertices, self._faces = upload(mi.Float, vertices), upload(mi.UInt32, faces)
         self._facts, self._rows = upload(mi.UInt32, facts), upload(mi.UInt32, self.rows)
+        self._labels = upload(mi.UInt32, self.label)
+        self._seed, self._threshold = self.seed_of(own_key), uniform(self.lib, hashed(self.lib, own_key, Salt.COUNT))
+        dr.eval(self._seed, self._threshold)
         self._texcoords = None
         if geometry.textured:
             texcoords = np.zeros((len(vertices), 2), np.float32)
@@ -141,7 +168,7 @@ class Scatterers:
         if geometry.normals is not None:
             own = geometry.normals.numpy()
             self._normals = upload(mi.Float, np.concatenate([own, np.zeros(4 * len(vertices) - len(own), np.float32)]))
-        dr.eval(self._vertices, self._faces, self._facts, self._rows)
+        dr.eval(self._vertices, self._faces, self._facts, self._rows, self._labels)
 
     def in_reach(self, origin: np.ndarray, nearest: float, farthest: float) -> np.ndarray:
         """Return the facets (K,) that come nearer to `origin` (3,) than `farthest` and reach beyond `nearest` [m]."""
@@ -149,10 +176,23 @@ class Scatterers:
         return np.flatnonzero(self.scattering & (distance - self.radius < farthest)
                               & (distance + self.radius > nearest)).astype(np.uint32)
 
-    def listed(self, runs: tuple[np.ndarray, np.ndarray, np.ndarray],
+    @cached_property
+    def threshold(self) -> np.ndarray:
+        """Return h of every facet, float32 (F,), see `nested_points`."""
+        return self._threshold.numpy()
+
+    def triangles(self, facet: np.ndarray, k: np.ndarray, level: np.ndarray) -> np.ndarray:
+        """Return the corners (K, 3, 3) [m] of the triangles of levels (K,) in which scatterers (K,) of facets lie."""
+        corner = self.corners(facet)
+        u, v, side = triangle_of(path_of(k.astype(np.uint32), self._seed.numpy()[facet]), level)
+        e, f = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+        first = corner[:, 0] + u[:, None] * e + v[:, None] * f
+        return np.stack([first, first + side[:, None] * e, first + side[:, None] * f], 1)
+
+    def listed(self, runs: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
                most: int) -> Iterator[tuple[mi.UInt32, mi.UInt32]]:
-        """Yield the cells of `Pieces.runs` as (facet, s), in UInt32 arrays of at most `most` each."""
-        facets, firsts, counts = runs
+        """Yield the scatterers of `Pieces.runs` as (facet, k), in UInt32 arrays of at most `most` each."""
+        facets, firsts, steps, counts = runs
         ends = np.cumsum(counts)
         for start in range(0, int(ends[-1]) if len(ends) else 0, most):
             stop = min(start + most, int(ends[-1]))
@@ -160,12 +200,12 @@ class Scatterers:
             part = slice(first, last + 1)
             begin = np.maximum(start - (ends[part] - counts[part]), 0)
             taken = np.minimum(ends[part], stop) - np.maximum(ends[part] - counts[part], start)
-            facet = np.repeat(facets[part], taken)
-            s = np.arange(stop - start) + np.repeat(firsts[part] + begin - (np.cumsum(taken) - taken), taken)
-            yield upload(mi.UInt32, facet), upload(mi.UInt32, s.astype(np.uint32))
+            number = np.arange(stop - start) + np.repeat(begin - (np.cumsum(taken) - taken), taken)
+            k = np.repeat(firsts[part], taken) + np.repeat(steps[part], taken) * number
+            yield upload(mi.UInt32, np.repeat(facets[part], taken)), upload(mi.UInt32, k.astype(np.uint32))
 
     def of(self, hits: Hits) -> tuple[mi.UInt32, mi.UInt32]:
-        """Return facet and number s of the cell that each hit lies in, UInt32 (R,)."""
+        """Return the facet of each hit, and the scatterer that owns its place there, UInt32 (R,)."""
         registry = reinterpreted(mi.UInt32, hits.shape)
         row = dr.gather(self.lib.Array2u, self._rows, registry, hits.valid)
         facet, is_quad = row[0] + hits.primitive, row[1] != 0
@@ -178,33 +218,58 @@ class Scatterers:
         facet = dr.select(is_quad & ((u < 0) | (dr.squared_norm(b - a) < 1e-16)), facet + 1, facet)
         a, b, c, n = self.device_corners(facet, hits.valid)
         u, v = _barycentric(hits.point, a, b, c)
-        u, v = dr.clip(u, 0, 1), dr.clip(v, 0, 1)
-        return facet, cell_of(self.lib, u, v, n)
+        u, v = held(mi.Float(u), 0, 1), held(mi.Float(v), 0, 1)
+        seed = dr.gather(mi.UInt32, self._seed, facet, hits.valid)
+        return facet, owner_of(u, v, seed, dr.select(hits.valid, n * n, 1))
 
     def device_corners(self, facet: mi.UInt32, active: mi.Bool | bool = True) -> tuple:
-        """Return the corners of facets, three Array3f64 (R,) [m], and the number of rows of cells, UInt32 (R,)."""
+        """Return the corners of facets, three Array3f64 (R,) [m], and n, UInt32 (R,)."""
         lib = self.lib
         row = dr.gather(lib.Array4u, self._faces, facet, active)
         corners = (dr.gather(lib.Array4f, self._vertices, row[i], active) for i in range(3))
         return (*(lib.Array3f64(v[0], v[1], v[2]) for v in corners), row[3])
 
-    def at(self, facet: mi.UInt32, s: mi.UInt32) -> Cells:
-        """Return the scatterers of cells s (R,) of facets (R,)."""
+    def seed_of(self, key: mi.UInt32) -> mi.UInt32:
+        """Return the seeds of the sequences of places, from the keys of facets."""
+        return hashed(self.lib, key, mi.UInt32(Salt.PLACE))
+
+    def amplitude_key(self, key: mi.UInt32) -> mi.UInt32:
+        """Return what the amplitudes of a facet's scatterers are hashed from, from the keys of facets."""
+        return hashed(self.lib, key, mi.UInt32(Salt.AMPLITUDE))
+
+    def amplitude(self, facet: mi.UInt32, amplitude_key: mi.UInt32, k: mi.UInt32, u: mi.Float, v: mi.Float,
+                  turned: mi.Float) -> tuple[mi.Float, mi.Float]:
+        """Return amplitudes a_n of scatterers at (u, v), turned by an angle [rad]."""
+        if self.amplitudes.change:
+            real, imaginary = self.at(facet, k).amplitude
+            sine, cosine = dr.sincos(turned)
+            return real * cosine - imaginary * sine, real * sine + imaginary * cosine
+        return gaussian(self.lib, *hashed_pair(self.lib, amplitude_key, k), turned)
+
+    def exist(self, facet: mi.UInt32, k: mi.UInt32, share: mi.Float) -> mi.Bool:
+        """Return True for scatterers that exist where a sonar takes a share of the n² of each facet."""
+        n = mi.Float(dr.gather(self.lib.Array4u, self._faces, facet)[3])
+        return exists(k, self.threshold_of(facet), share * n * n)
+
+    def threshold_of(self, facet: mi.UInt32) -> mi.Float:
+        """Return h of facets (R,), see `nested_points`."""
+        return dr.gather(mi.Float, self._threshold, facet)
+
+    def at(self, facet: mi.UInt32, k: mi.UInt32) -> Cells:
+        """Return scatterers k (R,) of facets (R,), of which each facet has n²."""
         lib = self.lib
         a, b, c, n = self.device_corners(facet)
         facts = self.facts(facet)
-        first, second = hashed_pair(lib, facts[2], facts[1], s, mi.UInt32(Salt.PLACE))
-        third, fourth = hashed_pair(lib, facts[2], facts[1], s, mi.UInt32(Salt.AMPLITUDE))
-        u, v = place(lib, s, n, uniform_inside(lib, first), uniform_inside(lib, second))
-        point = a + (b - a) * u + (c - a) * v
+        u, v = place_of(k, self.seed_of(facts[2]))
+        point = a + (b - a) * lib.Float64(u) + (c - a) * lib.Float64(v)
         across = dr.cross(mi.Vector3f(b - a), mi.Vector3f(c - a))
-        twice = dr.norm(across)
-        cuts, normal = mi.Float(n), across / dr.maximum(twice, 1e-30)
-        shape = reinterpreted(mi.ShapePtr, facts[0])
-        uv = self.texture_coordinates(facet, facts[3] != 0, mi.Float(u), mi.Float(v))
+        twice, cuts = dr.norm(across), mi.Float(n)
+        normal, shape = across / dr.maximum(twice, 1e-30), reinterpreted(mi.ShapePtr, facts[0])
+        uv = self.texture_coordinates(facet, facts[3] != 0, u, v)
+        bits = hashed_pair(lib, self.amplitude_key(facts[2]), k)
         return Cells(point=point, normal=normal, area=0.5 * twice / (cuts * cuts), primitive=facts[1], shape=shape,
-                     uv=uv, amplitude=self.amplitudes.of(third, fourth, point, normal, shape, facts[1], uv),
-                     smooth=self.smooth_normals(facet, mi.Float(u), mi.Float(v)))
+                     uv=uv, amplitude=self.amplitudes.of(*bits, point, normal, shape, facts[1], uv),
+                     label=dr.gather(mi.UInt32, self._labels, facet), smooth=self.smooth_normals(facet, u, v))
 
     def corners(self, facet: np.ndarray) -> np.ndarray:
         """Return the corners of facets (K,) on the host, (K, 3, 3) [m]."""

@@ -1,24 +1,18 @@
 """Scatterers only as dense as the resolution needs, fixed to the ground: for images in the beam domain.
 
-A patch of surface (a facet, or a part of a large one) of area A and normal n, seen at the distance R along the unit
-vector l by a line array along the unit vector a, covers the area A |n·(l × a)| / R of an image over range and sine. It
-gets
+A surface of area A and normal n, seen at the distance R along the unit vector l by a line array along the unit vector
+a, covers the area A |n·(l × a)| / R of an image over range and sine. A facet gets
 
     m = q A max(|n·(l × a)|, 1/4) / (R ΔR Δs)                                                       scatterers,      (1)
 
-q of them in a resolution cell ΔR Δs. Scatterer k = 0, 1, 2 ... of a patch lies at the place k of a low-discrepancy
-sequence (Roberts 2018, R2: steps of 1/g and 1/g², g³ = g + 1) whose start is hashed from the patch. Its complex
-Gaussian amplitude is hashed too. It exists while
-
-    k + h < m,     m of (1) at the scatterer's own place, h in [0, 1) hashed from the patch                          (2)
-
-and stands for the area A / m. The mean echo therefore does not depend on m. As the sonar moves, single scatterers come
-or go while all others keep place and amplitude: sets are nested, and the seabed stays the same.
+q of them in a resolution cell ΔR Δs, by the m of (1) at the place of each scatterer (`nested_points`). The mean echo
+does not depend on m. As the sonar moves, single scatterers come or go while all others keep place and amplitude: sets
+are nested, and the seabed stays the same.
 
 A line array along the unit vector b that sends or receives across the first one resolves sines Δt. Where its main lobe
-meets the surface, a resolution cell is a piece of that lobe, and a patch gets
+meets the surface, a resolution cell is a piece of that lobe, and a facet gets
 
-    max(m, q A max(|n·(l × b)| / ΔR, |n·l| / (R Δs)) / (R Δt))                                       scatterers;     (3)
+    max(m, q A max(|n·(l × b)| / ΔR, |n·l| / (R Δs)) / (R Δt))                                       scatterers;     (2)
 
 outside the lobe it gets fewer than (1). The direction to the lobe is computed from that array's own middle, because
 arrays that stand apart see a near scatterer in directions that differ by more than a lobe.
@@ -26,29 +20,28 @@ arrays that stand apart see a near scatterer in directions that differ by more t
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.device.arrays import arrays_of, compressed, opaque_vector, reinterpreted, upload
-from mitsonar.device.chance import Salt, hashed, hashed_pair, uniform, uniform_inside
+from mitsonar.device.arrays import arrays_of, opaque_vector, upload
 
-from .cells import divisions, place
-from .scatterers import Scatterers
+from .cells import divisions
+from .nested_points import LEVELS
+from .scatterers import Cells, Scatterers
 
 EDGE_ON = 0.25                     # share of the density that a surface seen edge-on keeps
 NEAREST = 0.3                      # [m] range below which the density no longer grows
 MOST_PATCHES = 2_000_000           # approximate limit of the cutting of large facets
 MOST = 1 << 26                     # scatterers of a ping
 SHARE = 1 / 64                     # greatest length of a patch, relative to the reach
+ACROSS = 1.4                       # scatterers per equivalent width of a long face's two-way beam, over q
 LOBE = 1.0, 2.0                    # cells from the axis at which the main lobe begins and ends to fall off
 BESIDE = 0.5, 1 / 32               # share of scatterers one cell outside the lobe, falling as 1 / distance; least share
 BLOCK = 1024                       # patches that are tested together when those of a ping are chosen
-PLASTIC = 1.324717957244746        # g
-STEP_U, STEP_V = (round(2 ** 32 / PLASTIC ** power) for power in (1, 2))        # as 32-bit fractions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,57 +69,30 @@ class Density:
     lobes: tuple[TransmitLobe, ...] = ()  # of lines that send or receive across the line
 
 
-@dataclass(frozen=True, kw_only=True)
-class ThinnedSet:
-    """A block of thinned scatterers, on the device."""
-
-    exists: mi.Bool  # (R,): by (2)
-    offset: dr.ArrayBase  # (R,) [m]: from the density's origin
-    normal: mi.Vector3f  # (R,): of the facet, unit; vertices run counter-clockwise seen from its side
-    area: mi.Float  # (R,) [m²]: that the scatterer stands for
-    amplitude: tuple[mi.Float, mi.Float]  # (Float, Float): real and imaginary part
-    shape: mi.ShapePtr  # (R,)
-    primitive: mi.UInt32  # (R,): facet of the shape
-    registry: mi.UInt32  # (R,): registry index of the shape
-    label: mi.UInt32  # (R,)
-    uv: mi.Point2f  # (R,)
-    smooth: mi.Vector3f | None = None  # (R,): interpolated normal, see `tracing.hits.towards_sound`
-
-    def where_existing(self) -> ThinnedSet:
-        """Return the scatterers that exist, evaluated."""
-        dr.eval(*(value for value in vars(self).values() if value is not None))
-        index = compressed(self.exists)
-        real, imaginary = (dr.gather(mi.Float, part, index) for part in self.amplitude)
-        values = {name: dr.gather(type(value), value, index) for name, value in vars(self).items()
-                  if name != "amplitude" and value is not None}
-        return ThinnedSet(amplitude=(real, imaginary), **values)
-
-
 class ThinnedScatterers:
     """The patches of a scene, and the scatterers that a ping needs of them."""
     # farthest [m]; places (P, 3) [m]
 
     def __init__(self, facets: Scatterers, *, farthest: float, places: np.ndarray):
         self.lib, self._facets = arrays_of(mi.Float), facets
-        cuts = _cuts(facets, farthest, places)
-        count = cuts.astype(np.int64) ** 2
+        level = _levels(facets, farthest, places)
+        count = np.where(level < 0, 0, 4 ** np.maximum(level, 0))
         self._facet = np.repeat(np.arange(len(count), dtype=np.uint32), count)
-        self._part = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)).astype(np.uint32)
-        corner = facets.corners(self._facet).astype(np.float32)                                  # (P, 3, 3)
-        u, v = _middles(self._part, cuts[self._facet])
-        edges = corner[:, 1:] - corner[:, :1]
-        centre = corner[:, 0] + u[:, None] * edges[:, 0] + v[:, None] * edges[:, 1]
-        cross = np.cross(edges[:, 0], edges[:, 1])
+        first = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)).astype(np.uint32)
+        level = level[self._facet].astype(np.uint32)
+        corner = facets.triangles(self._facet, first, level).astype(np.float32)                  # (P, 3, 3)
+        centre = corner.mean(1)
+        cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
         twice = np.linalg.norm(cross, axis=1)
-        n = cuts[self._facet].astype(np.float32)
-        radius = facets.radius[self._facet].astype(np.float32) / n
+        radius = np.linalg.norm(corner - centre[:, None], axis=-1).max(1)
         table = np.zeros((len(centre), 8), np.float32)
-        table[:, :3], table[:, 3] = centre, 0.5 * twice / n ** 2
+        table[:, :3], table[:, 3] = centre, 0.5 * twice
         table[:, 4:7], table[:, 7] = cross / np.maximum(twice, 1e-30)[:, None], radius
         self._table = upload(mi.Float, table)
-        self._facet_of, self._part_of = upload(mi.UInt32, self._facet), upload(mi.UInt32, self._part)
-        self._labels, self._cuts = upload(mi.UInt32, facets.label), upload(mi.UInt32, cuts)
-        dr.eval(self._table, self._facet_of, self._part_of, self._labels, self._cuts)
+        # for each patch: its facet, the first scatterer, and 2 L
+        facts = np.stack([self._facet, first, 2 * level, np.zeros_like(level)], 1)
+        self._patches = upload(mi.UInt32, facts)
+        dr.eval(self._table, self._patches)
         self._blocks = _balls(centre, radius)
 
     @property
@@ -136,7 +102,7 @@ class ThinnedScatterers:
 
     def candidates(self, density: Density,
                    useful: Callable[[mi.Vector3f, mi.Float], mi.Bool]) -> tuple[mi.UInt32, mi.UInt32]:
-        """Return the patches and numbers k, UInt32 (R,), of all scatterers that may exist."""
+        """Return the patches and the numbers in them, UInt32 (R,), of all scatterers that may exist."""
         patches = self._in_reach(density)
         if not len(patches):
             return mi.UInt32(), mi.UInt32()
@@ -159,31 +125,15 @@ class ThinnedScatterers:
             return mi.UInt32(), mi.UInt32()
         return _listed(self.lib, patch, number, int(dr.sum(number)[0]))
 
-    def at(self, patch: mi.UInt32, k: mi.UInt32, density: Density) -> ThinnedSet:
-        """Return the scatterers with these patches and numbers."""
-        lib, facets = self.lib, self._facets
-        facet, part = dr.gather(mi.UInt32, self._facet_of, patch), dr.gather(mi.UInt32, self._part_of, patch)
-        a, b, c, _ = facets.device_corners(facet)
-        n = dr.gather(mi.UInt32, self._cuts, facet)
-        facts = facets.facts(facet)
-        first, second = hashed_pair(lib, facts[2], facts[1], part, mi.UInt32(Salt.THINNED_PLACE))
-        u, v = place(lib, part, n, uniform_inside(lib, first + k * STEP_U), uniform_inside(lib, second + k * STEP_V))
-        third, fourth = hashed_pair(lib, facts[2], facts[1], part, k, mi.UInt32(Salt.THINNED_AMPLITUDE))
-        origin = opaque_vector(lib.Array3f64, density.origin)
-        offset = (a - origin) + (b - a) * u + (c - a) * v
-        across = dr.cross(mi.Vector3f(b - a), mi.Vector3f(c - a))
-        twice, cuts = dr.norm(across), mi.Float(n)
-        normal, area = across / dr.maximum(twice, 1e-30), 0.5 * twice / (cuts * cuts)
-        d = mi.Vector3f(offset)
+    def at(self, patch: mi.UInt32, number: mi.UInt32, density: Density) -> tuple[Cells, mi.Bool]:
+        """Return scatterers 0, 1, 2 ... of patches, and True for those that exist."""
+        facet, first, twice_level, _ = dr.gather(self.lib.Array4u, self._patches, patch)
+        k = first + (number << twice_level)
+        cells = self._facets.at(facet, k)
+        d = mi.Vector3f(cells.point - opaque_vector(self.lib.Array3f64, density.origin))
         R = dr.maximum(dr.norm(d), NEAREST)
-        m = _count(density, normal, d / R, R, area, d)
-        shape = reinterpreted(mi.ShapePtr, facts[0])
-        uv = facets.texture_coordinates(facet, facts[3] != 0, mi.Float(u), mi.Float(v))
-        amplitude = facets.amplitudes.of(third, fourth, origin + offset, normal, shape, facts[1], uv)
-        return ThinnedSet(exists=mi.Float(k) + self._threshold(patch) < m, offset=offset, normal=normal,
-                          area=area / dr.maximum(m, 1e-30), amplitude=amplitude, shape=shape, primitive=facts[1],
-                          registry=facts[0], label=dr.gather(mi.UInt32, self._labels, facet), uv=uv,
-                          smooth=facets.smooth_normals(facet, mi.Float(u), mi.Float(v)))
+        m = _count(density, cells.normal, d / R, R, cells.area, d)
+        return replace(cells, area=cells.area / dr.maximum(m, 1e-30)), self._facets.exist(facet, k, m)
 
     def _in_reach(self, density):
         """Return the numbers of the patches, uint32, in blocks that lie within reach."""
@@ -200,14 +150,13 @@ class ThinnedScatterers:
                 second[3])
 
     def _threshold(self, patch):
-        """Return h, hashed from the patch's facet and part, not its number, which depends on other shapes."""
-        facet, part = dr.gather(mi.UInt32, self._facet_of, patch), dr.gather(mi.UInt32, self._part_of, patch)
-        facts = self._facets.facts(facet)
-        return uniform(self.lib, hashed(self.lib, facts[2], facts[1], part, mi.UInt32(Salt.THINNED_COUNT)))
+        """Return the number of scatterers of a patch above which its first one exists."""
+        facet, first, twice_level, _ = dr.gather(self.lib.Array4u, self._patches, patch)
+        return (mi.Float(first) + self._facets.threshold_of(facet)) / mi.Float(mi.UInt32(1) << twice_level)
 
 
-def _cuts(facets: Scatterers, farthest: float, places: np.ndarray) -> np.ndarray:
-    """Return the number of rows of patches of each facet, uint32 (F,); 0 where it has none.
+def _levels(facets: Scatterers, farthest: float, places: np.ndarray) -> np.ndarray:
+    """Return the level of the patches of each facet, int64 (F,); -1 where it has none.
 
     Patches are at most a share of the reach long, or longer where there would be too many.
     """
@@ -217,18 +166,8 @@ def _cuts(facets: Scatterers, farthest: float, places: np.ndarray) -> np.ndarray
     side = facets.longest_side
     area = float(np.sum(side[wanted] ** 2))
     longest = max(farthest * SHARE, np.sqrt(area / MOST_PATCHES))
-    return np.where(wanted, divisions(side, longest), 0).astype(np.uint32)
-
-
-def _middles(part: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the barycentric coordinates of the middles of parts (see `cells`), (P,) each."""
-    part, n = part.astype(np.int64), n.astype(np.int64)
-    i = (n - np.ceil(np.sqrt(n ** 2 - part.astype(float)))).astype(np.int64)
-    i = np.where(i * (2 * n - i) > part, i - 1, i)
-    i = np.where((i + 1) * (2 * n - (i + 1)) <= part, i + 1, i)
-    rest = part - i * (2 * n - i)
-    third = (1 + (rest & 1)) / 3
-    return ((i + third) / n).astype(np.float32), (((rest >> 1) + third) / n).astype(np.float32)
+    level = np.ceil(np.log2(divisions(side, longest))).astype(np.int64)
+    return np.where(wanted, np.minimum(level, LEVELS - 1), -1)
 
 
 def _balls(centre: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -252,7 +191,7 @@ def _covered(density: Density, normal: mi.Vector3f, sight: mi.Vector3f) -> mi.Fl
 
 def _count(density: Density, normal: mi.Vector3f, sight: mi.Vector3f, distance: mi.Float, area: mi.Float,
            offset: mi.Vector3f, radius: mi.Float | float = 0.0) -> mi.Float:
-    """Return m of (1) and (3) along unit vectors l; with `radius` [m], its upper limit within that distance."""
+    """Return m of (1) and (2) along unit vectors l; with `radius` [m], its upper limit within that distance."""
     per_area = dr.opaque(mi.Float, density.per_cell / (density.range_cell * density.sine_cell))
     slack = radius / distance
     seen = dr.minimum(_covered(density, normal, sight) + slack, 1)
@@ -267,7 +206,7 @@ def _count(density: Density, normal: mi.Vector3f, sight: mi.Vector3f, distance: 
 
 def _in_lobe(lobe: TransmitLobe, density: Density, normal: mi.Vector3f, sight: mi.Vector3f, distance: mi.Float,
              area: mi.Float, offset: mi.Vector3f, radius: mi.Float | float, m: mi.Float, by_sine: mi.Float) -> mi.Float:
-    """Return m of (3) for one lobe, where (1) gives m."""
+    """Return m of (2) for one lobe, where (1) gives m."""
     b, cell, slack = opaque_vector(mi.Vector3f, lobe.axis), dr.opaque(mi.Float, lobe.cell), radius / distance
     # near the sonar, the direction from the line differs from that from the origin
     seen = offset - opaque_vector(mi.Vector3f, lobe.place)

@@ -80,15 +80,28 @@ class EigenrayTable:
 
     def values(self, horizontal_range: mi.Float, depth: mi.Float) -> tuple[mi.Float, mi.Float, mi.Float, mi.Float]:
         """Return τ, λ, α and γ at horizontal ranges and depths [m], Float (R,)."""
-        px = held(horizontal_range * self._per_x, 0.0, RANGES - 1.001)
-        pz = held((depth - self._top) * self._per_z, 0.0, DEPTHS - 1.001)
-        i, j = mi.UInt32(px), mi.UInt32(pz)
-        fx, fz, at = px - mi.Float(i), pz - mi.Float(j), i * DEPTHS + j
+        at, fx, fz = self._node(horizontal_range, depth)
         near, below, far, far_below = (dr.gather(self.lib.Array4f, self._table, at + step)
                                        for step in (0, 1, DEPTHS, DEPTHS + 1))
         low, high = near + (below - near) * fz, far + (far_below - far) * fz
         value = low + (high - low) * fx
         return value[0], value[1], value[2], value[3]
+
+    def _node(self, horizontal_range: mi.Float, depth: mi.Float) -> tuple[mi.UInt32, mi.Float, mi.Float]:
+        """Return the number of the node below a place, and the shares of the way to the next ones."""
+        px = held(horizontal_range * self._per_x, 0.0, RANGES - 1.001)
+        pz = held((depth - self._top) * self._per_z, 0.0, DEPTHS - 1.001)
+        i, j = mi.UInt32(px), mi.UInt32(pz)
+        return i * DEPTHS + j, px - mi.Float(i), pz - mi.Float(j)
+
+    def lateness(self, horizontal_range: mi.Float, height: mi.Float) -> mi.Float:
+        """Return τ of points `height` [m] above the source: the share by which a ray takes longer than a straight line.
+        """
+        node, fx, fz = self._node(horizontal_range, dr.opaque(mi.Float, self.depth) - height)
+        near, below, far, far_below = (dr.gather(mi.Float, self._table, 4 * (node + step))
+                                       for step in (0, 1, DEPTHS, DEPTHS + 1))
+        low, high = near + (below - near) * fz, far + (far_below - far) * fz
+        return low + (high - low) * fx
 
     def launch_rise(self, horizontal_range: mi.Float, height: mi.Float) -> mi.Float:
         """Return sin θ_0, positive up, of the rays to points `height` [m] above the source."""

@@ -17,9 +17,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.arrays import arrays_of, compressed, opaque_vector, upload
 from mitsonar.echoes.scatterers.scatterers import Cells, Scatterers
-from mitsonar.echoes.scatterers.thinned_scatterers import Density, ThinnedScatterers, ThinnedSet
+from mitsonar.echoes.scatterers.thinned_scatterers import Density, ThinnedScatterers
 from mitsonar.echoes.sights.eigenray_table import EigenrayTable, TableLegs
 from mitsonar.echoes.sonar_equation import GRAZING, along_legs
 from mitsonar.scene.labels import OBJECT, SEABED
@@ -42,7 +42,8 @@ TOGETHER = 1 << 19                 # scatterers whose paths by way of the surfac
 class LitScatterers:
     """Scatterers around a sonar, on the device."""
 
-    scatterers: ThinnedSet
+    scatterers: Cells
+    offset: dr.ArrayBase  # (R,) [m], from the sonar
     legs: TableLegs  # from the sonar to the scatterers
     energy: mi.Float  # (R,), of their echoes, without beams
     state: mi.UInt32  # (R,): FREE, HIDDEN_BY_BED or HIDDEN_BY_OBJECT
@@ -73,10 +74,11 @@ class Ground:
         if not dr.width(patch):
             return None
         table = self._table_of(-float(density.origin[2]))
-        scatterers = self._scatterers.at(patch, number, density)
-        legs = table.legs(scatterers.offset)
-        energy = self._energy(scatterers, legs, table, density.origin)
-        return LitScatterers(scatterers=scatterers, legs=legs, energy=energy,
+        scatterers, exist = self._scatterers.at(patch, number, density)
+        offset = scatterers.point - opaque_vector(self._lib.Array3f64, density.origin)
+        legs = table.legs(offset)
+        energy = self._energy(scatterers, exist & legs.exists, legs, table)
+        return LitScatterers(scatterers=scatterers, offset=offset, legs=legs, energy=energy,
                              state=self._state(scatterers, legs, table, density.origin, energy > 0))
 
     def hiding(self, origin: np.ndarray, hidden: mi.UInt32, offset: tuple[mi.Float, mi.Float],
@@ -96,15 +98,13 @@ class Ground:
         if not sights.mirror or sights.max_depth == 1:
             return
         patch, number = self._scatterers.candidates(density, useful)
-        start = self._lib.Array3f64(*(dr.opaque(mi.Float64, float(v)) for v in density.origin))
         for first in range(0, dr.width(patch), TOGETHER):
             index = dr.arange(mi.UInt32, min(TOGETHER, dr.width(patch) - first)) + first
-            block = self._scatterers.at(dr.gather(mi.UInt32, patch, index), dr.gather(mi.UInt32, number, index),
-                                        density).where_existing()
-            if dr.width(block.area):
-                yield Cells(point=start + block.offset, normal=block.normal, area=block.area,
-                            amplitude=block.amplitude, shape=block.shape, primitive=block.primitive, uv=block.uv,
-                            smooth=block.smooth)
+            block, exist = self._scatterers.at(dr.gather(mi.UInt32, patch, index),
+                                               dr.gather(mi.UInt32, number, index), density)
+            there = compressed(exist)
+            if dr.width(there):
+                yield block.chosen(there)
 
     def table(self, ping: int) -> EigenrayTable:
         """Return the table of eigenrays of a ping."""
@@ -116,12 +116,10 @@ class Ground:
             self._table = EigenrayTable(self.ensonification.connector, depth=depth, farthest=self.farthest)
         return self._table
 
-    def _energy(self, scatterers: ThinnedSet, legs: TableLegs, table: EigenrayTable, origin: np.ndarray) -> mi.Float:
+    def _energy(self, scatterers: Cells, lit: mi.Bool, legs: TableLegs, table: EigenrayTable) -> mi.Float:
         """Return the energies of the scatterers' echoes, without beams."""
-        lit = scatterers.exists & legs.exists
-        start = self._lib.Array3f64(*(dr.opaque(mi.Float64, float(v)) for v in origin))
         # textures of materials refer to places of the scene
-        hits = Hits.on_surface(valid=lit, point=start + scatterers.offset, normal=scatterers.normal,
+        hits = Hits.on_surface(valid=lit, point=scatterers.point, normal=scatterers.normal,
                                arrival_direction=legs.arrival_direction,
                                sound_speed=dr.opaque(mi.Float64, table.sound_speed), shape=scatterers.shape,
                                primitive=scatterers.primitive, uv=scatterers.uv, smooth=scatterers.smooth)
@@ -148,7 +146,7 @@ class Ground:
         buried[facets.label[of_objects[low[number[below]] // 3]]] = True
         return upload(mi.Bool, buried) if buried.any() else None
 
-    def _state(self, scatterers: ThinnedSet, legs: TableLegs, table: EigenrayTable, origin: np.ndarray,
+    def _state(self, scatterers: Cells, legs: TableLegs, table: EigenrayTable, origin: np.ndarray,
                active: mi.Bool) -> mi.UInt32:
         """Return the states of scatterers: free, or hidden by the bed or by an object."""
         launch, arrival = legs.launch_direction, legs.arrival_direction
@@ -166,15 +164,13 @@ class Ground:
             in_doubt = active & (state == FREE) & dr.gather(mi.Bool, self._buried, scatterers.label)
             aside = dr.copysign(dr.opaque(mi.Float, ASIDE), -dr.dot(scatterers.normal, arrival))
             outward = cast(mi.Float, aside) * scatterers.normal
-            place = mi.Point3f(*(dr.opaque(mi.Float, float(v)) + mi.Float(part) + away
-                                 for v, part, away in zip(origin, scatterers.offset, outward)))
+            place = mi.Point3f(scatterers.point) + outward
             state = dr.select(in_doubt & covered(self._survey.geometry, place, in_doubt), HIDDEN_BY_BED, state)
         if self._objects.exist:
             behind = self._objects.sectors(origin).behind(heading, legs.horizontal_range)
-            here = _point(origin)
-            point = mi.Point3f(*(v + mi.Float(part) for v, part in zip(here, scatterers.offset)))
             hidden = self._objects.hidden(
-                self._objects.sources(-float(origin[2])), here, launch, arrival, point, scatterers.normal,
+                self._objects.sources(-float(origin[2])), _point(origin), launch, arrival,
+                mi.Point3f(scatterers.point), scatterers.normal,
                 legs.horizontal_range, active & (state == FREE) & behind)
             state = dr.select(hidden, HIDDEN_BY_OBJECT, state)
         return state

@@ -140,7 +140,7 @@ class PingEchoes:
         legs, (real, imaginary) = lit.legs, lit.scatterers.amplitude
         return PlacedEchoes(sent=legs.launch_direction, towards=legs.launch_direction, out_distance=legs.distance,
                             back_distance=legs.distance, out_time=legs.travel_time, back_time=legs.travel_time,
-                            out_offset=lit.scatterers.offset, back_offset=lit.scatterers.offset, energy=lit.energy,
+                            out_offset=lit.offset, back_offset=lit.offset, energy=lit.energy,
                             real=real, imaginary=imaginary, state=lit.state, label=lit.scatterers.label)
 
     def hiding(self, ping: int, echoes: GridEchoes | None) -> tuple[mi.UInt32, mi.UInt32]:

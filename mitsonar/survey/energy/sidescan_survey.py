@@ -15,6 +15,8 @@ class SidescanSurvey(Survey):
     sonar: Sidescan
     window: tuple[float, float]  # [s]: two-way time recorded
     bins: int
+    per_cell: float  # scatterers in a resolution cell
+    pass_number: int = 0  # number of the pass over the ground
     first_pass: float  # share of the rays that only find the directions in which more rays are needed
 
     @property

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitsonar.device.chance import sonar_seed
+from mitsonar.echoes.scatterers.thinned_scatterers import ACROSS
 from mitsonar.hydrography.detection.bottom_backscatter import strength_db
 from mitsonar.hydrography.detection.faces_aside import AsideFace
 from mitsonar.hydrography.detection.quality import gravity_deviation
@@ -93,10 +94,9 @@ class SideRows(LineFrames):
     def __init__(self, survey: InterferometricSurvey, number: int, beside: SideRows | None = None):
         self._number, side, per_bin = number, survey.sides[number], survey.per_bin
         line = LineArray.along(side.receive, up_along(side.receive), side.wavelength)
-        longest = max(side.transmit.length, side.receive.length)
         super().__init__(side, PingEchoes(side, line, per_cell=side.per_cell, beams_from_origin=False,
                                           beside=None if beside is None else beside.echoes,
-                                          lobe=(side.receive.along[0], side.wavelength / longest)),
+                                          lobe=(side.receive.along[0], _beam_width(survey) / ACROSS)),
                          np.eye(len(line.place)), np.zeros(1))
         self._truth = FrameTruth(OneBeam(WIDEST, side.pulse.bandwidth * per_bin / side.sampling_rate),
                                  lead=side.lead, bins=survey.bins, named=side.geometry.named, per_bin=per_bin,

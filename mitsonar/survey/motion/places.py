@@ -18,6 +18,37 @@ from ..survey import Survey
 from .underway import PingReception, Underway
 
 
+class Poses:
+    """Positions and attitudes of a block of pings at the transmission, looked up by their numbers in the block."""
+
+    def __init__(self, position: np.ndarray, rotation: np.ndarray):
+        # position (B, 3) [m]; rotation (B, 3, 3)
+        self._lib = arrays_of(mi.Float)
+        self._position = upload(mi.Float64, np.concatenate([position, np.zeros((len(position), 1))], 1))
+        rotation = np.concatenate([rotation, np.zeros((len(position), 3, 1))], 2)
+        self._rotation = upload(mi.Float, rotation.astype(np.float32))
+        dr.eval(self._position, self._rotation)
+
+    def origin(self, ping: mi.UInt32) -> dr.ArrayBase:
+        """Return the position of the sonar, Array3f64 [m]."""
+        row = dr.gather(self._lib.Array4f64, self._position, ping)
+        return self._lib.Array3f64(row[0], row[1], row[2])
+
+    def body(self, ping: mi.UInt32, direction: Vector) -> mi.Vector3f:
+        """Return body directions of scene directions."""
+        rows = [dr.gather(self._lib.Array4f, self._rotation, 3 * ping + i) for i in range(3)]
+        return mi.Vector3f(*(sum(row[k] * part for row, part in zip(rows, direction)) for k in range(3)))
+
+    def scene(self, ping: mi.UInt32, body: mi.Vector3f) -> mi.Vector3f:
+        """Return scene directions of body directions."""
+        x, y, z = (dr.gather(self._lib.Array4f, self._rotation, 3 * ping + i) for i in range(3))
+        return mi.Vector3f(*(r[0] * body.x + r[1] * body.y + r[2] * body.z for r in (x, y, z)))
+
+    def axis(self, ping: mi.UInt32) -> mi.Vector3f:
+        """Return the body's forward axis, scene coordinates."""
+        return mi.Vector3f(*(dr.gather(self._lib.Array4f, self._rotation, 3 * ping + i)[0] for i in range(3)))
+
+
 class Places:
     """Source of the places of blocks of pings."""
 
@@ -34,7 +65,7 @@ class Places:
                      depth_below=self._survey.depth_below[ping], underway=self._underway, others=self.of)
 
 
-class Place:
+class Place(Poses):
     """Place of a block of pings, looked up by their numbers within the block.
 
     `others` returns the place of pings outside of the block.
@@ -48,16 +79,13 @@ class Place:
         self.position, self.rotation, self.source_of = position, rotation, source
         self.depth_below_of, self.motion = np.asarray(depth_below, float), underway.motion(ping)
         self.still, self._underway, self._others = self.motion is None, underway, others
-        self._lib = arrays_of(mi.Float)
+        super().__init__(position, rotation)
         # a random key for every row, by its number in the survey
         number = ping.astype(np.uint64)[:, None] * np.uint64(per_ping) + np.arange(per_ping, dtype=np.uint64)
         self._key = upload(mi.UInt32, row_keys(number.ravel()))
-        self._position = upload(mi.Float64, np.concatenate([position, np.zeros((len(ping), 1))], 1))
-        rotation = np.concatenate([rotation, np.zeros((len(ping), 3, 1))], 2)
-        self._rotation = upload(mi.Float, rotation.astype(np.float32))
         self._source = upload(mi.UInt32, source)
         self._below = upload(mi.Float, self.depth_below_of.astype(np.float32))
-        dr.eval(self._key, self._position, self._rotation, self._source, self._below)
+        dr.eval(self._key, self._source, self._below)
 
     def of(self, ping: np.ndarray) -> Place:
         """Return the place of pings of the survey; pings within this block share its ray fans."""
@@ -82,11 +110,6 @@ class Place:
         """Return the random keys of rows."""
         return dr.gather(mi.UInt32, self._key, row)
 
-    def origin(self, ping: mi.UInt32) -> dr.ArrayBase:
-        """Return the position of the sonar, Array3f64 [m]."""
-        row = dr.gather(self._lib.Array4f64, self._position, ping)
-        return self._lib.Array3f64(row[0], row[1], row[2])
-
     def source(self, ping: mi.UInt32) -> mi.UInt32:
         """Return the indices of pings in `sources`."""
         return dr.gather(mi.UInt32, self._source, ping)
@@ -99,16 +122,6 @@ class Place:
         """Return the depth [m] and the sound speed [m/s] at the sonar."""
         depth, speed, _ = self.sources.state.gather(self._lib, cast(UInt32, self.source(ping)))
         return mi.Float(depth), mi.Float(speed)
-
-    def body(self, ping: mi.UInt32, direction: Vector) -> mi.Vector3f:
-        """Return body directions of scene directions."""
-        rows = [dr.gather(self._lib.Array4f, self._rotation, 3 * ping + i) for i in range(3)]
-        return mi.Vector3f(*(sum(row[k] * part for row, part in zip(rows, direction)) for k in range(3)))
-
-    def scene(self, ping: mi.UInt32, body: mi.Vector3f) -> mi.Vector3f:
-        """Return scene directions of body directions."""
-        x, y, z = (dr.gather(self._lib.Array4f, self._rotation, 3 * ping + i) for i in range(3))
-        return mi.Vector3f(*(r[0] * body.x + r[1] * body.y + r[2] * body.z for r in (x, y, z)))
 
     def receive(self, ping: mi.UInt32, towards: Vector, offset: dr.ArrayBase, delay: mi.Float64) -> PingReception:
         """Return the reception of echoes from points `offset` [m] away.

@@ -66,6 +66,11 @@ class Underway:
         moved = np.linalg.norm(_evaluated(self._displacement, time), axis=-1)
         return float((moved / time).max(initial=0)) * 2 / sound_speed
 
+    @property
+    def largest_turn(self) -> float:
+        """Return the largest angle [rad] by which the sonar turns within a ping."""
+        return float(np.linalg.norm(_evaluated(self._turn, self._duration * np.linspace(0, 1, 9)), axis=-1).max())
+
     def _in_body(self, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return times [s], and displacements and turns (ping, time, 3) along the body's axes."""
         time = self._duration * np.array(TIMES)
@@ -126,8 +131,7 @@ class PingMotion:
         """Return the times and directions in which echoes come back."""
         # ping, towards (R,); distance (R,) [m]; delay (R,) [s]; sound_speed (R,) [m/s]
         moves, turns = self._powers
-        rows = [dr.gather(self._lib.Array4f, self._table, ping * (moves + turns) + k) for k in range(moves + turns)]
-        rows = [mi.Vector3f(row[0], row[1], row[2]) for row in rows]
+        rows = self._rows(ping)
         time = mi.Float(delay)
         if moves:
             leg = rows[:moves], towards, distance, sound_speed
@@ -140,6 +144,22 @@ class PingMotion:
         if turns:
             towards = _turned_back(towards, self._at(rows[moves:], time))
         return PingReception(delay=delay, towards=towards)
+
+    def moved(self, ping: mi.UInt32, time: mi.Float) -> mi.Vector3f:
+        """Return the displacements d(t) [m] at times [s]."""
+        rows = self._rows(ping)[:self._powers[0]]
+        return self._at(rows, time) if rows else mi.Vector3f(0)
+
+    def turned(self, ping: mi.UInt32, time: mi.Float) -> mi.Vector3f:
+        """Return the rotation vectors ρ(t) [rad] at times [s]."""
+        rows = self._rows(ping)[self._powers[0]:]
+        return self._at(rows, time) if rows else mi.Vector3f(0)
+
+    def _rows(self, ping: mi.UInt32) -> list[mi.Vector3f]:
+        """Return the powers of displacement and turn."""
+        count = sum(self._powers)
+        rows = [dr.gather(self._lib.Array4f, self._table, ping * count + k) for k in range(count)]
+        return [mi.Vector3f(row[0], row[1], row[2]) for row in rows]
 
     def _later(self, rows, towards, distance, sound_speed, time):
         """Return w at a time, and the delay [s] of an echo along it after its arrival at O."""

@@ -39,13 +39,13 @@ def scatterers_of(survey: StripSurvey) -> xr.Dataset:
                        for name, values in columns.items()})
 
 
-def _blocks(survey: StripSurvey, cells: Scatterers, runs: tuple[np.ndarray, np.ndarray, np.ndarray],
+def _blocks(survey: StripSurvey, cells: Scatterers, runs: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
             farthest: float) -> Iterator[dict[str, np.ndarray]]:
     """Yield the scatterers within range of at least one ping, block by block."""
     line, total = MeanLine.of(survey.track), 0
     nearest = 0.5 * survey.time[0] * survey.water.slowest          # echoes from there last into the record
-    for facet, s in cells.listed(runs, BLOCK):
-        block = cells.at(facet, s)
+    for facet, k in cells.listed(runs, BLOCK):
+        block = cells.at(facet, k)
         dr.eval(block.point, block.area, block.amplitude)
         point = block.point.numpy().T
         near = _within(survey, line, point, nearest, farthest)

@@ -1,0 +1,483 @@
+"""Speckle of a sidescan: the sum over the ground's scatterers in each resolution cell.
+
+    g(row, j) = Σ_c w_c a_c e^(-i2πf τ_c) / √(Σ_c |w_c|²),      t_j <= τ_c < t_j + Δt,     w_c = b(u_c) √(σ_c A / m_c)
+
+for a side of a ping (row) and the gate j that begins at t_j: unit variance, circular Gaussian. Scatterers c and their
+amplitudes a_c are those of all sonars (`echoes.scatterers.nested_points`), as dense as in the beam domain: a facet of
+the area A has
+
+    m = q A |n·(l × x)| / (ΔR R ψ)
+
+of them, n its normal, l the unit vector of the way there, x the body's axis, R the distance, ΔR the length of a gate in
+slant range, ψ the equivalent two-way width of the beam along the platform there, q -> 1.4 times ``per_cell``. τ_c is the two-way time
+along the bent ray, out from the transmission and back to the place at the reception. u_c is the cosine of the direction
+along the platform, half-way between both attitudes, and b the complex two-way pressure of both faces there
+(`SideBeam`). σ_c ~ (n·l)²: how strong the facets of one gate are against each other. The level of a gate, with
+materials and shadows, is that of the rays' energies, which g multiplies.
+
+Gates share no scatterers, so their values are independent. Pings share the scatterers that lie in the gate for both.
+Hence
+
+    <g(p) g*(q)> = ∫ a(x) a*(x - Δ) exp(2ik δ x) dx / ∫ |a|² dx
+
+for phase centres Δ apart along the platform and a yaw of δ: the autocorrelation of the two-way aperture a (the theorem
+of Van Cittert and Zernike; e.g. Goodman 2007, Speckle phenomena in optics, ch. 4).
+
+Gates without ground, as those of the water above it, have scatterers hashed in cells along the track.
+
+Scatterers are found from coarse to fine: blocks of facets, facets, and the triangles of large facets that the main lobe
+meets. Sums are integers, so they depend neither on the order of additions nor on the number of threads.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from mitsonar.device.arrays import arrays_of, compressed, held, looped, upload
+from mitsonar.device.chance import Salt, gaussian, hashed, hashed_pair, uniform
+from mitsonar.device.types import UInt32
+from mitsonar.echoes.scatterers.nested_points import path_of, place_of, triangle_of
+from mitsonar.echoes.scatterers.scatterers import Scatterers
+from mitsonar.echoes.scatterers.thinned_scatterers import ACROSS
+from mitsonar.echoes.sights.eigenray_table import EigenrayTable
+from mitsonar.echoes.sums.energy_sums import sum_size
+from mitsonar.imaging.sidescan import speckle_gates
+from mitsonar.scene.tracing.connection import Connector
+from mitsonar.sonar.faces.near_field import near_pressure
+from mitsonar.sonar.faces.sidescan import Sidescan
+
+from ..energy.sidescan_survey import SidescanSurvey
+from ..motion.places import Poses
+from ..motion.underway import PingMotion, Underway
+
+WIDEST = 0.2                       # cosine at which lobes are cut: pings are too far apart for wider lobes to matter
+LOBE_END = 1e-3                    # two-way intensity at which the main lobe ends (-30 dB)
+STEP = 1 / 32                      # step of cosines, in wavelengths over the face's length
+NODES = 64                         # nodes in a lobe's table
+PER_OCTAVE = 6.0                   # ranges of the beam's table
+NEAREST, NEAREST_LENGTHS = 0.5, 0.5      # [m], and in lengths of the face: shortest range of the beam's table
+BLOCK = 64                         # facets that are tested together
+TESTED = 1 << 23                   # blocks of facets tested at a time
+THREADS_OWN = 1 << 20              # words of sums of which each thread has a copy; with more of them, sums are slower
+FEW = 2.0                          # scatterers of a triangle that is not cut further
+LEVEL_SEEN = 0.01                  # least |n·(l × x)| in the weight of a scatterer
+SCALE = float(1 << 20)             # units of the integer sums
+EMPTY = 1e-4                       # sum of |w|² below which a gate has scatterers of the water
+WATER_CELLS = 12                   # cells along the track within the lobe
+
+
+@dataclass(frozen=True, kw_only=True)
+class SideBeam:
+    """The main lobe along the platform, tabulated at some ranges."""
+
+    ranges: np.ndarray  # (K,) [m]: ascending
+    edge: np.ndarray  # (K,) [-]: cosine u at the edge of the lobe
+    pressure: np.ndarray  # (K, N) [-]: two-way, from the axis to the edge, for phases that fall with the distance
+
+    @property
+    def width(self) -> np.ndarray:
+        """Return the equivalent two-way widths ψ = ∫ |b|² du (K,) [-]."""
+        power = np.abs(self.pressure) ** 2
+        return 2 * self.edge / (power.shape[1] - 1) * (power.sum(1) - 0.5 * (power[:, 0] + power[:, -1]))
+
+    def nearest(self, distance: np.ndarray) -> np.ndarray:
+        """Return the index of the range (...) whose ratio to a distance (...) [m] is nearest to 1."""
+        if len(self.ranges) == 1:
+            return np.zeros(np.shape(distance), int)
+        return np.searchsorted(np.sqrt(self.ranges[1:] * self.ranges[:-1]), distance)
+
+
+def main_lobe(sonar: Sidescan, farthest: float) -> SideBeam:
+    """Return the two-way main lobe along the platform, down to -30 dB, up to a range [m]."""
+    wavelength, length = sonar.wavelength, max(sonar.transmit.length, sonar.receive.length)
+    nearest = max(NEAREST, NEAREST_LENGTHS * length)
+    # beyond this range the beam no longer changes
+    far = max(nearest, min(farthest, 8 * length ** 2 / wavelength))
+    ranges = np.geomspace(nearest, far, 1 + int(np.ceil(PER_OCTAVE * np.log2(far / nearest))))
+    widest, step = WIDEST, WIDEST / NODES
+    if length:
+        widest, step = min(2 * wavelength / length + length / nearest, WIDEST), STEP * wavelength / length
+    u = np.linspace(0, widest, NODES + int(widest / step))
+    pressure = near_pressure(sonar.transmit, u, ranges, wavelength)
+    pressure = pressure * (pressure if sonar.one_face else near_pressure(sonar.receive, u, ranges, wavelength))
+    pressure /= np.abs(pressure).max(1, keepdims=True)
+    edge, table = np.empty(len(ranges)), np.empty((len(ranges), NODES), complex)
+    for number, lobe in enumerate(pressure):
+        edge[number] = u[min(np.flatnonzero(np.abs(lobe) ** 2 > LOBE_END)[-1] + 1, len(u) - 1)]
+        table[number] = np.interp(np.linspace(0, edge[number], NODES), u, lobe)
+    # `near_pressure` has phases that rise with the distance
+    return SideBeam(ranges=ranges, edge=edge, pressure=table.conj())
+
+
+class GateBeam:
+    """The lobe of each gate on the device."""
+
+    def __init__(self, beam: SideBeam, slant_range: np.ndarray, per_width: float):
+        # slant_range (gates,) [m]; per_width [1/m]: scatterers per equivalent width and metre of slant range
+        lib = arrays_of(mi.Float)
+        steps = np.diff(beam.pressure, axis=1, append=beam.pressure[:, -1:])
+        table = np.stack([np.real(beam.pressure), np.imag(beam.pressure), np.real(steps), np.imag(steps)], -1)
+        self._table, self._packet = upload(mi.Float, table.astype(np.float32)), lib.Array4f
+        self._nodes = dr.opaque(mi.UInt32, beam.pressure.shape[1])
+        number = beam.nearest(np.maximum(slant_range, 1e-3))
+        self._beam = upload(mi.UInt32, number.astype(np.uint32))
+        self._edge = upload(mi.Float, beam.edge[number].astype(np.float32))
+        self._density = upload(mi.Float, (per_width / beam.width[number]).astype(np.float32))
+        dr.eval(self._table, self._beam, self._edge, self._density)
+
+    def density(self, gate: mi.UInt32) -> mi.Float:
+        """Return the density q / (ΔR ψ) [1/m] of gates."""
+        return dr.gather(mi.Float, self._density, gate)
+
+    def edge(self, gate: mi.UInt32) -> mi.Float:
+        """Return the cosines u at the edge of the lobes of gates."""
+        return dr.gather(mi.Float, self._edge, gate)
+
+    def lobe(self, gate: mi.UInt32) -> tuple[mi.Float, mi.UInt32]:
+        """Return the edges of the lobes of gates, and where their tables begin."""
+        return self.edge(gate), dr.gather(mi.UInt32, self._beam, gate) * self._nodes
+
+    def pressure(self, lobe: tuple[mi.Float, mi.UInt32], u: mi.Float, active: mi.Bool) -> tuple[mi.Float, mi.Float]:
+        """Return the complex two-way pressure b of lobes at cosines u; 0 beyond their edges."""
+        (edge, begin), last = lobe, mi.Float(self._nodes - 1)
+        inside = active & (abs(u) < edge)
+        node = held(abs(u) * (last / edge), 0, last)
+        four = dr.gather(self._packet, self._table, begin + mi.UInt32(node), inside)
+        part = node - dr.floor(node)
+        real, imaginary = (dr.select(inside, four[k] + part * four[k + 2], 0) for k in (0, 1))
+        return real, imaginary
+
+
+@dataclass(frozen=True, kw_only=True)
+class Triangles:
+    """Triangles of facets that a ping may receive echoes of, on the device."""
+
+    ping: mi.UInt32  # (R,): number in the block
+    facet: mi.UInt32  # (R,)
+    first: mi.UInt32  # (R,): number of the first scatterer
+    level: mi.UInt32  # (R,)
+    most: mi.Float  # (R,): scatterers, at most
+
+    def chosen(self, index: mi.UInt32) -> Triangles:
+        """Return the triangles at an index."""
+        return Triangles(**{name: dr.gather(type(value), value, index) for name, value in vars(self).items()})
+
+    def quarters(self) -> Triangles:
+        """Return the four quarters of each triangle."""
+        thread = dr.arange(mi.UInt32, 4 * dr.width(self.facet))
+        whole = self.chosen(thread >> 2)
+        return Triangles(ping=whole.ping, facet=whole.facet, level=whole.level + 1, most=whole.most,
+                         first=whole.first + ((thread & 3) << (2 * whole.level)))
+
+
+class SideSpeckle:
+    """Speckle of a survey's pings."""
+
+    def __init__(self, survey: SidescanSurvey, seed: int):
+        sonar, (start, end) = survey.sonar, survey.window
+        self._lib, self._survey = arrays_of(mi.Float), survey
+        self.gates = survey.bins * speckle_gates(survey.bin_length, sonar.pulse_length)
+        gate, to_range = (end - start) / self.gates, 0.5 * sonar.sound_speed
+        self._beam = GateBeam(main_lobe(sonar, to_range * end),
+                              to_range * (start + (np.arange(self.gates) + 0.5) * gate),
+                              per_width=ACROSS * survey.per_cell / (to_range * gate))
+        self._start, self._per_gate = (dr.opaque(mi.Float64, value) for value in (start, 1 / gate))
+        self._count, self._speed = dr.opaque(mi.UInt32, self.gates), dr.opaque(mi.Float, sonar.sound_speed)
+        self._underway = Underway(survey.voyage.trajectory.during(survey.track.time, end))
+        reach = 0.5 * end * survey.water.fastest
+        self._facets = Scatterers(survey.geometry, np.inf, survey.pass_number, seed)
+        self._table = EigenrayTable(Connector(survey.geometry, survey.water),
+                                    depth=-float(survey.track.position[:, 2].mean()), farthest=reach)
+        # cycles, seconds and gates per metre of the way out and back
+        speed, self._bends = self._table.sound_speed, bool(np.ptp(survey.profile.sound_speed))
+        self._per_metre, self._seconds = (dr.opaque(mi.Float64, value)
+                                          for value in (sonar.frequency / speed, 1 / speed))
+        self._cycles_per_metre, self._gates_per_metre, self._gates = (dr.opaque(mi.Float, value) for value in (
+            sonar.frequency / speed, 1 / (speed * gate), self.gates))
+        # across a ball, the axis turns and the sonar moves by this share of its radius
+        drift = self._underway.drift(sonar.sound_speed)
+        self._slack = dr.opaque(mi.Float, 1 + drift + self._underway.largest_turn)
+        self._near, self._far = (dr.opaque(mi.Float, value) for value in (
+            0.5 * start * survey.water.slowest * (1 - drift), reach * (1 + drift)))
+        self._water = WaterCells(survey, seed)
+        self._sort()
+
+    def _sort(self) -> None:
+        """Sort the facets that scatter into blocks of neighbours, with a ball about each."""
+        facets = self._facets
+        number = np.flatnonzero(facets.scattering).astype(np.uint32)
+        number = number[np.argsort(_along_a_curve(facets.centre[number]), kind="stable")]
+        ball = np.concatenate([facets.centre[number], facets.radius[number, None]], 1)
+        starts = np.arange(0, len(number), BLOCK)
+        low, high = ((ball[:, :3] - ball[:, 3:]), (ball[:, :3] + ball[:, 3:]))
+        if len(starts):
+            low, high = np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts)
+        blocks = np.concatenate([0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)[:, None]], 1)
+        self._blocks, self._facet_count = len(starts), dr.opaque(mi.UInt32, len(number))
+        self._block = upload(mi.Float, blocks.astype(np.float32))
+        self._ball, self._number = upload(mi.Float, ball.astype(np.float32)), upload(mi.UInt32, number)
+        dr.eval(self._block, self._ball, self._number)
+
+    def of(self, ping: np.ndarray) -> np.ndarray:
+        """Return the speckle of pings (B,) as complex64 (B, 2, gates): port, starboard."""
+        most = max(1, min(TESTED // max(self._blocks, 1), THREADS_OWN // (8 * self.gates)))
+        return np.concatenate([self._of(ping[first:first + most]) for first in range(0, len(ping), most)])
+
+    def _of(self, ping: np.ndarray) -> np.ndarray:
+        """Return the speckle of a block of pings."""
+        track, rows = self._survey.track, 2 * len(ping)
+        poses, motion = Poses(track.position[ping], track.rotation()[ping]), self._underway.motion(ping)
+        sums = dr.zeros(mi.UInt32, sum_size(4 * rows * self.gates))
+        for triangles in self._met(poses, motion, len(ping)):
+            self._add(sums, poses, motion, triangles)
+        dr.eval(sums)
+        thread = dr.arange(mi.UInt32, rows * self.gates)
+        words = dr.gather(self._lib.Array4u, sums, thread)
+        real, imaginary = (mi.Float(mi.Int32(word)) / SCALE for word in (words.x, words.y))
+        real, imaginary = self._water.added(ping, poses, self._beam, thread, self._count,
+                                            (real, imaginary, mi.Float(words.z) / SCALE))
+        dr.eval(real, imaginary)
+        return (real.numpy() + np.complex64(1j) * imaginary.numpy()).reshape(len(ping), 2, self.gates)
+
+    # ---- the ground that the main lobe meets
+
+    def _met(self, poses: Poses, motion: PingMotion | None, pings: int) -> list[Triangles]:
+        """Return the triangles that the lobes of pings meet, from coarse to fine."""
+        if not self._blocks:
+            return []
+        thread, count = dr.arange(mi.UInt32, pings * self._blocks), dr.opaque(mi.UInt32, self._blocks)
+        ping = thread // count
+        block = thread - ping * count
+        index = compressed(self._meets(poses, motion, ping, *self._in_ball(self._block, block, mi.Bool(True)))[0])
+        if not dr.width(index):
+            return []
+        ping, block = dr.gather(mi.UInt32, ping, index), dr.gather(mi.UInt32, block, index)
+        thread = dr.arange(mi.UInt32, BLOCK * dr.width(index))
+        ping = dr.gather(mi.UInt32, ping, thread // BLOCK)
+        number = dr.gather(mi.UInt32, block, thread // BLOCK) * BLOCK + thread % BLOCK
+        exists = number < self._facet_count
+        index = compressed(exists & self._meets(poses, motion, ping, *self._in_ball(self._ball, number, exists))[0])
+        if not dr.width(index):
+            return []
+        ping = dr.gather(mi.UInt32, ping, index)
+        facet = dr.gather(mi.UInt32, self._number, dr.gather(mi.UInt32, number, index))
+        zero = dr.zeros(mi.UInt32, dr.width(index))
+        found, todo = [], Triangles(ping=ping, facet=facet, first=zero, level=zero,
+                                    most=dr.full(mi.Float, np.inf, dr.width(index)))
+        while dr.width(todo.facet):
+            met, fine, most = self._sized(poses, motion, todo)
+            todo = Triangles(ping=todo.ping, facet=todo.facet, first=todo.first, level=todo.level, most=most)
+            dr.eval(met, fine, vars(todo))
+            done, rest = compressed(met & fine), compressed(met & ~fine)
+            if dr.width(done):
+                found.append(todo.chosen(done))
+            if not dr.width(rest):
+                break
+            todo = todo.chosen(rest).quarters()
+        return found
+
+    def _in_ball(self, table: mi.Float, number: mi.UInt32, active: mi.Bool) -> tuple[dr.ArrayBase, mi.Float]:
+        """Return the middles and radii [m] of the balls of blocks or facets."""
+        row = dr.gather(self._lib.Array4f, table, number, active)
+        return self._lib.Array3f64(row[0], row[1], row[2]), row[3]
+
+    def _half_way(self, poses: Poses, motion: PingMotion | None, ping: mi.UInt32,
+                  point: dr.ArrayBase) -> tuple[dr.ArrayBase, mi.Vector3f, mi.Float]:
+        """Return the offsets [m] of points from the sonar half-way between transmission and reception, and its axis.
+
+        The third is what both ways together are longer [m] than twice the offset.
+        """
+        offset, axis = point - poses.origin(ping), poses.axis(ping)
+        if motion is None:
+            return offset, axis, mi.Float(0)
+        time = mi.Float(dr.norm(offset)) * (2 / self._speed)
+        moved, turned = motion.moved(ping, time), motion.turned(ping, time)
+        offset -= self._lib.Array3f64(0.5 * moved)
+        distance = dr.maximum(mi.Float(dr.norm(offset)), NEAREST)
+        across = dr.squared_norm(moved) - dr.square(dr.dot(mi.Vector3f(offset), moved) / distance)
+        return offset, dr.normalize(axis + 0.5 * dr.cross(turned, axis)), across / (4 * distance)
+
+    def _meets(self, poses: Poses, motion: PingMotion | None, ping: mi.UInt32, centre: dr.ArrayBase,
+               radius: mi.Float) -> tuple[mi.Bool, mi.Float, mi.Vector3f, mi.Float]:
+        """Return True for balls that the lobe may meet; their shortest distance, offsets [m], and edges of the lobe."""
+        offset, axis, _ = self._half_way(poses, motion, ping, centre)
+        offset = mi.Vector3f(offset)
+        distance = dr.norm(offset)
+        nearest = dr.maximum(distance - radius, 0)
+        edge = self._beam.edge(self._gate(nearest))
+        aside = abs(dr.dot(offset, axis)) - radius * self._slack
+        return ((aside < edge * (distance + radius)) & (distance - radius < self._far)
+                & (distance + radius > self._near), nearest, offset, edge)
+
+    def _gate(self, distance: mi.Float) -> mi.UInt32:
+        """Return the gates of echoes from distances [m], about, or the first or last one."""
+        place = (2 * distance / self._speed - mi.Float(self._start)) * mi.Float(self._per_gate)
+        return mi.UInt32(held(place, 0, self._gates - 1))
+
+    def _sized(self, poses: Poses, motion: PingMotion | None,
+               triangles: Triangles) -> tuple[mi.Bool, mi.Bool, mi.Float]:
+        """Return True for triangles that the lobe may meet, and that need no cut; and their greatest numbers."""
+        facets, lib = self._facets, self._lib
+        a, b, c, _ = facets.device_corners(triangles.facet)
+        seed = facets.seed_of(facets.facts(triangles.facet)[2])
+        u, v, side = triangle_of(path_of(triangles.first, seed), triangles.level)
+        e, f = mi.Vector3f(b - a), mi.Vector3f(c - a)
+        middle = a + (b - a) * lib.Float64(u + side / 3) + (c - a) * lib.Float64(v + side / 3)
+        radius = abs(side) * dr.sqrt(dr.maximum(dr.maximum(dr.squared_norm(e + f), dr.squared_norm(2 * e - f)),
+                                                dr.squared_norm(2 * f - e))) / 3
+        met, nearest, offset, edge = self._meets(poses, motion, triangles.ping, middle, radius)
+        cross = dr.cross(e, f)
+        twice = dr.norm(cross)
+        normal, distance = cross / dr.maximum(twice, 1e-30), dr.norm(offset)
+        least = dr.maximum(dr.maximum(nearest, abs(dr.dot(offset, normal))), NEAREST)
+        seen = abs(dr.dot(normal, dr.cross(offset, poses.axis(triangles.ping)))) / dr.maximum(distance, NEAREST)
+        density = self._beam.density(self._gate(distance + 2 * radius))          # rises with the distance, if at all
+        most = density * 0.5 * twice * dr.minimum(seen + 2 * radius / least, 1) / least
+        parts = mi.Float(mi.UInt32(1) << (2 * triangles.level))
+        most = (most - facets.threshold_of(triangles.facet) - mi.Float(triangles.first)) / parts
+        return met & (most > 0), (most < FEW) | (radius < 0.5 * edge * distance), most
+
+    # ---- its scatterers
+
+    def _add(self, sums: mi.UInt32, poses: Poses, motion: PingMotion | None, triangles: Triangles) -> None:
+        """Add the scatterers of triangles to the sums of their gates.
+
+        What is long is computed once for the middle of a triangle, in double precision: the scatterers' ways differ
+        from it by small numbers.
+        """
+        lib, facets, ping = self._lib, self._facets, triangles.ping
+        a, b, c, _ = facets.device_corners(triangles.facet)
+        facts, threshold = facets.facts(triangles.facet), facets.threshold_of(triangles.facet)
+        seed, key = facets.seed_of(facts[2]), facets.amplitude_key(facts[2])
+        middle_u, middle_v, side = triangle_of(path_of(triangles.first, seed), triangles.level)
+        middle_u, middle_v = middle_u + side / 3, middle_v + side / 3
+        e, f = mi.Vector3f(b - a), mi.Vector3f(c - a)
+        cross = dr.cross(e, f)
+        twice = dr.norm(cross)
+        normal = cross / dr.maximum(twice, 1e-30)
+        middle = a + (b - a) * lib.Float64(middle_u) + (c - a) * lib.Float64(middle_v)
+        offset, axis, wider = self._half_way(poses, motion, ping, middle)
+        far = dr.maximum(dr.norm(offset), NEAREST)
+        cycles = 2 * far * self._per_metre
+        cycles = mi.Float(cycles - dr.floor(cycles))
+        place = mi.Float((2 * far * self._seconds - self._start) * self._per_gate)
+        offset, far, across = mi.Vector3f(offset), mi.Float(far), dr.cross(axis, normal)
+        starboard = poses.body(ping, offset).y > 0
+        row = (2 * ping + dr.select(starboard, mi.UInt32(1), 0)) * self._count
+        gate = mi.UInt32(held(place, 0, self._gates - 1))
+        lobe, density = self._beam.lobe(gate), self._beam.density(gate) * 0.5 * twice
+
+        def step(j: UInt32, count: UInt32) -> tuple[UInt32, UInt32]:
+            k = triangles.first + (j << (2 * triangles.level))
+            u, v = place_of(k, seed)
+            moved = (u - middle_u) * e + (v - middle_v) * f
+            way = offset + moved
+            distance = dr.norm(way)
+            per_metre = dr.rcp(distance)
+            longer = (2 * dr.dot(offset, moved) + dr.squared_norm(moved)) / (distance + far)
+            if self._bends:
+                level = dr.sqrt(dr.square(way.x) + dr.square(way.y))
+                longer += distance * self._table.lateness(level, way.z)
+            longer = 2 * longer + wider
+            seen = abs(dr.dot(way, across)) * per_metre
+            gate = place + longer * self._gates_per_metre
+            inside = (mi.Float(k) + threshold < density * seen * per_metre) & (gate >= 0) & (gate < self._gates)
+            gate = mi.UInt32(dr.select(inside, gate, 0))
+            b_real, b_imaginary = self._beam.pressure(lobe, dr.dot(way, axis) * per_metre, inside)
+            weight = SCALE * abs(dr.dot(way, normal)) * per_metre * dr.rsqrt(dr.maximum(seen, LEVEL_SEEN))
+            # the phase falls with the time
+            turns = cycles + longer * self._cycles_per_metre
+            real, imaginary = facets.amplitude(triangles.facet, key, k, u, v, (dr.floor(turns) - turns) * (2 * np.pi))
+            power = dr.square(b_real) + dr.square(b_imaginary)
+            words = (weight * (real * b_real - imaginary * b_imaginary),
+                     weight * (real * b_imaginary + imaginary * b_real), dr.square(weight) * power / SCALE, mi.Float(0))
+            dr.scatter_add(sums, lib.ArrayXu([mi.UInt32(mi.Int32(value)) for value in words]), row + gate,
+                           inside & (power > 0))
+            return j + 1, count
+
+        looped((mi.UInt32(0), mi.UInt32(dr.ceil(triangles.most))), lambda j, count: j < count, step,
+               "scatterers of a triangle")
+
+
+class WaterCells:
+    """Scatterers of the water, for gates without ground: hashed in cells along the track, on a level with the sonar.
+
+    Cells lie along the course, rounded to one of `COURSES` directions over half a turn, and are anchored in the scene.
+    """
+
+    COURSES = 16
+
+    def __init__(self, survey: SidescanSurvey, seed: int):
+        self._lib, track, velocity = arrays_of(mi.Float), survey.track, survey.voyage.velocity
+        forward, window = track.rotation()[:, :2, 0], survey.window
+        moving = np.linalg.norm(velocity[:, :2], axis=1) > 1e-3
+        course = np.where(moving, np.arctan2(velocity[:, 1], velocity[:, 0]), np.arctan2(forward[:, 1], forward[:, 0]))
+        number = np.round(course / (np.pi / self.COURSES)).astype(int) % self.COURSES
+        ahead = np.stack([np.cos(number * np.pi / self.COURSES), np.sin(number * np.pi / self.COURSES)], -1)
+        # to starboard of the rounded course, or to port of it where the sonar goes the other way
+        turned = np.where(np.sum(forward * ahead, 1) > 0, 1.0, -1.0)
+        self._rows = np.concatenate([
+            np.sum(track.position[:, :2] * ahead, 1)[:, None], np.sum(velocity[:, :2] * ahead, 1)[:, None], ahead,
+            turned[:, None], number[:, None], np.zeros((len(ahead), 2))], 1)
+        self._seed = dr.opaque(mi.UInt32, int(seed) & 0xFFFFFFFF)
+        speed, pulse_length = survey.sonar.sound_speed, survey.sonar.pulse_length
+        gates = survey.bins * speckle_gates(survey.bin_length, pulse_length)
+        self._begin, self._step = (dr.opaque(mi.Float, 0.5 * speed * value)
+                                   for value in (window[0], (window[1] - window[0]) / gates))
+        self._speed, self._twice = dr.opaque(mi.Float, speed), dr.opaque(mi.Float, 4 * np.pi / survey.sonar.wavelength)
+
+    def added(self, ping: np.ndarray, poses: Poses, beam: GateBeam, thread: mi.UInt32, count: mi.UInt32,
+              sums: tuple[mi.Float, mi.Float, mi.Float]) -> tuple[mi.Float, mi.Float]:
+        """Return g of gates (R,) from their sums Σ w a e and Σ |w|², with the water's where there is no ground."""
+        row = thread // count
+        gate, which = thread - row * count, row >> 1
+        table = upload(mi.Float64, self._rows[ping])
+        low, high = (dr.gather(self._lib.Array4f64, table, 2 * which + half) for half in (0, 1))
+        near = dr.maximum(self._begin + mi.Float(gate) * self._step, 0)
+        R = dr.maximum(near + 0.5 * self._step, NEAREST)
+        # of the point abeam at which u is 0, along the rounded course, from the sonar half-way of the time
+        axis = poses.axis(which)
+        along, across = (mi.Float(low[2]) * axis.x + mi.Float(low[3]) * axis.y,
+                         mi.Float(low[3]) * axis.x - mi.Float(low[2]) * axis.y)
+        starboard = (mi.Float(row & 1) * 2 - 1) * mi.Float(high[0])
+        along = dr.copysign(dr.maximum(abs(along), 0.1), along)
+        abeam, half = -starboard * across / along * R, beam.edge(gate) * R / abs(along)
+        power = dr.floor(dr.log2(2 * half / WATER_CELLS))
+        length = mi.Float64(dr.exp2(power))
+        place = low[0] + low[1] * mi.Float64(R / self._speed)
+        first, last = (dr.floor((place + mi.Float64(abeam + end)) / length) for end in (-half, half))
+        key = hashed(self._lib, self._seed ^ mi.UInt32(Salt.WATER_SPECKLE), mi.UInt32(high[1]),
+                     mi.UInt32(mi.Int32(power)), gate, dr.select(starboard > 0, mi.UInt32(1), 0))
+        empty, lobe = sums[2] < EMPTY, beam.lobe(gate)
+
+        def step(cell, last, real, imaginary, weight):
+            bits = hashed(self._lib, key, mi.UInt32(mi.Int32(cell)))
+            s = mi.Float((cell + mi.Float64(uniform(self._lib, bits))) * length - place)
+            u = (s * along + starboard * across * dr.sqrt(dr.maximum(R * R - s * s, 0))) / R
+            b_real, b_imaginary = beam.pressure(lobe, u, mi.Bool(True))
+            later = s * s / (2 * R)
+            a_real, a_imaginary = gaussian(self._lib, *hashed_pair(self._lib, bits), -self._twice * mi.Float(later))
+            return (cell + 1, last, real + (b_real * a_real - b_imaginary * a_imaginary),
+                    imaginary + (b_real * a_imaginary + b_imaginary * a_real),
+                    weight + dr.square(b_real) + dr.square(b_imaginary))
+
+        real, imaginary, weight = (dr.select(empty, 0, part) for part in sums)
+        _, _, real, imaginary, weight = looped(
+            (dr.select(empty, first, last + 1), last, real, imaginary, weight), lambda cell, last, *_: cell <= last,
+            step, "cells of the water")
+        scale = dr.rsqrt(dr.maximum(weight, 1e-12))
+        return real * scale, imaginary * scale
+
+
+def _along_a_curve(place: np.ndarray) -> np.ndarray:
+    """Return numbers (N,) that sort places (N, 3) along a curve of short steps (Morton 1966)."""
+    low, size = place.min(0, initial=np.inf), max(float(np.ptp(place, axis=0).max(initial=1e-9)), 1e-9)
+    cell = ((place - low) / size * 1023).astype(np.uint64)
+    number = np.zeros(len(place), np.uint64)
+    for bit in range(10):
+        for axis in range(3):
+            number |= ((cell[:, axis] >> np.uint64(bit)) & np.uint64(1)) << np.uint64(3 * bit + axis)
+    return number
