@@ -27,17 +27,20 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
+from mitsonar.device.chance import GOLDEN_STEP
 from mitsonar.device.types import Bool, Float, Numbers, UInt32
 
 LEVELS = 16                        # of triangles: a place is exact to 2^-16 of the sides
+MOST_OF_A_FACET = 2.0 ** 31        # scatterers, as k is a 32-bit number; larger facets have them less dense
 MIXED = 0x6C50B47C, 0xB82F1E52, 0xC7AFE638, 0x8D22F6E6      # even factors, of Laine and Karras
 
 
 def path_of(k: Any, seed: Any) -> Any:
     """Return y = S(k) of (1), UInt32 (R,)."""
-    path = k + seed
+    U = type(k) if dr.is_array_v(k) else np.uint32
+    path, added = k + seed, seed ^ U(GOLDEN_STEP)
     for factor in MIXED:
-        path = path ^ (path * type(path)(factor) if dr.is_array_v(path) else path * np.uint32(factor))
+        path = (path ^ (path * U(factor))) + added
     return path
 
 

@@ -12,10 +12,10 @@ are nested, and the seabed stays the same.
 A line array along the unit vector b that sends or receives across the first one resolves sines Δt. Where its main lobe
 meets the surface, a resolution cell is a piece of that lobe, and a facet gets
 
-    max(m, q A max(|n·(l × b)| / ΔR, |n·l| / (R Δs)) / (R Δt))                                       scatterers;     (2)
+    max(m, q p A max(|n·(l × b)| / ΔR, |n·l| / (R Δs)) / (R Δt))                                     scatterers;     (2)
 
-outside the lobe it gets fewer than (1). The direction to the lobe is computed from that array's own middle, because
-arrays that stand apart see a near scatterer in directions that differ by more than a lobe.
+p -> ``finer``. Outside the lobe it gets fewer than (1). The direction to the lobe is computed from that array's own
+middle, because arrays that stand apart see a near scatterer in directions that differ by more than a lobe.
 """
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ import numpy as np
 from mitsonar.device.arrays import arrays_of, opaque_vector, upload
 
 from .cells import divisions
-from .nested_points import LEVELS
+from .nested_points import LEVELS, MOST_OF_A_FACET
 from .scatterers import Cells, Scatterers
 
 EDGE_ON = 0.25                     # share of the density that a surface seen edge-on keeps
@@ -50,7 +50,8 @@ class TransmitLobe:
 
     axis: np.ndarray  # (3,) [-]: b
     sine: float  # to which it is steered, along the axis
-    cell: float  # Δt
+    cell: float  # Δt, by which the lobe is wide
+    finer: float  # density over that of q scatterers in Δt
     place: np.ndarray  # (3,) [m]: middle of the line, from the density's origin, scene coordinates
 
 
@@ -114,7 +115,7 @@ class ThinnedScatterers:
         sight = d / dr.maximum(R, NEAREST)
         reached = (R - radius < dr.opaque(mi.Float, density.farthest)) & (
             R + radius > dr.opaque(mi.Float, density.nearest)) & useful(sight, dr.maximum(R - radius, NEAREST))
-        most = _count(density, normal, sight, least, area, d, radius)
+        most = dr.minimum(_count(density, normal, sight, least, area, d, radius), self._most(patch))
         number = dr.select(reached, dr.maximum(dr.ceil(most - self._threshold(patch)), 0), 0)
         total = float(dr.sum(number)[0])
         if not total <= MOST:
@@ -132,7 +133,7 @@ class ThinnedScatterers:
         cells = self._facets.at(facet, k)
         d = mi.Vector3f(cells.point - opaque_vector(self.lib.Array3f64, density.origin))
         R = dr.maximum(dr.norm(d), NEAREST)
-        m = _count(density, cells.normal, d / R, R, cells.area, d)
+        m = dr.minimum(_count(density, cells.normal, d / R, R, cells.area, d), MOST_OF_A_FACET)
         return replace(cells, area=cells.area / dr.maximum(m, 1e-30)), self._facets.exist(facet, k, m)
 
     def _in_reach(self, density):
@@ -148,6 +149,11 @@ class ThinnedScatterers:
         first, second = (dr.gather(self.lib.Array4f, self._table, 2 * patch + half) for half in (0, 1))
         return (mi.Point3f(first[0], first[1], first[2]), first[3], mi.Vector3f(second[0], second[1], second[2]),
                 second[3])
+
+    def _most(self, patch):
+        """Return the greatest number of scatterers of a patch."""
+        twice_level = dr.gather(self.lib.Array4u, self._patches, patch)[2]
+        return MOST_OF_A_FACET / mi.Float(mi.UInt32(1) << twice_level)
 
     def _threshold(self, patch):
         """Return the number of scatterers of a patch above which its first one exists."""
@@ -214,7 +220,8 @@ def _in_lobe(lobe: TransmitLobe, density: Density, normal: mi.Vector3f, sight: m
     wide = radius / dr.maximum(dr.maximum(abs(dr.dot(seen, normal)), away - radius), NEAREST)
     off = dr.maximum(abs(dr.dot(seen / away, b) - dr.opaque(mi.Float, lobe.sine)) - wide, 0) / cell
     by_range = dr.minimum(abs(dr.dot(normal, dr.cross(sight, b))) + slack, 1) / dr.opaque(mi.Float, density.range_cell)
-    finer = dr.opaque(mi.Float, density.per_cell) * dr.maximum(by_range, by_sine) * area / (distance * cell)
+    per_cell = dr.opaque(mi.Float, density.per_cell * lobe.finer)
+    finer = per_cell * dr.maximum(by_range, by_sine) * area / (distance * cell)
     begin, end = LOBE
     inside = dr.minimum(dr.maximum((end - off) / (end - begin), 0), 1)
     beside = dr.maximum(BESIDE[0] * dr.rcp(dr.maximum(off, BESIDE[0])), BESIDE[1])

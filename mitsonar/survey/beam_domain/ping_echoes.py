@@ -94,10 +94,10 @@ SINK = 0.15                        # sine below the horizon that the rows' facto
 
 class PingEchoes:
     """Echoes of a survey's pings."""
-    # lobe: axis (3,) and cell [-] of a lobe across the line; turning: axes (P, 3) and cell [-] of a turning head
+    # lobe: axis (3,), cell [-] and finer of a lobe across the line; turning: axes (P, 3) and cell [-] of a turning head
 
     def __init__(self, survey: ArraySurvey, line: LineArray, *, per_cell: float, beams_from_origin: bool = True,
-                 beside: PingEchoes | None = None, lobe: tuple[np.ndarray, float] | None = None,
+                 beside: PingEchoes | None = None, lobe: tuple[np.ndarray, float, float] | None = None,
                  turning: tuple[np.ndarray, float] | None = None, negligible: float = NEGLIGIBLE):
         self._long, self._turning, self._negligible = lobe, turning, negligible
         self.survey, self.line, self.per_cell = survey, line, float(per_cell)
@@ -172,11 +172,11 @@ class PingEchoes:
             return (steered,)
         if self._long is None:
             return ()
-        axis, cell = self._long
+        axis, cell, finer = self._long
         centres = [self.patterns.transmit_centre, self.line.centre]
         # arrays at one place have the same lobe
         together = np.allclose(*centres, atol=1e-9)
-        return tuple(TransmitLobe(axis=reception.rotation @ axis, sine=0.0, cell=cell,
+        return tuple(TransmitLobe(axis=reception.rotation @ axis, sine=0.0, cell=cell, finer=finer,
                                   place=reception.rotation @ centre) for centre in centres[together:])
 
     def _steered_lobe(self, reception: Reception) -> TransmitLobe | None:
@@ -184,7 +184,7 @@ class PingEchoes:
         axis = self.patterns.transmit_axis
         if axis is None or reception.steering is None:
             return None
-        return TransmitLobe(axis=reception.rotation @ axis, sine=float(reception.steering @ axis),
+        return TransmitLobe(axis=reception.rotation @ axis, sine=float(reception.steering @ axis), finer=1.0,
                             cell=self.survey.wavelength / self.patterns.transmit_length,
                             place=reception.rotation @ self.patterns.transmit_centre)
 

@@ -93,10 +93,11 @@ class SideRows(LineFrames):
 
     def __init__(self, survey: InterferometricSurvey, number: int, beside: SideRows | None = None):
         self._number, side, per_bin = number, survey.sides[number], survey.per_bin
+        cell = side.wavelength / max(side.transmit.length, side.receive.length)
         line = LineArray.along(side.receive, up_along(side.receive), side.wavelength)
         super().__init__(side, PingEchoes(side, line, per_cell=side.per_cell, beams_from_origin=False,
                                           beside=None if beside is None else beside.echoes,
-                                          lobe=(side.receive.along[0], _beam_width(survey) / ACROSS)),
+                                          lobe=(side.receive.along[0], cell, ACROSS * cell / _beam_width(survey))),
                          np.eye(len(line.place)), np.zeros(1))
         self._truth = FrameTruth(OneBeam(WIDEST, side.pulse.bandwidth * per_bin / side.sampling_rate),
                                  lead=side.lead, bins=survey.bins, named=side.geometry.named, per_bin=per_bin,

@@ -9,7 +9,7 @@ the area A has
     m = q A |n·(l × x)| / (ΔR R ψ)
 
 of them, n its normal, l the unit vector of the way there, x the body's axis, R the distance, ΔR the length of a gate in
-slant range, ψ the equivalent two-way width of the beam along the platform there, q -> 1.4 times ``per_cell``. τ_c is the two-way time
+slant range, ψ the equivalent two-way width of the beam along the platform there, q -> 1.4 ``per_cell``. τ_c is the time
 along the bent ray, out from the transmission and back to the place at the reception. u_c is the cosine of the direction
 along the platform, half-way between both attitudes, and b the complex two-way pressure of both faces there
 (`SideBeam`). σ_c ~ (n·l)²: how strong the facets of one gate are against each other. The level of a gate, with
@@ -39,7 +39,7 @@ import numpy as np
 from mitsonar.device.arrays import arrays_of, compressed, held, looped, upload
 from mitsonar.device.chance import Salt, gaussian, hashed, hashed_pair, uniform
 from mitsonar.device.types import UInt32
-from mitsonar.echoes.scatterers.nested_points import path_of, place_of, triangle_of
+from mitsonar.echoes.scatterers.nested_points import MOST_OF_A_FACET, exists, path_of, place_of, triangle_of
 from mitsonar.echoes.scatterers.scatterers import Scatterers
 from mitsonar.echoes.scatterers.thinned_scatterers import ACROSS
 from mitsonar.echoes.sights.eigenray_table import EigenrayTable
@@ -335,7 +335,7 @@ class SideSpeckle:
         least = dr.maximum(dr.maximum(nearest, abs(dr.dot(offset, normal))), NEAREST)
         seen = abs(dr.dot(normal, dr.cross(offset, poses.axis(triangles.ping)))) / dr.maximum(distance, NEAREST)
         density = self._beam.density(self._gate(distance + 2 * radius))          # rises with the distance, if at all
-        most = density * 0.5 * twice * dr.minimum(seen + 2 * radius / least, 1) / least
+        most = dr.minimum(density * 0.5 * twice * dr.minimum(seen + 2 * radius / least, 1) / least, MOST_OF_A_FACET)
         parts = mi.Float(mi.UInt32(1) << (2 * triangles.level))
         most = (most - facets.threshold_of(triangles.facet) - mi.Float(triangles.first)) / parts
         return met & (most > 0), (most < FEW) | (radius < 0.5 * edge * distance), most
@@ -384,7 +384,8 @@ class SideSpeckle:
             longer = 2 * longer + wider
             seen = abs(dr.dot(way, across)) * per_metre
             gate = place + longer * self._gates_per_metre
-            inside = (mi.Float(k) + threshold < density * seen * per_metre) & (gate >= 0) & (gate < self._gates)
+            m = dr.minimum(density * seen * per_metre, MOST_OF_A_FACET)
+            inside = exists(k, threshold, m) & (gate >= 0) & (gate < self._gates)
             gate = mi.UInt32(dr.select(inside, gate, 0))
             b_real, b_imaginary = self._beam.pressure(lobe, dr.dot(way, axis) * per_metre, inside)
             weight = SCALE * abs(dr.dot(way, normal)) * per_metre * dr.rsqrt(dr.maximum(seen, LEVEL_SEEN))

@@ -1,0 +1,123 @@
+"""One bed has one field of scatterers: different kinds of sonar on one track receive speckle that belongs together.
+
+A sidescan's face and a row of an interferometric sidescan, of the same aperture, at the same places. The complex
+speckle g of the sidescan's fine gates, with the compressed pulse χ of the interferometric at the distances of its
+samples, Σ_j χ(t - t_j) g_j, is compared with the row's signal y, divided by its own mean level:
+
+    coherence = |Σ x* y| / √(Σ |x|² Σ |y|²)        over stretches of metres, in which the row's place turns the phase
+
+Beds are seen from so far that the face's beam is that of the far field. With equal apertures the coherence is 1, less
+what gates of finite length, the normalisation of gates and the side lobes, which the speckle leaves out, cost: 0.01
+together. For apertures L and L' it is
+
+    ∫ b² b'² du / √(∫ b⁴ du ∫ b'⁴ du),     b = sinc(L u / λ)
+
+where the same scatterers take part, and lower by √(m / m') where one sonar has m of the other's m'. With
+some 400 resolution cells, chance is 0.01.
+"""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import fft
+from sonar_scenes import bed as bed_of, interferometric
+
+from mitsonar.scene.loading import prepare
+from mitsonar.signal.reception import band_filter
+from mitsonar.sonar.faces.directivity import length_for_beam_width
+from mitsonar.survey.interferometric.instrument import both_sides
+from mitsonar.survey.sidescan.kind import plan
+from mitsonar.survey.sidescan.speckle import SideSpeckle
+from mitsonar.validation import scenes
+from mitsonar.verbs.images import opened
+
+PINGS, STRETCHES, WAVELENGTH = 1, 5, 0.015
+TRACK = {"speed_knots": 3.0, "heading_deg": 25.0, "start": [3.0, -4.0, -20.0], "pings": PINGS, "ping_rate_hz": 4.0}
+SUMMER = {"profile": "0:1508, 8:1507, 14:1494, 40:1490"}
+RIPPLED = {"type": "seabed", "depth": 40.0, "length": 300.0, "width": 300.0, "spacing": 0.5, "ripple_wavelength": 3.0,
+           "ripple_height": 0.2, "bsdf": {"type": "lambert"}}
+FAR = 59.0, 73.0                   # [m]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def ready():
+    prepare()
+
+
+def sidescan_survey(shape, water, width, per_cell, bins, far):
+    scene = scenes.sidescan({"bed": shape}, rays=100, water=water,
+                            film={"range_min": far[0] - 2, "range": far[1] + 2, "bins": bins},
+                            sensor={"frequency_khz": 100.0, "pulse_ms": 0.1, "beam_width_deg": width, "speckle": True,
+                                    **TRACK}, integrator={"scatterers_per_cell": per_cell})
+    return plan(scene, scene.sensors()[0], scene.integrator().settings)
+
+
+def interferometric_survey(shape, water, width, far):
+    scene, sensor, path = opened(interferometric(
+        {"bed": shape}, water=water, film={"range_min": far[0] - 2, "range": far[1] + 2, "bins": 100},
+        sensor={"frequency_khz": 100.0, "pulse": "cw", "pulse_ms": 0.1, "beam_width_deg": width, "rows": "0, 0.5",
+                "face_place": "0, 0, 0", "transmitter_place": "0, 0, 0", "noise": False, "tilt_deg": 20.0, **TRACK}))
+    return path.survey(scene, sensor)
+
+
+def compressed_pulse(pulse, rate, time):
+    """χ of the pulse at times [s], with the receiver's filter."""
+    frequency = fft.fftfreq(4096, 1 / rate)
+    power = np.abs(pulse.spectrum(rate, 4096)) ** 2 * band_filter(frequency, rate)
+    keep = power > 1e-6 * power.max()
+    return np.exp(2j * np.pi * np.multiply.outer(time, frequency[keep])) @ power[keep]
+
+
+def coherence(shape=None, water=None, widths=(3.0, 3.0), per_cell=20.0, bins=1000, denser=1.0, far=FAR):
+    shape = shape or bed_of(40.0, size=500.0)
+    sidescan = sidescan_survey(shape, water, widths[0], per_cell, bins, far)
+    speckle = SideSpeckle(sidescan, 0)
+    g, gate = speckle.of(np.arange(PINGS)), (sidescan.window[1] - sidescan.window[0]) / speckle.gates
+    survey = interferometric_survey(shape, water, widths[1], far)
+    pulse, rate = survey.sides[0].pulse, survey.sides[0].sampling_rate
+    # as many scatterers over the same ground: 1 / 2B against half a gate
+    many = per_cell / (pulse.bandwidth * gate) * denser
+    rows = both_sides(replace(survey, sides=tuple(replace(side, per_cell=many) for side in survey.sides)))
+    time = survey.sides[0].time[survey.sides[0].lead:]
+    inside = (time > far[0] / 750.0) & (time < far[1] / 750.0)
+    later = time[inside, None] - (sidescan.window[0] + (np.arange(speckle.gates) + 0.5) * gate)
+    near, response = np.abs(later) < 3e-4, np.zeros(later.shape, complex)
+    response[near] = compressed_pulse(pulse, rate, later[near])
+    together, own, other = 0.0, 0.0, 0.0
+    for ping in range(PINGS):
+        for side in (0, 1):
+            y = rows[side].signals(ping, 0)[0].astype(complex)
+            y = (y / np.sqrt(np.convolve(np.abs(y) ** 2, np.ones(51), "same")))[inside]
+            for x, row in zip(*(np.array_split(part, STRETCHES) for part in (response @ g[ping, side], y))):
+                together += abs(np.vdot(x, row))
+                own, other = own + np.vdot(x, x).real, other + np.vdot(row, row).real
+    return together / np.sqrt(own * other)
+
+
+def test_a_face_and_a_row_of_one_aperture_receive_the_same_speckle():
+    assert coherence(water=SUMMER, per_cell=40.0) > 0.99
+
+
+def test_so_they_do_over_ripples():
+    """Half as many scatterers: 0.01 more of what costs coherence."""
+    assert coherence(RIPPLED, bins=500) > 0.975
+
+
+@pytest.mark.parametrize("width", [2.0, 6.0])
+def test_other_apertures_share_what_their_beams_share(width):
+    lengths = np.array([length_for_beam_width(np.deg2rad(value), WAVELENGTH) for value in (3.0, width)])
+    u = np.linspace(-0.3, 0.3, 20001)
+    b, other = (np.sinc(length * u / WAVELENGTH) ** 2 for length in lengths)
+    expected = np.sum(b * other) / np.sqrt(np.sum(b ** 2) * np.sum(other ** 2))
+    same_number = lengths[0] / lengths[1]
+    assert coherence(widths=(3.0, width), denser=same_number) == pytest.approx(expected, abs=0.03)
+    # by themselves, the denser set has scatterers that the other lacks
+    assert coherence(widths=(3.0, width)) == pytest.approx(
+        expected * np.sqrt(min(same_number, 1 / same_number)), abs=0.03)
+
+
+def test_another_seed_is_another_ground_and_another_sonar_the_same():
+    survey = sidescan_survey(bed_of(40.0, size=500.0), None, 3.0, 5.0, 1000, FAR)
+    first, again, other = (SideSpeckle(survey, seed).of(np.arange(1)) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first, again)
+    assert abs(np.vdot(first, other)) < 0.05 * np.vdot(first, first).real
