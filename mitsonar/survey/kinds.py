@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 FILES = {"sidescan": "sidescan.kind", "array": "fan.kind", "forward_looking": "fan.forward_looking",
          "sector_scan": "sector_scan.kind", "multibeam": "multibeam.kind", "interferometric": "interferometric.kind",
-         "synthetic_aperture": "synthetic_aperture.kind"}
+         "synthetic_aperture": "synthetic_aperture.kind", "echo_sounder": "echo_sounder.kind"}
 
 
 class _KindFiles(Mapping[str, Any]):
@@ -65,7 +65,7 @@ class Kind(Protocol):
 
 
 KINDS: Mapping[str, Kind] = _KindFiles("sidescan", "array", "forward_looking", "sector_scan", "multibeam",
-                                   "synthetic_aperture", "interferometric")
+                                   "synthetic_aperture", "interferometric", "echo_sounder")
 
 
 class FrameKind(Kind, Protocol):
