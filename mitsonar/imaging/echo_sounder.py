@@ -55,7 +55,7 @@ class MeasuredPing:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Calibration:
+class CalibratedSounder:
     """Echo sounder as calibrated: terms of the sonar equation, and the geometry of its face."""
 
     time: np.ndarray  # (samples,) [s]
@@ -172,7 +172,7 @@ def compressed_power(pulse: Pulse, sampling_rate: float) -> np.ndarray:
     return np.abs(np.correlate(sent, sent, "full")) ** 2 / np.sum(np.abs(sent) ** 2) ** 2
 
 
-def image(sounder: Calibration, measured: Sequence[MeasuredPing], record: EnergyRecord, *, track: Track,
+def image(sounder: CalibratedSounder, measured: Sequence[MeasuredPing], record: EnergyRecord, *, track: Track,
           depth_below: np.ndarray, labels: Mapping[int, str], class_of: Mapping[int, int],
           attrs: Mapping[str, Any]) -> xr.Dataset:
     """Return the echogram of a run; the record's intensities are mean powers [µPa²]."""

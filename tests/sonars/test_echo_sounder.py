@@ -15,7 +15,7 @@ import functools
 import numpy as np
 import pytest
 from scipy.special import j1
-from sonar_scenes import bed, buried_bed, lambert, point_target
+from sonar_scenes import bed, buried_bed, echo_sounder, lambert, point_target
 
 import mitsonar
 import mitsonar.scene.loading  # tells Dr.Jit its libraries before Mitsuba is imported
@@ -25,18 +25,15 @@ from mitsonar.scene.errors import as_exception
 from mitsonar.signal.matched_filtering import compression, matched_filter
 from mitsonar.sonar.preset_tables import presets
 from mitsonar.sonar.pulses.pulses import pulse_of
-from mitsonar.validation.scenes import at_rest, loaded
 
 C, ALPHA = 1500.0, 0.03
 PUBLISHED = {"scientific_38khz": -20.7, "scientific_120khz": -21.0, "scientific_200khz": -20.7}
-SPLIT = [name for name, values in presets("echo_sounder").items() if values["split_beam"]]
 every_preset = pytest.mark.parametrize("preset", presets("echo_sounder"))
 
 
-def sounder(shapes, *, preset="scientific_120khz", depth=2.0, sensor=None, water=None, film=None, integrator=None):
-    """Load a scene of an echo sounder, by default with bins of 10 cm to 60 m."""
-    return loaded(shapes, {"type": "echo_sounder", "preset": preset, "pings": 1}, at_rest(depth), sensor, water,
-                  {"range": 60.0, "bins": 600, **(film or {})}, integrator or {})
+def sounder(shapes, *, preset="scientific_120khz", sensor=None, **parts):
+    """Load a scene of an echo sounder with a preset; parts as of `sonar_scenes`."""
+    return echo_sounder(shapes, sensor={"preset": preset, **(sensor or {})}, **parts)
 
 
 def peak(image, near, ping=0):
@@ -66,8 +63,8 @@ def test_a_target_has_its_strength_and_its_direction(preset, aside):
     own, away = presets("echo_sounder")[preset], 35.0125
     angle = np.tan(0.5 * np.deg2rad(own["beam_width_deg"])) * np.array(aside)
     along = np.array([angle[0], angle[1], -1.0]) / np.sqrt(1 + angle @ angle)
-    image = mitsonar.render(sounder({"seabed": buried_bed(80.0), "ball": point_target([0, 0, -2] + away * along, -42.0)},
-                                    preset=preset, film={"bins": 2400}))
+    ball = point_target([0, 0, -2] + away * along, -42.0)
+    image = mitsonar.render(sounder({"seabed": buried_bed(80.0), "ball": ball}, preset=preset, film={"bins": 2400}))
     found, two_way = peak(image, away), 2 * pattern_db(np.arccos(-along[2]), preset)
     assert float(found["range"]) == pytest.approx(away, abs=0.026)
     wanted = own["source_level_db"] - 42.0 - 40 * np.log10(away) - 2 * ALPHA * away + two_way

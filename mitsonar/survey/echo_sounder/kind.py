@@ -97,14 +97,14 @@ def rows(level: np.ndarray) -> np.ndarray:
     return level
 
 
-def _calibrated(survey: ArraySurvey, sensor: EchoSounderSensor, speed: float, bins: int) -> imaging.Calibration:
+def _calibrated(survey: ArraySurvey, sensor: EchoSounderSensor, speed: float, bins: int) -> imaging.CalibratedSounder:
     """Return the calibration of the sounder, with the absorption down the axis of its beam."""
     time = survey.time[survey.lead:]
     normal, top = survey.receive.normal[0], -float(survey.track.position[:, 2].mean())
     way = np.linspace(0, 0.5 * speed * time[-1], 2 * len(time))
     alpha = survey.absorption.at(np.maximum(top + normal[2] * way, 0.0))
     loss = np.concatenate([[0], np.cumsum((alpha[1:] + alpha[:-1]) * np.diff(way))])
-    return imaging.Calibration(
+    return imaging.CalibratedSounder(
         time=time, bins=bins, sound_speed=speed, loss_db=np.interp(0.5 * speed * time, way, loss),
         source_level_db=float(survey.source_level_db),
         pulse=survey.pulse, wavelength=speed / survey.frequency, face=sensor.transmit,
