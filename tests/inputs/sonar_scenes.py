@@ -19,8 +19,9 @@ from mitsonar.validation.scenes import (
     water_of,
 )
 
-__all__ = ["FLAWLESS", "array_sonar", "bed", "buried_bed", "echo_sounder", "forward_looking", "interferometric", "lambert",
-           "multibeam", "point_target", "sector_scan", "sediment", "sidescan", "synthetic_aperture", "water_of"]
+__all__ = ["FLAWLESS", "array_sonar", "bed", "buried_bed", "echo_sounder", "forward_looking", "interferometric",
+           "lambert", "multibeam", "point_target", "sector_scan", "sediment", "sidescan", "synthetic_aperture",
+           "water_of"]
 
 
 def forward_looking(shapes, *, depth=10.0, sensor=None, water=None, film=None, integrator=None):
