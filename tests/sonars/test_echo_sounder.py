@@ -120,6 +120,29 @@ def test_a_target_is_passed_as_the_platform_moves_and_pitches():
     assert looked >= 6
 
 
+def test_a_smooth_sphere_has_the_strength_of_its_radius():
+    """20 log a / 2 of a rigid sphere of ka = 150; the echo is that of its nearest point."""
+    ball = {"type": "sphere", "center": [0.5, 0.3, -32.0], "radius": 0.3, "bsdf": {"type": "rigid"}}
+    found = peak(mitsonar.render(sounder({"seabed": buried_bed(80.0), "ball": ball})), 29.7)
+    assert float(found["range"]) == pytest.approx(np.sqrt(30.0 ** 2 + 0.34) - 0.3, abs=0.06)
+    assert float(found["compensated_target_strength"]) == pytest.approx(20 * np.log10(0.15), abs=0.3)
+    assert float(found["angle_along"]) == pytest.approx(0.01, abs=2e-4)
+
+
+def test_noise_scatters_angles_as_its_ratio_says():
+    """Deviation √(2 / q) λ / (2π d) of halves d apart, q the power of echo over noise; 100 pings have it to 7 %."""
+    scene = sounder({"seabed": buried_bed(80.0), "ball": point_target([0.0, 0.0, -32.0], -42.0)}, film={"bins": 2400},
+                    sensor={"self_noise_db": 60.0, "pings": 100})
+    image, quadrants = mitsonar.render(scene), scene.sensors()[0].quadrants.position
+    at = int(np.argmin(np.abs(image["range"].values - 30.0)))
+    ratio = 10 ** (0.1 * (222.0 - 42.0 - 40 * np.log10(30.0) - 2 * ALPHA * 30.0 - image.attrs["noise_db"]))
+    assert 30 < ratio < 3000
+    wanted = np.sqrt(2 / ratio) * C / 120e3 / (2 * np.pi * np.ptp(quadrants[:, 0]))
+    for name in ("angle_along", "angle_athwart"):
+        assert float(image[name][:, at].std()) == pytest.approx(wanted, rel=0.25)
+        assert float(image[name][:, at].mean()) == pytest.approx(0.0, abs=0.4 * wanted)
+
+
 def test_elements_are_the_quadrants_of_the_picture():
     """The mean of four signals is the face's: their beams differ by 0.1 dB within the main lobe."""
     scene = sounder({"seabed": buried_bed(80.0), "ball": point_target([0.4, 0.7, -32.0], -40.0)},
