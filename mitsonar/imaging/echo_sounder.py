@@ -37,7 +37,8 @@ from .energy_record import EnergyRecord
 
 DIMS = ("ping", "range")
 STEEPEST_DB = 12.0                 # two-way pattern, from the axis
-EDGE = 0.25                        # share of the strongest echo's power at which the bed's echo begins
+EDGE = 0.1                         # share of the strongest echo's power at which the bed's echo begins
+GAP = 0.02                         # share of the range for which speckle may part the bed's echo, beside a pulse
 NEAREST = 1.0                      # [m]: gain over range is constant up to here
 RINGS, TURNS = 4000, 64            # steps of the quadrature of Ψ, away from the axis and around it
 
@@ -148,9 +149,9 @@ class CalibratedSounder:
         if not strength[peak] > 10 ** (0.1 * self.bottom_level_db):
             return np.nan
         loud = strength >= EDGE * strength[peak]
-        # speckle may part the echo of the bed for as long as a pulse
-        gaps = np.flatnonzero(loud[:peak + 1])
-        first = gaps[np.flatnonzero(np.diff(gaps, prepend=-2 * window) > window)[-1]]
+        before = np.flatnonzero(loud[:peak + 1])
+        gap = window + GAP * self.range[peak] * 2 / self.sound_speed * self.sampling_rate
+        first = before[np.flatnonzero(np.diff(before, prepend=-np.inf) > gap)[-1]]
         return float(self.range[first]) + 0.5 * self.sound_speed * self._rise
 
     @property
