@@ -179,7 +179,7 @@ def picture(grid: PlotGrid, image: np.ndarray, title: str, *, subtitle: str = ""
     ----------
     grid : PlotGrid
     image : array (grid.height, grid.width)
-        Values with the oldest ping in row 0, which is drawn at the bottom.
+        Values with the oldest ping in row 0, which is drawn at the bottom, or on the left of an echogram.
     title, subtitle : str
     colours : matplotlib colormap
     limits : pair of float, optional
@@ -196,20 +196,23 @@ def picture(grid: PlotGrid, image: np.ndarray, title: str, *, subtitle: str = ""
     matplotlib.figure.Figure, Axes
     """
     left, right, bottom, top = 84, 128 if bar else 30, 90, 86
+    width, height = (grid.height, grid.width) if grid.down else (grid.width, grid.height)
     if keys:
-        right += legend(sheet(1, 1).add_subplot(), keys, grid.height).get_window_extent().width
+        right += legend(sheet(1, 1).add_subplot(), keys, height).get_window_extent().width
     # titles may be wider than a narrow picture
-    right = max(right, _words_width(title, subtitle) + EDGE - grid.width)
-    figure = sheet(left + grid.width + right, bottom + grid.height + top, PAPER)
-    axes = figure.add_axes(shares_of(figure, left, bottom, grid.width, grid.height), facecolor=PAPER)
+    right = max(right, _words_width(title, subtitle) + EDGE - width)
+    figure = sheet(left + width + right, bottom + height + top, PAPER)
+    axes = figure.add_axes(shares_of(figure, left, bottom, width, height), facecolor=PAPER)
     low, high = limits or (None, None)
-    drawn = axes.imshow(image, origin="lower", aspect="auto", interpolation="nearest", cmap=colours, vmin=low,
-                        vmax=high, extent=(grid.across[0], grid.across[-1], grid.along[0], grid.along[-1]))
+    across, along = ((edges[0], edges[-1]) for edges in (grid.across, grid.along))
+    turned = {"X": image.swapaxes(0, 1), "origin": "upper", "extent": (*along, *across[::-1])} if grid.down else {
+        "X": image, "origin": "lower", "extent": (*across, *along)}
+    drawn = axes.imshow(**turned, aspect="auto", interpolation="nearest", cmap=colours, vmin=low, vmax=high)
     headings(figure, left, title, subtitle)
     _metres(grid, axes)
     scale_bar(grid, axes)
     if keys:
-        legend(axes, keys, grid.height)
+        legend(axes, keys, height)
     if bar:
         key = colour_bar(drawn, axes, bar, bar_extend)
         key.outline.set_edgecolor(FAINT)               # pyright: ignore[reportCallIssue]  declared as any artist
@@ -267,15 +270,15 @@ def legend(axes: Axes, keys: Sequence[Artist], height: float) -> Legend:
 
 
 def _metres(grid, axes):
-    """Label slant range on both sides and distance along the track, newest ping on top."""
-    axes.xaxis.set_major_locator(MaxNLocator(16, steps=[1, 2, 5, 10]))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{abs(value):g}"))
-    axes.yaxis.set_major_locator(MaxNLocator(10, steps=[1, 2, 5, 10], integer=not grid.moving))
+    """Label slant range on both sides and distance along the track, newest ping on top or on the right."""
+    across, along = (axes.yaxis, axes.xaxis) if grid.down else (axes.xaxis, axes.yaxis)
+    across.set_major_locator(MaxNLocator(16, steps=[1, 2, 5, 10]))
+    across.set_major_formatter(FuncFormatter(lambda value, _: f"{abs(value):g}"))
+    along.set_major_locator(MaxNLocator(10, steps=[1, 2, 5, 10], integer=not grid.moving))
     sides = grid.across[0] < 0
-    axes.set_xlabel("port        ←        slant range [m]        →        starboard" if sides else "slant range [m]",
-                    color=INK, fontsize=11)
-    along = "along track [m]" if grid.moving else "ping"
-    axes.set_ylabel(f"{along}        newest →", color=INK, fontsize=11)
+    across.set_label_text("port        ←        slant range [m]        →        starboard" if sides
+                          else "slant range [m]", color=INK, fontsize=11)
+    along.set_label_text(f"{'along track [m]' if grid.moving else 'ping'}        newest →", color=INK, fontsize=11)
     axes.tick_params(colors=INK, labelsize=10, top=True, direction="out")
     for spine in axes.spines.values():
         spine.set_edgecolor(FAINT)
@@ -284,7 +287,12 @@ def _metres(grid, axes):
 
 
 def scale_bar(grid: PlotGrid, axes: Axes) -> None:
-    """Draw scale bars of round lengths across and along the track, and write how both scales differ."""
+    """Draw scale bars of round lengths across and along the track, and write how both scales differ.
+
+    An echogram has none: its scales differ by much, and the axes are labelled in metres.
+    """
+    if grid.down:
+        return
     figure = axes.figure
     pixel_x, pixel_y = ((edges[-1] - edges[0]) / size
                         for edges, size in ((grid.across, grid.width), (grid.along, grid.height)))

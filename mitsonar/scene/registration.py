@@ -18,7 +18,8 @@ BASES = ("bsdfs.material", "bsdfs.smooth", "sensors.sonar_sensor")         # bas
 PLUGINS = ("media.seawater", "films.sonar_film", "bsdfs.lambert", "bsdfs.sediment", "bsdfs.elastic", "bsdfs.empirical",
            "bsdfs.rigid", "bsdfs.soft", "bsdfs.impedance", "bsdfs.windy_sea", "sensors.sidescan",
            "sensors.array_sonar", "sensors.forward_looking", "sensors.sector_scan", "sensors.multibeam",
-           "sensors.interferometric", "sensors.synthetic_aperture", "integrators.sonar_path", "shapes.seabed",
+           "sensors.interferometric", "sensors.synthetic_aperture", "sensors.echo_sounder",
+           "integrators.sonar_path", "shapes.seabed",
            "shapes.bathymetry", "shapes.capped_cylinder", "shapes.point_target", "shapes.sea_surface",
            "shapes.targets")
 MODULES = (*BASES, *PLUGINS)

@@ -9,9 +9,10 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib  # pyright: ignore[reportMissingImports]  # installed on Python 3.10 alone
 
-TABLES = {"sidescan": "presets.toml", "forward_looking": "forward_looking.toml",
-          "sector_scan": "sector_scan.toml", "multibeam": "multibeam.toml", "interferometric": "interferometric.toml",
-          "synthetic_aperture": "synthetic_aperture.toml"}            # by kind of sonar
+FOLDER = files("mitsonar.sonar")
+MOTION = "motion.toml"
+TABLES = {entry.name[:-5]: entry.name for entry in sorted(FOLDER.iterdir(), key=lambda entry: entry.name)
+          if entry.name.endswith(".toml") and entry.name != MOTION}            # by kind of sonar
 
 
 @cache
@@ -23,8 +24,8 @@ def presets(kind: str = "sidescan") -> dict[str, dict[str, Any]]:
 @cache
 def motions() -> dict[str, dict[str, Any]]:
     """Return how named platforms rock: {name: {attribute: value}}, attributes as in XML."""
-    return _table("motion.toml")
+    return _table(MOTION)
 
 
 def _table(name):
-    return tomllib.loads((files("mitsonar.sonar") / name).read_text(encoding="utf-8"))
+    return tomllib.loads((FOLDER / name).read_text(encoding="utf-8"))

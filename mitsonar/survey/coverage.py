@@ -13,7 +13,6 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import upload
-from mitsonar.imaging import fan
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.tracing.tracer import registry_index
 
@@ -25,7 +24,6 @@ PINGS = 8                          # pings that are checked, from the first to t
 PROBES = 512                       # directions, all around, of the search for objects within the range
 STEPS = 64                         # steps along a look, in which the bed's edge is found
 SLACK = 0.97                       # share of the reach that the bed must cover
-TWO_SIDED = "sidescan", "interferometric", "multibeam"
 STEEP = np.radians(45)             # below the horizon: a fan that looks down ends at its outermost beams
 
 
@@ -61,7 +59,11 @@ def _warn_of_edge(survey: Survey, sensor: Sensor, farthest: float) -> None:
     track, geometry = survey.track, survey.geometry
     pings = _few(np.flatnonzero(survey.depth_below < farthest))
     position, below = track.position[pings], survey.depth_below[pings]
-    looks, down = _looks(sensor)
+    looks, down = sensor.look_directions()
+    if down is None:
+        down = np.arcsin(np.clip(looks[:, 2], -1, 1))
+        # a face that looks ahead sees the bed out to the horizon, a face that looks down as far as its beam is wide
+        down = np.where(np.median(down) > STEEP, down, 0.0)
     ahead = np.einsum("pij,aj->pai", track.rotation()[pings], looks)
     ahead = ahead[..., :2] / np.maximum(np.linalg.norm(ahead[..., :2], axis=-1, keepdims=True), 1e-9)   # (pings, looks)
     reach = np.sqrt(farthest ** 2 - below ** 2)[:, None] * np.ones(len(looks))
@@ -78,31 +80,13 @@ def _warn_of_edge(survey: Survey, sensor: Sensor, farthest: float) -> None:
     blocked = _hit(geometry, start.reshape(-1, 3), (out / length).reshape(-1, 3), farthest).reshape(edge.shape)
     edge = np.median(np.where(blocked, 1.0, edge), 0)
     # a line along the edge of a survey rightly has bed on one side only
-    look = int(np.argmax(edge) if sensor.kind in TWO_SIDED else np.argmin(edge))
+    look = int(np.argmax(edge) if sensor.two_sided else np.argmin(edge))
     if edge[look] < 1:
         bearing, ground = np.degrees(np.arctan2(looks[look, 1], looks[look, 0])), float(np.median(reach[:, look]))
-        side = "to either side of" if sensor.kind in TWO_SIDED else f"at a bearing of {bearing:.0f} degrees from"
+        side = "to either side of" if sensor.two_sided else f"at a bearing of {bearing:.0f} degrees from"
         warnings.warn(f"the seabed ends about {edge[look] * ground:.3g} m {side} the sonar, and the range of "
                       f"{farthest:g} m reaches {round(ground, 1):g} m over the bed: the record is empty beyond, "
                       "and this is no shadow. Make the bed wider, or the film's range shorter", stacklevel=3)
-
-
-def _looks(sensor: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return a sonar's look directions (A, 3), body frame, and the depression at which each ends, (A,) [rad]."""
-    sides = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
-    if sensor.kind == "multibeam":
-        widest = max(float(np.abs(sector.beams).max()) for sector in sensor.sectors)
-        return sides, np.full(2, max(np.pi / 2 - widest, 0.0))
-    if sensor.kind in TWO_SIDED:
-        return sides, np.zeros(2)
-    if sensor.kind == "sector_scan":                     # its track has the beam's attitude
-        return np.array([[1.0, 0.0, 0.0]]), np.zeros(1)
-    looks = sensor.receive.normal[:1]
-    if sensor.kind != "synthetic_aperture":
-        looks = fan.fan_directions(sensor.receive, 3, sensor.fan_width)[1]
-    down = np.arcsin(np.clip(looks[:, 2], -1, 1))
-    # a face that looks ahead sees the bed out to the horizon, a face that looks down only as far as its fan is wide
-    return looks, np.where(np.median(down) > STEEP, down, 0.0)
 
 
 def _hit(geometry: Geometry, origin: np.ndarray, direction: np.ndarray, farthest: float) -> np.ndarray:

@@ -1,6 +1,6 @@
 """Kinds of sonar: each is one file with the functions of `Kind`.
 
-To add a kind, write its file and add a line here; its sensor plugin has the name as its attribute `kind`.
+To add a kind, write KIND/kind.py and add its name to `KINDS`; its sensor plugin has the name as its attribute `kind`.
 """
 from __future__ import annotations
 
@@ -20,9 +20,7 @@ if TYPE_CHECKING:
     from .soundings.line import SoundingLine
     from .survey import Survey
 
-FILES = {"sidescan": "sidescan.kind", "array": "fan.kind", "forward_looking": "fan.forward_looking",
-         "sector_scan": "sector_scan.kind", "multibeam": "multibeam.kind", "interferometric": "interferometric.kind",
-         "synthetic_aperture": "synthetic_aperture.kind"}
+FILES = {"array": "fan.kind", "forward_looking": "fan.forward_looking"}        # of kinds without a folder of their name
 
 
 class _KindFiles(Mapping[str, Any]):
@@ -34,7 +32,7 @@ class _KindFiles(Mapping[str, Any]):
     def __getitem__(self, name: str) -> Any:
         if name not in self._names:
             raise KeyError(name)
-        return importlib.import_module(f"{__package__}.{FILES[name]}")
+        return importlib.import_module(f"{__package__}.{FILES.get(name, f'{name}.kind')}")
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)
@@ -65,7 +63,7 @@ class Kind(Protocol):
 
 
 KINDS: Mapping[str, Kind] = _KindFiles("sidescan", "array", "forward_looking", "sector_scan", "multibeam",
-                                   "synthetic_aperture", "interferometric")
+                                   "synthetic_aperture", "interferometric", "echo_sounder")
 
 
 class FrameKind(Kind, Protocol):

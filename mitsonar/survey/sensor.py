@@ -58,6 +58,12 @@ class Sensor(Protocol):
     sound_speed: float | None  # [m/s]: at the sonar, for slant range and steering; None: that of `head_speed`
     noise: bool  # True if ambient noise is added
     pass_number: int  # number of the pass over the ground, from 0
+    two_sided: bool  # True if the sonar looks to both sides
+
+    def look_directions(self) -> tuple[np.ndarray, np.ndarray | None]:
+        """Return directions that the sonar looks into (A, 3), body frame, and the depressions (A,) [rad] at which they
+        end; None: by their own depressions."""
+        ...
 
     def film(self) -> Film:
         """Return the record's window and bins."""

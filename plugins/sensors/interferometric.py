@@ -80,7 +80,7 @@ ATTRIBUTES = (
 class Interferometric(SonarSensor):
     """Interferometric sensor; `mitsonar.survey.interferometric.kind` plans its run, makes its picture and soundings."""
 
-    kind, declared = "interferometric", ATTRIBUTES
+    kind, declared, two_sided = "interferometric", ATTRIBUTES, True
 
     def read(self, attributes: Attributes) -> None:
         """Read the pulse, the faces and the settings of the phase measurement."""

@@ -115,7 +115,7 @@ ATTRIBUTES = (
 class Multibeam(SonarSensor):
     """Multibeam sensor; `mitsonar.survey.multibeam.kind` plans its run and makes its picture and soundings."""
 
-    kind, declared = "multibeam", ATTRIBUTES
+    kind, declared, two_sided = "multibeam", ATTRIBUTES, True
 
     def read(self, attributes: Attributes) -> None:
         """Read the sectors, their beams and the arrays."""
@@ -139,6 +139,11 @@ class Multibeam(SonarSensor):
         self.transmit, self.receive = _lines(attributes, self.sectors, self.nominal_sound_speed / highest)
         self.transmit_place, self.receive_place = attributes.transmit_place, attributes.receive_place
         self.motion_errors = motion_errors(attributes)
+
+    def look_directions(self) -> tuple[np.ndarray, np.ndarray | None]:
+        """Return both sides, which end at the outermost beams; see `SonarSensor.look_directions`."""
+        widest = max(float(np.abs(sector.beams).max()) for sector in self.sectors)
+        return super().look_directions()[0], np.full(2, max(np.pi / 2 - widest, 0.0))
 
     def to_string(self) -> str:
         return f"Multibeam[{self.frequency / 1000:g} kHz, {sum(len(sector.beams) for sector in self.sectors)} beams]"

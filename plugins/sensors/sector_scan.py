@@ -94,6 +94,10 @@ class SectorScan(SonarSensor):
         if not attributes.given("pings"):
             self.route = replace(self.route, pings=self.head.sweep.pings_per_turn)
 
+    def look_directions(self) -> tuple[np.ndarray, np.ndarray | None]:
+        """Return the direction of the beam, as the track has its attitude; see `SonarSensor.look_directions`."""
+        return np.array([[1.0, 0.0, 0.0]]), np.zeros(1)
+
 
 def _pulse(attributes, frequency):
     duration, bandwidth = attributes.pulse_ms / 1000, float(hertz_from_khz(attributes.bandwidth_khz))

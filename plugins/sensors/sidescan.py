@@ -53,7 +53,7 @@ ATTRIBUTES = (
 class Sidescan(SonarSensor):
     """Sidescan sensor; `mitsonar.survey.sidescan.kind` plans its run and makes its picture."""
 
-    kind, declared = "sidescan", ATTRIBUTES
+    kind, declared, two_sided = "sidescan", ATTRIBUTES, True
 
     def read(self, attributes: Attributes) -> None:
         """Read the attributes of a sidescan."""

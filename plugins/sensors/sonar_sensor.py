@@ -8,6 +8,7 @@ import numpy as np
 
 from mitsonar.device.arrays import upload
 from mitsonar.device.chance import pass_seed, sonar_seed
+from mitsonar.imaging.fan import fan_directions
 from mitsonar.io.scene_files import scenes
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.survey.sensor import slowest_speed
@@ -53,6 +54,7 @@ class SonarSensor(mi.Sensor):
     # sound_speed [m/s]; position_offset, attitude_offset (3 pings,) [m], [rad]
 
     follows_offsets = True             # whether a run uses the offsets of the track besides its trajectory
+    two_sided = False                  # whether the sonar looks to both sides
     kind: str  # one of `mitsonar.survey.kinds.KINDS`
     declared: tuple[Attribute | Group, ...]  # attributes of the kind, `SOUND_SPEED`, `NOISE`, `NESTED`, route
     frequency: float  # [Hz]: set by `read`
@@ -125,6 +127,12 @@ class SonarSensor(mi.Sensor):
         self.frequency = float(hertz_from_khz(attributes.frequency_khz))
         self.source_level_db, self.self_noise_db = attributes.source_level_db, attributes.self_noise_db
 
+    def look_directions(self) -> tuple[np.ndarray, np.ndarray | None]:
+        """Return the directions that the sonar looks into, and where they end; see `mitsonar.survey.sensor.Sensor`."""
+        if self.two_sided:
+            return np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]]), np.zeros(2)
+        return self.receive.normal[:1], None
+
     def noise_level_db(self) -> float:
         """Return the ambient noise spectrum level [dB re 1 µPa²/Hz] at the sonar's frequency."""
         if self.given_noise_level_db is not None:
@@ -181,7 +189,12 @@ class FanSensor(SonarSensor):
     """A sonar with one transmit and one receive array, whose picture is a fan of beams."""
 
     picture: str | None  # as written, or "elements"; set by `read`
+    fan_width: float  # [rad]: set by `read`
     delays_from_file: tuple[bool, ...] = (False, False)
+
+    def look_directions(self) -> tuple[np.ndarray, np.ndarray | None]:
+        """Return the middle and both ends of the fan; see `SonarSensor.look_directions`."""
+        return fan_directions(self.receive, 3, self.fan_width)[1], None
 
     def element_keys(self) -> ElementKeys:
         """Note picture and steering as loaded, and return the numbers of the elements."""

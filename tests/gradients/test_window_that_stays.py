@@ -8,6 +8,7 @@ from gradient_scenes import sidescan
 from scene_text import lambert, plugin, scene_text
 
 import mitsonar
+from mitsonar.plugins import PLUGINS
 from mitsonar.survey.sidescan import kind as sidescan_kind
 
 KEY = "sonar.medium.sound_speed"
@@ -34,8 +35,7 @@ def leaf_of(params, speeds):
     return leaf
 
 
-@pytest.mark.parametrize("kind", ["sidescan", "sector_scan", "forward_looking", "array_sonar", "multibeam",
-                                  "interferometric", "synthetic_aperture"])
+@pytest.mark.parametrize("kind", [name[8:] for name in PLUGINS if name.startswith("sensors.")])
 def test_the_window_stays_as_water_and_sonar_change(load, variant, kind):
     scene = load(seen_by(kind))
     sensor, params = scene.sensors()[0], mi.traverse(scene)

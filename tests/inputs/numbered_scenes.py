@@ -7,8 +7,6 @@ all boxes lie partly under the bed, and all have shadows.
 import mitsuba as mi
 import sonar_scenes as scenes
 
-KINDS = ("sidescan", "forward_looking", "sector_scan", "multibeam", "interferometric", "synthetic_aperture",
-         "array_sonar")
 SONAR = {"source_level_db": (195, 215), "speed_knots": (2.5, 4), "heading_deg": (0, 5), "roll_deg": (0.1, 1),
          "pitch_deg": (0.1, 0.4), "yaw_deg": (0.1, 0.4), "heave": (0.005, 0.02), "surge": (0.005, 0.02),
          "sway": (0.005, 0.02), "motion_period": (3, 9), "noise_level_db": (20, 40), "self_noise_db": (20, 40)}
@@ -39,11 +37,14 @@ OWN = {
         "frequency_khz": (200, 320), "pulse_ms": (2, 2.5), "bandwidth_khz": (20, 40), "depression_deg": (15, 25),
         "receiver_length": (0.04, 0.06), "transmitter_length": (0.04, 0.06), "vertical_beam_width_deg": (30, 50),
         "transmitter_forward": (0.05, 0.1), "speed_knots": (3.5, 4)},
+    "echo_sounder": {
+        "frequency_khz": (100, 150), "pulse_ms": (0.2, 0.3), "beam_width_deg": (8, 20), "bottom_level_db": (-60, -50)},
     "array_sonar": {
         "frequency_khz": (80, 150), "pulse_ms": (0.3, 1), "bandwidth_khz": (5, 15), "fan_deg": (60, 120),
         "receive_pitch": (0.004, 0.01), "receive_element_length": (0.002, 0.008), "receive_jitter": (1e-5, 2e-5),
         "transmit_element_height": (0.01, 0.05)},
 }
+KINDS = tuple(OWN)
 SIZES = {                           # sensor, film, integrator: what kernels may depend upon
     "sidescan": ({"speckle": True, "adc_bits": 12}, {"bins": 60}, {"rays": 2000}),
     "forward_looking": ({"receive_elements": 6, "beams": 9}, {}, {}),
@@ -51,6 +52,7 @@ SIZES = {                           # sensor, film, integrator: what kernels may
     "multibeam": ({"beams": 12, "pulse": "lfm"}, {}, {}),
     "interferometric": ({}, {"bins": 40}, {}),
     "synthetic_aperture": ({"receivers": 6, "pings": 3, "image_spacing": 0.04}, {}, {"rays": 1000}),
+    "echo_sounder": ({"depth_gate": "2, 15"}, {"bins": 200}, {"rays": 1000}),
     "array_sonar": ({"receive": "line", "receive_elements": 6, "beams": 9}, {}, {}),
 }
 

@@ -19,8 +19,9 @@ from mitsonar.validation.scenes import (
     water_of,
 )
 
-__all__ = ["FLAWLESS", "array_sonar", "bed", "buried_bed", "forward_looking", "interferometric", "lambert", "multibeam",
-           "point_target", "sector_scan", "sediment", "sidescan", "synthetic_aperture", "water_of"]
+__all__ = ["FLAWLESS", "array_sonar", "bed", "buried_bed", "echo_sounder", "forward_looking", "interferometric",
+           "lambert", "multibeam", "point_target", "sector_scan", "sediment", "sidescan", "synthetic_aperture",
+           "water_of"]
 
 
 def forward_looking(shapes, *, depth=10.0, sensor=None, water=None, film=None, integrator=None):
@@ -46,6 +47,12 @@ def interferometric(shapes, *, depth=10.0, sensor=None, water=None, film=None, i
     """Load a scene of an interferometric sidescan, by default of 250 kHz and 500 bins to 50 m."""
     return loaded(shapes, {"type": "interferometric", "preset": "four_rows_250khz", "pings": 1}, at_rest(depth), sensor,
                   water, {"range": 50.0, "bins": 500, **(film or {})}, integrator or {})
+
+
+def echo_sounder(shapes, *, depth=2.0, sensor=None, water=None, film=None, integrator=None):
+    """Load a scene of an echo sounder, by default of 120 kHz, split beam, with bins of 10 cm to 60 m."""
+    return loaded(shapes, {"type": "echo_sounder", "preset": "scientific_120khz", "pings": 1}, at_rest(depth), sensor,
+                  water, {"range": 60.0, "bins": 600, **(film or {})}, integrator or {})
 
 
 def sector_scan(shapes, *, depth=10.0, sensor=None, water=None, film=None, integrator=None):

@@ -116,6 +116,20 @@ def test_a_row_a_ping_runs_from_left_to_right_and_has_no_sides(ping, row):
     assert axes.get_xlabel() == "slant range [m]" and axes.get_xlim() == (0, pytest.approx(75))
 
 
+@pytest.mark.parametrize(("ping", "column"), [(0, 0), (29, -1)])
+def test_an_echogram_has_its_ranges_down_and_the_newest_ping_on_the_right(ping, column):
+    """50 bins are 14 picture elements each; the brightest of them is 70 to 84 elements below the top."""
+    dataset = nothing(sidescan(30, 50)).isel(side=0, drop=True).assign_attrs(looks="down")
+    dataset["rays"][ping, 5] = 1
+    dataset = grid.with_sides(dataset)
+    laid = grid.make_grid(dataset)
+    axes = canvas.picture(laid, laid.mean(dataset, lambda part: part["rays"].values), "an echogram")[1]
+    drawn = axes.images[0].get_array()
+    assert drawn.shape == (700, laid.height) and axes.images[0].origin == "upper"
+    np.testing.assert_array_equal(np.flatnonzero(drawn[:, column]), np.arange(14 * 5, 14 * 6))
+    assert axes.get_ylabel() == "slant range [m]" and axes.get_ylim() == (pytest.approx(75), 0)
+
+
 def test_the_picture_is_upright(tmp_path):
     """The last ping of port is bright: the upper left corner of the picture glows, the others stay dark."""
     dataset = nothing(sidescan(40, 50))

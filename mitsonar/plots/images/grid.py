@@ -1,9 +1,10 @@
 """Grid of a picture's pixels: pings and ranges are laid out in metres and averaged over the area of each pixel.
 
 The horizontal axis is the slant range: port mirrored on the left and starboard on the right, or from left to right for
-a sonar with one row per ping. The vertical axis is the distance along the track, with the newest ping on top. A pixel
-that covers several bins shows their mean, weighted with the share of the pixel that each covers; a pixel smaller than a
-bin shows the bin.
+a sonar with one row per ping. The vertical axis is the distance along the track, with the newest ping on top. The
+echogram of a sonar that looks down (attribute ``looks``) is turned: ranges go down, the newest ping is on the right. A
+pixel that covers several bins shows their mean, weighted with the share of the pixel that each covers; a pixel smaller
+than a bin shows the bin.
 """
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from scipy.sparse import csr_array
 WIDEST, LOWEST = 1400, 420       # pixels
 LARGEST = 2**22                  # bins of a variable that are processed at a time
 ONLY_SIDE = ""                   # name of the side of a sonar that has no sides
+DEEPEST = 700                    # pixels of the range of an echogram
 FLATTEST, TALLEST = 0.4, 1.6     # limits of height / width, beyond which the along-track scale is changed
 
 
@@ -25,6 +27,7 @@ class PlotGrid:
     across: np.ndarray       # edges of the bins [m]: (2N + 2,) port, the gap under the sonar, starboard; or (N + 1,)
     along: np.ndarray        # (P + 1,) edges of the pings [m], or ping numbers if the sonar stands still
     moving: bool
+    down: bool = False       # True for an echogram, which is drawn turned: ranges are rows, pings are columns
     width: int
     height: int
 
@@ -91,12 +94,14 @@ def make_grid(dataset: xr.Dataset) -> PlotGrid:
         steps = np.hypot(np.diff(dataset["x"].values), np.diff(dataset["y"].values))
     moving = bool(steps.sum() > 1e-6)
     along = edges_around(np.r_[0, np.cumsum(steps)] if moving else np.arange(dataset.sizes["ping"]), 1)
-    bins = len(sides) * dataset.sizes["range"]
-    width = bins * (WIDEST // bins) if bins < WIDEST else WIDEST     # a whole number of pixels per bin if bins are few
+    bins, down = len(sides) * dataset.sizes["range"], dataset.attrs.get("looks") == "down"
+    most = DEEPEST if down else WIDEST
+    width = bins * (most // bins) if bins < most else most           # a whole number of pixels per bin if bins are few
     square = width * (along[-1] - along[0]) / (across[-1] - across[0])
     height = square if moving else dataset.sizes["ping"]
-    return PlotGrid(across=across, along=along, moving=moving, width=width,
-                    height=int(np.clip(round(height), max(FLATTEST * width, LOWEST), TALLEST * width)))
+    highest = WIDEST if down else TALLEST * width
+    return PlotGrid(across=across, along=along, moving=moving, down=down, width=width,
+                    height=int(np.clip(round(height), max(FLATTEST * width, LOWEST), highest)))
 
 
 def _side_by_side(values, gap):

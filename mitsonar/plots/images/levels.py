@@ -49,7 +49,7 @@ def shown_levels(dataset: xr.Dataset, grid: PlotGrid, tvg: Tvg
     raised = tvg != "recorder" and "mean_level" in dataset and column.any() and bed.any()
     more_db = {"water column": _column_gain(dataset, grid, image, column, limits) if raised else 0.0}
     image[column] += more_db["water column"]
-    if tvg == "recorder" and "altitude" in dataset.coords:
+    if tvg == "recorder" and "altitude" in dataset.coords and not grid.down:
         gain = _steep_gain(image, bed, np.nan_to_num(grid.mean(dataset, _steepness)), limits)
         image += gain
         more_db["bed below the sonar up to"] = float(np.round(gain.max(initial=0.0)))
