@@ -140,6 +140,7 @@ class _LayerSums:
         self.integrals = np.zeros((2, len(parameter), profile.depth.size))
         self.spread = np.zeros(len(parameter))
 
+    @np.errstate(divide="ignore", invalid="ignore")       # of vertical rays and in the form that a layer does not use
     def follow(self, upper: np.ndarray, lower: np.ndarray, turning: np.ndarray) -> None:
         """Add rays between two depths (N,), over a turning depth where that is not NaN."""
         nodes, turned = self.profile.depth, np.isfinite(turning)
