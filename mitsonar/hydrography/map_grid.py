@@ -56,7 +56,8 @@ class MapGrid:
 
     def off_middle(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return the squared distances [cells²] of places [m] from the middles of their cells."""
-        return sum((place - np.floor(place) - 0.5) ** 2 for place in (x / self.cell, y / self.cell))
+        east, north = (place - np.floor(place) - 0.5 for place in (x / self.cell, y / self.cell))
+        return east**2 + north**2
 
 
 def check_cells(extent: tuple[float, float], cell: float, most: int, *, what: str = "map", cells: str = "cells",
