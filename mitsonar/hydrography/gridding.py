@@ -15,6 +15,8 @@ from typing import Literal
 import numpy as np
 import xarray as xr
 
+from mitsonar.device.earth import origin
+
 from .map_grid import MapGrid, check_cells
 
 Rule = Literal["mean", "weighted", "shoalest"]
@@ -134,8 +136,7 @@ def _chart(grid: MapGrid, layers: dict[str, np.ndarray], number: np.ndarray, att
 
 def _origin(soundings: xr.Dataset) -> tuple[float, float]:
     """Return the easting and northing [m] of the scene's origin."""
-    east, north = soundings.attrs.get("origin", (0.0, 0.0))
-    return float(east), float(north)
+    return origin(soundings.attrs, "origin", "the line")
 
 
 def _places(soundings: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -12,8 +12,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from mitsonar.device.earth import Frame
 from mitsonar.device.files import FilePath, replacing
-from mitsonar.io.tracks.navigation import Frame
 from mitsonar.sonar.preset_tables import presets
 from mitsonar.units import KNOT
 

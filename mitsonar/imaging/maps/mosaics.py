@@ -12,11 +12,11 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 
+from mitsonar.device.earth import FARTHEST, metric_system, system
 from mitsonar.hydrography.map_grid import MapGrid, check_cells
 from mitsonar.units import db_from_power, power_from_db
 
 from ..gain import AngleGain, display_gain
-from .georeference import FARTHEST, named_system, system
 from .mosaic_cells import BLENDS, MosaicCells
 from .mosaic_swath import PLACES, MosaicGround, MosaicSwath
 
@@ -125,13 +125,15 @@ def check(lines: Sequence[xr.Dataset], quantity: str, options: Mapping[str, Any]
 
 def common_system(lines: Sequence[xr.Dataset], crs: str | None) -> str | None:
     """Return the coordinate system of the map: the given one, else that of the first record, or None."""
+    if crs is None:
+        named = {system(line.attrs) for line in lines}
+        if len(named) > 1 and None in named:
+            raise ValueError("only some of the records name a coordinate system; give one for the map, such as "
+                             "EPSG:32632.")
+        crs = system(lines[0].attrs)
     if crs is not None:
-        return named_system(crs)
-    named = {system(line.attrs) for line in lines}
-    if len(named) > 1 and None in named:
-        raise ValueError("only some of the records name a coordinate system; give one for the map, such as EPSG:32632.")
-    first = system(lines[0].attrs)
-    return None if first is None else named_system(first)
+        metric_system(crs)
+    return crs
 
 
 def _check_contents(line, quantity, place):
