@@ -9,7 +9,7 @@ import errno
 import os
 import re
 import secrets
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 FilePath = str | os.PathLike[str]
@@ -50,6 +50,16 @@ def described(path: FilePath) -> str:
     if head[:1] == b"{" and str(path).lower().endswith(".xtf"):
         return "an XTF record"
     return next((what for start, what in BEGINNINGS if head.startswith(start)), "")
+
+
+def checked_suffix(path: FilePath, suffixes: Sequence[str], advice: str = "", what: str = "") -> str:
+    """Return the suffix of an output file in lower case; raise `ValueError` for one that is not among some."""
+    suffix = os.path.splitext(path)[1].lower()
+    if suffix not in suffixes:
+        *others, last = suffixes
+        known = f"{', '.join(others)} or {last}" if others else last
+        raise ValueError(f"cannot write {what}{' ' if what else ''}{path}: its name must end in {known}{advice}.")
+    return suffix
 
 
 def check_writable(path: FilePath) -> Path:
