@@ -124,8 +124,7 @@ class Starts:
 
     def mirrored(self) -> Starts:
         """Return the water upside down, so that upward rays go down."""
-        return Starts(profile=SoundSpeedProfile(-self.profile.depth[::-1], self.profile.sound_speed[::-1]),
-                      depth=-self.depth, head_speed=self.head_speed)
+        return Starts(profile=self.profile.upside_down(), depth=-self.depth, head_speed=self.head_speed)
 
     def to_depth(self, slowness: np.ndarray, depth: np.ndarray) -> RayLeg:
         """Trace rays of horizontal slowness (N,) [s/m] down to depths (N,) [m]."""

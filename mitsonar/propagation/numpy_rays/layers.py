@@ -42,7 +42,7 @@ class Layers:
     @classmethod
     def between(cls, profile: SoundSpeedProfile, *depths: np.ndarray, passes: Sequence[int] = (1,)) -> "Layers":
         """Cut the profile at depths (N,) [m] that go downwards; the k-th stretch is crossed ``passes[k]`` times."""
-        gradients = np.r_[0.0, np.diff(profile.sound_speed) / np.diff(profile.depth), 0.0]
+        gradients = profile.gradients
         edges, slopes, repeats, ends = [depths[0][:, None]], [], [], [0]
         for upper, lower, count in zip(depths, depths[1:], passes):
             first, last = np.searchsorted(profile.depth, [upper.min(), lower.max()])

@@ -130,7 +130,7 @@ def _passed(profile: SoundSpeedProfile, cases: Cases, intervals: Intervals) -> t
     upper, lower, horizontal_range = (field[intervals.case] for field in cases)
     near = np.maximum(profile.depth[intervals.node], lower)
     layers = Layers.between(profile, upper, lower, near, passes=(1, 2))
-    gradient = (np.diff(profile.sound_speed) / np.diff(profile.depth))[intervals.node]
+    gradient = profile.gradients[intervals.node + 1]
     return layers, gradient, horizontal_range
 
 
