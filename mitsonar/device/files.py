@@ -15,11 +15,14 @@ from pathlib import Path
 FilePath = str | os.PathLike[str]
 FULL = {errno.ENOSPC: "the disk is full", errno.EDQUOT: "the disk quota is used up",
         errno.EFBIG: "the file grew past the largest size allowed here"}
-BEGINNINGS = ((b"\x76\x2f\x31\x01", "an OpenEXR image"), (b"\x89HDF", "a netCDF or HDF5 file"),
-              (b"CDF", "a netCDF file"), (b"\x89PNG", "a PNG picture"),
-              (b"\xff\xd8\xff", "a JPEG picture"), (b"II*\0", "a TIFF picture"),
-              (b"MM\0*", "a TIFF picture"), (b"PK\3\4", "a ZIP archive"), (b"%PDF", "a PDF document"),
-              (b"\x93NUMPY", "a NumPy array"), (b"ply", "a PLY mesh"))
+# first bytes of files
+EXR, HDF5, PNG, JPEG = b"\x76\x2f\x31\x01", b"\x89HDF", b"\x89PNG", b"\xff\xd8\xff"
+CLASSIC = (b"CDF\1", b"CDF\2", b"CDF\5")               # netCDF before version 4
+TIFF = (b"II*\0", b"MM\0*")
+BEGINNINGS = {EXR: "an OpenEXR image", HDF5: "a netCDF or HDF5 file", b"CDF": "a netCDF file", PNG: "a PNG picture",
+              JPEG: "a JPEG picture", TIFF[0]: "a TIFF picture", TIFF[1]: "a TIFF picture",
+              b"PK\3\4": "a ZIP archive", b"%PDF": "a PDF document", b"\x93NUMPY": "a NumPy array",
+              b"ply": "a PLY mesh"}
 
 
 def check_readable(path: FilePath, what: str = "", wanted: str = "a file") -> None:
@@ -49,7 +52,7 @@ def described(path: FilePath) -> str:
         head = file.read(8)
     if head[:1] == b"{" and str(path).lower().endswith(".xtf"):
         return "an XTF record"
-    return next((what for start, what in BEGINNINGS if head.startswith(start)), "")
+    return next((what for start, what in BEGINNINGS.items() if head.startswith(start)), "")
 
 
 def checked_suffix(path: FilePath, suffixes: Sequence[str], advice: str = "", what: str = "") -> str:
