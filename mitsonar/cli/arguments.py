@@ -1,12 +1,11 @@
 """Arguments that commands share: the parser, scenes, ``-D KEY=VALUE``, seeds, threads, and names of output files."""
 import argparse
-import os
 import re
 import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn, TypeAlias
 
-from mitsonar.device.files import check_writable
+from mitsonar.device.files import check_writable, checked_suffix
 from mitsonar.device.spelling import meant
 
 from .completion import add_file
@@ -109,12 +108,7 @@ def gain(arguments: argparse.Namespace) -> Any:
 def check_output(path: str, suffixes: Sequence[str], advice: str = "") -> str:
     """Check folder and suffix of an output file before the work begins; return the suffix."""
     check_writable(path)
-    suffix = os.path.splitext(path)[1].lower()
-    if suffix not in suffixes:
-        *others, last = suffixes
-        known = f"{', '.join(others)} or {last}" if others else last
-        raise ValueError(f"cannot write {path}: its name must end in {known}{advice}")
-    return suffix
+    return checked_suffix(path, suffixes, advice)
 
 
 def check_picture(path: str | None) -> None:

@@ -7,7 +7,7 @@ from .completion import add_file
 from .words import announce, warn
 
 if TYPE_CHECKING:
-    from mitsonar.io.tracks.navigation import Frame
+    from mitsonar.device.earth import Frame
     from mitsonar.planning.areas import Corners
     from mitsonar.planning.bed import PlannedBed
     from mitsonar.water.profile import SoundSpeedProfile
@@ -186,9 +186,8 @@ def _used(arguments, profile: "SoundSpeedProfile") -> "SoundSpeedProfile | None"
 
 def _bed(arguments, corners: "Corners | None") -> "tuple[PlannedBed, Frame]":
     """Return the bed, and the frame of its coordinates."""
-    from mitsonar.imaging.maps.georeference import named_system
+    from mitsonar.device.earth import Frame, metric_system
     from mitsonar.io.grids import bathymetry, rasters
-    from mitsonar.io.tracks.navigation import Frame
     from mitsonar.planning.areas import Corners
     from mitsonar.planning.bed import bed_of, flat_bed
 
@@ -204,8 +203,10 @@ def _bed(arguments, corners: "Corners | None") -> "tuple[PlannedBed, Frame]":
         raise ValueError(f"--depth is {arguments.depth:g} m; give more than 0 and less than 12000.")
     if arguments.resolution is not None or arguments.vertical != "auto":
         raise ValueError("--resolution and --vertical apply to a bathymetry only; leave them out with --depth.")
-    frame = Frame(crs=corners.utm() if arguments.crs is None else named_system(rasters.name_of(rasters.crs_of(
-        arguments.crs))))
+    crs = corners.utm() if arguments.crs is None else rasters.name_of(rasters.crs_of(arguments.crs))
+    if arguments.crs is not None:
+        metric_system(crs)
+    frame = Frame(crs=crs)
     west, south, east, north = Corners(rings=tuple(corners.placed(frame)), crs="").bounds
     if not (west < east and south < north):
         raise ValueError("the area has no extent: its corners lie on a line; draw a polygon.")

@@ -106,11 +106,13 @@ def _opened(path):
 
 def _sounders_line(path):
     """Return the soundings of a file of an echo sounder or survey software, known by its first bytes, else None."""
+    from mitsonar.device.files import EXR
+
     if not os.path.isfile(path):
         return None
     with open(path, "rb") as stream:
         head = stream.read(8)
-    if head.startswith(b"\x76\x2f\x31\x01"):                       # an EXR needs none of the imports below
+    if head.startswith(EXR):                       # an EXR needs none of the imports below
         return None
     from mitsonar.io.survey_lines import reading
 

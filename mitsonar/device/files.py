@@ -9,17 +9,20 @@ import errno
 import os
 import re
 import secrets
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 FilePath = str | os.PathLike[str]
 FULL = {errno.ENOSPC: "the disk is full", errno.EDQUOT: "the disk quota is used up",
         errno.EFBIG: "the file grew past the largest size allowed here"}
-BEGINNINGS = ((b"\x76\x2f\x31\x01", "an OpenEXR image"), (b"\x89HDF", "a netCDF or HDF5 file"),
-              (b"CDF", "a netCDF file"), (b"\x89PNG", "a PNG picture"),
-              (b"\xff\xd8\xff", "a JPEG picture"), (b"II*\0", "a TIFF picture"),
-              (b"MM\0*", "a TIFF picture"), (b"PK\3\4", "a ZIP archive"), (b"%PDF", "a PDF document"),
-              (b"\x93NUMPY", "a NumPy array"), (b"ply", "a PLY mesh"))
+# first bytes of files
+EXR, HDF5, PNG, JPEG = b"\x76\x2f\x31\x01", b"\x89HDF", b"\x89PNG", b"\xff\xd8\xff"
+CLASSIC = (b"CDF\1", b"CDF\2", b"CDF\5")               # netCDF before version 4
+TIFF = (b"II*\0", b"MM\0*")
+BEGINNINGS = {EXR: "an OpenEXR image", HDF5: "a netCDF or HDF5 file", b"CDF": "a netCDF file", PNG: "a PNG picture",
+              JPEG: "a JPEG picture", TIFF[0]: "a TIFF picture", TIFF[1]: "a TIFF picture",
+              b"PK\3\4": "a ZIP archive", b"%PDF": "a PDF document", b"\x93NUMPY": "a NumPy array",
+              b"ply": "a PLY mesh"}
 
 
 def check_readable(path: FilePath, what: str = "", wanted: str = "a file") -> None:
@@ -49,7 +52,17 @@ def described(path: FilePath) -> str:
         head = file.read(8)
     if head[:1] == b"{" and str(path).lower().endswith(".xtf"):
         return "an XTF record"
-    return next((what for start, what in BEGINNINGS if head.startswith(start)), "")
+    return next((what for start, what in BEGINNINGS.items() if head.startswith(start)), "")
+
+
+def checked_suffix(path: FilePath, suffixes: Sequence[str], advice: str = "", what: str = "") -> str:
+    """Return the suffix of an output file in lower case; raise `ValueError` for one that is not among some."""
+    suffix = os.path.splitext(path)[1].lower()
+    if suffix not in suffixes:
+        *others, last = suffixes
+        known = f"{', '.join(others)} or {last}" if others else last
+        raise ValueError(f"cannot write {what}{' ' if what else ''}{path}: its name must end in {known}{advice}.")
+    return suffix
 
 
 def check_writable(path: FilePath) -> Path:

@@ -1,133 +1,23 @@
-"""Map grids: grids of soundings, and sums of mosaic samples in map cells.
-
-Rules of a grid of soundings, with σ_i the uncertainty of sounding i and n the soundings of the cell:
+"""Grids of soundings. With σ_i the uncertainty of sounding i and n the soundings of the cell:
 
     mean         z = Σ z_i / n
     weighted     z = Σ w_i z_i / Σ w_i,   w_i = 1 / σ_i²           uncertainty    1 / √Σ w_i
     shoalest     z = min z_i                                       least depth, for safe navigation
     deviation    √(Σ (z_i - z̄)² / n)  about the mean z̄
 
-Cells of a mosaic, with w the weight of a sample and g its ground range [m]:
-
-    level    10 log10 (Σ w p / Σ w),  p = 10^(level / 10)         means of powers
-    number   Σ w x / Σ w                                          other averaged values
-    label    label of the sample nearest to the cell's middle     values that must not be mixed
-
-    w = 1                               nearest: samples of the nearest track that sees the cell; mean: all samples
-    w = 1 - g / (farthest g)            feather: all samples, with less weight towards the edge of a swath
-
-Edges of cells are whole multiples of the cell size from 0, so that grids of one cell size and system fit together.
-Ranges of one track within a cell differ by the cell's diagonal at most.
+Cells are those of `map_grid`.
 """
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 import xarray as xr
 
-BLENDS = ("nearest", "feather", "mean")
-DIAGONAL = 1.5                     # cells, largest range difference of one track within a cell
-NOWHERE = np.iinfo(np.int64).max
-FINE = 1 << 20                     # steps of a squared distance [1/cells²]
+from mitsonar.device.earth import origin
 
-
-@dataclass(frozen=True, kw_only=True)
-class SoundingGrid:
-    """Square cells, rows from north to south; edges are whole multiples of the cell size from 0."""
-
-    cell: float  # [m]
-    west: int  # edge [cells]
-    north: int  # edge [cells]
-    rows: int
-    columns: int
-
-    @classmethod
-    def over(cls, bounds: tuple[float, float, float, float], cell: float) -> SoundingGrid:
-        """Return the grid that covers west, south, east, north [m]."""
-        west, south, east, north = bounds
-        first, top = int(np.floor(west / cell)), int(np.ceil(north / cell))
-        return cls(cell=cell, west=first, north=top, rows=top - int(np.floor(south / cell)),
-                   columns=int(np.ceil(east / cell)) - first)
-
-    @property
-    def x(self) -> np.ndarray:
-        """Return the middles of the columns [m]."""
-        return (self.west + np.arange(self.columns) + 0.5) * self.cell
-
-    @property
-    def y(self) -> np.ndarray:
-        """Return the middles of the rows [m], from the north."""
-        return (self.north - np.arange(self.rows) - 0.5) * self.cell
-
-    def find(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the cell numbers of places (N, 2) on the grid, and squared distances from their middles [cells²]."""
-        across, down = place[:, 0] / self.cell - self.west, self.north - place[:, 1] / self.cell
-        column = np.clip(across.astype(np.int64), 0, self.columns - 1)
-        row = np.clip(down.astype(np.int64), 0, self.rows - 1)
-        return row * self.columns + column, (across - column - 0.5) ** 2 + (down - row - 0.5) ** 2
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class GridCells:
-    """Sums of samples in the cells of a grid: `see` all samples, then `add` them, then read `means` or `nearest`."""
-
-    grid: SoundingGrid
-    blend: str  # one of `BLENDS`
-    mixed: bool  # average values, instead of taking the nearest
-    _seen: np.ndarray = field(init=False)
-    _sum: np.ndarray = field(init=False)
-    _weight: np.ndarray = field(init=False)
-
-    def __post_init__(self):
-        count = self.grid.rows * self.grid.columns
-        nearest = self.blend == "nearest" or not self.mixed
-        for name, size, kind, value in (("_seen", count * nearest, np.float32, np.inf),
-                                        ("_sum", count, np.float32 if self.mixed else np.int64,
-                                         0 if self.mixed else NOWHERE),
-                                        ("_weight", count * self.mixed, np.float32, 0)):
-            object.__setattr__(self, name, np.full(size, value, kind))
-
-    @property
-    def looks_first(self) -> bool:
-        """Return True if `see` must be called for all samples before `add`."""
-        return self._seen.size > 0
-
-    def see(self, place: np.ndarray, ground_range: np.ndarray) -> None:
-        """Record the range of the nearest track for samples at places (N, 2) [m]."""
-        number, _ = self.grid.find(place)
-        np.minimum.at(self._seen, number, ground_range.astype(np.float32))
-
-    def add(self, place: np.ndarray, ground_range: np.ndarray, values: np.ndarray, farthest: float) -> None:
-        """Add values (N,) of samples: powers or numbers if `mixed`, else integers from 0 to 2³² - 1."""
-        number, off = self.grid.find(place)
-        if self.looks_first:
-            own = ground_range <= self._seen[number] + DIAGONAL * self.grid.cell
-            number, off, values, ground_range = number[own], off[own], values[own], ground_range[own]
-        if not number.size:
-            return
-        if not self.mixed:
-            key = (np.rint(off * FINE).astype(np.int64) << 32) | values.astype(np.int64)
-            np.minimum.at(self._sum, number, key)
-            return
-        weight = np.maximum(1 - ground_range / farthest, 1e-3) if self.blend == "feather" else np.ones(number.size)
-        low = int(number.min())
-        part = slice(low, int(number.max()) + 1)
-        self._sum[part] += np.bincount(number - low, weight * values).astype(np.float32)
-        self._weight[part] += np.bincount(number - low, weight).astype(np.float32)
-
-    def means(self) -> np.ndarray:
-        """Return the weighted means (rows, columns); NaN in cells without samples."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return (self._sum / self._weight).reshape(self.grid.rows, self.grid.columns)
-
-    def nearest(self, nothing: int) -> np.ndarray:
-        """Return the values nearest to the cells' middles (rows, columns) int64; `nothing` in cells without samples."""
-        found = np.where(self._sum == NOWHERE, nothing, self._sum & 0xFFFFFFFF)
-        return found.reshape(self.grid.rows, self.grid.columns)
-
+from .map_grid import MapGrid, check_cells
 
 Rule = Literal["mean", "weighted", "shoalest"]
 RULES = ("mean", "weighted", "shoalest")
@@ -222,43 +112,31 @@ def residual(grid: xr.Dataset, bed: Callable[[np.ndarray, np.ndarray], np.ndarra
     return (grid["depth"] - depth).rename("residual").assign_attrs(units="m", long_name="depth less that of the bed")
 
 
-def _covering(bounds: tuple[float, float, float, float], cell: float) -> SoundingGrid:
-    """Return the grid of at least one cell that covers west, south, east, north [m]."""
+def _covering(bounds: tuple[float, float, float, float], cell: float) -> MapGrid:
+    """Return the grid that covers west, south, east, north [m]."""
     west, south, east, north = map(float, bounds)
     if not (np.isfinite([west, south, east, north]).all() and west < east and south < north):
         raise ValueError(f"a grid has the bounds {bounds}; give west, south, east, north, in order.")
-    if (east - west) / cell * ((north - south) / cell) > MOST_CELLS:
-        raise ValueError(f"a grid of {east - west:.0f} m by {north - south:.0f} m in cells of {cell:g} m has more "
-                         f"than {MOST_CELLS} cells; give a larger cell, or bounds.")
-    grid = SoundingGrid.over((west, south, east, north), cell)
-    return replace(grid, rows=max(1, grid.rows), columns=max(1, grid.columns))
+    check_cells((east - west, north - south), cell, MOST_CELLS, what="grid", instead=", or give bounds")
+    return MapGrid.over((west, south, east, north), cell)
 
 
-def _cells(grid: SoundingGrid, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the cell numbers of places, and True for places inside the grid."""
-    column = np.floor(x / grid.cell).astype(np.int64) - grid.west
-    row = grid.north - 1 - np.floor(y / grid.cell).astype(np.int64)
-    inside = (column >= 0) & (column < grid.columns) & (row >= 0) & (row < grid.rows)
-    return row * grid.columns + column, inside
-
-
-def _chart(grid: SoundingGrid, layers: dict[str, np.ndarray], number: np.ndarray, attrs: dict) -> xr.Dataset:
+def _chart(grid: MapGrid, layers: dict[str, np.ndarray], number: np.ndarray, attrs: dict) -> xr.Dataset:
     """Return the layers as a map."""
-    shape, words = (grid.rows, grid.columns), {"depth": "below the still surface, positive down",
-                                               "deviation": "of the soundings in a cell, about their mean",
-                                               "uncertainty": "of the depth, standard deviation"}
+    words = {"depth": "below the still surface, positive down",
+             "deviation": "of the soundings in a cell, about their mean",
+             "uncertainty": "of the depth, standard deviation"}
     variables: dict[str, tuple] = {
-        name: (("y", "x"), layer.reshape(shape).astype(np.float32), {"units": "m", "long_name": words[name]})
+        name: (("y", "x"), layer.reshape(grid.shape).astype(np.float32), {"units": "m", "long_name": words[name]})
         for name, layer in layers.items()}
-    variables["count"] = (("y", "x"), number.reshape(shape).astype(np.int32),
+    variables["count"] = (("y", "x"), number.reshape(grid.shape).astype(np.int32),
                           {"units": "1", "long_name": "soundings", "nodata": -1})
     return xr.Dataset(variables, {name: (name, getattr(grid, name), {"units": "m"}) for name in "xy"}, attrs)
 
 
 def _origin(soundings: xr.Dataset) -> tuple[float, float]:
     """Return the easting and northing [m] of the scene's origin."""
-    east, north = soundings.attrs.get("origin", (0.0, 0.0))
-    return float(east), float(north)
+    return origin(soundings.attrs, "origin", "the line")
 
 
 def _places(soundings: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -269,12 +147,12 @@ def _places(soundings: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return good, x[good] + east, y[good] + north
 
 
-def _points(lines: list[xr.Dataset], grid: SoundingGrid,
+def _points(lines: list[xr.Dataset], grid: MapGrid,
             rule: Rule) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Yield cell numbers, depths and uncertainties of the soundings, line by line."""
     for soundings in lines:
         good, x, y = _places(soundings)
-        index, inside = _cells(grid, x, y)
+        index, inside = grid.find(x, y)
         depth, sigma = soundings["depth"].values[good], np.ones(len(x))
         if rule == "weighted":
             sigma = soundings["uncertainty"].values[good].astype(float)
@@ -283,7 +161,8 @@ def _points(lines: list[xr.Dataset], grid: SoundingGrid,
 
 
 def _bounds(lines: list[xr.Dataset]) -> tuple[float, float, float, float]:
-    edges = [(x.min(), y.min(), np.nextafter(x.max(), np.inf), np.nextafter(y.max(), np.inf))
+    # so that soundings on the outer edges lie in a cell
+    edges = [(x.min(), np.nextafter(y.min(), -np.inf), np.nextafter(x.max(), np.inf), y.max())
              for _, x, y in map(_places, lines) if x.size]
     if not edges:
         raise ValueError("a grid needs valid soundings, and the line has none.")

@@ -18,121 +18,100 @@ a_t, a_r -> unit vectors along the transmit and the receive array (forward and s
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import xarray as xr
 
-__all__ = ["BY_AMPLITUDE", "BY_PHASE", "NOT_DETECTED", "VARIABLES", "Variable", "check", "joined", "variable"]
+from mitsonar.device.record_table import RecordTable, rows
+
+__all__ = ["BY_AMPLITUDE", "BY_PHASE", "NOT_DETECTED", "VARIABLES", "check", "joined", "variable"]
 
 NOT_DETECTED, BY_AMPLITUDE, BY_PHASE = 0, 1, 2        # values of ``detection``
-Group = Literal["line", "motion", "ping", "sector", "sounding", "truth", "column", "snippet"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Variable:
-    """Variable of the record; ``needed`` variables are in every record."""
-
-    name: str
-    dims: tuple[str, ...]
-    dtype: str
-    unit: str
-    meaning: str
-    group: Group
-    needed: bool = False
-
-
-def _rows(group: Group, dims: tuple[str, ...], needed: bool, *rows: tuple[str, str, str, str]) -> list[Variable]:
-    return [Variable(name=name, dims=dims, dtype=dtype, unit=unit, meaning=meaning, group=group, needed=needed)
-            for name, dtype, unit, meaning in rows]
-
-
 _PING, _BEAM, _SECTOR = ("ping",), ("ping", "beam"), ("ping", "transmission")
 
-VARIABLES: dict[str, Variable] = {one.name: one for one in [
-    *_rows("line", ("node",), True,
-           ("cast_depth", "f8", "m", "depth of the cast's nodes, increasing"),
-           ("cast_sound_speed", "f8", "m/s", "sound speed there, as the soundings were made with")),
-    *_rows("line", ("axis",), True,
-           ("transmit_offset", "f8", "m", "transmit array from the reference point, body frame"),
-           ("receive_offset", "f8", "m", "receive array likewise"),
-           ("transmit_mounting", "f8", "rad", "roll, pitch and heading of the transmit array in the body"),
-           ("receive_mounting", "f8", "rad", "the same of the receive array")),
-    *_rows("line", ("receive_head", "axis"), False,
-           ("head_receive_offset", "f8", "m", "receive_offset of each of several heads"),
-           ("head_receive_mounting", "f8", "rad", "receive_mounting of each")),
-    *_rows("motion", ("motion",), True,
-           ("motion_time", "f8", "s", "after the line's start"),
-           ("motion_x", "f8", "m", "reference point, east"),
-           ("motion_y", "f8", "m", "reference point, north"),
-           ("motion_depth", "f8", "m", "reference point below the still surface: heave, and where it is mounted"),
-           ("motion_roll", "f8", "rad", "starboard down"),
-           ("motion_pitch", "f8", "rad", "bow up"),
-           ("motion_heading", "f8", "rad", "clockwise from north")),
-    *_rows("ping", _PING, True,
-           ("ping_time", "f8", "s", "of the first transmission, after the line's start"),
-           ("ping_x", "f8", "m", "reference point then, east"),
-           ("ping_y", "f8", "m", "north"),
-           ("ping_depth", "f8", "m", "below the still surface"),
-           ("ping_roll", "f8", "rad", "starboard down"),
-           ("ping_pitch", "f8", "rad", "bow up"),
-           ("ping_heading", "f8", "rad", "clockwise from north"),
-           ("head_sound_speed", "f8", "m/s", "at the arrays, by the head's own sensor")),
-    *_rows("ping", _PING, False, ("head", "i4", "1", "number of the receiving head where there are several")),
-    *_rows("sector", _SECTOR, True,
-           ("sector_frequency", "f8", "Hz", "middle of the band"),
-           ("sector_delay", "f8", "s", "of the transmission after the ping's first"),
-           ("sector_angle", "f8", "rad", "transmit_angle that the sector is steered to"),
-           ("sector_pulse_length", "f8", "s", "whole length"),
-           ("sector_bandwidth", "f8", "Hz", "of the pulse"),
-           ("sector_source_level_db", "f8", "dB re 1 µPa @ 1 m", "on the axis"),
-           ("sector_absorption_db", "f8", "dB/m", "that backscatter was corrected with")),
-    *_rows("sector", ("ping", "transmission", "axis"), False,
-           ("sector_offset", "f8", "m", "of a sector's own part of the transmit array from transmit_offset")),
-    *_rows("sounding", _BEAM, True,
-           ("valid", "bool", "1", "whether there is a sounding"),
-           ("travel_time", "f8", "s", "from the sector's transmission to the reception, both ways"),
-           ("angle", "f8", "rad", "asin(a_r·l_r), positive to starboard: of the receiving beam"),
-           ("transmit_angle", "f8", "rad", "asin(a_t·l_t), positive forward: of the transmission"),
-           ("sector", "i4", "1", "number of the sector, from 0"),
-           ("depth", "f8", "m", "below the still surface"),
-           ("x", "f8", "m", "east"),
-           ("y", "f8", "m", "north"),
-           ("across_track", "f8", "m", "from the reference point, starboard"),
-           ("along_track", "f8", "m", "from the reference point, forward")),
-    *_rows("sounding", _BEAM, False,
-           ("detection", "u1", "1", "0 none, 1 by amplitude, 2 by phase"),
-           ("quality", "f4", "1", "depth over its spread by detection, as log10: 2 is 1 % (Lurton and Augustin 2010)"),
-           ("uncertainty", "f4", "m", "of the depth, standard deviation"),
-           ("horizontal_uncertainty", "f4", "m", "of x and y, standard deviation of the distance"),
-           ("backscatter_db", "f4", "dB re 1", "bottom backscattering strength; attrs say the corrections"),
-           ("grazing", "f4", "rad", "at the bed, were it level")),
-    *_rows("truth", _BEAM, False,
-           ("true_depth", "f8", "m", "of the bed at x, y"),
-           ("error", "f8", "m", "depth - true_depth: the sum of the next three"),
-           ("error_detection", "f8", "m", "by the echo's time and the beam's footprint"),
-           ("error_refraction", "f8", "m", "by the profile and the head's sound speed used"),
-           ("error_motion", "f8", "m", "by what the motion sensors say and where arrays are said to be"),
-           ("footprint_across", "f4", "m", "of the beam, -3 dB, or of the pulse where that is shorter"),
-           ("footprint_along", "f4", "m", "of the transmitted beam, -3 dB"),
-           ("label", "u4", "1", "instance that most of the echo at the sounding is of; 0 none"),
-           ("true_backscatter_db", "f4", "dB re 1", "strength of the seabed's law at the grazing angle there")),
-    *_rows("truth", ("true_node",), False,
-           ("true_cast_depth", "f8", "m", "depth of the nodes of the water's own profile, increasing"),
-           ("true_cast_sound_speed", "f8", "m/s", "sound speed there, as the echoes travelled")),
-    *_rows("column", ("ping", "column_beam"), False,
-           ("column_angle", "f8", "rad", "as angle"),
-           ("column_sector", "i4", "1", "number of the sector"),
-           ("column_start", "f8", "s", "of the first sample, after the sector's transmission"),
-           ("column_rate", "f8", "Hz", "samples a second")),
-    *_rows("column", ("ping", "column_beam", "column_sample"), False,
-           ("column_level_db", "f4", "dB re 1 µPa", "echo level; NaN where there is no sample")),
-    *_rows("snippet", _PING, False, ("snippet_rate", "f8", "Hz", "samples of snippets a second")),
-    *_rows("snippet", _BEAM, False, ("snippet_start", "f8", "s", "of the first sample, as of travel_time")),
-    *_rows("snippet", ("ping", "beam", "snippet_sample"), False,
-           ("snippet_db", "f4", "dB re 1", "backscattering strength sample by sample; NaN where there is none")),
-]}
+VARIABLES = RecordTable([
+    *rows("line", ("node",), True,
+          ("cast_depth", "f8", "m", "depth of the cast's nodes, increasing"),
+          ("cast_sound_speed", "f8", "m/s", "sound speed there, as the soundings were made with")),
+    *rows("line", ("axis",), True,
+          ("transmit_offset", "f8", "m", "transmit array from the reference point, body frame"),
+          ("receive_offset", "f8", "m", "receive array likewise"),
+          ("transmit_mounting", "f8", "rad", "roll, pitch and heading of the transmit array in the body"),
+          ("receive_mounting", "f8", "rad", "the same of the receive array")),
+    *rows("line", ("receive_head", "axis"), False,
+          ("head_receive_offset", "f8", "m", "receive_offset of each of several heads"),
+          ("head_receive_mounting", "f8", "rad", "receive_mounting of each")),
+    *rows("motion", ("motion",), True,
+          ("motion_time", "f8", "s", "after the line's start"),
+          ("motion_x", "f8", "m", "reference point, east"),
+          ("motion_y", "f8", "m", "reference point, north"),
+          ("motion_depth", "f8", "m", "reference point below the still surface: heave, and where it is mounted"),
+          ("motion_roll", "f8", "rad", "starboard down"),
+          ("motion_pitch", "f8", "rad", "bow up"),
+          ("motion_heading", "f8", "rad", "clockwise from north")),
+    *rows("ping", _PING, True,
+          ("ping_time", "f8", "s", "of the first transmission, after the line's start"),
+          ("ping_x", "f8", "m", "reference point then, east"),
+          ("ping_y", "f8", "m", "north"),
+          ("ping_depth", "f8", "m", "below the still surface"),
+          ("ping_roll", "f8", "rad", "starboard down"),
+          ("ping_pitch", "f8", "rad", "bow up"),
+          ("ping_heading", "f8", "rad", "clockwise from north"),
+          ("head_sound_speed", "f8", "m/s", "at the arrays, by the head's own sensor")),
+    *rows("ping", _PING, False, ("head", "i4", "1", "number of the receiving head where there are several")),
+    *rows("sector", _SECTOR, True,
+          ("sector_frequency", "f8", "Hz", "middle of the band"),
+          ("sector_delay", "f8", "s", "of the transmission after the ping's first"),
+          ("sector_angle", "f8", "rad", "transmit_angle that the sector is steered to"),
+          ("sector_pulse_length", "f8", "s", "whole length"),
+          ("sector_bandwidth", "f8", "Hz", "of the pulse"),
+          ("sector_source_level_db", "f8", "dB re 1 µPa @ 1 m", "on the axis"),
+          ("sector_absorption_db", "f8", "dB/m", "that backscatter was corrected with")),
+    *rows("sector", ("ping", "transmission", "axis"), False,
+          ("sector_offset", "f8", "m", "of a sector's own part of the transmit array from transmit_offset")),
+    *rows("sounding", _BEAM, True,
+          ("valid", "bool", "1", "whether there is a sounding"),
+          ("travel_time", "f8", "s", "from the sector's transmission to the reception, both ways"),
+          ("angle", "f8", "rad", "asin(a_r·l_r), positive to starboard: of the receiving beam"),
+          ("transmit_angle", "f8", "rad", "asin(a_t·l_t), positive forward: of the transmission"),
+          ("sector", "i4", "1", "number of the sector, from 0"),
+          ("depth", "f8", "m", "below the still surface"),
+          ("x", "f8", "m", "east"),
+          ("y", "f8", "m", "north"),
+          ("across_track", "f8", "m", "from the reference point, starboard"),
+          ("along_track", "f8", "m", "from the reference point, forward")),
+    *rows("sounding", _BEAM, False,
+          ("detection", "u1", "1", "0 none, 1 by amplitude, 2 by phase"),
+          ("quality", "f4", "1", "depth over its spread by detection, as log10: 2 is 1 % (Lurton and Augustin 2010)"),
+          ("uncertainty", "f4", "m", "of the depth, standard deviation"),
+          ("horizontal_uncertainty", "f4", "m", "of x and y, standard deviation of the distance"),
+          ("backscatter_db", "f4", "dB re 1", "bottom backscattering strength; attrs say the corrections"),
+          ("grazing", "f4", "rad", "at the bed, were it level")),
+    *rows("truth", _BEAM, False,
+          ("true_depth", "f8", "m", "of the bed at x, y"),
+          ("error", "f8", "m", "depth - true_depth: the sum of the next three"),
+          ("error_detection", "f8", "m", "by the echo's time and the beam's footprint"),
+          ("error_refraction", "f8", "m", "by the profile and the head's sound speed used"),
+          ("error_motion", "f8", "m", "by what the motion sensors say and where arrays are said to be"),
+          ("footprint_across", "f4", "m", "of the beam, -3 dB, or of the pulse where that is shorter"),
+          ("footprint_along", "f4", "m", "of the transmitted beam, -3 dB"),
+          ("label", "u4", "1", "instance that most of the echo at the sounding is of; 0 none"),
+          ("true_backscatter_db", "f4", "dB re 1", "strength of the seabed's law at the grazing angle there")),
+    *rows("truth", ("true_node",), False,
+          ("true_cast_depth", "f8", "m", "depth of the nodes of the water's own profile, increasing"),
+          ("true_cast_sound_speed", "f8", "m/s", "sound speed there, as the echoes travelled")),
+    *rows("column", ("ping", "column_beam"), False,
+          ("column_angle", "f8", "rad", "as angle"),
+          ("column_sector", "i4", "1", "number of the sector"),
+          ("column_start", "f8", "s", "of the first sample, after the sector's transmission"),
+          ("column_rate", "f8", "Hz", "samples a second")),
+    *rows("column", ("ping", "column_beam", "column_sample"), False,
+          ("column_level_db", "f4", "dB re 1 µPa", "echo level; NaN where there is no sample")),
+    *rows("snippet", _PING, False, ("snippet_rate", "f8", "Hz", "samples of snippets a second")),
+    *rows("snippet", _BEAM, False, ("snippet_start", "f8", "s", "of the first sample, as of travel_time")),
+    *rows("snippet", ("ping", "beam", "snippet_sample"), False,
+          ("snippet_db", "f4", "dB re 1", "backscattering strength sample by sample; NaN where there is none")),
+])
 
 
 def variable(name: str, values: np.ndarray) -> xr.Variable:
@@ -143,11 +122,7 @@ def variable(name: str, values: np.ndarray) -> xr.Variable:
     ValueError
         If the values have a wrong number of dimensions.
     """
-    about = VARIABLES[name]
-    values = np.asarray(values, about.dtype)
-    if values.ndim != len(about.dims):
-        raise ValueError(f"{name} has the dimensions {', '.join(about.dims)}, got an array {values.shape}.")
-    return xr.Variable(about.dims, values, {"units": about.unit, "long_name": about.meaning})
+    return VARIABLES.variable(name, values)
 
 
 def check(soundings: xr.Dataset, what: str = "the soundings") -> None:
@@ -158,18 +133,7 @@ def check(soundings: xr.Dataset, what: str = "the soundings") -> None:
     ValueError
         If a needed variable is missing, or if a variable has wrong dimensions or holds no numbers.
     """
-    missing = [one.name for one in VARIABLES.values() if one.needed and one.name not in soundings]
-    if missing:
-        raise ValueError(f"{what} lack {', '.join(missing[:3])}{' ...' if len(missing) > 3 else ''}; give a dataset as "
-                         "mitsonar.soundings makes it.")
-    for name in soundings.variables:
-        about = VARIABLES.get(str(name))
-        if about is not None and soundings[name].dims != about.dims:
-            raise ValueError(f"{what}: {name} has the dimensions {soundings[name].dims}, it must have {about.dims}.")
-        kind = soundings[name].dtype.kind
-        if about is not None and kind not in ("b" if name == "valid" else "biuf"):
-            raise ValueError(f"{what}: {name} is of the type {soundings[name].dtype}, it must hold "
-                             f"{'true or false' if name == 'valid' else 'numbers'}.")
+    VARIABLES.check(soundings, what, "mitsonar.soundings")
 
 
 def joined(blocks: Iterable[xr.Dataset]) -> xr.Dataset:

@@ -13,7 +13,7 @@ import numpy as np
 
 from mitsonar.units import Values
 
-__all__ = ["ORDERS", "SurveyOrder", "survey_order"]
+__all__ = ["ORDERS", "SurveyOrder", "survey_order", "vertical_orders"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +42,14 @@ ORDERS = {one.name: one for one in (
     SurveyOrder(name="1a", a=0.5, b=0.013, e=5.0, f=0.05, coverage=1.0),
     SurveyOrder(name="1b", a=0.5, b=0.013, e=5.0, f=0.05, coverage=0.05),
     SurveyOrder(name="2", a=1.0, b=0.023, e=20.0, f=0.1, coverage=0.05))}
+
+
+def vertical_orders() -> dict[str, SurveyOrder]:
+    """Return one order for each vertical limit, by the names of all orders that share it, such as "1a, 1b"."""
+    names: dict[tuple[float, float], list[str]] = {}
+    for order in ORDERS.values():
+        names.setdefault((order.a, order.b), []).append(order.name)
+    return {", ".join(alike): ORDERS[alike[0]] for alike in names.values()}
 
 
 def survey_order(name: str) -> SurveyOrder:

@@ -5,7 +5,7 @@ import os
 import numpy as np
 import xarray as xr
 
-from mitsonar.device.files import FilePath, check_readable
+from mitsonar.device.files import EXR, HDF5, PNG, FilePath, check_readable
 
 from .records import exr, hdf5, netcdf
 from .records.records import SonarImage, SonarSignals, check_numbers
@@ -14,7 +14,6 @@ from .records.self_contained import DataElsewhere, check_store
 __all__ = ["is_netcdf", "read", "write"]
 
 HEAD = 8                           # first bytes, by which formats are recognised
-HDF = b"\x89HDF"
 ZARR = ("zarr.json", ".zmetadata", ".zgroup")
 LARGEST_JSON = 10 ** 9             # bytes; text takes some ten times as much once it is read
 GEOTIFF = (".tif", ".tiff")
@@ -53,11 +52,11 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
     check_readable(path, wanted="a file that mitsonar wrote, or a survey line")
     with open(path, "rb") as stream:
         head = stream.read(HEAD)
-    if head.startswith(b"\x76\x2f\x31\x01"):
+    if head.startswith(EXR):
         return exr.read(path)
-    if head.startswith(HDF):
+    if head.startswith(HDF5):
         return netcdf.read(path)
-    if head.startswith(b"\x89PNG"):
+    if head.startswith(PNG):
         return _picture(path)
     if os.path.splitext(path)[1] in (".json", ".jsonl"):
         return _json(path)
@@ -72,7 +71,7 @@ def is_netcdf(path: FilePath) -> bool:
     if not os.path.isfile(path):
         return False
     with open(path, "rb") as stream:
-        return stream.read(HEAD).startswith(HDF)
+        return stream.read(HEAD).startswith(HDF5)
 
 
 def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:

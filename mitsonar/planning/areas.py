@@ -18,10 +18,10 @@ import numpy as np
 import shapely
 from shapely.geometry import shape
 
+from mitsonar.device.earth import WGS84, Frame, transformed
 from mitsonar.device.files import FilePath, check_readable
 from mitsonar.io.grids import rasters
 from mitsonar.io.tracks import tracks
-from mitsonar.io.tracks.navigation import WGS84, Frame
 
 LARGEST_FILE = 10_000_000          # bytes; parsed corners take about twenty times as much memory
 MOST_CORNERS = 200_000
@@ -56,16 +56,10 @@ class Corners:
             return [ring - frame.origin for ring in self.rings]
         if self.crs == WGS84:
             return [frame.project(ring[:, 1], ring[:, 0])[0] for ring in self.rings]
-        import pyproj
-
         if not frame.crs:
             raise ValueError(f"the area is in {self.crs}, but the bathymetry names no coordinate system; give it by "
                              "--crs.")
-        transformer = pyproj.Transformer.from_crs(self.crs, frame.crs, always_xy=True)
-        rings = [np.stack(transformer.transform(*ring.T), -1) - frame.origin for ring in self.rings]
-        if not all(np.isfinite(ring).all() for ring in rings):
-            raise ValueError(f"the area lies outside the region that {frame.crs[:80]} can map; check its coordinates.")
-        return rings
+        return [np.stack(transformed(self.crs, frame.crs, *ring.T), -1) - frame.origin for ring in self.rings]
 
 
 def read(text: FilePath) -> Corners:

@@ -6,8 +6,8 @@ another profile c',
 
     t = T(p, d; c)           d' : T(p, d'; c') = t           error = d' - d
 
-where T is the travel time down to a depth (`legs`). The measured speed at the head is a node of the other profile, as
-in `reduction` and instruments, so `mitsonar.soundings` makes the same errors with that profile.
+where T is the time down to a depth (`ray_paths.misplaced`). The measured speed at the head is a node of the other
+profile, as in `reduction` and instruments, so `mitsonar.soundings` makes the same errors with that profile.
 """
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitsonar.hydrography.reduction.legs import Starts
+from mitsonar.hydrography.reduction.ray_paths import misplaced
 from mitsonar.hydrography.survey_orders import SurveyOrder
 from mitsonar.water.profile import SoundSpeedProfile
 
@@ -54,10 +54,8 @@ class CastError:
 def depth_error(true: SoundSpeedProfile, used: SoundSpeedProfile, head_depth: float, depth: float,
                 angle: np.ndarray) -> np.ndarray:
     """Return the depth errors [m] of beams at angles (A,) [rad] over a level bed; NaN where no ray arrives."""
-    slowness = np.sin(angle) / true.at(head_depth)
-    head = np.full(angle.shape, float(head_depth))
-    time = Starts(profile=true, depth=head).to_depth(slowness, np.full(angle.shape, float(depth))).time
-    return Starts(profile=used, depth=head, head_speed=true.at(head)).depth_after(slowness, time) - depth
+    speed = float(true.at(head_depth))
+    return misplaced(true, used, head_depth, depth, np.sin(angle) / speed, head_speed=speed)[1] - depth
 
 
 def cast_error(true: SoundSpeedProfile, used: SoundSpeedProfile, head_depth: float, depth: float, half_angle: float,

@@ -12,13 +12,12 @@ from __future__ import annotations
 import csv
 import io
 import json
-from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 
-from mitsonar.device.files import FilePath, replacing
-from mitsonar.io.tracks.navigation import Frame
+from mitsonar.device.earth import Frame
+from mitsonar.device.files import FilePath, checked_suffix, replacing
 
 from .plan import SurveyLine, SurveyPlan
 
@@ -29,9 +28,7 @@ Points = list[tuple[str, np.ndarray]]
 
 def check(path: FilePath, frame: Frame | None = None) -> str:
     """Return the format of a file of lines; `ValueError` if it is unknown, or needs degrees without a system."""
-    suffix = Path(path).suffix.lower()
-    if suffix not in FORMATS:
-        raise ValueError(f"cannot write {path}: the format is unknown; let it end in .csv, .geojson or .gpx.")
+    suffix = checked_suffix(path, FORMATS)
     if suffix != ".csv" and frame is not None and not frame.crs:
         raise ValueError(f"cannot write {path}: it takes latitudes and longitudes, but the bathymetry names no "
                          "coordinate system; give it by --crs, or write a .csv.")

@@ -12,8 +12,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from mitsonar.device.files import FilePath, replacing
-from mitsonar.io.tracks.navigation import Frame
+from mitsonar.device.earth import Frame
+from mitsonar.device.files import FilePath, checked_suffix, replacing
 from mitsonar.sonar.preset_tables import presets
 from mitsonar.units import KNOT
 
@@ -47,8 +47,7 @@ def write(plan: SurveyPlan, path: FilePath, frame: Frame, files: BedFile) -> Non
 
 def check(path: FilePath) -> None:
     """Raise `ValueError` if a name does not end in .xml."""
-    if not str(path).lower().endswith(".xml"):
-        raise ValueError(f"cannot write the scene {path}: its name must end in .xml.")
+    checked_suffix(path, (".xml",), what="the scene")
 
 
 def _scene(plan: SurveyPlan, frame: Frame, files: BedFile, folder: str) -> ElementTree.Element:

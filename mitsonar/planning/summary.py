@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from mitsonar.device.earth import Frame
 from mitsonar.device.files import FilePath, replacing
-from mitsonar.io.tracks.navigation import Frame
 from mitsonar.units import KNOT
 
 from .errors import CastError

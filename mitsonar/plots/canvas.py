@@ -1,7 +1,6 @@
 """Sheets of all plots: figures without pyplot's global state, colours, titles, axes in metres, scale bars and files."""
 from collections.abc import Mapping, Sequence
 from contextvars import ContextVar
-from pathlib import Path
 from typing import Any, Literal, cast
 
 import numpy as np
@@ -22,7 +21,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from matplotlib.typing import ColorType
 from scipy import ndimage
 
-from mitsonar.device.files import FilePath, check_writable, replacing
+from mitsonar.device.files import FilePath, check_writable, checked_suffix, replacing
 from mitsonar.units import khz_from_hertz
 
 from .images.grid import ONLY_SIDE, PlotGrid
@@ -68,16 +67,13 @@ COPPER = LinearSegmentedColormap.from_list("sonar_copper", [
     (1.0, "#fffdf0")]).with_extremes(bad=PAPER)
 GREY = LinearSegmentedColormap.from_list("sonar_grey", ["#000000", "#ffffff"]).with_extremes(bad=PAPER)
 COLOURS = {"copper": COPPER, "grey": GREY}
-FORMATS = ("png", "pdf", "svg")
+FORMATS = (".png", ".pdf", ".svg")
 MANAGED: ContextVar[list[Figure] | None] = ContextVar("managed", default=None)     # sheets that pyplot shows
 
 
 def file_format(path: FilePath) -> str:
     """Return the format that the suffix of a file name stands for; raise ValueError if plots have no such format."""
-    suffix = Path(path).suffix.lower().removeprefix(".")
-    if suffix not in FORMATS:
-        raise ValueError(f"cannot draw {path}: its name must end in one of .{', .'.join(FORMATS)}.")
-    return suffix
+    return checked_suffix(path, FORMATS).removeprefix(".")
 
 
 def check_path(path: FilePath | None) -> None:

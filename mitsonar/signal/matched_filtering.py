@@ -8,6 +8,9 @@ has the power N0 / E after the filter, E the pulse's energy (Turin 1960, IRE Tra
 """
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import fft
@@ -15,6 +18,29 @@ from scipy import fft
 from mitsonar.sonar.pulses.pulse import Pulse, Window
 
 from .reception import band_filter, check_record, padded_length
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReplicaSpectra:
+    """Spectra of a matched filter at the F frequencies of an FFT."""
+
+    frequency: np.ndarray  # (F,) [Hz]: from the carrier
+    replica: np.ndarray  # (F,): conjugate of the replica's
+    echo: np.ndarray  # (F,): of a filtered echo, that came through the receiver's filter
+
+    @cached_property
+    def gain(self) -> float:
+        """Return the peak of a filtered echo of amplitude 1."""
+        return np.mean(self.echo).real
+
+
+def replica_spectra(pulse: Pulse, sampling_rate: float, length: int, window: Window | None = None,
+                    doppler: float = 1.0) -> ReplicaSpectra:
+    """Return the spectra of the filter matched to a pulse, over an FFT of some length."""
+    frequency = fft.fftfreq(length, 1 / sampling_rate)
+    replica = np.conj(pulse.replica(window).spectrum(sampling_rate, length, doppler))
+    echo = pulse.spectrum(sampling_rate, length, doppler) * replica * band_filter(frequency, sampling_rate)
+    return ReplicaSpectra(frequency=frequency, replica=replica, echo=echo)
 
 
 def matched_filter(signals: ArrayLike, pulse: Pulse, sampling_rate: float, window: Window | None = None,
@@ -52,10 +78,8 @@ def _replica(samples: int, pulse: Pulse, sampling_rate: float, window: Window | 
     """Return the factor of the spectra of padded records."""
     check_record(pulse, sampling_rate, samples, doppler)
     length = padded_length(samples, pulse.duration / doppler, sampling_rate)
-    sent = pulse.spectrum(sampling_rate, length, doppler)
-    replica = np.conj(pulse.replica(window).spectrum(sampling_rate, length, doppler))
-    keep = band_filter(fft.fftfreq(length, 1 / sampling_rate), sampling_rate)
-    return replica / np.mean(sent * replica * keep).real   # gain of an echo that came through the receiver's filter
+    spectra = replica_spectra(pulse, sampling_rate, length, window, doppler)
+    return spectra.replica / spectra.gain
 
 
 def compression(pulse: Pulse, sampling_rate: float) -> tuple[float, float]:

@@ -19,75 +19,41 @@ plane |image|² is lower by the two-way beam of the elements.
 from __future__ import annotations
 
 import numbers
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import xarray as xr
 
-__all__ = ["IMAGE_VARIABLES", "RAW_VARIABLES", "StripVariable", "check_image", "check_raw"]
+from mitsonar.device.record_table import RecordTable, rows
 
-Group = Literal["signal", "ping", "array", "motion", "water", "target", "image", "place", "truth"]
+__all__ = ["IMAGE_VARIABLES", "RAW_VARIABLES", "check_image", "check_raw"]
 
-
-@dataclass(frozen=True, kw_only=True)
-class StripVariable:
-    """A variable of a record.
-
-    Attributes
-    ----------
-    name : str
-    dims : tuple of str
-    dtype : str
-    unit : str
-    meaning : str
-    group : str
-        What it is of.
-    needed : bool
-        Every record has it.
-    """
-
-    name: str
-    dims: tuple[str, ...]
-    dtype: str
-    unit: str
-    meaning: str
-    group: Group
-    needed: bool = False
-
-
-def _some(group: Group, dims: tuple[str, ...], needed: bool, *rows: tuple[str, str, str, str]) -> list[StripVariable]:
-    return [StripVariable(name=name, dims=dims, dtype=dtype, unit=unit, meaning=meaning, group=group, needed=needed)
-            for name, dtype, unit, meaning in rows]
-
-
-RAW_VARIABLES: dict[str, StripVariable] = {one.name: one for one in [
-    *_some("signal", ("ping", "rx", "sample"), True, ("signal", "c8", "µPa", "what the receivers hear")),
-    *_some("signal", ("sample",), True, ("time", "f8", "s", "of the samples, after the ping's transmission")),
-    *_some("ping", ("ping",), True,
-           ("ping_time", "f8", "s", "of the transmission, after the strip's start"),
-           ("transmitter", "i4", "1", "number of the transmitter that sends, from 0")),
-    *_some("array", ("tx", "axis"), True, ("tx_position", "f8", "m", "of the transmitters, body frame")),
-    *_some("array", ("rx", "axis"), True, ("rx_position", "f8", "m", "of the receivers, body frame")),
-    *_some("array", ("rx",), True, ("rx_bank", "i4", "1", "number of the row a receiver is in, from 0, topmost first")),
-    *_some("motion", ("motion",), True,
-           ("motion_time", "f8", "s", "after the strip's start; even steps"),
-           ("motion_x", "f8", "m", "the body's origin, east"),
-           ("motion_y", "f8", "m", "north"),
-           ("motion_depth", "f8", "m", "below the still surface"),
-           ("motion_roll", "f8", "rad", "starboard down"),
-           ("motion_pitch", "f8", "rad", "bow up"),
-           ("motion_heading", "f8", "rad", "clockwise from north, without jumps of a turn")),
-    *_some("water", ("node",), True,
-           ("cast_depth", "f8", "m", "of the profile's nodes, increasing"),
-           ("cast_sound_speed", "f8", "m/s", "there, linear between")),
-    *_some("target", ("target",), False,
-           ("target_x", "f8", "m", "of point targets, east"),
-           ("target_y", "f8", "m", "north"),
-           ("target_depth", "f8", "m", "below the still surface"),
-           ("target_strength_db", "f8", "dB re 1 m²", "of the point targets"),
-           ("target_name", "str", "1", "id in the scene")),
-]}
+RAW_VARIABLES = RecordTable([
+    *rows("signal", ("ping", "rx", "sample"), True, ("signal", "c8", "µPa", "what the receivers hear")),
+    *rows("signal", ("sample",), True, ("time", "f8", "s", "of the samples, after the ping's transmission")),
+    *rows("ping", ("ping",), True,
+          ("ping_time", "f8", "s", "of the transmission, after the strip's start"),
+          ("transmitter", "i4", "1", "number of the transmitter that sends, from 0")),
+    *rows("array", ("tx", "axis"), True, ("tx_position", "f8", "m", "of the transmitters, body frame")),
+    *rows("array", ("rx", "axis"), True, ("rx_position", "f8", "m", "of the receivers, body frame")),
+    *rows("array", ("rx",), True, ("rx_bank", "i4", "1", "number of the row a receiver is in, from 0, topmost first")),
+    *rows("motion", ("motion",), True,
+          ("motion_time", "f8", "s", "after the strip's start; even steps"),
+          ("motion_x", "f8", "m", "the body's origin, east"),
+          ("motion_y", "f8", "m", "north"),
+          ("motion_depth", "f8", "m", "below the still surface"),
+          ("motion_roll", "f8", "rad", "starboard down"),
+          ("motion_pitch", "f8", "rad", "bow up"),
+          ("motion_heading", "f8", "rad", "clockwise from north, without jumps of a turn")),
+    *rows("water", ("node",), True,
+          ("cast_depth", "f8", "m", "of the profile's nodes, increasing"),
+          ("cast_sound_speed", "f8", "m/s", "there, linear between")),
+    *rows("target", ("target",), False,
+          ("target_x", "f8", "m", "of point targets, east"),
+          ("target_y", "f8", "m", "north"),
+          ("target_depth", "f8", "m", "below the still surface"),
+          ("target_strength_db", "f8", "dB re 1 m²", "of the point targets"),
+          ("target_name", "str", "1", "id in the scene")),
+])
 
 # attributes of raw echoes: name, unit, meaning
 RAW_ATTRIBUTES = (
@@ -106,43 +72,44 @@ RAW_ATTRIBUTES = (
 BETWEEN = {"frequency": (1.0, 1e9), "sampling_rate": (1.0, 1e9), "source_level_db": (-1000.0, 1000.0),
            "absorption_db": (0.0, 1000.0), "tx_length": (0.0, 1000.0), "rx_length": (0.0, 1000.0),
            "bed_depth": (-1e5, 1e5)}
+SOURCE = "mitsonar.raw_echoes"
 UNIT = 1e-3                        # that the length of look may be off
 CHECKED = "signal", "array"        # groups whose numbers must be finite; others are checked where they are used
 
-IMAGE_VARIABLES: dict[str, StripVariable] = {one.name: one for one in [
-    *_some("image", ("bank", "along_track", "across_track"), True,
-           ("image", "c8", "m", "complex strength"),
-           ("level", "f4", "dB re 1 m²", "20 log10 of its magnitude")),
-    *_some("place", ("along_track",), True, ("along_track", "f8", "m", "from the grid's origin, along its heading")),
-    *_some("place", ("across_track",), True, ("across_track", "f8", "m", "to starboard; of a slant grid the range")),
-    *_some("place", ("along_track", "across_track"), True,
-           ("x", "f8", "m", "of the grid's points, east"),
-           ("y", "f8", "m", "north"),
-           ("depth", "f4", "m", "below the still surface")),
-    *_some("place", ("along_track",), False,
-           ("sender_across", "f8", "m", "of the transmitters when they passed the row, from the first points' line"),
-           ("sender_depth", "f8", "m", "below the still surface")),
-    *_some("place", ("bank", "along_track"), False,
-           ("bank_across", "f8", "m", "of a bank's receivers when the row's echoes came, from the first points' line"),
-           ("bank_depth", "f8", "m", "below the still surface")),
-    *_some("image", ("along_track", "across_track"), False,
-           ("phase", "f4", "rad", "of a bank less that of another"),
-           ("coherence", "f4", "1", "of two banks or of two passes"),
-           ("height", "f4", "m", "of what is heard there above the grid's points"),
-           ("height_deviation", "f4", "m", "standard deviation that theory expects")),
-    *_some("truth", ("shape", "along_track", "across_track"), False,
-           ("share", "f4", "1", "of every shape in the echo")),
-    *_some("truth", ("along_track", "across_track"), False,
-           ("label", "u4", "1", "number of the shape that sends most back there"),
-           ("class", "u4", "1", "class of that shape"),
-           ("hidden", "f4", "1", "share of the bed's echo that objects hide"),
-           ("object_shadow", "u4", "1", "object in whose shadow the point lies; 0: none"),
-           ("layover", "u1", "1", "separate places that share the point"),
-           ("shadow", "f4", "1", "share of the pings that do not see anything there"),
-           ("seabed_x", "f4", "m", "mean place of the bed that is seen there, east"),
-           ("seabed_y", "f4", "m", "north"),
-           ("seabed_depth", "f4", "m", "its depth")),
-]}
+IMAGE_VARIABLES = RecordTable([
+    *rows("image", ("bank", "along_track", "across_track"), True,
+          ("image", "c8", "m", "complex strength"),
+          ("level", "f4", "dB re 1 m²", "20 log10 of its magnitude")),
+    *rows("place", ("along_track",), True, ("along_track", "f8", "m", "from the grid's origin, along its heading")),
+    *rows("place", ("across_track",), True, ("across_track", "f8", "m", "to starboard; of a slant grid the range")),
+    *rows("place", ("along_track", "across_track"), True,
+          ("x", "f8", "m", "of the grid's points, east"),
+          ("y", "f8", "m", "north"),
+          ("depth", "f4", "m", "below the still surface")),
+    *rows("place", ("along_track",), False,
+          ("sender_across", "f8", "m", "of the transmitters when they passed the row, from the first points' line"),
+          ("sender_depth", "f8", "m", "below the still surface")),
+    *rows("place", ("bank", "along_track"), False,
+          ("bank_across", "f8", "m", "of a bank's receivers when the row's echoes came, from the first points' line"),
+          ("bank_depth", "f8", "m", "below the still surface")),
+    *rows("image", ("along_track", "across_track"), False,
+          ("phase", "f4", "rad", "of a bank less that of another"),
+          ("coherence", "f4", "1", "of two banks or of two passes"),
+          ("height", "f4", "m", "of what is heard there above the grid's points"),
+          ("height_deviation", "f4", "m", "standard deviation that theory expects")),
+    *rows("truth", ("shape", "along_track", "across_track"), False,
+          ("share", "f4", "1", "of every shape in the echo")),
+    *rows("truth", ("along_track", "across_track"), False,
+          ("label", "u4", "1", "number of the shape that sends most back there"),
+          ("class", "u4", "1", "class of that shape"),
+          ("hidden", "f4", "1", "share of the bed's echo that objects hide"),
+          ("object_shadow", "u4", "1", "object in whose shadow the point lies; 0: none"),
+          ("layover", "u1", "1", "separate places that share the point"),
+          ("shadow", "f4", "1", "share of the pings that do not see anything there"),
+          ("seabed_x", "f4", "m", "mean place of the bed that is seen there, east"),
+          ("seabed_y", "f4", "m", "north"),
+          ("seabed_depth", "f4", "m", "its depth")),
+])
 
 
 def check_raw(record: xr.Dataset) -> None:
@@ -154,11 +121,10 @@ def check_raw(record: xr.Dataset) -> None:
         If a variable or an attribute is missing, has other dimensions, or holds what cannot be.
     """
     what = "raw echoes of a synthetic aperture"
-    _check(record, RAW_VARIABLES, what)
+    RAW_VARIABLES.check(record, what, SOURCE)
     for name, *_ in RAW_ATTRIBUTES:
         if name not in record.attrs:
-            raise ValueError(f"the attribute {name} of {what} is missing; take what mitsonar.raw_echoes gives or "
-                             "`mitsonar signals` writes")
+            raise ValueError(f"the attribute {name} of {what} is missing; give a dataset as {SOURCE} makes it")
     for name, (least, most) in BETWEEN.items():
         value = record.attrs[name]
         if not isinstance(value, numbers.Real) or not least <= float(value) <= most:
@@ -184,20 +150,4 @@ def _check_even(time: np.ndarray, rate: float) -> None:
 
 def check_image(record: xr.Dataset) -> None:
     """Refuse a dataset that holds no focused image; raises as `check_raw`."""
-    _check(record, IMAGE_VARIABLES, "a focused image")
-
-
-def _check(record: xr.Dataset, table: dict[str, StripVariable], what: str) -> None:
-    for one in table.values():
-        if one.name not in record.variables:
-            if one.needed:
-                raise ValueError(f"{what} was wanted, and the variable {one.name} is missing; it has "
-                                 f"{', '.join(map(str, record.variables)) or 'none'}")
-            continue
-        found = record[one.name]
-        if found.dims != one.dims:
-            raise ValueError(f"{one.name} of {what} has the dimensions {one.dims}, got {found.dims}")
-        kind = np.dtype(found.dtype).kind
-        if (kind in "OUST") != (one.dtype == "str"):
-            wanted = "text" if one.dtype == "str" else "numbers"
-            raise ValueError(f"{one.name} of {what} is {wanted}, got {found.dtype}")
+    IMAGE_VARIABLES.check(record, "a focused image", "mitsonar.focus")

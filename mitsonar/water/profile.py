@@ -61,6 +61,15 @@ class SoundSpeedProfile:
         """Return the profile with the water below the surface mirrored above it."""
         return type(self)(*mirrored(self.depth, self.sound_speed))
 
+    def upside_down(self) -> SoundSpeedProfile:
+        """Return the profile of the water upside down, in which upward rays go down."""
+        return type(self)(-self.depth[::-1], self.sound_speed[::-1])
+
+    @property
+    def gradients(self) -> np.ndarray:
+        """Return dc/d(depth) (K + 1,) [1/s] above the first node, between nodes, and below the last."""
+        return np.r_[0.0, np.diff(self.sound_speed) / np.diff(self.depth), 0.0]
+
     def with_node(self, depth: float, sound_speed: float) -> SoundSpeedProfile:
         """Return the profile with one more node, such as a measurement at the sonar's head.
 
@@ -94,8 +103,7 @@ class SoundSpeedProfile:
 
         It is zero beyond the ends; at a node, it is the gradient of the layer "below" or "above" by ``side``.
         """
-        slopes = np.r_[0.0, np.diff(self.sound_speed) / np.diff(self.depth), 0.0]
-        return cast(Values, slopes[np.searchsorted(self.depth, depth, side=_SIDES[side])])
+        return cast(Values, self.gradients[np.searchsorted(self.depth, depth, side=_SIDES[side])])
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, SoundSpeedProfile):

@@ -252,7 +252,7 @@ COMMANDS = {
     "output a picture": (["render", "scene.xml", "-o", "o.png"], "must end in .exr; pictures are made by --preview"),
     "output not UTF-8": (["render", "scene.xml", "-o", "\udcff.exr"], "not UTF-8; give another name"),
     "preview of no known kind": ([*RENDER, "--preview", "p.xyz"],
-                                 "must end in one of .png, .pdf, .svg"),
+                                 "must end in .png, .pdf or .svg"),
     "folder of the preview missing": ([*RENDER, "--preview", "no/p.png"], "make it first"),
     "plot of nothing": (["plot", "no.exr"], "cannot read no.exr: there is no such file"),
     "plot of a folder": (["plot", "."], "it is a folder"),
@@ -361,5 +361,5 @@ def test_plot_refuses_what_it_does_not_know(folder, refusal):
     assert cli.main(["render", "scene.xml", "-o", "o.exr"]) == 0
     assert "there is no plot 'fal'; choose one of waterfall, ping, mean" in refusal("plot", "o.exr", "--what", "fal")
     assert "there is no ping 99; there are 2" in refusal("plot", "o.exr", "--what", "ping", "--ping", "99")
-    assert "must end in one of .png" in refusal("plot", "o.exr", "-o", "p.xyz")
+    assert "must end in .png, .pdf or .svg" in refusal("plot", "o.exr", "-o", "p.xyz")
     assert "make it first" in refusal("plot", "o.exr", "-o", "no/p.png")

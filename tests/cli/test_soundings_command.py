@@ -71,7 +71,7 @@ def test_lines_are_laid_on_a_map(folder, capfd):
 
 
 @pytest.mark.parametrize("options, words", [
-    (["-o", "b.png"], "must end in .tif"), (["-o", "b.tif", "--cell", "1e-9"], "give a larger cell"),
+    (["-o", "b.png"], "must end in .tif"), (["-o", "b.tif", "--cell", "1e-9"], "take cells of"),
     (["-o", "b.tif", "--layer", "uncertainty"], "give --rule weighted"), (["-o", "b.tif", "--cell", "nan"], "cell"),
 ])
 def test_a_map_that_cannot_be_is_refused_in_a_sentence(line, folder, capfd, options, words):

@@ -12,7 +12,7 @@ import pytest
 from mitsonar.hydrography.reduction.attitude import PlatformMotion
 from mitsonar.hydrography.reduction.legs import Starts
 from mitsonar.hydrography.reduction.reduction import Installation, Measured, located
-from mitsonar.hydrography.survey_orders import ORDERS, survey_order
+from mitsonar.hydrography.survey_orders import ORDERS, survey_order, vertical_orders
 from mitsonar.planning.errors import cast_error, depth_error, surface_layer_error
 from mitsonar.water import SoundSpeedProfile
 
@@ -83,9 +83,16 @@ def test_swath_is_good_up_to_where_the_error_meets_the_order():
 
 
 @pytest.mark.parametrize("name, depth, vertical", [("exclusive", 0.0, 0.15), ("special", 40.0, 0.39051),
-                                                   ("1a", 100.0, 1.39284), ("2", 1000.0, 23.02173)])
+                                                   ("1a", 100.0, 1.39284), ("2", 1000.0, 23.02173),
+                                                   ("exclusive", 10.0, 0.16771), ("special", 100.0, 0.79057),
+                                                   ("1b", 50.0, 0.82006), ("2", 200.0, 4.70744)])
 def test_orders_allow_what_s_44_says(name, depth, vertical):
     assert survey_order(name).vertical(depth) == pytest.approx(vertical, abs=1e-5)
+
+
+def test_orders_of_one_vertical_limit_are_drawn_once():
+    limits = vertical_orders()
+    assert list(limits) == ["exclusive", "special", "1a, 1b", "2"] and limits["1a, 1b"] is ORDERS["1a"]
 
 
 def test_an_order_that_is_none_is_refused():

@@ -79,7 +79,7 @@ def test_grid_is_written_as_a_geotiff(line, tmp_path):
 
 
 @pytest.mark.parametrize("change, message", [
-    (dict(cell=0.0), "cell is 0.0 m"), (dict(cell=1e-4), "more than 16777216 cells"),
+    (dict(cell=0.0), "cell is 0.0 m"), (dict(cell=1e-4), "more than 16,777,216 of them; take cells of"),
     (dict(rule="median"), "one of mean"), (dict(least=0), "1 or more"), (dict(bounds=(1, 1, 0, 2)), "in order")])
 def test_grids_that_make_no_sense_are_refused(line, change, message):
     with pytest.raises(ValueError, match=message):

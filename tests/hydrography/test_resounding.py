@@ -44,7 +44,7 @@ def test_speeds_that_no_water_has_are_refused(soundings, speed):
 
 
 def test_other_datasets_are_refused(soundings):
-    with pytest.raises(ValueError, match="lack angle"):
+    with pytest.raises(ValueError, match="lacks angle"):
         resounded(soundings.drop_vars("angle"))
 
 

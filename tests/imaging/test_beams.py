@@ -277,7 +277,7 @@ def test_a_pattern_is_drawn_with_its_closed_form(suffix, tmp_path):
     (lambda beams: beams, {"ping": 1}, r"no ping 1; there are 1"),
     (lambda beams: beams * 0, {}, r"all beams of ping 0 are silent"),
     (lambda beams: beams, {"expected": [1, 2]}, r"closed form has shape \(2,\); give 321"),
-    (lambda beams: beams, {"path": "a.gif"}, r"must end in one of .png"),
+    (lambda beams: beams, {"path": "a.gif"}, r"must end in .png, .pdf or .svg"),
 ])
 def test_patterns_that_cannot_be_drawn_are_refused(change, options, words, tmp_path):
     path = tmp_path / options.get("path", "a.png")

@@ -51,7 +51,7 @@ def test_a_scene_without_coordinate_system_gives_plain_metres(tmp_path):
     (lambda image: image.isel(along_track=[0]), "at least 2 x 2 points"),
     (lambda image: image.assign(label=image["label"] + (1 << 25)), "label has numbers above 16777216"),
     (lambda image: image.assign_attrs(crs="EPSG:4326"), "give a projected system in metres"),
-    (lambda image: image.drop_vars("level"), "the variable level is missing"),
+    (lambda image: image.drop_vars("level"), "lacks level"),
     (lambda image: image.rename(along_track="ping"), "GeoTIFF takes focused images")])
 def test_what_has_no_place_on_a_map_is_refused(tmp_path, change, words):
     with pytest.raises(ValueError, match=words):

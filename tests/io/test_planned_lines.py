@@ -84,5 +84,5 @@ def test_numbers_add_up(lines):
 
 
 def test_a_name_that_says_no_format_is_refused(lines, tmp_path):
-    with pytest.raises(ValueError, match="let it end in .csv, .geojson or .gpx"):
+    with pytest.raises(ValueError, match="must end in .csv, .geojson or .gpx"):
         planned_lines.write(lines, tmp_path / "a.kml", UTM)

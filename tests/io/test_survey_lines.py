@@ -39,7 +39,7 @@ def test_a_line_that_breaks_off_leaves_no_file_and_keeps_an_older_one(suffix, tm
 
 @pytest.mark.parametrize("blocks, options, said", [
     ([], {}, "no ping was given"), ([LINE.isel(ping=slice(0, 0))], {}, "no ping was given"),
-    ([LINE.drop_vars("angle")], {}, "lack angle"), ([LINE], {"place": (54.0, 8.0)}, "leave place out"),
+    ([LINE.drop_vars("angle")], {}, "lacks angle"), ([LINE], {"place": (54.0, 8.0)}, "leave place out"),
     ([LINE.drop_attrs(deep=False)], {"place": (95.0, 8.0)}, "latitude and longitude"),
     ([LINE], {"start": "yesterday"}, "give a date and time"), ([LINE], {"start": "1950-01-01"}, "between 1970"),
     ([LINE, LINE.isel(beam=slice(0, 9))], {}, "other variables, beams, samples or motion"),

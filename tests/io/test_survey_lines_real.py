@@ -4,9 +4,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mitsonar.device.earth import Frame
 from mitsonar.hydrography.record import joined
 from mitsonar.io.survey_lines import reading
-from mitsonar.io.survey_lines.places import Zone
 
 MEASURED = Path(__file__).resolve().parents[2] / "../shared/data/measured/multibeam"
 EM710, EM2040, EM2042 = MEASURED / "em710_122m.all", MEASURED / "em2040_56m.all", MEASURED / "em2042_os01.kmall"
@@ -68,15 +68,15 @@ def test_places_of_a_kmall_line_are_its_latitudes_and_longitudes():
     from mitsonar.io.survey_lines.kongsberg.kmall_datagrams import datagrams, decoded
 
     line = reading.read(EM2042, water_column=False)
-    zone = Zone(crs=line.attrs["crs"], origin=line.attrs["origin"], convergence=0.0)
+    frame = Frame(crs=line.attrs["crs"], origin=line.attrs["origin"])
     with open(EM2042, "rb") as stream:
         pings = sorted(datagrams(stream, ("MRZ",)), key=lambda one: one.time)
         for row, whole in enumerate(decoded(ping) for ping in pings):
             valid, place = line["valid"].values[row], whole["pingInfo"]
             assert not valid[len(whole["sounding"]["deltaLongitude_deg"]):].any()
             valid = np.flatnonzero(valid)
-            east, north = zone.places(place["longitude_deg"] + np.array(whole["sounding"]["deltaLongitude_deg"]),
-                                      place["latitude_deg"] + np.array(whole["sounding"]["deltaLatitude_deg"]))
+            east, north = frame.places(place["latitude_deg"] + np.array(whole["sounding"]["deltaLatitude_deg"]),
+                                       place["longitude_deg"] + np.array(whole["sounding"]["deltaLongitude_deg"])).T
             assert np.allclose(line["x"].values[row][valid], east[valid], atol=0.004)
             assert np.allclose(line["y"].values[row][valid], north[valid], atol=0.004)
 

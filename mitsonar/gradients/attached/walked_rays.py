@@ -27,9 +27,9 @@ from mitsonar.propagation.device_rays.arc_derivatives import (
     arc_derivatives,
     spread_derivatives,
 )
+from mitsonar.propagation.device_rays.device_arcs import arc_step, arc_time, first_layer, sine_on_branch
 from mitsonar.propagation.device_rays.layer_table import LayerTable
-from mitsonar.propagation.device_rays.ray_fans import arc_step, first_layer
-from mitsonar.propagation.device_rays.two_point import arc_time, walk
+from mitsonar.propagation.device_rays.two_point import walk
 
 from .layers import layer_places
 
@@ -99,7 +99,7 @@ class _WalkedRay(dr.CustomOp):
         # the last millimetres along the same arc
         rest = z - depth
         c_z = dr.fma(g, rest, c)
-        s_z = _sine(start.parameter, s, c, c_z)
+        s_z = sine_on_branch(start.parameter, s, c, c_z)
         ahead = rest * start.parameter * (c + c_z) / (s + s_z)
         aside = arc_time(c, c_z, g, dr.fma(ahead, ahead, rest * rest)) * dr.sign(rest * s)
         reach, time = x + ahead, time + aside
@@ -183,7 +183,7 @@ def _followed(table: LayerTable, start: _Start, z: Float64, x: Float64, active: 
         # the last arc ends at the depth, on the branch that it is on at the range
         branch = s1 - p * g * (x - r)
         c_z = dr.fma(g, z - z1, c1)
-        s_z = dr.copysign(abs(_sine(p, s1, c1, c_z)), branch)
+        s_z = dr.copysign(abs(sine_on_branch(p, s1, c1, c_z)), branch)
         descent, c2, s2 = (dr.select(ends, mine, other) for mine, other in
                            ((z - z1, descent), (c_z, c2), (s_z, s2)))
         arc = arc_derivatives(p, g, descent, c1, s1, c2, s2)
@@ -214,11 +214,6 @@ def _start(table: LayerTable, z0: Float64, s0: Float64) -> _Start:
     speed = dr.fma(g, z0 - z_k, c_k)
     cosine = dr.sqrt(dr.maximum(1 - s0 * s0, 1e-18))
     return _Start(depth=z0, sine=sine, cosine=cosine, layer=layer, speed=speed, gradient=g, parameter=cosine / speed)
-
-
-def _sine(p: Float64, s1: Float64, c1: Float64, c2: Float64) -> Float64:
-    """Return the sine where the speed is c2, on the same side of the turning point."""
-    return dr.sqrt(dr.maximum(s1 * s1 - p * p * (c2 - c1) * (c2 + c1), 0)) * dr.sign(s1)
 
 
 def _fitted(gradient: Float64, like: Float64) -> Float64:

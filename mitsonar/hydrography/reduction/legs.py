@@ -1,15 +1,6 @@
 """Legs of sound between an array and the bed, for many rays in one pass down through the layers.
 
-A ray keeps its horizontal slowness p. In a layer of thickness h, from the speed c1 and the sine of grazing s1 to c2 and
-s2 = √(1 - p² c2²), with d = c2 - c1 (the forms of `mitsonar.propagation.numpy_rays.layers`, exact as d goes to 0):
-
-    a = h (c1 + c2) / (s1 + s2)       x = p a,       dx/dp = a / (s1 s2)
-    t = (2 h / e) atanh(d / e) / (d / e),            e = c2 s1 + c1 s2
-    l = (2 h / (s1 + s2)) atan(w) / w,               w = p d / (s1 + s2)
-
-In a layer of gradient g, the depth that a ray crosses within the time t is, with u = g t and T = tanh u,
-
-    s2 = (s1 - T) / (1 - s1 T),       h = c1 t (s1 - tanh(u/2)) sinhc u / (cosh u - s1 sinh u)
+A ray keeps its horizontal slowness p; its arc through one layer is that of `propagation.numpy_rays.layer_arcs`.
 
 Sound speed at the head: a ray may start with a speed that differs from the cast. This speed then becomes the profile's
 node at the ray's start, and the water is linear from there to the next node of the cast below, as in the real-time
@@ -30,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mitsonar.propagation.numpy_rays.layers import atan_ratio, atanh_ratio
+from mitsonar.propagation.numpy_rays.layer_arcs import LayerArc, descent_after
 from mitsonar.water.profile import SAME_DEPTH, SoundSpeedProfile
 
 FLATTEST = 0.15                    # v c_m of the flattest ray in the table: its sine at the fastest depth
@@ -39,17 +30,10 @@ COEFFICIENTS = 40
 
 def crossed(slowness: np.ndarray, thickness: np.ndarray, upper_speed: np.ndarray, lower_speed: np.ndarray
             ) -> tuple[np.ndarray, ...]:
-    """Return x / p, dx/dp [m²/s], time [s] and length [m] of rays through layers, by the equations of `legs`.
-
-    All arguments broadcast.
-    """
+    """Return x / p, dx/dp [m²/s], time [s] and length [m] of rays through layers; all arguments broadcast."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        upper, lower = (np.sqrt(1 - (slowness * speed)**2) for speed in (upper_speed, lower_speed))
-        both, step = upper + lower, lower_speed - upper_speed
-        stretch = thickness * (upper_speed + lower_speed) / both
-        across = lower_speed * upper + upper_speed * lower
-        time = 2 * thickness / across * atanh_ratio(step / across)
-        return stretch, stretch / (upper * lower), time, 2 * thickness / both * atan_ratio(slowness * step / both)
+        arc = LayerArc.of(slowness, thickness, upper_speed, lower_speed)
+        return arc.stretch, arc.slope, arc.time, arc.length(slowness)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -140,8 +124,7 @@ class Starts:
 
     def mirrored(self) -> Starts:
         """Return the water upside down, so that upward rays go down."""
-        return Starts(profile=SoundSpeedProfile(-self.profile.depth[::-1], self.profile.sound_speed[::-1]),
-                      depth=-self.depth, head_speed=self.head_speed)
+        return Starts(profile=self.profile.upside_down(), depth=-self.depth, head_speed=self.head_speed)
 
     def to_depth(self, slowness: np.ndarray, depth: np.ndarray) -> RayLeg:
         """Trace rays of horizontal slowness (N,) [s/m] down to depths (N,) [m]."""
@@ -224,17 +207,12 @@ class Starts:
         thickness, step = np.diff(edges), np.diff(speed)
         with np.errstate(invalid="ignore", divide="ignore"):
             sines = np.sqrt(1 - (slowness[:, None] * speed) ** 2)
-            across = speed[:, 1:] * sines[:, :-1] + speed[:, :-1] * sines[:, 1:]
-            spent = np.cumsum(2 * thickness / across * atanh_ratio(step / across), axis=1)
+            arcs = LayerArc(thickness, speed[:, :-1], speed[:, 1:], sines[:, :-1], sines[:, 1:])
+            spent = np.cumsum(arcs.time, axis=1)
             spent = np.concatenate([np.zeros_like(spent[:, :1]), np.where(np.isnan(spent), np.inf, spent)], axis=1)
         # The last edge that a ray reaches in time; edges at one depth are passed in no time.
         at = np.minimum((spent <= time[:, None]).sum(1) - 1, thickness.shape[1] - 1).clip(0)
         rays = np.arange(len(time))
-        rest = time - spent[rays, at]
-        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        with np.errstate(invalid="ignore", divide="ignore"):
             gradient = np.where(thickness[rays, at] > 0, step[rays, at] / thickness[rays, at], 0)
-            sine, bend = sines[rays, at], gradient * rest
-            sinhc = np.where(np.abs(bend) > 1e-6, np.sinh(bend) / np.where(bend == 0, 1, bend), 1 + bend * bend / 6)
-            further = rest * (sine - np.tanh(bend / 2)) * sinhc / (np.cosh(bend) - sine * np.sinh(bend))
-            turned = sine <= np.tanh(bend)
-        return np.where(turned, np.nan, edges[rays, at] + speed[rays, at] * further)
+        return edges[rays, at] + descent_after(time - spent[rays, at], gradient, speed[rays, at], sines[rays, at])

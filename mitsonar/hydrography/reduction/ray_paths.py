@@ -1,15 +1,7 @@
 """Ray paths of beams: directions from two cones, and rays through the layers of a profile.
 
-With a_t and a_r along the transmit and the receive array and g = a_t·a_r, the direction l at the angles t and r of the
-two arrays is (see `mitsonar.hydrography.record`)
-
-    l = α a_t + β a_r + γ n      α = (sin t - g sin r) / (1 - g²)      β = (sin r - g sin t) / (1 - g²)
-
-where n = a_t x a_r / |a_t x a_r| points down and γ ≥ 0 makes l a unit vector. The ray keeps its horizontal slowness
-p = |l_h| / c_h, with l_h the horizontal part of l and c_h the sound speed of the head's own sensor. In a layer of
-thickness h and constant gradient, with s = (1 - p² c²)^½ and e = c2 s1 + c1 s2,
-
-    range h p (c1 + c2) / (s1 + s2)        time (2 h / e) atanh(y) / y,  y = (c2 - c1) / e
+The ray of a beam (`mitsonar.sonar.arrays.cones`) keeps its horizontal slowness p = |l_h| / c_h, with l_h the horizontal
+part of its direction and c_h the sound speed of the head's own sensor. Rays through layers are those of `legs`.
 """
 from __future__ import annotations
 
@@ -19,9 +11,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from mitsonar.sonar.arrays.cones import cone_directions
 from mitsonar.water.profile import SoundSpeedProfile
 
 from .attitude import mounted
+from .legs import Starts, crossed
 
 ATTITUDE = ("ping_time", "ping_heading", "receive_mounting", "motion_time", "motion_roll", "motion_pitch",
             "motion_heading")      # variables that `receiving_axes` uses; below, those of `head_of`
@@ -30,7 +24,6 @@ HELD = ("ping_roll", "ping_pitch", "ping_depth", "transmit_offset", "receive_off
 SEVERAL = ("head", "head_receive_offset", "head_receive_mounting")         # of several heads
 
 STEPS = 240                        # layers below the head, in addition to those of the profile
-FLATTEST = 1e-4                    # least sine of a traced ray: flatter rays turn
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,14 +93,7 @@ def launches(head: RayHead, angle: ArrayLike, transmit_angle: ArrayLike,
     """Return the directions of beams at the head."""
     # angle, transmit_angle (N,) [rad]; receive (N, 3) -> (N, 3)
     received, sent = np.sin(np.asarray(angle, float)), np.sin(np.nan_to_num(np.asarray(transmit_angle, float)))
-    receive = head.receive[None] if receive is None else receive
-    common = receive @ head.transmit
-    normal = np.cross(head.transmit, receive)
-    first, second = ((one - common * other) / (1 - common**2) for one, other in ((sent, received), (received, sent)))
-    along = first[:, None] * head.transmit + second[:, None] * receive
-    with np.errstate(invalid="ignore"):
-        rest = np.sqrt(1 - (along**2).sum(1))
-    return along + rest[:, None] * normal / np.linalg.norm(normal, axis=1)[:, None]
+    return cone_directions(head.transmit, head.receive if receive is None else receive, sent, received)
 
 
 def used_profile(line: xr.Dataset, head: RayHead) -> SoundSpeedProfile:
@@ -137,14 +123,10 @@ def ray_places(profile: SoundSpeedProfile, depth: float, slowness: np.ndarray,
                time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return horizontal distances and depths of downward rays after given times."""
     # depth [m]; slowness (N,) [s/m]; time (N, T) [s] -> away, depth (N, T) [m]
-    edges, ways, times = layer_sums(profile, depth, slowness, float(np.nanmax(time, initial=0.0)))
-    places = np.full((2, *time.shape), np.nan)
-    for ray, (way, passed) in enumerate(zip(ways, times)):
-        crossed = np.isfinite(passed)
-        if np.count_nonzero(crossed) > 1:
-            for place, values in zip(places, (way, edges)):
-                place[ray] = np.interp(time[ray], passed[crossed], values[crossed], right=np.nan)
-    return places[0], places[1]
+    starts = Starts(profile=profile, depth=np.full(time.size, float(depth)))
+    slowness = np.repeat(slowness, time.shape[1])
+    below = starts.depth_after(slowness, time.ravel())
+    return (slowness * starts.to_depth(slowness, below).stretch).reshape(time.shape), below.reshape(time.shape)
 
 
 def layer_sums(profile: SoundSpeedProfile, depth: float, slowness: np.ndarray,
@@ -153,30 +135,34 @@ def layer_sums(profile: SoundSpeedProfile, depth: float, slowness: np.ndarray,
     reach = depth + max(1.01 * longest * float(profile.sound_speed.max()), 1e-3)
     nodes = profile.depth[(profile.depth > depth) & (profile.depth < reach)]
     edges = np.unique(np.concatenate([np.linspace(depth, reach, STEPS), nodes]))
-    speed, thickness = profile.at(edges), np.diff(edges)
-    cosine = slowness[:, None] * speed
-    sine = np.sqrt(np.where(np.minimum.accumulate(cosine < 1 - FLATTEST, axis=1), 1 - cosine**2, np.nan))
-    above, below = sine[:, :-1], sine[:, 1:]
-    total = speed[1:] * above + speed[:-1] * below
-    bend = (speed[1:] - speed[:-1]) / total
-    ways = thickness * slowness[:, None] * (speed[:-1] + speed[1:]) / (above + below)
-    times = 2 * thickness / total * (1 + bend**2 / 3 + bend**4 / 5)        # series for thin layers
+    speed = profile.at(edges)
+    stretch, _, time, _ = crossed(slowness[:, None], np.diff(edges), speed[:-1], speed[1:])
     before = np.zeros((slowness.size, 1))
-    return edges, np.cumsum(np.hstack([before, ways]), axis=1), np.cumsum(np.hstack([before, times]), axis=1)
+    return (edges, np.cumsum(np.hstack([before, slowness[:, None] * stretch]), axis=1),
+            np.cumsum(np.hstack([before, time]), axis=1))
+
+
+def misplaced(true: SoundSpeedProfile, used: SoundSpeedProfile, head_depth: float, bed: float, slowness: np.ndarray,
+              head_speed: float | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Return distances and depths (N,) [m] of soundings of a level bed that are reduced with a wrong profile.
+
+    A ray of slowness p reaches the bed in the true water after t(p). Its sounding is placed where a ray of the same p
+    is after t(p) in the used profile, which may have a measured speed at the head as a node.
+    """
+    # head_depth, bed [m]; slowness (N,) [s/m]; head_speed [m/s]
+    head = np.full(slowness.shape, float(head_depth))
+    time = Starts(profile=true, depth=head).to_depth(slowness, np.full(slowness.shape, float(bed))).time
+    starts = Starts(profile=used, depth=head,
+                    head_speed=None if head_speed is None else np.full(slowness.shape, head_speed))
+    depth = starts.depth_after(slowness, time)
+    return slowness * starts.to_depth(slowness, depth).stretch, depth
 
 
 def refraction_error(used: SoundSpeedProfile, water: SoundSpeedProfile, head: RayHead, bed: float,
                      angle: np.ndarray) -> np.ndarray:
-    """Return the depth errors of soundings of a level bed due to a wrong profile, by ray theory.
-
-    A ray of slowness p reaches the bed in the true water after t(p). Its sounding is placed where a ray of the same p
-    is after t(p) in the used profile. Errors of many p are interpolated at the angles of the soundings.
-    """
+    """Return the depth errors of soundings of a level bed (`misplaced`), interpolated at angles from the vertical."""
     # bed [m]; angle (N,) [rad] -> (N,) [m]
-    slowness = np.linspace(0.0, 0.999, 400) / head.sound_speed
-    edges, _, times = layer_sums(water, head.depth, slowness, 3 * (bed - head.depth) / float(water.sound_speed.min()))
-    time = np.array([np.interp(bed, edges, passed) for passed in times])
-    way, depth = (part[:, 0] for part in ray_places(used, head.depth, slowness, time[:, None]))
+    way, depth = misplaced(water, used, head.depth, bed, np.linspace(0.0, 0.999, 400) / head.sound_speed)
     straight = np.arctan2(way, depth - head.depth)
     known = np.isfinite(straight)
     if not known.any():

@@ -24,6 +24,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mitsonar.sonar.arrays.cones import cone_directions
 from mitsonar.water.profile import SoundSpeedProfile
 
 from .attitude import PlatformMotion, PlatformPose, mounted
@@ -241,17 +242,8 @@ class _Legs:
 
     def initial(self) -> np.ndarray:
         """Return unit vectors (N, 3) where the two cones meet, or nearly meet, about one point; the lower of two."""
-        t, r, speed = self.out.axis, self.back.axis, self.back.starts.speed
-        u, v = self.out.along * self.out.starts.speed, self.back.along * speed
-        cosine = (t * r).sum(1)
-        square = 1 - cosine**2
-        with np.errstate(invalid="ignore", divide="ignore"):
-            first, second = (u - cosine * v) / square, (v - cosine * u) / square
-            third = np.sqrt(np.maximum((1 - first * u - second * v) / square, LOWEST**2))
-        normal = np.cross(t, r)
-        third = np.where(normal[:, 2] < 0, -third, third)
-        found = first[:, None] * t + second[:, None] * r + third[:, None] * normal
-        return found / np.linalg.norm(found, axis=1)[:, None]
+        u, v = (side.along * side.starts.speed for side in (self.out, self.back))
+        return cone_directions(self.out.axis, self.back.axis, u, v, LOWEST)
 
 
 def _solved(legs: _Legs) -> np.ndarray:

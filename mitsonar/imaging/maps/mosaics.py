@@ -2,8 +2,7 @@
 
 Every ping is sampled in even steps over the ground (`mosaic_swath`), and the strip between two pings in steps as fine;
 each half shows the nearer ping. Pings farther apart than ``fill`` leave a hole and show only their own positions.
-`hydrography.gridding` combines samples in a cell. Edges of cells are whole multiples of the cell, so that mosaics of
-the same cell and coordinate system fit together.
+`mosaic_cells` combines samples in the cells of a `map_grid`. Mosaics of one cell and coordinate system fit together.
 """
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,11 +12,12 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 
-from mitsonar.hydrography.gridding import BLENDS, GridCells, SoundingGrid
+from mitsonar.device.earth import FARTHEST, metric_system, system
+from mitsonar.hydrography.map_grid import MapGrid, check_cells
 from mitsonar.units import db_from_power, power_from_db
 
 from ..gain import AngleGain, display_gain
-from .georeference import FARTHEST, named_system, system
+from .mosaic_cells import BLENDS, MosaicCells
 from .mosaic_swath import PLACES, MosaicGround, MosaicSwath
 
 Gain = Literal["seabed", "target", "angle"] | None
@@ -125,13 +125,15 @@ def check(lines: Sequence[xr.Dataset], quantity: str, options: Mapping[str, Any]
 
 def common_system(lines: Sequence[xr.Dataset], crs: str | None) -> str | None:
     """Return the coordinate system of the map: the given one, else that of the first record, or None."""
+    if crs is None:
+        named = {system(line.attrs) for line in lines}
+        if len(named) > 1 and None in named:
+            raise ValueError("only some of the records name a coordinate system; give one for the map, such as "
+                             "EPSG:32632.")
+        crs = system(lines[0].attrs)
     if crs is not None:
-        return named_system(crs)
-    named = {system(line.attrs) for line in lines}
-    if len(named) > 1 and None in named:
-        raise ValueError("only some of the records name a coordinate system; give one for the map, such as EPSG:32632.")
-    first = system(lines[0].attrs)
-    return None if first is None else named_system(first)
+        metric_system(crs)
+    return crs
 
 
 def _check_contents(line, quantity, place):
@@ -241,7 +243,7 @@ def mosaic(records: xr.Dataset | Sequence[xr.Dataset], cell: float | None = None
         raise ValueError(f"fill is {fill:g} m; give a length of 0 or more.")
     fill = float(fill)
     mixed = lines[0][quantity].dtype.kind == "f"
-    cells = GridCells(grid=_grid(swaths, cell), blend=blend, mixed=mixed)
+    cells = MosaicCells(grid=_grid(swaths, cell), blend=blend, mixed=mixed)
     _sum_up(cells, [MosaicLine(swath=swath, quantity=quantity, gain=gain) for swath in swaths], fill)
     used = {**options, "blend": blend if mixed else "nearest", "gain": gain if quantity in LEVELS else None}
     attributes = {"crs": crs, "cell": cell, "fill": fill, **used, "names": lines[0].attrs.get(NAMES.get(quantity, "")),
@@ -285,17 +287,13 @@ def _cell(swaths, cell):
 def _grid(swaths, cell):
     bounds = np.array([swath.bounds() for swath in swaths])
     west, south, east, north = *bounds[:, :2].min(0), *bounds[:, 2:].max(0)
-    cells = (east - west) * (north - south) / cell**2
-    if not cells <= MOST_CELLS:
-        finest = 1.05 * ((east - west) * (north - south) / MOST_CELLS) ** 0.5
-        raise ValueError(f"a map of {east - west:.4g} x {north - south:.4g} m in cells of {cell:g} m has more than "
-                         f"{MOST_CELLS:,} of them; take cells of {finest:.2g} m or more, or fewer lines.")
+    check_cells((east - west, north - south), cell, MOST_CELLS, instead=", or fewer lines")
     work = sum(swath.record.sizes["ping"] * 2 * swath.reach / min(FINEST * cell, swath.bin_width)
                * (1 + swath.spacing / (FINEST * cell)) for swath in swaths)
     if not work <= MOST_SAMPLES:
         raise ValueError(f"so many pings and ranges in cells of {cell:g} m take {work:.2g} samples, more than "
                          f"{MOST_SAMPLES:.2g}; take larger cells.")
-    return SoundingGrid.over((west, south, east, north), cell)
+    return MapGrid.over((west, south, east, north), cell)
 
 
 def _trimmed(chart, quantity):

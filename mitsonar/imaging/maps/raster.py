@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from mitsonar.hydrography.map_grid import check_cells
+
 from ..focused import is_focused
 from .raster_map import FanGrid, FanMap, fan_grid, fan_map, reach
 
@@ -154,10 +156,7 @@ def _layout(record, cell) -> tuple[FanGrid, list[slice]]:
     left, right, near, far = reach(bearing, slant_range)
     width, height = right - left, far - near
     chosen = cell or max(float(np.diff(slant_range).mean()), max(width, height) / SIDE)
-    finest = 1.05 * (width * height / MOST_ELEMENTS) ** 0.5
-    if width * height > MOST_ELEMENTS * chosen**2:
-        raise ValueError(f"a picture of {width:.4g} x {height:.4g} m in elements of {chosen:g} m has more than "
-                         f"{MOST_ELEMENTS:,} of them; take elements of {finest:.2g} m or more.")
+    check_cells((width, height), chosen, MOST_ELEMENTS, what="picture", cells="elements")
     return fan_grid(bearing, slant_range, chosen, downwards), pings
 
 

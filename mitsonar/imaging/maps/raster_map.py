@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
+from mitsonar.hydrography.map_grid import MapGrid
 from mitsonar.units import NOTHING_DB
 
 TURN = 2 * np.pi
@@ -90,9 +91,8 @@ def in_order(bearing: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
 def fan_grid(bearing: np.ndarray, slant_range: np.ndarray, cell: float, downwards: bool = False) -> FanGrid:
     """Return the grid over a fan with elements of a ``cell`` [m]; the sonar lies on a corner of elements."""
     left, right, near, far = reach(bearing, slant_range)
-    x, y = (cell * (np.arange(np.floor(low / cell + EVEN), max(np.ceil(high / cell - EVEN), 1 + np.floor(low / cell)))
-                    + 0.5) for low, high in ((left, right), (near, far)))
-    return FanGrid(x=x, y=y if downwards else y[::-1], cell=cell)
+    grid = MapGrid.over((left, near, right, far), cell, tolerance=EVEN)
+    return FanGrid(x=grid.x, y=grid.y[::-1] if downwards else grid.y, cell=cell)
 
 
 def fan_map(bearing: np.ndarray, slant_range: np.ndarray, grid: FanGrid) -> FanMap:

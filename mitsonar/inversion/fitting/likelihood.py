@@ -142,10 +142,15 @@ def _tamed(deviance: np.ndarray, slope: np.ndarray, weight: np.ndarray, robust: 
     """Return the terms, where deviances above robust² grow as their roots."""
     if robust is None:
         return Terms(deviance=deviance, slope=slope, weight=weight)
-    root = np.sqrt(np.maximum(deviance, 0))
-    less = np.minimum(1, robust / np.maximum(root, robust))
-    tamed = np.where(root > robust, robust * (2 * root - robust), deviance)
+    tamed, less = huber(deviance, robust)
     return Terms(deviance=tamed, slope=less * slope, weight=less * weight)
+
+
+def huber(deviance: np.ndarray, robust: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return deviances that grow as their roots above robust², and the factors of their weights."""
+    root = np.sqrt(np.maximum(deviance, 0))
+    return (np.where(root > robust, robust * (2 * root - robust), deviance),
+            np.minimum(1, robust / np.maximum(root, robust)))
 
 
 def _normal_deviance(robust: float | None) -> float:

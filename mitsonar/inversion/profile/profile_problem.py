@@ -20,6 +20,7 @@ from mitsonar.hydrography.detection.sounding_beams import SoundingBeams
 from mitsonar.propagation.numpy_rays.profile_derivatives import hats
 from mitsonar.water.profile import SoundSpeedProfile
 
+from ..fitting.likelihood import huber
 from ..fitting.steps import LONGER, trust_region_step
 from .profile_answer import WELL, ProfileFit
 
@@ -164,8 +165,7 @@ class ProfileProblem:
 
     def cost(self, state: _ProfileState, noise: float) -> float:
         """Return Φ."""
-        ratio = np.abs(state.rest) / noise
-        data = np.where(ratio <= OUTLIER, ratio ** 2, OUTLIER * (2 * ratio - OUTLIER)).sum()
+        data = huber((state.rest / noise) ** 2, OUTLIER)[0].sum()
         dense, bed = self._off(state)
         sensor = (self.head @ state.speed - self.head_speed) / self.prior.head_deviation
         own = self.precision.copy()
@@ -182,8 +182,7 @@ class ProfileProblem:
         """Weigh residuals, and give the data's normal matrix of the dense unknowns, D⁻¹ Eᵀ, D's solver, the weights."""
         from scipy.sparse.linalg import splu
 
-        ratio = np.abs(state.rest) / noise
-        weight = np.minimum(1, OUTLIER / np.maximum(ratio, 1e-12)) / noise ** 2
+        weight = huber((state.rest / noise) ** 2, OUTLIER)[1] / noise ** 2
         cross = state.by_bed.T @ (weight[:, None] * state.by_dense)                          # (J, K)
         scaled = state.by_bed.multiply(np.sqrt(weight)[:, None]).tocsc()
         solver = splu((scaled.T @ scaled + self.bed_precision).tocsc())

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mitsonar.device.files import FilePath, is_of_the_kernel
+from mitsonar.device.files import CLASSIC, HDF5, TIFF, FilePath, is_of_the_kernel
 
 from ..records.self_contained import DataElsewhere, check_hdf5
 from . import soundings
@@ -115,13 +115,13 @@ def _blocks(file):
         yield words
 
 
-_HDF5 = b"\x89HDF\r\n\x1a\n"
+_HDF5 = HDF5 + b"\r\n\x1a\n"
 _HEIGHTS = ("z", "elevation", "depth", "bathymetry", "bathy", "topo", "topography", "height", "altitude", "band1")
 DRIVERS = ("GTiff", "BAG", "netCDF", "HDF5", "S102", "AAIGrid", "GRASSASCIIGrid", "XYZ", "ZMap", "ISG", "GSAG", "GSBG",
            "GS7BG", "EHdr", "ENVI", "HFA", "RST", "SAGA", "RRASTER", "PCRaster", "USGSDEM", "DTED", "SRTMHGT", "GRIB",
            "GPKG", "BT", "Leveller", "Terragen", "HF2", "SIGDEM", "NWT_GRD", "NWT_GRC", "PNG", "JPEG", "GIF", "BMP")
 _COMPANIONS = (".ovr", ".msk")              # coarser copies and masks, which GDAL opens with any driver
-_RASTERS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"EHFA")
+_RASTERS = (*TIFF, b"II+\0", b"MM\0+", b"EHFA")
 _stderr = threading.Lock()  # Mitsuba loads shapes in parallel
 
 
@@ -296,7 +296,7 @@ def _refuse_cut_classic(path):
     from scipy.io import netcdf_file
 
     with open(path, "rb") as file:
-        if file.read(4) not in (b"CDF\1", b"CDF\2"):
+        if file.read(4) not in CLASSIC[:2]:
             return
     try:
         with warnings.catch_warnings():

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mitsonar.device.earth import transformed
 from mitsonar.device.files import FilePath
 
 from .rasters import MOST_NODES, crs_of, is_metric, refuse_degrees, utm
@@ -279,13 +280,8 @@ def read(path: FilePath, *, crs: str | None = None, nodata: float | None = None)
 
 
 def _in_metres(x, y, z, source):
-    import pyproj
-
     target = utm((x.min() + x.max()) / 2, (y.min() + y.max()) / 2, source)
-    x, y = pyproj.Transformer.from_crs(source.to_wkt(), target.to_wkt(), always_xy=True).transform(x, y)
-    if not (np.isfinite(x).all() and np.isfinite(y).all()):
-        raise ValueError("some soundings have no place in their coordinate system; is it another, or are x and y "
-                         "exchanged?")
+    x, y = transformed(source.to_wkt(), target.to_wkt(), x, y)
     return Soundings(x=x, y=y, z=z, crs=target, source=source)
 
 

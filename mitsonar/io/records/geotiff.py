@@ -23,9 +23,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
+from mitsonar.device.earth import metric_system, origin, system
 from mitsonar.device.files import FilePath, replacing
 from mitsonar.imaging.focused import even_grid
-from mitsonar.imaging.maps.georeference import named_system, system
 from mitsonar.synthetic_aperture.record import check_image
 
 if TYPE_CHECKING:
@@ -144,8 +144,9 @@ def write_focused(image: xr.Dataset, path: FilePath) -> None:
         If the file cannot be written there.
     """
     check_image(image)
-    projection = system(image.attrs)
-    crs = None if projection is None else named_system(projection)
+    crs = system(image.attrs)
+    if crs is not None:
+        metric_system(crs)
     bands = list(_bands(image))
     shape = image.sizes["along_track"], image.sizes["across_track"]
     about = {name: str(image.attrs[name]) for name in FOCUSED_TAGS if image.attrs.get(name) is not None}
@@ -192,6 +193,5 @@ def _transform(image: xr.Dataset) -> Affine:
     if grid is None:
         raise ValueError("the points of this image are no even grid on the map, as those of a slant grid or about a "
                          "circle may not be; focus on a ground grid, or write .exr, .nc or .h5.")
-    origin = np.asarray(image.attrs.get("local_origin") or (0.0, 0.0), float)[:2]
-    corner = origin + grid.first + (rows - 0.5) * grid.ahead - 0.5 * grid.abeam
+    corner = np.array(origin(image.attrs)) + grid.first + (rows - 0.5) * grid.ahead - 0.5 * grid.abeam
     return Affine(grid.abeam[0], -grid.ahead[0], corner[0], grid.abeam[1], -grid.ahead[1], corner[1])

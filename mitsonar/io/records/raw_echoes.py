@@ -140,5 +140,5 @@ def _checked(record: SonarImage | SonarSignals, path: FilePath) -> SonarImage:
     try:
         check_raw(record)
     except ValueError as error:
-        raise ValueError(f"{path} holds no raw echoes: {error}.") from None
+        raise ValueError(f"{path} holds no raw echoes: {str(error).rstrip('.')}.") from None
     return record

@@ -107,8 +107,8 @@ def _exr(path):
     return east - west + 1, south - north + 1, len(channels), 4
 
 
-READERS = ((b"\x89PNG\r\n\x1a\n", _by_pillow("PNG")), (b"\xff\xd8", _by_pillow("JPEG")), (b"BM", _bmp),
-            (b"P6", _plain), (b"PF", _plain), (b"Pf", _plain), (b"\x76\x2f\x31\x01", _exr))
+READERS = ((files.PNG, _by_pillow("PNG")), (files.JPEG, _by_pillow("JPEG")), (b"BM", _bmp),
+            (b"P6", _plain), (b"PF", _plain), (b"Pf", _plain), (files.EXR, _exr))
 
 
 def _shown(error):

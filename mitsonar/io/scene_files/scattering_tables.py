@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from mitsonar.device.files import FilePath, check_readable
+from mitsonar.device.files import CLASSIC, HDF5, FilePath, check_readable
 from mitsonar.scattering.bodies.scattering_functions import AXES, ScatteringTable
 
 from ..records.netcdf import damage_told, dataset_in
@@ -28,7 +28,6 @@ LARGEST_DB = 300.0                 # of a strength, either way
 LARGEST_KHZ = 1e5
 LARGEST_DEG = 360.0
 MOST_VALUES = 20_000_000
-MAGIC = (b"\x89HDF", b"CDF\x01", b"CDF\x02", b"CDF\x05")
 
 
 def read(path: FilePath) -> ScatteringTable:
@@ -51,7 +50,7 @@ def read(path: FilePath) -> ScatteringTable:
     """
     check_readable(path, "the scattering function", "a CSV or netCDF file")
     with open(path, "rb") as file:
-        binary = file.read(4) in MAGIC
+        binary = file.read(4) in (HDF5, *CLASSIC)
     return _from_netcdf(path) if binary else _from_csv(path)
 
 

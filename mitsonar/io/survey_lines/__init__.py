@@ -17,7 +17,7 @@ from collections.abc import Iterator
 
 import xarray as xr
 
-from mitsonar.device.files import FilePath, check_readable, check_writable
+from mitsonar.device.files import FilePath, check_readable, check_writable, checked_suffix
 from mitsonar.hydrography.record import check
 
 from . import lines
@@ -61,10 +61,7 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
     --------
     ``mitsonar.io.survey_lines.write(mitsonar.soundings(scene), "line.gsf")``
     """
-    suffix = os.path.splitext(path)[1].lower()
-    if suffix not in _WRITERS:
-        raise ValueError(f"cannot write {path}: the suffix {suffix!r} names no format of soundings; use one of "
-                         f"{', '.join(SUFFIXES)}.")
+    suffix = checked_suffix(path, SUFFIXES)
     check_writable(path)
     return importlib.import_module(f"{__name__}.{_WRITERS[suffix]}").write(blocks, path, place=place, start=start)
 

@@ -1,14 +1,13 @@
 """Beam directions from the angles at the transmit and the receive array.
 
-    l = (u a_t + v a_r) + w n      n = a_t x a_r / |a_t x a_r|      a_t·l = sin(transmit_angle)      a_r·l = sin(angle)
-
-with a_t along the transmit array (forward), a_r along the receive array (starboard) and n down. With k = a_t·a_r:
-u = (sin t - k sin r)/(1 - k^2), v = (sin r - k sin t)/(1 - k^2), w = sqrt(1 - |u a_t + v a_r|^2). The turn of the ship
-during the travel time, about 0.1 degrees, is neglected: angles from the vertical in files are of one attitude a ping.
+They are those of `sonar.arrays.cones`. The turn of the ship during the travel time, about 0.1 degrees, is neglected:
+angles from the vertical in files are of one attitude a ping.
 """
 from __future__ import annotations
 
 import numpy as np
+
+from mitsonar.sonar.arrays.cones import cone_directions
 
 from .lines import LineToWrite, Ping, rotation
 
@@ -22,11 +21,7 @@ def array_axes(line: LineToWrite, head: int | None = None) -> tuple[np.ndarray, 
 def level(line: LineToWrite, ping: Ping) -> np.ndarray:
     """Return the unit vectors (B, 3) of a ping's beams: forward, starboard, down of the levelled ship."""
     along, across = array_axes(line, int(ping["head"]) if "head" in ping else None)
-    skew = float(along @ across)
-    sent, received = np.sin(ping["transmit_angle"])[:, None], np.sin(ping["angle"])[:, None]
-    flat = ((sent - skew * received) * along + (received - skew * sent) * across) / (1 - skew**2)
-    down = np.cross(along, across) / np.sqrt(1 - skew**2)
-    away = flat + np.sqrt(np.maximum(1 - np.sum(flat**2, axis=1, keepdims=True), 0)) * down
+    away = cone_directions(along, across, np.sin(ping["transmit_angle"]), np.sin(ping["angle"]), least=0.0)
     return away @ rotation(float(ping["ping_roll"]), float(ping["ping_pitch"]), 0.0).T
 
 

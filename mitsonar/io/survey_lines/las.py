@@ -11,6 +11,7 @@ import datetime
 import laspy
 import numpy as np
 
+from mitsonar.device.earth import metric_system
 from mitsonar.device.files import FilePath, replacing
 from mitsonar.hydrography.record import VARIABLES
 from mitsonar.version import __version__
@@ -61,13 +62,7 @@ def _header(line, extra, crs):
     header.creation_date = datetime.datetime.fromtimestamp(line.start, datetime.timezone.utc).date()
     header.generating_software, header.system_identifier = f"mitsonar {__version__}", "simulation"
     if crs is not None:
-        from pyproj import CRS
-        from pyproj.exceptions import CRSError
-
-        try:
-            header.add_crs(CRS.from_user_input(crs))
-        except CRSError:
-            raise ValueError(f"the line's coordinate system {crs[:80]!r} is none that PROJ knows.") from None
+        header.add_crs(metric_system(crs))
     return header
 
 

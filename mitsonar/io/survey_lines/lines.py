@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from mitsonar.device.earth import Frame, origin
 from mitsonar.hydrography.record import VARIABLES, check
 from mitsonar.version import __version__
-
-from ..tracks.navigation import Frame
 
 # Variables that formats of soundings hold; those of a water column; those of a line of several heads.
 SOUNDINGS = frozenset({
@@ -119,11 +118,7 @@ def line_of(blocks: Blocks, *, place: Place | None = None,     # (latitude, long
     elif place is not None:
         raise ValueError(f"the line lies in {crs}, so its place is known; leave place out.")
     else:
-        try:
-            east, north = np.asarray(first.attrs.get("origin", (0.0, 0.0)), float).tolist()
-        except (TypeError, ValueError):
-            raise ValueError(f"the line's origin is {first.attrs['origin']!r}; give easting and northing.") from None
-        frame, placed = Frame(crs=str(crs), origin=(float(east), float(north))), ""
+        frame, placed = Frame(crs=str(crs), origin=origin(first.attrs, "origin", "the line")), ""
     since = _seconds(first.attrs.get("start") if start is None else start)
     return LineToWrite(first=first, start=since, frame=frame, placed=placed), _alike(first, remaining)
 

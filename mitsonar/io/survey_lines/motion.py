@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .places import Zone, across_and_along, from_sensor, levelled, zone_of
+from mitsonar.device.earth import Frame
+
+from .places import across_and_along, from_sensor, levelled
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -24,9 +26,10 @@ STIFFNESS = 1e-6                   # of splines where there are no samples, rela
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionSamples:
-    """Motion of a vessel in the plane of a zone."""
+    """Motion of a vessel in the frame of its line, in the UTM zone (UPS beyond 84 degrees) of its first position."""
 
-    zone: Zone
+    frame: Frame
+    convergence: float  # [rad]: from true to grid north at the first position, clockwise
     streams: dict[str, np.ndarray]  # (M,): time, x, y, depth, roll, pitch, heading
     fixes: np.ndarray  # (P, 3) [s], [m], [m]: time, x and y of the position sensor
     antenna: np.ndarray  # (3,) [m]: its lever arm
@@ -70,18 +73,20 @@ def motion_of(attitude: np.ndarray,        # (M, 5): time [s], roll, pitch, head
     positions = positions[np.unique(positions[:, 0], return_index=True)[1]] if len(positions) else positions
     if not len(positions):
         raise ValueError("it has no position of the vessel.")
-    zone = zone_of(positions[0, 1], positions[0, 2])
+    longitude, latitude = positions[:, 1], positions[:, 2]
+    frame = Frame.in_zone(latitude[0], longitude[0])
+    convergence = float(frame.convergence(latitude[0], longitude[0]))
     attitude = attitude[np.unique(attitude[:, 0], return_index=True)[1]] if len(attitude) else attitude
     attitude = attitude[np.isfinite(attitude).all(1)]
     if not len(attitude):
         attitude = np.column_stack([positions[:, 0], np.zeros((len(positions), 4))])
     roll, pitch, heading = from_sensor(attitude[:, 1], attitude[:, 2], attitude[:, 3],
                                        np.zeros(3) if mounting is None else mounting)
-    time, heading = attitude[:, 0] - start, np.unwrap(heading + zone.convergence)
-    x, y = zone.places(positions[:, 1], positions[:, 2])
+    time, heading = attitude[:, 0] - start, np.unwrap(heading - convergence)
+    x, y = frame.places(latitude, longitude).T
     fixes, antenna = np.column_stack([positions[:, 0] - start, x, y]), np.zeros(3) if antenna is None else antenna
     x, y = _carried(time, fixes, antenna, roll, pitch, heading)
-    return MotionSamples(zone=zone, fixes=fixes, antenna=antenna, streams={
+    return MotionSamples(frame=frame, convergence=convergence, fixes=fixes, antenna=antenna, streams={
         "time": time, "x": x, "y": y, "roll": roll, "pitch": pitch, "heading": heading,
         "depth": attitude[:, 4] - waterline})
 

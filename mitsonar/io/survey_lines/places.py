@@ -1,60 +1,13 @@
-"""Convert positions from degrees to metres of a zone, and attitudes and lever arms between sensor, vessel and level.
+"""Convert attitudes and lever arms between sensor, vessel and level, and distances on the track to places.
 
-The zone is the UTM zone (UPS beyond 84 degrees) of the line's first position. Offsets of soundings from their ping are
-not multiplied by the zone's scale (0.9996 to 1.0010): distances of a record are metres, as those of a scene. Headings
-are clockwise from grid north, so that x and y follow from them.
+Offsets of soundings from their ping are not multiplied by the scale of the line's zone (0.9996 to 1.0010): distances of
+a record are metres, as those of a scene. Headings are clockwise from grid north, so that x and y follow from them.
 """
 from __future__ import annotations
-
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
-
-STEP = 1e-5                        # [degrees] of latitude over which the direction of north is measured
-
-
-@dataclass(frozen=True, kw_only=True)
-class Zone:
-    """Plane of projection of a line."""
-
-    crs: str
-    origin: tuple[float, float]  # [m]: easting and northing of x = y = 0
-    convergence: float  # [rad]: bearing of true north there, clockwise from grid north
-
-    @cached_property
-    def _projection(self):
-        import pyproj
-
-        return pyproj.Transformer.from_crs("EPSG:4326", self.crs, always_xy=True)
-
-    def places(self, longitude: np.ndarray, latitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return x and y [m] of longitudes and latitudes [degrees], NaN where these are invalid."""
-        on_earth = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360)
-        east, north = self._projection.transform(np.where(on_earth, longitude, np.nan),
-                                                 np.where(on_earth, latitude, np.nan))
-        return (np.where(np.isfinite(east), east - self.origin[0], np.nan),
-                np.where(np.isfinite(north), north - self.origin[1], np.nan))
-
-
-def zone_of(longitude: float, latitude: float) -> Zone:
-    """Return the zone of a position [degrees]."""
-    import pyproj
-
-    if not (abs(latitude) <= 90 and abs(longitude) <= 360):
-        raise ValueError(f"the first position is {latitude:g}, {longitude:g} degrees, nowhere on Earth.")
-    if abs(latitude) > 84:
-        crs = f"EPSG:{5041 if latitude > 0 else 5042}"
-    else:
-        crs = f"EPSG:{326 if latitude >= 0 else 327}{int((longitude + 180) % 360 // 6) + 1:02d}"
-    projection = pyproj.Transformer.from_crs("EPSG:4326", crs, always_xy=True)
-    east, north = projection.transform(longitude, latitude)
-    step = -STEP if latitude > 0 else STEP        # towards the equator: a pole has no north
-    next_east, next_north = projection.transform(longitude, latitude + step)
-    convergence = np.arctan2((next_east - east) / step, (next_north - north) / step)
-    return Zone(crs=crs, origin=(float(np.round(east)), float(np.round(north))), convergence=float(convergence))
 
 
 def levelled(offset: np.ndarray, roll: ArrayLike, pitch: ArrayLike) -> np.ndarray:

@@ -1,12 +1,8 @@
 """Navigation in files, and its conversion to a scene: east and north in metres about the scene's origin.
 
 A file's positions are metres of its own, metres of a projection (eastings and northings), or degrees of latitude and
-longitude on WGS 84. A `Frame` is the place on Earth of a scene's x = y = 0. Degrees are projected to its coordinate
-system by PROJ; the convergence of the meridians is subtracted from headings, which refer to true north:
-
-    heading from the scene's y axis = heading from true north - convergence
-
-(convergence: from true to grid north, clockwise; Snyder, Map Projections, 1987, p. 19).
+longitude on WGS 84. Degrees are projected to the coordinate system of a `Frame` (`device.earth`); the convergence of
+the meridians is subtracted from headings, which refer to true north.
 """
 from __future__ import annotations
 
@@ -16,114 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from mitsonar.device.earth import Frame
 from mitsonar.device.files import FilePath
 from mitsonar.sonar.motion.track import Track
 
-WGS84 = "EPSG:4326"
 _COURSE_TIME = 1.0                 # [s] before and after, over which a course is measured
 _SLOWEST = 0.1                     # [m/s] at which there is a course
 _REPEATED = 0.2                    # share of positions that repeat the one before, where fixes are repeated
 _FEWEST = 4                        # fixes that are
 _STANDS = 3.0                      # times as long as fixes usually are repeated, a platform stands still
-
-
-@dataclass(frozen=True, kw_only=True)
-class Frame:
-    """Position of a scene on Earth.
-
-    Parameters
-    ----------
-    crs : str
-        Coordinate system in metres, as an EPSG code, WKT or PROJ string; empty if unknown.
-    origin : tuple of 2 floats [m]
-        Easting and northing of x = y = 0.
-    """
-
-    crs: str
-    origin: tuple[float, float] = (0.0, 0.0)
-
-    @classmethod
-    def about(cls, latitude_deg: float, longitude_deg: float) -> Frame:
-        """Make a frame centred at a point: transverse Mercator, with scale 1 and grid north = true north there."""
-        return cls(crs=f"+proj=tmerc +lat_0={latitude_deg:.9f} +lon_0={longitude_deg:.9f} +k=1 +x_0=0 +y_0=0 "
-                       "+datum=WGS84 +units=m +no_defs")
-
-    def project(self, latitude_deg: np.ndarray, longitude_deg: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Project points on WGS 84.
-
-        Parameters
-        ----------
-        latitude_deg, longitude_deg : array (P,) [degrees]
-
-        Returns
-        -------
-        position : array (P, 2) [m]
-            East and north of the origin.
-        convergence : array (P,) [rad]
-            From true north to the y axis, clockwise.
-
-        Raises
-        ------
-        ValueError
-            If the frame has no coordinate system, or one without metres, or a point lies outside its area.
-        """
-        import pyproj
-
-        if not self.crs:
-            raise ValueError("the seabed's file names no coordinate system, so latitudes and longitudes have no place "
-                             'over it; say the bathymetry\'s crs, such as "EPSG:32632".')
-        crs = pyproj.CRS.from_user_input(self.crs)
-        if not crs.is_projected:
-            raise ValueError(f"the seabed's coordinate system {crs.name} is not one in metres; latitudes and "
-                             "longitudes cannot be laid over it.")
-        east, north = pyproj.Transformer.from_crs(WGS84, crs, always_xy=True).transform(longitude_deg, latitude_deg)
-        outside = np.flatnonzero(~(np.isfinite(east) & np.isfinite(north)))
-        if outside.size:
-            first = outside[0]
-            raise ValueError(f"{latitude_deg[first]:.5f} N {longitude_deg[first]:.5f} E lies outside what {crs.name} "
-                             "can map; check the coordinates.")
-        factors = pyproj.Proj(crs).get_factors(longitude_deg, latitude_deg)
-        return np.stack([east, north], -1) - self.origin, np.deg2rad(factors.meridian_convergence)
-
-    def on_globe(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return latitudes and longitudes of points: the inverse of `project`.
-
-        Parameters
-        ----------
-        position : array (P, 2) [m]
-            East and north of the origin.
-
-        Returns
-        -------
-        latitude_deg, longitude_deg : array (P,) [degrees]
-            On WGS 84.
-        convergence : array (P,) [rad]
-            From true north to the y axis, clockwise.
-
-        Raises
-        ------
-        ValueError
-            If the frame has no coordinate system that PROJ knows, or one without metres, or a point lies where it does
-            not reach.
-        """
-        import pyproj
-        from pyproj.exceptions import ProjError
-
-        try:
-            crs = pyproj.CRS.from_user_input(self.crs)
-            if not crs.is_projected:
-                raise ValueError(f"the coordinate system {crs.name} is not one in metres; give a projected one.")
-            projection = pyproj.Transformer.from_crs(crs, WGS84, always_xy=True)
-        except ProjError as error:
-            raise ValueError(f"the coordinate system {self.crs[:80]!r} is none that PROJ knows "
-                             f"({' '.join(str(error).split())[:80]}).") from None
-        place = np.asarray(position, float) + self.origin
-        longitude, latitude = projection.transform(place[:, 0], place[:, 1])
-        if not (np.isfinite(longitude) & np.isfinite(latitude)).all():
-            raise ValueError(f"the track lies outside what {crs.name} can map; check the origin and the coordinate "
-                             "system.")
-        factors = pyproj.Proj(crs).get_factors(longitude, latitude)
-        return latitude, longitude, np.deg2rad(factors.meridian_convergence)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mitsonar.device.earth import Frame, origin, system
 from mitsonar.units import deg_from_radians, knots_from_metres_per_second
-
-from ..tracks.navigation import Frame
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -75,8 +74,6 @@ class XtfPassage:
 
 def passage_of(record: xr.Dataset, start: float, geographic: bool) -> XtfPassage:
     """Return the passage of a record whose time 0 is ``start`` [s since 1970]."""
-    from mitsonar.imaging.maps.georeference import origin, system  # which needs xarray, and tracks are read without
-
     time = np.asarray(record["ping_time"].values, float)
     scene = np.stack([np.asarray(record[axis].values, float) for axis in "xyz"], -1)
     east, north = origin(record.attrs)

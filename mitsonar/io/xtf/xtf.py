@@ -23,9 +23,9 @@ import numpy as np
 import pyxtf
 import xarray as xr
 
+from mitsonar.device.earth import FARTHEST, origin, system
 from mitsonar.device.files import FilePath, replacing
 from mitsonar.imaging.gain import Tvg
-from mitsonar.imaging.maps.georeference import origin, system
 from mitsonar.version import __version__
 
 from .pings import XtfPassage, navigation, passage_of, ping_headers, structure
@@ -34,7 +34,7 @@ from .samples import Scale, scale_of
 MOST_RECORDS = 3                   # two channels each; the header has room for six
 SIDES = ("port", "starboard")
 NEEDED = ("ping_time", "x", "y", "z", "roll", "pitch", "heading", "altitude")
-FARTHEST, LOUDEST_DB = 1e8, 300.0           # [m], [dB re 1 µPa]
+LOUDEST_DB = 300.0                 # [dB re 1 µPa]
 ANGLES = ("beam_width", "vertical_beam_width", "depression_angle")      # attributes that need not be there
 SAME_TIME, SAME_PLACE = 1e-6, 1e-3          # [s], [m]
 

@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.colors import Colormap, to_rgb
 from PIL import GifImagePlugin, Image
 
-from mitsonar.device.files import FilePath, check_writable, replacing
+from mitsonar.device.files import FilePath, check_writable, checked_suffix, replacing
 
 from .. import canvas
 
@@ -54,15 +54,13 @@ def check_movie(path: FilePath) -> str:
     """Check that frames can be written to a path, before any work is spent on them, and return its suffix."""
     target = Path(os.path.abspath(path))
     kind = target.suffix.lower()
-    if kind not in ("", *KINDS):
-        raise ValueError(f"cannot write the video {path}: its name must end in {' or '.join(KINDS)}, or be that of a "
-                         "folder for PNG files, without a suffix.")
     if kind == "":
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
             obstacle = "a folder with files" if target.is_dir() else "a file"
             raise ValueError(f"cannot write frames to {path}: it is {obstacle}; give another name.")
         check_writable(target.parent / "frame.png")
         return kind
+    checked_suffix(path, KINDS, ", or be that of a folder for PNG files, without a suffix", what="the video")
     check_writable(path)
     if kind == ".mp4":
         _video_packages(path)

@@ -1,9 +1,4 @@
-"""Curves over the angle from the vertical: means and spread in bins of equal width.
-
-Orders of the International Hydrographic Organization allow at 95 % confidence a total vertical uncertainty of
-
-    TVU(d) = (a² + (b d)²)^½         a [m], b, d depth [m]          (S-44, edition 6.1.0, 2022, table 1)
-"""
+"""Curves over the angle from the vertical: means and spread in bins of equal width."""
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -13,11 +8,11 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from mitsonar.hydrography.reduction.ray_paths import head_of, refraction_error, used_profile, water_profile
+from mitsonar.hydrography.survey_orders import vertical_orders
 from mitsonar.units import db_from_power, power_from_db
 
 from .line_sheet import CAUSES, METHODS, curve_axes, key_above, sounded, vertical_angle
 
-ORDERS = {"exclusive": (0.15, 0.0075), "special": (0.25, 0.0075), "1a, 1b": (0.5, 0.013), "2": (1.0, 0.023)}  # a, b
 WIDTHS = (0.5, 1.0, 2.0, 5.0, 10.0)            # of bins [deg]
 MOST, FULL = 90, 0.8               # most bins, and most bins per beam, so that few bins are empty
 LEAST_SHARE = 1e-3                 # of the largest error: smaller errors are not drawn
@@ -80,12 +75,6 @@ def _known(line: xr.Dataset, *names: str) -> list[str]:
     return known
 
 
-def total_vertical_uncertainty(order: str, depth: np.ndarray) -> np.ndarray:
-    """Return the total vertical uncertainty that an order of S-44 allows at 95 % confidence [m] in a depth [m]."""
-    fixed, share = ORDERS[order]
-    return np.hypot(fixed, share * depth)
-
-
 def draw_smile(axes: Axes, line: xr.Dataset, theory: tuple[np.ndarray, np.ndarray] | None = None) -> None:
     """Draw the mean error of soundings by its causes, with its standard deviation, over the angle."""
     bins = angle_bins(line)
@@ -127,9 +116,9 @@ def draw_exceeded(axes: Axes, line: xr.Dataset) -> None:
         axes.plot(bins.angle, np.where(within > 0, within, np.nan), color=CAUSES[name][1], linestyle=CAUSES[name][2],
                   linewidth=1.6, marker="o" if bins.angle.size == 1 else None)
     depth = bins.mean(bins.values(line["depth"].values))
-    ends = []
-    for order in ORDERS:
-        allowed = total_vertical_uncertainty(order, depth)
+    orders, ends = vertical_orders(), []
+    for order in orders.values():
+        allowed = order.vertical(depth)
         axes.plot(bins.angle, allowed, color="#777777", linewidth=1, linestyle=(0, (6, 3)),
                   marker="_" if bins.angle.size == 1 else None)
         ends.append(allowed[-1])
@@ -137,7 +126,7 @@ def draw_exceeded(axes: Axes, line: xr.Dataset) -> None:
     low, high = axes.get_ylim()
     low = max(low, LEAST_SHARE * high)
     axes.set_ylim(low, high)
-    for order, up in zip(ORDERS, _apart(np.log(np.array(ends) / low) / np.log(high / low), ORDER_GAP), strict=True):
+    for order, up in zip(orders, _apart(np.log(np.array(ends) / low) / np.log(high / low), ORDER_GAP), strict=True):
         axes.text(1.01, up, f"S-44 {order}", transform=axes.transAxes, fontsize=9, va="center", color="#555555")
     curve_axes(axes, ANGLE, "|error| [m]\n95 % of soundings")
 

@@ -11,8 +11,8 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 from matplotlib.transforms import IdentityTransform
 
+from mitsonar.device.earth import Frame
 from mitsonar.device.files import FilePath
-from mitsonar.io.tracks.navigation import Frame
 from mitsonar.planning.area import corners
 from mitsonar.planning.plan import SurveyLine, SurveyPlan
 

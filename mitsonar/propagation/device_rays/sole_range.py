@@ -31,6 +31,8 @@ import numpy as np
 
 from mitsonar.water.profile import SoundSpeedProfile
 
+from ..numpy_rays.layer_arcs import LayerArc
+
 CELLS = 224                    # approximate number of depth cells
 SINE_STEP = 1.5e-3
 BEYOND = 8                     # cells of the uniform water on either side, as deep together as the profile
@@ -151,12 +153,13 @@ def _bounds(grid: np.ndarray, fast: np.ndarray, at_edge: np.ndarray, near: np.nd
     # where the steepest ray does not pass, no ray does
     blocked = np.maximum.accumulate(below & (sines[0] <= 0), axis=1)
     steepest, levelest = (np.sqrt(np.maximum(square, 0)) for square in sines)
-    total = np.diff(grid) * (fast[1:] + fast[:-1])
+    layers = np.diff(grid), fast[:-1], fast[1:]
     passed = below[:, 1:]                                              # grid layers that end below the near node
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        reach = np.where(passed, steep[:, None] * total / (steepest[:, 1:] + steepest[:, :-1]), 0)
+        arcs = [LayerArc(*layers, sines[:, :-1], sines[:, 1:]) for sines in (steepest, levelest)]
+        reach = np.where(passed, steep[:, None] * arcs[0].stretch, 0)
         share = np.maximum(_ratio(left[:, None], levelest[:, :-1]), right[:, None] / np.maximum(steepest[:, :-1], TINY))
-        tilt = level[:, None] ** 2 * total * share / (levelest[:, 1:] * (levelest[:, 1:] + levelest[:, :-1]))
+        tilt = level[:, None] ** 2 * arcs[1].stretch * share / levelest[:, 1:]
         tilt = np.where(passed, np.where(np.isnan(tilt), np.inf, tilt), 0)
         # within the layer that they turn in
         turns_at = near - (1 / level - near_speed) / gradient

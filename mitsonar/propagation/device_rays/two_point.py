@@ -25,8 +25,8 @@ import numpy as np
 from mitsonar.device.arrays import upload
 from mitsonar.device.types import ArrayTypes, Bool, Float, Float64, Record, UInt32
 
+from .device_arcs import arc_length, arc_step, arc_time, first_layer, wavefront_step
 from .layer_table import LayerTable
-from .ray_fans import arc_step, first_layer, wavefront_step
 
 SERIES_LIMIT = 2e-6
 FAR_OFF = 0.02             # [m] a walked ray that passes its hit by more is aimed again
@@ -118,29 +118,6 @@ def _series(table: LayerTable, lib: ArrayTypes, p: Float64, x: Float64, z: Float
         1 + a2 * (0.375 - 0.5 * b1 + b2) + a3 * (-0.3125 + 0.375 * b1 - 0.5 * b2 + b3)
         + a4 * (35 / 128 - 0.3125 * b1 + 0.375 * b2 - 0.5 * b3 + b4))
     return time, slope * per_root, arc, per_p * per_root, p, c, a4, first_miss
-
-
-def arc_time(c1: Float64, c2: Float64, g: Float64, d2: Float64) -> Float64:
-    """Return the two-point time in one layer, (d/√(c1c2)) asinh(u)/u with u² = g² d²/(4 c1 c2)."""
-    product = c1 * c2
-    u2 = 0.25 * g * g * d2 / product
-    ratio = dr.fma(u2, 6435 / 557056, -143 / 10240)
-    for coefficient in (231 / 13312, -63 / 2816, 35 / 1152, -5 / 112, 3 / 40, -1 / 6, 1.0):
-        ratio = dr.fma(ratio, u2, coefficient)
-    u = dr.sqrt(u2)
-    ratio = dr.select(u2 > 0.02, dr.asinh(u) / dr.maximum(u, 1e-9), ratio)
-    return dr.sqrt(d2 / product) * ratio
-
-
-def arc_length(curvature: Float64, d2: Float64) -> Float64:
-    """Return the length of an arc over its chord, d asin(w)/w with w² = κ² d²/4."""
-    w2 = 0.25 * curvature * curvature * d2
-    ratio = 35 / 1152 + w2 * 63 / 2816
-    for coefficient in (5 / 112, 3 / 40, 1 / 6, 1.0):
-        ratio = dr.fma(ratio, w2, coefficient)
-    w = dr.minimum(dr.sqrt(w2), 1)
-    ratio = dr.select(w2 > 0.02, dr.asin(w) / dr.maximum(w, 1e-9), ratio)
-    return dr.sqrt(d2) * ratio
 
 
 @dr.syntax

@@ -136,7 +136,7 @@ def _find(profile: SoundSpeedProfile, source_depth: ArrayLike, target_depth: Arr
     source, target, horizontal_range = _checked(source_depth, target_depth, horizontal_range)
     shape = source.shape
     source, target, horizontal_range = source.ravel(), target.ravel(), horizontal_range.ravel()
-    mirrored = SoundSpeedProfile(-profile.depth[::-1], profile.sound_speed[::-1])
+    mirrored = profile.upside_down()
     size = max(1, BATCH // (profile.depth.size + 1))
     cases, rays = [np.empty(0, int)], [np.empty((len(FIELDS), 0))]
     for start in range(0, source.size, size):

@@ -1,12 +1,4 @@
-"""One pass of a ray through layers of constant gradient, in forms that stay exact as the gradient goes to zero.
-
-A ray keeps p = cos(theta) / c. A layer of thickness h runs from c1 to c2 = c1 + d; the sines of the grazing angle at
-its ends are s1 and s2:
-
-    a = h (c1 + c2) / (s1 + s2)
-    range    x = p a                                     dx/dp = a / (s1 s2)
-    time     t = (2 h / e) atanh(d / e) / (d / e)        e = c2 s1 + c1 s2
-    length   l = (2 h / (s1 + s2)) atan(w) / w           w = p d / (s1 + s2)
+"""One pass of a ray through layers of constant gradient (`layer_arcs`), cut to size for a batch of rays.
 
 The sine at any depth follows from the grazing angle at the fastest depth of the pass (speed ``fastest``), without the
 cancellation of 1 - (p c)^2:
@@ -15,13 +7,15 @@ cancellation of 1 - (p c)^2:
 
 `Layers` holds h, c and 1 - (c / fastest)^2 for a batch of rays; ``sine`` and ``cosine`` are those at the fastest depth.
 """
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from mitsonar.water.profile import SoundSpeedProfile
+
+from .layer_arcs import LayerArc
 
 
 class Pass(NamedTuple):
@@ -48,7 +42,7 @@ class Layers:
     @classmethod
     def between(cls, profile: SoundSpeedProfile, *depths: np.ndarray, passes: Sequence[int] = (1,)) -> "Layers":
         """Cut the profile at depths (N,) [m] that go downwards; the k-th stretch is crossed ``passes[k]`` times."""
-        gradients = np.r_[0.0, np.diff(profile.sound_speed) / np.diff(profile.depth), 0.0]
+        gradients = profile.gradients
         edges, slopes, repeats, ends = [depths[0][:, None]], [], [], [0]
         for upper, lower, count in zip(depths, depths[1:], passes):
             first, last = np.searchsorted(profile.depth, [upper.min(), lower.max()])
@@ -74,49 +68,19 @@ class Layers:
         """Return the sines (N, L+1) at all edges."""
         return np.sqrt((sine**2)[:, None] + (cosine**2)[:, None] * self.deficit)
 
-    def stretch(self, sines: np.ndarray) -> np.ndarray:
-        """Return a = h (c1 + c2) / (s1 + s2) of every layer (N, L) [m^2/s]."""
-        return self.thickness * (self.speed[:, :-1] + self.speed[:, 1:]) / (sines[:, :-1] + sines[:, 1:])
+    def arcs(self, sines: np.ndarray) -> LayerArc:
+        """Return the arcs (N, L) through every layer, of rays with sines (N, L+1) at the edges."""
+        return LayerArc(self.thickness, self.speed[:, :-1], self.speed[:, 1:], sines[:, :-1], sines[:, 1:])
 
     def reach(self, sine: np.ndarray, cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return only x / p and dx/dp (N,), for a search."""
-        sines = self.sines(sine, cosine)
-        stretch = self.stretch(sines)
-        return stretch @ self.passes, (stretch / (sines[:, :-1] * sines[:, 1:])) @ self.passes
+        arcs = self.arcs(self.sines(sine, cosine))
+        return arcs.stretch @ self.passes, arcs.slope @ self.passes
 
     def cross(self, sine: np.ndarray, cosine: np.ndarray) -> Pass:
         """Return all sums of a `Pass`."""
         sines = self.sines(sine, cosine)
-        upper, lower = sines[:, :-1], sines[:, 1:]
-        stretch = self.stretch(sines)
-        step = np.diff(self.speed)
-        across = self.speed[:, 1:] * upper + self.speed[:, :-1] * lower
-        time = 2 * self.thickness / across * atanh_ratio(step / across)
-        bend = (cosine / self.fastest)[:, None] * step / (upper + lower)
-        length = 2 * self.thickness / (upper + lower) * atan_ratio(bend)
-        return Pass(stretch @ self.passes, (stretch / (upper * lower)) @ self.passes, time @ self.passes,
+        arcs = self.arcs(sines)
+        length = arcs.length((cosine / self.fastest)[:, None])
+        return Pass(arcs.stretch @ self.passes, arcs.slope @ self.passes, arcs.time @ self.passes,
                     length @ self.passes, sines[:, self.ends])
-
-
-SERIES_LIMIT = 0.003  # of y^2: the first term left out of the series is 1e-19 there
-
-
-def atanh_ratio(y: np.ndarray) -> np.ndarray:
-    """Return atanh(y) / y for |y| < 1, exact at zero."""
-    return _ratio(y, np.arctanh, 1.0)
-
-
-def atan_ratio(y: np.ndarray) -> np.ndarray:
-    """Return atan(y) / y, exact at zero."""
-    return _ratio(y, np.arctan, -1.0)
-
-
-def _ratio(y: np.ndarray, function: Callable[[np.ndarray], np.ndarray], sign: float) -> np.ndarray:
-    square = sign * y * y
-    total = np.full_like(square, 1 / 13)
-    for n in (11, 9, 7, 5, 3, 1):
-        total *= square
-        total += 1 / n
-    large = np.abs(square) > SERIES_LIMIT
-    total[large] = function(y[large]) / y[large]
-    return total

@@ -64,7 +64,7 @@ def ray_derivatives(profile: SoundSpeedProfile, source_depth: ArrayLike, target_
     integrals = np.full((2, len(time), nodes), np.nan)
     spread = np.full(len(time), np.nan)
     upwards = turning < np.minimum(*ends)
-    mirrored = SoundSpeedProfile(-profile.depth[::-1], profile.sound_speed[::-1])
+    mirrored = profile.upside_down()
     size = max(1, BLOCK // (nodes + 2))
     for water, sign, kind in ((profile, 1, ~upwards), (mirrored, -1, upwards)):
         some = np.flatnonzero(exists & ~level & kind)
@@ -136,10 +136,11 @@ class _LayerSums:
     def __init__(self, profile: SoundSpeedProfile, parameter: np.ndarray, sines: np.ndarray):
         """Begin with rays of parameter (N,) and sines (2, N) at the upper and the lower end."""
         self.profile, self.parameter, self.sines = profile, parameter, sines
-        self.slopes = np.r_[0.0, np.diff(profile.sound_speed) / np.diff(profile.depth), 0.0]
+        self.slopes = profile.gradients
         self.integrals = np.zeros((2, len(parameter), profile.depth.size))
         self.spread = np.zeros(len(parameter))
 
+    @np.errstate(divide="ignore", invalid="ignore")       # of vertical rays and in the form that a layer does not use
     def follow(self, upper: np.ndarray, lower: np.ndarray, turning: np.ndarray) -> None:
         """Add rays between two depths (N,), over a turning depth where that is not NaN."""
         nodes, turned = self.profile.depth, np.isfinite(turning)

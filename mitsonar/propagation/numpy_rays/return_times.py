@@ -270,7 +270,7 @@ def leg_integrals(profile: SoundSpeedProfile, depth: float, target: np.ndarray,
         cosine = p * layers.fastest
         sines = layers.sines(np.sqrt(np.maximum((1 - cosine) * (1 + cosine), TINY)), cosine)
         c1, c2, s1, s2 = layers.speed[:, :-1], layers.speed[:, 1:], sines[:, :-1], sines[:, 1:]
-        y, product = layers.stretch(sines), s1 * s2
+        y, product = layers.arcs(sines).stretch, s1 * s2
         ratio = (c1**2 + c2**2 - (p[:, None] * c1 * c2) ** 2) / (1 + product) / product
         bend = (c2 - c1) * (c2 + c1) / (s1 + s2)
         sums[:3, block] = y.sum(1), (y * ratio).sum(1), (y * (ratio**2 + bend**2 / (3 * product**3))).sum(1)

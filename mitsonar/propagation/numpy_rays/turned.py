@@ -17,6 +17,7 @@ import numpy as np
 
 from mitsonar.water.profile import SoundSpeedProfile
 
+from .layer_arcs import TurningArc
 from .layers import Layers
 
 TINY_SINE = 1e-80  # stands for a horizontal ray: no division by zero and no overflow
@@ -129,7 +130,7 @@ def _passed(profile: SoundSpeedProfile, cases: Cases, intervals: Intervals) -> t
     upper, lower, horizontal_range = (field[intervals.case] for field in cases)
     near = np.maximum(profile.depth[intervals.node], lower)
     layers = Layers.between(profile, upper, lower, near, passes=(1, 2))
-    gradient = (np.diff(profile.sound_speed) / np.diff(profile.depth))[intervals.node]
+    gradient = profile.gradients[intervals.node + 1]
     return layers, gradient, horizontal_range
 
 
@@ -140,10 +141,10 @@ def _judge(profile: SoundSpeedProfile, cases: Cases, intervals: Intervals) -> tu
     for sine in (intervals.left, intervals.right):
         cosine = np.sqrt((1 - sine) * (1 + sine))
         sines = layers.sines(sine, cosine)
-        stretch = layers.stretch(sines)
+        stretch = layers.arcs(sines).stretch
         parameter = cosine / layers.fastest
         passed.append(parameter * (stretch @ layers.passes))
-        arc.append(2 * sines[:, -1] / (parameter * gradient))
+        arc.append(TurningArc(parameter, gradient, sines[:, -1]).range)
         # -dX/d(sine) of a layer is steepness, which falls with the sine, times share, which grows; the arc's grows.
         smaller, larger = np.minimum(sines[:, :-1], sines[:, 1:]), np.maximum(sines[:, :-1], sines[:, 1:])
         steepness.append(stretch / larger / (cosine * layers.fastest)[:, None])
@@ -179,20 +180,18 @@ def _solve(profile: SoundSpeedProfile, cases: Cases, brackets: Intervals) -> tup
     passed = layers.cross(sine, cosine)
     parameter = cosine / layers.fastest
     upper_sine, lower_sine, near_sine = passed.sines.T
-    found = parameter * passed.range_per_parameter + 2 * near_sine / (parameter * gradient)
-    near_cosine = np.sqrt((1 - near_sine) * (1 + near_sine))
-    near_speed = layers.speed[:, -1]
+    arc = TurningArc(parameter, gradient, near_sine)
+    found = parameter * passed.range_per_parameter + arc.range
     return (
         brackets.case,
         # Fermat: the time to the range asked for follows from the time to the range found to second order.
-        passed.travel_time + 2 * np.arctanh(near_sine) / gradient + parameter * (horizontal_range - found),
-        passed.arc_length + 2 * np.arcsin(near_sine) / (parameter * gradient),
+        passed.travel_time + arc.time + parameter * (horizontal_range - found),
+        passed.arc_length + arc.length,
         parameter,
-        passed.range_slope - 2 / (parameter**2 * gradient * near_sine),
+        passed.range_slope + arc.slope,
         upper_sine,
         lower_sine,
-        np.maximum(profile.depth[brackets.node], cases[1][brackets.case])
-        + near_speed * near_sine**2 / (near_cosine * (1 + near_cosine)) / gradient,
+        np.maximum(profile.depth[brackets.node], cases[1][brackets.case]) + arc.depth(layers.speed[:, -1]),
     )
 
 
@@ -203,7 +202,7 @@ def _excess(layers: Layers, gradient: np.ndarray, horizontal_range: np.ndarray,
     parameter = cosine / layers.fastest
     per_parameter, range_slope = layers.reach(sine, cosine)
     near_sine = layers.sines(sine, cosine)[:, -1]
-    arc = 2 * near_sine / (parameter * gradient)
+    arc = TurningArc(parameter, gradient, near_sine).range
     slope = arc * sine / (cosine * near_sine) ** 2 - range_slope * sine / (cosine * layers.fastest)
     return parameter * per_parameter + arc - horizontal_range, slope
 

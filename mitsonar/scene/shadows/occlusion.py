@@ -10,8 +10,9 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsonar.device.types import ArrayTypes
+from mitsonar.propagation.device_rays.device_arcs import arc_step, first_layer
 from mitsonar.propagation.device_rays.layer_table import LayerTable
-from mitsonar.propagation.device_rays.ray_fans import RayFans, arc_step, first_layer
+from mitsonar.propagation.device_rays.ray_fans import RayFans
 
 TOLERANCE = 0.008      # [m] chord against arc: 1e-11 s in time, which is stationary in the path
 LIFT, LIFT_PER_RANGE = 5e-4, 2e-5     # [m], [-] distance at which a ray ends in front of its target's surface

@@ -1,6 +1,6 @@
 """Rays that start anywhere in the water, not at a source with a ray fan: the legs between bounces.
 
-A ray is followed arc by arc (`device_rays.ray_fans.arc_step`), in chords within `TOLERANCE` of the ray, with one
+A ray is followed arc by arc (`device_rays.device_arcs.arc_step`), in chords within `TOLERANCE` of the ray, with one
 triangle query for each chord.
 """
 from __future__ import annotations
@@ -11,8 +11,7 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsonar.device.types import Float64
-from mitsonar.propagation.device_rays.ray_fans import arc_step, first_layer
-from mitsonar.propagation.device_rays.two_point import arc_length, arc_time
+from mitsonar.propagation.device_rays.device_arcs import arc_length, arc_step, arc_time, first_layer
 
 from ..shadows.occlusion import LIFT, TOLERANCE, segment
 from .hits import Hits, towards_sound

@@ -23,6 +23,7 @@ from mitsonar.device.types import Real
 from mitsonar.sonar.pulses.pulse import Pulse, Window
 
 from ..impulses import BandLimited
+from ..matched_filtering import replica_spectra
 from ..reception import band_filter, check_record, excess_loss_rate, padded_length
 from .absorption import AbsorptionTerms, absorption_terms
 from .spreading import PACKET
@@ -53,19 +54,16 @@ class PulseResponse:
         length = padded_length(samples + padding, STRETCH * pulse.duration, sampling_rate)
         length = PACKET * fft.next_fast_len(-(-length // PACKET))
         self.pulse, self.sampling_rate, self.samples, self.length = pulse, sampling_rate, samples, length
-        every = fft.fftfreq(length, 1 / sampling_rate)
-        sent = pulse.spectrum(sampling_rate, length)
-        replica = np.conj(pulse.replica(window).spectrum(sampling_rate, length))
-        keep = band_filter(every, sampling_rate)
-        gain = np.mean(sent * replica * keep).real
-        size = np.abs(sent * replica * keep)
+        spectra = replica_spectra(pulse, sampling_rate, length, window)
+        size = np.abs(spectra.echo)
         rising = np.argsort(size)
         count = np.count_nonzero(np.cumsum(size[rising]) > DROPPED * size.sum())
         self.used = np.sort(rising[-min(-(-count // TILE), length // TILE) * TILE:])
-        self.offset = every[self.used]
-        self.replica = (replica / gain)[self.used]
+        self.offset = spectra.frequency[self.used]
+        self.replica = (spectra.replica / spectra.gain)[self.used]
         kernel, cycles = BandLimited(), self.offset / sampling_rate
-        self._received = self.replica * keep[self.used] * kernel.response(cycles) / kernel.spectrum(cycles)
+        keep = band_filter(self.offset, sampling_rate)
+        self._received = self.replica * keep * kernel.response(cycles) / kernel.spectrum(cycles)
         self._loss: np.ndarray | float = 1.0
         self._nodes: dict[int, np.ndarray] = {}
 

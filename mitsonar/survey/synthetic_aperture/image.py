@@ -35,7 +35,7 @@ def raw_pings(survey: StripSurvey, seed: int, start: int = 0, *, kernel: str = "
     known = common(survey)
     for ping in range(start, survey.track.pings):
         signals = received_signals(record, [ping])
-        yield known.assign({name: _variable(name, values) for name, values in (
+        yield known.assign({name: RAW_VARIABLES.variable(name, values) for name, values in (
             ("signal", signals.values[:, 0]), ("ping_time", survey.track.time[[ping]]),
             ("transmitter", np.array([survey.sender(ping)], np.int32)))}).assign_coords(ping=[ping])
 
@@ -54,7 +54,7 @@ def common(survey: StripSurvey) -> xr.Dataset:
         "motion_roll": attitude[:, 0], "motion_pitch": attitude[:, 1], "motion_heading": np.unwrap(attitude[:, 2]),
         "cast_depth": survey.profile.depth, "cast_sound_speed": survey.profile.sound_speed, **_targets(survey)}
     top = -float(track.position[:, 2].mean())
-    return xr.Dataset({name: _variable(name, part) for name, part in values.items()}, attrs={
+    return xr.Dataset({name: RAW_VARIABLES.variable(name, part) for name, part in values.items()}, attrs={
         "sonar": "synthetic_aperture", "preset": survey.preset, "frequency": survey.frequency,
         "sampling_rate": survey.sampling_rate, "pulse": survey.pulse.numbers,
         "source_level_db": survey.source_level_db,
@@ -72,12 +72,6 @@ def _targets(survey: StripSurvey) -> dict[str, np.ndarray]:
                 target.strength_at(survey.frequency, float(survey.profile.at(-target.position[2])))
                 for target in targets], float),
             "target_name": np.array([survey.labels[target.label] for target in targets], str)}
-
-
-def _variable(name: str, values: np.ndarray) -> tuple[tuple[str, ...], np.ndarray, dict[str, str]]:
-    """Return a variable of the record with its dimensions, unit and meaning."""
-    known = RAW_VARIABLES[name]
-    return known.dims, values, {"units": known.unit, "long_name": known.meaning}
 
 
 Progress = Callable[[float, float], None]

@@ -1,10 +1,8 @@
 """Range compression of raw echoes, on a time axis fine enough for linear interpolation; windows over an image.
 
-    m(t) = ∫ s(t + u) r*(u) du / ∫ b(u) r*(u) du,    r = b w      as `signal.matched_filter`
-
-b -> ``pulse``, w -> ``window`` of the replica. An echo of amplitude a and delay τ peaks at τ with the value a. The fine
-axis has `FINER` samples per cycle of the band. The spectrum is divided by that of linear interpolation between samples,
-sinc²(f / rate), whose error is then -52 dB of an echo (rms over a flat band).
+The filter is that of `signal.matched_filtering`: an echo of amplitude a and delay τ peaks at τ with the value a. The
+fine axis has `FINER` samples per cycle of the band. The spectrum is divided by that of linear interpolation between
+samples, sinc²(f / rate), whose error is then -52 dB of an echo (rms over a flat band).
 """
 from __future__ import annotations
 
@@ -12,7 +10,8 @@ import numpy as np
 import xarray as xr
 from scipy import fft
 
-from mitsonar.signal.reception import band_filter, check_record, padded_length
+from mitsonar.signal.matched_filtering import replica_spectra
+from mitsonar.signal.reception import check_record, occupied_band, padded_length
 from mitsonar.sonar.arrays.shading import window_weights
 from mitsonar.sonar.pulses.pulse import Pulse, Window
 
@@ -52,19 +51,16 @@ class Compressor:
                  samples: int, window: str | tuple | None = None):
         check_record(pulse, sampling_rate, samples)
         self.length = padded_length(samples, pulse.duration, sampling_rate)
-        band = 2 * max(-pulse.band[0], pulse.band[1])
-        finer = max(1, int(np.ceil(FINER * band / sampling_rate)))
+        finer = max(1, int(np.ceil(FINER * occupied_band(pulse) / sampling_rate)))
         self.rate = finer * sampling_rate
         self.fine_length = finer * self.length
         self.samples = max(int((samples - 1 - pulse.duration * sampling_rate) * finer) + 1, 2)
-        frequency = fft.fftfreq(self.length, 1 / sampling_rate)
-        sent = pulse.spectrum(sampling_rate, self.length)
         shape = window_of(window)
         if shape is not None:
             window_weights(shape, TRIED)                   # refuses an unknown window
-        replica = np.conj(pulse.replica(shape).spectrum(sampling_rate, self.length))
-        gain = np.mean(sent * replica * band_filter(frequency, sampling_rate)).real
-        self._transfer = (finer * replica / gain / np.sinc(frequency / self.rate) ** 2).astype(np.complex64)
+        spectra = replica_spectra(pulse, sampling_rate, self.length, shape)
+        flat = np.sinc(spectra.frequency / self.rate) ** 2
+        self._transfer = (finer * spectra.replica / spectra.gain / flat).astype(np.complex64)
 
     def compressed(self, signals: np.ndarray) -> np.ndarray:
         """Return the compressed signals complex64 (rx, `samples`) of signals (rx, sample)."""

@@ -31,10 +31,9 @@ class ArrayPaths:
     bank: np.ndarray  # (B, A, 2) [m]
 
 
-def image_variables(values: dict[str, np.ndarray]) -> dict[str, tuple]:
-    """Return arrays with the dimensions, units and meanings of `IMAGE_VARIABLES`, as `xarray.Dataset` takes them."""
-    rows = {name: IMAGE_VARIABLES[name] for name in values}
-    return {name: (row.dims, values[name], {"units": row.unit, "long_name": row.meaning}) for name, row in rows.items()}
+def image_variables(values: dict[str, np.ndarray]) -> dict[str, xr.Variable]:
+    """Return arrays with the dimensions, types, units and meanings of `IMAGE_VARIABLES`."""
+    return {name: IMAGE_VARIABLES.variable(name, array) for name, array in values.items()}
 
 
 def with_array_paths(image: xr.Dataset, raw: xr.Dataset, trajectory: xr.Dataset | None = None) -> xr.Dataset:

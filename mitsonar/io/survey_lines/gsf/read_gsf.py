@@ -103,8 +103,8 @@ class GsfFile:
         """Content that the pings share."""
         depth, speed = cast_of(self._cast)
         return AssembledLine(
-            sonar="multibeam", title=os.path.basename(self._path), start=self._start, crs=self._motion.zone.crs,
-            origin=self._motion.zone.origin, cast_depth=depth, cast_sound_speed=speed,
+            sonar="multibeam", title=os.path.basename(self._path), start=self._start, crs=self._motion.frame.crs,
+            origin=self._motion.frame.origin, cast_depth=depth, cast_sound_speed=speed,
             transmit_offset=self._array("", "OFFSET"), transmit_mounting=self._array("", "MOUNTING"),
             receive_offset=self._receivers("OFFSET"), receive_mounting=self._receivers("MOUNTING"),
             motion=self._motion.streams, backscatter="mean calibrated amplitude of the file",
@@ -177,7 +177,7 @@ class GsfFile:
         since = datetime.fromisoformat(record["PingTime"]).timestamp()
         place = self._motion.at(since - self._start)
         place |= {"roll": np.deg2rad(record["Roll_deg"]), "pitch": np.deg2rad(record["Pitch_deg"]),
-                  "heading": float(np.deg2rad(record["Heading_deg"]) + self._motion.zone.convergence),
+                  "heading": float(np.deg2rad(record["Heading_deg"]) - self._motion.convergence),
                   "depth": self._draught - record["Heave_m"]}
         across, along = beams["AcrossTrack_m"], beams["AlongTrack_m"]
         x, y = across_and_along(place["x"], place["y"], place["heading"], across, along)

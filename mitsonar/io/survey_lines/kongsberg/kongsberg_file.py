@@ -80,8 +80,8 @@ class KongsbergFile(ABC):
         depth, speed = cast_of(found.cast)
         kinds = sorted(kind for kind in found.passed - {self.COLUMN_KIND} if kind.isprintable())
         return AssembledLine(
-            sonar=f"EM {found.model}", title=os.path.basename(self._paths[0]), start=self._start, crs=motion.zone.crs,
-            origin=motion.zone.origin, cast_depth=depth, cast_sound_speed=speed,
+            sonar=f"EM {found.model}", title=os.path.basename(self._paths[0]), start=self._start, crs=motion.frame.crs,
+            origin=motion.frame.origin, cast_depth=depth, cast_sound_speed=speed,
             transmit_offset=installed.transmit_offset, transmit_mounting=installed.transmit_mounting,
             receive_offset=installed.receive_offset[:self._heads],
             receive_mounting=installed.receive_mounting[:self._heads], motion=motion.streams,
