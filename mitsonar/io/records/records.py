@@ -63,7 +63,9 @@ class SonarSignals(xr.DataArray):
 
 
 def with_present_names(image: SonarImage) -> SonarImage:
-    """Return an image with the names of today: older ones of interferometric sidescans called a measurement depth."""
+    """Return an image with the names of today: depth once was a measurement, or the depth of a focused image's grid."""
+    if "along_track" in image.dims and "depth" in image.variables and "grid_depth" not in image.variables:
+        return SonarImage.of(image.rename(depth="grid_depth"))
     if not {"true_depth", "point_x"} <= set(image):
         return image
     renamed = image.rename({**{name: new for name, new in MEASURED.items() if name in image}, "true_depth": "depth"})

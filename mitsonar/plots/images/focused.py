@@ -190,4 +190,4 @@ FOCUSED_VIEWS: dict[str, tuple[Callable[[Sheet], Figure], str]] = {
     "coherence": (partial(_share, name="coherence", bar="coherence of the banks"), "coherence"),
     "height": (partial(_values, name="height"), "height"), "labels": (_labels, "label"),
     "shadow": (partial(_share, name="shadow", bar="share of the bed in shadow"), "shadow"),
-    "depth": (partial(_values, name="seabed_depth", down=True), "seabed_depth")}
+    "depth": (partial(_values, name="depth", down=True), "depth")}
