@@ -1,9 +1,9 @@
 """What every picture has, whatever its sonar: the same truth and coordinates with units and meanings, and true depths.
 
-The bed is level, `BED` below the surface. Two boxes on it, with their tops at `TOP`, are 6 m ahead of the sonar and 5.5 m
-to starboard. Pictures are small and coarse, since only names and places count. The depth of a bin is a mean, to which
-faces of a box belong: it lies between top and bed, to 5 cm for sums in float32, and is the bed's where only the bed is
-seen.
+The bed is level, `BED` below the surface. Two boxes on it, with their tops at `TOP`, are 6 m ahead of the sonar and
+5.5 m to starboard. Pictures are small and coarse, since only names and places count. The depth of a bin is a mean, to
+which faces of a box belong: it lies between top and bed, to 5 cm for sums in float32, and is the bed's where only the
+bed is seen.
 """
 import functools
 
