@@ -6,8 +6,8 @@ row. A shorter stretch without echoes is no gap:
     least length of a gap = max(pulse length / bin length, FEWEST / n)
 
 The picture does not resolve less than a pulse. n -> mean number of echoes in those bins of the row that have any: a gap
-in which fewer than `FEWEST` of them are expected may be chance. The beam needs no length of its own, since a row counts
-all echoes within its main lobe. Sums of scatterers (`survey.beam_domain.truth`) count those of the bins around, too.
+in which fewer than `FEWEST` of them are expected may be chance. The beam's width is in the count: a row counts all
+echoes within its main lobe, those of the beams beside it, too, if beams are closer than they are wide.
 
 The first return is the first bin that sees the bed, or that lies in the shadow of an object which the row has received
 before: an object in the water throws no shadow on the water behind it. A ping that sees no bed begins with its first

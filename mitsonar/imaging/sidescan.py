@@ -118,7 +118,7 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
         else:
             level[block] = picture.levels(mean + noise)
     beam_width, vertical_beam_width = sonar.transmit.beam_widths(sonar.wavelength)
-    bins_of = picture.Bins(time=time, length=bin_length, sound_speed=sonar.sound_speed, pulse_length=sonar.pulse_length)
+    bins_of = picture.PictureBins(time=time, length=bin_length, sound_speed=sonar.sound_speed, pulse_length=sonar.pulse_length)
     dataset = picture.picture(
         "sidescan", DIMS,
         {"level": picture.entry(DIMS, level, "dB re 1 µPa", "echo level"),

@@ -114,3 +114,13 @@ def test_a_shadow_has_no_label_and_begins_behind_the_first_return(kind):
     if kind in ROWS:
         assert (np.argmax(dark, -1)[dark.any(-1)] > np.argmax(label > 0, -1)[dark.any(-1)]).all()
     assert (dark & (image["object_shadow"].values > 0)).any()
+
+
+def test_a_level_bed_has_no_shadow_in_beams_that_are_closer_than_wide():
+    """Beams of 4 elements are far wider than the steps between 61 of them: few scatterers are nearest to one beam."""
+    mitsonar.scene.loading.prepare()
+    scene = scenes.forward_looking({"seabed": scenes.bed(BED, size=60.0)}, depth=HEAD, film={"range": 16.0}, sensor={
+        **COARSE, "receive_elements": 4, "beams": 61})
+    image = mitsonar.render(scene, 1)
+    assert image.attrs["picture"] == "beams" and image["rays"].values.mean() < 2
+    assert image["shadow"].values.mean() < 1e-3

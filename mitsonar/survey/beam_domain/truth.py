@@ -40,8 +40,8 @@ HARDLY = 1e-6                      # share of the strongest bin's energy below w
 class FrameBins:
     """Beams and bins of a frame."""
 
-    def __init__(self, edges: np.ndarray, *, lead: int, bins: int, per_bin: int = 1):
-        self.beams, self.bins, self._lead, self._per_bin = len(edges) - 1, bins, lead, per_bin
+    def __init__(self, edges: np.ndarray, *, lobe: int, lead: int, bins: int, per_bin: int = 1):
+        self.beams, self.bins, self._lobe, self._lead, self._per_bin = len(edges) - 1, bins, lobe, lead, per_bin
         places = PER_BEAM * self.beams
         first, last = float(edges[0]), float(edges[-1])
         # the beam at the beginning of each entry; the right beam is a few steps from there
@@ -101,7 +101,7 @@ class FrameBins:
                 depth_below: float, farthest: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the number of separate runs of sectors in every bin (B, T), and of echoes in and around it (B, T).
 
-        The last array counts the echoes of the main lobe alone.
+        The last array counts the echoes of the main lobe alone, those of all beams within the width of a beam.
         """
         number = sector(echoes.launch_sine, dr.opaque(mi.Float, depth_below), dr.opaque(mi.Float, farthest))
         mask = dr.zeros(mi.UInt64, sum_size(self.cells))
@@ -125,10 +125,23 @@ class FrameBins:
         # a single sector between others lacks an echo by chance
         seen = seen | (seen << 1) & (seen >> 1)
         runs = dr.select(dr.gather(mi.UInt64, count, index) > 0, mi.UInt32(dr.popcnt(seen & ~(seen << 1))), 0)
-        rays, in_beam = mi.UInt32(around & 0xffffffff), mi.UInt32(around >> 32)
+        wide = self._lobe > CELL
+        rays = mi.UInt32(around & 0xffffffff)
+        in_beam = mi.UInt32((dr.gather(mi.UInt64, count, index) if wide else around) >> 32)
         dr.eval(runs, rays, in_beam)
         shape = self.beams, self.bins
-        return runs.numpy().astype(np.uint8).reshape(shape), rays.numpy().reshape(shape), in_beam.numpy().reshape(shape)
+        among = in_beam.numpy().reshape(shape)
+        if wide:
+            among = _summed(_summed(among, self._lobe), CELL, axis=1)
+        return runs.numpy().astype(np.uint8).reshape(shape), rays.numpy().reshape(shape), among
+
+
+def _summed(values: np.ndarray, reach: int, axis: int = 0) -> np.ndarray:
+    """Return the sums of values over their neighbours up to a distance along an axis."""
+    total = np.cumsum(np.pad(values, [(reach + 1, reach) if k == axis else (0, 0) for k in range(values.ndim)]), axis,
+                      values.dtype)
+    size = values.shape[axis]
+    return total.take(range(2 * reach + 1, 2 * reach + 1 + size), axis) - total.take(range(size), axis)
 
 
 @dr.syntax
@@ -177,7 +190,7 @@ class FrameTruth:
 
     def __init__(self, blur: Blur | OneBeam, *, lead: int, bins: int, named: ShapeLabels, per_bin: int = 1):
         self._blur, self._labels, self._seabed = blur, len(named), sorted(named.seabed)
-        self._bins = FrameBins(blur.edges, lead=lead, bins=bins, per_bin=per_bin)
+        self._bins = FrameBins(blur.edges, lobe=blur.lobe, lead=lead, bins=bins, per_bin=per_bin)
         self._has_objects = len(self._seabed) < self._labels
         self._is_seabed = upload(mi.Bool, np.isin(np.arange(len(named) + 1), self._seabed))
         dr.eval(self._is_seabed)
