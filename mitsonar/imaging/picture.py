@@ -32,7 +32,7 @@ PINGS = {"ping": ("1", "ping number"), "ping_time": ("s", "time of transmission"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PictureBins:
-    """PictureBins of a picture along time."""
+    """Bins of a picture along time."""
 
     time: np.ndarray  # (bins,) [s]: two-way time of their middles
     length: float  # [s]
@@ -60,10 +60,11 @@ def levels(power: np.ndarray) -> np.ndarray:
     return np.maximum(db_from_power(power), NOTHING_DB).astype(np.float32)
 
 
-def bins_of(time: np.ndarray, sound_speed: float, pulse: Mapping[str, Any] | None) -> PictureBins:
+def bins_of(time: np.ndarray, sound_speed: float, pulse: dict[str, Any] | None) -> PictureBins:
     """Return the bins with even times [s] of their middles; of a pulse by its numbers, or of an unknown one."""
-    return PictureBins(time=time, length=float(time[-1] - time[0]) / max(len(time) - 1, 1), sound_speed=float(sound_speed),
-                pulse_length=pulse_of(pulse).compressed_length() if pulse else 0.0)
+    return PictureBins(time=time, length=float(time[-1] - time[0]) / max(len(time) - 1, 1),
+                       sound_speed=float(sound_speed),
+                       pulse_length=pulse_of(pulse).compressed_length() if pulse else 0.0)
 
 
 def pings_of(track: Track, depth_below: np.ndarray) -> dict[str, np.ndarray]:
@@ -74,8 +75,8 @@ def pings_of(track: Track, depth_below: np.ndarray) -> dict[str, np.ndarray]:
             "altitude": np.array(depth_below, float)}
 
 
-def picture(sonar: str, dims: tuple[str, ...], measured: Mapping[str, Entry], record: EnergyRecord, *, bins: PictureBins,
-            pings: Mapping[str, np.ndarray], rows: Mapping[str, Entry], labels: Mapping[int, str],
+def picture(sonar: str, dims: tuple[str, ...], measured: Mapping[str, Entry], record: EnergyRecord, *,
+            bins: PictureBins, pings: Mapping[str, np.ndarray], rows: Mapping[str, Entry], labels: Mapping[int, str],
             class_of: Mapping[int, int], attrs: Mapping[str, Any], whose: str = "") -> xr.Dataset:
     """Return a picture over dims (ping, ..., range): what was measured, the truth of the bins, and where they are.
 

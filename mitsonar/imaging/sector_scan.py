@@ -6,6 +6,7 @@ The mean level and the truth of every bin come from an energy record of the same
 """
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -38,7 +39,7 @@ def mean_power(compressed: np.ndarray, bins: int) -> np.ndarray:
 
 def image(power: np.ndarray, record: EnergyRecord, expected: np.ndarray, *, turns: Turns, time: np.ndarray,
           sound_speed: float, depth_below: np.ndarray, labels: Mapping[int, str], class_of: Mapping[int, int],
-          attrs: Mapping[str, object]) -> xr.Dataset:
+          attrs: Mapping[str, Any]) -> xr.Dataset:
     """Return the image of a run from drawn and expected powers (P, bins) [µPa²]."""
     return picture.picture(
         "sector_scan", DIMS,

@@ -118,19 +118,20 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
         else:
             level[block] = picture.levels(mean + noise)
     beam_width, vertical_beam_width = sonar.transmit.beam_widths(sonar.wavelength)
-    bins_of = picture.PictureBins(time=time, length=bin_length, sound_speed=sonar.sound_speed, pulse_length=sonar.pulse_length)
+    axis = picture.PictureBins(time=time, length=bin_length, sound_speed=sonar.sound_speed,
+                               pulse_length=sonar.pulse_length)
     dataset = picture.picture(
         "sidescan", DIMS,
         {"level": picture.entry(DIMS, level, "dB re 1 µPa", "echo level"),
          "mean_level": picture.entry(DIMS, mean_level, "dB re 1 µPa", "echo level without speckle and noise")},
-        replace(record, depth=depth), bins=bins_of, pings=picture.pings_of(track, depth_below),
+        replace(record, depth=depth), bins=axis, pings=picture.pings_of(track, depth_below),
         rows={"side": picture.SIDES}, labels=labels, class_of=class_of,
         attrs={"seed": int(seed), "frequency": float(sonar.frequency), "source_level_db": float(sonar.source_level_db),
                "pulse_length": float(sonar.pulse_length), "beam_width": beam_width,
                "vertical_beam_width": vertical_beam_width, "depression_angle": float(sonar.depression_angle),
                "absorption_db": float(absorption_db),
                "noise_db": None if noise_db is None else float(noise_db),
-               "bin_width": bins_of.width, "speckle": speckle is not None})
+               "bin_width": axis.width, "speckle": speckle is not None})
     if record.path_intensity is not None:
         dataset = dataset.assign(_by_path(record.path_intensity, record.coherent, shares)).assign_coords(
             path_name=("path_name", list(paths), {"long_name": "bounces: b seabed or object, s sea surface, v water"}))
