@@ -14,6 +14,7 @@ import sonar_scenes as scenes
 
 import mitsonar
 import mitsonar.scene.loading
+from mitsonar.inversion.images.scene_fit import image_intensities
 from mitsonar.survey.kinds import KINDS
 
 HEAD, BED, TOP = 6.0, 12.0, 11.0
@@ -114,6 +115,14 @@ def test_a_shadow_has_no_label_and_begins_behind_the_first_return(kind):
     if kind in ROWS:
         assert (np.argmax(dark, -1)[dark.any(-1)] > np.argmax(label > 0, -1)[dark.any(-1)]).all()
     assert (dark & (image["object_shadow"].values > 0)).any()
+
+
+@pytest.mark.parametrize("kind", ["sidescan", "array", "forward_looking"])
+def test_a_fit_takes_the_picture_of_the_scene_s_own_kind_and_no_other(kind):
+    image = picture(kind)
+    assert image_intensities(image, kind, image["level"].shape).shape == image["level"].shape
+    with pytest.raises(ValueError, match="of a sonar of the kind"):
+        image_intensities(image, "multibeam", image["level"].shape)
 
 
 def test_a_level_bed_has_no_shadow_in_beams_that_are_closer_than_wide():
