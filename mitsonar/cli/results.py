@@ -15,10 +15,11 @@ def add(commands: Commands) -> None:
     add_file(plot, "image", metavar="IN.exr|nc|kmall|all|gsf", help="an image, a line of soundings or a fit's answer")
     plot.add_argument("--what", metavar="VIEW",
                       help="view of an image: waterfall (default), objects, ping, mean, labels, class, share, hidden, "
-                           "shadow, layover, depth or rays; of soundings: overview (default), column, curtain, swath, "
-                           "error, error_detection, error_refraction, error_motion, backscatter, smile, rays, quality "
-                           "or motion; of a focused image: image (default), phase, coherence, height, labels, shadow "
-                           "or depth; of a fit's answer: fit")
+                           "shadow, layover, depth or rays, of an interferometric sidescan also phase, coherence, "
+                           "angle, measured_depth or depth_error; of soundings: overview (default), column, curtain, "
+                           "swath, error, error_detection, error_refraction, error_motion, backscatter, smile, rays, "
+                           "quality or motion; of a focused image: image (default), phase, coherence, height, labels, "
+                           "shadow or depth; of a fit's answer: fit")
     plot.add_argument("-o", "--output", metavar="OUT.png", help="picture; default: IN_VIEW.png")
     plot.add_argument("--ping", type=whole, metavar="N",
                       help="number of the ping, from 0; default: the middle one, of a fan the first")

@@ -22,8 +22,10 @@ from mitsonar.sonar.arrays.sectors import STEPS
 from mitsonar.sonar.pulses.pulses import Pulse
 from mitsonar.units import NOTHING_DB
 
-from . import coordinates, truth
+from . import picture
 from .energy_record import EnergyRecord
+
+DIMS = ("ping", "beam", "range")
 
 
 def fan_directions(array: Array, beams: int, width: float, steps: str = "angle") -> tuple[np.ndarray, np.ndarray]:
@@ -64,28 +66,16 @@ def image(pings: xarray.Dataset, level: np.ndarray, angle: np.ndarray, direction
           depth_below: np.ndarray, record: EnergyRecord, labels: Mapping[int, str],
           class_of: Mapping[int, int]) -> xarray.Dataset:
     """Return the image of pings from levels (P, B, S), angles (B,), directions (B, 3) and heights (P,)."""
-    speed, time = pings.attrs["sound_speed"], pings["time"].values
-    coords = {name: (value.dims, value.values, value.attrs) for name, value in pings.coords.items()
-              if value.dims == ("ping",)}
-    coords.update({
-        "beam": ("beam", angle, {"units": "rad", "long_name": "angle from the middle of the fan"}),
-        "range": ("range", 0.5 * speed * time, {"units": "m", "long_name": "slant range"}),
-        "time": ("range", time, {"units": "s", "long_name": "two-way travel time"}),
-        "shape": ("shape", list(labels.values()), {"long_name": "shapes in the order of their labels"}),
-        "altitude": ("ping", np.asarray(depth_below, float), {"units": "m", "long_name": "height above the seabed"}),
-        **{f"beam_{axis}": ("beam", column, {"units": "1"}) for axis, column in zip("xyz", direction.T)}})
-    label, shadow = coordinates.shadow_by_runs(record)
-    copied = ("seed", "frequency", "sound_speed", "sampling_rate", "source_level_db")
-    dims = ("ping", "beam", "range")
-    return xarray.Dataset(
-        {"level": (dims, level.astype(np.float32), {"units": "dB re 1 µPa", "long_name": "echo level"}),
-         **truth.variables(record.truth, label, class_of, dims),
-         "shadow": (dims, shadow, {"units": "1", "long_name": "no echo arrives, after the first return"}),
-         "rays": (dims, record.echoes_in_beam,
-                  {"units": "1", "long_name": "rays, or scatterers, of the ground truth"})},
-        coords, {"sonar": "array_sonar", **{name: pings.attrs[name] for name in copied},
-                 "bin_width": float(0.5 * speed / pings.attrs["sampling_rate"]),
-                 "labels": {str(number): name for number, name in labels.items()}})
+    columns = {name: pings[name].values for name in picture.PINGS if name in pings.coords}
+    return picture.picture(
+        "array_sonar", DIMS, {"level": picture.entry(DIMS, level.astype(np.float32), "dB re 1 µPa", "echo level")},
+        record, bins=picture.bins_of(pings["time"].values, pings.attrs["sound_speed"], pings.attrs.get("pulse")),
+        pings={**columns, "altitude": np.asarray(depth_below, float)},
+        rows={"beam": picture.entry("beam", angle, "rad", "angle from the middle of the fan"),
+              **{f"beam_{axis}": picture.entry("beam", column, "1", f"direction of the beam, {words}")
+                 for axis, words, column in zip("xyz", ("forward", "starboard", "down"), direction.T)}},
+        labels=labels, class_of=class_of,
+        attrs={name: pings.attrs[name] for name in ("seed", "frequency", "sampling_rate", "source_level_db")})
 
 
 def levels(beams: np.ndarray) -> np.ndarray:

@@ -25,7 +25,7 @@ class EvenGrid:
 
 
 def is_focused(dataset: xr.Dataset) -> bool:
-    """Return True for an image over (along_track, across_track)."""
+    """Return True for a focused image or a product of one, over (along_track, across_track)."""
     return set(GROUND) <= set(dataset.dims)
 
 

@@ -2,8 +2,8 @@
 
     level = 10 log10 of the mean over a bin of Σ_k |z_k|²       z_k -> the compressed signal of row k [µPa]
 
-The true depth of a bin is the mean depth of the bed and objects that return its echoes, weighted by energy. The
-measured depth differs from it by errors of phase, layover, refraction and motion.
+``depth``, the mean depth of the bed and objects that return the echoes of a bin, is true. ``measured_depth`` differs
+from it by errors of phase, layover, refraction and motion.
 """
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import xarray as xr
 
 from mitsonar.sonar.motion.track import Track
 
-from . import coordinates, truth
+from . import picture
 from .energy_record import EnergyRecord
 
 DIMS = ("ping", "side", "range")
@@ -42,33 +42,22 @@ def image(made: MeasuredRows, record: EnergyRecord, *, track: Track, time: np.nd
           depth_below: np.ndarray, labels: Mapping[int, str], class_of: Mapping[int, int],
           attrs: Mapping[str, Any]) -> xr.Dataset:
     """Return the image of a run."""
-    label, shadow = coordinates.shadow_by_runs(record)
+    def entry(values: np.ndarray, units: str, long_name: str) -> picture.Entry:
+        values = values.astype(np.float32) if values.dtype == np.float64 else values
+        return picture.entry(DIMS, values, units, long_name)
 
-    def entry(values: np.ndarray, units: str, long_name: str) -> tuple:
-        return coordinates.entry(DIMS, values.astype(np.float32) if values.dtype == np.float64 else values, units,
-                                 long_name)
-
-    return xr.Dataset(
-        {"level": entry(coordinates.levels(made.power), "dB re 1 µPa", "echo level, of all rows"),
+    return picture.picture(
+        "interferometric", DIMS,
+        {"level": entry(picture.levels(made.power), "dB re 1 µPa", "echo level, of all rows"),
          "phase": entry(made.phase, "rad", "phase of the highest row less that of the lowest"),
          "coherence": entry(made.coherence, "1", "coherence of the rows"),
          "valid": entry(made.valid, "1", "1 for a valid sounding"),
          "angle": entry(made.angle, "rad", "direction of the echo, below the horizontal"),
-         "depth": entry(made.depth, "m", "as measured, below the still surface"),
-         "true_depth": entry(record.depth, "m", "mean depth of bed and objects that return the echoes"),
-         "error": entry(made.depth - record.depth, "m", "depth - true_depth"),
-         "uncertainty": entry(made.uncertainty, "m", "standard deviation of the depth by theory"),
-         "across_track": entry(made.across_track, "m", "as measured, from the reference point, starboard"),
-         "point_x": entry(made.x, "m", "as measured, east"),
-         "point_y": entry(made.y, "m", "as measured, north"),
-         **truth.variables(record.truth, label, class_of, DIMS),
-         "shadow": entry(shadow, "1", "no echo arrives, after the first return"),
-         "rays": entry(record.echoes_in_beam, "1", "scatterers of the ground truth")},
-        coords={
-            "ping": coordinates.entry("ping", np.arange(track.pings), "1", "ping number"),
-            "side": ("side", ["port", "starboard"], {"long_name": "side of the platform"}),
-            **coordinates.of_bins(labels, 0.5 * sound_speed * time, time),
-            **coordinates.of_pings(track, depth_below)},
-        attrs={"sonar": "interferometric", **attrs, "sound_speed": float(sound_speed),
-               "bin_width": float(0.5 * sound_speed * (time[-1] - time[0]) / max(len(time) - 1, 1)),
-               "labels": {str(number): name for number, name in labels.items()}})
+         "measured_depth": entry(made.depth, "m", "as measured, below the still surface"),
+         "measured_x": entry(made.x, "m", "as measured, east"),
+         "measured_y": entry(made.y, "m", "as measured, north"),
+         "measured_across_track": entry(made.across_track, "m", "as measured, from the reference point, starboard"),
+         "uncertainty": entry(made.uncertainty, "m", "standard deviation of measured_depth by theory"),
+         "error": entry(made.depth - record.depth, "m", "measured_depth - depth")},
+        record, bins=picture.bins_of(time, sound_speed, attrs.get("pulse")), pings=picture.pings_of(track, depth_below),
+        rows={"side": picture.SIDES}, labels=labels, class_of=class_of, attrs=attrs)

@@ -6,14 +6,14 @@ The mean level and the truth of every bin come from an energy record of the same
 """
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from mitsonar.sonar.motion.track import Track
 
-from . import coordinates, truth
+from . import picture
 from .energy_record import EnergyRecord
 
 DIMS = ("ping", "range")
@@ -39,30 +39,19 @@ def mean_power(compressed: np.ndarray, bins: int) -> np.ndarray:
 
 def image(power: np.ndarray, record: EnergyRecord, expected: np.ndarray, *, turns: Turns, time: np.ndarray,
           sound_speed: float, depth_below: np.ndarray, labels: Mapping[int, str], class_of: Mapping[int, int],
-          attrs: Mapping[str, object]) -> xr.Dataset:
+          attrs: Mapping[str, Any]) -> xr.Dataset:
     """Return the image of a run from drawn and expected powers (P, bins) [µPa²]."""
-    slant_range = 0.5 * sound_speed * time
-    below = slant_range >= depth_below[:, None] - 2 * (slant_range[-1] / len(slant_range))
-    label, shadow = coordinates.shadow_by_bins(record, below)
-
-    entry, of_ping = partial(coordinates.entry, DIMS), partial(coordinates.entry, "ping")
-    return xr.Dataset(
-        {"level": entry(coordinates.levels(power), "dB re 1 µPa", "echo level"),
-         "mean_level": entry(coordinates.levels(expected), "dB re 1 µPa", "echo level without speckle and noise"),
-         **truth.variables(record.truth, label, class_of, DIMS),
-         "depth": entry(record.depth, "m", "depth of the hits, weighted by echo energy"),
-         "shadow": entry(shadow, "1", "no ray of the main lobe arrives, after the first bottom return"),
-         "rays": entry(record.rays, "1", "rays that arrive")},
-        coords={
-            "ping": of_ping(np.arange(len(power)), "1", "ping number"),
-            "bearing": of_ping(turns.bearing, "rad", _CLOCKWISE[turns.mount == "forward"]),
-            "turn": of_ping(turns.turn, "1", "turn of the head, or sweep across its sector"),
-            **coordinates.of_bins(labels, slant_range, time),
-            **coordinates.of_pings(turns.platform, depth_below, " of the platform")},
-        attrs={"sonar": "sector_scan", **attrs, "sound_speed": float(sound_speed), "mount": turns.mount,
-               "tilt": float(turns.tilt), "sector": float(turns.sector),
-               "bin_width": float(slant_range[-1] - slant_range[0]) / max(len(slant_range) - 1, 1),
-               "labels": {str(number): name for number, name in labels.items()}})
+    return picture.picture(
+        "sector_scan", DIMS,
+        {"level": picture.entry(DIMS, picture.levels(power), "dB re 1 µPa", "echo level"),
+         "mean_level": picture.entry(DIMS, picture.levels(expected), "dB re 1 µPa",
+                                     "echo level without speckle and noise")},
+        record, bins=picture.bins_of(time, sound_speed, attrs.get("pulse")),
+        pings=picture.pings_of(turns.platform, depth_below), whose=" of the platform",
+        rows={"bearing": picture.entry("ping", turns.bearing, "rad", _CLOCKWISE[turns.mount == "forward"]),
+              "turn": picture.entry("ping", turns.turn, "1", "turn of the head, or sweep across its sector")},
+        labels=labels, class_of=class_of,
+        attrs={**attrs, "mount": turns.mount, "tilt": float(turns.tilt), "sector": float(turns.sector)})
 
 
 _CLOCKWISE = ("bearing of the beam from the bow, clockwise seen from above",

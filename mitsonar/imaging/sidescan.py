@@ -11,7 +11,7 @@ the mean <|z_c|²>, and to a realisation <|z + z_c|²> over each cell, with one 
 Rice distributed (S. O. Rice, 1945).
 """
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from dataclasses import replace
 
 import numpy as np
 import xarray
@@ -20,7 +20,7 @@ from mitsonar.sonar.faces.sidescan import Sidescan
 from mitsonar.sonar.motion.track import Track
 from mitsonar.units import power_from_db
 
-from . import coordinates, truth
+from . import picture
 from .energy_record import CoherentRecord, EnergyRecord
 from .recorder import FAULTLESS, Recorder, leaked, leaked_pressure, recorded
 
@@ -109,38 +109,29 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
             depth[block] = _mean_depth(depth[block], mean, coherent_depth,
                                        np.where(in_beam[block] > 0, coherent_mean, 0))
             mean = mean + with_phase[1]
-        mean_level[block] = coordinates.levels(mean)
+        mean_level[block] = picture.levels(mean)
         if speckle is not None:
             random = np.random.default_rng([abs(int(seed)), start])
             drawn = realisation(energy, shares, speckle(np.arange(pings)[block]), noise, random, *with_phase,
                                 recorder=recorder)
-            level[block] = coordinates.levels(recorded(drawn, recorder, time))
+            level[block] = picture.levels(recorded(drawn, recorder, time))
         else:
-            level[block] = coordinates.levels(mean + noise)
-    slant_range = 0.5 * sonar.sound_speed * time
-    label, shadow = coordinates.shadow_by_bins(
-        record, slant_range >= depth_below[:, None, None] - sonar.sound_speed * bin_length)
+            level[block] = picture.levels(mean + noise)
     beam_width, vertical_beam_width = sonar.transmit.beam_widths(sonar.wavelength)
-    entry = partial(coordinates.entry, DIMS)
-    dataset = xarray.Dataset(
-        {"level": entry(level, "dB re 1 µPa", "echo level"),
-         "mean_level": entry(mean_level, "dB re 1 µPa", "echo level without speckle and noise"),
-         **truth.variables(record.truth, label, class_of, DIMS),
-         "depth": entry(depth, "m", "depth of the hits, weighted by echo energy"),
-         "shadow": entry(shadow, "1", "no ray of the main lobe arrives, after the first bottom return"),
-         "rays": entry(record.rays, "1", "rays that arrive")},
-        coords={
-            "ping": coordinates.entry("ping", np.arange(pings), "1", "ping number"),
-            "side": ("side", ["port", "starboard"], {"long_name": "side of the platform"}),
-            **coordinates.of_bins(labels, slant_range, time), **coordinates.of_pings(track, depth_below)},
-        attrs={"sonar": "sidescan", "seed": int(seed), "sound_speed": float(sonar.sound_speed),
-               "frequency": float(sonar.frequency), "source_level_db": float(sonar.source_level_db),
+    axis = picture.PictureBins(time=time, length=bin_length, sound_speed=sonar.sound_speed,
+                               pulse_length=sonar.pulse_length)
+    dataset = picture.picture(
+        "sidescan", DIMS,
+        {"level": picture.entry(DIMS, level, "dB re 1 µPa", "echo level"),
+         "mean_level": picture.entry(DIMS, mean_level, "dB re 1 µPa", "echo level without speckle and noise")},
+        replace(record, depth=depth), bins=axis, pings=picture.pings_of(track, depth_below),
+        rows={"side": picture.SIDES}, labels=labels, class_of=class_of,
+        attrs={"seed": int(seed), "frequency": float(sonar.frequency), "source_level_db": float(sonar.source_level_db),
                "pulse_length": float(sonar.pulse_length), "beam_width": beam_width,
                "vertical_beam_width": vertical_beam_width, "depression_angle": float(sonar.depression_angle),
                "absorption_db": float(absorption_db),
                "noise_db": None if noise_db is None else float(noise_db),
-               "bin_width": float(0.5 * sonar.sound_speed * bin_length), "speckle": speckle is not None,
-               "labels": {str(number): name for number, name in labels.items()}})
+               "bin_width": axis.width, "speckle": speckle is not None})
     if record.path_intensity is not None:
         dataset = dataset.assign(_by_path(record.path_intensity, record.coherent, shares)).assign_coords(
             path_name=("path_name", list(paths), {"long_name": "bounces: b seabed or object, s sea surface, v water"}))
@@ -169,13 +160,13 @@ def _by_path(intensity: np.ndarray, coherent_record: CoherentRecord | None, shar
         mean = mean_intensity(intensity[block].astype(float), shares)
         if coherent is not None:
             mean += coherent[block]
-        level[:, block] = coordinates.levels(np.moveaxis(mean, 2, 0))
+        level[:, block] = picture.levels(np.moveaxis(mean, 2, 0))
     if coherent is not None:
         intensity = intensity + coherent
     strongest = np.where(intensity.max(2) > 0, intensity.argmax(2) + 1, 0).astype(np.uint32)
-    return {"path_level": coordinates.entry(("path_name", *DIMS), level, "dB re 1 µPa",
+    return {"path_level": picture.entry(("path_name", *DIMS), level, "dB re 1 µPa",
                                             "echo level of each path, without speckle and noise"),
-            "path": coordinates.entry(DIMS, strongest, "1", "path with most of the echo, counted from 1; 0: no echo")}
+            "path": picture.entry(DIMS, strongest, "1", "path with most of the echo, counted from 1; 0: no echo")}
 
 
 def _mean_depth(depth, mean, coherent_depth, coherent_mean):

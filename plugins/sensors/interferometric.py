@@ -5,9 +5,10 @@ rows are long along the track. Every range bin has a level, as in a sidescan. Th
 of its echo: the angle that fits all rows best. Close rows resolve the ambiguity of distant rows
 (`mitsonar.hydrography.detection.row_angles`). If several echoes arrive at the same time, the angle lies between theirs.
 
-`mitsonar.render` makes `level`, `phase`, `coherence`, `angle`, `depth` and places over (ping, side, range), with
-`true_depth`, `error` and the labels of a sidescan. `mitsonar.soundings` and ``mitsonar soundings`` make a sounding of
-every coherent bin, with its uncertainty and its error by cause, in the file formats of the multibeam.
+`mitsonar.render` makes `level`, `phase`, `coherence`, `angle` and `measured_depth`, `measured_x` and `measured_y` over
+(ping, side, range), with the true `depth`, `error` and the labels of a sidescan. `mitsonar.soundings` and ``mitsonar
+soundings`` make a sounding of every coherent bin, with its uncertainty and its error by cause, in the file formats of
+the multibeam.
 
 Below the sonar a face also receives the bed of the other side, weakened by its baffle: soundings are few and poor
 there. Waves are plane over the rows, even from near by.

@@ -73,7 +73,7 @@ def test_options_lay_the_grid(here, capfd):
     assert cli.main(["focus", "raw.nc", "-o", "b.nc", "--grid", "slant", "--across", "20.3", "20.9", "--depth", "20",
                      "--pings", "2", "9"]) == 0
     image = mitsonar.read("b.nc")
-    assert image.attrs["grid"] == "slant" and image.attrs["pings"] == 8 and np.all(image["depth"].values == 20)
+    assert image.attrs["grid"] == "slant" and image.attrs["pings"] == 8 and np.all(image["grid_depth"].values == 20)
     assert image["across_track"].values[[0, -1]] == pytest.approx((20.3, 20.9), abs=0.007)
     assert np.hypot(image["x"].values[0], 20 - 10.3) == pytest.approx(image["across_track"].values, abs=1e-3)
 

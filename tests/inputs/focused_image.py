@@ -22,10 +22,11 @@ def focused_image(rows: int = 20, columns: int = 30, *, banks: int = 2, heading:
         "image": (dims, image, {"units": "m", "long_name": "complex strength"}),
         "level": (dims, (20 * np.log10(np.abs(image))).astype(np.float32), {"units": "dB re 1 m²"}),
         "x": (ground, 3 + place[..., 0], {"units": "m"}), "y": (ground, -2 + place[..., 1], {"units": "m"}),
-        "depth": (ground, np.full((rows, columns), 15, np.float32), {"units": "m"}),
+        "grid_depth": (ground, np.full((rows, columns), 15, np.float32), {"units": "m"}),
         "label": (ground, (1 + (shadow > 0)).astype(np.int32), {"units": "1"}),
         "shadow": (ground, shadow, {"units": "1"}),
-        "seabed_depth": (ground, np.full((rows, columns), 15, np.float32), {"units": "m"})},
+        **{name: (ground, np.full((rows, columns), 15, np.float32), {"units": "m"})
+           for name in ("depth", "seabed_depth")}},
         coords={"along_track": ("along_track", along, {"units": "m"}),
                 "across_track": ("across_track", across, {"units": "m"})},
         attrs={"sonar": "synthetic_aperture", "frequency": 3e5, "seed": seed, "crs": "EPSG:32632", "altered": None,

@@ -41,7 +41,8 @@ def phased(pings, bins):
     slope = np.broadcast_to(np.linspace(0, 20, bins), shape)
     return dataset.assign({name: (dataset["level"].dims, values) for name, values in {
         "phase": np.angle(np.exp(1j * slope)), "coherence": 1 - slope / 40, "angle": 1.5 - slope / 20,
-        "uncertainty": slope / 100, "error": np.where(slope > 1, np.sin(slope), np.nan), "valid": slope > 1}.items()})
+        "uncertainty": slope / 100, "measured_depth": np.where(slope > 1, 20 + 0.1 * np.sin(slope), np.nan),
+        "error": np.where(slope > 1, np.sin(slope), np.nan), "valid": slope > 1}.items()})
 
 
 SURVEYS = {

@@ -63,7 +63,7 @@ def test_render_and_focus_of_scene_and_signals_are_one():
 def ground_grid_of(image):
     along, across = image.along_track.values, image.across_track.values
     return ground_grid((along[0], along[-1]), (across[0], across[-1]), (along[1] - along[0], across[1] - across[0]),
-                       image.depth.values, origin=(image.attrs["grid_origin_x"], image.attrs["grid_origin_y"]),
+                       image.grid_depth.values, origin=(image.attrs["grid_origin_x"], image.attrs["grid_origin_y"]),
                        heading=image.attrs["grid_heading"])
 
 

@@ -247,8 +247,8 @@ def test_the_top_of_a_box_is_as_high_as_it_is_and_its_face_lies_over_the_bed():
     distance = image["range"].values
     on_top = (distance > np.hypot(18.0, H) + 0.3) & (distance < np.hypot(22.0, H - 3.0) - 0.3)
     assert (starboard["label"].values[:, on_top] == number).all()
-    depth = starboard["depth"].values[:, on_top]
-    assert np.nanmedian(depth) == pytest.approx(DEPTH + H - 3.0, abs=0.05)
+    for name in ("depth", "measured_depth"):
+        assert np.nanmedian(starboard[name].values[:, on_top]) == pytest.approx(DEPTH + H - 3.0, abs=0.05)
     assert np.nanmedian(starboard["error"].values[:, on_top]) == pytest.approx(0, abs=0.05)
     mixed = (distance > np.hypot(18.0, H - 3.0) + 0.3) & (distance < np.hypot(18.0, H) - 0.3)
     clean = (distance > 26.0) & (distance < 28.0)
@@ -290,8 +290,9 @@ def test_picture_and_soundings_are_of_the_same_echoes():
     scene = {"shapes": {"seabed": bed(DEPTH + H)}, "depth": DEPTH, "sensor": LINE, "film": SHORT}
     image, line = (make(interferometric(**scene), seed=3) for make in (mitsonar.render, mitsonar.soundings))
     assert image.sizes["side"] == 2 and line.sizes["beam"] == 2 * image.sizes["range"]
-    for name in ("depth", "uncertainty", "valid", "across_track"):
-        both = np.concatenate([image[name].values[:, 0, ::-1], image[name].values[:, 1]], -1)
+    for own in ("measured_depth", "measured_x", "measured_y", "measured_across_track", "uncertainty", "valid"):
+        name = own.removeprefix("measured_")
+        both = np.concatenate([image[own].values[:, 0, ::-1], image[own].values[:, 1]], -1)
         valid = line["valid"].values
         np.testing.assert_allclose(both[valid].astype(float), line[name].values[valid].astype(float), rtol=1e-6)
     assert (np.diff(line["angle"].values[0][line["valid"].values[0]]) > -0.3).all()

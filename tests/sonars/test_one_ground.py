@@ -2,7 +2,7 @@
 
 A sidescan's face and a row of an interferometric sidescan, of the same aperture, at the same places. The complex
 speckle g of the sidescan's fine gates, with the compressed pulse χ of the interferometric at the distances of its
-samples, Σ_j χ(t - t_j) g_j, is compared with the row's signal y, divided by its own mean level:
+samples, Σ_j χ(t - t_j) g_j, is compared with the row's signal y, without the slow fall of its level:
 
     coherence = |Σ x* y| / √(Σ |x|² Σ |y|²)        over stretches of metres, in which the row's place turns the phase
 
@@ -86,8 +86,9 @@ def coherence(shape=None, water=None, widths=(3.0, 3.0), per_cell=20.0, bins=100
     together, own, other = 0.0, 0.0, 0.0
     for ping in range(PINGS):
         for side in (0, 1):
-            y = rows[side].signals(ping, 0)[0].astype(complex)
-            y = (y / np.sqrt(np.convolve(np.abs(y) ** 2, np.ones(51), "same")))[inside]
+            y = rows[side].signals(ping, 0)[0][inside].astype(complex)
+            # without the slow fall of the level
+            y *= np.exp(-0.5 * np.polyval(np.polyfit(time[inside], np.log(np.abs(y) ** 2), 1), time[inside]))
             for x, row in zip(*(np.array_split(part, STRETCHES) for part in (response @ g[ping, side], y))):
                 together += abs(np.vdot(x, row))
                 own, other = own + np.vdot(x, x).real, other + np.vdot(row, row).real

@@ -18,7 +18,7 @@ def placed(sine, column):
     one, none = floats(np.ones(len(sine))), upload(mi.UInt32, np.zeros(len(sine), np.uint32))
     rest = dict.fromkeys(("real", "imaginary", "energy", "launch_sine", "x", "y", "depth"), one)
     echoes = GridEchoes(sine=floats(sine), column=floats(column), state=none, label=none, **rest)
-    return [part.numpy() for part in FrameBins(EDGES, lead=LEAD, bins=BINS).cell_of(echoes)]
+    return [part.numpy() for part in FrameBins(EDGES, lobe=0, lead=LEAD, bins=BINS).cell_of(echoes)]
 
 
 def test_every_echo_lies_in_its_beam_and_bin(variant):

@@ -32,7 +32,7 @@ def image_of(spectrum, shift=(0.0, 0.0), turn=0.0, gain=1.0):
     dims = ("along_track", "across_track")
     return xr.Dataset({"image": (("bank", *dims), field[None]), "level": (("bank", *dims), np.abs(field)[None]),
                        "along_track": along, "across_track": across, "x": (dims, places[1]), "y": (dims, places[0]),
-                       "depth": (dims, np.full((ROWS, COLUMNS), 15.0, np.float32))})
+                       "grid_depth": (dims, np.full((ROWS, COLUMNS), 15.0, np.float32))})
 
 
 def passes(coherence, shift=(0.0, 0.0), patch=None, gain=1.0):

@@ -36,7 +36,7 @@ def picture(height, coherence, seed=3):
         "level": (("bank", "along_track", "across_track"), np.zeros((2, ROWS, COLUMNS), np.float32)),
         "along_track": along, "across_track": across, "x": (("along_track", "across_track"), x),
         "y": (("along_track", "across_track"), y),
-        "depth": (("along_track", "across_track"), np.full((ROWS, COLUMNS), BED, np.float32)),
+        "grid_depth": (("along_track", "across_track"), np.full((ROWS, COLUMNS), BED, np.float32)),
         "sender_across": ("along_track", np.full(ROWS, -25.0)), "sender_depth": ("along_track", np.full(ROWS, 10.0)),
         "bank_across": (("bank", "along_track"), np.array([[-25.03] * ROWS, [-24.97] * ROWS])),
         "bank_depth": (("bank", "along_track"), np.array([[9.85] * ROWS, [10.15] * ROWS]))},

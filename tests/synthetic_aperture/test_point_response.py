@@ -16,7 +16,7 @@ def picture(place=(0.0123, 20.0077), width=(0.02, 0.0125), carrier=300.0):
     both = ("along_track", "across_track")
     return xr.Dataset({"image": (("bank", *both), value), "level": (("bank", *both), np.abs(value)),
                        "along_track": along, "across_track": across,
-                       **dict.fromkeys(("x", "y", "depth"), (both, plane))})
+                       **dict.fromkeys(("x", "y", "grid_depth"), (both, plane))})
 
 
 def test_a_sinc_has_its_place_width_level_and_side_lobes():

@@ -26,7 +26,7 @@ def picture(shape=np.inf, seed=5, oversampled=2):
     dims = ("along_track", "across_track")
     return xr.Dataset({"image": (("bank", *dims), image[None]), "level": (("bank", *dims), np.abs(image)[None]),
                        "along_track": STEP * np.arange(ROWS), "across_track": STEP * np.arange(COLUMNS),
-                       **{name: (dims, np.zeros((ROWS, COLUMNS))) for name in ("x", "y", "depth")}})
+                       **{name: (dims, np.zeros((ROWS, COLUMNS))) for name in ("x", "y", "grid_depth")}})
 
 
 def test_developed_speckle_scintillates_by_one():

@@ -42,7 +42,7 @@ def image_intensities(image: xr.Dataset, kind: str, shape: Sequence[int], farthe
         raise ValueError("the record has no levels over pings, sides or beams, and ranges; give an image that mitsonar "
                          "rendered, or one with the variable level (ping, side, range)")
     recorded = image.attrs.get("sonar")
-    if recorded is not None and recorded != kind:
+    if recorded is not None and recorded not in (kind, f"{kind}_sonar"):       # an array_sonar is of the kind array
         raise ValueError(f"the record is of a sonar of the kind {recorded}, and the scene's is {kind}; give a "
                          "record of the scene's own sonar")
     level = image["level"].values.astype(float)

@@ -32,7 +32,7 @@ import xarray as xr
 
 from mitsonar.device.files import FilePath, check_readable, replacing
 
-from .records import SonarImage, check_numbers
+from .records import SonarImage, check_numbers, with_present_names
 
 REAL, IMAG, REST = ".real", ".imag", ".rest"
 STORED = {"f4": np.float32, "f2": np.float16, "b1": np.uint32, **{f"u{n}": np.uint32 for n in (1, 2, 4)},
@@ -203,7 +203,7 @@ def _decode(config, channels):
                  for suffix in suffixes(kind)}
         values = whole(parts, kind).reshape([sizes[dim] for dim in order])
         variables[name] = xr.Variable(order, values, entry["attrs"]).transpose(*entry["dims"])
-    return SonarImage(variables, coords, config["attrs"])
+    return with_present_names(SonarImage(variables, coords, config["attrs"]))
 
 
 def attributes(path: FilePath) -> dict[str, Any]:

@@ -19,6 +19,9 @@ from . import complex_parts
 JSON = "json:"                     # begins an attribute that was not a plain value
 ENGINE = "h5netcdf"
 RECORDED = ("level", "image", "signal")            # variables that a check for NaN looks at
+# variables of interferometric sidescans before version 0.3, which called the truth true_depth
+MEASURED = {"depth": "measured_depth", "point_x": "measured_x", "point_y": "measured_y",
+            "across_track": "measured_across_track"}
 Record = TypeVar("Record", bound=xr.Dataset | xr.DataArray)
 
 
@@ -57,6 +60,18 @@ class SonarSignals(xr.DataArray):
     def to_netcdf(self, path: FilePath | None = None, *arguments: Any, **options: Any) -> Any:
         """Write to netCDF-4 as `encoded` does; the arguments are those of `xarray.DataArray.to_netcdf`."""
         return encoded(self).to_netcdf(path, *arguments, **_engine(arguments, options))
+
+
+def with_present_names(image: SonarImage) -> SonarImage:
+    """Return an image with the names of today: depth once was a measurement, or the depth of a focused image's grid."""
+    if "along_track" in image.dims and "depth" in image.variables and "grid_depth" not in image.variables:
+        return SonarImage.of(image.rename(depth="grid_depth"))
+    if not {"true_depth", "point_x"} <= set(image):
+        return image
+    renamed = image.rename({**{name: new for name, new in MEASURED.items() if name in image}, "true_depth": "depth"})
+    if "error" in renamed:
+        renamed["error"].attrs["long_name"] = "measured_depth - depth"
+    return SonarImage.of(renamed)
 
 
 def not_all_nan(record: Record) -> Record:
@@ -103,7 +118,7 @@ def decoded(dataset: xr.Dataset) -> SonarImage | SonarSignals:
         image = SonarImage(whole.data_vars, whole.coords, attrs)
         for variable in image.variables.values():
             variable.attrs = {key: _value(value) for key, value in variable.attrs.items()}
-        return image
+        return with_present_names(image)
     signals.name, signals.attrs = attrs.pop("name", None), attrs
     return SonarSignals.of(signals)
 

@@ -20,6 +20,7 @@ from matplotlib.ticker import FuncFormatter
 
 from mitsonar.device.files import FilePath
 from mitsonar.device.spelling import meant
+from mitsonar.imaging.focused import GROUND
 from mitsonar.units import db_from_power, power_from_db
 
 from .. import canvas
@@ -27,7 +28,6 @@ from ..canvas import in_metres, title
 from .grid import WIDEST, PlotGrid, edges_around, stretches
 from .label_key import counted, label_key
 
-GROUND = ("along_track", "across_track")
 OF_THE_TRUTH = "labels", "shadow", "depth"
 NARROWEST, LOWEST, TALLEST = 560, 120, 4000            # pixels: least width, least and largest height
 RANGE_DB = 50.0                    # from the first to the last colour
@@ -54,11 +54,6 @@ class Sheet:
         figure, _ = canvas.picture(self.grid, elements, f"{title(self.image)}{what}", subtitle=self.words,
                                    colours=colours, limits=limits, bar=bar, bar_extend=extend)
         return _named(self, figure)
-
-
-def is_focused(dataset: xr.Dataset) -> bool:
-    """Return True for a focused image or a product of one, over (along_track, across_track)."""
-    return set(GROUND) <= set(dataset.dims)
 
 
 def draw_focused(image: xr.Dataset, what: str, path: FilePath | None, *, bank: int | None = None,
@@ -195,4 +190,4 @@ FOCUSED_VIEWS: dict[str, tuple[Callable[[Sheet], Figure], str]] = {
     "coherence": (partial(_share, name="coherence", bar="coherence of the banks"), "coherence"),
     "height": (partial(_values, name="height"), "height"), "labels": (_labels, "label"),
     "shadow": (partial(_share, name="shadow", bar="share of the bed in shadow"), "shadow"),
-    "depth": (partial(_values, name="seabed_depth", down=True), "seabed_depth")}
+    "depth": (partial(_values, name="depth", down=True), "depth")}

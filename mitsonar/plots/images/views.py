@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from mitsonar.device.files import FilePath
 from mitsonar.device.sentences import shortened
 from mitsonar.device.spelling import meant
+from mitsonar.imaging.focused import is_focused
 from mitsonar.imaging.gain import Tvg
 from mitsonar.units import HARDLY_DB, db_from_power, power_from_db
 
@@ -25,7 +26,7 @@ from ..fans.fan_objects import fan_labels, fan_objects
 from ..fans.fans import fan_picture, is_scan, turn_of
 from ..lines.line_views import LINE_VIEWS, draw_line, is_line
 from ..onto import moved, sheets_for
-from .focused import FOCUSED_VIEWS, draw_focused, is_focused
+from .focused import FOCUSED_VIEWS, draw_focused
 from .grid import PlotGrid, make_grid, stretches, with_sides
 from .label_key import counted, label_key
 from .levels import in_the_water, shown_levels
@@ -58,6 +59,20 @@ def _error(dataset: xr.Dataset, grid: PlotGrid) -> Figure:
     return _map(dataset, grid, image, "error of the depth", "measured less true [m]", "RdBu_r", (-most, most))
 
 
+def _measured_depth(dataset: xr.Dataset, grid: PlotGrid) -> Figure:
+    image = grid.mean(dataset, lambda part: part["measured_depth"].values)
+    return _depth_map(dataset, grid, image, "depth as measured")
+
+
+def _depth_map(dataset: xr.Dataset, grid: PlotGrid, image: np.ndarray, what: str) -> Figure:
+    known = image[np.isfinite(image)]
+    low, high = np.percentile(known, [0.5, 99.5]) if known.size else (0.0, 0.0)
+    limits = (float(low), float(high)) if high > low else (low - 0.5, high + 0.5)
+    figure = _map(dataset, grid, image, what, "depth [m]", "viridis_r", limits)
+    figure.axes[-1].invert_yaxis()
+    return figure
+
+
 def _map(dataset: xr.Dataset, grid: PlotGrid, image: np.ndarray, what: str, bar: str, colours: str,
          limits: tuple[float, float]) -> Figure:
     return canvas.named_picture(dataset, grid, image, what, colours=colormaps[colours].with_extremes(bad="#000000"),
@@ -65,7 +80,7 @@ def _map(dataset: xr.Dataset, grid: PlotGrid, image: np.ndarray, what: str, bar:
 
 
 PHASES = {"phase": (_phase, "phase"), "coherence": (_coherence, "coherence"), "angle": (_angle, "angle"),
-          "depth_error": (_error, "uncertainty")}
+          "measured_depth": (_measured_depth, "measured_depth"), "depth_error": (_error, "error")}
 FANS = {"waterfall": fan_picture, "objects": fan_objects, "labels": fan_labels}        # plots of an array's beams
 
 
@@ -100,8 +115,8 @@ def plot(dataset: xr.Dataset, what: str | None = None, path: FilePath | None = N
         turn of a rotating head; ``ping``: levels of one ping; ``mean``: levels against range over all pings;
         ``labels``, ``depth``, ``shadow``, ``rays``, ``class``, ``share``, ``hidden``, ``layover``: ground truth of
         every bin; ``objects``: the waterfall or the fan with outlines of objects and their shadows; ``phase``,
-        ``coherence``, ``angle``, ``depth_error``: results of an interferometric sidescan. A line of soundings has the
-        plots of `line_figure`, a focused image those of `FOCUSED_VIEWS`.
+        ``coherence``, ``angle``, ``measured_depth``, ``depth_error``: results of an interferometric sidescan. A line of
+        soundings has the plots of `line_figure`, a focused image those of `FOCUSED_VIEWS`.
     path : str or path, optional
         File to write, ending in .png, .pdf or .svg.
     tvg : {'seabed', 'target', 'recorder', None}
@@ -196,13 +211,7 @@ def _labels(dataset, grid):
 
 
 def _depth(dataset, grid):
-    image = grid.mean(dataset, _depth_seen)
-    known = image[np.isfinite(image)]
-    low, high = np.percentile(known, [0.5, 99.5]) if known.size else (0.0, 0.0)
-    limits = (low, high) if high > low else (low - 0.5, high + 0.5)
-    figure = _map(dataset, grid, image, "depth of the hits", "depth [m]", "viridis_r", limits)
-    figure.axes[-1].invert_yaxis()
-    return figure
+    return _depth_map(dataset, grid, grid.mean(dataset, _depth_seen), "depth of the hits")
 
 
 def _depth_seen(part):

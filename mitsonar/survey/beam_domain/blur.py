@@ -18,6 +18,7 @@ FAINTEST = 3e-5                    # share of the maximum of M below which M is 
 FINER = 16                         # oversampling of the table of the pattern
 WIDEST = 48                        # largest number of beams to either side
 BLOCK = 1 << 21                    # numbers computed at once
+HALF_POWER = 0.5
 REACH = 3                          # bins to either side that the compressed pulse reaches
 
 
@@ -31,6 +32,9 @@ class Blur:
         self.edges = np.concatenate([[2 * sines[0] - middle[0]], middle, [2 * sines[-1] - middle[-1]]])
         band = _band(sines, self.edges, place, weight)
         self.reach = band.shape[1] // 2
+        middle = band[self.beams // 2]
+        #: beams to either side within the half-power width of a beam
+        self.lobe = int(np.abs(np.flatnonzero(middle > HALF_POWER * middle.max()) - self.reach).max())
         spread = np.sinc(bandwidth_share * np.arange(-REACH, REACH + 1)) ** 2
         self._spread = spread / spread.sum()
         self._band = upload(mi.Float, band.astype(np.float32))
@@ -61,7 +65,7 @@ class Blur:
 class OneBeam:
     """Blur of energies of a single beam, which resolves no sines: by the compressed pulse alone. See `Blur`."""
 
-    beams = 1
+    beams, lobe = 1, 0
 
     def __init__(self, widest: float, bandwidth_share: float):
         self.edges = np.array([-widest, widest])

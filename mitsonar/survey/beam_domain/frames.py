@@ -83,6 +83,7 @@ class LineFrames:
         survey = self.survey
         return truth.of(
             laid.scatterers, self.echoes.hiding(ping, laid.scatterers), laid.targets,
+            in_lobe=self.echoes.in_main_lobe(ping, laid.scatterers),
             origin=survey.track.position[ping], depth_below=float(survey.depth_below[ping]),
             farthest=0.5 * survey.time[-1] * survey.sound_speed(ping),
             source_power=float(power_from_db(survey.source_level_db)))

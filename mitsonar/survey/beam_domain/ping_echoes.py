@@ -24,7 +24,9 @@ from mitsonar.echoes.record import Echoes
 from mitsonar.echoes.scatterers.element_beams import ElementBeams
 from mitsonar.echoes.scatterers.thinned_scatterers import Density, TransmitLobe
 from mitsonar.signal.beam_grid.residual_doppler import residual_doppler
+from mitsonar.sonar.faces.directivity import sinc
 
+from ..energy.face_beams import BEAM_EDGE
 from ..motion.reception import EndArrival, Reception
 from ..pressure.array_survey import ArraySurvey
 from .ground import FREE, HIDDEN_BY_OBJECT, Ground
@@ -187,6 +189,23 @@ class PingEchoes:
         return TransmitLobe(axis=reception.rotation @ axis, sine=float(reception.steering @ axis), finer=1.0,
                             cell=self.survey.wavelength / self.patterns.transmit_length,
                             place=reception.rotation @ self.patterns.transmit_centre)
+
+    def in_main_lobe(self, ping: int, echoes: GridEchoes | None) -> mi.Bool | None:
+        """Return True for echoes of the main lobes of long lines, down to -6 dB two-way; None without such lines."""
+        lobes = self._lobes(self.reception(ping))
+        if echoes is None or not lobes:
+            return None
+        height, power = float(self.survey.track.position[ping, 2]), mi.Float(1)
+        for lobe in lobes:
+            along, square = mi.Float(0), mi.Float(0)
+            for part, start, axis in zip((echoes.x, echoes.y, -echoes.depth - dr.opaque(mi.Float, height)),
+                                         lobe.place, lobe.axis):
+                offset = part - dr.opaque(mi.Float, float(start))
+                along, square = along + offset * dr.opaque(mi.Float, float(axis)), square + dr.square(offset)
+            cells = (along * dr.rsqrt(square) - dr.opaque(mi.Float, lobe.sine)) * dr.opaque(mi.Float, 1 / lobe.cell)
+            power *= dr.select(dr.abs(cells) < 1, dr.square(sinc(cells)), 0)
+        both_ways = self._long is not None and len(lobes) == 1         # arrays at one place have the same lobe
+        return (dr.square(power) if both_ways else power) > BEAM_EDGE
 
     def useful(self, ping: int, least: float = NEGLIGIBLE) -> Callable[[mi.Vector3f, mi.Float], mi.Bool]:
         """Return a test of scene directions at distances: True if the two-way intensity exceeds `least`."""

@@ -32,6 +32,7 @@ from .ping_echoes import GridEchoes, TargetEchoes
 
 PER_BEAM = 8                       # entries per beam of the table that finds beams
 FEWER_SECTORS = SECTORS // 64      # sectors joined to one here, since scatterers are too few for more
+EACH = (1 << 32) + 1               # echo of the main lobe, in a count of all echoes and of those
 CELL = 1                           # bins and beams to either side in which scatterers are counted
 HARDLY = 1e-6                      # share of the strongest bin's energy below which a bin has no place on the bed
 
@@ -39,8 +40,8 @@ HARDLY = 1e-6                      # share of the strongest bin's energy below w
 class FrameBins:
     """Beams and bins of a frame."""
 
-    def __init__(self, edges: np.ndarray, *, lead: int, bins: int, per_bin: int = 1):
-        self.beams, self.bins, self._lead, self._per_bin = len(edges) - 1, bins, lead, per_bin
+    def __init__(self, edges: np.ndarray, *, lobe: int, lead: int, bins: int, per_bin: int = 1):
+        self.beams, self.bins, self._lobe, self._lead, self._per_bin = len(edges) - 1, bins, lobe, lead, per_bin
         places = PER_BEAM * self.beams
         first, last = float(edges[0]), float(edges[-1])
         # the beam at the beginning of each entry; the right beam is a few steps from there
@@ -96,31 +97,51 @@ class FrameBins:
             dr.scatter(place, dr.select(has_bed, mean, dr.nan), 3 * index + axis)
         return total.numpy().reshape(self.beams, self.bins), place.numpy().reshape(self.beams, self.bins, 3)
 
-    def counted(self, echoes: GridEchoes, cell: mi.UInt32, active: mi.Bool, depth_below: float,
-                farthest: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the number of separate runs of sectors in every bin (B, T), and of echoes in and around it (B, T)."""
+    def counted(self, echoes: GridEchoes, cell: mi.UInt32, active: mi.Bool, in_lobe: mi.Bool | None,
+                depth_below: float, farthest: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the number of separate runs of sectors in every bin (B, T), and of echoes in and around it (B, T).
+
+        The last array counts the echoes of the main lobe alone, those of all beams within the width of a beam.
+        """
         number = sector(echoes.launch_sine, dr.opaque(mi.Float, depth_below), dr.opaque(mi.Float, farthest))
-        mask, count = dr.zeros(mi.UInt64, sum_size(self.cells)), dr.zeros(mi.UInt32, sum_size(self.cells))
+        mask = dr.zeros(mi.UInt64, sum_size(self.cells))
+        # the low half of a count is of all echoes, the high half of those in the main lobe
+        count = dr.zeros(mi.UInt64, sum_size(self.cells))
         dr.scatter_reduce(dr.ReduceOp.Or, mask, mi.UInt64(1) << mi.UInt64(number // FEWER_SECTORS), cell, active)
-        dr.scatter_add(count, mi.UInt32(1), cell, active)
+        each = mi.UInt64(EACH) if in_lobe is None else dr.select(in_lobe, mi.UInt64(EACH), 1)
+        dr.scatter_add(count, each, cell, active)
         dr.eval(mask, count)
         bins, beams = (dr.opaque(mi.Int32, n) for n in (self.bins, self.beams))
         index = dr.arange(mi.UInt32, self.cells)
         row = mi.Int32(index) // bins
-        column, around, seen = mi.Int32(index) - row * bins, mi.UInt32(0), mi.UInt64(0)
+        column, around, seen = mi.Int32(index) - row * bins, mi.UInt64(0), mi.UInt64(0)
         for down in range(-CELL, CELL + 1):
             for along in range(-CELL, CELL + 1):
                 there = (row + down >= 0) & (row + down < beams) & (column + along >= 0) & (column + along < bins)
                 beside = mi.UInt32(mi.Int32(index) + down * bins + along)
-                around += dr.gather(mi.UInt32, count, beside, there)
+                around += dr.gather(mi.UInt64, count, beside, there)
                 # a bin counts the sectors of its neighbours, too: its own few scatterers may miss a sector
                 seen |= dr.gather(mi.UInt64, mask, beside, there & (abs(down) + abs(along) <= CELL))
         # a single sector between others lacks an echo by chance
         seen = seen | (seen << 1) & (seen >> 1)
-        runs = dr.select(dr.gather(mi.UInt32, count, index) > 0, mi.UInt32(dr.popcnt(seen & ~(seen << 1))), 0)
-        dr.eval(runs, around)
+        runs = dr.select(dr.gather(mi.UInt64, count, index) > 0, mi.UInt32(dr.popcnt(seen & ~(seen << 1))), 0)
+        wide = self._lobe > CELL
+        rays = mi.UInt32(around & 0xffffffff)
+        in_beam = mi.UInt32((dr.gather(mi.UInt64, count, index) if wide else around) >> 32)
+        dr.eval(runs, rays, in_beam)
         shape = self.beams, self.bins
-        return runs.numpy().astype(np.uint8).reshape(shape), around.numpy().reshape(shape)
+        among = in_beam.numpy().reshape(shape)
+        if wide:
+            among = _summed(_summed(among, self._lobe), CELL, axis=1)
+        return runs.numpy().astype(np.uint8).reshape(shape), rays.numpy().reshape(shape), among
+
+
+def _summed(values: np.ndarray, reach: int, axis: int = 0) -> np.ndarray:
+    """Return the sums of values over their neighbours up to a distance along an axis."""
+    total = np.cumsum(np.pad(values, [(reach + 1, reach) if k == axis else (0, 0) for k in range(values.ndim)]), axis,
+                      values.dtype)
+    size = values.shape[axis]
+    return total.take(range(2 * reach + 1, 2 * reach + 1 + size), axis) - total.take(range(size), axis)
 
 
 @dr.syntax
@@ -159,6 +180,7 @@ class _TruthGround:
     depth: np.ndarray
     layover: np.ndarray
     rays: np.ndarray
+    rays_in_beam: np.ndarray
     objects: list[_TruthPlane]
     lost: list[_TruthPlane]
 
@@ -166,23 +188,22 @@ class _TruthGround:
 class FrameTruth:
     """Truth of frames."""
 
-    def __init__(self, blur: Blur | OneBeam, *, lead: int, bins: int, named: ShapeLabels, per_bin: int = 1,
-                 of_objects: bool = False):
+    def __init__(self, blur: Blur | OneBeam, *, lead: int, bins: int, named: ShapeLabels, per_bin: int = 1):
         self._blur, self._labels, self._seabed = blur, len(named), sorted(named.seabed)
-        self._bins = FrameBins(blur.edges, lead=lead, bins=bins, per_bin=per_bin)
-        self._of_objects = of_objects and len(self._seabed) < self._labels
+        self._bins = FrameBins(blur.edges, lobe=blur.lobe, lead=lead, bins=bins, per_bin=per_bin)
+        self._has_objects = len(self._seabed) < self._labels
         self._is_seabed = upload(mi.Bool, np.isin(np.arange(len(named) + 1), self._seabed))
         dr.eval(self._is_seabed)
 
     def of(self, scatterers: GridEchoes | None, hidden: tuple[mi.UInt32, mi.UInt32],
-           targets: Sequence[TargetEchoes], *, origin: np.ndarray, depth_below: float, farthest: float,
-           source_power: float) -> EnergyRecord:
+           targets: Sequence[TargetEchoes], *, in_lobe: mi.Bool | None, origin: np.ndarray, depth_below: float,
+           farthest: float, source_power: float) -> EnergyRecord:
         """Return the truth of a frame, arrays (B, ..., bins)."""
-        # hidden (H,): numbers of scatterers, and of the objects that hide them
+        # hidden (H,): numbers of scatterers, and of the objects that hide them; in_lobe (R,), None: all
         # origin (3,) [m]; depth_below, farthest [m]; source_power [µPa²]
         shape = self._bins.beams, self._bins.bins
         ground = self._nothing(shape) if scatterers is None else self._ground(
-            scatterers, hidden, origin, depth_below, farthest)
+            scatterers, hidden, in_lobe, origin, depth_below, farthest)
         planes = [*ground.seabed, *ground.objects, *self._of_targets(targets)]
         total, best, label = np.zeros(shape, np.float32), np.zeros(shape, np.float32), np.zeros(shape, np.uint32)
         by_label = {}
@@ -203,26 +224,27 @@ class FrameTruth:
         dark, object_shadow = self._shadows(ground, total)
         return EnergyRecord(
             intensity=total * np.float32(source_power), depth=ground.depth, rays=ground.rays,
-            rays_in_beam=ground.rays,
+            rays_in_beam=ground.rays_in_beam,
             truth=BinTruth(label=label, share=share, hidden=dark, object_shadow=object_shadow, layover=ground.layover,
                            seabed_place=ground.place))
 
     def _nothing(self, shape: tuple[int, int]) -> _TruthGround:
         """Return the sums of a frame without scatterers."""
-        return _TruthGround(seabed=[], objects=[], lost=[], layover=np.zeros(shape, np.uint8),
-                            rays=np.zeros(shape, np.uint32), place=np.full((*shape, 3), np.nan, np.float32),
+        none = np.zeros(shape, np.uint32)
+        return _TruthGround(seabed=[], objects=[], lost=[], layover=np.zeros(shape, np.uint8), rays=none,
+                            rays_in_beam=none, place=np.full((*shape, 3), np.nan, np.float32),
                             depth=np.full(shape, np.nan, np.float32))
 
-    def _ground(self, echoes: GridEchoes, hidden: tuple[mi.UInt32, mi.UInt32], origin: np.ndarray,
-                depth_below: float, farthest: float) -> _TruthGround:
+    def _ground(self, echoes: GridEchoes, hidden: tuple[mi.UInt32, mi.UInt32], in_lobe: mi.Bool | None,
+                origin: np.ndarray, depth_below: float, farthest: float) -> _TruthGround:
         """Return the sums of the scatterers' echoes, and of the seabed's echoes that objects hide."""
         bins = self._bins
         cell, inside = bins.cell_of(echoes)
         free = inside & (echoes.state == FREE)
         on_bed = free & dr.gather(mi.Bool, self._is_seabed, echoes.label)
         energy, place = bins.ground(echoes, cell, on_bed, origin)
-        depth = bins.ground(echoes, cell, free, origin)[1][..., 2] if self._of_objects else place[..., 2]
-        layover, rays = bins.counted(echoes, cell, free, depth_below, farthest)
+        depth = bins.ground(echoes, cell, free, origin)[1][..., 2] if self._has_objects else place[..., 2]
+        layover, rays, rays_in_beam = bins.counted(echoes, cell, free, in_lobe, depth_below, farthest)
         seabed = []
         if len(self._seabed) == 1:
             seabed = [self._shown(self._seabed[0], energy, (0, bins.beams, 0, bins.bins))]
@@ -242,8 +264,8 @@ class FrameTruth:
                 lost = list(self._planes(dr.gather(mi.UInt32, cell, number).numpy(),
                                          dr.gather(mi.Float, echoes.energy, number).numpy(),
                                          dr.gather(mi.UInt32, hider, taken).numpy()))
-        return _TruthGround(seabed=seabed, place=place, depth=depth, layover=layover, rays=rays, objects=objects,
-                            lost=lost)
+        return _TruthGround(seabed=seabed, place=place, depth=depth, layover=layover, rays=rays,
+                            rays_in_beam=rays_in_beam, objects=objects, lost=lost)
 
     def _planes(self, cell: np.ndarray, energy: np.ndarray, label: np.ndarray) -> Iterator[_TruthPlane]:
         """Yield the blurred energies of echoes, instance by instance."""

@@ -100,8 +100,7 @@ class SideRows(LineFrames):
                                           lobe=(side.receive.along[0], cell, ACROSS * cell / _beam_width(survey))),
                          np.eye(len(line.place)), np.zeros(1))
         self._truth = FrameTruth(OneBeam(WIDEST, side.pulse.bandwidth * per_bin / side.sampling_rate),
-                                 lead=side.lead, bins=survey.bins, named=side.geometry.named, per_bin=per_bin,
-                                 of_objects=True)
+                                 lead=side.lead, bins=survey.bins, named=side.geometry.named, per_bin=per_bin)
 
     def signals(self, ping: int, seed: int) -> np.ndarray:
         """Return the compressed signals (rows, samples) [µPa] of a ping, complex64."""

@@ -114,7 +114,7 @@ def focused(pings: Iterable[xr.Dataset], count: int, progress: Progress | None =
 
 def with_truth(image: xr.Dataset, survey: StripSurvey, seed: int) -> xr.Dataset:
     """Return a focused image of a survey with the truth of every point added."""
-    truth = strip_truth(survey, image["x"].values, image["y"].values, image["depth"].values, seed)
+    truth = strip_truth(survey, image["x"].values, image["y"].values, image["grid_depth"].values, seed)
     image = image.assign(truth.data_vars).assign_coords(truth.coords)
     image = image.assign_attrs(labels={str(number): name for number, name in survey.labels.items()})
     classes, class_of = classes_of(survey.labels)

@@ -8,7 +8,8 @@ every row of points. Its bins are read at the two-way times of the points,
     t = 2 T(ρ, z)        ρ, z -> horizontal distance from the line, and depth, of the point; T the exact eigenray's time
 
 Layover of surfaces above or below the grid is as in the image. A circular track has no abreast: its labels are those
-seen from above, and its shadow is the share of pings that do not see the bed at the point.
+seen from above. The rule of shadow (`imaging.shadows`) is for rows along time, which a circle lacks: its shadow is the
+share of pings that do not see the bed at the point.
 """
 from __future__ import annotations
 
@@ -42,7 +43,7 @@ RAYS_PER_BIN = 32
 FEWEST_RAYS = 4096
 BEYOND = 0.25                      # part of the image's time span by which the sidescan's window is longer
 KEPT = ("label", "class", "share", "hidden", "object_shadow", "layover", "seabed_x", "seabed_y", "seabed_depth",
-        "shadow")
+        "depth", "shadow")
 WIDEST_ROW = 0.05                  # [m], width of the beam's footprint if there is only one row
 LOOKS = 24                         # pings of a circle whose sight of the bed is tested
 
@@ -169,6 +170,6 @@ def _from_all_sides(survey: StripSurvey, x: np.ndarray, y: np.ndarray) -> xr.Dat
         "label": (dims, labels, {"units": "1", "long_name": "shape seen from above"}),
         "class": (dims, np.array([0, *class_of.values()], np.uint32)[labels],
                   {"units": "1", "long_name": "class of that shape"}),
-        "seabed_depth": (dims, depth.numpy().reshape(x.shape), {"units": "m", "long_name": "depth of that shape"}),
+        "depth": (dims, depth.numpy().reshape(x.shape), {"units": "m", "long_name": "depth of that shape"}),
         "shadow": (dims, (dark.numpy() / len(looks)).reshape(x.shape).astype(np.float32),
                    {"units": "1", "long_name": "share of the pings that do not see the bed there"})})

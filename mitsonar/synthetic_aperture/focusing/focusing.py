@@ -235,7 +235,7 @@ class Focuser:
         record = xr.Dataset(image_variables({
             "image": image, "level": db_from_amplitude(np.abs(image)).astype(np.float32),
             "along_track": grid.along_track, "across_track": grid.across_track, "x": grid.x, "y": grid.y,
-            "depth": grid.depth}), attrs={
+            "grid_depth": grid.depth}), attrs={
             **self._about, "grid": grid.kind, "grid_origin_x": grid.origin[0], "grid_origin_y": grid.origin[1],
             "grid_heading": grid.heading, "pings": self.pings})
         check_image(record)

@@ -212,7 +212,7 @@ def change_map(before: xr.Dataset, after: xr.Dataset, window: tuple[float, float
     Dataset
         Variables over (along_track, across_track): coherence, without its bias; phase [rad] of the second pass minus
         the first; ratio_db [dB] of the second intensity to the first, relative to its median; coherent_change and
-        incoherent_change, true for at most the share `false_alarm` of unchanged ground; with x, y and depth.
+        incoherent_change, true for at most the share `false_alarm` of unchanged ground; with x, y and grid_depth.
         Attributes: looks, unchanged_coherence, threshold, ratio_threshold_db, and the shift.
 
     Raises
@@ -288,4 +288,4 @@ def _record(image: xr.Dataset, known: np.ndarray, values: dict[str, tuple[str, n
         raise ValueError("no window lies on ground that both passes cover; give a smaller window, or other passes")
     return xr.Dataset({name: (dims, array.astype(bool if array.dtype == bool else np.float32), {"units": unit})
                        for name, (unit, array) in values.items()},
-                      coords={name: image[name] for name in (*dims, "x", "y", "depth")})
+                      coords={name: image[name] for name in (*dims, "x", "y", "grid_depth")})

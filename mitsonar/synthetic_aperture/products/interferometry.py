@@ -243,7 +243,7 @@ class _FocusedPoints:
 
     @classmethod
     def at(cls, image: xr.Dataset, paths: ArrayPaths, banks: tuple[int, int]) -> _FocusedPoints:
-        across, height = ground_across(image), -image["depth"].values.astype(float)
+        across, height = ground_across(image), -image["grid_depth"].values.astype(float)
         middle = 0.5 * paths.sender + 0.25 * (paths.bank[banks[0]] + paths.bank[banks[1]])
         aside, up = across - middle[:, :1], height - middle[:, 1:]
         first, second = (bank_paths(paths, bank, across, height) for bank in banks)
