@@ -10,13 +10,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from .lines import LineToWrite, Ping, rotation
+from mitsonar.device.rotations import mounting_matrix
+
+from .lines import LineToWrite, Ping
 
 
 def array_axes(line: LineToWrite, head: int | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Return unit vectors (3,) along the transmit array and a head's receive array, body frame."""
     receive = line.receivers[1][head or 0]
-    return rotation(*line.array("transmit_mounting"))[:, 0], rotation(*receive)[:, 1]
+    return mounting_matrix(*line.array("transmit_mounting"))[:, 0], mounting_matrix(*receive)[:, 1]
 
 
 def level(line: LineToWrite, ping: Ping) -> np.ndarray:
@@ -27,11 +29,11 @@ def level(line: LineToWrite, ping: Ping) -> np.ndarray:
     flat = ((sent - skew * received) * along + (received - skew * sent) * across) / (1 - skew**2)
     down = np.cross(along, across) / np.sqrt(1 - skew**2)
     away = flat + np.sqrt(np.maximum(1 - np.sum(flat**2, axis=1, keepdims=True), 0)) * down
-    return away @ rotation(float(ping["ping_roll"]), float(ping["ping_pitch"]), 0.0).T
+    return away @ mounting_matrix(float(ping["ping_roll"]), float(ping["ping_pitch"])).T
 
 
 def from_vertical(line: LineToWrite, ping: Ping, angle: np.ndarray) -> np.ndarray:
     """Return receive beam angles from the vertical, positive to port, for angles [rad] relative to the array."""
     _, across = array_axes(line, int(ping["head"]) if "head" in ping else None)
-    tilt = np.arcsin((rotation(float(ping["ping_roll"]), float(ping["ping_pitch"]), 0.0) @ across)[2])
+    tilt = np.arcsin((mounting_matrix(float(ping["ping_roll"]), float(ping["ping_pitch"])) @ across)[2])
     return tilt - angle

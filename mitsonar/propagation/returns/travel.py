@@ -90,20 +90,6 @@ def detour(towards: Any, distance: Any, place: Any) -> tuple[Any, Any, Any, Any]
     return way, length, dr.squared_norm(place) - 2 * distance * dr.dot(towards, place), length + distance
 
 
-def rotated(vector: Triple, rotation: Triple, back: bool = False) -> tuple[Numbers, Numbers, Numbers]:
-    """Turn a vector by a rotation vector [rad], or back: triples (Rodrigues)."""
-    (x, y, z), (rx, ry, rz) = vector, rotation
-    square = rx * rx + ry * ry + rz * rz
-    xp = dr if dr.is_jit_v(square) else np
-    angle = xp.sqrt(square + 1e-30)
-    kx, ky, kz = rx / angle, ry / angle, rz / angle
-    sine, cosine = xp.sin(angle), xp.cos(angle)
-    sine = -sine if back else sine
-    along = (kx * x + ky * y + kz * z) * (1 - cosine)
-    return (x * cosine + (ky * z - kz * y) * sine + kx * along, y * cosine + (kz * x - kx * z) * sine + ky * along,
-            z * cosine + (kx * y - ky * x) * sine + kz * along)
-
-
 def _slope(coefficients: Sequence[Triple] | np.ndarray, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
     """Derivatives of polynomials without a constant term: a triple."""
     value = [_zero(time)] * 3

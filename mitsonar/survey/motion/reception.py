@@ -34,7 +34,8 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import opaque_vector
-from mitsonar.propagation.returns.travel import Travel, detour, rotated
+from mitsonar.device.rotations import rotated
+from mitsonar.propagation.returns.travel import Travel, detour
 from mitsonar.signal.doppler import two_way_doppler
 
 from ..pressure.array_survey import ArraySurvey

@@ -22,6 +22,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.rotations import rotated
 from mitsonar.device.types import Vector
 from mitsonar.propagation.returns.travel import detour
 from mitsonar.sonar.motion.trajectory import NEGLIGIBLE, PingTravel
@@ -138,7 +139,7 @@ class PingMotion:
             time += later
             towards, delay = dr.normalize(way), delay + mi.Float64(later)
         if turns:
-            towards = _turned_back(towards, self._at(rows[moves:], time))
+            towards = mi.Vector3f(*rotated(towards, self._at(rows[moves:], time), back=True))
         return PingReception(delay=delay, towards=towards)
 
     def _later(self, rows, towards, distance, sound_speed, time):
@@ -153,15 +154,6 @@ class PingMotion:
         for row in rows[-2::-1]:
             value = (value + row) * time
         return value
-
-
-def _turned_back(v: Vector, rho: mi.Vector3f) -> Vector:
-    """Return vectors turned by -|ρ| about ρ."""
-    angle = dr.maximum(dr.norm(rho), 1e-6)
-    sine, cosine = dr.sincos(0.5 * angle)
-    axis = rho * (-sine / angle)
-    twice = 2 * dr.cross(axis, v)
-    return v + cosine * twice + dr.cross(axis, twice)
 
 
 def _evaluated(powers: np.ndarray, time: np.ndarray) -> np.ndarray:

@@ -14,9 +14,9 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of
+from mitsonar.device.rotations import rotated
 from mitsonar.device.types import Float64
 from mitsonar.echoes.record import Echoes
-from mitsonar.propagation.returns.travel import rotated
 from mitsonar.signal.doppler import two_way_doppler
 
 from .ping_source import PingSource, opaque64

@@ -8,6 +8,7 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
+from mitsonar.device.rotations import rotation_matrix
 from mitsonar.echoes.scatterers.ground_speckle import LATTICES, GroundSpeckle, SpeckleBeam, SpeckleWay
 from mitsonar.imaging import sidescan as imaging
 from mitsonar.imaging.recorder import Recorder
@@ -19,7 +20,6 @@ from mitsonar.sonar.arrays.array_makers import element_array
 from mitsonar.sonar.faces.faces import BuiltFace
 from mitsonar.sonar.faces.near_field import near_pressure
 from mitsonar.sonar.faces.sidescan import Sidescan
-from mitsonar.sonar.motion.track import rotation_matrix
 from mitsonar.sonar.pulses.pulses import cw
 from mitsonar.units import db_from_amplitude, db_from_power, power_from_db
 
