@@ -11,7 +11,6 @@ Written once for NumPy and Dr.Jit numbers.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import drjit as dr
 import numpy as np
@@ -77,17 +76,6 @@ def steady(velocity: Triple, turn_rate: Triple = (0.0, 0.0, 0.0)) -> Travel:
     """Make the way at one velocity [m/s] and one angular velocity [rad/s], triples."""
     return Travel(displacement=(tuple(velocity),), turn=(tuple(turn_rate),), duration=np.inf,
                   end_velocity=tuple(velocity), end_turn_rate=tuple(turn_rate))
-
-
-def detour(towards: Any, distance: Any, place: Any) -> tuple[Any, Any, Any, Any]:
-    """Return the way w = D n - r from a place r near the origin to a point that lies D n from there, and its length.
-
-    The other two are the parts of a fraction, (|r|² - 2 D n·r) / (|w| + D) = |w| - D, which is no difference of large
-    numbers. `towards` and `place` are vectors of Dr.Jit, `distance` a number.
-    """
-    way = type(towards)(distance) * towards - place
-    length = dr.norm(way)
-    return way, length, dr.squared_norm(place) - 2 * distance * dr.dot(towards, place), length + distance
 
 
 def _slope(coefficients: Sequence[Triple] | np.ndarray, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:

@@ -35,7 +35,8 @@ import numpy as np
 
 from mitsonar.device.arrays import opaque_vector
 from mitsonar.device.rotations import rotated
-from mitsonar.propagation.returns.travel import Travel, detour
+from mitsonar.propagation.returns.moved_ends import detour
+from mitsonar.propagation.returns.travel import Travel
 from mitsonar.signal.doppler import two_way_doppler
 
 from ..pressure.array_survey import ArraySurvey
@@ -147,8 +148,8 @@ def _from(towards: mi.Vector3f, distance: mi.Float, place: mi.Vector3f,
           bent: Curvatures | None) -> tuple[mi.Float, mi.Vector3f, mi.Float | None]:
     """Return the extra distance from a place, by (1) or (4), the unit vector along the leg, and the spread."""
     if bent is None:
-        leg, length, longer, total = detour(towards, distance, place)
-        return longer / total, leg / dr.maximum(length, 1e-6), None
+        leg, length, later = detour(towards, distance, place)
+        return later, leg / dr.maximum(length, 1e-6), None
     level = dr.sqrt(towards.x * towards.x + towards.y * towards.y)
     slanted = level > 1e-6
     a = mi.Vector3f(dr.select(slanted, -towards.y / level, 1), dr.select(slanted, towards.x / level, 0), 0)

@@ -24,7 +24,7 @@ import numpy as np
 from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.device.rotations import rotated
 from mitsonar.device.types import Vector
-from mitsonar.propagation.returns.travel import detour
+from mitsonar.propagation.returns.moved_ends import detour
 from mitsonar.sonar.motion.trajectory import NEGLIGIBLE, PingTravel
 
 SHORTEST = 1e-9                    # [s]: least travel time
@@ -144,8 +144,8 @@ class PingMotion:
 
     def _later(self, rows, towards, distance, sound_speed, time):
         """Return w at a time, and the delay [s] of an echo along it after its arrival at O."""
-        way, _, longer, total = detour(towards, distance, self._at(rows, time))
-        return way, longer / (total * sound_speed)
+        way, _, later = detour(towards, distance, self._at(rows, time))
+        return way, later / sound_speed
 
     def _at(self, rows, time):
         """Return polynomials of the rows at times [s]."""
