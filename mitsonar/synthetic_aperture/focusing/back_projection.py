@@ -26,6 +26,7 @@ import numpy as np
 from mitsonar.device.arrays import held, looped, upload
 from mitsonar.device.types import ArrayTypes, Float, Float64, UInt32
 from mitsonar.propagation.returns.moved_ends import further, moved_length
+from mitsonar.signal.doppler import two_way_shift
 
 from .delays import FocalPlane
 from .grids import Grid
@@ -298,7 +299,7 @@ class _PingWays:
             self.by_depth_square = self.slant * bend.by_square * self.stretch - self.by_square
             self.stretch *= 1 + value
         total = (out_way + way) / speed
-        early = (closing + out_closing / out_near) * number(image.coupling)
+        early = two_way_shift(out_closing / out_near, 1, closing) * number(image.coupling)
         place = (total - exact(image.first)) * exact(image.rate)
         whole = dr.floor(place)
         self.whole = dr.clip(lib.Float(whole), -1e6, 1e9)
