@@ -21,8 +21,8 @@ r, 1/η grows by κ = 2 v² / (r c) a second, and by up to 2 a / c with its own 
 cycles off at its ends, and is cut into pieces, each with its own factor, where that is more than the bound.
 
 Compressed by the filter of its class, an echo is off by its change of shape alone: where f T |η - η_k| = 0.05, a cw by
--28 dB of its peak, a sweep of BT = 10 by -44 dB (-40 dB with a Hann window). The delay and phase of the best correlation
-are equal for a cw, and for sweeps from BT = 6 on at most 1.4 dB better.
+-28 dB of its peak, a sweep of BT = 10 by -44 dB (-40 dB with a Hann window). The delay and phase of the best
+correlation are equal for a cw, and for sweeps from BT = 6 on at most 1.4 dB better.
 """
 from __future__ import annotations
 

@@ -10,16 +10,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
 from mitsonar.device.rotations import mounted
 from mitsonar.device.types import Real
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
+from mitsonar.sonar.motion.trajectory import SmoothCurve
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,21 +99,11 @@ class PlatformMotion:
 
     def at(self, time: np.ndarray) -> PlatformPose:
         """Return the pose at times (...) [s]; NaN where the time is NaN."""
-        time = np.asarray(time, float)
-        inside = np.clip(time, self.time[0], self.time[-1])
-        if self.time.size == 1:
-            values = self._rows[0] + 0 * inside[..., None]
-        else:
-            values = self._spline(inside) + (time - inside)[..., None] * self._spline(inside, 1)
+        values = self._curve.at(np.asarray(time, float))
         return PlatformPose(place=values[..., :3], roll=values[..., 3], pitch=values[..., 4], heading=values[..., 5])
 
-    @property
-    def _rows(self) -> np.ndarray:
-        return np.stack([self.x, self.y, self.depth, self.roll, self.pitch, np.unwrap(self.heading)], -1)
-
     @cached_property
-    def _spline(self) -> CubicSpline:
-        """Return the spline, which is made once, as a line uses it for every ping."""
-        from scipy.interpolate import CubicSpline
-
-        return CubicSpline(self.time, self._rows)
+    def _curve(self) -> SmoothCurve:
+        """Return the curve, which is made once, as a line uses it for every ping."""
+        return SmoothCurve(self.time, np.stack([self.x, self.y, self.depth, self.roll, self.pitch,
+                                                np.unwrap(self.heading)], -1))

@@ -55,13 +55,11 @@ class Travel(Record):
 
     def _at(self, coefficients: Sequence[Triple], end: Triple, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
         inside = self._inside(time)
-        value = [_zero(time)] * 3
-        for row in reversed(coefficients):
-            value = [(part + d) * inside for part, d in zip(value, row)]
+        value = evaluated(coefficients, inside)
         if len(coefficients) > 1:
             beyond = time - inside
-            value = [part + v * beyond for part, v in zip(value, end)]
-        return tuple(value)
+            value = tuple(part + v * beyond for part, v in zip(value, end))
+        return value
 
     def _inside(self, time: Numbers) -> Numbers:
         if len(self.displacement) <= 1:
@@ -76,6 +74,14 @@ def steady(velocity: Triple, turn_rate: Triple = (0.0, 0.0, 0.0)) -> Travel:
     """Make the way at one velocity [m/s] and one angular velocity [rad/s], triples."""
     return Travel(displacement=(tuple(velocity),), turn=(tuple(turn_rate),), duration=np.inf,
                   end_velocity=tuple(velocity), end_turn_rate=tuple(turn_rate))
+
+
+def evaluated(coefficients: Sequence[Triple], time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
+    """Return Σ_k p_k t^k, k = 1 ... K, of triples p_k: a triple."""
+    value = [_zero(time)] * 3
+    for row in reversed(coefficients):
+        value = [(part + d) * time for part, d in zip(value, row)]
+    return tuple(value)
 
 
 def _slope(coefficients: Sequence[Triple] | np.ndarray, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:

@@ -151,15 +151,19 @@ class PingTravel:
 
     def peak(self, coefficients: np.ndarray, order: int) -> np.ndarray:
         """Return the largest length of a derivative of polynomials (P, K, 3) until the end: (P,), by 17 times."""
-        time, powers = np.linspace(0, self.duration, 17)[:, None], np.arange(1, coefficients.shape[1] + 1)
-        scale = np.prod([np.maximum(powers - k, 0) for k in range(order)], axis=0)
-        values = np.einsum("tk,pkx->ptx", scale * time ** np.maximum(powers - order, 0), coefficients)
+        values = polynomials(coefficients, np.linspace(0, self.duration, 17), order)
         return np.linalg.norm(values, axis=-1).max(1, initial=0)
 
-    def reach(self, coefficients: np.ndarray) -> np.ndarray:
-        """Return bounds (3,) of the components of polynomials (P, K, 3) until the end."""
-        powers = self.duration ** np.arange(1, coefficients.shape[1] + 1)
-        return (np.abs(coefficients) * powers[:, None]).sum(1).max(0, initial=0)
+    def reach(self, coefficients: np.ndarray, order: int = 0) -> np.ndarray:
+        """Return bounds (3,) of the components of polynomials (P, K, 3), or of a derivative, until the end."""
+        return polynomials(np.abs(coefficients), np.array([self.duration]), order)[:, 0].max(0, initial=0)
+
+
+def polynomials(coefficients: np.ndarray, times: np.ndarray, order: int = 0) -> np.ndarray:
+    """Return Σ_k p_k t^k, k = 1 ... K, or a derivative, of coefficients (P, K, 3) at times (T,): (P, T, 3)."""
+    powers = np.arange(1, coefficients.shape[1] + 1)
+    scale = np.prod([np.maximum(powers - k, 0) for k in range(order)], axis=0)
+    return np.einsum("tk,pkx->ptx", scale * times[:, None] ** np.maximum(powers - order, 0), coefficients)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

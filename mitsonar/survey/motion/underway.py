@@ -25,7 +25,8 @@ from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.device.rotations import rotated
 from mitsonar.device.types import Vector
 from mitsonar.propagation.returns.moved_ends import detour
-from mitsonar.sonar.motion.trajectory import NEGLIGIBLE, PingTravel
+from mitsonar.propagation.returns.travel import evaluated
+from mitsonar.sonar.motion.trajectory import NEGLIGIBLE, PingTravel, polynomials
 
 SHORTEST = 1e-9                    # [s]: least travel time
 TIMES, DEPRESSIONS = (0.125, 0.375, 0.625, 0.875, 1.0), (0.0, 0.5, 1.0)
@@ -64,13 +65,13 @@ class Underway:
     def drift(self, sound_speed: float) -> float:
         """Return the largest distance [m] that the sonar moves while sound travels one metre out and back [-]."""
         time = self._duration * np.linspace(0.05, 1, 20)
-        moved = np.linalg.norm(_evaluated(self._displacement, time), axis=-1)
+        moved = np.linalg.norm(polynomials(self._displacement, time), axis=-1)
         return float((moved / time).max(initial=0)) * 2 / sound_speed
 
     def _in_body(self, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return times [s], and displacements and turns (ping, time, 3) along the body's axes."""
         time = self._duration * np.array(TIMES)
-        moved, turned = (_evaluated(powers, time) @ rotation for powers in (self._displacement, self._turn))
+        moved, turned = (polynomials(powers, time) @ rotation for powers in (self._displacement, self._turn))
         return time, moved, turned
 
     def along_shifts(self, rotation: np.ndarray, sound_speed: float,
@@ -149,13 +150,4 @@ class PingMotion:
 
     def _at(self, rows, time):
         """Return polynomials of the rows at times [s]."""
-        time = dr.clip(time, 0, self._duration)
-        value = rows[-1] * time
-        for row in rows[-2::-1]:
-            value = (value + row) * time
-        return value
-
-
-def _evaluated(powers: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Return polynomials (P, K, 3) at times (T,): (P, T, 3)."""
-    return np.einsum("pkx,tk->ptx", powers, time[:, None] ** np.arange(1, powers.shape[1] + 1))
+        return mi.Vector3f(*evaluated(rows, dr.clip(time, 0, self._duration)))

@@ -25,6 +25,7 @@ import numpy as np
 
 from mitsonar.device.arrays import held, looped, upload
 from mitsonar.device.types import ArrayTypes, Float, Float64, UInt32
+from mitsonar.propagation.returns.line_difference import polynomial
 from mitsonar.propagation.returns.moved_ends import further, moved_length
 from mitsonar.signal.doppler import two_way_shift
 
@@ -261,10 +262,7 @@ class _PingWays:
         centre = [p - exact(c) for p, c in zip(point, receivers.place, strict=True)]
 
         def powered(time: Float, column: int) -> Float:
-            value = number(powers[-1, column])
-            for power in powers[-2::-1, column]:
-                value = dr.fma(value, time, number(power))
-            return value
+            return polynomial([number(power) for power in powers[:, column]], time)
 
         def when(way: Float64) -> Float:
             return dr.clip(lib.Float((way / speed - middle) * per_half), -1.05, 1.05)
