@@ -87,14 +87,15 @@ def rotation_matrix(roll: Real, pitch: Real, heading: Real) -> np.ndarray:
     return np.moveaxis(np.array([east, north, [-part for part in down]]), (0, 1), (-2, -1))
 
 
-def rotation_slopes(roll: float, pitch: float, heading: float) -> list[np.ndarray]:
-    """Return the derivatives (3, 3) of `rotation_matrix` by heading, pitch and roll.
+def rotation_slopes(roll: Real, pitch: Real, heading: Real) -> np.ndarray:
+    """Return the derivatives (3, ..., 3, 3) of `rotation_matrix` by heading, pitch and roll.
 
     Its entries are a + b sin + c cos of each angle: half their difference over half a circle is the derivative.
     """
-    angles = np.array([roll, pitch, heading])
-    return [0.5 * (rotation_matrix(*(angles + step)) - rotation_matrix(*(angles - step)))
-            for step in 0.5 * np.pi * np.eye(3)[::-1]]
+    angles, quarter = np.stack(np.broadcast_arrays(roll, pitch, heading), -1), 0.5 * np.pi * np.eye(3)[::-1]
+    ahead, behind = (np.stack([rotation_matrix(*np.moveaxis(angles + step, -1, 0)) for step in steps])
+                     for steps in (quarter, -quarter))
+    return 0.5 * (ahead - behind)
 
 
 def mounting_angles(matrix: np.ndarray) -> np.ndarray:
