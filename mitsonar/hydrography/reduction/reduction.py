@@ -63,12 +63,12 @@ class Installation:
     @property
     def transmit_axis(self) -> np.ndarray:
         """Return the unit vector along the transmit array, in the body."""
-        return mounted(np.array([1.0, 0.0, 0.0]), *self.transmit_mounting)
+        return mounted(np.array([1.0, 0.0, 0.0]), *np.asarray(self.transmit_mounting))
 
     @property
     def receive_axis(self) -> np.ndarray:
         """Return the unit vector along the receive array, in the body."""
-        return mounted(np.array([0.0, 1.0, 0.0]), *self.receive_mounting)
+        return mounted(np.array([0.0, 1.0, 0.0]), *np.asarray(self.receive_mounting))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
