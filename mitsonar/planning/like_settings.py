@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from scipy.spatial.transform import Rotation
 
+from mitsonar.device.rotations import mounted
 from mitsonar.units import deg_from_radians, khz_from_hertz
 
 WIDEST = 170.0                     # [degrees]: largest swath
@@ -43,8 +43,7 @@ def settings_of(soundings: xr.Dataset, presets: Mapping[str, Mapping[str, Any]])
     head = chosen["head"].values if heads else np.zeros(chosen.sizes["ping"], int)
     mounting, between = mountings.mean(0) * ((0, 1, 1) if heads else (1, 1, 1)), offsets.mean(0) - offset
     sent, swaths = _cycles(soundings)
-    tilt = np.stack([chosen["ping_pitch"].values, chosen["ping_roll"].values], -1)
-    arm = Rotation.from_euler("YX", tilt).apply(offset)
+    arm = mounted(offset, chosen["ping_roll"].values, chosen["ping_pitch"].values)
     depth = float(np.mean(chosen["ping_depth"].values + arm[:, 2]))
     beams = round(np.median(chosen["valid"].values.sum(1)) * len(mountings))
     vertical = chosen["angle"].values - (chosen["ping_roll"].values + mountings[head, 0])[:, None]

@@ -31,11 +31,11 @@ soundings. They do not change pictures.
 import mitsuba as mi
 import numpy as np
 
+from mitsonar.device.rotations import mounting_matrix
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.array_makers import line_array
 from mitsonar.sonar.arrays.sectors import SPACINGS, Sector, beam_angles, elements_for_beam_width
 from mitsonar.sonar.faces.directivity import length_for_beam_width
-from mitsonar.sonar.motion.track import mounting_matrix
 from mitsonar.sonar.preset_tables import presets
 from mitsonar.sonar.pulses.pulses import PULSES
 from mitsonar.units import hertz_from_khz

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from sounded_line import ARMS, HEAD, SUMMER, rocking, sounded, swath
 
-from mitsonar.hydrography.reduction.attitude import PlatformMotion, mounted
+from mitsonar.hydrography.reduction.attitude import PlatformMotion
 from mitsonar.hydrography.reduction.reduction import Installation, Measured, located
 from mitsonar.water import SoundSpeedProfile
 
@@ -169,15 +169,6 @@ def test_motion_of_a_long_line_is_joined_once():
     for ping in range(20):
         assert motion.at(np.full(512, 100.0 + ping)).roll[0] == pytest.approx(100.0 + ping)
     assert perf_counter() - start < 0.5
-
-
-def test_mountings_turn_as_tracks_do():
-    from mitsonar.sonar.motion.track import rotation_matrix
-
-    angles = (0.2, -0.3, 1.1)
-    east, north, up = rotation_matrix(*map(np.float64, angles)) @ np.array([0.3, -0.5, 0.7])
-    np.testing.assert_allclose(mounted(np.array([0.3, -0.5, 0.7]), tuple(map(np.float64, angles))),
-                               [north, east, -up], rtol=1e-12)
 
 
 @pytest.mark.parametrize("change, message", [

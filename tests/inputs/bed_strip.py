@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicSpline
 
-from mitsonar.sonar.motion.track import rotation_matrix
+from mitsonar.device.rotations import rotation_matrix
 from mitsonar.sonar.pulses.pulses import lfm
 from mitsonar.synthetic_aperture.record import RAW_VARIABLES
 

@@ -13,8 +13,8 @@ from collections.abc import Callable
 import numpy as np
 import xarray as xr
 
+from mitsonar.device.rotations import rotation_matrix
 from mitsonar.propagation import eigenray
-from mitsonar.sonar.motion.track import rotation_matrix
 from mitsonar.sonar.pulses.pulse import Pulse
 from mitsonar.synthetic_aperture.record import check_raw
 from mitsonar.water import SoundSpeedProfile

@@ -8,9 +8,10 @@ import xarray as xr
 from soundings_line import blocks_of, soundings_line
 
 import mitsonar
+from mitsonar.device.rotations import mounting_matrix
 from mitsonar.io import survey_lines
 from mitsonar.io.survey_lines.directions import array_axes, level
-from mitsonar.io.survey_lines.lines import line_of, pings, rotation
+from mitsonar.io.survey_lines.lines import line_of, pings
 
 LINE = soundings_line(pings=5)
 
@@ -155,7 +156,7 @@ def test_beams_point_where_their_cones_cross_on_turned_arrays():
     opened, blocks = line_of(line)
     ping = next(pings(opened, next(blocks)))
     along, across = array_axes(opened)
-    away = level(opened, ping) @ rotation(float(ping["ping_roll"]), float(ping["ping_pitch"]), 0.0)
+    away = level(opened, ping) @ mounting_matrix(float(ping["ping_roll"]), float(ping["ping_pitch"]), 0.0)
     assert np.allclose(np.linalg.norm(away, axis=1), 1)
     assert np.allclose(away @ along, np.sin(ping["transmit_angle"]))
     assert np.allclose(away @ across, np.sin(ping["angle"]))

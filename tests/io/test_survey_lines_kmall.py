@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from soundings_line import blocks_of, soundings_line
 
+from mitsonar.device.rotations import mounting_matrix
 from mitsonar.io import survey_lines
-from mitsonar.io.survey_lines.lines import rotation
 
 LINE = soundings_line(pings=5, speeds=(1502.0, 1498.0, 1510.0))
 START = 1_777_629_600                                  # 2026-05-01T10:00:00Z
@@ -70,7 +70,7 @@ def test_depths_below_the_water_line_are_the_soundings(path):
         own = LINE.isel(ping=number, beam=there(number))
         below = np.array(ping["sounding"]["z_reRefPoint_m"]) - ping["pingInfo"]["z_waterLevelReRefPoint_m"]
         assert np.abs(below - own["depth"].values)[own["valid"].values].max() < 1e-5
-        offset = rotation(float(own["ping_roll"]), float(own["ping_pitch"]), 0.0) @ LINE["transmit_offset"].values
+        offset = mounting_matrix(float(own["ping_roll"]), float(own["ping_pitch"])) @ LINE["transmit_offset"].values
         assert ping["pingInfo"]["txTransducerDepth_m"] == pytest.approx(float(own["ping_depth"]) + offset[2], abs=1e-6)
 
 
@@ -122,7 +122,7 @@ def test_the_water_column_is_read_to_a_quarter_of_a_decibel(path):
         for index, values in enumerate(beams["sampleAmplitude05dB_p"]):
             heard = level[index][np.isfinite(level[index])]
             assert np.abs(0.5 * np.array(values) - about["TVGoffset_dB"] - heard).max() <= 0.2501
-        straight = rotation(float(own["ping_roll"]), float(own["ping_pitch"]), 0.0)[2, 1]
+        straight = mounting_matrix(float(own["ping_roll"]), float(own["ping_pitch"]))[2, 1]
         assert np.allclose(beams["beamPointAngReVertical_deg"],
                            np.degrees(np.arcsin(straight) - own["column_angle"].values), atol=1e-5)
         # The bed stands out where the soundings beside say, at beams that see it under the same angle or nearly so.

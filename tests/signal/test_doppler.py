@@ -2,7 +2,14 @@
 import numpy as np
 import pytest
 
-from mitsonar.signal.doppler import doppler_class, doppler_classes, glide_of, two_way_doppler
+from mitsonar.signal.doppler import (
+    doppler_class,
+    doppler_classes,
+    glide_of,
+    longer_period,
+    two_way_doppler,
+    two_way_shift,
+)
 from mitsonar.sonar import cw, hfm, lfm
 
 
@@ -11,6 +18,14 @@ def test_two_way_factor(speed, factor, shift):
     """c = 1500 m/s, 300 kHz; the reference carries eight decimals and three."""
     assert two_way_doppler(speed, 1500) == pytest.approx(factor, abs=6e-9)
     assert 3e5 * (two_way_doppler(speed, 1500) - 1) == pytest.approx(shift, abs=6e-4)
+    assert 3e5 * two_way_shift(speed, 1500, speed) == pytest.approx(shift, abs=6e-4)
+
+
+def test_small_shifts_keep_their_digits_in_float32():
+    out, back, speed = np.float32(1e-3), np.float32(2e-3), np.float32(1500)
+    shift = two_way_shift(out, speed, back)
+    assert shift.dtype == np.float32 and shift == pytest.approx(3e-3 / 1499.999, rel=3e-7)
+    assert longer_period(shift, np.float32(0)) == pytest.approx(1 / (1 + float(shift)) - 1, rel=3e-7)
 
 
 def test_factor_is_the_ratio_of_time_sent_to_time_heard():
@@ -79,7 +94,7 @@ def test_a_glide_makes_up_for_what_is_left_of_the_factor(pulse):
     worst = 0.0
     for eta in np.linspace(1 - 1.99 * speed, 1 + 1.99 * speed, 9):
         factor = classes[np.abs(classes - eta).argmin()]
-        late, turn = glide.shift(eta, factor)
+        late, turn = glide.shift(longer_period(eta - 1, factor - 1), factor)
         late += 0.5 * pulse.duration * (1 / eta - 1 / factor)
         own = compressed(eta, 0.0, 0.0)
         worst = max(worst, np.abs(compressed(factor, late, turn) - own).max() / np.abs(own).max())

@@ -2,16 +2,16 @@
 import numpy as np
 import pytest
 
+from mitsonar.device.rotations import attitude_of, rotation_matrix
 from mitsonar.sonar.motion.motion import RandomMotion
 from mitsonar.sonar.motion.rotating_head import (
     MOUNTS,
     HeadSweep,
     HeadTrajectory,
     RotatingHead,
-    attitude_of,
     turned_voyage,
 )
-from mitsonar.sonar.motion.track import Track, rotation_matrix
+from mitsonar.sonar.motion.track import Track
 from mitsonar.sonar.motion.trajectory import Recorded, Trajectory, Voyage
 
 PING = np.arange(10)

@@ -18,9 +18,9 @@ from summer import SUMMER, SUMMER_TEXT
 from track_files import write_track
 
 import mitsonar
+from mitsonar.device.rotations import rotation_matrix
 from mitsonar.propagation import eigenray
 from mitsonar.sonar.arrays.element_patterns import element_pressure
-from mitsonar.sonar.motion.track import rotation_matrix
 from mitsonar.validation.scenes import array_sonar, buried_bed, point_target
 from mitsonar.water import SoundSpeedProfile
 

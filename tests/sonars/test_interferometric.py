@@ -16,10 +16,10 @@ from sonar_scenes import bed as bed_of, buried_bed, interferometric, lambert, po
 
 import mitsonar
 import mitsonar.scene.loading  # tells Dr.Jit its libraries before Mitsuba is imported
+from mitsonar.device.rotations import rotation_matrix
 from mitsonar.propagation.numpy_rays.eigenrays import eigenray
 from mitsonar.scene.errors import as_exception
 from mitsonar.signal.matched_filtering import matched_filter
-from mitsonar.sonar.motion.track import rotation_matrix
 from mitsonar.survey.interferometric.instrument import both_sides
 from mitsonar.survey.interferometric.plan import up_along
 from mitsonar.verbs.images import opened

@@ -13,7 +13,7 @@ import pytest
 from track_files import write_track
 
 import mitsonar
-from mitsonar.sonar.motion.track import rotation_matrix
+from mitsonar.device.rotations import rotation_matrix
 from mitsonar.validation.scenes import array_sonar, buried_bed, point_target
 
 C, F0, PULSE = 1500.0, 1e5, 0.1

@@ -17,8 +17,8 @@ from scipy.interpolate import CubicSpline
 from sonar_scenes import bed, lambert, point_target, synthetic_aperture
 
 import mitsonar
+from mitsonar.device.rotations import rotation_matrix
 from mitsonar.sonar.arrays.element_patterns import element_pressure
-from mitsonar.sonar.motion.track import rotation_matrix
 from mitsonar.sonar.preset_tables import presets
 from mitsonar.sonar.pulses.pulses import pulse_of
 from mitsonar.survey.synthetic_aperture.truth import strip_truth

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 import drjit as dr
 import mitsuba as mi
 
+from mitsonar.propagation.returns.moved_ends import further
 from mitsonar.scattering.surfaces.facets import phase_mean
 
 from ..scatterers.cells import place
@@ -24,10 +25,9 @@ from .facets import SmoothCells, SmoothFacets
 CORNERS = (0.0, 0.0), (1.0, 0.0), (0.0, 1.0)
 
 
-def further(offset: mi.Vector3f, direction: mi.Vector3f, radius: mi.Float) -> mi.Float:
+def off_middle(offset: mi.Vector3f, direction: mi.Vector3f, radius: mi.Float) -> mi.Float:
     """Return the extra distance of a spherical wave of a radius [m] along `direction`, `offset` [m] off its middle."""
-    twice = 2 * radius * dr.dot(direction, offset) + dr.squared_norm(offset)
-    return twice / (dr.sqrt(dr.maximum(radius * radius + twice, 0)) + radius)
+    return further(2 * radius * dr.dot(direction, offset) + dr.squared_norm(offset), radius)
 
 
 def mean_sent_back(facets: SmoothFacets, cells: SmoothCells, parts: mi.UInt32,
@@ -64,8 +64,8 @@ def _part(lib, j, parts, flat, places, bend, normals, normal, ways, wavenumber):
                           ((mi.Point2f(*places[0]), mi.Point2f(*places[1]), mi.Point2f(*places[2])), flat))
         height = bend[0] * (1 - u - v) * u + bend[1] * u * v + bend[2] * v * (1 - u - v)
         offset = offset + height * normal
-        there = further(offset, direction, radius)
-        phases.append(-wavenumber * (there + further(offset, *other[0])) if other else -2 * wavenumber * there)
+        there = off_middle(offset, direction, radius)
+        phases.append(-wavenumber * (there + off_middle(offset, *other[0])) if other else -2 * wavenumber * there)
         middle_u, middle_v = middle_u + u * (1 / 3), middle_v + v * (1 / 3)
     n = dr.normalize(a + (b - a) * middle_u + (c - a) * middle_v)
     # for sound on either side of the facet

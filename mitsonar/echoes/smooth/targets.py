@@ -42,7 +42,7 @@ from ..sights.sight import complex_product, path_of, product
 from ..sights.sights import Sights
 from ..sonar_equation import absorbed, pressure_along_legs
 from .facets import SmoothFacets, warn_where_too_coarse
-from .kirchhoff import further, mean_sent_back
+from .kirchhoff import mean_sent_back, off_middle
 
 CELLS_PER_BLOCK = 1 << 18
 RUNS_PER_BLOCK = 1 << 20           # visible facets, all pings of a block together: limits host memory
@@ -239,7 +239,7 @@ class SmoothTargets:
             tube = _Tube(
                 active=way.free & (way.travel_time < self.longest) & dr.isfinite(radius), place=number, facet=facet,
                 point=cells.point, corners=cells.corners, area=cells.area,
-                ways=[further(corner, direction, radius) for corner in cells.corners],
+                ways=[off_middle(corner, direction, radius) for corner in cells.corners],
                 directions=[direction, *(dr.normalize(radius * direction + corner) for corner in cells.corners)],
                 pressure=dr.sqrt(sight.gain),
                 reflected=(dr.ones(mi.Float, dr.width(s)), dr.zeros(mi.Float, dr.width(s))),
@@ -286,7 +286,7 @@ class SmoothTargets:
         active = tube.active & way.free & (in_cosine * out_cosine > 0)
         active &= tube.out.travel_time + tube.between + way.travel_time < 2 * self.longest
         radius = dr.sqrt(way.spreading_area)
-        mean = phase_mean(*(-wavenumber * (way_there + further(corner, back, radius))
+        mean = phase_mean(*(-wavenumber * (way_there + off_middle(corner, back, radius))
                             for way_there, corner in zip(tube.ways, tube.corners)))
         pressure = tube.pressure * dr.sqrt(sight.gain)
         pressure *= wavenumber * float(sign * 0.25 / np.pi) * abs(in_cosine + out_cosine) * tube.area

@@ -15,6 +15,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.rotations import rotation_slopes
 from mitsonar.device.types import ArrayTypes, Float64, Record, UInt32
 from mitsonar.propagation.device_rays.layer_table import LayerTable
 from mitsonar.scene.tracing.tracer import Sources
@@ -23,8 +24,6 @@ from mitsonar.survey.energy.rows import Rays
 from mitsonar.survey.motion.places import Place
 
 from .ray_shift import tangent
-
-STEP = 1e-5                        # [rad] of the differences that rotations are derived by: their error is 1e-10
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,10 +57,7 @@ class AttachedTrack:
         self._rotation, self._relative = now, np.einsum("pij,pkj->pik", now, start)
         self._start = start
         self._turns = offsets.attitude is not None or not np.array_equal(now, start)
-        here = np.zeros((1, 3))
-        ahead, behind = ([track.moved(here, by * STEP * np.eye(3)[None, k]).rotation() for k in range(3)]
-                         for by in (1, -1))
-        self._slopes = (np.stack(ahead) - np.stack(behind)) / (2 * STEP)                              # (3, P, 3, 3)
+        self._slopes = rotation_slopes(track.roll, track.pitch, track.heading)                        # (3, P, 3, 3)
 
     def place(self, place: Place) -> Place:
         """Return the same place with gradients."""

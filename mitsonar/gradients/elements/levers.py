@@ -30,10 +30,10 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, compressed, picked, upload
+from mitsonar.device.rotations import rotated
 from mitsonar.device.types import Float, UInt32
 from mitsonar.echoes.record import Echoes
 from mitsonar.propagation.returns.straight_vectors import dot
-from mitsonar.propagation.returns.travel import rotated
 from mitsonar.signal.accumulation import ImpulseResponses, OfPair
 from mitsonar.signal.gathering import DelayChange, EchoPairs, GatheredWeights
 from mitsonar.survey.pressure.delays import ALL_ROWS

@@ -28,10 +28,11 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, picked
+from mitsonar.device.rotations import rotation_matrix, rotation_slopes
 from mitsonar.device.spelling import meant
 from mitsonar.scene.geometry import Target
 from mitsonar.sonar.arrays.array import Array
-from mitsonar.sonar.motion.track import Track, rotation_matrix
+from mitsonar.sonar.motion.track import Track
 from mitsonar.survey.pressure.array_survey import ArraySurvey
 
 from ..model import Values
@@ -43,7 +44,6 @@ RECEIVING, STRENGTHENING = ("rx_delay", "rx_gain"), ("tx_weight", "target_streng
 MOVING = tuple(name for name in UNITS if name not in (*RECEIVING, *STRENGTHENING))
 OF_PINGS = "position_offset", "attitude_offset"       # a scene names them for all pings, a model for its own
 NEPERS_PER_DB = float(np.log(10)) / 20
-ANGLE_STEP = 1e-5                  # [rad] of differences of rotations, in float64
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -207,7 +207,5 @@ def _displaced(track: Track, pings: list[int], place: np.ndarray | None, turn: n
 
 def _rotations(track: Track, ping: int) -> list[np.ndarray]:
     """Return the rotation (3, 3) of a ping, body to scene, and its derivatives by heading, pitch and roll."""
-    angles = np.array([track.roll[ping], track.pitch[ping], track.heading[ping]])
-    return [rotation_matrix(*angles),
-            *((rotation_matrix(*(angles + step)) - rotation_matrix(*(angles - step))) / (2 * ANGLE_STEP)
-              for step in ANGLE_STEP * np.eye(3)[::-1])]
+    angles = track.roll[ping], track.pitch[ping], track.heading[ping]
+    return [rotation_matrix(*angles), *rotation_slopes(*angles)]

@@ -16,6 +16,8 @@ from typing import Protocol
 
 import numpy as np
 
+from mitsonar.device.rotations import vector_rotation
+
 from .node_weights import node_weights
 
 
@@ -51,7 +53,6 @@ class RigidChange:
 
 
 DECIBELS = 10 / np.log(10)
-SMALL = 1e-4                       # [rad], below which series are better than quotients
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,34 +129,20 @@ class Pose:
         body = RigidChange(self.key, start)
 
         def inner(x: np.ndarray) -> np.ndarray:
-            return body.moved(_rotation(x[3:])[0], x[:3])
+            return body.moved(vector_rotation(x[3:])[0], x[:3])
 
         def push(x: np.ndarray, dx: np.ndarray) -> np.ndarray:
-            rotation, jacobian = _rotation(x[3:])
+            rotation, jacobian = vector_rotation(x[3:])
             turned = np.cross(jacobian @ dx[3:], body.arms(rotation))
             return body.array(body.carried * dx[:3] + turned, tangent=True)
 
         def pull(x: np.ndarray, weights: np.ndarray) -> np.ndarray:
-            forces, (rotation, jacobian) = body.rows(weights), _rotation(x[3:])
+            forces, (rotation, jacobian) = body.rows(weights), vector_rotation(x[3:])
             moment = np.cross(body.arms(rotation), forces).sum(0)
             return np.concatenate([(body.carried * forces).sum(0), jacobian.T @ moment])
 
         return BoundChange(name=_sibling(self.key, "pose"), unit="m, rad", start=np.zeros(6), inner=inner, push=push,
                            pull=pull)
-
-
-def _rotation(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return R and J (3, 3) of a rotation vector θ [rad]: R = exp [θ], d(R p) = (J dθ) × (R p).
-
-    J = I + (1 - cos φ)/φ² [θ] + (φ - sin φ)/φ³ [θ]², φ = |θ|, R = I + [θ] J (Chirikjian, 2012, Stochastic Models,
-    Information Theory, and Lie Groups 2, eq. 10.86).
-    """
-    x, y, z = vector
-    cross, angle = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]), float(np.linalg.norm(vector))
-    first = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
-    second = 1 / 6 - angle ** 2 / 120 if angle < SMALL else (angle - np.sin(angle)) / angle ** 3
-    jacobian = np.eye(3) + first * cross + second * cross @ cross
-    return np.eye(3) + cross @ jacobian, jacobian
 
 
 @dataclass(frozen=True)

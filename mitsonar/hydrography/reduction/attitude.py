@@ -1,27 +1,22 @@
 """Position and attitude of a platform at any time, from the samples of its motion sensors.
 
-A vector of the body (x forward, y starboard, z down) in the scene (x east, y north, depth down) is
-
-    v = S Rz(heading) Ry(pitch) Rx(roll) v_body,     S swaps north-east-down for east-north-down
-
-the order of `mitsonar.sonar.motion.track`. Cubic splines join the samples of position and angles. Such a spline errs by
-5/384 d⁴ times the fourth derivative for samples d apart: for a roll of 5 degrees in 6 s by 1.4e-11 rad at 100 Hz and
-1.4e-7 rad at 10 Hz, where straight lines err by 1.2e-6 and 1.2e-4 rad. Before the first and after the last sample,
-motion continues at constant rates.
+A vector of the body (x forward, y starboard, z down) in the scene (x east, y north, depth down) is `mounted` of
+`device.rotations`, with north and east exchanged. Cubic splines join the samples of position and angles. Such a spline
+errs by 5/384 d⁴ times the fourth derivative for samples d apart: for a roll of 5 degrees in 6 s by 1.4e-11 rad at 100
+Hz and 1.4e-7 rad at 10 Hz, where straight lines err by 1.2e-6 and 1.2e-4 rad. Before the first and after the last
+sample, motion continues at constant rates.
 """
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
-
-Angles = tuple[np.ndarray, np.ndarray, np.ndarray]
+from mitsonar.device.rotations import mounted
+from mitsonar.device.types import Real
+from mitsonar.sonar.motion.trajectory import SmoothCurve
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,26 +37,16 @@ class PlatformPose:
 
     def turned(self, vector: np.ndarray) -> np.ndarray:
         """Return a vector (..., 3) of the body frame in the scene frame: (..., 3)."""
-        return turned(vector, (self.roll, self.pitch, self.heading))
+        return turned(vector, self.roll, self.pitch, self.heading)
 
     def carried(self, offset: np.ndarray) -> np.ndarray:
         """Return the place (..., 3) [m] of a point mounted at `offset` (3,) [m] from the reference point."""
         return self.place + self.turned(offset)
 
 
-def turned(vector: np.ndarray, angles: Angles) -> np.ndarray:
+def turned(vector: np.ndarray, roll: Real, pitch: Real, heading: Real) -> np.ndarray:
     """Return vectors (..., 3) of a frame at roll, pitch and heading [rad] in east, north, down (..., 3)."""
-    north, east, down = mounted(vector, angles)
-    return np.stack([east, north, down], -1)
-
-
-def mounted(vector: np.ndarray, angles: Angles) -> Angles:
-    """Return components of vectors (..., 3) in an outer frame of the same handedness, as of an array in the body."""
-    x, y, z = np.moveaxis(np.asarray(vector, float), -1, 0)
-    (sr, sp, sh), (cr, cp, ch) = (tuple(f(np.asarray(one, float)) for one in angles) for f in (np.sin, np.cos))
-    y, z = y * cr - z * sr, y * sr + z * cr
-    x, z = x * cp + z * sp, z * cp - x * sp
-    return x * ch - y * sh, x * sh + y * ch, z
+    return mounted(vector, roll, pitch, heading)[..., [1, 0, 2]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -114,21 +99,11 @@ class PlatformMotion:
 
     def at(self, time: np.ndarray) -> PlatformPose:
         """Return the pose at times (...) [s]; NaN where the time is NaN."""
-        time = np.asarray(time, float)
-        inside = np.clip(time, self.time[0], self.time[-1])
-        if self.time.size == 1:
-            values = self._rows[0] + 0 * inside[..., None]
-        else:
-            values = self._spline(inside) + (time - inside)[..., None] * self._spline(inside, 1)
+        values = self._curve.at(np.asarray(time, float))
         return PlatformPose(place=values[..., :3], roll=values[..., 3], pitch=values[..., 4], heading=values[..., 5])
 
-    @property
-    def _rows(self) -> np.ndarray:
-        return np.stack([self.x, self.y, self.depth, self.roll, self.pitch, np.unwrap(self.heading)], -1)
-
     @cached_property
-    def _spline(self) -> CubicSpline:
-        """Return the spline, which is made once, as a line uses it for every ping."""
-        from scipy.interpolate import CubicSpline
-
-        return CubicSpline(self.time, self._rows)
+    def _curve(self) -> SmoothCurve:
+        """Return the curve, which is made once, as a line uses it for every ping."""
+        return SmoothCurve(self.time, np.stack([self.x, self.y, self.depth, self.roll, self.pitch,
+                                                np.unwrap(self.heading)], -1))

@@ -11,10 +11,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from mitsonar.device.rotations import mounted
 from mitsonar.sonar.arrays.cones import cone_directions
 from mitsonar.water.profile import SoundSpeedProfile
 
-from .attitude import mounted
 from .legs import Starts, crossed
 
 ATTITUDE = ("ping_time", "ping_heading", "receive_mounting", "motion_time", "motion_roll", "motion_pitch",
@@ -61,7 +61,7 @@ def _with_head(ping: xr.Dataset) -> xr.Dataset:
 def _turned(vector: np.ndarray, roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> np.ndarray:
     """Return a vector (3,) of a frame at angles (...) in the outer frame (..., 3); unknown values count as 0."""
     roll, pitch, heading = (np.nan_to_num(np.asarray(angle, float)) for angle in (roll, pitch, heading))
-    return np.stack(mounted(np.nan_to_num(vector), (roll, pitch, heading)), -1)
+    return mounted(np.nan_to_num(vector), roll, pitch, heading)
 
 
 def _mounting(line: xr.Dataset, name: str) -> np.ndarray:

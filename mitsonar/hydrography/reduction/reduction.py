@@ -24,10 +24,11 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mitsonar.device.rotations import mounted
 from mitsonar.sonar.arrays.cones import cone_directions
 from mitsonar.water.profile import SoundSpeedProfile
 
-from .attitude import PlatformMotion, PlatformPose, mounted
+from .attitude import PlatformMotion, PlatformPose
 from .legs import RayLeg, Starts
 
 STEPS = 24
@@ -63,12 +64,12 @@ class Installation:
     @property
     def transmit_axis(self) -> np.ndarray:
         """Return the unit vector along the transmit array, in the body."""
-        return np.stack(mounted(np.array([1.0, 0.0, 0.0]), tuple(np.asarray(self.transmit_mounting))))
+        return mounted(np.array([1.0, 0.0, 0.0]), *np.asarray(self.transmit_mounting))
 
     @property
     def receive_axis(self) -> np.ndarray:
         """Return the unit vector along the receive array, in the body."""
-        return np.stack(mounted(np.array([0.0, 1.0, 0.0]), tuple(np.asarray(self.receive_mounting))))
+        return mounted(np.array([0.0, 1.0, 0.0]), *np.asarray(self.receive_mounting))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -17,18 +17,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mitsonar.device.rotations import rotated, rotation_matrix, rotation_slopes
 from mitsonar.device.spelling import meant
 from mitsonar.gradients.model import Values
 from mitsonar.propagation.numpy_rays.eigenrays import eigenray
-from mitsonar.propagation.returns.travel import REST, Travel, rotated
-from mitsonar.sonar.motion.track import Track, rotation_matrix
+from mitsonar.propagation.returns.travel import REST, Travel
+from mitsonar.sonar.motion.track import Track
 from mitsonar.sonar.motion.trajectory import Recorded, Trajectory
 from mitsonar.water.profile import SoundSpeedProfile
 
 UNITS = {"rx_position": "m", "rx_delay": "s", "tx_position": "m", "lever_arm": "m", "position_offset": "m",
          "attitude_offset": "rad", "velocity_offset": "m/s", "target_position": "m"}
 ITERATIONS = 4                     # of the arrival at a moving element: each is better by v / c
-STEP = 1e-6                        # [s], [rad] of differences of the platform's motion, in float64
+STEP = 1e-6                        # [s] of differences of the platform's motion, in float64
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -125,9 +126,7 @@ class ArrivalModel:
         place = track.position[ping] + at["position_offset"][ping]
         angles = np.array([track.roll[ping], track.pitch[ping], track.heading[ping]])
         angles = angles + at["attitude_offset"][ping][::-1]
-        rotation = rotation_matrix(*angles)
-        turns = [(rotation_matrix(*(angles + step)) - rotation_matrix(*(angles - step))) / (2 * STEP)
-                 for step in STEP * np.eye(3)[::-1]]
+        rotation, turns = rotation_matrix(*angles), rotation_slopes(*angles)
         targets, sender = at["target_position"], at["tx_position"] + at["lever_arm"]
         arms = at["rx_position"] + at["lever_arm"]
         out, leaves, meets = self._ray(place + rotation @ sender, targets)           # (K,), (K, 3), (K, 3)

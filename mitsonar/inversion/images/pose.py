@@ -18,9 +18,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from scipy.spatial.transform import Rotation
 
 from mitsonar.device.files import FilePath
+from mitsonar.device.rotations import mounting_matrix
 from mitsonar.gradients.parameters.changes import DECIBELS, BoundChange, Log, RigidChange
 from mitsonar.gradients.parameters.parametrisation import parametrised
 from mitsonar.gradients.records.scene_model import SceneModel
@@ -84,7 +84,7 @@ class TurnedModel:
         body = RigidChange(self.key, start)
 
         def moved(pose: np.ndarray) -> np.ndarray:
-            return body.moved(Rotation.from_euler("ZYX", pose[3:]).as_matrix(), pose[:3])
+            return body.moved(mounting_matrix(*pose[:2:-1]), pose[:3])
 
         def columns(pose: np.ndarray) -> np.ndarray:
             return np.stack([(moved(pose + step) - moved(pose - step)) / (2 * STEP) for step in STEP * np.eye(6)])

@@ -175,14 +175,6 @@ def rated(line_pings: Iterable[Ping]) -> Iterator[tuple[Ping, float]]:
     yield from ((member, rate) for member in cycle)
 
 
-def rotation(roll: float, pitch: float, heading: float) -> np.ndarray:
-    """Return the matrix (3, 3) from the frame of a body (forward, starboard, down) to the frame it is turned in."""
-    sr, cr, sp, cp, sh, ch = (function(angle) for angle in (roll, pitch, heading) for function in (np.sin, np.cos))
-    return np.array([[ch * cp, ch * sp * sr - sh * cr, ch * sp * cr + sh * sr],
-                     [sh * cp, sh * sp * sr + ch * cr, sh * sp * cr - ch * sr],
-                     [-sp, cp * sr, cp * cr]])
-
-
 def _alike(first: xr.Dataset, others: Iterable[xr.Dataset]) -> Iterator[xr.Dataset]:
     """Yield blocks with pings and check that each has the variables, sizes and motion of the first."""
     def sizes(block: xr.Dataset) -> dict:

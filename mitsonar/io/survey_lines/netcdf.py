@@ -26,6 +26,7 @@ import numpy as np
 import xarray as xr
 
 from mitsonar.device.files import FilePath, replacing
+from mitsonar.device.rotations import mounted
 from mitsonar.version import __version__
 
 from ..records.netcdf import BESIDE, full_disk_told, has_room, packing, store
@@ -142,8 +143,7 @@ def _ship(file, line, group):
     heading = (file.variables["ping_heading"][:] + convergence) % (2 * np.pi)
     offset = line.array("transmit_offset")
     roll, pitch, depth = (file.variables[f"ping_{name}"][:] for name in ("roll", "pitch", "depth"))
-    down = (-np.sin(pitch) * offset[0] + np.cos(pitch) * np.sin(roll) * offset[1]
-            + np.cos(pitch) * np.cos(roll) * offset[2])
+    down = mounted(offset, roll, pitch)[:, 2]
     for name, values, units, about in (
             ("ping_time", _nanoseconds(line.start + time), TIME, "time of the ping's first transmission"),
             ("platform_latitude", latitude, "degrees_north", "latitude of the platform's origin"),

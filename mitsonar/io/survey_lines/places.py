@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
+
+from mitsonar.device.rotations import mounted, mounting_angles, mounting_matrix
 
 
 def levelled(offset: np.ndarray, roll: ArrayLike, pitch: ArrayLike) -> np.ndarray:
     """Return lever arms (..., 3) of the body as forward, starboard and down of the levelled vessel."""
-    angles = np.stack(np.broadcast_arrays(0.0 * np.asarray(roll), pitch, roll), -1)
-    return Rotation.from_euler("ZYX", angles).apply(offset)
+    return mounted(offset, np.asarray(roll), np.asarray(pitch))
 
 
 def from_sensor(roll: np.ndarray, pitch: np.ndarray, heading: np.ndarray,
@@ -21,10 +21,9 @@ def from_sensor(roll: np.ndarray, pitch: np.ndarray, heading: np.ndarray,
     """Return the vessel's roll, pitch and heading from those of a sensor and its mounting (roll, pitch, heading)."""
     if heading.size == 0 or not np.any(mounting):
         return roll, pitch, heading
-    sensor = Rotation.from_euler("ZYX", np.stack([heading, pitch, roll], -1))
-    askew = Rotation.from_euler("ZYX", mounting[::-1])
-    turned = (sensor * askew.inv()).as_euler("ZYX")
-    return turned[:, 2], turned[:, 1], turned[:, 0]
+    vessel = mounting_matrix(roll, pitch, heading) @ mounting_matrix(*mounting).T
+    roll, pitch, heading = mounting_angles(vessel).T
+    return roll, pitch, heading
 
 
 def straight(mounting: np.ndarray) -> tuple[np.ndarray, bool]:
@@ -45,8 +44,3 @@ def across_and_along(x: ArrayLike, y: ArrayLike, heading: ArrayLike, across: np.
     """Return x and y of points at distances across and along track from a position."""
     sine, cosine = np.sin(heading), np.cos(heading)
     return x + along * sine + across * cosine, y + along * cosine - across * sine
-
-
-def turned(roll: float, pitch: float, heading: float = 0.0) -> np.ndarray:
-    """Return the matrix (3, 3) from the frame of a body (an array, a vessel) to the frame it is turned in."""
-    return Rotation.from_euler("ZYX", [heading, pitch, roll]).as_matrix()

@@ -13,12 +13,13 @@ import drjit as dr
 import numpy as np
 
 from mitsonar.device.arrays import compressed, picked, upload
+from mitsonar.device.rotations import rotated
 from mitsonar.device.types import ArrayTypes, Bool, Float64, Numbers, Triple, Vector64
 
 from ..device_rays.aiming import CLOSE_ENOUGH, aim
 from ..device_rays.layer_table import LayerTable
 from ..device_rays.two_point import PointState, to_hit
-from ..returns.travel import Travel, rotated
+from ..returns.travel import Travel
 from .eigenrays import eigenray
 
 NEWTON_STEPS = 4               # each takes (v/c)² ~ 1e-5 of the error off

@@ -24,9 +24,10 @@ import drjit as dr
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mitsonar.device.rotations import rotated
 from mitsonar.device.types import Numbers, Triple
 
-from .travel import Travel, rotated
+from .travel import Travel
 
 
 class StraightLeg(NamedTuple):

@@ -11,7 +11,6 @@ Written once for NumPy and Dr.Jit numbers.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import drjit as dr
 import numpy as np
@@ -56,13 +55,11 @@ class Travel(Record):
 
     def _at(self, coefficients: Sequence[Triple], end: Triple, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
         inside = self._inside(time)
-        value = [_zero(time)] * 3
-        for row in reversed(coefficients):
-            value = [(part + d) * inside for part, d in zip(value, row)]
+        value = evaluated(coefficients, inside)
         if len(coefficients) > 1:
             beyond = time - inside
-            value = [part + v * beyond for part, v in zip(value, end)]
-        return tuple(value)
+            value = tuple(part + v * beyond for part, v in zip(value, end))
+        return value
 
     def _inside(self, time: Numbers) -> Numbers:
         if len(self.displacement) <= 1:
@@ -79,29 +76,12 @@ def steady(velocity: Triple, turn_rate: Triple = (0.0, 0.0, 0.0)) -> Travel:
                   end_velocity=tuple(velocity), end_turn_rate=tuple(turn_rate))
 
 
-def detour(towards: Any, distance: Any, place: Any) -> tuple[Any, Any, Any, Any]:
-    """Return the way w = D n - r from a place r near the origin to a point that lies D n from there, and its length.
-
-    The other two are the parts of a fraction, (|r|² - 2 D n·r) / (|w| + D) = |w| - D, which is no difference of large
-    numbers. `towards` and `place` are vectors of Dr.Jit, `distance` a number.
-    """
-    way = type(towards)(distance) * towards - place
-    length = dr.norm(way)
-    return way, length, dr.squared_norm(place) - 2 * distance * dr.dot(towards, place), length + distance
-
-
-def rotated(vector: Triple, rotation: Triple, back: bool = False) -> tuple[Numbers, Numbers, Numbers]:
-    """Turn a vector by a rotation vector [rad], or back: triples (Rodrigues)."""
-    (x, y, z), (rx, ry, rz) = vector, rotation
-    square = rx * rx + ry * ry + rz * rz
-    xp = dr if dr.is_jit_v(square) else np
-    angle = xp.sqrt(square + 1e-30)
-    kx, ky, kz = rx / angle, ry / angle, rz / angle
-    sine, cosine = xp.sin(angle), xp.cos(angle)
-    sine = -sine if back else sine
-    along = (kx * x + ky * y + kz * z) * (1 - cosine)
-    return (x * cosine + (ky * z - kz * y) * sine + kx * along, y * cosine + (kz * x - kx * z) * sine + ky * along,
-            z * cosine + (kx * y - ky * x) * sine + kz * along)
+def evaluated(coefficients: Sequence[Triple], time: Numbers) -> tuple[Numbers, Numbers, Numbers]:
+    """Return Σ_k p_k t^k, k = 1 ... K, of triples p_k: a triple."""
+    value = [_zero(time)] * 3
+    for row in reversed(coefficients):
+        value = [(part + d) * time for part, d in zip(value, row)]
+    return tuple(value)
 
 
 def _slope(coefficients: Sequence[Triple] | np.ndarray, time: Numbers) -> tuple[Numbers, Numbers, Numbers]:

@@ -3,9 +3,7 @@
     τ_n = (|P - T| + |P - R_n|) / c,     y = Σ_n w_n z_n(τ_n) exp(2πi f0 (τ_n - τ)) / Σ_n w_n
 
 P -> point, T -> transmitter, R_n -> element n, τ -> the delay whose phase the result keeps. Only differences are made
-in float32, against a whole sample and a phase that are exact:
-
-    |P - R| - |P| = q / (|P - R| + |P|),   q = |R|² - 2 P·R                        (no cancellation)
+in float32, by `propagation.returns.moved_ends`, against a whole sample and a phase that are exact.
 """
 import importlib
 from collections.abc import Iterable, Sequence
@@ -16,12 +14,12 @@ import numpy as np
 
 from mitsonar.device.arrays import arrays_of, looped, upload
 from mitsonar.device.types import Array4f, ArrayTypes, DrJitArray, Float, Int32, UInt32
+from mitsonar.propagation.returns.moved_ends import further
 
 from .interpolation import MARGIN, RATE, corrected, interpolation_named
 from .recording import Recording
 
 TOGETHER = 4                       # foci a thread works on at once: 2.0 instead of 2.6 ns each on the CPU
-TINY = 1e-12                       # [m], so that an element at its own focus divides by something
 
 
 def device_arrays(like: DrJitArray | type | None = None) -> ArrayTypes:
@@ -69,7 +67,7 @@ class ElementSignals:
     def detour(self, point: Sequence[Float], distance: Float, place: Sequence[Float] | Array4f) -> Float:
         """Return |P - R| - |P| [m] of points (three Floats) at a distance |P| and elements (x, y, z, |R|²)."""
         q = dr.fma(-2 * point[0], place[0], dr.fma(-2 * point[1], place[1], dr.fma(-2 * point[2], place[2], place[3])))
-        return q / dr.maximum(dr.sqrt(dr.maximum(dr.fma(distance, distance, q), 0)) + distance, TINY)
+        return further(q, distance)
 
     def read(self, row: UInt32, place: Array4f, focus: Focus) -> tuple[Float, Float]:
         """Read the weighted signal (re, im) of an element at the instants that the echoes of foci reach it."""

@@ -16,14 +16,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .track import Track, rotation_matrix
+from mitsonar.device.rotations import attitude_of, rotation_matrix
+
+from .track import Track
 from .trajectory import Trajectory, Voyage
 
 # name -> columns forward (bearing 0), aside and axis, body frame; and the sign of a turn about that axis
 MOUNTS = {"down": (np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1]]).T, 1.0),
           "up": (np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]]).T, -1.0),
           "forward": (np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]]).T, 1.0)}
-NORTH_EAST_DOWN = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])        # of scene vectors; its own inverse
 WHOLE = 1e-6                       # of a step: a sector that lacks less of it has it
 
 
@@ -132,19 +133,6 @@ class HeadTrajectory(Trajectory):
         position, attitude = super().pose(times, since)
         rotation = rotation_matrix(*np.moveaxis(attitude, -1, 0)) @ self.head.rotation(self.bearing(times, since))
         return position + rotation @ self.reach, attitude_of(rotation)
-
-
-def attitude_of(rotation: np.ndarray) -> np.ndarray:
-    """Return roll, pitch and heading (..., 3) [rad] of rotations (..., 3, 3) from body to scene.
-
-    Those of `track.rotation_matrix`, exact at any pitch: the roll is taken about the heading that was found.
-    """
-    m = NORTH_EAST_DOWN @ rotation
-    heading = np.arctan2(m[..., 1, 0], m[..., 0, 0])
-    pitch = np.arctan2(-m[..., 2, 0], np.hypot(m[..., 0, 0], m[..., 1, 0]))
-    sine, cosine = np.sin(heading), np.cos(heading)
-    roll = np.arctan2(sine * m[..., 0, 2] - cosine * m[..., 1, 2], cosine * m[..., 1, 1] - sine * m[..., 0, 1])
-    return np.stack([roll, pitch, heading], -1)
 
 
 def turned_voyage(voyage: Voyage, head: RotatingHead, interval: float) -> Voyage:

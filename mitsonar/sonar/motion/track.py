@@ -1,13 +1,8 @@
 """Track of the sonar: position and attitude at every ping.
 
-A vector of the body (x forward, y starboard, z down) in the scene (x east, y north, z up) is
-
-    v_scene = E Rz(heading) Ry(pitch) Rx(roll) v_body
-
-turned first by roll about x, then pitch about y, then heading about z (the aerospace z-y-x order; Fossen, Handbook of
-Marine Craft Hydrodynamics and Motion Control, 2011, eq. 2.18, body to north-east-down), and E swaps north-east-down for
-east-north-up. Heading is clockwise from north, pitch positive nose up, roll positive starboard side down; all in
-radians.
+Attitudes turn a vector of the body (x forward, y starboard, z down) into the scene (x east, y north, z up) as
+`rotation_matrix` of `device.rotations` says. Heading is clockwise from north, pitch positive nose up, roll positive
+starboard side down; all in radians.
 """
 from __future__ import annotations
 
@@ -16,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mitsonar.device.types import Real
+from mitsonar.device.rotations import rotation_matrix
 
 LATEST, FARTHEST = 1e11, 1e8       # [s], [m]: three thousand years, and more than once around the Earth
 FIELDS = ("time", "position", "roll", "pitch", "heading")
@@ -230,21 +225,6 @@ class Track:
 
     def __hash__(self) -> int:
         return hash(tuple((getattr(self, name) + 0.0).tobytes() for name in FIELDS))  # -0.0 equals 0.0
-
-
-def rotation_matrix(roll: Real, pitch: Real, heading: Real) -> np.ndarray:
-    """Return the rotations from body to scene (..., 3, 3) at attitudes (...) [rad]; see the module's equation."""
-    (sr, cr), (sp, cp), (sh, ch) = ((np.sin(a), np.cos(a)) for a in np.broadcast_arrays(roll, pitch, heading))
-    north = [ch * cp, ch * sp * sr - sh * cr, ch * sp * cr + sh * sr]
-    east = [sh * cp, sh * sp * sr + ch * cr, sh * sp * cr - ch * sr]
-    up = [sp, -cp * sr, -cp * cr]
-    return np.moveaxis(np.array([east, north, up]), (0, 1), (-2, -1))
-
-
-def mounting_matrix(roll: Real, pitch: Real, heading: Real) -> np.ndarray:
-    """Return the rotations from a head to the body it is mounted in, Rz(heading) Ry(pitch) Rx(roll), (..., 3, 3)."""
-    east, north, up = np.moveaxis(rotation_matrix(roll, pitch, heading), -2, 0)
-    return np.stack([north, east, -up], -2)
 
 
 def _array(name: str, value: ArrayLike) -> np.ndarray:

@@ -1,6 +1,6 @@
 """Trajectory of a sonar: position and attitude at any time, also between pings.
 
-    P(t) = L(t) + h(t) ẑ + R(t) a,    R(t) = E Rz(ψ + ψ') Ry(θ + θ') Rx(φ + φ')                  as in `track`
+    P(t) = L(t) + h(t) ẑ + R(t) a,    R(t) = E Rz(ψ + ψ') Ry(θ + θ') Rx(φ + φ')       as in `device.rotations`
 
 L, φ, θ, ψ -> the ``lead``; h, φ', θ', ψ' -> the ``motion``, exact at any time; a -> the ``offset``. What was recorded
 is joined by cubic splines (twice differentiable; off by 5/384 d⁴ times the fourth derivative for records d apart) and
@@ -23,8 +23,10 @@ from functools import cache
 
 import numpy as np
 
+from mitsonar.device.rotations import rotation_matrix, rotation_vector
+
 from .motion import RandomMotion
-from .track import Track, rotation_matrix
+from .track import Track
 from .waypoints import Course
 
 POWERS = 6
@@ -149,15 +151,19 @@ class PingTravel:
 
     def peak(self, coefficients: np.ndarray, order: int) -> np.ndarray:
         """Return the largest length of a derivative of polynomials (P, K, 3) until the end: (P,), by 17 times."""
-        time, powers = np.linspace(0, self.duration, 17)[:, None], np.arange(1, coefficients.shape[1] + 1)
-        scale = np.prod([np.maximum(powers - k, 0) for k in range(order)], axis=0)
-        values = np.einsum("tk,pkx->ptx", scale * time ** np.maximum(powers - order, 0), coefficients)
+        values = polynomials(coefficients, np.linspace(0, self.duration, 17), order)
         return np.linalg.norm(values, axis=-1).max(1, initial=0)
 
-    def reach(self, coefficients: np.ndarray) -> np.ndarray:
-        """Return bounds (3,) of the components of polynomials (P, K, 3) until the end."""
-        powers = self.duration ** np.arange(1, coefficients.shape[1] + 1)
-        return (np.abs(coefficients) * powers[:, None]).sum(1).max(0, initial=0)
+    def reach(self, coefficients: np.ndarray, order: int = 0) -> np.ndarray:
+        """Return bounds (3,) of the components of polynomials (P, K, 3), or of a derivative, until the end."""
+        return polynomials(np.abs(coefficients), np.array([self.duration]), order)[:, 0].max(0, initial=0)
+
+
+def polynomials(coefficients: np.ndarray, times: np.ndarray, order: int = 0) -> np.ndarray:
+    """Return Σ_k p_k t^k, k = 1 ... K, or a derivative, of coefficients (P, K, 3) at times (T,): (P, T, 3)."""
+    powers = np.arange(1, coefficients.shape[1] + 1)
+    scale = np.prod([np.maximum(powers - k, 0) for k in range(order)], axis=0)
+    return np.einsum("tk,pkx->ptx", scale * times[:, None] ** np.maximum(powers - order, 0), coefficients)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -212,7 +218,7 @@ class Trajectory:
         times = np.asarray(times, float)
         position, attitude = self.pose(times + STEP * np.arange(3)[:, None], times)
         rotation = rotation_matrix(*np.moveaxis(attitude, -1, 0))
-        near, far = (_rotation_vector(rotation[k] @ np.swapaxes(rotation[0], -1, -2)) for k in (1, 2))
+        near, far = (rotation_vector(rotation[k] @ np.swapaxes(rotation[0], -1, -2)) for k in (1, 2))
         velocity = (4 * (position[1] - position[0]) - (position[2] - position[0])) / (2 * STEP)
         return velocity, (4 * near - far) / (2 * STEP)
 
@@ -230,7 +236,7 @@ class Trajectory:
         since = times[:, None]
         position, attitude = self.pose(since + np.append(0.0, duration * points), since)
         rotation = rotation_matrix(*np.moveaxis(attitude, -1, 0))
-        turn = _rotation_vector(rotation[:, 1:] @ np.swapaxes(rotation[:, :1], -1, -2))
+        turn = rotation_vector(rotation[:, 1:] @ np.swapaxes(rotation[:, :1], -1, -2))
         fastest = np.linalg.norm(turn, axis=-1).max(1, initial=0)
         if np.any(fastest > MOST_TURN):
             ping = int(np.argmax(fastest > MOST_TURN))
@@ -271,12 +277,3 @@ def _fitted(powers: int) -> tuple[np.ndarray, np.ndarray]:
     count = powers + 3
     points = 0.5 - 0.5 * np.cos(np.pi * (np.arange(1, count + 1) - 0.5) / count)
     return points, np.linalg.pinv(points[:, None] ** np.arange(1, powers + 1))
-
-
-def _rotation_vector(matrix: np.ndarray) -> np.ndarray:
-    """Return rotation vectors (..., 3) of matrices (..., 3, 3)."""
-    from scipy.spatial.transform import Rotation
-
-    vector = Rotation.from_matrix(matrix.reshape(-1, 3, 3)).as_rotvec().reshape(matrix.shape[:-1])
-    # equal attitudes must not turn by a rounding error
-    return np.where(np.abs(vector) < 1e-15, 0.0, vector)

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -23,7 +24,7 @@ from mitsonar.device.chance import ping_key
 from mitsonar.echoes.record import Echoes
 from mitsonar.echoes.scatterers.element_beams import ElementBeams
 from mitsonar.echoes.scatterers.thinned_scatterers import Density, TransmitLobe
-from mitsonar.signal.beam_grid.residual_doppler import residual_doppler
+from mitsonar.signal.doppler import Glide, ResidualDoppler, residual_doppler
 from mitsonar.sonar.faces.directivity import sinc
 
 from ..energy.face_beams import BEAM_EDGE
@@ -108,7 +109,7 @@ class PingEchoes:
         self.ground = Ground(survey, None if beside is None else beside.ground)
         turned = float(np.linalg.norm(survey.voyage.turn_rate, axis=1).max()) * survey.time[-1]
         self._beams = ElementBeams(survey.transmit, survey.receive, survey.wavelength, turned) or None
-        self._residual = residual_doppler(survey.pulse)
+        self._residual = _on_device(residual_doppler(survey.pulse))
         self._reception: tuple[int, Reception] | None = None
         self._row_doppler: tuple[int, _RowDoppler] | None = None
 
@@ -281,19 +282,19 @@ class PingEchoes:
         factor = self.patterns.factor(arrival.sent, arrival.towards, reception.rotation, reception.steering)
         if self._row_doppler is None or self._row_doppler[0] != ping:
             self._row_doppler = ping, _RowDoppler(self.doppler(ping))
-        return self._on_grid(arrival, self._row_doppler[1].rest(arrival), placed, factor,
+        return self._on_grid(arrival, self._row_doppler[1].at(arrival.sine), placed, factor,
                              self.survey.track.position[ping])
 
-    def _on_grid(self, arrival: EndArrival, rest: mi.Float | None, placed: PlacedEchoes, factor,
+    def _on_grid(self, arrival: EndArrival, row: mi.Float | None, placed: PlacedEchoes, factor,
                  origin: np.ndarray) -> GridEchoes:
-        """Return echoes with the carrier's phase, times a factor; `rest` is their Doppler relative to the row."""
+        """Return echoes with the carrier's phase, times a factor; `row` is the Doppler factor of their row, minus 1."""
         survey, pulse = self.survey, self.survey.pulse
         frequency, rate, start = (dr.opaque(mi.Float64, v) for v in (pulse.frequency, survey.sampling_rate,
                                                                     survey.start))
         delay = arrival.delay + dr.opaque(mi.Float64, self.patterns.drive_delay)
         later, turned = mi.Float(0), mi.Float(0)
-        if rest is not None:
-            later, turned = self._residual.delay(rest), self._residual.phase(rest)
+        if row is not None:
+            later, turned = self._residual.shift(arrival.doppler, row)
         cycles = delay * frequency
         sine, cosine = dr.sincos((mi.Float(cycles - dr.round(cycles)) - turned) * float(2 * np.pi))
         real, imaginary = factor
@@ -337,13 +338,21 @@ class _RowDoppler:
     def __init__(self, factors: np.ndarray | None):
         self._factors = None if factors is None else upload(mi.Float, (factors - 1).astype(np.float32))
 
-    def rest(self, arrival: EndArrival) -> mi.Float | None:
-        """Return the factor of echoes over that of their row, minus 1; None if the platform stands still."""
+    def at(self, sine: mi.Float) -> mi.Float | None:
+        """Return the factors of rows at sines, minus 1; None if the platform stands still."""
         if self._factors is None:
             return None
         last = DOPPLER_NODES - 1
-        place = held((arrival.sine + 1) * (0.5 * last), 0.0, last - 1e-3)
+        place = held((sine + 1) * (0.5 * last), 0.0, last - 1e-3)
         node = mi.UInt32(place)
         low, high = (dr.gather(mi.Float, self._factors, node + step) for step in (0, 1))
-        row = low + (high - low) * (place - mi.Float(node))
-        return (arrival.doppler - row) / (1 + row)
+        return low + (high - low) * (place - mi.Float(node))
+
+
+def _on_device(residual: ResidualDoppler) -> ResidualDoppler:
+    """Return the residual of opaque numbers, so that another pulse needs no other kernel."""
+    def opaque(*parts: float) -> list[Any]:
+        return [dr.opaque(mi.Float, float(part)) for part in parts]
+
+    return ResidualDoppler(*opaque(residual.half, residual.carrier),
+                           glide=None if residual.glide is None else Glide(*opaque(*residual.glide)))

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import xarray as xr
 
-from mitsonar.hydrography.reduction.attitude import mounted
+from mitsonar.device.rotations import mounted
 from mitsonar.imaging import interferometric as imaging
 from mitsonar.imaging.energy_record import EnergyRecord, gathered, joined
 from mitsonar.scene import objects
@@ -82,5 +82,5 @@ def _depression(found: xr.Dataset) -> np.ndarray:
     starboard = np.sin(angle)
     down = np.sqrt(np.maximum(1 - starboard ** 2 - forward ** 2, 0))
     roll, pitch = (float(found[name].values[0]) for name in ("ping_roll", "ping_pitch"))
-    _, _, level = mounted(np.stack([forward, starboard, down], -1), (np.array(roll), np.array(pitch), np.array(0.0)))
+    level = mounted(np.stack([forward, starboard, down], -1), roll, pitch)[..., 2]
     return np.where(found["valid"].values[0], np.arcsin(np.clip(level, -1, 1)), np.nan)

@@ -23,7 +23,7 @@ it (`eigenray_table`). With u = n·r, and r_a and r_e across n, the extra distan
     -u + (r_a t_a + r_e t_e) / (1 + √(1 + t_a² + t_e²)),     t = κ r / (1 - κ u),     n' ~ n - t_a â - t_e ê         (4)
 
 and the wave is spread over (1 - κ_a u) (1 - κ_e u) (1 + t_a² + t_e²) times the area. (4) becomes (1) where κ is 1 / D.
-The Doppler factor is (c + v_back·n') / (c - v_out·n), with v_out the transmitter's velocity.
+The Doppler factor is that of `signal.doppler`, with the velocities of the transmitter and the receiver.
 """
 from __future__ import annotations
 
@@ -34,8 +34,10 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import opaque_vector
-from mitsonar.propagation.returns.travel import Travel, detour, rotated
-from mitsonar.signal.doppler import two_way_doppler
+from mitsonar.device.rotations import rotated
+from mitsonar.propagation.returns.moved_ends import detour
+from mitsonar.propagation.returns.travel import Travel
+from mitsonar.signal.doppler import two_way_doppler, two_way_shift
 
 from ..pressure.array_survey import ArraySurvey
 
@@ -128,7 +130,7 @@ class Reception:
             seen = sine * along + dr.sqrt(dr.maximum(1 - sine * sine, 0)) * ahead
             sine = sine + (along - sine * seen) / dr.maximum(back_distance, NEAREST)                     # (3)
         return EndArrival(delay=delay, sent=sent, towards=arrival, sine=sine,
-                          doppler=(closing + sent_closing) / (c - sent_closing), spread=spread)
+                          doppler=two_way_shift(sent_closing, c, closing), spread=spread)
 
     def doppler_of_sines(self, sines: np.ndarray, sink: float) -> np.ndarray:
         """Return the Doppler factors of echoes at sines (K,) along the axis, and at a sine `sink` below level."""
@@ -146,8 +148,8 @@ def _from(towards: mi.Vector3f, distance: mi.Float, place: mi.Vector3f,
           bent: Curvatures | None) -> tuple[mi.Float, mi.Vector3f, mi.Float | None]:
     """Return the extra distance from a place, by (1) or (4), the unit vector along the leg, and the spread."""
     if bent is None:
-        leg, length, longer, total = detour(towards, distance, place)
-        return longer / total, leg / dr.maximum(length, 1e-6), None
+        leg, length, later = detour(towards, distance, place)
+        return later, leg / dr.maximum(length, 1e-6), None
     level = dr.sqrt(towards.x * towards.x + towards.y * towards.y)
     slanted = level > 1e-6
     a = mi.Vector3f(dr.select(slanted, -towards.y / level, 1), dr.select(slanted, towards.x / level, 0), 0)

@@ -22,9 +22,11 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, upload
+from mitsonar.device.rotations import rotated
 from mitsonar.device.types import Vector
-from mitsonar.propagation.returns.travel import detour
-from mitsonar.sonar.motion.trajectory import NEGLIGIBLE, PingTravel
+from mitsonar.propagation.returns.moved_ends import detour
+from mitsonar.propagation.returns.travel import evaluated
+from mitsonar.sonar.motion.trajectory import NEGLIGIBLE, PingTravel, polynomials
 
 SHORTEST = 1e-9                    # [s]: least travel time
 TIMES, DEPRESSIONS = (0.125, 0.375, 0.625, 0.875, 1.0), (0.0, 0.5, 1.0)
@@ -63,18 +65,18 @@ class Underway:
     def drift(self, sound_speed: float) -> float:
         """Return the largest distance [m] that the sonar moves while sound travels one metre out and back [-]."""
         time = self._duration * np.linspace(0.05, 1, 20)
-        moved = np.linalg.norm(_evaluated(self._displacement, time), axis=-1)
+        moved = np.linalg.norm(polynomials(self._displacement, time), axis=-1)
         return float((moved / time).max(initial=0)) * 2 / sound_speed
 
     @property
     def largest_turn(self) -> float:
         """Return the largest angle [rad] by which the sonar turns within a ping."""
-        return float(np.linalg.norm(_evaluated(self._turn, self._duration * np.linspace(0, 1, 9)), axis=-1).max())
+        return float(np.linalg.norm(polynomials(self._turn, self._duration * np.linspace(0, 1, 9)), axis=-1).max())
 
     def _in_body(self, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return times [s], and displacements and turns (ping, time, 3) along the body's axes."""
         time = self._duration * np.array(TIMES)
-        moved, turned = (_evaluated(powers, time) @ rotation for powers in (self._displacement, self._turn))
+        moved, turned = (polynomials(powers, time) @ rotation for powers in (self._displacement, self._turn))
         return time, moved, turned
 
     def along_shifts(self, rotation: np.ndarray, sound_speed: float,
@@ -142,7 +144,7 @@ class PingMotion:
             time += later
             towards, delay = dr.normalize(way), delay + mi.Float64(later)
         if turns:
-            towards = _turned_back(towards, self._at(rows[moves:], time))
+            towards = mi.Vector3f(*rotated(towards, self._at(rows[moves:], time), back=True))
         return PingReception(delay=delay, towards=towards)
 
     def moved(self, ping: mi.UInt32, time: mi.Float) -> mi.Vector3f:
@@ -163,27 +165,9 @@ class PingMotion:
 
     def _later(self, rows, towards, distance, sound_speed, time):
         """Return w at a time, and the delay [s] of an echo along it after its arrival at O."""
-        way, _, longer, total = detour(towards, distance, self._at(rows, time))
-        return way, longer / (total * sound_speed)
+        way, _, later = detour(towards, distance, self._at(rows, time))
+        return way, later / sound_speed
 
     def _at(self, rows, time):
         """Return polynomials of the rows at times [s]."""
-        time = dr.clip(time, 0, self._duration)
-        value = rows[-1] * time
-        for row in rows[-2::-1]:
-            value = (value + row) * time
-        return value
-
-
-def _turned_back(v: Vector, rho: mi.Vector3f) -> Vector:
-    """Return vectors turned by -|ρ| about ρ."""
-    angle = dr.maximum(dr.norm(rho), 1e-6)
-    sine, cosine = dr.sincos(0.5 * angle)
-    axis = rho * (-sine / angle)
-    twice = 2 * dr.cross(axis, v)
-    return v + cosine * twice + dr.cross(axis, twice)
-
-
-def _evaluated(powers: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Return polynomials (P, K, 3) at times (T,): (P, T, 3)."""
-    return np.einsum("pkx,tk->ptx", powers, time[:, None] ** np.arange(1, powers.shape[1] + 1))
+        return mi.Vector3f(*evaluated(rows, dr.clip(time, 0, self._duration)))

@@ -11,13 +11,13 @@ from dataclasses import fields
 
 import numpy as np
 
+from mitsonar.device.rotations import mounting_matrix
 from mitsonar.hydrography.detection.bottom_backscatter import ensonified_area, strength_db
 from mitsonar.hydrography.detection.snippets import snippets
 from mitsonar.hydrography.reduction.reduction import Installation, Located, Measured
 from mitsonar.imaging.fan import levels
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.sectors import pattern_integral
-from mitsonar.sonar.motion.track import mounting_matrix
 
 from ..soundings.instrument import absorption_to_bed, face_pattern_db, two_way_loss_db
 from ..soundings.line import Finding

@@ -18,10 +18,10 @@ from typing import Protocol
 import mitsuba as mi
 import numpy as np
 
+from mitsonar.device.rotations import mounting_matrix, rotation_matrix
 from mitsonar.scene.geometry import Geometry
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.sectors import Sector
-from mitsonar.sonar.motion.track import mounting_matrix, rotation_matrix
 from mitsonar.sonar.motion.trajectory import Trajectory, Voyage
 
 from ..pressure.array_survey import ArraySurvey

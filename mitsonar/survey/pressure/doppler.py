@@ -1,8 +1,7 @@
 """Doppler of echoes between a moving array's elements: their time scale, and groups of receivers that share one.
 
-    η = (c + v_back·n_back) / (c - v_out·n_out)      at a moment of the pulse, v of the elements, n towards the echo
-
-The factor changes while the platform passes: the part of the pulse sent at t arrives t/η̄ after the beginning of the
+At a moment of the pulse the factor is that of `signal.doppler`, from the velocities of both elements towards the echo.
+It changes while the platform passes: the part of the pulse sent at t arrives t/η̄ after the beginning of the
 echo, with η̄ the mean over [0, t]. The bend grows with the speed across and with 1 / range.
 """
 from __future__ import annotations
@@ -14,9 +13,9 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of
+from mitsonar.device.rotations import rotated
 from mitsonar.device.types import Float64
 from mitsonar.echoes.record import Echoes
-from mitsonar.propagation.returns.travel import rotated
 from mitsonar.signal.doppler import two_way_doppler
 
 from .ping_source import PingSource, opaque64

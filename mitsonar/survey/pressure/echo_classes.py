@@ -16,7 +16,7 @@ import numpy as np
 from mitsonar.device.arrays import arrays_of, compressed, held, picked
 from mitsonar.device.types import Float64, UInt32
 from mitsonar.echoes.record import Echoes
-from mitsonar.signal.doppler import Glide, factor_tolerance
+from mitsonar.signal.doppler import Glide, factor_tolerance, longer_period
 from mitsonar.sonar.pulses.pulses import Pulse
 
 from .doppler import receiver_groups, time_scale
@@ -111,7 +111,7 @@ class DopplerClasses(EchoClasses):
         if self.glide is not None:
             # opaque, so that another pulse needs no other kernel
             glide = Glide(*cast(list[float], [dr.opaque(wide, part) for part in self.glide]))
-            more, turn = glide.shift(doppler, factor)
+            more, turn = glide.shift(longer_period(doppler - 1, factor - 1), factor)
             late += more
         return SortedEchoes(echoes=echoes, late=late, turn=turn,
                             sheet=number - wanted.start if len(wanted) > 1 else None, moment=moment)

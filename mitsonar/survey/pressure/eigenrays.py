@@ -9,10 +9,11 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of
+from mitsonar.device.rotations import rotated
 from mitsonar.device.types import UInt32
 from mitsonar.echoes.scatterers.element_beams import omni
 from mitsonar.propagation.numpy_rays.exact_returns import exact_return
-from mitsonar.propagation.returns.travel import REST, rotated
+from mitsonar.propagation.returns.travel import REST
 from mitsonar.signal.accumulation import ImpulseResponses
 
 from .delays import ALL_ROWS, ElementDelays

@@ -61,11 +61,10 @@ class View:
         # a rotation vector is axial: its image has the other sign, except along the mirror's normal
         axial = mirror * np.prod(mirror)
         d, r = travel.displacement[0] * mirror, travel.turn[0] * axial
-        powers = np.arange(1, len(d) + 1)
         on_device = Travel.within(d, r, travel.duration, lambda number: dr.opaque(mi.Float64, float(number)))
         return cls(medium=medium, state=medium.at(depth), depth=depth, position=position, rotation=rotation,
                    travel=on_device, tilt=float(np.linalg.norm(travel.reach(travel.turn)[:2])),
-                   climb=float((powers * travel.duration ** (powers - 1)) @ np.abs(d[:, 2])))
+                   climb=float(travel.reach(travel.displacement, 1)[2]))
 
     def offsets(self, array: Array) -> np.ndarray:
         """Return the places of elements relative to the source at the transmission: (E, 3) [m], scene coordinates."""

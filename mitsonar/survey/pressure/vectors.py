@@ -19,11 +19,11 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, compressed
+from mitsonar.device.rotations import rotated
 from mitsonar.device.types import Bool, Float, Float64, UInt32
 from mitsonar.echoes.record import Echoes
 from mitsonar.echoes.scatterers.element_beams import omni
 from mitsonar.propagation.returns.return_paths import ReturnPaths
-from mitsonar.propagation.returns.travel import rotated
 from mitsonar.propagation.returns.vector_approximation import vector_difference, vector_element_fields
 from mitsonar.signal.accumulation import NOWHERE, ImpulseResponses
 

@@ -18,10 +18,10 @@ import numpy as np
 
 from mitsonar.device.arrays import compressed
 from mitsonar.device.chance import ping_key
+from mitsonar.device.rotations import rotation_matrix
 from mitsonar.imaging.sector_scan import mean_power
 from mitsonar.signal.beam_grid import NoiseDensity
 from mitsonar.sonar.motion.rotating_head import HeadTrajectory
-from mitsonar.sonar.motion.track import rotation_matrix
 from mitsonar.units import power_from_db
 
 from ..beam_domain.frames import add, line_beams

@@ -38,6 +38,7 @@ import numpy as np
 
 from mitsonar.device.arrays import arrays_of, compressed, held, looped, upload
 from mitsonar.device.chance import Salt, gaussian, hashed, hashed_pair, uniform
+from mitsonar.device.rotations import rotated
 from mitsonar.device.types import UInt32
 from mitsonar.echoes.scatterers.nested_points import MOST_OF_A_FACET, exists, path_of, place_of, triangle_of
 from mitsonar.echoes.scatterers.scatterers import Scatterers
@@ -45,6 +46,7 @@ from mitsonar.echoes.scatterers.thinned_scatterers import ACROSS
 from mitsonar.echoes.sights.eigenray_table import EigenrayTable
 from mitsonar.echoes.sums.energy_sums import sum_size
 from mitsonar.imaging.sidescan import speckle_gates
+from mitsonar.propagation.returns.moved_ends import detour
 from mitsonar.scene.tracing.connection import Connector
 from mitsonar.sonar.faces.near_field import near_pressure
 from mitsonar.sonar.faces.sidescan import Sidescan
@@ -298,7 +300,7 @@ class SideSpeckle:
         offset -= self._lib.Array3f64(0.5 * moved)
         distance = dr.maximum(mi.Float(dr.norm(offset)), NEAREST)
         across = dr.squared_norm(moved) - dr.square(dr.dot(mi.Vector3f(offset), moved) / distance)
-        return offset, dr.normalize(axis + 0.5 * dr.cross(turned, axis)), across / (4 * distance)
+        return offset, mi.Vector3f(*rotated(list(axis), list(0.5 * turned))), across / (4 * distance)
 
     def _meets(self, poses: Poses, motion: PingMotion | None, ping: mi.UInt32, centre: dr.ArrayBase,
                radius: mi.Float) -> tuple[mi.Bool, mi.Float, mi.Vector3f, mi.Float]:
@@ -365,6 +367,7 @@ class SideSpeckle:
         cycles = mi.Float(cycles - dr.floor(cycles))
         place = mi.Float((2 * far * self._seconds - self._start) * self._per_gate)
         offset, far, across = mi.Vector3f(offset), mi.Float(far), dr.cross(axis, normal)
+        towards = offset / far
         starboard = poses.body(ping, offset).y > 0
         row = (2 * ping + dr.select(starboard, mi.UInt32(1), 0)) * self._count
         gate = mi.UInt32(held(place, 0, self._gates - 1))
@@ -373,11 +376,8 @@ class SideSpeckle:
         def step(j: UInt32, count: UInt32) -> tuple[UInt32, UInt32]:
             k = triangles.first + (j << (2 * triangles.level))
             u, v = place_of(k, seed)
-            moved = (u - middle_u) * e + (v - middle_v) * f
-            way = offset + moved
-            distance = dr.norm(way)
+            way, distance, longer = detour(towards, far, (middle_u - u) * e + (middle_v - v) * f)
             per_metre = dr.rcp(distance)
-            longer = (2 * dr.dot(offset, moved) + dr.squared_norm(moved)) / (distance + far)
             if self._bends:
                 level = dr.sqrt(dr.square(way.x) + dr.square(way.y))
                 longer += distance * self._table.lateness(level, way.z)

@@ -11,8 +11,8 @@ where the frequency is the carrier. A receiver's place is that at the arrival of
 compresses an echo in time by η, which shifts a sweep of rate k: its peak stands (η - 1) f₀/k too early.
 
 For each point, everything is computed once for the receivers' centre, in float64. The path of a single receiver differs
-by ΔR = q / (R + sqrt(R² + q)), q = |a|² - 2 a·p, where a is its place from the centre and p the point, both in body
-axes at reception. The residual follows a to first order, through the receiver's distance and depth.
+by ΔR of `propagation.returns.moved_ends`, q = |a|² - 2 a·p, where a is its place from the centre and p the point, both
+in body axes at reception. The residual follows a to first order, through the receiver's distance and depth.
 """
 from __future__ import annotations
 
@@ -25,6 +25,9 @@ import numpy as np
 
 from mitsonar.device.arrays import held, looped, upload
 from mitsonar.device.types import ArrayTypes, Float, Float64, UInt32
+from mitsonar.propagation.returns.line_difference import polynomial
+from mitsonar.propagation.returns.moved_ends import further, moved_length
+from mitsonar.signal.doppler import two_way_shift
 
 from .delays import FocalPlane
 from .grids import Grid
@@ -183,13 +186,13 @@ class BackProjection:
         def add_receiver(n: UInt32, real: Float, imaginary: Float, weight: Float) -> tuple[Float, Float, Float]:
             a = dr.gather(lib.Array4f, elements, n)
             q = dr.fma(a[0], bx, dr.fma(a[1], by, dr.fma(a[2], bz, a[3])))
-            slant = dr.sqrt(dr.fma(ways.slant, ways.slant, q))
-            further = q / (slant + ways.slant) * ways.stretch
+            slant = moved_length(q, ways.slant)
+            later = further(q, ways.slant, slant) * ways.stretch
             tilt = dr.gather(lib.Array4f, tilts, n)
             if bent:
                 bend = dr.fma(dr.fma(ways.by_depth_square, tilt[0], ways.by_depth), tilt[0], ways.by_square * q)
-                further += bend
-            place = dr.fma(further, per_metre, ways.fraction)
+                later += bend
+            place = dr.fma(later, per_metre, ways.fraction)
             whole = dr.floor(place)
             share = place - whole
             place = ways.whole + whole
@@ -204,7 +207,7 @@ class BackProjection:
             first = dr.gather(lib.Array2f, values, at, on)
             second = dr.gather(lib.Array2f, values, at + unit_step, on)
             re, im = dr.lerp(first[0], second[0], share), dr.lerp(first[1], second[1], share)
-            turn = dr.fma(further, cycles, ways.phase)
+            turn = dr.fma(later, cycles, ways.phase)
             s, c = _sine_cosine(turn)
             scale = share_here * beam[0] * slant
             return (dr.fma(scale, dr.fma(re, c, -im * s), real),
@@ -259,10 +262,7 @@ class _PingWays:
         centre = [p - exact(c) for p, c in zip(point, receivers.place, strict=True)]
 
         def powered(time: Float, column: int) -> Float:
-            value = number(powers[-1, column])
-            for power in powers[-2::-1, column]:
-                value = dr.fma(value, time, number(power))
-            return value
+            return polynomial([number(power) for power in powers[:, column]], time)
 
         def when(way: Float64) -> Float:
             return dr.clip(lib.Float((way / speed - middle) * per_half), -1.05, 1.05)
@@ -297,7 +297,7 @@ class _PingWays:
             self.by_depth_square = self.slant * bend.by_square * self.stretch - self.by_square
             self.stretch *= 1 + value
         total = (out_way + way) / speed
-        early = (closing + out_closing / out_near) * number(image.coupling)
+        early = two_way_shift(out_closing / out_near, 1, closing) * number(image.coupling)
         place = (total - exact(image.first)) * exact(image.rate)
         whole = dr.floor(place)
         self.whole = dr.clip(lib.Float(whole), -1e6, 1e9)

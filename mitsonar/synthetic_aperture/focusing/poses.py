@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicSpline
 
-from mitsonar.sonar.motion.track import rotation_matrix
+from mitsonar.device.rotations import rotation_matrix
 
 MOTION = ("motion_x", "motion_y", "motion_depth", "motion_roll", "motion_pitch", "motion_heading")
 TURNS = 4                          # of the fixed point: the receiver moves by 1e-3 of the path of sound

@@ -19,10 +19,11 @@ import numpy as np
 from GSFU.gsfu import GSF_MAX_RECORD_SIZE, gsf
 
 from mitsonar.device.files import FilePath, replacing
+from mitsonar.device.rotations import mounted
 from mitsonar.units import deg_from_radians, knots_from_metres_per_second
 
 from ..directions import level
-from ..lines import HEADS, SOUNDINGS, Blocks, LineToWrite, Ping, Place, Written, line_of, pings, rotation
+from ..lines import HEADS, SOUNDINGS, Blocks, LineToWrite, Ping, Place, Written, line_of, pings
 from ..passage import LinePassage, passage_of
 from ..snippets import runs_of
 
@@ -128,7 +129,7 @@ def swath(line: LineToWrite, passage: LinePassage, ping: Ping, number: int) -> d
     """Return the record of a ping in the terms of GSFU."""
     course, speed = passage.way(ping["since"])
     roll, pitch = float(ping["ping_roll"]), float(ping["ping_pitch"])
-    array = ping["ping_depth"] + (rotation(roll, pitch, 0.0) @ line.array("transmit_offset"))[2]
+    array = ping["ping_depth"] + mounted(line.array("transmit_offset"), roll, pitch)[2]
     record = {"PingTime": float(ping["since"]), "Longitude_deg": float(ping["ping_longitude"]),
               "Latitude_deg": float(ping["ping_latitude"]), "NumberBeams": ping["valid"].size,
               "CenterBeam": int(np.argmin(np.abs(ping["angle"]))) if ping["valid"].size else 0, "PingFlags": 0,

@@ -23,9 +23,11 @@ from typing import Any
 
 import numpy as np
 
+from mitsonar.device.rotations import mounting_matrix
+
 from ..assembly import FASTEST, SECTOR, SLOWEST, AssembledLine, Ping, cast_of, check_counts
 from ..motion import motion_of
-from ..places import across_and_along, levelled, turned
+from ..places import across_and_along, levelled
 
 FRAME, PING = struct.Struct(">II"), struct.Struct(">2I2iH")
 LONGEST, TYPES = 1 << 19, 12               # bytes of a record; the last type
@@ -221,9 +223,9 @@ class GsfFile:
         if not aside.any() or np.mean(np.sin(angle[aside]) * np.cos(forward[aside]) * across[aside] > 0) <= LEVEL:
             return np.pi / 2 - forward, (1.0 if np.sum(np.sin(angle) * across) >= 0 else -1.0) * angle
         away = np.stack([np.sin(angle) * np.sin(forward), np.sin(angle) * np.cos(forward), np.cos(angle)], -1)
-        body = away @ turned(place["roll"], place["pitch"])
-        along = turned(*self._array("", "MOUNTING"))[:, 0]
-        starboard = turned(*self._array("RX_", "MOUNTING", head))[:, 1]
+        body = away @ mounting_matrix(place["roll"], place["pitch"])
+        along = mounting_matrix(*self._array("", "MOUNTING"))[:, 0]
+        starboard = mounting_matrix(*self._array("RX_", "MOUNTING", head))[:, 1]
         return tuple(np.arcsin(np.clip(body @ axis, -1, 1)) for axis in (along, starboard))
 
     def _head_speed(self, own, place):

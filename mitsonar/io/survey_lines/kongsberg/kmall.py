@@ -18,9 +18,10 @@ import numpy as np
 from KMALL.kmall import kmall
 
 from mitsonar.device.files import FilePath, replacing
+from mitsonar.device.rotations import mounted
 
 from ..directions import from_vertical
-from ..lines import COLUMN, HEADS, SOUNDINGS, Blocks, LineToWrite, Ping, Place, Written, line_of, pings, rated, rotation
+from ..lines import COLUMN, HEADS, SOUNDINGS, Blocks, LineToWrite, Ping, Place, Written, line_of, pings, rated
 from ..passage import passage_of
 from ..snippets import Runs, runs_of
 from .column import KongsbergColumn, column_of, offset_of, water_column
@@ -54,7 +55,7 @@ def soundings(stream: IO[bytes], line: LineToWrite, ping: Ping, number: int, sou
 
 def _info(line, ping, sectors) -> dict[str, Any]:
     half = ping["sector_bandwidth"] / 2
-    array = rotation(float(ping["ping_roll"]), float(ping["ping_pitch"]), 0.0) @ line.array("transmit_offset")
+    array = mounted(line.array("transmit_offset"), float(ping["ping_roll"]), float(ping["ping_pitch"]))
     steer = np.degrees(from_vertical(line, ping, ping["angle"])) if ping["valid"].size else np.zeros(1)
     across = ping["across_track"][ping["valid"]] if ping["valid"].any() else np.zeros(1)
     fan = steer[ping["valid"]] if ping["valid"].any() else np.zeros(1)

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mitsonar.device.rotations import mounted
+
 from ..places import straight
 
 # Positions of an EM 2040's arrays in their housings: port, middle and starboard part of the transmitter, and the
@@ -49,9 +51,9 @@ def of_all(text: str, model: int) -> KongsbergInstallation:
     offsets = [_three(values, array, "XYZ") for array in arrays]
     parts = np.zeros((3, 3))
     if model == _EM2040:
-        offsets[0] = offsets[0] + _turned(mountings[0], _HOUSED[1])
-        parts = _turned(mountings[0], _HOUSED - _HOUSED[1])
-        offsets[1:] = [offset + _turned(mounting, _HOUSED_RECEIVER)
+        offsets[0] = offsets[0] + mounted(_HOUSED[1], *mountings[0])
+        parts = mounted(_HOUSED - _HOUSED[1], *mountings[0])
+        offsets[1:] = [offset + mounted(_HOUSED_RECEIVER, *mounting)
                        for offset, mounting in zip(offsets[1:], mountings[1:])]
     return _installation(
         waterline=_number(values, "WLZ"), parts=parts, offsets=offsets, mountings=mountings,
@@ -71,9 +73,9 @@ def of_kmall(text: str) -> KongsbergInstallation:
     inner = ["IT" if arrays[0].startswith("TRAI_HD") else "IC",
              *("IR" if name.startswith("TRAI_HD") else "I" for name in arrays[1:])]
     mountings = [np.deg2rad(_three(groups.get(name, {}), "", "RPH")) for name in arrays]
-    own = [_turned(mounting, _three(groups.get(name, {}), prefix, "XYZ"))
+    own = [mounted(_three(groups.get(name, {}), prefix, "XYZ"), *mounting)
            for name, prefix, mounting in zip(arrays, inner, mountings)]
-    parts = [_turned(mountings[0], _three(groups.get(arrays[0], {}), prefix, "XYZ")) - own[0]
+    parts = [mounted(_three(groups.get(arrays[0], {}), prefix, "XYZ"), *mountings[0]) - own[0]
              if f"{prefix}X" in groups.get(arrays[0], {}) else np.zeros(3) for prefix in ("IP", "IC", "IS")]
     active = {kind: next((values for name, values in sorted(groups.items())
                           if name.startswith(kind) and values.get("U") == "ACTIVE"), {}) for kind in ("POSI", "ATTI")}
@@ -97,13 +99,6 @@ def _installation(*, waterline, parts, offsets, mountings, antenna, motion):
         transmit_offset=offsets[0], transmit_mounting=turned[0][0], backwards=turned[0][1],
         receive_offset=np.array(offsets[1:]), receive_mounting=np.array([mounting for mounting, _ in turned[1:]]),
         receive_backwards=tuple(backwards for _, backwards in turned[1:]))
-
-
-def _turned(mounting, inside):
-    """Return a position in the frame of an array as one in the body frame."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_euler("ZYX", mounting[::-1]).apply(inside)
 
 
 def _three(values: Mapping[str, str], prefix: str, letters: str) -> np.ndarray:
