@@ -21,10 +21,10 @@ distance.
 import mitsuba as mi
 import numpy as np
 
+from mitsonar.device.rotations import mounting_matrix
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.array_makers import element_array, planar_array
 from mitsonar.sonar.faces.directivity import length_for_beam_width
-from mitsonar.sonar.motion.track import mounting_matrix
 from mitsonar.sonar.preset_tables import presets
 from mitsonar.sonar.pulses.pulses import PULSES
 from mitsonar.units import hertz_from_khz

@@ -83,7 +83,7 @@ def test_a_target_has_its_strength_and_its_direction(preset, aside):
                                    {"mounting_deg": "10, -20, 30"}])
 def test_sweeps_squares_and_turned_faces_measure_alike(pulse):
     """A turned face looks along Rz(30) Ry(-20) Rx(10) z: its target lies on the axis, 30 m away."""
-    from mitsonar.sonar.motion.track import mounting_matrix
+    from mitsonar.device.rotations import mounting_matrix
 
     turn = mounting_matrix(*np.deg2rad([float(part) for part in pulse.get("mounting_deg", "0, 0, 0").split(",")]))
     north, east, down = turn @ [0.03, 0.02, np.sqrt(1 - 0.03 ** 2 - 0.02 ** 2)]
