@@ -6,7 +6,7 @@ before rendering.
 from __future__ import annotations
 
 import warnings
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import drjit as dr
 import mitsuba as mi
@@ -20,6 +20,11 @@ from mitsonar.scene.tracing.tracer import registry_index
 from . import placement
 from .sensor import Sensor, slowest_speed
 from .survey import Survey
+
+if TYPE_CHECKING:
+    from .fan.kind import ArraySensor
+    from .multibeam.plan import MultibeamSensor
+    from .synthetic_aperture.plan import StripSensor
 
 PINGS = 8                          # pings that are checked, from the first to the last
 PROBES = 512                       # directions, all around, of the search for objects within the range
@@ -87,19 +92,21 @@ def _warn_of_edge(survey: Survey, sensor: Sensor, farthest: float) -> None:
                       "and this is no shadow. Make the bed wider, or the film's range shorter", stacklevel=3)
 
 
-def _looks(sensor: Any) -> tuple[np.ndarray, np.ndarray]:
+def _looks(sensor: Sensor) -> tuple[np.ndarray, np.ndarray]:
     """Return a sonar's look directions (A, 3), body frame, and the depression at which each ends, (A,) [rad]."""
     sides = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
     if sensor.kind == "multibeam":
-        widest = max(float(np.abs(sector.beams).max()) for sector in sensor.sectors)
+        widest = max(float(np.abs(sector.beams).max()) for sector in cast("MultibeamSensor", sensor).sectors)
         return sides, np.full(2, max(np.pi / 2 - widest, 0.0))
     if sensor.kind in TWO_SIDED:
         return sides, np.zeros(2)
     if sensor.kind == "sector_scan":                     # its track has the beam's attitude
         return np.array([[1.0, 0.0, 0.0]]), np.zeros(1)
-    looks = sensor.receive.normal[:1]
-    if sensor.kind != "synthetic_aperture":
-        looks = fan.fan_directions(sensor.receive, 3, sensor.fan_width)[1]
+    if sensor.kind == "synthetic_aperture":
+        looks = cast("StripSensor", sensor).receive.normal[:1]
+    else:
+        fans = cast("ArraySensor", sensor)
+        looks = fan.fan_directions(fans.receive, 3, fans.fan_width)[1]
     down = np.arcsin(np.clip(looks[:, 2], -1, 1))
     # a face that looks ahead sees the bed out to the horizon, a face that looks down only as far as its fan is wide
     return looks, np.where(np.median(down) > STEEP, down, 0.0)

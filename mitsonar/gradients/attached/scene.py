@@ -25,6 +25,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import upload
+from mitsonar.propagation.device_rays.layer_table import LayerTable
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.tracing.water import DeviceWater, Way
 from mitsonar.sonar.motion.track import Track
@@ -139,7 +140,7 @@ class AttachedScene:
 
     def attached(self, scenery: Scenery) -> Scenery:
         """Return the same scenery with gradients of its own: those of a product are used up by it."""
-        water: Any = self._sensor.water
+        water = self._sensor.water
         layers = scenery.water.direct.layers
         moving = [self._sensor.position_offset, self._sensor.attitude_offset]
         if dr.grad_enabled(water.speeds):
@@ -152,7 +153,7 @@ class AttachedScene:
         return scenery.again(facets=AttachedGeometry(scenery.survey.geometry), layers=layers, track=track,
                              speeds=water.speeds, losses=losses)
 
-    def _turned(self, scenery: Scenery, track: Track, layers: Any, *, attached: bool) -> AttachedTrack:
+    def _turned(self, scenery: Scenery, track: Track, layers: LayerTable, *, attached: bool) -> AttachedTrack:
         sensor = self._sensor
         position, attitude = (value if attached and dr.grad_enabled(value) else None for value in (
             sensor.position_offset, sensor.attitude_offset))

@@ -104,7 +104,7 @@ class AttachedShapes:
         kinds, tables = np.zeros(max(rows, 1), np.uint32), np.zeros((max(rows, 1), 12), np.float32)
         attached = []
         for number, shape in known:
-            parameters: Any = mi.traverse(shape)
+            parameters = mi.traverse(shape)
             matrix = parameters["to_world"].matrix
             kinds[number] = kind_of(shape)
             tables[number] = as_taken(kind_of(shape), _numpy(matrix), f"{shape.id()}.to_world")[:3].T.ravel()

@@ -30,11 +30,13 @@ from mitsonar.signal.gathering import GatheredWeights
 from mitsonar.signal.impulses import BandLimited, Later
 from mitsonar.signal.reception import absorbed, delayed, received, transposed
 from mitsonar.survey.energy.target_echoes import band_of
+from mitsonar.survey.integrator import integrator_of
 from mitsonar.survey.pressure.array_survey import ArraySurvey
 from mitsonar.survey.pressure.ensonified_ping import EnsonifiedPing, ensonification_of
 from mitsonar.survey.pressure.ping_source import PingSource
 from mitsonar.survey.pressure.pressure import SUMS_BYTES, PressureRecord
 from mitsonar.survey.pressure.signals import LEAD, SentPiece, echoes_of_the_pulse, sent_pieces
+from mitsonar.survey.sensor import sonar_of
 from mitsonar.units import amplitude_from_db
 
 from ..model import Values
@@ -85,10 +87,9 @@ class ElementModel:
 
     def __init__(self, scene: mi.Scene, keys: Sequence[str], *, pings: Sequence[int] = (0,), sensor: int = 0,
                  seed: int = 0):
-        sonar: Any = scene.sensors()[sensor]
-        integrator: Any = scene.integrator()
+        sonar, integrator = sonar_of(scene.sensors()[sensor]), integrator_of(scene)
         try:
-            self._survey: ArraySurvey = integrator.array_survey(scene, sonar, LEAD)
+            self._survey = integrator.array_survey(scene, sonar, LEAD)
         except RuntimeError as error:
             raise as_exception(error) from error
         count = self._survey.track.pings

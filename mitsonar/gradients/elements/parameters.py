@@ -30,6 +30,7 @@ import numpy as np
 from mitsonar.device.arrays import arrays_of, picked
 from mitsonar.device.spelling import meant
 from mitsonar.scene.geometry import Target
+from mitsonar.scene.protocols import target_shape
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.motion.track import Track, rotation_matrix
 from mitsonar.survey.pressure.array_survey import ArraySurvey
@@ -66,8 +67,7 @@ class ElementParameters:
         self._offsets = (np.zeros((len(pings), 3)), np.zeros((len(pings), 3))) if offsets is None else offsets
         self.survey, self.pings, self._sensor = survey, [int(ping) for ping in pings], sensor
         self.targets = survey.geometry.targets()
-        shapes = [shape for _, shape, *_ in survey.geometry.meshes if hasattr(shape, "target_strength_db")]
-        self._names = [shape.id() for shape in shapes]
+        self._names = [shape.id() for _, shape, *_ in survey.geometry.meshes if target_shape(shape) is not None]
         known = self._known()
         if f"{sensor}.rx_weight" in keys:
             raise ValueError(f"{sensor}.rx_weight shades beams, and element signals do not depend on it; take "
