@@ -16,6 +16,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import upload
+from mitsonar.device.types import ArrayTypes
 from mitsonar.scattering.bodies.scattering_functions import ScatteringFunction
 
 from .labels import ShapeLabels
@@ -157,7 +158,7 @@ class Geometry:
                 for _, shape, *_ in self.meshes if (target := target_shape(shape)) is not None]
 
 
-def interpolated(lib: Any, normals: mi.Float, face: Any, u: mi.Float, v: mi.Float,
+def interpolated(lib: ArrayTypes, normals: mi.Float, face: Any, u: mi.Float, v: mi.Float,
                  active: mi.Bool | bool = True) -> mi.Vector3f:
     """Return Σ λ_i n_i, Vector3f (R,), from four-wide normals at the corners of faces, at barycentric (u, v)."""
     return between_corners([mi.Vector3f(n[0], n[1], n[2]) for n in

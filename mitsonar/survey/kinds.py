@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
 
 from .sensor import RunSettings, Sensor, sonar_of
 
@@ -92,7 +92,7 @@ class SounderKind(Kind[SurveyT, SensorT], Protocol):
     """Kind of sonar that makes soundings."""
 
     def sounding_line(self, survey: SurveyT, seed: int, *, profile: SoundSpeedProfile | None, column: bool,
-                      snippets: int) -> SoundingLine:
+                      snippets: int) -> SoundingLine[Any]:      # of any measurement
         """Make the soundings of a line; arguments are those of `mitsonar.soundings`."""
         ...
 

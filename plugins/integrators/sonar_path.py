@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import drjit as dr
 import mitsuba as mi
@@ -138,13 +138,13 @@ class SonarPath(mi.SamplingIntegrator):
             survey = replace(survey, geometry=Geometry(scene, smooth_beds=True))
         return kind_of(sonar).rows(self.picture(survey, sonar, seed)["level"].values)
 
-    def render_forward(self, scene: mi.Scene, params: Any, sensor: mi.Sensor | int = 0, seed: int = 0,
+    def render_forward(self, scene: mi.Scene, params: mi.SceneParameters, sensor: mi.Sensor | int = 0, seed: int = 0,
                        spp: int = 0) -> mi.TensorXf:
         """Return the derivative of the levels of `render` [dB] along the tangents set in the scene."""
         return mi.TensorXf(self._products(scene, sensor, seed).forward().astype(np.float32)[..., None])
 
-    def render_backward(self, scene: mi.Scene, params: Any, grad_in: mi.TensorXf, sensor: mi.Sensor | int = 0,
-                        seed: int = 0, spp: int = 0) -> None:
+    def render_backward(self, scene: mi.Scene, params: mi.SceneParameters, grad_in: mi.TensorXf,
+                        sensor: mi.Sensor | int = 0, seed: int = 0, spp: int = 0) -> None:
         """Propagate gradients by the levels of `render` [1/dB] to the scene's parameters."""
         weights = np.array(dr.detach(grad_in), float)
         self._products(scene, sensor, seed).backward(weights[..., 0])

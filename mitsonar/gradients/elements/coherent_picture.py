@@ -11,7 +11,6 @@ the start. A later change of elements is therefore an error of the beams.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import mitsuba as mi
 import numpy as np
@@ -49,7 +48,7 @@ class CoherentFan:
 
     def beams(self, signals: np.ndarray) -> np.ndarray:
         """Return beams (B, S) [µPa], complex64, for signals (rx, S) [µPa]."""
-        frame: Any = self._frame.copy(data=signals[None, None].astype(np.complex64))
+        frame = self._frame.copy(data=signals[None, None].astype(np.complex64))
         return fan.formed(frame, self._survey.pulse, self._direction)[0]
 
     def transposed(self, weights: np.ndarray) -> np.ndarray:

@@ -239,12 +239,12 @@ class ElementJacobian:
             dr.backward(dr.dot(dr.concat(self.attached(leaves)), mi.Float64(cotangent)))
             return {key: dr.grad(leaf).numpy().reshape(start[key].shape) for key, leaf in leaves.items()}
 
-    def attached(self, leaves: Mapping[str, Any]) -> list[mi.Float64]:
+    def attached(self, leaves: Mapping[str, mi.Float64]) -> list[mi.Float64]:
         """Return the flat signals of every ping, attached to parameters (flat Float64 by name)."""
         return [dr.custom(_SignalOperation, self, number, self._motion(leaves,
                                                                       number)) for number in range(self._shape[0])]
 
-    def _motion(self, leaves: Mapping[str, Any], number: int) -> Motion:
+    def _motion(self, leaves: Mapping[str, mi.Float64], number: int) -> Motion:
         motion = self._parameters.motion(leaves, self._run.survey, number)
         dr.eval(motion)
         return motion
@@ -337,7 +337,7 @@ class _SignalOperation(dr.CustomOp):
         return "element signals"
 
 
-def attached_signals(model: ElementModel, parameters: Any, pings: Sequence[int]) -> mi.TensorXf:
+def attached_signals(model: ElementModel, parameters: mi.SceneParameters, pings: Sequence[int]) -> mi.TensorXf:
     """Return a model's signals [µPa], (ping, receiver, sample, real or imaginary), attached to parameters of its scene.
 
     The keys of the model are among the parameters, at their present values, and its pings are `pings`.
@@ -346,7 +346,7 @@ def attached_signals(model: ElementModel, parameters: Any, pings: Sequence[int])
     for key in model.start:
         leaf = mi.Float64(dr.ravel(parameters[key]))
         if key.rpartition(".")[2] in OF_PINGS:
-            leaf = dr.ravel(dr.gather(cast(Any, arrays_of(mi.Float)).Array3f64, leaf, mi.UInt32(list(pings))))
+            leaf = dr.ravel(dr.gather(arrays_of(mi.Float).Array3f64, leaf, mi.UInt32(list(pings))))
         leaves[key] = leaf
     return mi.TensorXf(mi.Float(dr.concat(model.linearised({}).attached(leaves))), shape=model.shape)
 

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import drjit as dr
 import mitsuba as mi
@@ -44,6 +44,7 @@ RECEIVING, STRENGTHENING = ("rx_delay", "rx_gain"), ("tx_weight", "target_streng
 MOVING = tuple(name for name in UNITS if name not in (*RECEIVING, *STRENGTHENING))
 OF_PINGS = "position_offset", "attitude_offset"       # a scene names them for all pings, a model for its own
 NEPERS_PER_DB = float(np.log(10)) / 20
+ValueT = TypeVar("ValueT")
 ANGLE_STEP = 1e-5                  # [rad] of differences of rotations, in float64
 
 
@@ -137,7 +138,7 @@ class ElementParameters:
             survey=replace(survey, transmit=transmit, receive=receive, passage=passage), targets=targets,
             gain=np.ones(receive.elements, complex) if gain is None else gain[:, 0] + 1j * gain[:, 1])
 
-    def _of(self, values: Mapping[str, np.ndarray], name: str) -> np.ndarray | None:
+    def _of(self, values: Mapping[str, ValueT], name: str) -> ValueT | None:
         return values.get(f"{self._sensor}.{name}")
 
     # ---- motions of one ping
@@ -146,12 +147,12 @@ class ElementParameters:
         """Return True if any parameter is of one of these kinds."""
         return any(name.rpartition(".")[2] in names for name in self.start)
 
-    def motion(self, tangents: Mapping[str, Any], survey: ArraySurvey, number: int) -> Motion:
+    def motion(self, tangents: Mapping[str, mi.Float64], survey: ArraySurvey, number: int) -> Motion:
         """Return the motion at a ping, by its number in the model, for a survey from `altered`.
 
         The motion is linear in the tangents, flat Float64, and attached to them.
         """
-        lib: Any = arrays_of(mi.Float)
+        lib = arrays_of(mi.Float)
         V, ping, transmit, receive = lib.Array3f64, self.pings[number], survey.transmit, survey.receive
 
         def numbers(name: str, kind: type, count: int) -> Any:      # not by `unravel`: a second one's gradient is lost

@@ -49,7 +49,7 @@ def _transforms(scene: mi.Scene) -> dict[str, int]:
     return {f"{shape.id()}.{POSE}": kind_of(shape) for shape in scene.shapes() if kind_of(shape) and shape.id()}
 
 
-def _still(scene: mi.Scene, parameters: Any) -> dict[str, str]:
+def _still(scene: mi.Scene, parameters: mi.SceneParameters) -> dict[str, str]:
     """Return the parameters that Mitsuba calls differentiable and echoes do not follow, with the reason."""
     shapes = {shape.id(): shape for shape in scene.shapes()}
     found = {}
@@ -179,7 +179,7 @@ class SceneValues:
         if self._holder is holder:
             self._holder = None
 
-    def hold(self, holder: AttachedValues, leaves: Mapping[str, Any]) -> None:
+    def hold(self, holder: AttachedValues, leaves: Mapping[str, mi.Float64]) -> None:
         """Write leaves into the scene, unless they are there; nothing else in it carries gradients then."""
         if self._holder is holder:
             return
@@ -207,7 +207,7 @@ class AttachedValues:
     """Hold leaves of a scene's parameters."""
     # leaves [str, Dr.Jit array]
 
-    def __init__(self, values: SceneValues, leaves: Mapping[str, Any]):
+    def __init__(self, values: SceneValues, leaves: Mapping[str, mi.Float64]):
         self._values, self._leaves = values, dict(leaves)
 
     def hold(self) -> None:

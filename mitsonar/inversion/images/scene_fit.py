@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import mitsuba as mi
 import numpy as np
@@ -17,7 +18,7 @@ import xarray as xr
 
 from mitsonar.device.files import FilePath
 from mitsonar.device.spelling import meant
-from mitsonar.gradients.model import ForwardModel
+from mitsonar.gradients.model import ForwardModel, ShapedModel
 from mitsonar.gradients.parameters.changes import Heights, Pose
 from mitsonar.gradients.parameters.parametrisation import parametrised
 from mitsonar.gradients.parameters.scene_values import differentiable
@@ -120,7 +121,7 @@ def fit_scene(scene: mi.Scene | FilePath, image: xr.Dataset, priors: Sequence[Ke
     scene, chosen, _ = opened(scene, sensor)
     names = [prior.key for prior in priors]
     model = _model(scene, names, sensor, seed)
-    shape = getattr(model, "shape")
+    shape = cast(ShapedModel, model).shape
     seen = image_intensities(image, chosen.kind, shape, float(chosen.film().range))
     meshes = {name: (places, _faces(scene, name)) for name, places in vertex_places(scene, model.start).items()}
     if length is not None and not meshes:

@@ -28,6 +28,7 @@ from ..soundings.line import SoundingLine
 from ..soundings.survey import SwathSurvey
 from .beams import sector_beams
 from .instrument import MultibeamInstrument
+from .measuring import BeamMeasurement
 from .plan import MultibeamSensor, plan
 
 
@@ -64,7 +65,7 @@ def rows(level: np.ndarray) -> np.ndarray:
 
 
 def sounding_line(survey: SwathSurvey, seed: int, *, profile: SoundSpeedProfile | None, column: bool,
-                  snippets: int) -> SoundingLine:
+                  snippets: int) -> SoundingLine[BeamMeasurement]:
     """Make the soundings of a line; arguments as of `mitsonar.soundings`."""
     return SoundingLine(survey, MultibeamInstrument(survey, seed, column=column, snippets=snippets), seed,
                         profile=profile)
