@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from typing import Any, cast
+from typing import cast
 
 import mitsuba as mi
 import numpy as np
@@ -37,13 +37,13 @@ def annotated(image: xr.Dataset, classes: dict[int, str], class_of: dict[int, in
 
 
 def known(classes: dict[int, str], class_of: dict[int, int], geometry: Geometry,
-          places: np.ndarray) -> dict[str, Any]:
+          places: np.ndarray) -> dict[str, object]:
     """Return the attributes that all images of a scene share; arguments as in `annotated`."""
     return {"classes": {str(number): name for number, name in classes.items()},
             "label_class": {str(label): number for label, number in class_of.items()}, **described(geometry, places)}
 
 
-def described(geometry: Geometry, places: np.ndarray) -> dict[str, Any]:
+def described(geometry: Geometry, places: np.ndarray) -> dict[str, object]:
     """Return the attributes ``objects`` and ``seabed`` of a scene."""
     named = geometry.named
     boxes, placed, beds = {}, {}, []

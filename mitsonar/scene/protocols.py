@@ -157,8 +157,8 @@ class SceneSonar(Protocol):
     """Sensor that is a sonar, no camera."""
 
     kind: str
-    provenance: dict[str, Any] | None  # attributes of results that name the scene: text and parameters of any type
-    loaded: dict[str, Any] | None  # values of the scene as it was loaded, see `alterations`
+    provenance: dict[str, object] | None  # attributes of results that name the scene: text and parameters of any type
+    loaded: dict[str, object] | None  # values of the scene as it was loaded, see `alterations`
     path: str | None  # of the scene's file
 
 

@@ -5,7 +5,6 @@ import importlib.metadata
 import operator
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
 
 import mitsuba as mi
 import numpy as np
@@ -326,7 +325,7 @@ def checked_seed(seed: int) -> int:
     return number
 
 
-def provenance(scene: mi.Scene, sensor: Sensor, survey: Survey) -> dict[str, Any]:
+def provenance(scene: mi.Scene, sensor: Sensor, survey: Survey) -> dict[str, object]:
     """Return attributes of a result that record its scene, parameters, versions and origin."""
     passage, geometry = survey.passage, survey.geometry
     origin, crs = geometry.local_origin, geometry.crs

@@ -65,8 +65,8 @@ class SonarSensor(mi.Sensor):
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, self.declared)
-        self.provenance: dict[str, Any] | None = None
-        self.loaded: dict[str, Any] | None = None
+        self.provenance: dict[str, object] | None = None
+        self.loaded: dict[str, object] | None = None
         self.path: str | None = None
         self.sound_speed: float | None = attributes.sound_speed
         self.leader: SonarSensor | None = attributes.sensor

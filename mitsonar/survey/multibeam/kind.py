@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
-from typing import Any
 
 import mitsuba as mi
 import numpy as np
@@ -121,6 +120,6 @@ class _SwathPictures:
         return np.stack([np.zeros_like(self._angle), np.sin(self._angle), np.cos(self._angle)], -1)
 
     @cached_property
-    def _known(self) -> dict[str, Any]:
+    def _known(self) -> dict[str, object]:
         return objects.known(*classes_of(self._survey.labels), self._survey.geometry,
                              self._survey.track.position)
