@@ -73,12 +73,11 @@ def _signals(arguments):
     path = scenes.find(arguments.scene)
     check_output(arguments.output, (".nc",))
     from mitsonar.scene.loading import load_file
-    from mitsonar.survey.kinds import KINDS, kind_of
     from mitsonar.verbs.images import element_signals, impulse_response, opened, pings
 
     set_up(arguments.threads)
     scene = load_file(path, **parameters(arguments))
-    if kind_of(opened(scene, arguments.sensor)[1]) is KINDS["synthetic_aperture"]:
+    if opened(scene, arguments.sensor)[1].kind == "synthetic_aperture":
         _write_strip(arguments, scene)
         return
     if arguments.scatterers is not None:

@@ -60,9 +60,11 @@ if TYPE_CHECKING:
         Array2f64: type[ad.Array2f64]
         Array2u: type[ad.Array2u]
         Array3f64: type[ad.Array3f64]
+        Array3f: type[ad.Array3f]
         Array4f: type[ad.Array4f]
         Array4f64: type[ad.Array4f64]
         Array4u: type[ad.Array4u]
+        Matrix3f64: type[ad.Matrix3f64]
 else:
     Array2f = Array2f64 = Array2u = Array3f = Array3f64 = Array4f = Array4f64 = Array4u = Any
     Bool = Float = Float64 = Int32 = UInt32 = UInt64 = Any

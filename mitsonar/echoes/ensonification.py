@@ -11,6 +11,7 @@ sampling noise and costs time by the scene within reach, the second by the numbe
 """
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Iterator
 
 import drjit as dr
@@ -68,6 +69,12 @@ class Ensonification:
         self.drawn_rays = DrawnRays(water.profile, window=window, rays=rays, pattern=self.pattern,
                                     surface=geometry.surface_label > 0 and not geometry.surface_mirrors)
         self.ghosts = ArrayGhosts(self.tracer, self.sights, frequency=frequency, window=window, max_depth=max_depth)
+
+    def with_targets(self, targets: PointTargets) -> Ensonification:
+        """Return the same ensonification with other point targets."""
+        other = copy.copy(self)
+        other.targets = targets
+        return other
 
     @property
     def pattern(self) -> Callable | None:

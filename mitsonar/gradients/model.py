@@ -10,7 +10,7 @@ Fits and checks use nothing else, whether the record is an image, travel times o
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -76,3 +76,33 @@ class ForwardModel(Protocol):
     def linearised(self, values: Values) -> Linearised:
         """Return the record about values, with its Jacobian; arguments and errors are those of `value`."""
         ...
+
+
+@runtime_checkable
+class ShapedModel(ForwardModel, Protocol):
+    """Model whose record has a shape, such as pings, rows and bins."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Return the shape of the record before it is made flat."""
+        ...
+
+
+@runtime_checkable
+class PartialLinearised(Linearised, Protocol):
+    """Linearised record that leaves something out."""
+
+    @property
+    def told(self) -> Mapping[str, float]:
+        """Return shares of echoes and bins that the record and its derivatives leave out, by name."""
+        ...
+
+
+def shape_of(model: ForwardModel) -> tuple[int, ...] | None:
+    """Return the shape of a model's record before it is made flat; None if it has no other."""
+    return tuple(model.shape) if isinstance(model, ShapedModel) else None
+
+
+def left_out(about: Linearised) -> Mapping[str, float]:
+    """Return the shares that a linearised record leaves out, by name; empty for a whole record."""
+    return about.told if isinstance(about, PartialLinearised) else {}

@@ -11,7 +11,7 @@ survey software calls it angle-varying gain.
 """
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import xarray as xr
@@ -24,7 +24,7 @@ LOWEST_SINE = np.sin(np.deg2rad(1.0))  # below 1 degree a gain would raise only 
 ANGLE_STEP_DEG = 1.0               # [degrees]: width of an angle class
 
 
-def absorption_of(attrs: Mapping[str, Any]) -> float:
+def absorption_of(attrs: Mapping[str, object]) -> float:
     """Return a record's absorption [dB/m], 0 if absent; `ValueError` if it is not a number of 0 or more."""
     value = attrs.get("absorption_db") or 0.0
     if not isinstance(value, (int, float)) or not 0 <= value < np.inf:

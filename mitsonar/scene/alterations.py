@@ -11,7 +11,7 @@ import drjit as dr
 import mitsuba as mi
 
 
-def held(scene: mi.Scene) -> dict[str, Any]:
+def held(scene: mi.Scene) -> dict[str, object]:
     """Return every value that ``mi.traverse`` shows, by its name."""
     parameters = mi.traverse(scene)
     values = ((name, _numbers(parameters[name])) for name in parameters.keys())

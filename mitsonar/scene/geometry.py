@@ -16,9 +16,18 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import upload
+from mitsonar.device.types import ArrayTypes
 from mitsonar.scattering.bodies.scattering_functions import ScatteringFunction
 
 from .labels import ShapeLabels
+from .protocols import (
+    LocatedShape,
+    has_smooth_normals,
+    is_mirror,
+    is_sea_surface,
+    sound_material,
+    target_shape,
+)
 
 
 def vertex_normals(vertices: np.ndarray,    # (V, 3) [m]
@@ -59,7 +68,7 @@ class Target(NamedTuple):
 class Geometry:
     """Facets of a scene, gathered once so that hit points can be rebuilt without a call for each shape.
 
-    Has `labels` {number: name}, `depth_range` [m], `horizontal_bounds` [m] and `local_origin` (3,) [m] or None.
+    Has `labels` {number: name}, `depth_range` [m], `horizontal_bounds` [m] and `local_origin` (2,) [m] or None.
     """
 
     def __init__(self, scene: mi.Scene, *, smooth_beds: bool = False):
@@ -75,14 +84,14 @@ class Geometry:
         numbers: Any = dr.reinterpret_array(mi.UInt32, pointers)
         registry = numbers.numpy()
         # Mitsuba's own materials may read textures; mitsonar's have an attribute for it
-        self.textured = any(getattr(shape.bsdf(), "textured", True) for shape in shapes)
+        self.textured = any((own := sound_material(shape.bsdf())) is None or own.textured for shape in shapes)
         # columns: label, first face, is a mesh, has texture coordinates
         rows = np.zeros((int(registry.max()) + 1, 4), np.uint32)
         vertices, faces, texcoords, normals, first_vertex, first_face = [], [], [], [], 0, 0
         self.meshes, self.others, self.first_vertices, self.smooth_beds = [], [], [], smooth_beds
         for index, shape in zip(registry, shapes):
             rows[index, 0] = self.named.of(shape)
-            parameters: Any = mi.traverse(shape)
+            parameters = mi.traverse(shape)
             if "vertex_positions" not in parameters:                        # Mitsuba's rectangle calls itself a mesh
                 self.others.append((int(index), shape))
                 continue
@@ -112,20 +121,20 @@ class Geometry:
         dr.eval(self.rows, self.kinds, self.vertices, self.faces)
         box = scene.bbox()
         self.depth_range = -float(box.max.z), -float(box.min.z)
-        surface = [shape for shape in shapes if getattr(shape, "sea_surface", False)]
+        surface = [shape for shape in shapes if is_sea_surface(shape)]
         if len(surface) > 1:
             raise ValueError(f"the scene has {len(surface)} sea surfaces; leave one")
         self.surface_label = self.named.surface
-        self.surface_mirrors = any(getattr(shape.bsdf(), "mirror", False) for shape in surface)
+        self.surface_mirrors = any(is_mirror(shape) for shape in surface)
         if len(shapes) > len(surface):
             box = mi.ScalarBoundingBox3f()
             for shape in shapes:
                 if shape not in surface:
                     box.expand(shape.bbox())
         self.horizontal_bounds = (float(box.min.x), float(box.min.y)), (float(box.max.x), float(box.max.y))
-        known = [shape for shape in shapes if getattr(shape, "local_origin", None) is not None]
-        self.local_origin = np.asarray(known[0].local_origin, float) if known else None
-        self.crs = getattr(known[0], "crs", None) if known else None
+        located = [shape for shape in shapes if isinstance(shape, LocatedShape) and shape.local_origin is not None]
+        self.local_origin = np.asarray(located[0].local_origin, float) if located else None
+        self.crs = located[0].crs if located else None
 
     def mesh(self, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Return vertices (V, 3) [m] and corners of faces (count, 3) of the mesh with these rows in `faces`."""
@@ -140,18 +149,16 @@ class Geometry:
 
     def is_smooth(self, shape: mi.Shape) -> bool:
         """Return True if a mesh scatters by normals interpolated between its vertices."""
-        if getattr(shape, "smooth_normals", False):
-            return True
-        return self.smooth_beds and self.named.of(shape) in self.named.seabed
+        return has_smooth_normals(shape) or self.smooth_beds and self.named.of(shape) in self.named.seabed
 
     def targets(self) -> list[Target]:
         """Return the point targets."""
-        return [Target(np.asarray(shape.position, float), float(shape.target_strength_db), self.named.of(shape),
-                       getattr(shape, "scattering", None), getattr(shape, "rotation", None))
-                for _, shape, *_ in self.meshes if hasattr(shape, "target_strength_db")]
+        return [Target(np.asarray(target.position, float), float(target.target_strength_db), self.named.of(shape),
+                       target.scattering, target.rotation)
+                for _, shape, *_ in self.meshes if (target := target_shape(shape)) is not None]
 
 
-def interpolated(lib: Any, normals: mi.Float, face: Any, u: mi.Float, v: mi.Float,
+def interpolated(lib: ArrayTypes, normals: mi.Float, face: Any, u: mi.Float, v: mi.Float,
                  active: mi.Bool | bool = True) -> mi.Vector3f:
     """Return Σ λ_i n_i, Vector3f (R,), from four-wide normals at the corners of faces, at barycentric (u, v)."""
     return between_corners([mi.Vector3f(n[0], n[1], n[2]) for n in
@@ -176,7 +183,7 @@ def _check_extents(shapes):
         box = shape.bbox()
         extents = np.array(box.max, float) - np.array(box.min, float)
         # point targets have no extent: rays pass them
-        if not (np.isfinite(extents).all() and (np.sum(extents > 0) >= 2 or hasattr(shape, "target_strength_db"))):
+        if not (np.isfinite(extents).all() and (np.sum(extents > 0) >= 2 or target_shape(shape) is not None)):
             name = f'"{shape.id()}"' if shape.id() else f"of the kind {shape.class_name().lower()}"
             raise ValueError(f"the shape {name} has no extent; give it a radius, a length or a scale above 0")
 

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .protocols import PartedShape, is_sea_surface, is_seabed, parted_shape
+
 if TYPE_CHECKING:
     import mitsuba as mi
 
@@ -31,11 +33,11 @@ class ShapeLabels:
         self.names = dict(enumerate(names, 1))
         self._number = {name: number for number, name in self.names.items()}
         self.classes, self.class_of = classes_of(self.names)
-        self.surface = next((self.of(shape) for shape in shapes if getattr(shape, "sea_surface", False)), 0)
+        self.surface = next((self.of(shape) for shape in shapes if is_sea_surface(shape)), 0)
         self.seabed = frozenset(
             self._number[name] for shape in shapes for name in _names(shape)
-            if getattr(shape, "seabed", False)
-            or class_name(name) in SEABED_CLASSES and not hasattr(shape, "part_names"))        # parts are objects
+            if is_seabed(shape)
+            or class_name(name) in SEABED_CLASSES and parted_shape(shape) is None)        # parts are objects
         self.objects = frozenset(self.names) - self.seabed - {self.surface}
 
     def __len__(self):
@@ -53,7 +55,8 @@ class ShapeLabels:
     def of_faces(self, shape: mi.Shape, faces: int) -> np.ndarray:
         """Return the numbers of a mesh's `faces` faces, uint32 (faces,)."""
         numbers = np.array([self._number[name] for name in _names(shape)], np.uint32)
-        return numbers[part_of_face(shape)] if hasattr(shape, "part_names") else np.full(faces, numbers[0])
+        parted = parted_shape(shape)
+        return np.full(faces, numbers[0]) if parted is None else numbers[part_of_face(parted)]
 
     def label_kinds(self) -> np.ndarray:
         """Return the kind of every number from 0, uint32: 1 seabed, 2 object, 0 neither."""
@@ -81,9 +84,9 @@ def classes_of(names: Mapping[int, str]) -> tuple[dict[int, str], dict[int, int]
     return classes, {number: number_of[class_name(name)] for number, name in names.items()}
 
 
-def part_of_face(shape: mi.Shape) -> np.ndarray:
+def part_of_face(shape: PartedShape) -> np.ndarray:
     """Return the index of the part that each face of a mesh with several parts belongs to, (F,)."""
-    return np.asarray(getattr(shape, "part_of_face")).astype(np.int64).ravel()
+    return np.asarray(shape.part_of_face).astype(np.int64).ravel()
 
 
 def fingerprint(meshes: Iterable[tuple[np.ndarray, np.ndarray]]) -> str:
@@ -97,5 +100,7 @@ def fingerprint(meshes: Iterable[tuple[np.ndarray, np.ndarray]]) -> str:
     return hashlib.sha256("".join(digests).encode()).hexdigest()[:16]
 
 
-def _names(shape):
-    return tuple(getattr(shape, "part_names", ())) or (shape.id() or shape.class_name(),)
+def _names(shape: mi.Shape) -> tuple[str, ...]:
+    """Return the names of a shape's parts, or its own."""
+    parted = parted_shape(shape)
+    return (shape.id() or shape.class_name(),) if parted is None else parted.part_names

@@ -18,6 +18,7 @@ from mitsonar.io.scene_files.scenes import filled, find, root, text
 
 from . import files as scene_files, libraries, registration
 from .alterations import held
+from .protocols import SceneSonar
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")    # the GPU comes second until it has been tried on one
 TAKEN = ("path", "parallel", "optimize")       # argument names of Mitsuba's own loader
@@ -97,7 +98,7 @@ def load_file(path: FilePath, /, **parameters: object) -> mi.Scene:
     values_now = held(scene)
     provenance = {"file": os.path.basename(path), "scene": resolved(path, values), "parameters": values}
     for sensor in scene.sensors():
-        if getattr(sensor, "kind", None):                # a sonar, not a camera
+        if isinstance(sensor, SceneSonar):
             sensor.provenance, sensor.loaded, sensor.path = provenance, values_now, path
     return scene
 

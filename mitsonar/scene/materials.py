@@ -6,6 +6,7 @@ Hits are passed as a `Meeting`, the part of `tracing.hits.Hits` that materials n
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Iterator
 from typing import Any, Protocol
 
 import drjit as dr
@@ -15,6 +16,7 @@ import numpy as np
 from mitsonar.water.profile import SoundSpeedProfile
 
 from .geometry import Geometry
+from .protocols import SoundMaterial, smooth_material, sound_material
 
 SCATTERING = (mi.BSDFFlags.DiffuseReflection, mi.BSDFFlags.GlossyReflection)
 
@@ -72,8 +74,8 @@ def check(geometry: Geometry, profile: SoundSpeedProfile, frequency: float) -> N
         for part in inside:
             if isinstance(part, mi.Texture):
                 _check_texture(shape, part)
-        if hasattr(material, "check"):
-            material.check(frequency, slowest)
+        if (law := sound_material(material)) is not None:
+            law.check(frequency, slowest)
 
 
 def _inside(thing):
@@ -101,13 +103,15 @@ def _children(thing):
 
 def _check_kind(shape, material, inside):
     """Refuse a material of Mitsuba's that holds one of mitsonar's: its value has neither frequency nor mirrors."""
-    if hasattr(material, "patchy_strength"):
+    if sound_material(material) is not None:
         return
     for part in inside:
-        if hasattr(part, "patchy_strength") and not mi.has_flag(part.flags(), mi.BSDFFlags.DiffuseReflection):
+        if (law := sound_material(part)) is None:
+            continue
+        if not mi.has_flag(part.flags(), mi.BSDFFlags.DiffuseReflection):
             raise ValueError(f"the material of {_name(shape)} holds another, {part}, which must stand alone; give that "
                              "one to the shape itself")
-        if getattr(part, "coherence", 1.0) != 1.0:
+        if law.coherence != 1.0:
             raise ValueError(f"the material of {_name(shape)} holds another of a coherence, {part}, which must stand "
                              "alone; give that one to the shape itself")
     if not any(mi.has_flag(material.flags(), flag) for flag in SCATTERING):
@@ -139,7 +143,7 @@ def scattering_strength(hits: Meeting, active: mi.Bool, frequency: float, *,
     """Return each hit's backscattering strength and the sine of its grazing angle, (R,); frequency in [Hz]."""
     si = _interaction(hits, active)
 
-    def backwards(material: Any, si: mi.SurfaceInteraction3f, frequency: mi.Float, sound_speed: mi.Float,
+    def backwards(material: mi.BSDF, si: mi.SurfaceInteraction3f, frequency: mi.Float, sound_speed: mi.Float,
                   active: mi.Bool) -> mi.Float:
         return _strength(material, si, si.wi, frequency, sound_speed, active)
 
@@ -163,19 +167,20 @@ def reflection(hits: Meeting, active: mi.Bool, frequency: float) -> tuple[mi.Flo
     """Return real and imaginary part (e^(+iωt)) of each hit's reflection coefficient, 0 on materials that are rough."""
     si = _interaction(hits, active)
 
-    def law(material: Any, si: mi.SurfaceInteraction3f, frequency: mi.Float, sound_speed: mi.Float,
-            active: mi.Bool) -> Any:
-        if not getattr(material, "smooth", False):
+    def law(material: mi.BSDF, si: mi.SurfaceInteraction3f, frequency: mi.Float, sound_speed: mi.Float,
+            active: mi.Bool) -> tuple[mi.Float, mi.Float]:
+        smooth = smooth_material(material)
+        if smooth is None:
             return dr.zeros(mi.Float, dr.width(si.wi)), dr.zeros(mi.Float, dr.width(si.wi))
-        return material.reflection(si, mi.Frame3f.cos_theta(si.wi), frequency, sound_speed, active)
+        return smooth.reflection(si, mi.Frame3f.cos_theta(si.wi), frequency, sound_speed, active)
 
     return dr.dispatch(hits.shape.bsdf(), law, si, dr.opaque(mi.Float, frequency), mi.Float(hits.sound_speed), active)
 
 
 def reflects(geometry: Geometry) -> bool:
     """Return True if a bed's material has a reflection coefficient (`coherent_reflection`)."""
-    return any(getattr(shape.bsdf(), "reflects", False) for shape in geometry.scene.shapes()
-               if geometry.named.of(shape) in geometry.named.seabed)
+    beds = (shape for shape in geometry.scene.shapes() if geometry.named.of(shape) in geometry.named.seabed)
+    return any(material.reflects for material in _sound_materials(beds))
 
 
 def coherent_reflection(hits: Meeting, sin_grazing: mi.Float, active: mi.Bool, frequency: float,
@@ -184,11 +189,12 @@ def coherent_reflection(hits: Meeting, sin_grazing: mi.Float, active: mi.Bool, f
     """Return the coherent reflection coefficient of a rough plane at hits: real and imaginary part, e^(+iωt)."""
     si = _interaction(hits, active)
 
-    def law(material: Any, si: mi.SurfaceInteraction3f, sin_grazing: mi.Float, frequency: mi.Float,
-            sound_speed: mi.Float, lowest: mi.Float, active: mi.Bool) -> Any:
-        if not getattr(material, "reflects", False) or getattr(material, "smooth", False) and not smooth_too:
+    def law(material: mi.BSDF, si: mi.SurfaceInteraction3f, sin_grazing: mi.Float, frequency: mi.Float,
+            sound_speed: mi.Float, lowest: mi.Float, active: mi.Bool) -> tuple[mi.Float, mi.Float]:
+        own = sound_material(material)
+        if own is None or not own.reflects or own.smooth and not smooth_too:
             return dr.zeros(mi.Float, dr.width(si.wi)), dr.zeros(mi.Float, dr.width(si.wi))
-        return material.coherent_reflection(si, sin_grazing, frequency, sound_speed, lowest, active)
+        return own.coherent_reflection(si, sin_grazing, frequency, sound_speed, lowest, active)
 
     return dr.dispatch(hits.shape.bsdf(), law, si, sin_grazing, dr.opaque(mi.Float, frequency),
                        mi.Float(hits.sound_speed), lowest_wavenumber, active)
@@ -199,7 +205,7 @@ def loses_coherence(geometry: Geometry, pass_number: int) -> bool:
 
     Where the coherence is 0, pass 0 has the scatterers of a scene without passes.
     """
-    known = [getattr(shape.bsdf(), "coherence", 1.0) for shape in geometry.scene.shapes()]
+    known = [material.coherence for material in _sound_materials(geometry.scene.shapes())]
     return any(isinstance(value, mi.Texture) or 0 < value < 1 or value == 0 and pass_number for value in known)
 
 
@@ -210,10 +216,9 @@ def coherence(point: dr.ArrayBase, normal: mi.Vector3f, shape: mi.ShapePtr, prim
     si.t, si.p, si.n, si.sh_frame = mi.Float(1), mi.Point3f(point), normal, mi.Frame3f(normal)
     si.uv, si.shape, si.prim_index, si.wi = uv, shape, primitive, mi.Vector3f(0, 0, 1)
 
-    def law(material: Any, si: mi.SurfaceInteraction3f) -> mi.Float:
-        if not hasattr(material, "coherence_at"):
-            return dr.ones(mi.Float, dr.width(si.p))
-        return material.coherence_at(si)
+    def law(material: mi.BSDF, si: mi.SurfaceInteraction3f) -> mi.Float:
+        own = sound_material(material)
+        return dr.ones(mi.Float, dr.width(si.p)) if own is None else own.coherence_at(si)
 
     return dr.dispatch(shape.bsdf(), law, si)
 
@@ -223,17 +228,18 @@ def next_direction(hits: Meeting, active: mi.Bool, frequency: float, sample1: mi
     """Draw the direction in which sound goes on from each hit; return it, its energy share and if it is mirrored."""
     si = _interaction(hits, active)
 
-    def law(material: Any, si: mi.SurfaceInteraction3f, frequency: mi.Float, sound_speed: mi.Float, sample1: mi.Float,
-            sample2: mi.Point2f, active: mi.Bool) -> Any:
-        if not hasattr(material, "drawn_direction"):
+    def law(material: mi.BSDF, si: mi.SurfaceInteraction3f, frequency: mi.Float, sound_speed: mi.Float,
+            sample1: mi.Float, sample2: mi.Point2f, active: mi.Bool) -> tuple[mi.Vector3f, mi.Float, mi.Bool]:
+        own, smooth = sound_material(material), smooth_material(material)
+        if own is None:
             sample, weight = material.sample(mi.BSDFContext(), si, sample1, sample2, active)
             return sample.wo, weight[0], mi.Bool(False)
-        if getattr(material, "smooth", False):
-            real, imaginary = material.reflection(si, mi.Frame3f.cos_theta(si.wi), frequency, sound_speed, active)
+        if smooth is not None:
+            real, imaginary = smooth.reflection(si, mi.Frame3f.cos_theta(si.wi), frequency, sound_speed, active)
             return mi.Vector3f(-si.wi.x, -si.wi.y, si.wi.z), real * real + imaginary * imaginary, mi.Bool(True)
-        wo = material.drawn_direction(si, si.wi, frequency, sound_speed, sample1, sample2, active)
-        density = material.direction_density(si, si.wi, wo, frequency, sound_speed, active)
-        strength = material.patchy_strength(si, si.wi, wo, frequency, sound_speed, active)
+        wo = own.drawn_direction(si, si.wi, frequency, sound_speed, sample1, sample2, active)
+        density = own.direction_density(si, si.wi, wo, frequency, sound_speed, active)
+        strength = own.patchy_strength(si, si.wi, wo, frequency, sound_speed, active)
         good = active & (density > 0) & (mi.Frame3f.cos_theta(wo) > 0)
         share = strength / (dr.select(good, density, 1) * mi.Frame3f.cos_theta(si.wi))
         return wo, dr.select(good, share, 0), mi.Bool(False)
@@ -244,9 +250,17 @@ def next_direction(hits: Meeting, active: mi.Bool, frequency: float, sample1: mi
     return si.to_world(wo), share, mirrored
 
 
-def _strength(material, si, wo, frequency, sound_speed, active):
-    if hasattr(material, "patchy_strength"):
-        return material.patchy_strength(si, si.wi, wo, frequency, sound_speed, active)
+def _sound_materials(shapes: Iterable[mi.Shape]) -> Iterator[SoundMaterial]:
+    """Yield the materials of shapes that are mitsonar's."""
+    return (own for shape in shapes if (own := sound_material(shape.bsdf())) is not None)
+
+
+def _strength(material: mi.BSDF, si: mi.SurfaceInteraction3f, wo: mi.Vector3f, frequency: mi.Float,
+              sound_speed: mi.Float, active: mi.Bool) -> mi.Float:
+    """Return the scattering strength of a material from `si.wi` towards `wo`, (R,)."""
+    own = sound_material(material)
+    if own is not None:
+        return own.patchy_strength(si, si.wi, wo, frequency, sound_speed, active)
     return material.eval(mi.BSDFContext(), si, wo, active)[0] * mi.Frame3f.cos_theta(si.wi)
 
 

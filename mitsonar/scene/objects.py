@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from typing import Any, cast
+from typing import cast
 
 import mitsuba as mi
 import numpy as np
@@ -11,6 +11,7 @@ import xarray as xr
 
 from .geometry import Geometry
 from .labels import class_name, fingerprint
+from .protocols import strewn_shape
 from .shadows.exposure import exposed_shares
 
 
@@ -36,20 +37,20 @@ def annotated(image: xr.Dataset, classes: dict[int, str], class_of: dict[int, in
 
 
 def known(classes: dict[int, str], class_of: dict[int, int], geometry: Geometry,
-          places: np.ndarray) -> dict[str, Any]:
+          places: np.ndarray) -> dict[str, object]:
     """Return the attributes that all images of a scene share; arguments as in `annotated`."""
     return {"classes": {str(number): name for number, name in classes.items()},
             "label_class": {str(label): number for label, number in class_of.items()}, **described(geometry, places)}
 
 
-def described(geometry: Geometry, places: np.ndarray) -> dict[str, Any]:
+def described(geometry: Geometry, places: np.ndarray) -> dict[str, object]:
     """Return the attributes ``objects`` and ``seabed`` of a scene."""
     named = geometry.named
     boxes, placed, beds = {}, {}, []
     for _, shape, first, count in geometry.meshes:
         labels = named.of_faces(shape, count)
-        if hasattr(shape, "placed"):
-            placed.update(shape.placed)
+        if (strewn := strewn_shape(shape)) is not None:
+            placed.update(strewn.placed)
         elif int(labels[0]) in named.seabed:
             beds.append(geometry.mesh(first, count))
             continue
@@ -88,7 +89,7 @@ def unseen(image: xr.Dataset, *, warn: bool = True) -> list[str]:
 
 def _fingerprint_of(shape):
     """Return numbers that distinguish a shape without facets, and the bytes of its type's name."""
-    known: Any = mi.traverse(shape)
+    known = mi.traverse(shape)
     matrix = known["to_world"].matrix if "to_world" in known else ()
     # entry by entry: the whole would compile a kernel, another one for every matrix
     numbers = [float(entry[0]) for row in matrix for entry in row]

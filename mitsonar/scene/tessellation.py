@@ -10,7 +10,7 @@ true surface, facets up to a sagitta below it: l²/8R for a facet of length l on
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import drjit as dr
 import mitsuba as mi
@@ -46,7 +46,7 @@ def grid_of(shape: mi.Shape, sagitta: float = FINEST_SAGITTA) -> SurfaceGrid:
     if kind is None:
         raise ValueError(f"the shape \"{shape.id()}\" is of the kind {shape.class_name().lower()}, which has no facets "
                          "to carry fixed scatterers; use a mesh (ply, obj) in its place")
-    parameters: Any = mi.traverse(shape)
+    parameters = mi.traverse(shape)
     matrix = parameters["to_world"].matrix
     # entry by entry: the whole would compile a kernel, another one for every matrix
     to_world = np.array([[matrix[row, column][0] for column in range(4)] for row in range(4)], float)

@@ -6,7 +6,6 @@ before rendering.
 from __future__ import annotations
 
 import warnings
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi

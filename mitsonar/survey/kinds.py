@@ -6,7 +6,9 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
+
+from .sensor import RunSettings, Sensor, sonar_of
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -16,23 +18,29 @@ if TYPE_CHECKING:
     from mitsonar.water.profile import SoundSpeedProfile
 
     from .pressure.array_survey import ArraySurvey
-    from .sensor import RunSettings
     from .soundings.line import SoundingLine
     from .survey import Survey
 
 FILES = {"array": "fan.kind", "forward_looking": "fan.forward_looking"}        # of kinds without a folder of their name
+SurveyT = TypeVar("SurveyT", bound="Survey")
+SensorT = TypeVar("SensorT", bound=Sensor, contravariant=True)
+KindT = TypeVar("KindT", covariant=True)
 
 
-class _KindFiles(Mapping[str, Any]):
-    """Modules of kinds by name, imported when they are first used."""
+class _KindFiles(Mapping[str, KindT]):
+    """Modules of kinds by name, imported when they are first used.
+
+    Their functions take the sensors of their name and the surveys that they plan themselves. No type checker can know
+    the name of a sensor in a file; that of each plugin is compared in `plugins/contracts.py`.
+    """
 
     def __init__(self, *names: str):
         self._names = names
 
-    def __getitem__(self, name: str) -> Any:
+    def __getitem__(self, name: str) -> KindT:
         if name not in self._names:
             raise KeyError(name)
-        return importlib.import_module(f"{__package__}.{FILES.get(name, f'{name}.kind')}")
+        return cast(KindT, importlib.import_module(f"{__package__}.{FILES.get(name, f'{name}.kind')}"))
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)
@@ -41,19 +49,20 @@ class _KindFiles(Mapping[str, Any]):
         return len(self._names)
 
 
-class Kind(Protocol):
-    """Functions in the module of a kind of sonar; sensor and survey are those of the kind."""
+class Kind(Protocol[SurveyT, SensorT]):
+    """Functions in the module of a kind of sonar, for the surveys and sensors of the kind."""
 
-    def plan(self, scene: mi.Scene, sensor: Any, settings: RunSettings) -> Survey:
+    def plan(self, scene: mi.Scene, sensor: SensorT, settings: RunSettings) -> SurveyT:
         """Plan a run for a picture."""
         ...
 
-    def picture(self, survey: Any, sensor: Any, seed: int, progress: Callable[[float, float], None] | None = None,
+    def picture(self, survey: SurveyT, sensor: SensorT, seed: int,
+                progress: Callable[[float, float], None] | None = None,
                 say: Callable[[str], None] | None = None) -> xr.Dataset:
         """Render the run's record as a labelled image."""
         ...
 
-    def plan_elements(self, scene: mi.Scene, sensor: Any, settings: RunSettings, lead: float = 0.0) -> ArraySurvey:
+    def plan_elements(self, scene: mi.Scene, sensor: SensorT, settings: RunSettings, lead: float = 0.0) -> ArraySurvey:
         """Plan the same run for the elements' signals."""
         ...
 
@@ -62,55 +71,75 @@ class Kind(Protocol):
         ...
 
 
-KINDS: Mapping[str, Kind] = _KindFiles("sidescan", "array", "forward_looking", "sector_scan", "multibeam",
-                                   "synthetic_aperture", "interferometric", "echo_sounder")
+KINDS: Mapping[str, Kind[Survey, Sensor]] = _KindFiles(
+    "sidescan", "array", "forward_looking", "sector_scan", "multibeam", "synthetic_aperture", "interferometric",
+    "echo_sounder")
 
 
-class FrameKind(Kind, Protocol):
+class FrameKind(Kind[SurveyT, SensorT], Protocol):
     """Kind of sonar with a picture for every ping."""
 
-    def frames(self, survey: Any, sensor: Any, seed: int) -> Iterator[xr.Dataset]:
+    def frames(self, survey: SurveyT, sensor: SensorT, seed: int) -> Iterator[xr.Dataset]:
         """Yield the pictures of pings one by one."""
         ...
 
 
-FRAMES: Mapping[str, FrameKind] = _KindFiles("array", "forward_looking", "multibeam")
+FRAMES: Mapping[str, FrameKind[Survey, Sensor]] = _KindFiles("array", "forward_looking", "multibeam")
 
 
-class SounderKind(Kind, Protocol):
+class SounderKind(Kind[SurveyT, SensorT], Protocol):
     """Kind of sonar that makes soundings."""
 
-    def sounding_line(self, survey: Any, seed: int, *, profile: SoundSpeedProfile | None, column: bool,
-                      snippets: int) -> SoundingLine:
+    def sounding_line(self, survey: SurveyT, seed: int, *, profile: SoundSpeedProfile | None, column: bool,
+                      snippets: int) -> SoundingLine[Any]:      # of any measurement
         """Make the soundings of a line; arguments are those of `mitsonar.soundings`."""
         ...
 
 
-SOUNDERS: Mapping[str, SounderKind] = _KindFiles("multibeam", "interferometric")
+SOUNDERS: Mapping[str, SounderKind[Survey, Sensor]] = _KindFiles("multibeam", "interferometric")
+
+if TYPE_CHECKING:                   # every module against its protocol
+    from .echo_sounder import kind as echo_sounder
+    from .energy.sidescan_survey import SidescanSurvey
+    from .fan import forward_looking, kind as fan
+    from .interferometric import kind as interferometric
+    from .multibeam import kind as multibeam
+    from .sector_scan import kind as sector_scan
+    from .sidescan import kind as sidescan
+    from .soundings.survey import SwathSurvey
+    from .synthetic_aperture import kind as synthetic_aperture
+
+    _SIDESCAN: Kind[SidescanSurvey, sidescan.SidescanSensor] = sidescan
+    _ARRAY: FrameKind[ArraySurvey, fan.ArraySensor] = fan
+    _FORWARD_LOOKING: FrameKind[ArraySurvey, forward_looking.ForwardLookingSensor] = forward_looking
+    _SECTOR_SCAN: Kind[ArraySurvey, sector_scan.SectorScanSensor] = sector_scan
+    _MULTIBEAM: FrameKind[SwathSurvey, multibeam.MultibeamSensor] = multibeam
+    _SWATH: SounderKind[SwathSurvey, multibeam.MultibeamSensor] = multibeam
+    _INTERFEROMETRIC: SounderKind[interferometric.InterferometricSurvey,
+                                  interferometric.InterferometricSensor] = interferometric
+    _ECHO_SOUNDER: Kind[ArraySurvey, echo_sounder.EchoSounderSensor] = echo_sounder
+    _SYNTHETIC_APERTURE: Kind[synthetic_aperture.StripSurvey, synthetic_aperture.StripSensor] = synthetic_aperture
 
 
-def sounder_kind_of(sensor: Any) -> SounderKind:
+def sounder_kind_of(sensor: Sensor) -> SounderKind[Survey, Sensor]:
     """Return the sensor's kind of sonar, which must make soundings."""
-    kind_of(sensor)
     if sensor.kind not in SOUNDERS:
         raise ValueError(f"only a multibeam echo sounder or an interferometric sidescan makes soundings, and this "
                          f"sensor is a {sensor.kind}; give the scene a <sensor type=\"multibeam\"/>")
     return SOUNDERS[sensor.kind]
 
 
-def frame_kind_of(sensor: Any) -> FrameKind:
+def frame_kind_of(sensor: Sensor) -> FrameKind[Survey, Sensor]:
     """Return the sensor's kind of sonar, which must have a picture for every ping."""
-    kind_of(sensor)
     if sensor.kind not in FRAMES:
         raise ValueError(f"a {sensor.kind} has no picture of a single ping; render all pings as one picture. Sonars "
                          f"with a picture for every ping are {', '.join(FRAMES)}")
     return FRAMES[sensor.kind]
 
 
-def kind_of(sensor: Any) -> Kind:
+def kind_of(sensor: mi.Sensor | Sensor) -> Kind[Survey, Sensor]:
     """Return the sensor's kind of sonar."""
-    kind = getattr(sensor, "kind", "")
+    kind = sonar_of(sensor).kind
     if kind not in KINDS:
-        name = sensor.class_name() if hasattr(sensor, "class_name") else type(sensor).__name__
-        raise ValueError(f"the integrator sonar_path needs a sonar, such as <sensor type=\"sidescan\">, got a {name}")
+        raise ValueError(f"a sonar of the kind {kind} was asked for; there are {', '.join(KINDS)}")
     return KINDS[kind]

@@ -1,17 +1,27 @@
-"""Protocols of a sensor, its water and its film, and the settings of a run."""
+"""Protocols of a sensor, its water and its film, and the settings of a run.
+
+Plugins are recognised by the members of these protocols; see `scene.protocols`.
+"""
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
+from mitsonar.scene.protocols import SceneSonar
 from mitsonar.water.column import AbsorptionColumn
 from mitsonar.water.profile import SoundSpeedProfile
 from mitsonar.water.volume import VolumeScattering
 
 from .voyage import Route
 
+if TYPE_CHECKING:
+    import mitsuba as mi
 
+
+@runtime_checkable
 class Water(Protocol):
     """Water of the scene's medium."""
 
@@ -32,8 +42,11 @@ class Water(Protocol):
         ...
 
 
+@runtime_checkable
 class Film(Protocol):
     """Time window and sampling of the record."""
+
+    range: float  # [m]: end of the record
 
     @property
     def written(self) -> tuple[str, float]:
@@ -48,12 +61,15 @@ class Film(Protocol):
         """Return the start of the record [s], the sampling rate [Hz] and the number of samples."""
         ...
 
+    def put(self, image: mi.TensorXf) -> None:
+        """Keep the rendered levels, a tensor (pings, columns, 1)."""
+        ...
 
-class Sensor(Protocol):
-    """Attributes of sensors of all kinds."""
 
-    kind: str  # one of `survey.kinds.KINDS`
-    water: Water
+@runtime_checkable
+class Sensor(SceneSonar, Protocol):
+    """Attributes of sensors of all kinds; `kind` is one of `survey.kinds.KINDS`."""
+
     route: Route
     sound_speed: float | None  # [m/s]: at the sonar, for slant range and steering; None: that of `head_speed`
     noise: bool  # True if ambient noise is added
@@ -63,6 +79,24 @@ class Sensor(Protocol):
     def look_directions(self) -> tuple[np.ndarray, np.ndarray | None]:
         """Return directions that the sonar looks into (A, 3), body frame, and the depressions (A,) [rad] at which they
         end; None: by their own depressions."""
+        ...
+
+    @property
+    def water(self) -> Water:
+        """Return the water around the sonar."""
+        ...
+
+    @property
+    def leader(self) -> Sensor | None:
+        """Return the sensor whose track this one shares."""
+        ...
+
+    def id(self) -> str:
+        """Return the name of the sensor in its scene."""
+        ...
+
+    def own_seed(self, seed: int) -> int:
+        """Return the seed of this sonar's rays, speckle and noise."""
         ...
 
     def film(self) -> Film:
@@ -90,6 +124,14 @@ class RunSettings:
     scatterers_per_cell: float  # in a resolution cell of an array's picture in the beam domain
     ray_sources: str  # places where an array's rays start
     ray_source_count: int  # number of these places, where they are interpolated
+
+
+def sonar_of(sensor: mi.Sensor | Sensor) -> Sensor:
+    """Return a sensor that is a sonar; refuse others."""
+    if not isinstance(sensor, Sensor):
+        raise ValueError("the integrator sonar_path needs a sonar, such as <sensor type=\"sidescan\">, got a "
+                         f"{sensor.class_name()}")
+    return sensor
 
 
 def head_speed(sensor: Sensor, depth: np.ndarray | float) -> float:

@@ -18,7 +18,7 @@ import platform
 import re
 import time
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from mitsonar.device.files import FULL, FilePath
 from mitsonar.version import __version__
@@ -42,7 +42,7 @@ class ManifestEntry(NamedTuple):
     classes: tuple[str, ...] | None = None
 
 
-def key(parameters: Mapping[str, Any], seed: int, inputs: str, versions: Mapping[str, str]) -> bytes:
+def key(parameters: Mapping[str, object], seed: int, inputs: str, versions: Mapping[str, str]) -> bytes:
     """Return 16 bytes that identify the inputs of a render."""
     content = json.dumps([parameters, seed, inputs, versions], sort_keys=True)
     return hashlib.sha256(content.encode()).digest()[:16]
@@ -96,7 +96,7 @@ class Manifest:
             os.unlink(os.path.join(os.path.dirname(self.path), LOCK))
         os.close(self._lock)
 
-    def append(self, record: Mapping[str, Any]) -> None:
+    def append(self, record: Mapping[str, object]) -> None:
         """Write a complete line, or raise `OSError` and write none."""
         line = json.dumps(record, allow_nan=False).encode() + b"\n"
         try:

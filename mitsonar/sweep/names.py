@@ -3,7 +3,6 @@ import os
 import re
 import string
 from collections.abc import Iterable, Mapping
-from typing import Any
 
 from .values import shortened
 
@@ -45,7 +44,7 @@ class Pattern:
         (_, field, spec, _), (after, *_) = self.parts[0], (*self.parts, ("",))[1]
         return field == "index" and NUMBER.fullmatch(spec or "") is not None and after[:1] not in (*string.digits, "")
 
-    def name(self, index: int, seed: int, parameters: Mapping[str, Any]) -> str:
+    def name(self, index: int, seed: int, parameters: Mapping[str, object]) -> str:
         """Return the name of a render."""
         values = {**parameters, "index": index, "seed": seed}
         values |= {name: FOLDERS.sub("", values[name]) for name in self.parameters & self.paths

@@ -32,7 +32,7 @@ with c the sound speed at the array. The coefficient then depends on the differe
 the mean of the column, and is far from 1/2. For an array within a layer the law errs by microseconds, more than without
 any correction.
 """
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -127,7 +127,7 @@ def effective_speed() -> xr.Dataset:
                       attrs={"mean_coefficient": float(data["coefficient"][1][kinds == KINDS[0]].mean())})
 
 
-def _results(setting: _Setting) -> dict[str, Any]:
+def _results(setting: _Setting) -> dict[str, object]:
     """Return the results for one water."""
     bed = setting.profile.depth[-1]
     depth = bed - setting.height

@@ -7,7 +7,7 @@ Sidescans are without flaws: no side lobes, no crosstalk between the sides, no n
 The arguments ``sensor``, ``water``, ``film`` and ``integrator`` add attributes to these, or replace them.
 """
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
     from mitsonar.water.profile import SoundSpeedProfile
 
-Attributes = Mapping[str, Any]      # of a plugin, by their names in XML
+Attributes = Mapping[str, object]      # of a plugin, by their names in XML
 
 FLAWLESS: Attributes = {"sidelobe_db": -200.0, "vertical_sidelobe_db": -200.0, "back_db": -200.0,
                         "crosstalk_db": -200.0, "chirp_ms": 0.0, "self_noise_db": -200.0, "adc_bits": 0}
 
 
-def sidescan(shapes: Mapping[str, Any], *, depth: float = 20.0, pings: int = 4, rays: int = 100_000,
+def sidescan(shapes: Mapping[str, object], *, depth: float = 20.0, pings: int = 4, rays: int = 100_000,
              sensor: Attributes | None = None, water: Attributes | None = None, film: Attributes | None = None,
              integrator: Attributes | None = None) -> "mi.Scene":
     """Load a scene of a sidescan, by default of 100 kHz and 1000 bins to 100 m."""
@@ -32,7 +32,7 @@ def sidescan(shapes: Mapping[str, Any], *, depth: float = 20.0, pings: int = 4, 
                   {"rays": rays, **(integrator or {})})
 
 
-def array_sonar(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: Attributes | None = None,
+def array_sonar(shapes: Mapping[str, object], *, depth: float = 10.0, sensor: Attributes | None = None,
                 water: Attributes | None = None, film: Attributes | None = None,
                 integrator: Attributes | None = None) -> "mi.Scene":
     """Load a scene of one omnidirectional transducer, by default 100 kHz to 30 m; see `sidescan`."""
@@ -40,12 +40,12 @@ def array_sonar(shapes: Mapping[str, Any], *, depth: float = 10.0, sensor: Attri
                    {"range": 30.0, **(film or {})}, integrator or {})
 
 
-def at_rest(depth: float) -> dict[str, Any]:
+def at_rest(depth: float) -> dict[str, object]:
     """Return the attributes of a sensor that does not move and looks north, at a depth [m]."""
     return {"speed_knots": 0.0, "heading_deg": 0.0, "start": [0.0, 0.0, -float(depth)]}
 
 
-def loaded(shapes: Mapping[str, Any], kind: Attributes, still: Attributes, sensor: Attributes | None,
+def loaded(shapes: Mapping[str, object], kind: Attributes, still: Attributes, sensor: Attributes | None,
             water: Attributes | None, film: Attributes, integrator: Attributes) -> "mi.Scene":
     """Load a scene with a sensor of the attributes `kind`, which stands `at_rest` unless it follows a track."""
     from mitsonar.scene.loading import prepare
@@ -67,14 +67,15 @@ def loaded(shapes: Mapping[str, Any], kind: Attributes, still: Attributes, senso
         **shapes}, optimize=False, parallel=False)
 
 
-def water_of(profile: "SoundSpeedProfile") -> dict[str, Any]:
+def water_of(profile: "SoundSpeedProfile") -> dict[str, object]:
     """Return the attributes of water with a sound speed profile."""
     if len(profile.depth) == 1:
         return {"sound_speed": float(profile.sound_speed[0])}
     return {"profile": ", ".join(f"{depth:g}:{speed:g}" for depth, speed in zip(profile.depth, profile.sound_speed))}
 
 
-def bed(depth: float, material: Attributes | None = None, *, size: float = 800.0, tilt: float = 0.0) -> dict[str, Any]:
+def bed(depth: float, material: Attributes | None = None, *, size: float = 800.0,
+        tilt: float = 0.0) -> dict[str, object]:
     """Return the description of a flat bed of two facets."""
     # depth [m]; size [m]; tilt [rad]
     from mitsonar.scene.loading import prepare
@@ -87,22 +88,22 @@ def bed(depth: float, material: Attributes | None = None, *, size: float = 800.0
     return {"type": "rectangle", "to_world": place, "bsdf": dict(material or lambert())}
 
 
-def buried_bed(depth: float, *, size: float = 200.0) -> dict[str, Any]:
+def buried_bed(depth: float, *, size: float = 200.0) -> dict[str, object]:
     """Return the description of a bed with negligible scattering, for scenes of targets."""
     return bed(depth, lambert(-190.0), size=size)
 
 
-def lambert(mu_db: float = -27.0) -> dict[str, Any]:
+def lambert(mu_db: float = -27.0) -> dict[str, object]:
     """Return the description of a material of Lambert's law with the strength µ [dB]."""
     return {"type": "lambert", "mu_db": float(mu_db)}
 
 
-def sediment(name: str) -> dict[str, Any]:
+def sediment(name: str) -> dict[str, object]:
     """Return the description of the material of a named sediment."""
     return {"type": "sediment", "sediment": name}
 
 
-def point_target(position: Sequence[float] | np.ndarray, strength_db: float = 0.0) -> dict[str, Any]:
+def point_target(position: Sequence[float] | np.ndarray, strength_db: float = 0.0) -> dict[str, object]:
     """Return the description of a point target at a place (3,) [m] with a target strength [dB re 1 m²]."""
     return {"type": "point_target", "position": [float(one) for one in position],
             "target_strength_db": float(strength_db)}

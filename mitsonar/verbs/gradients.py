@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -176,8 +175,8 @@ def coherent_model(scene: mi.Scene | FilePath, keys: Sequence[str], *, of: str =
         raise as_exception(error) from error
 
 
-def differentiable_signals(scene: mi.Scene, params: Any, pings: Sequence[int] = (0,), *, sensor: int | str = 0,
-                           seed: int = 0) -> mi.TensorXf:
+def differentiable_signals(scene: mi.Scene, params: mi.SceneParameters, pings: Sequence[int] = (0,), *,
+                           sensor: int | str = 0, seed: int = 0) -> mi.TensorXf:
     """Return element signals that Dr.Jit can differentiate by those parameters of the scene that carry gradients.
 
     The signals are those of `mitsonar.element_signals`, with phases and with fixed scatterers, for `dr.backward` and

@@ -5,7 +5,6 @@ import importlib.metadata
 import operator
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
 
 import mitsuba as mi
 import numpy as np
@@ -22,9 +21,12 @@ from mitsonar.scene.alterations import altered
 from mitsonar.scene.errors import as_exception
 from mitsonar.scene.loading import load_file, prepare
 from mitsonar.signal.impulses import KERNELS, make_kernel
+from mitsonar.survey.integrator import SoundIntegrator, integrator_of
 from mitsonar.survey.kinds import sounder_kind_of
+from mitsonar.survey.pressure.array_survey import ArraySurvey
 from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.survey.pressure.signals import LEAD, pair_responses, received_signals
+from mitsonar.survey.sensor import Sensor, sonar_of
 from mitsonar.survey.survey import Survey
 from mitsonar.version import __version__
 from mitsonar.water.profile import SoundSpeedProfile
@@ -35,7 +37,7 @@ SEEDS = 1 << 32                    # Mitsuba accepts no other seeds
 
 
 def render(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
-           progress: Callable[[int, int], None] | None = None, say: Callable[[str], None] | None = None,
+           progress: Callable[[float, float], None] | None = None, say: Callable[[str], None] | None = None,
            **parameters: object) -> SonarImage:
     """Render a sonar scene.
 
@@ -76,13 +78,13 @@ def render(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
         parameters are given for a scene that is already loaded.
     """
     seed = checked_seed(seed)
-    scene, sensor, integrator = opened(scene, sensor, parameters)
+    scene, sonar, integrator = opened(scene, sensor, parameters)
     try:
-        survey = integrator.survey(scene, sensor)
-        image = integrator.picture(survey, sensor, seed, progress, say)
+        survey = integrator.survey(scene, sonar)
+        image = integrator.picture(survey, sonar, seed, progress, say)
     except RuntimeError as error:
         raise as_exception(error) from error
-    return SonarImage.of(not_all_nan(image).assign_attrs(provenance(scene, sensor, survey)))
+    return SonarImage.of(not_all_nan(image).assign_attrs(provenance(scene, sonar, survey)))
 
 
 def frames(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
@@ -107,13 +109,13 @@ def frames(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
         As in `render`, or if the sonar makes one image of all its pings.
     """
     seed = checked_seed(seed)
-    scene, sensor, integrator = opened(scene, sensor, parameters)
+    scene, sonar, integrator = opened(scene, sensor, parameters)
     try:
-        survey = integrator.survey(scene, sensor)
-        images = integrator.frames(survey, sensor, seed)
+        survey = integrator.survey(scene, sonar)
+        images = integrator.frames(survey, sonar, seed)
     except RuntimeError as error:
         raise as_exception(error) from error
-    origin = provenance(scene, sensor, survey)
+    origin = provenance(scene, sonar, survey)
     return (SonarImage.of(not_all_nan(image).assign_attrs(origin)) for image in images)
 
 
@@ -162,13 +164,13 @@ def impulse_response(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, 
         If scene and sensor do not fit together, the ping does not exist, or kernel or return path is unknown.
     """
     _check_names(kernel, return_path)
-    scene, sensor, integrator = opened(scene, sensor, parameters)
-    survey, pings = _survey(integrator, scene, sensor, ping)
+    scene, sonar, integrator = opened(scene, sensor, parameters)
+    survey, pings = _survey(integrator, scene, sonar, ping)
     record = PressureRecord(survey, seed=checked_seed(seed), kernel=kernel, return_path=return_path,
                             paths=_known_paths(survey, paths))
     array = pair_responses(record, pings, progress=progress, say=say)
     return _with_attributes(array, kernel=kernel, kernel_energy=make_kernel(kernel).energy, return_path=return_path,
-                            **provenance(scene, sensor, survey))
+                            **provenance(scene, sonar, survey))
 
 
 def element_signals(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, kernel: str = "band_limited",
@@ -284,12 +286,12 @@ def sounded_pings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeed
 
 def pings(scene: mi.Scene | FilePath, *, sensor: int | str = 0) -> int:
     """Return the number of pings of a scene's sensor."""
-    scene, sensor, integrator = opened(scene, sensor)
-    return integrator.survey(scene, sensor).track.pings
+    scene, sonar, integrator = opened(scene, sensor)
+    return integrator.survey(scene, sonar).track.pings
 
 
 def opened(scene: mi.Scene | FilePath, sensor: int | str = 0,
-           parameters: Mapping[str, object] | None = None) -> tuple[mi.Scene, Any, Any]:
+           parameters: Mapping[str, object] | None = None) -> tuple[mi.Scene, Sensor, SoundIntegrator]:
     """Return the scene, loaded if it is a path, the sensor of a number or id, and the integrator of sound."""
     sensor = sensor if isinstance(sensor, str) else operator.index(sensor)
     prepare()
@@ -301,7 +303,7 @@ def opened(scene: mi.Scene | FilePath, sensor: int | str = 0,
     elif parameters:
         raise TypeError(f"{', '.join(parameters)}: no argument has this name, and this scene is already loaded, so it "
                         "takes no parameters; give them to mitsonar.load_file")
-    sensors, integrator = scene.sensors(), scene.integrator()
+    sensors = scene.sensors()
     if not sensors:
         raise ValueError("the scene has no sensor; write <sensor type=\"sidescan\"> ... </sensor>")
     if isinstance(sensor, str):
@@ -311,9 +313,8 @@ def opened(scene: mi.Scene | FilePath, sensor: int | str = 0,
         sensor = ids.index(sensor)
     if not 0 <= sensor < len(sensors):
         raise ValueError(f"sensor {sensor} was asked for, but the scene has {len(sensors)}, counted from 0")
-    if not hasattr(integrator, "picture"):
-        raise ValueError("the scene's integrator cannot render sound; write <integrator type=\"sonar_path\"/>")
-    return scene, sensors[sensor], integrator
+    integrator = integrator_of(scene)
+    return scene, sonar_of(sensors[sensor]), integrator
 
 
 def checked_seed(seed: int) -> int:
@@ -324,7 +325,7 @@ def checked_seed(seed: int) -> int:
     return number
 
 
-def provenance(scene: mi.Scene, sensor: Any, survey: Survey) -> dict[str, Any]:
+def provenance(scene: mi.Scene, sensor: Sensor, survey: Survey) -> dict[str, object]:
     """Return attributes of a result that record its scene, parameters, versions and origin."""
     passage, geometry = survey.passage, survey.geometry
     origin, crs = geometry.local_origin, geometry.crs
@@ -363,8 +364,8 @@ def _known_paths(survey: Survey, paths: Sequence[str] | None) -> list[str] | Non
     return chosen
 
 
-def _survey(integrator: Any, scene: mi.Scene, sensor: Any, ping: int | Sequence[int],
-            lead: float = 0.0) -> tuple[Any, list[int]]:
+def _survey(integrator: SoundIntegrator, scene: mi.Scene, sensor: Sensor, ping: int | Sequence[int],
+            lead: float = 0.0) -> tuple[ArraySurvey, list[int]]:
     """Plan the run; return it with the pings that are asked for. `lead` is in pulse lengths before the transmission."""
     try:
         survey = integrator.array_survey(scene, sensor, lead)

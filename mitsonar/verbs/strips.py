@@ -15,8 +15,9 @@ from mitsonar.io import casts
 from mitsonar.io.records import raw_echoes as raw_files
 from mitsonar.io.records.records import SonarImage, not_all_nan
 from mitsonar.scene.errors import as_exception
-from mitsonar.survey.kinds import KINDS, kind_of
+from mitsonar.survey.integrator import SoundIntegrator
 from mitsonar.survey.pressure.signals import LEAD
+from mitsonar.survey.sensor import Sensor
 from mitsonar.survey.synthetic_aperture.image import focused, raw_pings as pings_of, survey_grid, with_truth
 from mitsonar.survey.synthetic_aperture.plan import StripSurvey
 from mitsonar.survey.synthetic_aperture.scatterers import scatterers_of
@@ -166,13 +167,13 @@ def strip_survey(scene: mi.Scene | FilePath, *, sensor: int | str = 0) -> StripS
     return _planned(*opened(scene, sensor))[0]
 
 
-def _planned(scene: mi.Scene, sonar: Any, integrator: Any) -> tuple[Any, dict[str, Any]]:
+def _planned(scene: mi.Scene, sonar: Sensor, integrator: SoundIntegrator) -> tuple[StripSurvey, dict[str, Any]]:
     """Return the survey of a synthetic aperture sonar, and the provenance of its results."""
-    if kind_of(sonar) is not KINDS["synthetic_aperture"]:
+    if sonar.kind != "synthetic_aperture":
         raise ValueError(f"raw echoes are those of a synthetic aperture, but this sensor is a {sonar.kind}; give the "
                          "scene a <sensor type=\"synthetic_aperture\"/>, or use mitsonar.element_signals")
     try:
-        survey = integrator.array_survey(scene, sonar, LEAD)
+        survey = cast(StripSurvey, integrator.array_survey(scene, sonar, LEAD))
     except RuntimeError as error:
         raise as_exception(error) from error
     return survey, provenance(scene, sonar, survey)

@@ -1,4 +1,8 @@
 """Two-way absorption along bent rays, from a table on the device; see `column` for the equation."""
+from __future__ import annotations
+
+import copy
+
 import drjit as dr
 import numpy as np
 
@@ -25,6 +29,12 @@ class Absorption:
         self.steps_per_metre = dr.opaque(lib.Float, ABSORPTION_STEPS / (deepest - top))
         self.c2 = dr.opaque(lib.Float, c_r ** 2)
         dr.eval(self.table)
+
+    def with_table(self, table: Float) -> Absorption:
+        """Return the same absorption with other values in its table."""
+        other = copy.copy(self)
+        other.table = table
+        return other
 
     def two_way_db(self, z0: Float, z1: Float, arc_length: Float, ray_parameter: Float) -> Float:
         """Return the loss 2 ᾱ L [dB] between depths z0 and z1 [m]; float32 arrays."""

@@ -1,5 +1,4 @@
 """Map places to sediments: a texture of class numbers whose borders are gradual."""
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -88,7 +87,7 @@ def class_map_of(attributes: Attributes, names: list[str]) -> ClassMap | None:
 
 def _pixel(texture):
     """Return the sides of a pixel (u and v, columns) in texture coordinates; zeros for a texture without pixels."""
-    parameters: Any = mi.traverse(texture)
+    parameters = mi.traverse(texture)
     if "to_uv" not in parameters or "data" not in parameters:
         return np.zeros((2, 2))
     height, width = np.array(parameters["data"].shape)[:2]

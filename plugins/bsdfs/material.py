@@ -38,9 +38,9 @@ class Material(mi.BSDF):
     """
 
     textured = False
-    patches = None
+    patches: Patches | None = None
     coherence: float | mi.Texture = 1.0  # of scatterers between any two passes
-    reflects = False
+    smooth = reflects = mirror = False
 
     def __init__(self, props: mi.Properties, *, flags: mi.BSDFFlags | int | None = None) -> None:
         super().__init__(props)

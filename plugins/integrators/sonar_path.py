@@ -15,13 +15,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.survey.sensor import RunSettings
+from mitsonar.survey.sensor import RunSettings, Sensor, sonar_of
 
 from ..attributes import Attributes, Choice, Integer, Number
 
@@ -76,43 +76,39 @@ class SonarPath(mi.SamplingIntegrator):
             ray_source_count=attributes.fan_count)
         super().__init__(props)
 
-    def survey(self, scene: mi.Scene, sensor: mi.Sensor) -> Survey:
+    def survey(self, scene: mi.Scene, sensor: Sensor) -> Survey:
         """Plan a run of a sonar over a scene."""
         from mitsonar.survey.coverage import warn_of_window
         from mitsonar.survey.kinds import kind_of
 
-        sonar: Any = sensor
-        survey = kind_of(sonar).plan(scene, sonar, self.settings)
-        warn_of_window(survey, sonar)
+        survey = kind_of(sensor).plan(scene, sensor, self.settings)
+        warn_of_window(survey, sensor)
         return survey
 
-    def array_survey(self, scene: mi.Scene, sensor: mi.Sensor, lead: float = 0.0) -> ArraySurvey:
+    def array_survey(self, scene: mi.Scene, sensor: Sensor, lead: float = 0.0) -> ArraySurvey:
         """Plan the same run for the signals of the sonar's elements."""
         from mitsonar.survey.coverage import warn_of_window
         from mitsonar.survey.kinds import kind_of
 
-        sonar: Any = sensor
-        survey = kind_of(sonar).plan_elements(scene, sonar, self.settings, lead)
-        warn_of_window(survey, sonar)
+        survey = kind_of(sensor).plan_elements(scene, sensor, self.settings, lead)
+        warn_of_window(survey, sensor)
         return survey
 
-    def picture(self, survey: Survey, sensor: mi.Sensor, seed: int = 0,
+    def picture(self, survey: Survey, sensor: Sensor, seed: int = 0,
                 progress: Callable[[float, float], None] | None = None,
                 say: Callable[[str], None] | None = None) -> xr.Dataset:
         """Render a planned run; see `mitsonar.render`."""
         from mitsonar.survey.kinds import kind_of
 
-        sonar: Any = sensor
-        image = kind_of(sonar).picture(survey, sonar, sonar.own_seed(seed), progress, say)
-        return image if sonar.leader is None else image.assign_attrs(seed=int(seed))
+        image = kind_of(sensor).picture(survey, sensor, sensor.own_seed(seed), progress, say)
+        return image if sensor.leader is None else image.assign_attrs(seed=int(seed))
 
-    def frames(self, survey: Survey, sensor: mi.Sensor, seed: int = 0) -> Iterator[xr.Dataset]:
+    def frames(self, survey: Survey, sensor: Sensor, seed: int = 0) -> Iterator[xr.Dataset]:
         """Yield the pictures of a planned run ping by ping; see `mitsonar.frames`."""
         from mitsonar.survey.kinds import frame_kind_of
 
-        sonar: Any = sensor
-        images = frame_kind_of(sonar).frames(survey, sonar, sonar.own_seed(seed))
-        return images if sonar.leader is None else (image.assign_attrs(seed=int(seed)) for image in images)
+        images = frame_kind_of(sensor).frames(survey, sensor, sensor.own_seed(seed))
+        return images if sensor.leader is None else (image.assign_attrs(seed=int(seed)) for image in images)
 
     def render(self, scene: mi.Scene, sensor: mi.Sensor | int = 0, seed: int = 0, spp: int = 0, develop: bool = True,
                evaluate: bool = True) -> mi.TensorXf:
@@ -122,13 +118,13 @@ class SonarPath(mi.SamplingIntegrator):
         anything in the scene carries a gradient, seabeds are met by normals between their nodes; where elements or
         point targets do, beams are formed of the elements' signals.
         """
-        sonar: Any = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
+        sonar = sonar_of(scene.sensors()[sensor] if isinstance(sensor, int) else sensor)
         rows = self._levels(scene, sonar, int(np.ravel(seed)[0]))
         film = mi.TensorXf(np.ascontiguousarray(rows[..., None]))
         sonar.film().put(film)
         return film
 
-    def _levels(self, scene: mi.Scene, sonar: Any, seed: int) -> np.ndarray:
+    def _levels(self, scene: mi.Scene, sonar: Sensor, seed: int) -> np.ndarray:
         """Return levels (rows, columns)."""
         from mitsonar.gradients.elements.coherent_levels import CoherentLevels, is_coherent
         from mitsonar.gradients.records.level_products import wants_gradients
@@ -142,13 +138,13 @@ class SonarPath(mi.SamplingIntegrator):
             survey = replace(survey, geometry=Geometry(scene, smooth_beds=True))
         return kind_of(sonar).rows(self.picture(survey, sonar, seed)["level"].values)
 
-    def render_forward(self, scene: mi.Scene, params: Any, sensor: mi.Sensor | int = 0, seed: int = 0,
+    def render_forward(self, scene: mi.Scene, params: mi.SceneParameters, sensor: mi.Sensor | int = 0, seed: int = 0,
                        spp: int = 0) -> mi.TensorXf:
         """Return the derivative of the levels of `render` [dB] along the tangents set in the scene."""
         return mi.TensorXf(self._products(scene, sensor, seed).forward().astype(np.float32)[..., None])
 
-    def render_backward(self, scene: mi.Scene, params: Any, grad_in: mi.TensorXf, sensor: mi.Sensor | int = 0,
-                        seed: int = 0, spp: int = 0) -> None:
+    def render_backward(self, scene: mi.Scene, params: mi.SceneParameters, grad_in: mi.TensorXf,
+                        sensor: mi.Sensor | int = 0, seed: int = 0, spp: int = 0) -> None:
         """Propagate gradients by the levels of `render` [1/dB] to the scene's parameters."""
         weights = np.array(dr.detach(grad_in), float)
         self._products(scene, sensor, seed).backward(weights[..., 0])
@@ -157,7 +153,7 @@ class SonarPath(mi.SamplingIntegrator):
         from mitsonar.gradients.elements.coherent_levels import CoherentLevels, is_coherent
         from mitsonar.gradients.records.level_products import LevelProducts
 
-        sonar: Any = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
+        sonar = sonar_of(scene.sensors()[sensor] if isinstance(sensor, int) else sensor)
         if is_coherent(scene, sonar):
             return CoherentLevels(scene, sonar, int(np.ravel(seed)[0]))
         return LevelProducts(scene, sonar, self, int(np.ravel(seed)[0]))

@@ -194,7 +194,7 @@ def _given_absorption(attributes):
         raise attributes.error(f"absorption_db_per_km: {error}; write numbers of 0 or more.") from None
 
 
-def _cast_and_profile(attributes):
+def _cast_and_profile(attributes: Attributes) -> tuple[casts.Cast | None, SoundSpeedProfile]:
     """Return the cast, or None, and the sound speed profile."""
     attributes.only_one("profile", "cast", "sound_speed", "sound_speed_formula")
     details = attributes.given("cast_sound_speed", "cast_extension")
@@ -217,7 +217,7 @@ def _cast_and_profile(attributes):
         raise attributes.error(error) from None
 
 
-def _with_head(attributes, profile):
+def _with_head(attributes: Attributes, profile: SoundSpeedProfile) -> SoundSpeedProfile:
     """Return the profile with the node of the head's own sensor, if there is one."""
     given = attributes.given("head_sound_speed", "head_depth")
     if len(given) == 1:
@@ -234,7 +234,7 @@ def _with_head(attributes, profile):
         raise attributes.error(f"head_depth: {error}") from None
 
 
-def _volume(attributes):
+def _volume(attributes: Attributes) -> VolumeScattering | None:
     """Return the volume scattering of the water; None for none."""
     table = attributes.volume_strength_db
     if table is None and not attributes.layers.strip():

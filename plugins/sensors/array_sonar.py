@@ -58,7 +58,7 @@ class ArraySonar(FanSensor):
         self.nominal_sound_speed = nominal_sound_speed(self.sound_speed, self.water, self.route)
         self.transmit, self.receive = (read_array(attributes, side, self.nominal_sound_speed, frequency=self.frequency)
                                        for side in SIDES)
-        self.delays_from_file = tuple(bool(attributes.given(f"{side}_file")) for side in SIDES)
+        self.delays_from_file = bool(attributes.given("transmit_file")), bool(attributes.given("receive_file"))
 
     def to_string(self) -> str:
         return f"ArraySonar[{self.frequency / 1000:g} kHz, {self.transmit.elements} x {self.receive.elements} elements]"

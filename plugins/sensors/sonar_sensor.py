@@ -1,6 +1,8 @@
 """Base classes of the sensors of all kinds of sonar."""
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import drjit as dr
 import mitsuba as mi
@@ -11,7 +13,7 @@ from mitsonar.device.chance import pass_seed, sonar_seed
 from mitsonar.imaging.fan import fan_directions
 from mitsonar.io.scene_files import scenes
 from mitsonar.sonar.arrays.array import Array
-from mitsonar.survey.sensor import slowest_speed
+from mitsonar.survey.sensor import Film, Sensor, Water, slowest_speed
 from mitsonar.survey.voyage import Route
 from mitsonar.units import hertz_from_khz
 from mitsonar.water.profile import FASTEST, SLOWEST
@@ -19,6 +21,10 @@ from mitsonar.water.profile import FASTEST, SLOWEST
 from ..attributes import Attribute, Attributes, Boolean, Group, Integer, Nested, Number
 from .element_keys import ElementKeys
 from .platform import OF_THE_TRACK, read_route
+
+if TYPE_CHECKING:
+    from ..films.sonar_film import SonarFilm
+    from ..media.seawater import Seawater
 
 LOWEST_DB, HIGHEST_DB = -200, 300                 # range of energies in float32
 
@@ -61,16 +67,19 @@ class SonarSensor(mi.Sensor):
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, self.declared)
-        self.provenance = self.loaded = self.path = None
-        self.sound_speed = attributes.sound_speed
-        self.leader = attributes.sensor
+        self.provenance: dict[str, object] | None = None
+        self.loaded: dict[str, object] | None = None
+        self.path: str | None = None
+        self.sound_speed: float | None = attributes.sound_speed
+        self.leader: SonarSensor | None = attributes.sensor
         self.route = read_route(attributes) if self.leader is None else self._shared(attributes)
         self.pass_number = self._pass_number(attributes)
-        self.noise, self.given_noise_level_db = attributes.noise, attributes.noise_level_db
-        self.water = attributes.medium
-        if not hasattr(self.water, "profile"):
+        self.noise: bool = attributes.noise
+        self.given_noise_level_db: float | None = attributes.noise_level_db
+        self.water: Seawater = attributes.medium
+        if not isinstance(self.water, Water):
             raise attributes.error('it must hold the water it works in: <medium type="seawater"/>.')
-        if not hasattr(attributes.film, "sampling"):
+        if not isinstance(attributes.film, Film):
             raise attributes.error('it must hold the record it makes: <film type="sonar_film"/>.')
         self.read(attributes)
         self.elements = self.element_keys()
@@ -109,6 +118,9 @@ class SonarSensor(mi.Sensor):
             raise attributes.error(f"echoes from the range of its film take {needed:.4f} s, and the pings of "
                                    f'"{self.leader.id()}", whose track it shares, come every {interval:.4f} s; give '
                                    "the track to the sonar of the longer range, or write its ping_rate_hz.")
+
+    if TYPE_CHECKING:                  # refused otherwise by the constructor
+        def film(self) -> SonarFilm: ...
 
     def own_seed(self, seed: int) -> int:
         """Return the seed of this sonar's rays, speckle and noise, different for each pass and each sonar of a track.
@@ -190,7 +202,7 @@ class FanSensor(SonarSensor):
 
     picture: str | None  # as written, or "elements"; set by `read`
     fan_width: float  # [rad]: set by `read`
-    delays_from_file: tuple[bool, ...] = (False, False)
+    delays_from_file: tuple[bool, bool] = (False, False)
 
     def look_directions(self) -> tuple[np.ndarray, np.ndarray | None]:
         """Return the middle and both ends of the fan; see `SonarSensor.look_directions`."""
@@ -213,6 +225,6 @@ class FanSensor(SonarSensor):
         super().take_elements(transmit, receive)
 
 
-def _shortest(sonar: Any) -> float:
+def _shortest(sonar: Sensor) -> float:
     """Return the time [s] until the last echo of a ping arrives."""
     return float(sonar.film().window(slowest_speed(sonar))[0][1])

@@ -113,7 +113,7 @@ class SyntheticAperture(SonarSensor):
         self.transmit, self.receive = _transmitters(attributes, wavelength), _receivers(attributes, wavelength)
         self.bank = np.repeat(np.arange(attributes.banks), attributes.receivers)
         self.grid, self.grid_spacing = attributes.image_grid, attributes.image_spacing
-        self.windows = tuple(_window(attributes, name) for name in ("image_window", "range_window"))
+        self.windows = _window(attributes, "image_window"), _window(attributes, "range_window")
         self.thin_below = float(power_from_db(attributes.thin_below_db))
         self.route = _paced(attributes, self.route)
 

@@ -16,13 +16,13 @@ shape and number: ``tyre.mines.3``.
 import os
 import warnings
 import zlib
-from typing import Any
 
 import mitsuba as mi
 import numpy as np
 
 from mitsonar.io.scene_files import meshes
 from mitsonar.scene.errors import plain
+from mitsonar.scene.protocols import is_seabed, strewn_shape
 from mitsonar.seabed.bed import Bed
 from mitsonar.seabed.bodies import Body
 from mitsonar.seabed.placement import Rules, draw_count, place
@@ -78,8 +78,8 @@ class Targets(mi.Mesh):
         if attributes.given("to_world"):
             raise attributes.error("to_world is given; targets lie where their seabed is: leave it out.")
         shapes = attributes.shape
-        bed_shape = next((shape for shape in shapes if getattr(shape, "seabed", False)),
-                         next((shape for shape in shapes if not hasattr(shape, "placed")), None))
+        bed_shape = next((shape for shape in shapes if is_seabed(shape)),
+                         next((shape for shape in shapes if strewn_shape(shape) is None), None))
         if bed_shape is None:
             raise attributes.error('a seabed is missing; refer to one: <ref id="seabed"/>.')
         bodies = [_body(attributes, path) for path in _chosen(attributes, _files(attributes, attributes.meshes))]
@@ -89,7 +89,7 @@ class Targets(mi.Mesh):
         identity = props.id() or "targets"
         stream = attributes.seed, zlib.crc32(identity.encode())   # two shapes of one seed are not alike
         # others that are kept clear of have looked its triangles through already
-        bed = next((shape.bed for shape in shapes if getattr(shape, "bears", None) is bed_shape),
+        bed = next((shape.bed for shape in shapes if isinstance(shape, Targets) and shape.bears is bed_shape),
                    None) or _bed(attributes, bed_shape)
         self.bears, self.bed = bed_shape, bed
         taken = [circle for shape in shapes if shape is not bed_shape for circle in _circles(shape)]
@@ -196,7 +196,7 @@ def _body(attributes, path):
 
 
 def _arrays(mesh):
-    parameters: Any = mi.traverse(mesh)
+    parameters = mi.traverse(mesh)
     return {"vertices": parameters["vertex_positions"].numpy().reshape(-1, 3),
             "faces": parameters["faces"].numpy().reshape(-1, 3)}
 
@@ -212,9 +212,8 @@ def _bed(attributes, shape):
 
 def _circles(shape):
     """Return the circle that a shape occupies, seen from above: (x, y, radius) [m]."""
-    placed = getattr(shape, "placed", None)
-    if placed is not None:
-        return [(*target["position"][:2], target["radius"]) for target in placed.values()]
+    if (strewn := strewn_shape(shape)) is not None:
+        return [(*target["position"][:2], target["radius"]) for target in strewn.placed.values()]
     low, high = np.array(shape.bbox().min), np.array(shape.bbox().max)
     return [(*((low + high) / 2)[:2], np.hypot(*(high - low)[:2]) / 2)]
 

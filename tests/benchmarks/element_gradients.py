@@ -53,7 +53,7 @@ def main():
             step = {key: 1e-4 * np.ones(model.start[key].shape) for key in keys}
             signals, forward, backward = map(seconds, (lambda: model.value({}), lambda: jacobian.forward(step),
                                                        lambda: jacobian.backward(weights)))
-            echoes = sum(block.count for block in jacobian._record.ensonified(0).echoes(0))
+            echoes = sum(block.count for block in jacobian._first.ensonified.echoes(0))
             print(f"| {water} | {speed:g} | {1e-6 * echoes:.2f} | {signals:.2f} | {forward / signals:.2f} | "
                   f"{backward / signals:.2f} |", flush=True)
     if options.check:

@@ -67,7 +67,7 @@ def by_elements(arguments):
     for elements in arguments.elements:
         record = record_of(arguments, elements)
         echoes, sums = ensonified(record), record.sums()
-        delays, late = record.delays(record.ensonified(0).source(0)), dr.opaque(mi.Float64, 0.0)
+        delays, late = record.delays(record.at(0).ensonified.source(0)), dr.opaque(mi.Float64, 0.0)
 
         def carry(delays=delays, sums=sums, echoes=echoes, late=late):
             for block in echoes:
@@ -76,10 +76,7 @@ def by_elements(arguments):
             dr.sync_thread()
 
         def anew(record=record):
-            # a record without echoes that are kept, over the same tables
-            fresh = type(record)(record.survey)
-            fresh.ensonification = record.ensonification
-            fresh.responses(0)
+            record.at(0).responses()           # echoes made anew, over the same tables
 
         cost = measuring.rounds({"ensonify": lambda record=record: ensonified(record), "carry": carry,
                                  "read": sums.read, "all": anew}, arguments.rounds)

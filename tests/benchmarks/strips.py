@@ -71,12 +71,12 @@ def work(arguments):
     record, made = PressureRecord(survey), {}
 
     def light(ping):
-        made["echoes"] = sum(block.count for number, _ in record.ensonified(ping).shares(0)
-                             for block in record.ensonified(ping).echoes(number))
+        echoes = record.at(ping).ensonified
+        made["echoes"] = sum(block.count for number, _ in echoes.shares(0) for block in echoes.echoes(number))
 
     def carry(ping):
         factors = made.get("factors", np.ones(1))
-        made["classes"] = len(list(record.transmissions(ping, factors)))
+        made["classes"] = len(list(record.at(ping).transmissions(factors)))
 
     chosen = signals.doppler_classes
 
@@ -88,7 +88,6 @@ def work(arguments):
     steps = {"light": light, "carry": carry, "whole": lambda ping: signals.received_signals(record, [ping])}
     for line in sys.stdin:
         step, ping = line.split()
-        record._ensonified = None
         cpu, wall = time.process_time(), time.perf_counter()
         steps[step](int(ping) % survey.track.pings)
         dr.sync_thread()

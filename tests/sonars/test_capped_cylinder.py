@@ -27,7 +27,7 @@ def strength_db(shape):
     scene = array_sonar({"bed": buried_bed(900.0), "drum": shape}, water={"absorption_db_per_km": 0.0},
                         sensor={"pulse": "cw", "pulse_ms": 1.0}, film={"range": 158.0, "range_min": 142.0})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    return 20 * np.log10(abs(PressureRecord(survey).responses(0)[0, 0].astype(complex).sum()) * 150.0 ** 2)
+    return 20 * np.log10(abs(PressureRecord(survey).at(0).responses()[0, 0].astype(complex).sum()) * 150.0 ** 2)
 
 
 @pytest.mark.parametrize("axis, near, wanted", [

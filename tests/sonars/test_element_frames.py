@@ -177,7 +177,7 @@ def test_no_cell_that_a_narrow_beam_hears_is_left_out(variant, height):
         record = PressureRecord(scene.integrator().array_survey(scene, scene.sensors()[0]))
         if not choose:
             record.ensonification.beams = None
-        heard.append(record.responses(0))
+        heard.append(record.at(0).responses())
     assert np.linalg.norm(heard[0] - heard[1]) < 1e-3 * np.linalg.norm(heard[1])
 
 

@@ -78,4 +78,4 @@ def test_a_huge_bed_costs_what_is_in_reach(variant):
     origin = survey.track.position[0]
     listed = pieces_in_reach(scatterers, scatterers.in_reach(origin, 0.0, 12.0), origin, 0.0, 12.0).cells.sum()
     assert listed < 2 * np.pi * (12.0 ** 2 - 10.0 ** 2) / (0.5 * 0.05 ** 2 / 2)
-    assert np.abs(PressureRecord(survey).responses(0)).max() > 0
+    assert np.abs(PressureRecord(survey).at(0).responses()).max() > 0

@@ -31,7 +31,7 @@ def echo(shapes, distance, *, max_depth=1, water=None, **sensor):
                         sensor={"pulse": "cw", "pulse_ms": 1.0, **sensor},
                         film={"range": distance + 8, "range_min": distance - 8}, integrator={"rays": 1000})
     survey = replace(scene.integrator().array_survey(scene, scene.sensors()[0]), max_depth=max_depth)
-    response = PressureRecord(survey).responses(0)[0, 0].astype(complex)
+    response = PressureRecord(survey).at(0).responses()[0, 0].astype(complex)
     return response.sum(), survey.time[np.abs(response).argmax()]
 
 
@@ -132,7 +132,7 @@ def test_sphere_by_way_of_a_plane(variant, frequency_khz):
     start = np.array([0, 0, -10.0])
     image = np.array([0, 0, 2 * mirror - start[2]])
     expected = a / (np.linalg.norm(ball - start) * np.linalg.norm(ball - image))
-    got = PressureRecord(survey, paths=("bb",)).responses(0)[0, 0].astype(complex).sum()
+    got = PressureRecord(survey, paths=("bb",)).at(0).responses()[0, 0].astype(complex).sum()
     assert 20 * np.log10(abs(got) / expected) == pytest.approx(0, abs=0.5)
 
 
@@ -175,7 +175,7 @@ def test_a_near_plate_at_elements_apart(variant, degrees):
                         sensor={"pulse": "cw", "pulse_ms": 1.0, "receive": "line", "receive_elements": 9,
                                 "receive_pitch": 0.125}, film={"range": 24, "range_min": 16})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    got = PressureRecord(survey).responses(0)[0].astype(complex).sum(-1)
+    got = PressureRecord(survey).at(0).responses()[0].astype(complex).sum(-1)
     u, v = ((np.arange(count) + 0.5) / count - 0.5 for count in (300, 100))
     u, v = (w.ravel() for w in np.meshgrid(u, v))
     point = at + size[0] * u[:, None] * across + size[1] * v[:, None] * np.array([0, 0, 1])

@@ -147,7 +147,7 @@ def test_elements_hear_a_sphere_by_way_of_the_mirror(variant, monkeypatch):
     elements = survey.receive.position @ survey.track.rotation()[0].T + sonar
     wave = 2 * np.pi * 50e3 / 1500
     for path, ways in (("bs", ((0, 1), (1, 0))), ("sbs", ((1, 1),))):
-        got = PressureRecord(survey, paths=(path,)).responses(0)[0].astype(complex).sum(-1)
+        got = PressureRecord(survey, paths=(path,)).at(0).responses()[0].astype(complex).sum(-1)
         wanted = 0
         for i, j in ways:
             normal = -(towards[i] + towards[j]) / np.linalg.norm(towards[i] + towards[j])

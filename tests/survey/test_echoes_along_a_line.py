@@ -34,7 +34,7 @@ def test_polynomials_are_as_good_as_every_pair(variant, monkeypatch, face):
     monkeypatch.setattr(pairs.ReceivedEchoes, "_along", lambda *given: (along.append(1), line(*given))[1])
     for fewest in (16, 25):
         monkeypatch.setattr(pairs, "FEWEST_ON_A_LINE", fewest)
-        heard.append(PressureRecord(survey).responses(0))
+        heard.append(PressureRecord(survey).at(0).responses())
         assert bool(along) == (fewest == 16)
         along.clear()
     assert 20 * np.log10(np.linalg.norm(heard[0] - heard[1]) / np.linalg.norm(heard[1])) < -85

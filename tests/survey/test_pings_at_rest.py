@@ -14,12 +14,13 @@ def test_a_platform_at_rest_ensonifies_its_scatterers_once(variant, monkeypatch,
     scene = array_sonar({"bed": bed}, film={"range": 12.0}, integrator={"cell": 0.25}, sensor={
         "pings": 2, "speed_knots": knots, "receive": "line", "receive_elements": 3, "receive_normal": "forward"})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    alone = PressureRecord(survey).responses(1)
+    alone = PressureRecord(survey).at(1).responses()
     counted, scatterer_echoes = [], Ensonification.scatterer_echoes
     monkeypatch.setattr(Ensonification, "scatterer_echoes", lambda self, *given, **named: (
         counted.append(given), scatterer_echoes(self, *given, **named))[1])
     record = PressureRecord(survey)
-    first, second = record.responses(0), record.responses(1)
+    ping = record.at(0)
+    first, second = ping.responses(), record.at(1, ping).responses()
     assert len(counted) == made
     assert np.array_equal(second, alone) and alone.any()
     assert np.array_equal(first, second) == (knots == 0)

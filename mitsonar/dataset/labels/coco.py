@@ -29,7 +29,7 @@ def kind_of(name: str) -> str:
     return next((kind for kind in (WHOLE, SHADOW) if name.endswith(ENDINGS[kind])), HIGHLIGHT)
 
 
-def entry(annotation: Annotation, number: int, image: int, numbers: Mapping[str, int]) -> dict[str, Any]:
+def entry(annotation: Annotation, number: int, image: int, numbers: Mapping[str, int]) -> dict[str, object]:
     """Return the JSON entry of an annotation."""
     rings = [ring + [annotation.column, annotation.row] for ring in polygons(annotation.mask)]
     return {"id": number, "image_id": image, "category_id": numbers[annotation.category], "bbox": list(annotation.box),
@@ -40,7 +40,7 @@ def entry(annotation: Annotation, number: int, image: int, numbers: Mapping[str,
 
 
 def document(images: list[dict[str, Any]], entries: list[dict[str, Any]], numbers: Mapping[str, int],
-             info: Mapping[str, Any]) -> dict[str, Any]:
+             info: Mapping[str, object]) -> dict[str, object]:
     """Return the JSON document of images, their annotations, the category numbers and general information."""
     known = [{"id": number, "name": name, "supercategory": kind_of(name)} for name, number in numbers.items()]
     return {"info": info, "licenses": [], "images": images, "annotations": entries, "categories": known}

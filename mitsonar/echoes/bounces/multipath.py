@@ -38,6 +38,7 @@ import mitsuba as mi
 
 from mitsonar.device.chance import Salt, other_pair, pair, salted, uniform
 from mitsonar.scene.materials import next_direction
+from mitsonar.scene.protocols import is_smooth
 from mitsonar.scene.tracing.connection import Connector
 from mitsonar.scene.tracing.free_rays import FreeRays
 from mitsonar.scene.tracing.hits import Hits
@@ -130,7 +131,7 @@ class Bounces:
         # pairs of bed and surface draw partners of their own, apart from pairs of the same kind
         self._unlike = (True, False) if geometry.surface_label and not self._mirror else (None,)
         self.targets = bool(self._connected.targets)
-        self._smooth = any(getattr(shape.bsdf(), "smooth", False) for shape in geometry.scene.shapes())
+        self._smooth = any(map(is_smooth, geometry.scene.shapes()))
 
     def follow(self, hits: Hits, solid_angle: mi.Float, sources: Sources, origin: dr.ArrayBase, source: mi.UInt32,
                strata: Strata, key: mi.UInt32, seen: mi.Float | None = None, *, surfaces: bool = True,

@@ -37,6 +37,7 @@ from mitsonar.device.chance import Salt, gaussian, hashed, hashed_pair, shape_ke
 from mitsonar.device.types import Array4u
 from mitsonar.scene.geometry import Geometry, interpolated
 from mitsonar.scene.materials import coherence, loses_coherence
+from mitsonar.scene.protocols import is_mirror, is_sea_surface, is_smooth, target_shape
 from mitsonar.scene.tessellation import Grids, grid_of
 from mitsonar.scene.tracing.connection import Connection
 from mitsonar.scene.tracing.hits import Hits
@@ -138,10 +139,8 @@ class Scatterers:
             own = slice(first, first + count)
             facts[own] = np.stack([np.full(count, index), np.arange(count), np.full(count, shape_key(shape.id())),
                                    np.zeros(count)], 1)
-            self.scattering[own] = not (hasattr(shape, "target_strength_db")
-                                        or getattr(shape.bsdf(), "smooth", False)
-                                        or getattr(shape.bsdf(), "mirror", False))
-            self.at_surface[own] = getattr(shape, "sea_surface", False)
+            self.scattering[own] = not (target_shape(shape) is not None or is_smooth(shape) or is_mirror(shape))
+            self.at_surface[own] = is_sea_surface(shape)
             self.rows[index] = first, first >= meshed_faces
             self.label[own] = named[own] if first < meshed_faces else geometry.named.of(shape)
             facts[own, 3] = geometry.textured and (self.rows[index, 1] or shape.has_vertex_texcoords())

@@ -16,6 +16,7 @@ import numpy as np
 from mitsonar.device.arrays import upload
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.materials import reflects
+from mitsonar.scene.protocols import is_smooth, target_shape
 from mitsonar.scene.shadows.bed_cover import ROUNDING, bed_height
 
 SPOTS = 61                         # points of the bed to which a plane is fitted
@@ -79,13 +80,13 @@ def _targets(geometry):
     """Return middle (3,) and radius [m] of point targets and smooth shapes, by label; beds are left out."""
     balls = {target.label: (target.position, 0.0) for target in geometry.targets()}
     for _, shape, first, count in geometry.meshes:
-        if getattr(shape.bsdf(), "smooth", False) and not hasattr(shape, "target_strength_db"):
+        if is_smooth(shape) and target_shape(shape) is None:
             vertices, faces = geometry.mesh(first, count)
             labels = geometry.named.of_faces(shape, count)
             for label in np.unique(labels):
                 balls[int(label)] = _ball(vertices[faces[labels == label]].reshape(-1, 3).astype(float))
     for _, shape in geometry.others:
-        if getattr(shape.bsdf(), "smooth", False):
+        if is_smooth(shape):
             box = shape.bbox()
             balls[geometry.named.of(shape)] = _ball(np.array([box.min, box.max], float))
     return {label: ball for label, ball in balls.items() if label in geometry.named.objects}

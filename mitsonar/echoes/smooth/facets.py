@@ -22,6 +22,7 @@ from scipy.sparse.csgraph import connected_components
 
 from mitsonar.device.arrays import arrays_of, reinterpreted, upload
 from mitsonar.scene.geometry import Geometry
+from mitsonar.scene.protocols import is_smooth
 from mitsonar.scene.tessellation import FINEST_SAGITTA, Grids, grid_of
 
 from ..scatterers.cells import four_wide, place
@@ -56,7 +57,7 @@ class SmoothFacets:
         parts, rows, grids, first = [], [], [], 0
         shapes = [*geometry.meshes, *((index, shape, None, 0) for index, shape in geometry.others)]
         for index, shape, row, count in shapes:
-            if not getattr(shape.bsdf(), "smooth", False):
+            if not is_smooth(shape):
                 continue
             if row is None:
                 grid = grid_of(shape, min(FINEST_SAGITTA, wavelength / 32))
@@ -218,7 +219,7 @@ def too_coarse(corner: np.ndarray, wavelength: float,
 def warn_where_too_coarse(geometry: Geometry, wavelength: float) -> None:
     """Warn of each smooth mesh that is too coarse for a wavelength [m]."""
     for _, shape, first, count in geometry.meshes:
-        if not getattr(shape.bsdf(), "smooth", False):
+        if not is_smooth(shape):
             continue
         corner = _mesh_corners(geometry, first, count)
         bend = _bend(corner, _at_corners(corner, _vertex_normals(shape)))

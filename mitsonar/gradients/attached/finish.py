@@ -87,7 +87,7 @@ def finished(hits: Hits, facets: Facets, geometry: AttachedGeometry, layers: Lay
             smooth = towards_sound(dr.select(on.known, normal, smooth), normal, arrival)
         if geometry.textured:
             uv = uv + dr.select(on.known, on.texture(place), 0)
-    wide: Any = arrays_of(mi.Float).Array3f64
+    wide = arrays_of(mi.Float).Array3f64
     return replace(hits, point=hits.point + wide(moved), travel_time=time, arc_length=arc,
                    spreading_area=hits.spreading_area * (1 + widening), ray_parameter=parameter, sound_speed=speed,
                    arrival_direction=arrival, normal=normal, smooth=smooth,
@@ -103,7 +103,7 @@ def side_of(hits: Hits, layers: LayerTable, speeds: mi.Float64, origin: dr.Array
         return None
     away = hits.point - origin
     distance = dr.sqrt(away.x * away.x + away.y * away.y)
-    lib: Any = arrays_of(mi.Float)
+    lib = arrays_of(mi.Float)
     spread = walked(layers, lib, speeds, mi.Float64(-origin.z), sine0, mi.Float64(-hits.point.z), distance, turned)[2]
     sign = mi.Float(dr.sign(spread * sine0)) * dr.sign(-hits.arrival_direction.z)
     return dr.select(turned, dr.select(spread == 1, 0, sign), 1)       # 1: the walk came by elsewhere
@@ -166,7 +166,7 @@ def _texture(hits: Hits, facets: Facets, geometry: AttachedGeometry, du: mi.Floa
     """Return texture coordinates of the points that slide."""
     if geometry.texcoords is None:
         return hits.uv
-    lib: Any = arrays_of(mi.Float)
+    lib = arrays_of(mi.Float)
     a, b, c = (mi.Point2f(dr.gather(lib.Array2f, geometry.texcoords, facets.face[i], facets.on_mesh))
                for i in range(3))
     return hits.uv + dr.select(facets.on_mesh, (b - a) * du + (c - a) * dv, 0)

@@ -57,7 +57,7 @@ class AttachedGeometry:
 
 
 def _row(table: mi.Float | mi.Float64, index: mi.UInt32, active: mi.Bool | bool) -> mi.Vector3f:
-    lib: Any = arrays_of(mi.Float)
+    lib = arrays_of(mi.Float)
     row = dr.gather(lib.Array4f64 if isinstance(table, mi.Float64) else lib.Array4f, table, index, active)
     return mi.Vector3f(row[0], row[1], row[2])
 
@@ -70,7 +70,7 @@ def _put(table: mi.Float64, values: mi.Float64, first: int) -> None:
 
 def _normals(positions: mi.Float64, faces: mi.UInt32) -> mi.Float64:
     """Return the normals at nodes, flat (x, y, z)."""
-    lib: Any = arrays_of(mi.Float)
+    lib = arrays_of(mi.Float)
     count = dr.width(faces) // 3
     corner = dr.gather(lib.Array3u, faces, dr.arange(mi.UInt32, count))
     points = [dr.gather(mi.Vector3d, positions, corner[i]) for i in range(3)]

@@ -80,7 +80,7 @@ def ray_shift(layers: LayerTable, speeds: mi.Float64, origin: dr.ArrayBase, dire
     series = hits.valid & down & ~near & (there.fourth < WIDENS)
     exact = series & (there.fourth < SERIES_LIMIT)
     walk = hits.valid & ~exact
-    lib: Any = arrays_of(mi.Float)
+    lib = arrays_of(mi.Float)
     across, time, spread = walked(layers, lib, speeds, depth0, sine0, dr.detach(-hits.point.z), distance, walk)
     log_area = _log_area(across, spread, parameter, there.speed, speed0, sine0)
     wide = hits.valid & ~series & dr.isfinite(dr.detach(log_area)) & (

@@ -16,15 +16,15 @@ whole way.
 """
 from __future__ import annotations
 
-import copy
 from dataclasses import replace
-from typing import Any
+from typing import cast
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import upload
+from mitsonar.propagation.device_rays.layer_table import LayerTable
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.tracing.water import DeviceWater, Way
 from mitsonar.sonar.motion.track import Track
@@ -86,9 +86,7 @@ def _more(table: Absorption, profile: SoundSpeedProfile, offset: mi.Float64) -> 
         integral = dr.prefix_reduce(dr.ReduceOp.Add, area, exclusive=True)
         _put(attached, column, mi.Float(dr.gather(mi.Float64, integral, rows)))
     _put(attached, 3, mi.Float(dr.gather(mi.Float64, alpha, rows)))
-    found: Any = copy.copy(table)
-    found.table = dr.replace_grad(dr.detach(table.table), attached)
-    return found
+    return table.with_table(cast(mi.Float, dr.replace_grad(dr.detach(table.table), attached)))
 
 
 def _put(table: mi.Float, column: int, values: mi.Float) -> None:
@@ -127,7 +125,7 @@ class AttachedScene:
             self._check(survey)
             scenery = field.at(survey)
             if np.any(survey.track.rotation() != self._survey.track.rotation()):
-                scenery = scenery.again(track=self._turned(scenery, survey.track, scenery.layers, attached=False))
+                scenery = replace(scenery, track=self._turned(scenery, survey.track, scenery.layers, attached=False))
         return scenery
 
     def _check(self, survey: Survey) -> None:
@@ -139,7 +137,7 @@ class AttachedScene:
 
     def attached(self, scenery: Scenery) -> Scenery:
         """Return the same scenery with gradients of its own: those of a product are used up by it."""
-        water: Any = self._sensor.water
+        water = self._sensor.water
         layers = scenery.water.direct.layers
         moving = [self._sensor.position_offset, self._sensor.attitude_offset]
         if dr.grad_enabled(water.speeds):
@@ -149,10 +147,10 @@ class AttachedScene:
         if any(dr.grad_enabled(value) for value in moving):
             track = self._turned(scenery, scenery.survey.track, layers, attached=True)
         losses = AttachedWater(scenery.water, water.absorption_scale, water.absorption_offset)
-        return scenery.again(facets=AttachedGeometry(scenery.survey.geometry), layers=layers, track=track,
-                             speeds=water.speeds, losses=losses)
+        return replace(scenery, facets=AttachedGeometry(scenery.survey.geometry), layers=layers, track=track,
+                       speeds=water.speeds, losses=losses)
 
-    def _turned(self, scenery: Scenery, track: Track, layers: Any, *, attached: bool) -> AttachedTrack:
+    def _turned(self, scenery: Scenery, track: Track, layers: LayerTable, *, attached: bool) -> AttachedTrack:
         sensor = self._sensor
         position, attitude = (value if attached and dr.grad_enabled(value) else None for value in (
             sensor.position_offset, sensor.attitude_offset))

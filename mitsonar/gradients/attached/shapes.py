@@ -104,7 +104,7 @@ class AttachedShapes:
         kinds, tables = np.zeros(max(rows, 1), np.uint32), np.zeros((max(rows, 1), 12), np.float32)
         attached = []
         for number, shape in known:
-            parameters: Any = mi.traverse(shape)
+            parameters = mi.traverse(shape)
             matrix = parameters["to_world"].matrix
             kinds[number] = kind_of(shape)
             tables[number] = as_taken(kind_of(shape), _numpy(matrix), f"{shape.id()}.to_world")[:3].T.ravel()
@@ -113,7 +113,7 @@ class AttachedShapes:
         self.names = {number: shape.id() or shape.class_name().lower() for number, shape in known}
         self.numbers, self.moving = [number for number, _ in known], [number for number, _ in attached]
         self._rows, self._kinds = len(kinds), upload(mi.UInt32, kinds)
-        self._table: Any = upload(mi.Float, tables.ravel())
+        self._table = upload(mi.Float, tables.ravel())
         if attached:
             moved = dr.zeros(mi.Float, 12 * self._rows)
             for number, matrix in attached:

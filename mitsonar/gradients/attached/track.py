@@ -106,7 +106,7 @@ class AttachedTrack:
         """Return rays turned with the sonar."""
         if not self._turns:
             return rays
-        lib: Any = arrays_of(mi.Float)
+        lib = arrays_of(mi.Float)
         slopes = np.einsum("kpij,pmj->kpim", self._slopes, self._start)
         table = self._rotations(place, self._relative, slopes, 4)
         if table is None:
@@ -122,7 +122,7 @@ class AttachedTrack:
         """Return detached rays as they were drawn: the inverse of `turned`."""
         if not self._turns:
             return rays
-        lib: Any = arrays_of(mi.Float)
+        lib = arrays_of(mi.Float)
         values = np.zeros((len(place.ping), 3, 4), np.float32)
         values[..., :3] = self._relative[place.ping].transpose(0, 2, 1)
         table = upload(mi.Float, values)

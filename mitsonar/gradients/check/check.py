@@ -26,7 +26,7 @@ import numpy as np
 
 from mitsonar.device.spelling import meant
 
-from ..model import ForwardModel
+from ..model import ForwardModel, left_out, shape_of
 from .directions import generator, parts, slow_weights
 
 if TYPE_CHECKING:
@@ -274,13 +274,13 @@ class _Checker:
         self._model, self._tolerance = model, tolerance
         self._base = base = model.value(model.start)
         self._about = about = model.linearised(model.start)
-        self.told: dict[str, float] = dict(getattr(about, "told", {}))
+        self.told: dict[str, float] = dict(left_out(about))
         self._finite = np.isfinite(base)
         there = base[self._finite]
         if not np.any(there):
             raise ValueError("the record is empty: nothing in it has a gradient; let the sonar hear something")
         self._size = np.abs(np.where(self._finite, base, 0.0))
-        self._slow = slow_weights(base, getattr(model, "shape", base.shape), generator(seed, ""))
+        self._slow = slow_weights(base, shape_of(model) or base.shape, generator(seed, ""))
         self._swings = -there[there < 0].sum() > SWINGS * np.abs(there).sum()
         self._notes: tuple[str, ...] = ()
         if len(there) < base.size:

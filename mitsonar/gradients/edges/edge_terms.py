@@ -25,7 +25,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -190,7 +189,7 @@ def _kind(tracer: Tracer, lines: JumpLines, samples: LineSamples, view: np.ndarr
 def _points(tracer: Tracer, place: Place, pings: np.ndarray, middle: np.ndarray, along: np.ndarray, worths: np.ndarray,
             drawn: Callable[[Place, Rays], Rays]) -> tuple[LinePoints, mi.Vector3f]:
     """Return points (N, 3) of lines in directions, and small steps across the lines, towards E_+."""
-    lib: Any = arrays_of(mi.Float)
+    lib = arrays_of(mi.Float)
     point = lib.Array3f64(*(upload(mi.Float64, middle[:, k]) for k in range(3)))
     tau = mi.Vector3f(*(upload(mi.Float, along[:, k].astype(np.float32)) for k in range(3)))
     ping, worth = upload(mi.UInt32, pings), upload(mi.Float, worths.astype(np.float32))

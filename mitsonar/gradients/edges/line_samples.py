@@ -9,7 +9,6 @@ where one of the facets is nearly seen from its edge.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -95,7 +94,7 @@ class LineSampler:
         ping = index // each
         line, first, share = (dr.gather(type(values), values, index - ping * each) for values in self._pieces)
         ping += dr.opaque(mi.UInt32, int(number[0]))
-        lib: Any = arrays_of(mi.Float)
+        lib = arrays_of(mi.Float)
         ends = [dr.gather(lib.Array4f, self._ends, 2 * line + k) for k in range(2)]
         a, b = (mi.Vector3f(end[0], end[1], end[2]) for end in ends)
         along = (b - a) * share
@@ -124,7 +123,7 @@ class LineSampler:
 
     def _facet(self, face: mi.UInt32, active: mi.Bool) -> tuple[mi.Vector3f, mi.Vector3f]:
         """Return normals and middles of facets."""
-        lib: Any = arrays_of(mi.Float)
+        lib = arrays_of(mi.Float)
         corners = dr.gather(lib.Array4u, self._faces, face, active)
         rows = [dr.gather(lib.Array4f, self._vertices, corners[k], active) for k in range(3)]
         a, b, c = (mi.Vector3f(row[0], row[1], row[2]) for row in rows)

@@ -5,8 +5,6 @@
 """
 from __future__ import annotations
 
-from typing import Any
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -31,7 +29,7 @@ class EdgeSight:
 
     def ray(self, place: Place, ping: mi.UInt32, point: mi.Vector3f) -> tuple[mi.Vector3f, mi.Vector3f]:
         """Return approximate launch and arrival directions of the bent rays to points."""
-        lib: Any = arrays_of(mi.Float)
+        lib = arrays_of(mi.Float)
         wide, origin, source = lib.Array3f64(point), place.origin(ping), place.source(ping)
         launch = self._connector.launch_direction(place.sources, origin, source, wide)
         _, speed, _ = place.sources.state.gather(lib, source)
@@ -59,7 +57,7 @@ def drawn_pieces(weights: np.ndarray, count: int, number: int, seed: int,
                  salt: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Draw `count` points, stratified through the sums of weights (n,) that are not all 0, for a ping number."""
     sums = np.cumsum(weights)
-    lib: Any = arrays_of(mi.Float)
+    lib = arrays_of(mi.Float)
     key = seeded(upload(mi.UInt32, row_keys(np.array([number], np.uint64))), seed, salt)
     chance = uniform(lib, hashed(lib, key, dr.arange(mi.UInt32, count))).numpy().astype(float)
     wanted = (np.arange(count) + chance) / count * sums[-1]

@@ -7,14 +7,14 @@ All other parameters move mean levels (`level_products`). Both at once are refus
 """
 from __future__ import annotations
 
-from typing import Any
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from mitsonar.imaging import fan
+from mitsonar.scene.protocols import target_shape
 from mitsonar.survey.kinds import kind_of
+from mitsonar.survey.sensor import Sensor
 
 from .coherent_picture import CoherentJacobian, CoherentPicture
 
@@ -25,9 +25,9 @@ OF_TRACKS = "position_offset", "attitude_offset"
 PER_INTENSITY = 10 / np.log(10)    # dB
 
 
-def is_coherent(scene: mi.Scene, sensor: Any) -> bool:
+def is_coherent(scene: mi.Scene, sensor: Sensor) -> bool:
     """Return True if gradients of a sonar's picture are those of the coherent picture."""
-    targets = {shape.id() for shape in scene.shapes() if hasattr(shape, "target_strength_db")}
+    targets = {shape.id() for shape in scene.shapes() if target_shape(shape) is not None}
     elements = {f"{sensor.id()}.{name}" for name in OF_ELEMENTS} | {f"{one}.{name}" for one in targets
                                                                    for name in OF_TARGETS}
     attached = _attached(scene)
@@ -47,8 +47,8 @@ def is_coherent(scene: mi.Scene, sensor: Any) -> bool:
 class CoherentLevels:
     """Hold levels (rows, columns) [dB re 1 µPa] of a scene's coherent picture, and their derivatives."""
 
-    def __init__(self, scene: mi.Scene, sensor: Any, seed: int):
-        self._parameters: Any = mi.traverse(scene)
+    def __init__(self, scene: mi.Scene, sensor: Sensor, seed: int):
+        self._parameters = mi.traverse(scene)
         self._keys = _attached(scene)
         number = [one.id() for one in scene.sensors()].index(sensor.id())
         with dr.suspend_grad():
@@ -81,6 +81,6 @@ class CoherentLevels:
 
 def _attached(scene: mi.Scene) -> list[str]:
     """Return the names of parameters with gradients, also while gradients are suspended."""
-    parameters: Any = mi.traverse(scene)
+    parameters = mi.traverse(scene)
     with dr.resume_grad():
         return [key for key, value in parameters.items() if dr.is_diff_v(value) and dr.grad_enabled(value)]

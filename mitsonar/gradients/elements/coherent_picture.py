@@ -11,7 +11,6 @@ the start. A later change of elements is therefore an error of the beams.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import mitsuba as mi
 import numpy as np
@@ -22,7 +21,9 @@ from mitsonar.signal.beamforming.transposed import delay_and_sum_transposed
 from mitsonar.signal.matched_filtering import matched_filter
 from mitsonar.signal.reception import delayed, transposed
 from mitsonar.survey.fan import forward_looking, kind as array
+from mitsonar.survey.integrator import integrator_of
 from mitsonar.survey.pressure.array_survey import ArraySurvey
+from mitsonar.survey.sensor import Sensor, sonar_of
 
 from ..model import Linearised, Values
 from .elements import ElementModel
@@ -47,7 +48,7 @@ class CoherentFan:
 
     def beams(self, signals: np.ndarray) -> np.ndarray:
         """Return beams (B, S) [µPa], complex64, for signals (rx, S) [µPa]."""
-        frame: Any = self._frame.copy(data=signals[None, None].astype(np.complex64))
+        frame = self._frame.copy(data=signals[None, None].astype(np.complex64))
         return fan.formed(frame, self._survey.pulse, self._direction)[0]
 
     def transposed(self, weights: np.ndarray) -> np.ndarray:
@@ -58,7 +59,8 @@ class CoherentFan:
         return delayed(found, delay, survey.sampling_rate, survey.frequency) if delay.any() else found
 
 
-KINDS: dict[str, Callable[[Any, Any], tuple[np.ndarray, np.ndarray]]] = {
+# each takes the survey and the sensor of its kind
+KINDS: dict[str, Callable[..., tuple[np.ndarray, np.ndarray]]] = {
     "array": array.directions, "forward_looking": forward_looking.directions}
 PARTS = "intensity", "amplitude"
 
@@ -68,8 +70,8 @@ class CoherentPicture:
 
     def __init__(self, scene: mi.Scene, keys: Sequence[str], *, pings: Sequence[int] | None = None, sensor: int = 0,
                  seed: int = 0, of: str = "intensity"):
-        sonar: Any = scene.sensors()[sensor]
-        kind = getattr(sonar, "kind", type(sonar).__name__)
+        sonar = sonar_of(scene.sensors()[sensor])
+        kind = sonar.kind
         if kind not in KINDS:
             raise ValueError(f"gradients of coherent pictures are of {' and '.join(KINDS)}, and this sensor is a "
                              f"{kind}; give the scene one of them, or take the signals of its elements")
@@ -129,9 +131,8 @@ class CoherentJacobian:
         return {name: scale * gradient for name, gradient in found.items()}
 
 
-def _all_pings(scene: mi.Scene, sonar: Any) -> range:
-    integrator: Any = scene.integrator()
-    return range(integrator.survey(scene, sonar).track.pings)
+def _all_pings(scene: mi.Scene, sonar: Sensor) -> range:
+    return range(integrator_of(scene).survey(scene, sonar).track.pings)
 
 
 def _beams(fans: Sequence[CoherentFan], signals: np.ndarray, shape: tuple[int, int, int, int]) -> np.ndarray:

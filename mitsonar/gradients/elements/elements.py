@@ -12,8 +12,7 @@ water and bounces that are drawn by chance move with the sonar in y, and stand s
 """
 from __future__ import annotations
 
-import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -30,11 +29,13 @@ from mitsonar.signal.gathering import GatheredWeights
 from mitsonar.signal.impulses import BandLimited, Later
 from mitsonar.signal.reception import absorbed, delayed, received, transposed
 from mitsonar.survey.energy.target_echoes import band_of
+from mitsonar.survey.integrator import integrator_of
 from mitsonar.survey.pressure.array_survey import ArraySurvey
-from mitsonar.survey.pressure.ensonified_ping import EnsonifiedPing, ensonification_of
+from mitsonar.survey.pressure.ensonified_ping import ensonification_of
 from mitsonar.survey.pressure.ping_source import PingSource
-from mitsonar.survey.pressure.pressure import SUMS_BYTES, PressureRecord
+from mitsonar.survey.pressure.pressure import SUMS_BYTES, PingPressure, PressureRecord
 from mitsonar.survey.pressure.signals import LEAD, SentPiece, echoes_of_the_pulse, sent_pieces
+from mitsonar.survey.sensor import sonar_of
 from mitsonar.units import amplitude_from_db
 
 from ..model import Values
@@ -85,10 +86,9 @@ class ElementModel:
 
     def __init__(self, scene: mi.Scene, keys: Sequence[str], *, pings: Sequence[int] = (0,), sensor: int = 0,
                  seed: int = 0):
-        sonar: Any = scene.sensors()[sensor]
-        integrator: Any = scene.integrator()
+        sonar, integrator = sonar_of(scene.sensors()[sensor]), integrator_of(scene)
         try:
-            self._survey: ArraySurvey = integrator.array_survey(scene, sonar, LEAD)
+            self._survey = integrator.array_survey(scene, sonar, LEAD)
         except RuntimeError as error:
             raise as_exception(error) from error
         count = self._survey.track.pings
@@ -116,7 +116,8 @@ class ElementModel:
     def value(self, values: Values) -> np.ndarray:
         """Return the signals for values; see `ForwardModel.value`."""
         run = self._run(values)
-        return np.concatenate([_flat(run.kept(run.signals(ping))) for ping in self._pings])
+        record = run.record()
+        return np.concatenate([_flat(run.kept(run.signals(record.at(ping)))) for ping in self._pings])
 
     def linearised(self, values: Values) -> ElementJacobian:
         """Return the signals about values, with their Jacobian; see `ForwardModel.linearised`."""
@@ -124,10 +125,8 @@ class ElementModel:
 
     def _run(self, values: Values) -> _Run:
         altered = self._parameters.altered(self._parameters.checked(values))
-        ensonification = copy.copy(self._ensonification)
-        ensonification.targets = PointTargets(altered.targets, band_of(altered.survey.pulse),
-                                              altered.survey.water.profile)
-        return _Run(altered=altered, ensonification=ensonification, seed=self._seed)
+        targets = PointTargets(altered.targets, band_of(altered.survey.pulse), altered.survey.water.profile)
+        return _Run(altered=altered, ensonification=self._ensonification.with_targets(targets), seed=self._seed)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -144,14 +143,14 @@ class _Run:
 
     def record(self) -> PressureRecord:
         """Return the record that sums the echoes."""
-        return _given(PressureRecord(self.survey, seed=self.seed), self.ensonification)
+        return PressureRecord(self.survey, seed=self.seed, ensonification=self.ensonification)
 
-    def signals(self, ping: int, record: PressureRecord | None = None) -> np.ndarray:
+    def signals(self, now: PingPressure) -> np.ndarray:
         """Return the signals (rx, samples) of a ping before the delays and gains of the receivers."""
-        survey, record = self.survey, record or self.record()
-        signals = amplitude_from_db(survey.source_level_db) * echoes_of_the_pulse(record, ping, lambda share: None)
+        survey = self.survey
+        signals = amplitude_from_db(survey.source_level_db) * echoes_of_the_pulse(now, lambda share: None)
         if survey.noise is not None:
-            signals = signals + survey.noise.drawn(survey.samples, self.seed, ping)
+            signals = signals + survey.noise.drawn(survey.samples, self.seed, now.ensonified.ping)
         return signals
 
     def kept(self, signals: np.ndarray) -> np.ndarray:
@@ -190,16 +189,11 @@ class _Run:
         return signals.astype(np.complex64)
 
 
-def _given(record: Any, ensonification: Ensonification) -> Any:
-    record.ensonification = ensonification
-    return record
-
-
 class _LeveredRecord(PressureRecord):
     """Sum echoes with their levers bound; `like` makes the sums for a number of sheets."""
 
-    def __init__(self, survey: ArraySurvey, *, seed: int, targets: np.ndarray, like: Any = None):
-        super().__init__(survey, seed=seed)
+    def __init__(self, run: _Run, *, targets: np.ndarray, like: Callable[[int], ImpulseResponses] | None):
+        super().__init__(run.survey, seed=run.seed, ensonification=run.ensonification)
         self._targets, self._like = LeverTargetEnds(targets), like
 
     def delays(self, source: PingSource) -> LeveredDelays:
@@ -209,11 +203,7 @@ class _LeveredRecord(PressureRecord):
                              targets=self._targets)
 
     def sums(self, sheets: int = 1) -> ImpulseResponses:
-        return self._like(sheets)
-
-    def taken_over(self, ensonified: EnsonifiedPing) -> None:
-        """Use the echoes of a ping that have been computed before."""
-        self._ensonified = ensonified
+        return super().sums(sheets) if self._like is None else self._like(sheets)
 
 
 class ElementJacobian:
@@ -222,9 +212,10 @@ class ElementJacobian:
 
     def __init__(self, run: _Run, parameters: ElementParameters, shape: tuple[int, int, int, int]):
         self._run, self._parameters, self._shape = run, parameters, shape
-        self._record = run.record()
         self._targets = np.array([target.position for target in run.altered.targets]).reshape(-1, 3)
-        self._signals = [run.signals(ping, self._record) for ping in parameters.pings]
+        # with its echoes, which all pings of a platform at rest share
+        self._first = run.record().at(parameters.pings[0])
+        self._signals = [run.signals(self._at(number)) for number in range(len(parameters.pings))]
         self.value = np.concatenate([_flat(run.kept(signals)) for signals in self._signals])
 
     def forward(self, tangents: Values) -> np.ndarray:
@@ -248,24 +239,28 @@ class ElementJacobian:
             dr.backward(dr.dot(dr.concat(self.attached(leaves)), mi.Float64(cotangent)))
             return {key: dr.grad(leaf).numpy().reshape(start[key].shape) for key, leaf in leaves.items()}
 
-    def attached(self, leaves: Mapping[str, Any]) -> list[mi.Float64]:
+    def attached(self, leaves: Mapping[str, mi.Float64]) -> list[mi.Float64]:
         """Return the flat signals of every ping, attached to parameters (flat Float64 by name)."""
         return [dr.custom(_SignalOperation, self, number, self._motion(leaves,
                                                                       number)) for number in range(self._shape[0])]
 
-    def _motion(self, leaves: Mapping[str, Any], number: int) -> Motion:
+    def _motion(self, leaves: Mapping[str, mi.Float64], number: int) -> Motion:
         motion = self._parameters.motion(leaves, self._run.survey, number)
         dr.eval(motion)
         return motion
 
     # ---- one ping
 
+    def _at(self, number: int) -> PingPressure:
+        """Return a ping of the record; the echoes of the first one are kept."""
+        return self._first.record.at(self._parameters.pings[number], self._first) if number else self._first
+
     def _value(self, number: int) -> mi.Float64:
         return mi.Float64(self.value.reshape(self._shape[0], -1)[number])
 
     def _forward(self, number: int, motion: Motion) -> np.ndarray:
         """Return J v of a ping for its motion, flat."""
-        run, ping, survey = self._run, self._parameters.pings[number], self._run.survey
+        run, survey = self._run, self._run.survey
         found = np.zeros((survey.receive.elements, survey.samples), np.complex64)
         level = amplitude_from_db(survey.source_level_db)
         for quantity, kernel, names in self._quantities:
@@ -275,7 +270,7 @@ class ElementJacobian:
                                     elements=survey.receive.elements, sampling_rate=survey.sampling_rate,
                                     frequency=survey.frequency)
 
-                found = found + level * echoes_of_the_pulse(self._levered(ping, like), ping, lambda share: None)
+                found = found + level * echoes_of_the_pulse(self._levered(number, like), lambda share: None)
         total = run.kept(found).astype(complex)
         if self._parameters.has(RECEIVING):
             by_delay, by_gain = run.by_channel(self._signals[number])
@@ -288,13 +283,13 @@ class ElementJacobian:
         ping, survey, parameters = self._parameters.pings[number], self._run.survey, self._parameters
         motion = self._motion({}, number)
         dr.enable_grad(motion)
-        record, wide = self._levered(ping, None), self._run.weights(weights)
+        levered, wide = self._levered(number), self._run.weights(weights)
         wide = (amplitude_from_db(survey.source_level_db) * wide).astype(np.complex64)
         wanted = [(quantity, kernel) for (quantity, kernel, _), names in zip(self._quantities, (MOVING, STRENGTHENING))
                   if parameters.has(names)]
         most = max(1, SUMS_BYTES // (8 * wide.size))
         for sent in sent_pieces(survey, ping) if wanted else []:
-            classes = record.classes(sent.factors, (sent.begin, sent.pulse))
+            classes = levered.record.classes(sent.factors, (sent.begin, sent.pulse))
             for first in range(0, len(classes.factors), most):
                 now = range(first, min(first + most, len(classes.factors)))
                 sheets = np.stack([self._run.response_weights(wide, ping, sent, float(classes.factors[one]))
@@ -302,7 +297,7 @@ class ElementJacobian:
                 for quantity, kernel in wanted:
                     gathered = GatheredWeights(mi.Float, sheets, kernel=kernel, sampling_rate=survey.sampling_rate,
                                                frequency=survey.frequency)
-                    record.add_all(cast(Any, Gradients(gathered, quantity, motion)), classes, now, ping)
+                    levered.add_all(cast(Any, Gradients(gathered, quantity, motion)), classes, now)
         found = dr.grad(motion)
         if parameters.has(RECEIVING):
             by_delay, by_gain = (np.conj(part) * weights for part in self._run.by_channel(self._signals[number]))
@@ -318,11 +313,10 @@ class ElementJacobian:
         return [(DELAYS, later, ("place", "rx", "tx", "tx_delay", "target")),
                 (STRENGTHS, BandLimited(), ("tx_strength", "target_strength"))]
 
-    def _levered(self, ping: int, like: Any) -> _LeveredRecord:
-        record = _given(_LeveredRecord(self._run.survey, seed=self._run.seed, targets=self._targets, like=like),
-                        self._run.ensonification)
-        record.taken_over(self._record.ensonified(ping))
-        return record
+    def _levered(self, number: int, like: Callable[[int], ImpulseResponses] | None = None) -> PingPressure:
+        """Return a ping whose echoes have levers; `like` makes its sums for a number of sheets, if it has any."""
+        record = _LeveredRecord(self._run, targets=self._targets, like=like)
+        return PingPressure(record=record, ensonified=self._at(number).ensonified)
 
 
 class _SignalOperation(dr.CustomOp):
@@ -343,7 +337,7 @@ class _SignalOperation(dr.CustomOp):
         return "element signals"
 
 
-def attached_signals(model: ElementModel, parameters: Any, pings: Sequence[int]) -> mi.TensorXf:
+def attached_signals(model: ElementModel, parameters: mi.SceneParameters, pings: Sequence[int]) -> mi.TensorXf:
     """Return a model's signals [µPa], (ping, receiver, sample, real or imaginary), attached to parameters of its scene.
 
     The keys of the model are among the parameters, at their present values, and its pings are `pings`.
@@ -352,7 +346,7 @@ def attached_signals(model: ElementModel, parameters: Any, pings: Sequence[int])
     for key in model.start:
         leaf = mi.Float64(dr.ravel(parameters[key]))
         if key.rpartition(".")[2] in OF_PINGS:
-            leaf = dr.ravel(dr.gather(cast(Any, arrays_of(mi.Float)).Array3f64, leaf, mi.UInt32(list(pings))))
+            leaf = dr.ravel(dr.gather(arrays_of(mi.Float).Array3f64, leaf, mi.UInt32(list(pings))))
         leaves[key] = leaf
     return mi.TensorXf(mi.Float(dr.concat(model.linearised({}).attached(leaves))), shape=model.shape)
 

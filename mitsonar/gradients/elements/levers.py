@@ -32,7 +32,7 @@ import numpy as np
 from mitsonar.device.arrays import arrays_of, compressed, picked, upload
 from mitsonar.device.rotations import rotated
 from mitsonar.device.types import Float, UInt32
-from mitsonar.echoes.record import Echoes
+from mitsonar.echoes.record import Echoes, EchoLeg
 from mitsonar.propagation.returns.straight_vectors import dot
 from mitsonar.signal.accumulation import ImpulseResponses, OfPair
 from mitsonar.signal.gathering import DelayChange, EchoPairs, GatheredWeights
@@ -102,7 +102,7 @@ class LeverTargetEnds:
         return LeverEnds(target=upload(mi.UInt32, which.astype(np.uint32)), out=self._ratio(echoes.out, out, which),
                     back=self._ratio(echoes.back, back, which))
 
-    def _ratio(self, leg: Any, view: View, which: np.ndarray) -> Float:
+    def _ratio(self, leg: EchoLeg, view: View, which: np.ndarray) -> Float:
         """Return (c/c_x)² of a leg, negative where the ray has turned."""
         here, there = view.profile.at(view.depth), view.profile.at(-self.position[which, 2])
         turned = np.sign(leg.launch_direction.z.numpy()) * np.sign(leg.offset.z.numpy()) < 0

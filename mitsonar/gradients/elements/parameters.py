@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import drjit as dr
 import mitsuba as mi
@@ -31,6 +31,7 @@ from mitsonar.device.arrays import arrays_of, picked
 from mitsonar.device.rotations import rotation_matrix, rotation_slopes
 from mitsonar.device.spelling import meant
 from mitsonar.scene.geometry import Target
+from mitsonar.scene.protocols import target_shape
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.motion.track import Track
 from mitsonar.survey.pressure.array_survey import ArraySurvey
@@ -44,6 +45,7 @@ RECEIVING, STRENGTHENING = ("rx_delay", "rx_gain"), ("tx_weight", "target_streng
 MOVING = tuple(name for name in UNITS if name not in (*RECEIVING, *STRENGTHENING))
 OF_PINGS = "position_offset", "attitude_offset"       # a scene names them for all pings, a model for its own
 NEPERS_PER_DB = float(np.log(10)) / 20
+ValueT = TypeVar("ValueT")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,8 +68,7 @@ class ElementParameters:
         self._offsets = (np.zeros((len(pings), 3)), np.zeros((len(pings), 3))) if offsets is None else offsets
         self.survey, self.pings, self._sensor = survey, [int(ping) for ping in pings], sensor
         self.targets = survey.geometry.targets()
-        shapes = [shape for _, shape, *_ in survey.geometry.meshes if hasattr(shape, "target_strength_db")]
-        self._names = [shape.id() for shape in shapes]
+        self._names = [shape.id() for _, shape, *_ in survey.geometry.meshes if target_shape(shape) is not None]
         known = self._known()
         if f"{sensor}.rx_weight" in keys:
             raise ValueError(f"{sensor}.rx_weight shades beams, and element signals do not depend on it; take "
@@ -137,7 +138,7 @@ class ElementParameters:
             survey=replace(survey, transmit=transmit, receive=receive, passage=passage), targets=targets,
             gain=np.ones(receive.elements, complex) if gain is None else gain[:, 0] + 1j * gain[:, 1])
 
-    def _of(self, values: Mapping[str, np.ndarray], name: str) -> np.ndarray | None:
+    def _of(self, values: Mapping[str, ValueT], name: str) -> ValueT | None:
         return values.get(f"{self._sensor}.{name}")
 
     # ---- motions of one ping
@@ -146,12 +147,12 @@ class ElementParameters:
         """Return True if any parameter is of one of these kinds."""
         return any(name.rpartition(".")[2] in names for name in self.start)
 
-    def motion(self, tangents: Mapping[str, Any], survey: ArraySurvey, number: int) -> Motion:
+    def motion(self, tangents: Mapping[str, mi.Float64], survey: ArraySurvey, number: int) -> Motion:
         """Return the motion at a ping, by its number in the model, for a survey from `altered`.
 
         The motion is linear in the tangents, flat Float64, and attached to them.
         """
-        lib: Any = arrays_of(mi.Float)
+        lib = arrays_of(mi.Float)
         V, ping, transmit, receive = lib.Array3f64, self.pings[number], survey.transmit, survey.receive
 
         def numbers(name: str, kind: type, count: int) -> Any:      # not by `unravel`: a second one's gradient is lost

@@ -12,7 +12,7 @@ import numpy as np
 
 from mitsonar.device.spelling import meant
 
-from ..model import ForwardModel, Linearised, Values
+from ..model import ForwardModel, Linearised, Values, left_out, shape_of
 from .changes import BoundChange, Change
 
 
@@ -46,8 +46,9 @@ class Parametrised:
                       for name, value in model.start.items()}
         self.units = {self._change.name if name == key else name: self._change.unit if name == key else unit
                       for name, unit in model.units.items()}
-        if hasattr(model, "shape"):
-            self.shape: tuple[int, ...] = tuple(getattr(model, "shape"))
+        shape = shape_of(model)
+        if shape is not None:
+            self.shape = shape
 
     def value(self, values: Values) -> np.ndarray:
         """Return the record for values; see `ForwardModel.value`."""
@@ -83,7 +84,7 @@ class ParametrisedLine:
     def __init__(self, line: Linearised, key: str, change: BoundChange, at: np.ndarray):
         self._line, self._key, self._change, self._at = line, key, change, at
         self.value = line.value
-        self.told = getattr(line, "told", {})
+        self.told = left_out(line)
 
     def forward(self, tangents: Values) -> np.ndarray:
         """Return J v; see `Linearised.forward`."""

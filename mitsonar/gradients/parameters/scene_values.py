@@ -14,6 +14,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.spelling import meant
+from mitsonar.scene.protocols import is_sea_surface, target_shape
 
 from ..attached.shapes import as_taken, kind_of
 from ..model import Values
@@ -32,7 +33,7 @@ UNITS = {POSE: "1 and m", "vertex_positions": "m", "position_offset": "m", "atti
 
 def differentiable(scene: mi.Scene) -> list[str]:
     """Return the names of a scene's parameters with gradients."""
-    parameters: Any = mi.traverse(scene)
+    parameters = mi.traverse(scene)
     still, moving = _still(scene, parameters), _transforms(scene)
     return [key for key in parameters.keys() if parameters.flags(key) & mi.ParamFlags.NonDifferentiable.value == 0
             and key.rpartition(".")[2] not in DERIVED and key not in still
@@ -48,19 +49,19 @@ def _transforms(scene: mi.Scene) -> dict[str, int]:
     return {f"{shape.id()}.{POSE}": kind_of(shape) for shape in scene.shapes() if kind_of(shape) and shape.id()}
 
 
-def _still(scene: mi.Scene, parameters: Any) -> dict[str, str]:
+def _still(scene: mi.Scene, parameters: mi.SceneParameters) -> dict[str, str]:
     """Return the parameters that Mitsuba calls differentiable and echoes do not follow, with the reason."""
     shapes = {shape.id(): shape for shape in scene.shapes()}
     found = {}
     for key in parameters.keys():
         owner, _, name = key.rpartition(".")
-        if hasattr(shapes.get(key.partition(".")[0]), "target_strength_db"):
+        if target_shape(shapes.get(key.partition(".")[0])) is not None:
             found[key] = ("a point target's echo stands still in mean levels; mitsonar.differentiable_signals and "
                           "coherent_model move it")
         elif name in OF_ELEMENTS:
             found[key] = ("elements stand still in mean levels; mitsonar.differentiable_signals and coherent_model "
                           "move them")
-        elif name == "vertex_positions" and getattr(shapes.get(owner), "sea_surface", False):
+        elif name == "vertex_positions" and is_sea_surface(shapes.get(owner)):
             found[key] = "the sea surface stands still in gradients"
         elif name == "vertex_positions" and "." in owner and owner not in shapes:
             found[key] = "what instances show stands still in gradients; put the mesh itself into the scene"
@@ -69,7 +70,7 @@ def _still(scene: mi.Scene, parameters: Any) -> dict[str, str]:
 
 def check_followed(scene: mi.Scene) -> None:
     """Refuse parameters with gradients that levels do not follow: these gradients would be zero."""
-    parameters: Any = mi.traverse(scene)
+    parameters = mi.traverse(scene)
     for key, reason in _still(scene, parameters).items():
         value = parameters[key]
         if dr.is_diff_v(value) and dr.grad_enabled(value):
@@ -81,7 +82,7 @@ class SceneValues:
     # start [str, array]; units [str, str]
 
     def __init__(self, scene: mi.Scene, keys: Sequence[str]):
-        self._parameters: Any = mi.traverse(scene)
+        self._parameters = mi.traverse(scene)
         known = differentiable(scene)
         if not keys:
             raise ValueError(f"no parameter was asked for; give one or more of {', '.join(known)}")
@@ -178,7 +179,7 @@ class SceneValues:
         if self._holder is holder:
             self._holder = None
 
-    def hold(self, holder: AttachedValues, leaves: Mapping[str, Any]) -> None:
+    def hold(self, holder: AttachedValues, leaves: Mapping[str, mi.Float64]) -> None:
         """Write leaves into the scene, unless they are there; nothing else in it carries gradients then."""
         if self._holder is holder:
             return
@@ -206,7 +207,7 @@ class AttachedValues:
     """Hold leaves of a scene's parameters."""
     # leaves [str, Dr.Jit array]
 
-    def __init__(self, values: SceneValues, leaves: Mapping[str, Any]):
+    def __init__(self, values: SceneValues, leaves: Mapping[str, mi.Float64]):
         self._values, self._leaves = values, dict(leaves)
 
     def hold(self) -> None:

@@ -109,7 +109,10 @@ class EnergyField:
         # tables end below all hits: beyond their ends nothing moves
         deepest = max(survey.geometry.depth_range[1], -float(survey.track.position[:, 2].min())) + BELOW
         water = DeviceWater(survey.profile, survey.absorption, survey.volume, deepest=deepest)
-        return Scenery(survey, Tracer(survey.geometry, water, max_range=self._range), self.rows)
+        tracer = Tracer(survey.geometry, water, max_range=self._range)
+        return Scenery(survey=survey, tracer=tracer, losses=water, layers=water.direct.layers,
+                       places=Places(survey, tracer, self.rows.underway, self.rows.per_ping),
+                       speeds=upload(mi.Float64, survey.profile.sound_speed), facets=AttachedGeometry(survey.geometry))
 
     def kept(self, scenery: Scenery, block: Block) -> list[Kept]:
         """Trace a block's rays, without gradients."""
@@ -191,25 +194,33 @@ class EnergyField:
                               kept.side)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Scenery:
     """Hold a survey's scene, water and track at one moment."""
 
-    def __init__(self, survey: Survey, tracer: Tracer, rows: Rows):
-        self.survey, self.tracer = survey, tracer
-        self._places = Places(survey, tracer, rows.underway, rows.per_ping)
-        self.water: DeviceWater = tracer.water
-        self.losses: Losses = self.water
-        self.layers = self.water.direct.layers
-        self.speeds = upload(mi.Float64, survey.profile.sound_speed)
-        self.mirrors, self.surface = survey.geometry.surface_mirrors, survey.geometry.surface_label
-        self.facets = AttachedGeometry(survey.geometry)
-        self.track: AttachedTrack | None = None
+    survey: Survey
+    tracer: Tracer
+    places: Places
+    losses: Losses
+    layers: LayerTable
+    speeds: mi.Float64  # (K,) [m/s], at the nodes of the profile
+    facets: AttachedGeometry
+    track: AttachedTrack | None = None
 
-    def again(self, **changes: AttachedGeometry | LayerTable | AttachedTrack | Losses | mi.Float64 | None) -> Scenery:
-        """Return the same scenery with other facets, layers, track or losses."""
-        other = copy.copy(self)
-        vars(other).update(changes)
-        return other
+    @property
+    def water(self) -> DeviceWater:
+        """Return the water, without gradients."""
+        return self.tracer.water
+
+    @property
+    def mirrors(self) -> bool:
+        """Return True if the sea surface mirrors."""
+        return self.survey.geometry.surface_mirrors
+
+    @property
+    def surface(self) -> int:
+        """Return the label of the sea surface, or 0."""
+        return self.survey.geometry.surface_label
 
     @property
     def moves(self) -> bool:
@@ -218,7 +229,7 @@ class Scenery:
 
     def of(self, ping: np.ndarray) -> Place:
         """Return the detached place of pings (B,)."""
-        return self._places.of(ping)
+        return self.places.of(ping)
 
     def attached(self, ping: np.ndarray) -> Place:
         """Return the place of pings (B,), attached where the track or the water is."""

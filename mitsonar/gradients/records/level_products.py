@@ -7,13 +7,13 @@ speckle moves as its mean does. Bins without any echo do not move.
 """
 from __future__ import annotations
 
-from typing import Any
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsonar.survey.integrator import SoundIntegrator
 from mitsonar.survey.kinds import kind_of
+from mitsonar.survey.sensor import Sensor
 
 from ..parameters.scene_values import check_followed
 from .pictures import picture_of
@@ -25,7 +25,7 @@ PER_INTENSITY = 10 / np.log(10)    # dB
 class LevelProducts:
     """Multiply by the Jacobian of the levels of a scene's picture."""
 
-    def __init__(self, scene: mi.Scene, sensor: Any, integrator: Any, seed: int):
+    def __init__(self, scene: mi.Scene, sensor: Sensor, integrator: SoundIntegrator, seed: int):
         with dr.resume_grad():
             check_followed(scene)
         field = RecordField(picture_of(scene, sensor, integrator), sensor.own_seed(seed))
@@ -49,6 +49,6 @@ class LevelProducts:
 
 def wants_gradients(scene: mi.Scene) -> bool:
     """Return True if any parameter of a scene carries a gradient, also while gradients are suspended."""
-    parameters: Any = mi.traverse(scene)
+    parameters = mi.traverse(scene)
     with dr.resume_grad():
         return any(dr.grad_enabled(value) for _, value in parameters.items() if dr.is_diff_v(value))

@@ -8,25 +8,64 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Protocol
 
 import mitsuba as mi
 import numpy as np
 
 from mitsonar.imaging.recorder import leaked
 from mitsonar.imaging.sidescan import mean_intensity, pulse_shares
+from mitsonar.scene.protocols import is_smooth
 from mitsonar.survey.energy import energy
 from mitsonar.survey.energy.rows import Rows
 from mitsonar.survey.energy.sides import Sides
 from mitsonar.survey.energy.sidescan_survey import SidescanSurvey
 from mitsonar.survey.fan import forward_looking, kind as array
 from mitsonar.survey.fan.beams import Beams
-from mitsonar.survey.kinds import kind_of
+from mitsonar.survey.integrator import SoundIntegrator
 from mitsonar.survey.pressure.array_survey import ArraySurvey
 from mitsonar.survey.sector_scan import kind as sector_scan
-from mitsonar.survey.sidescan.kind import noise_db
+from mitsonar.survey.sensor import Sensor, Water
+from mitsonar.survey.sidescan.kind import SidescanSensor, noise_db
 from mitsonar.survey.survey import Survey
 from mitsonar.units import power_from_db
+
+
+class MovingWater(Water, Protocol):
+    """Water with gradients by its sound speed and absorption."""
+
+    speeds: mi.Float64  # (K,) [m/s]: sound speed at the nodes of the profile
+    absorption_scale: mi.Float64  # (1,) [-]
+    absorption_offset: mi.Float64  # (K,) [dB/m], at these nodes
+
+
+class MovingSensor(Sensor, Protocol):
+    """Sensor with gradients by its track and its water."""
+
+    rows: int  # number of offsets of each kind
+    position_offset: mi.Float64  # (3 rows,) [m]
+    attitude_offset: mi.Float64  # (3 rows,) [rad]
+
+    @property
+    def water(self) -> MovingWater:
+        """Return the water around the sonar."""
+        ...
+
+
+class MovingSidescan(SidescanSensor, MovingSensor, Protocol):
+    """Sidescan sensor with gradients."""
+
+
+class MovingArray(array.ArraySensor, MovingSensor, Protocol):
+    """Sensor of arrays with gradients."""
+
+
+class MovingForwardLooking(forward_looking.ForwardLookingSensor, MovingSensor, Protocol):
+    """Sensor of a forward-looking sonar with gradients."""
+
+
+class MovingScanner(sector_scan.SectorScanSensor, MovingSensor, Protocol):
+    """Sensor of a rotating head with gradients."""
 
 
 class Picture(Protocol):
@@ -42,7 +81,7 @@ class Picture(Protocol):
     """
 
     survey: Survey
-    sensor: Any
+    sensor: MovingSensor
     rows: Rows
     noise: float
 
@@ -62,9 +101,10 @@ class Picture(Protocol):
 class SidescanPicture:
     """Map energies to the picture of a sidescan; see `Picture`."""
 
-    def __init__(self, survey: SidescanSurvey, sensor: Any):
+    def __init__(self, survey: SidescanSurvey, sensor: MovingSidescan):
         self.survey: Survey = survey
-        self.sensor = sensor
+        self.sensor: MovingSensor = sensor
+        self._recorder = sensor.recorder
         self.rows: Rows = Sides(survey, shadows=False)       # of few rays, those in lit bins count
         self._shares = pulse_shares(survey.bin_length, survey.sonar.pulse_length)
         noise = noise_db(sensor, survey.sonar)
@@ -72,11 +112,11 @@ class SidescanPicture:
 
     def shown(self, energy: np.ndarray) -> np.ndarray:
         """Return the picture of energies."""
-        return leaked(mean_intensity(energy, self._shares), self.sensor.recorder)
+        return leaked(mean_intensity(energy, self._shares), self._recorder)
 
     def transposed(self, cotangent: np.ndarray) -> np.ndarray:
         """Return the transpose of `shown`: pulse and leakage are symmetric."""
-        return mean_intensity(leaked(cotangent, self.sensor.recorder), self._shares)
+        return mean_intensity(leaked(cotangent, self._recorder), self._shares)
 
     def still(self, survey: Survey, seed: int) -> np.ndarray:
         """Return noise, and echoes other than those of first hits."""
@@ -87,7 +127,7 @@ class SidescanPicture:
                 others = record.path_intensity[:, :, 1:].astype(float).sum(2)
                 total += self.shown(others)
             if record.coherent is not None:
-                total += leaked(record.coherent.intensity.astype(float), self.sensor.recorder)
+                total += leaked(record.coherent.intensity.astype(float), self._recorder)
         return total.ravel()
 
 
@@ -100,9 +140,10 @@ class FanPicture:
     """
     # directions (B,) [rad]
 
-    def __init__(self, survey: ArraySurvey, sensor: Any, directions: tuple[np.ndarray, np.ndarray]):
+    def __init__(self, survey: ArraySurvey, sensor: MovingSensor, directions: tuple[np.ndarray, np.ndarray]):
         self.survey: Survey = survey
-        self.sensor, self._beams = sensor, Beams(survey, *directions)
+        self.sensor: MovingSensor = sensor
+        self._beams = Beams(survey, *directions)
         self.rows: Rows = self._beams
         self.noise = 0.0
         self._gain = _compressed_energy(survey)
@@ -131,9 +172,10 @@ def _compressed_energy(survey: ArraySurvey) -> float:
 class StepPicture:
     """Map energies to the mean intensities of a sector scan, without noise; see `Picture`."""
 
-    def __init__(self, survey: ArraySurvey, sensor: Any):
+    def __init__(self, survey: ArraySurvey, sensor: MovingScanner):
         self.survey: Survey = survey
-        self.sensor, self._steps = sensor, sector_scan.steps_of(survey, sensor)
+        self.sensor: MovingSensor = sensor
+        self._steps = sector_scan.steps_of(survey, sensor)
         self.rows: Rows = self._steps
         self.noise = 0.0
 
@@ -160,13 +202,12 @@ def _with_phase(survey: Survey, rows: Rows, seed: int) -> np.ndarray:
 def has_phases(survey: Survey) -> bool:
     """Return True if any echo of a scene has a phase of its own."""
     geometry = survey.geometry
-    smooth = any(getattr(shape.bsdf(), "smooth", False) for shape in geometry.scene.shapes())
+    smooth = any(map(is_smooth, geometry.scene.shapes()))
     return bool(geometry.targets()) or smooth or geometry.surface_mirrors
 
 
-def picture_of(scene: mi.Scene, sensor: Any, integrator: Any, rays: int | None = None) -> Picture:
+def picture_of(scene: mi.Scene, sensor: Sensor, integrator: SoundIntegrator, rays: int | None = None) -> Picture:
     """Return the differentiable picture of a sensor, with at most `rays` rays per ping."""
-    kind_of(sensor)
     if sensor.kind not in PICTURES:
         raise ValueError(f"gradients are of {', '.join(PICTURES)}, and this sensor is a {sensor.kind}; give the scene "
                          "one of them")
@@ -176,13 +217,14 @@ def picture_of(scene: mi.Scene, sensor: Any, integrator: Any, rays: int | None =
     return PICTURES[sensor.kind](survey, sensor)
 
 
-def _array(survey: ArraySurvey, sensor: Any) -> Picture:
+def _array(survey: ArraySurvey, sensor: MovingArray) -> Picture:
     return FanPicture(survey, sensor, array.directions(survey, sensor))
 
 
-def _forward_looking(survey: ArraySurvey, sensor: Any) -> Picture:
+def _forward_looking(survey: ArraySurvey, sensor: MovingForwardLooking) -> Picture:
     return FanPicture(survey, sensor, forward_looking.directions(survey, sensor))
 
 
-PICTURES: dict[str, Callable[[Any, Any], Picture]] = {
+# each takes the survey and the sensor of its kind
+PICTURES: dict[str, Callable[..., Picture]] = {
     "sidescan": SidescanPicture, "array": _array, "forward_looking": _forward_looking, "sector_scan": StepPicture}

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import cached_property
 
 import drjit as dr
 import mitsuba as mi
@@ -111,7 +112,7 @@ class FieldLinearised:
             self.value = field.shown([_array(self._energy.sums(self._scenery, block, kept))
                                       for block, kept, _ in self._each(edges=False)])
 
-    @property
+    @cached_property
     def told(self) -> dict[str, float]:
         """Shares of echoes and bins that the record and its derivatives leave out."""
         found = [seen_in(self._energy, self._scenery, block, kept) for block, kept, _ in self._each(edges=False)]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import cast
 
 import mitsuba as mi
 import numpy as np
@@ -18,7 +18,7 @@ import xarray as xr
 
 from mitsonar.device.files import FilePath
 from mitsonar.device.spelling import meant
-from mitsonar.gradients.model import ForwardModel
+from mitsonar.gradients.model import ForwardModel, ShapedModel
 from mitsonar.gradients.parameters.changes import Heights, Pose
 from mitsonar.gradients.parameters.parametrisation import parametrised
 from mitsonar.gradients.parameters.scene_values import differentiable
@@ -121,8 +121,8 @@ def fit_scene(scene: mi.Scene | FilePath, image: xr.Dataset, priors: Sequence[Ke
     scene, chosen, _ = opened(scene, sensor)
     names = [prior.key for prior in priors]
     model = _model(scene, names, sensor, seed)
-    shape = getattr(model, "shape")
-    seen = image_intensities(image, str(chosen.kind), shape, _farthest(chosen))
+    shape = cast(ShapedModel, model).shape
+    seen = image_intensities(image, chosen.kind, shape, float(chosen.film().range))
     meshes = {name: (places, _faces(scene, name)) for name, places in vertex_places(scene, model.start).items()}
     if length is not None and not meshes:
         raise ValueError(f"a length of {length:g} m is asked for, and no parameter has a number a vertex of a mesh; "
@@ -162,19 +162,13 @@ def _model(scene: mi.Scene, names: Sequence[str], sensor: int | str, seed: int) 
     return parametrised(model, *(OTHER[_other(name)](key) for name, key in changes.items()))
 
 
-def _farthest(sensor: mi.Sensor) -> float | None:
-    """Return the slant range [m] at which a sonar's record ends, if its film has one."""
-    reach = getattr(sensor.film(), "range", None)
-    return float(reach) if isinstance(reach, (int, float)) and reach > 0 else None
-
-
 def _other(name: str) -> str:
     return name.rpartition(".")[2]
 
 
 def vertex_places(scene: mi.Scene, values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the vertices (V, 3) [m] of the meshes that have a number a vertex among values, by the values' names."""
-    parameters: Any = mi.traverse(scene)
+    parameters = mi.traverse(scene)
     found = {}
     for name, value in values.items():
         owner = name.rpartition(".")[0]
@@ -186,7 +180,7 @@ def vertex_places(scene: mi.Scene, values: Mapping[str, np.ndarray]) -> dict[str
 
 
 def _faces(scene: mi.Scene, name: str) -> np.ndarray:
-    parameters: Any = mi.traverse(scene)
+    parameters = mi.traverse(scene)
     return np.array(parameters[f"{name.rpartition('.')[0]}.faces"], np.int64).reshape(-1, 3)
 
 

@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 from dataclasses import MISSING, dataclass, fields
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +20,7 @@ from .sea_surface import SeaSurface
 from .sediment import Sediment
 
 
+@runtime_checkable
 class ScatteringLaw(Protocol):
     """Interface of all scattering laws."""
 
@@ -141,7 +142,7 @@ def bistatic_strength_db(law: str | ScatteringLaw, grazing_in: ArrayLike, grazin
 def _seabed(law: str | ScatteringLaw, parameters: dict[str, Any]) -> ScatteringLaw:
     """Return the scattering law of a name and its parameters, or the given law itself."""
     if not isinstance(law, str):
-        if not hasattr(law, "scattering_strength"):
+        if not isinstance(law, ScatteringLaw):
             raise ValueError(f"the law is {law!r}; give a law's name, one of {', '.join(LAWS)}, or a law.")
         if parameters:
             raise ValueError(f"{law} has its parameters in it; {', '.join(parameters)} must not be given besides.")

@@ -16,6 +16,7 @@ from mitsonar.device.arrays import arrays_of, held, upload
 from ..geometry import Geometry
 from ..labels import OBJECT
 from ..objects import scene_of
+from ..protocols import target_shape
 from ..tracing.tracer import Sources, Tracer, angles
 from ..tracing.water import DeviceWater
 from .occlusion import LIFT, LIFT_PER_RANGE, TOLERANCE, along_fan
@@ -45,7 +46,7 @@ class ObjectShadows:
         self.lib, self.geometry = arrays_of(mi.Float), geometry
         kinds = geometry.named.label_kinds()
         self._objects = [shape for shape in geometry.scene.shapes() if kinds[geometry.named.of(shape)] == OBJECT
-                         and not hasattr(shape, "target_strength_db")]
+                         and target_shape(shape) is None]
         self.exist = bool(self._objects)
         if self.exist:
             self._scene = scene_of(self._objects)

@@ -20,7 +20,7 @@ from mitsonar.water.profile import SoundSpeedProfile
 
 from .. import limits
 from ..soundings.line import SoundingLine
-from .instrument import Interferometer, measured_rows
+from .instrument import Interferometer, RowMeasurement, measured_rows
 from .plan import InterferometricSensor, InterferometricSurvey, plan as plan, plan_elements as plan_elements
 
 KEPT = ("depth", "x", "y", "across_track", "uncertainty")
@@ -67,7 +67,7 @@ def rows(level: np.ndarray) -> np.ndarray:
 
 
 def sounding_line(survey: InterferometricSurvey, seed: int, *, profile: SoundSpeedProfile | None, column: bool,
-                  snippets: int) -> SoundingLine:
+                  snippets: int) -> SoundingLine[RowMeasurement]:
     """Return the soundings of a line; arguments as of `mitsonar.soundings`."""
     if column or snippets:
         raise ValueError("an interferometric sidescan has no beams, whose water column or snippets could be kept; "

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
-from typing import Any
 
 import mitsuba as mi
 import numpy as np
@@ -28,6 +27,7 @@ from ..soundings.line import SoundingLine
 from ..soundings.survey import SwathSurvey
 from .beams import sector_beams
 from .instrument import MultibeamInstrument
+from .measuring import BeamMeasurement
 from .plan import MultibeamSensor, plan
 
 
@@ -64,7 +64,7 @@ def rows(level: np.ndarray) -> np.ndarray:
 
 
 def sounding_line(survey: SwathSurvey, seed: int, *, profile: SoundSpeedProfile | None, column: bool,
-                  snippets: int) -> SoundingLine:
+                  snippets: int) -> SoundingLine[BeamMeasurement]:
     """Make the soundings of a line; arguments as of `mitsonar.soundings`."""
     return SoundingLine(survey, MultibeamInstrument(survey, seed, column=column, snippets=snippets), seed,
                         profile=profile)
@@ -120,6 +120,6 @@ class _SwathPictures:
         return np.stack([np.zeros_like(self._angle), np.sin(self._angle), np.cos(self._angle)], -1)
 
     @cached_property
-    def _known(self) -> dict[str, Any]:
+    def _known(self) -> dict[str, object]:
         return objects.known(*classes_of(self._survey.labels), self._survey.geometry,
                              self._survey.track.position)

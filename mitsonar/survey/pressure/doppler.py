@@ -6,8 +6,6 @@ echo, with η̄ the mean over [0, t]. The bend grows with the speed across and w
 """
 from __future__ import annotations
 
-from typing import Any, cast
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -28,7 +26,7 @@ def time_scale(source: PingSource, echoes: Echoes, *, sender: np.ndarray, receiv
     """Return the two-way factor at a moment of the pulse, and its arrival time after the beginning of the echo."""
     # sender, receiver (3,) [m]; moment [s] -> doppler (R,) [-], when (R,) [s]
     back, speed = source.way_back(echoes), dr.opaque(mi.Float64, source.speed)
-    slower, bend, wide = [], 0, cast(Any, arrays_of(mi.Float).Array3f64)
+    slower, bend, wide = [], 0, arrays_of(mi.Float).Array3f64
     sent = dr.opaque(mi.Float64, moment)
     ways = ((echoes.out, wide(echoes.out.launch_direction), echoes.out.travel_time, sender, mi.Float64(0)),
             (echoes.back, -wide(*map(mi.Float64, back.direction)), back.return_time, receiver,

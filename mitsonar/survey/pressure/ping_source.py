@@ -93,7 +93,6 @@ class PingSource:
         self.origin = centre + rotation @ position
         self.depth = -float(self.origin[2])
         self.speed = float(water.profile.at(self.depth))
-        self._last: tuple[Echoes, Method, ReturnPaths] | None = None
 
     @cached_property
     def direct(self) -> View:
@@ -111,16 +110,9 @@ class PingSource:
         return self.mirrored if leg.folded else self.direct
 
     def way_back(self, echoes: Echoes, method: Method = "vector", met: Float64 | None = None) -> ReturnPaths:
-        """Return the paths back to the source at its place then; echoes leave at `met` [s], else `Echoes.arrival`.
-
-        The last result for `Echoes.arrival` is kept, since Doppler, doubt and delays of the same echoes use it.
-        """
+        """Return the paths back to the source at its place then; echoes leave at `met` [s], else `Echoes.arrival`."""
         view = self.view(echoes.back)
-        if met is not None:
-            return view.carried(echoes.back, method, view.travel, met)
-        if self._last is None or self._last[0] is not echoes or self._last[1] != method:
-            self._last = echoes, method, view.carried(echoes.back, method, view.travel, echoes.arrival)
-        return self._last[2]
+        return view.carried(echoes.back, method, view.travel, echoes.arrival if met is None else met)
 
     def way_out(self, echoes: Echoes) -> ReturnPaths:
         """Return the ways out, reversed: from the first scatterer to the array at the transmission."""

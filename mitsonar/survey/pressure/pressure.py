@@ -12,7 +12,7 @@ of elements are those at the frequency of the carrier.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import drjit as dr
@@ -41,98 +41,35 @@ class PressureRecord:
     """Impulse responses of a survey's pings."""
 
     def __init__(self, survey: ArraySurvey, *, seed: int = 0, kernel: str = "band_limited",
-                 return_path: str = "vector", paths: Collection[str] | None = None):
+                 return_path: str = "vector", paths: Collection[str] | None = None,
+                 ensonification: Ensonification | None = None):
         self.survey, self.seed = survey, int(seed)
         self.kernel, self.return_path, self.paths = kernel, return_path, paths
         self.counts = ArrivalCounts(radius=survey.radius, guard=GUARD)
-        self._ensonified: EnsonifiedPing | None = None
+        self._given = ensonification
 
     @cached_property
     def ensonification(self) -> Ensonification:
-        """Return the ensonification of the survey's scatterers."""
-        return ensonification_of(self.survey)
+        """Return the ensonification of the survey's scatterers, as given or made at first use."""
+        return self._given or ensonification_of(self.survey)
 
-    def responses(self, ping: int, *, progress: Callable[[float, int], None] | None = None) -> np.ndarray:
-        """Return the responses of all pairs of elements at one ping: complex64 (tx, rx, sample)."""
-        survey, elements = self.survey, self.survey.transmit.elements
-        out = np.empty((elements, survey.receive.elements, survey.samples), np.complex64)
-        sums = self.sums()
-        for element in range(elements):
-            def within(share: float, before: int = element) -> None:
-                if progress is not None:
-                    progress(before + share, elements)
-
-            sums.clear()
-            self._add(sums, OneClass(), range(1), ping, element, progress=within)
-            out[element] = sums.read()
-            within(1.0)
-        return out
-
-    def transmissions(self, ping: int, doppler: np.ndarray, *, piece: tuple[float, Pulse] | None = None,
-                      progress: Progress | None = None) -> Iterator[tuple[float, np.ndarray]]:
-        """Yield Doppler factors, and the responses (rx, sample) to all transmit elements with delays and weights.
-
-        `doppler` (K,) [-]: factors of the classes. The magnitudes of the weights add to 1.
-        """
-        classes = self.classes(doppler, piece)
-        count = len(classes.factors)
-        # as many classes at once as fit into memory: scatterers are ensonified once for each group of classes
-        sums = self.sums()
-        together = min(max(1, SUMS_BYTES // (4 * dr.width(sums.sums))), count)
-        for first in range(0, count, together):
-            now = range(first, min(first + together, count))
-            if first or together > 1:
-                sums = self.sums(len(now))
-            self.add_all(sums, classes, now, ping, _of_a_part(progress, first / count, len(now) / count))
-            for sheet, number in enumerate(now):
-                response = sums.read(sheet)
-                if response.any():
-                    yield float(classes.factors[number]), response
+    def at(self, ping: int, before: PingPressure | None = None) -> PingPressure:
+        """Return one ping; a platform at rest reuses the echoes of the ping `before`."""
+        ensonified = EnsonifiedPing(self.survey, self.ensonification, ping, self.seed, before and before.ensonified)
+        return PingPressure(record=self, ensonified=ensonified)
 
     def classes(self, doppler: np.ndarray, piece: tuple[float, Pulse] | None = None) -> EchoClasses:
-        """Return the classes of echoes that Doppler factors represent; arguments as of `transmissions`."""
+        """Return the classes of echoes that Doppler factors represent; arguments as of `PingPressure.transmissions`."""
         begin, pulse = piece or (0.0, self.survey.pulse)
         still = pulse is self.survey.pulse and np.all(doppler == 1.0)
         glide = glide_of(pulse) if pulse is self.survey.pulse else None
         return OneClass() if still else DopplerClasses(doppler, begin, pulse, glide)
-
-    def add_all(self, sums: ImpulseResponses, classes: EchoClasses, wanted: range, ping: int,
-                progress: Progress | None = None) -> None:
-        """Add the echoes of all transmit elements, with their delays and weights, to the sums of the wanted classes."""
-        weight, delay = self.survey.transmit_weight(ping), self.survey.transmit_delay(ping)
-        senders = np.flatnonzero(weight).tolist()
-        for number, element in enumerate(senders):
-            self._add(sums, classes, wanted, ping, element, weight=float(weight[element]), delay=float(delay[element]),
-                      progress=_of_a_part(progress, number / len(senders), 1 / len(senders)))
 
     def sums(self, sheets: int = 1) -> ImpulseResponses:
         """Return the sums of all receive elements, at zero, with one sheet for each class."""
         survey = self.survey
         return ImpulseResponses(mi.Float, elements=survey.receive.elements, samples=survey.samples, sheets=sheets,
                                 sampling_rate=survey.sampling_rate, frequency=survey.frequency, kernel=self.kernel)
-
-    def _add(self, sums: ImpulseResponses, classes: EchoClasses, wanted: range, ping: int, element: int, *,
-             weight: float = 1.0, delay: float = 0.0, progress: Progress | None = None) -> None:
-        """Add the echoes of one transmit element, with a weight and a delay [s], to the sums of the wanted classes."""
-        sender, receivers = self.survey.transmit.position[element], self.survey.receive.position
-        ensonified = self.ensonified(ping)
-        shares = ensonified.shares(element)
-        with_cells = len(shares) - 1       # the last source, that of random echoes, has no cells
-        for done, (number, share) in enumerate(shares):
-            source = ensonified.source(number)
-            delays = self.delays(source)
-            blocks = ensonified.echoes(number, _of_a_part(progress, done / with_cells, 1 / with_cells))
-            for echoes in (block for block in blocks if self.paths is None or block.path in self.paths):
-                for rows, centre in classes.receiver_groups(source, echoes, receivers):
-                    chosen = classes.sort(source, echoes, wanted, sender=sender, receiver=centre, delay=delay)
-                    if chosen is not None:
-                        delays.add(sums, chosen, element, weight=float(weight * share), rows=rows)
-
-    def ensonified(self, ping: int) -> EnsonifiedPing:
-        """Return the sources and echoes of a ping; those of the last ping are kept."""
-        if self._ensonified is None or self._ensonified.ping != ping:
-            self._ensonified = EnsonifiedPing(self.survey, self.ensonification, ping, self.seed, self._ensonified)
-        return self._ensonified
 
     def delays(self, source: PingSource) -> ElementDelays:
         """Return the delays from a source to the elements, by the record's method."""
@@ -144,6 +81,78 @@ class PressureRecord:
         if self.return_path == "eigenray":
             return guarded.changed_to(EigenrayDelays)
         return replace(guarded.changed_to(VectorDelays), method=self.return_path)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PingPressure:
+    """Impulse responses of one ping, whose sources and echoes are `ensonified`."""
+
+    record: PressureRecord
+    ensonified: EnsonifiedPing
+
+    def responses(self, *, progress: Callable[[float, int], None] | None = None) -> np.ndarray:
+        """Return the responses of all pairs of elements: complex64 (tx, rx, sample)."""
+        survey, elements = self.record.survey, self.record.survey.transmit.elements
+        out = np.empty((elements, survey.receive.elements, survey.samples), np.complex64)
+        sums = self.record.sums()
+        for element in range(elements):
+            def within(share: float, before: int = element) -> None:
+                if progress is not None:
+                    progress(before + share, elements)
+
+            sums.clear()
+            self._add(sums, OneClass(), range(1), element, progress=within)
+            out[element] = sums.read()
+            within(1.0)
+        return out
+
+    def transmissions(self, doppler: np.ndarray, *, piece: tuple[float, Pulse] | None = None,
+                      progress: Progress | None = None) -> Iterator[tuple[float, np.ndarray]]:
+        """Yield Doppler factors, and the responses (rx, sample) to all transmit elements with delays and weights.
+
+        `doppler` (K,) [-]: factors of the classes. The magnitudes of the weights add to 1.
+        """
+        record, classes = self.record, self.record.classes(doppler, piece)
+        count = len(classes.factors)
+        # as many classes at once as fit into memory: scatterers are ensonified once for each group of classes
+        sums = record.sums()
+        together = min(max(1, SUMS_BYTES // (4 * dr.width(sums.sums))), count)
+        for first in range(0, count, together):
+            now = range(first, min(first + together, count))
+            if first or together > 1:
+                sums = record.sums(len(now))
+            self.add_all(sums, classes, now, _of_a_part(progress, first / count, len(now) / count))
+            for sheet, number in enumerate(now):
+                response = sums.read(sheet)
+                if response.any():
+                    yield float(classes.factors[number]), response
+
+    def add_all(self, sums: ImpulseResponses, classes: EchoClasses, wanted: range,
+                progress: Progress | None = None) -> None:
+        """Add the echoes of all transmit elements, with their delays and weights, to the sums of the wanted classes."""
+        survey, ping = self.record.survey, self.ensonified.ping
+        weight, delay = survey.transmit_weight(ping), survey.transmit_delay(ping)
+        senders = np.flatnonzero(weight).tolist()
+        for number, element in enumerate(senders):
+            self._add(sums, classes, wanted, element, weight=float(weight[element]), delay=float(delay[element]),
+                      progress=_of_a_part(progress, number / len(senders), 1 / len(senders)))
+
+    def _add(self, sums: ImpulseResponses, classes: EchoClasses, wanted: range, element: int, *,
+             weight: float = 1.0, delay: float = 0.0, progress: Progress | None = None) -> None:
+        """Add the echoes of one transmit element, with a weight and a delay [s], to the sums of the wanted classes."""
+        record, ensonified = self.record, self.ensonified
+        sender, receivers = record.survey.transmit.position[element], record.survey.receive.position
+        shares = ensonified.shares(element)
+        with_cells = len(shares) - 1       # the last source, that of random echoes, has no cells
+        for done, (number, share) in enumerate(shares):
+            source = ensonified.source(number)
+            delays = record.delays(source)
+            blocks = ensonified.echoes(number, _of_a_part(progress, done / with_cells, 1 / with_cells))
+            for echoes in (block for block in blocks if record.paths is None or block.path in record.paths):
+                for rows, centre in classes.receiver_groups(source, echoes, receivers):
+                    chosen = classes.sort(source, echoes, wanted, sender=sender, receiver=centre, delay=delay)
+                    if chosen is not None:
+                        delays.add(sums, chosen, element, weight=float(weight * share), rows=rows)
 
 
 def _of_a_part(progress: Progress | None, before: float, part: float) -> Progress | None:

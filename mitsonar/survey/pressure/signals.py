@@ -37,7 +37,7 @@ from mitsonar.units import amplitude_from_db
 from .array_survey import ArraySurvey
 from .cost import sentence
 from .delays import ArrivalCounts
-from .pressure import PressureRecord
+from .pressure import PingPressure, PressureRecord
 
 DIRECTIONS = 1 << 14               # N
 APART = 4.0 / np.sqrt(DIRECTIONS)  # β [rad], a generous upper bound of the distance to the next point
@@ -84,13 +84,15 @@ def pair_responses(record: PressureRecord, pings: Sequence[int], *, progress: Pr
     """Return the impulse responses of every pair of elements (ping, tx, rx, sample)."""
     survey = record.survey
     _say_cost(say, record, pings, all_transmit=True)
-    blocks, total = [], len(pings) * survey.transmit.elements
+    blocks, total, now = [], len(pings) * survey.transmit.elements, None
     for number, ping in enumerate(pings):
+        now = record.at(ping, now)
+
         def within(done: float, elements: int, before: int = number) -> None:
             if progress is not None:
                 progress(before * elements + done, total)
 
-        blocks.append(record.responses(ping, progress=within))
+        blocks.append(now.responses(progress=within))
     values = np.stack(blocks)
     values[:, ~survey.transmit.working] = 0
     values[:, :, ~survey.receive.working] = 0
@@ -109,13 +111,15 @@ def received_signals(record: PressureRecord, pings: Sequence[int], *, progress: 
         raise ValueError(f"{error} In a scene, sample_rate_khz or bins of the film set the rate, and its range sets "
                          "the length of the record.") from None
     _say_cost(say, record, pings)
-    blocks = []
+    blocks, now = [], None
     for number, ping in enumerate(pings):
+        now = record.at(ping, now)
+
         def within(share: float, before: int = number) -> None:
             if progress is not None:
                 progress(before + share, len(pings))
 
-        signals = amplitude_from_db(survey.source_level_db) * echoes_of_the_pulse(record, ping, within)
+        signals = amplitude_from_db(survey.source_level_db) * echoes_of_the_pulse(now, within)
         if survey.noise is not None:
             signals = signals + survey.noise.drawn(survey.samples, record.seed, int(ping))
         if survey.receive.delay.any():
@@ -130,17 +134,17 @@ def received_signals(record: PressureRecord, pings: Sequence[int], *, progress: 
     return array.assign_attrs(seed=record.seed, source_level_db=survey.source_level_db)
 
 
-def echoes_of_the_pulse(record: PressureRecord, ping: int, progress: Callable[[float], None]) -> np.ndarray:
-    """Return the sum of the pulse's echoes for a source level of 0 dB: complex64 (rx, sample)."""
-    survey, speed = record.survey, record.survey.sound_speed(ping)
+def echoes_of_the_pulse(now: PingPressure, progress: Callable[[float], None]) -> np.ndarray:
+    """Return the sum of the pulse's echoes at a ping for a source level of 0 dB: complex64 (rx, sample)."""
+    survey, ping = now.record.survey, now.ensonified.ping
+    speed = survey.sound_speed(ping)
     signals = np.zeros((survey.receive.elements, survey.samples), np.complex64)      # there may be no echo
     pieces = sent_pieces(survey, ping)
     for done, sent in enumerate(pieces):
         def within(share: float, before: int = done) -> None:
             progress((before + share) / len(pieces))
 
-        for factor, response in record.transmissions(ping, sent.factors, piece=(sent.begin, sent.pulse),
-                                                     progress=within):
+        for factor, response in now.transmissions(sent.factors, piece=(sent.begin, sent.pulse), progress=within):
             if survey.absorption_db is not None:
                 # absorption follows the length of the way, which does not include the beginning of the piece
                 response = absorbed(response, survey.sampling_rate, survey.frequency, survey.absorption_db, speed,

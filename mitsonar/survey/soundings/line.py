@@ -13,7 +13,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timezone
-from typing import Any, Protocol
+from typing import Generic, Protocol, TypeVar
 
 import drjit as dr
 import mitsuba as mi
@@ -35,6 +35,7 @@ from mitsonar.scene.tracing.tracer import registry_index
 from mitsonar.units import db_from_power
 from mitsonar.water.profile import SoundSpeedProfile
 
+from .instrument import PingMeasurement
 from .survey import SoundedSurvey
 
 ASIDE = 1e-3                       # [m]: a ray that slips between two facets is sent again, so far beside their edge
@@ -43,6 +44,7 @@ MARGIN = 0.1                       # [s] before the first transmission and after
 STEP = 0.005                       # [s] over which velocities are computed
 START = "2000-01-01T00:00:00Z"     # motion begins before time 0, and formats count from 1970
 DATED = 1e8                        # [s] above which times of a track count from 1970: no line lasts three years
+MeasurementT = TypeVar("MeasurementT", bound=PingMeasurement)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -114,7 +116,7 @@ class Finding:
     deviations: Deviations | None = None  # standard deviations of the measurement
 
 
-class Instrument(Protocol):
+class Instrument(Protocol[MeasurementT]):
     """Sonar of a line, as soundings need it; its measurements have at least ``valid`` (B,) and ``sector`` (B,)."""
 
     sonar: str  # kind of sonar
@@ -122,26 +124,26 @@ class Instrument(Protocol):
     absorption_db: np.ndarray  # (S,) [dB/m], of the transmissions, mean from the sonar down to the lowest bed
     backscatter: str  # corrections that its strengths contain
 
-    def measure(self, ping: int) -> Any:
+    def measure(self, ping: int) -> MeasurementT:
         """Return the measurement of a ping."""
         ...
 
-    def measured(self, ping: int, made: Any, head_speed: float, closing: np.ndarray | None = None) -> Measured:
+    def measured(self, ping: int, made: MeasurementT, head_speed: float, closing: np.ndarray | None = None) -> Measured:
         """Return the times and angles that follow from a sound speed at the head [m/s].
 
         With `closing` (B,) [m/s], the receivers' speed towards the echoes, angles are those of receivers at rest.
         """
         ...
 
-    def finding(self, ping: int, made: Any, final: Located) -> Finding:
+    def finding(self, ping: int, made: MeasurementT, final: Located) -> Finding:
         """Return the other variables of soundings, from their final places."""
         ...
 
 
-class SoundingLine:
+class SoundingLine(Generic[MeasurementT]):
     """Soundings of a line."""
 
-    def __init__(self, survey: SoundedSurvey, instrument: Instrument, seed: int, *,
+    def __init__(self, survey: SoundedSurvey, instrument: Instrument[MeasurementT], seed: int, *,
                  profile: SoundSpeedProfile | None = None):
         self._survey, self._instrument = survey, instrument
         self._profile = profile or survey.profile
@@ -157,7 +159,7 @@ class SoundingLine:
         for ping in range(self._survey.track.pings) if numbers is None else numbers:
             yield self.ping(int(ping), self._instrument.measure(int(ping)))
 
-    def ping(self, ping: int, made: Any) -> xr.Dataset:
+    def ping(self, ping: int, made: MeasurementT) -> xr.Dataset:
         """Return the soundings of a ping from the measurement of its instrument."""
         survey, instrument = self._survey, self._instrument
         true_speed = self._transmissions[0].survey.sound_speed(ping)

@@ -1,5 +1,6 @@
 """Target strengths of smooth bodies through the whole chain, against closed forms and exact series."""
-from typing import Any, Literal
+from collections.abc import Mapping
+from typing import Literal
 
 import numpy as np
 from scipy.special import j1
@@ -21,7 +22,7 @@ PLATE, DISC, PIPE = (0.3, 0.2), 0.15, (0.1, 0.5)    # [m] sides; radius; radius 
 DIHEDRAL, SQUARE = (0.2, 0.3), 0.2                 # [m] sides
 
 
-def strength_db(shapes: dict[str, Any], bounces: int = 1, middle: float = DISTANCE) -> float:
+def strength_db(shapes: Mapping[str, object], bounces: int = 1, middle: float = DISTANCE) -> float:
     """Return the target strength [dB re 1 m²] of bodies at `DISTANCE`: the echo's spectrum at the carrier.
 
     Spreading is removed; `middle` [m] replaces one of the two ranges, for a sphere the range of its centre.
