@@ -65,8 +65,9 @@ class ElementParameters:
                  offsets: tuple[np.ndarray, np.ndarray] | None = None):
         self._offsets = (np.zeros((len(pings), 3)), np.zeros((len(pings), 3))) if offsets is None else offsets
         self.survey, self.pings, self._sensor = survey, [int(ping) for ping in pings], sensor
-        self.targets = survey.geometry.targets()
-        shapes = [shape for _, shape, *_ in survey.geometry.meshes if hasattr(shape, "target_strength_db")]
+        geometry = survey.world.still
+        self.targets = geometry.targets()
+        shapes = [shape for _, shape, *_ in geometry.meshes if hasattr(shape, "target_strength_db")]
         self._names = [shape.id() for shape in shapes]
         known = self._known()
         if f"{sensor}.rx_weight" in keys:

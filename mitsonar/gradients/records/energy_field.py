@@ -24,6 +24,7 @@ from mitsonar.propagation.device_rays.layer_table import LayerTable
 from mitsonar.scene.tracing.hits import Hits
 from mitsonar.scene.tracing.tracer import Tracer, registry_index
 from mitsonar.scene.tracing.water import DeviceWater
+from mitsonar.survey.energy.energy import ray_range
 from mitsonar.survey.energy.first_hits import FirstHits, HitEchoes, Losses, received
 from mitsonar.survey.energy.rows import Rays, Rows
 from mitsonar.survey.motion.places import Place, Places
@@ -76,8 +77,7 @@ class EnergyField:
     def __init__(self, survey: Survey, rows: Rows, seed: int):
         self.rows, self._seed = rows, seed
         self._tents = TentBins(rows.bins)
-        fastest = float(np.max(survey.profile.sound_speed))
-        self._range = 0.5 * rows.bins.end * fastest * (1 + 0.5 * rows.underway.drift(rows.bins.sound_speed))
+        self._range = ray_range(survey, rows)
         self.unit = 10 ** (rows.source_level_db / 10)
         with dr.suspend_grad():
             self.blocks = list(self._drawn(survey))
@@ -107,9 +107,7 @@ class EnergyField:
     def at(self, survey: Survey) -> Scenery:
         """Return the scene and the track of a survey that may have changed."""
         # tables end below all hits: beyond their ends nothing moves
-        deepest = max(survey.geometry.depth_range[1], -float(survey.track.position[:, 2].min())) + BELOW
-        water = DeviceWater(survey.profile, survey.absorption, survey.volume, deepest=deepest)
-        return Scenery(survey, Tracer(survey.geometry, water, max_range=self._range), self.rows)
+        return Scenery(survey, Tracer(survey.world.only, survey.device_water(BELOW), max_range=self._range), self.rows)
 
     def kept(self, scenery: Scenery, block: Block) -> list[Kept]:
         """Trace a block's rays, without gradients."""
@@ -200,9 +198,9 @@ class Scenery:
         self.water: DeviceWater = tracer.water
         self.losses: Losses = self.water
         self.layers = self.water.direct.layers
-        self.speeds = upload(mi.Float64, survey.profile.sound_speed)
-        self.mirrors, self.surface = survey.geometry.surface_mirrors, survey.geometry.surface_label
-        self.facets = AttachedGeometry(survey.geometry)
+        self.speeds = upload(mi.Float64, self.water.profile.sound_speed)
+        self.mirrors, self.surface = survey.world.surface_mirrors, survey.world.surface_label
+        self.facets = AttachedGeometry(tracer.geometry)
         self.track: AttachedTrack | None = None
 
     def again(self, **changes: AttachedGeometry | LayerTable | AttachedTrack | Losses | mi.Float64 | None) -> Scenery:

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
-from functools import cached_property
 
 import drjit as dr
 import mitsuba as mi
@@ -24,6 +23,7 @@ from mitsonar.signal.accumulation import ImpulseResponses
 from mitsonar.signal.doppler import glide_of
 from mitsonar.sonar.pulses.pulses import Pulse
 
+from ..survey import PerSurroundings
 from .array_survey import ArraySurvey
 from .delays import ArrivalCounts, ElementDelays
 from .echo_classes import DopplerClasses, EchoClasses, OneClass
@@ -46,11 +46,11 @@ class PressureRecord:
         self.kernel, self.return_path, self.paths = kernel, return_path, paths
         self.counts = ArrivalCounts(radius=survey.radius, guard=GUARD)
         self._ensonified: EnsonifiedPing | None = None
+        self._ensonifications = PerSurroundings(survey, ensonification_of)
 
-    @cached_property
-    def ensonification(self) -> Ensonification:
-        """Return the ensonification of the survey's scatterers."""
-        return ensonification_of(self.survey)
+    def ensonification(self, ping: int) -> Ensonification:
+        """Return the ensonification of the scatterers around a ping."""
+        return self._ensonifications.at(ping)
 
     def responses(self, ping: int, *, progress: Callable[[float, int], None] | None = None) -> np.ndarray:
         """Return the responses of all pairs of elements at one ping: complex64 (tx, rx, sample)."""
@@ -120,7 +120,7 @@ class PressureRecord:
         with_cells = len(shares) - 1       # the last source, that of random echoes, has no cells
         for done, (number, share) in enumerate(shares):
             source = ensonified.source(number)
-            delays = self.delays(source)
+            delays = self.delays(source, ping)
             blocks = ensonified.echoes(number, _of_a_part(progress, done / with_cells, 1 / with_cells))
             for echoes in (block for block in blocks if self.paths is None or block.path in self.paths):
                 for rows, centre in classes.receiver_groups(source, echoes, receivers):
@@ -131,12 +131,13 @@ class PressureRecord:
     def ensonified(self, ping: int) -> EnsonifiedPing:
         """Return the sources and echoes of a ping; those of the last ping are kept."""
         if self._ensonified is None or self._ensonified.ping != ping:
-            self._ensonified = EnsonifiedPing(self.survey, self.ensonification, ping, self.seed, self._ensonified)
+            self._ensonified = EnsonifiedPing(self.survey, self.ensonification(ping), ping, self.seed,
+                                              self._ensonified)
         return self._ensonified
 
-    def delays(self, source: PingSource) -> ElementDelays:
-        """Return the delays from a source to the elements, by the record's method."""
-        survey = self.survey
+    def delays(self, source: PingSource, ping: int) -> ElementDelays:
+        """Return the delays from a source to the elements at a ping, by the record's method."""
+        survey = self.survey.within(ping)
         guarded = GuardedDelays(source=source, transmit=survey.transmit, receive=survey.receive,
                                 wavelength=survey.wavelength, sampling=survey.sampling, counts=self.counts)
         if self.return_path == "vector":

@@ -12,9 +12,10 @@ from mitsonar.echoes.scatterers.ground_speckle import LATTICES, GroundSpeckle, S
 from mitsonar.imaging import sidescan as imaging
 from mitsonar.imaging.recorder import Recorder
 from mitsonar.imaging.sidescan import speckle_gates
-from mitsonar.scene import materials, objects
+from mitsonar.scene import objects
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.labels import classes_of
+from mitsonar.scene.world import World
 from mitsonar.sonar.arrays.array_makers import element_array
 from mitsonar.sonar.faces.faces import BuiltFace
 from mitsonar.sonar.faces.near_field import near_pressure
@@ -29,7 +30,7 @@ from ..energy.sides import Sides
 from ..energy.sidescan_survey import SidescanSurvey
 from ..pressure.array_survey import ArraySurvey
 from ..pressure.planning import survey_of
-from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
+from ..sensor import RunSettings, Sensor, head_speed, planned_waters, slowest_speed
 from ..voyage import Passage
 
 WIDEST = 0.2                       # cosine at which lobes are cut: pings are too far apart for wider lobes to matter
@@ -139,11 +140,10 @@ def plan(scene: mi.Scene, sensor: SidescanSensor, settings: RunSettings) -> Side
     """Plan a run over a scene."""
     geometry, passage, sonar = _laid(scene, sensor)
     window, bins = sensor.film().window(sonar.sound_speed)
-    materials.check(geometry, sensor.water.profile, sonar.frequency)
+    waters = planned_waters(sensor, geometry, passage, sonar.frequency)
     survey = SidescanSurvey(
-        geometry=geometry, profile=sensor.water.profile, absorption=sensor.water.absorption_column(sonar.frequency),
-        volume=sensor.water.volume, passage=passage, rays=settings.rays, max_depth=settings.max_depth, sonar=sonar,
-        window=window, bins=bins, first_pass=settings.first_pass)
+        world=World(still=geometry), waters=waters, passage=passage, rays=settings.rays,
+        max_depth=settings.max_depth, sonar=sonar, window=window, bins=bins, first_pass=settings.first_pass)
     limits.check_sidescan(survey)
     return survey
 
@@ -181,8 +181,8 @@ def picture(survey: SidescanSurvey, sensor: SidescanSensor, seed: int,
         record, sonar=sonar, track=track, depth_below=survey.depth_below, window=survey.window, labels=survey.labels,
         class_of=class_of, paths=survey.paths.names, noise_db=noise_db(sensor, sonar),
         speckle=side_speckle(survey, seed).of if sensor.speckle else None, seed=seed,
-        absorption_db=float(survey.absorption.at(head_depth)), recorder=sensor.recorder)
-    return objects.annotated(image, classes, class_of, survey.geometry, survey.track.position)
+        absorption_db=float(survey.waters.first.absorption.at(head_depth)), recorder=sensor.recorder)
+    return objects.annotated(image, classes, class_of, survey.world.still, survey.track.position)
 
 
 def rows(level: np.ndarray) -> np.ndarray:
