@@ -68,9 +68,14 @@ class Survey:
         pairs = np.stack([self.waters.number(ping), self.world.number(ping)])
         return np.unique(pairs, axis=1, return_inverse=True)[1].reshape(-1)
 
+    @property
+    def changes(self) -> bool:
+        """Return True if pings have different surroundings."""
+        return bool(self.surroundings_number.any())
+
     def within(self: SurveyOf, ping: int) -> SurveyOf:
         """Return the survey in which all pings have the surroundings of one; the same survey if they have them."""
-        if not self.surroundings_number.any():
+        if not self.changes:
             return self
         return replace(self, waters=self.waters.within(ping), world=self.world.within(ping))
 

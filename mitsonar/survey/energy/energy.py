@@ -122,7 +122,7 @@ class EnergyBlock(Generic[RaysOf]):
     """Energy records of blocks of pings that share their surroundings."""
 
     def __init__(self, survey: Survey, rows: Rows[RaysOf], seed: int):
-        geometry, self._lib = survey.surroundings.geometry, arrays_of(mi.Float)
+        geometry, self._lib, rows = survey.surroundings.geometry, arrays_of(mi.Float), rows.within(survey)
         self._rows, self._seed, self._depth_range = rows, seed, geometry.depth_range
         self._sound = SoundPaths.of(survey, ray_range(survey, rows), rows.frequency)
         self._places = Places(survey, self._sound.tracer, rows.underway, rows.per_ping)

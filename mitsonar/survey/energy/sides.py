@@ -163,6 +163,10 @@ class Sides:
         most = max(1, min(by_rays, by_copies, SUMS_PER_BLOCK // sums, pings if level else TABLES_PER_BLOCK, pings))
         return most if most < GROUP else most // GROUP * GROUP
 
+    def within(self, survey: SidescanSurvey) -> Sides:
+        """Return these rows: a sidescan's own sound speed, which its beams and bins have, is one for all pings."""
+        return self
+
     def passes(self, place: Place, seed: int,
                bins_of: Callable[[Place, SideRays], tuple[mi.UInt32, mi.Bool]]) -> Iterator[SideRays]:
         """Yield the rays that make the record."""

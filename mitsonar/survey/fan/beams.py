@@ -44,6 +44,7 @@ class Beams:
 
     def __init__(self, survey: ArraySurvey, angle: np.ndarray, direction: np.ndarray):
         world, bins = survey.world, survey.samples - survey.lead
+        self._directions = angle, direction
         self._survey, self.per_ping, self.labels = survey, len(angle), len(survey.labels)
         if self.per_ping * bins * self.labels > MOST_SUMS:
             raise ValueError(f"{self.per_ping} beams, {bins} samples and {self.labels} shapes make more than "
@@ -61,6 +62,10 @@ class Beams:
         window = (SLACK[0] * survey.start, SLACK[1] * survey.time[-1])
         self._drawn = partial(DrawnRays, window=window, rays=min(wanted, MOST_RAYS), pattern=self._beams.pattern,
                               surface=world.surface_label > 0 and not world.surface_mirrors)
+
+    def within(self, survey: ArraySurvey) -> Beams:
+        """Return the beams in a part of the survey: their patterns depend on its sound speed."""
+        return Beams(survey, *self._directions) if self._survey.changes else self
 
     def passes(self, place: Place, seed: int,
                bins_of: Callable[[Place, Rays], tuple[mi.UInt32, mi.Bool]]) -> Iterator[Rays]:

@@ -137,7 +137,6 @@ class Interferometer:
                                  normal=side.receive.normal[0]) for side in survey.sides]
         self._absorption = PerSurroundings(survey, lambda part: np.full(
             2, absorption_to_bed(part, part.waters.only.absorption)))
-        self._width = _beam_width(survey)
 
     def sides(self, ping: int) -> tuple[SideRows, SideRows]:
         """Return the rows of both sides at a ping."""
@@ -179,8 +178,8 @@ class Interferometer:
 
     def finding(self, ping: int, made: RowMeasurement, final: Located) -> Finding:
         """Return quality, footprints and strengths."""
-        survey = self._survey
-        speed = survey.sides[0].sound_speed(ping)
+        survey = self._survey.within(ping)
+        speed, width = survey.sides[0].sound_speed(ping), _beam_width(survey)
         sigma_angle, sigma_time = self._deviations(made)
         head = final.source_depth
         height = np.abs(final.depth - head)
@@ -193,8 +192,8 @@ class Interferometer:
         there = made.valid & final.found
         values: dict[str, np.ndarray | float] = {
             "detection": np.where(there, BY_PHASE, NOT_DETECTED), "quality": np.where(there, quality, np.nan),
-            "footprint_across": across, "footprint_along": final.path_length * self._width,
-            "backscatter_db": np.where(there, self._strength(ping, made, final), np.nan)}
+            "footprint_across": across, "footprint_along": final.path_length * width,
+            "backscatter_db": np.where(there, self._strength(survey, made, final, width), np.nan)}
         return Finding(variables=values, deviations=Deviations(time=sigma_time[None], angle=sigma_angle[None]))
 
     def _deviations(self, made: RowMeasurement) -> tuple[np.ndarray, np.ndarray]:
@@ -204,16 +203,16 @@ class Interferometer:
         window = survey.window / survey.sides[0].sampling_rate / np.sqrt(12)
         return angle, np.full(len(angle), float(gravity_deviation(np.array(window), survey.pulse_length)))
 
-    def _strength(self, ping: int, made: RowMeasurement, final: Located) -> np.ndarray:
+    def _strength(self, survey: InterferometricSurvey, made: RowMeasurement, final: Located,
+                  width: float) -> np.ndarray:
         """Return the strengths of the bed [dB] by the sonar equation, as the instrument knows its beams."""
-        survey = self._survey.within(ping)
         water, (side, starboard) = survey.waters.only, survey.sides
         bed = water.profile.at(np.nan_to_num(final.depth))
         loss = two_way_loss_db(final, water.absorption, bed, side.planned_speed)
         # the sine along a face's axis gives the place in its pattern, by the same numbers on both sides
         sine = made.sine[:, None]
         towards = sine * up_along(starboard.receive) + np.sqrt(1 - sine ** 2) * starboard.receive.normal[0]
-        area = final.path_length * self._width * 0.5 * bed * survey.pulse_length / np.maximum(
+        area = final.path_length * width * 0.5 * bed * survey.pulse_length / np.maximum(
             np.cos(final.grazing), 1e-3)
         return strength_db(made.intensity, source_level_db=side.source_level_db, loss_db=loss, area=area,
                            transmit_pattern_db=face_pattern_db(starboard.transmit, towards, side.wavelength),

@@ -135,7 +135,7 @@ class Steps:
 
     def __init__(self, survey: ArraySurvey, window: tuple[float, float], count: int):
         # window [s]; count of bins
-        self._survey, self.labels, self.paths = survey, len(survey.labels), Paths(1)
+        self._survey, self._window, self.labels, self.paths = survey, window, len(survey.labels), Paths(1)
         self.frequency, self.source_level_db = survey.frequency, survey.source_level_db
         face, length = face_of(survey), (window[1] - window[0]) / count
         self.bins = EnergyBins(start=window[0], length=length, count=count, sound_speed=face.sound_speed,
@@ -155,6 +155,10 @@ class Steps:
         level = len(np.unique(survey.track.position[:, 2])) == 1
         return max(1, min(RAYS_PER_BLOCK // rays, SUMS_PER_BLOCK // sums, pings if level else TABLES_PER_BLOCK, pings,
                           COHERENT_PER_BLOCK))
+
+    def within(self, survey: ArraySurvey) -> Steps:
+        """Return the rows of a part of the survey: the pattern of the face depends on its sound speed."""
+        return Steps(survey, self._window, self.bins.count) if self._survey.changes else self
 
     def passes(self, place: Place, seed: int,
                bins_of: Callable[[Place, StepRays], tuple[mi.UInt32, mi.Bool]]) -> Iterator[StepRays]:
