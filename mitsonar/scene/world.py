@@ -20,22 +20,30 @@ class World:
 
     still: Geometry  # what no ping moves: the bed, the surface, and today everything else
 
+    @property
+    def geometries(self) -> list[Geometry]:
+        """Return the different geometries."""
+        return [self.still]
+
     def number(self, ping: ArrayLike) -> np.ndarray:
         """Return the numbers of the geometries of pings, of any shape."""
         return np.zeros(np.shape(ping), int)
 
     def at(self, ping: int) -> Geometry:
         """Return the geometry of a ping."""
-        return self.still
+        return self.geometries[int(self.number(ping))]
 
     def within(self, ping: int) -> World:
         """Return the geometry of a ping as that of all pings."""
-        return self
+        return self if len(self.geometries) == 1 else World(still=self.at(ping))
 
     @property
     def only(self) -> Geometry:
-        """Return the geometry that all pings share."""
-        return self.still
+        """Return the geometry that all pings share; raise `ValueError` if they differ."""
+        if len(self.geometries) > 1:
+            raise ValueError(f"one geometry was asked for, but the survey's pings have {len(self.geometries)}; ask for "
+                             "that of a ping, or go through the survey in parts that share one")
+        return self.geometries[0]
 
     def smoothed(self) -> World:
         """Return the world with beds that scatter by normals interpolated between their nodes."""

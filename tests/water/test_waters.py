@@ -6,7 +6,7 @@ from mitsonar.water import SoundSpeedProfile
 from mitsonar.water.column import AbsorptionColumn
 from mitsonar.water.volume import VolumeScattering
 from mitsonar.water.waters import WaterColumn
-from tests.inputs.two_waters import TwoWaters
+from tests.inputs.changing_surroundings import TwoWaters
 
 FAST = WaterColumn(profile=SoundSpeedProfile([0.0, 30.0], [1520.0, 1500.0]), absorption=AbsorptionColumn(0.0, 0.02))
 SLOW = WaterColumn(profile=SoundSpeedProfile([0.0, 30.0], [1500.0, 1480.0]), absorption=AbsorptionColumn(0.0, 0.01),
