@@ -107,6 +107,6 @@ def planned_waters(sensor: Sensor, geometry: Geometry, passage: Passage, frequen
     """Return the water of a run's pings at a frequency [Hz]; raise `ValueError` if a material does not suit it."""
     water, mean_depth = sensor.water, -float(passage.voyage.track.position[:, 2].mean())
     materials.check(geometry, water.profile, frequency)
-    return Waters(column=WaterColumn(
+    return Waters.constant(WaterColumn(
         profile=water.profile, absorption=water.absorption_column(frequency), volume=water.volume,
         mean_absorption_db=water.mean_absorption(mean_depth, geometry.depth_range[1])))

@@ -33,6 +33,11 @@ class Waters:
 
     column: WaterColumn
 
+    @classmethod
+    def constant(cls, column: WaterColumn) -> Waters:
+        """Return one column for all pings."""
+        return Waters(column=column)
+
     @property
     def columns(self) -> list[WaterColumn]:
         """Return the different columns."""
@@ -52,7 +57,7 @@ class Waters:
 
     def within(self, ping: int) -> Waters:
         """Return the water of a ping as that of all pings."""
-        return self if len(self.columns) == 1 else Waters(column=self.at(ping))
+        return self if len(self.columns) == 1 else Waters.constant(self.at(ping))
 
     @property
     def only(self) -> WaterColumn:

@@ -50,7 +50,7 @@ def in_waters(survey, profile, change):
     """Return a planned survey whose water has another profile, and scatters more, from the ping `change` on."""
     def changed(waters):
         other = replace(waters.only, profile=profile, volume=waters.only.volume and STRONG)
-        return TwoWaters(column=waters.only, other=other, change=change) if change else Waters(column=other)
+        return TwoWaters(column=waters.only, other=other, change=change) if change else Waters.constant(other)
 
     return with_all(survey, lambda part: replace(part, waters=changed(part.waters)))
 

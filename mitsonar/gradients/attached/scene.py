@@ -123,7 +123,7 @@ class AttachedScene:
             column = replace(self._survey.waters.only, profile=water.profile,
                              absorption=water.absorption_column(self._frequency))
             survey = replace(
-                self._survey, world=self._survey.world.smoothed(), waters=Waters(column=column),
+                self._survey, world=self._survey.world.smoothed(), waters=Waters.constant(column),
                 passage=replace(self._survey.passage, voyage=replace(voyage, track=self._track())))
             self._check(survey)
             scenery = field.at(survey)

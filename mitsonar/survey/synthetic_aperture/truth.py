@@ -141,7 +141,7 @@ def _sidescan(survey: StripSurvey, line: MeanLine, place: np.ndarray, window: tu
     passage = Passage(voyage=Voyage(track=track, trajectory=Trajectory(lead=Recorded.through(track))),
                       depth_below=np.full(len(place), float(np.mean(survey.depth_below))), depth=-place[:, 2])
     return SidescanSurvey(
-        world=World(still=survey.world.still), waters=Waters(column=replace(water, volume=None)), passage=passage,
+        world=World(still=survey.world.still), waters=Waters.constant(replace(water, volume=None)), passage=passage,
         rays=2 * max(FEWEST_RAYS, RAYS_PER_BIN * bins), sonar=sonar, window=window, bins=bins, first_pass=0.15)
 
 
