@@ -77,7 +77,20 @@ class Survey:
         """Return the survey in which all pings have the surroundings of one; the same survey if they have them."""
         if not self.changes:
             return self
+        number = int(self.surroundings_number[ping])
+        if number not in self._part:
+            self._part.clear()
+            self._part[number] = self._made_within(ping)
+        return self._part[number]
+
+    def _made_within(self: SurveyOf, ping: int) -> SurveyOf:
+        """Return a new survey in which all pings have the surroundings of one."""
         return replace(self, waters=self.waters.within(ping), world=self.world.within(ping))
+
+    @cached_property
+    def _part(self) -> dict:
+        """Return the latest part of `within` by its number, so that all who ask share its tables."""
+        return {}
 
     def stretches(self) -> list[np.ndarray]:
         """Return the numbers of the pings, in parts in which consecutive pings share their surroundings."""

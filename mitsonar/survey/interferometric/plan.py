@@ -37,10 +37,10 @@ class InterferometricSurvey(SoundedSurvey):
     looks: float  # range cells that phases are averaged over, at least
     least_coherence: float  # of a valid sounding
 
-    def within(self, ping: int) -> InterferometricSurvey:
-        """Return the survey in which all pings have the surroundings of one; see `Survey.within`."""
-        part, (port, starboard) = super().within(ping), self.sides
-        return self if part is self else replace(part, sides=(port.within(ping), starboard.within(ping)))
+    def _made_within(self, ping: int) -> InterferometricSurvey:
+        """Return a new survey in which all pings, of both sides, have the surroundings of one."""
+        port, starboard = self.sides
+        return replace(super()._made_within(ping), sides=(port.within(ping), starboard.within(ping)))
 
     @property
     def per_bin(self) -> int:

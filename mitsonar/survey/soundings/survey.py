@@ -85,12 +85,10 @@ class SwathSurvey(SoundedSurvey):
     mounting: np.ndarray  # (3,) [rad], roll, pitch and heading of the head
     receive_flaws: float  # root mean square error of receivers, in amplitude [-] and in phase [rad]
 
-    def within(self, ping: int) -> SwathSurvey:
-        """Return the survey in which all pings have the surroundings of one; see `Survey.within`."""
-        part = super().within(ping)
-        if part is self:
-            return self
-        return replace(part, sectors=[replace(run, survey=run.survey.within(ping)) for run in self.sectors])
+    def _made_within(self, ping: int) -> SwathSurvey:
+        """Return a new survey in which all pings, of all sectors, have the surroundings of one."""
+        return replace(super()._made_within(ping),
+                       sectors=[replace(run, survey=run.survey.within(ping)) for run in self.sectors])
 
     @property
     def beams(self) -> int:
