@@ -103,7 +103,7 @@ def array(inputs: Sequence[str], options: Options, progress: Progress) -> Solved
         survey = integrator.array_survey(scene, sensor, 0)
     except RuntimeError as error:
         raise as_exception(error) from error
-    targets = [target.position for target in survey.geometry.targets()]
+    targets = [target.position for target in survey.world.still.targets()]
     if not targets:
         raise ValueError(f"{path} has no point targets; put a point_target at the assumed place of each")
     found = calibrated(signals, np.array(targets, float), sensor.water.profile,

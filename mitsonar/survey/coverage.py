@@ -43,9 +43,10 @@ def _warn_of_short(survey: Survey, farthest: float, pings: np.ndarray) -> None:
     number = np.arange(PROBES) + 0.5
     height, around = 1 - 2 * number / PROBES, np.pi * (1 + np.sqrt(5)) * number
     probes = np.stack([*(np.sqrt(1 - height ** 2) * trig(around) for trig in (np.cos, np.sin)), height], -1)
-    points = [np.asarray(target.position) for target in survey.geometry.targets()]
+    geometry = survey.world.still
+    points = [np.asarray(target.position) for target in geometry.targets()]
     near = any(np.linalg.norm(places - point, axis=1).min() < farthest for point in points)
-    if near or _hit(survey.geometry, np.repeat(places, PROBES, 0), np.tile(probes, (len(places), 1)), farthest).any():
+    if near or _hit(geometry, np.repeat(places, PROBES, 0), np.tile(probes, (len(places), 1)), farthest).any():
         return
     which = "of every ping" if len(pings) == len(below) else f"of {len(pings)} of {len(below)} pings"
     warnings.warn(f"the range of {farthest:g} m ends above the seabed, which lies {below[pings].min():.3g} m or more "
@@ -55,7 +56,7 @@ def _warn_of_short(survey: Survey, farthest: float, pings: np.ndarray) -> None:
 
 def _warn_of_edge(survey: Survey, sensor: Sensor, farthest: float) -> None:
     """Warn that the bed ends within the range, in the directions that the sonar looks into."""
-    track, geometry = survey.track, survey.geometry
+    track, geometry = survey.track, survey.world.still
     pings = _few(np.flatnonzero(survey.depth_below < farthest))
     position, below = track.position[pings], survey.depth_below[pings]
     looks, down = sensor.look_directions()
@@ -92,7 +93,7 @@ def _hit(geometry: Geometry, origin: np.ndarray, direction: np.ndarray, farthest
     """Return True for straight rays (R, 3) that hit anything but the sea surface within a distance [m]."""
     points, ways = ((upload(mi.Float, column.astype(np.float32)) for column in np.asarray(rows, float).T)
                     for rows in (origin, direction))
-    ray: Any = mi.Ray3f(mi.Point3f(*points), mi.Vector3f(*ways))
+    ray = mi.Ray3f(mi.Point3f(*points), mi.Vector3f(*ways))
     ray.maxt = dr.opaque(mi.Float, float(farthest))
     pi = geometry.scene.ray_intersect_preliminary(ray, coherent=mi.Bool(False))
     label = dr.gather(mi.UInt32, geometry.rows, 4 * registry_index(pi), pi.is_valid())

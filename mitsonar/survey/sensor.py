@@ -10,12 +10,15 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
+from mitsonar.scene import materials
+from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.protocols import SceneSonar
 from mitsonar.water.column import AbsorptionColumn
 from mitsonar.water.profile import SoundSpeedProfile
 from mitsonar.water.volume import VolumeScattering
+from mitsonar.water.waters import WaterColumn, Waters
 
-from .voyage import Route
+from .voyage import Passage, Route
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -146,3 +149,12 @@ def head_speed(sensor: Sensor, depth: np.ndarray | float) -> float:
 def slowest_speed(sensor: Sensor) -> float:
     """Return the sound speed [m/s] with the longest wait for the last echo, of the scene as loaded."""
     return sensor.sound_speed or float(np.min(sensor.water.loaded_profile.sound_speed))
+
+
+def planned_waters(sensor: Sensor, geometry: Geometry, passage: Passage, frequency: float) -> Waters:
+    """Return the water of a run's pings at a frequency [Hz]; raise `ValueError` if a material does not suit it."""
+    water, mean_depth = sensor.water, -float(passage.voyage.track.position[:, 2].mean())
+    materials.check(geometry, water.profile, frequency)
+    return Waters.constant(WaterColumn(
+        profile=water.profile, absorption=water.absorption_column(frequency), volume=water.volume,
+        mean_absorption_db=water.mean_absorption(mean_depth, geometry.depth_range[1])))

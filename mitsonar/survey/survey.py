@@ -1,29 +1,47 @@
-"""Data of any run of a sonar over a scene."""
-from dataclasses import dataclass
+"""Data of any run of a sonar over a scene, and the parts of a run that share their surroundings.
+
+Pings that share a water and a geometry share their surroundings, and with them everything that is made once and used
+for many pings: tracers, tables of eigenrays, scatterers. `Survey.within` is the survey of one ping's surroundings, in
+which all pings share them; `PerSurroundings` makes things of it. What all pings share whatever their water, such as
+windows, sampling and units, is planned with the extremes of `Survey.waters`, or at `Survey.planned_speed`.
+"""
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
 from mitsonar.echoes.paths import Paths
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.tracing.water import DeviceWater
+from mitsonar.scene.world import World
 from mitsonar.sonar.motion.track import Track
 from mitsonar.sonar.motion.trajectory import Voyage
-from mitsonar.water.column import AbsorptionColumn
-from mitsonar.water.profile import SoundSpeedProfile
-from mitsonar.water.volume import VolumeScattering
+from mitsonar.water.waters import Waters
 
 from .voyage import Passage
+
+
+class Surroundings(NamedTuple):
+    """Geometry and water of a ping, as rays need them."""
+
+    geometry: Geometry
+    water: DeviceWater
+
+
+SurveyOf = TypeVar("SurveyOf", bound="Survey")
+_Made = TypeVar("_Made")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Survey:
     """Scene, its water, and pings along a track."""
 
-    geometry: Geometry
-    profile: SoundSpeedProfile
-    absorption: AbsorptionColumn  # at the sonar's frequency
-    volume: VolumeScattering | None = None  # scattering of the water itself
+    world: World
+    waters: Waters  # at the sonar's frequency
     passage: Passage  # pings and their track
     rays: int  # per ping
     max_depth: int = 1  # largest number of bounces of an echo
@@ -44,17 +62,88 @@ class Survey:
         return self.voyage.track
 
     @cached_property
-    def water(self) -> DeviceWater:
-        """Return the water on the device, made once for all pings."""
-        deepest = max(self.geometry.depth_range[1], -float(self.track.position[:, 2].min()))
-        return DeviceWater(self.profile, self.absorption, self.volume, deepest=deepest)
+    def surroundings_number(self) -> np.ndarray:
+        """Return the numbers (P,) of the pings' surroundings; pings with one number share them."""
+        ping = np.arange(self.track.pings)
+        pairs = np.stack([self.waters.number(ping), self.world.number(ping)])
+        return np.unique(pairs, axis=1, return_inverse=True)[1].reshape(-1)
+
+    @property
+    def changes(self) -> bool:
+        """Return True if pings have different surroundings."""
+        return bool(self.surroundings_number.any())
+
+    def within(self: SurveyOf, ping: int) -> SurveyOf:
+        """Return the survey in which all pings have the surroundings of one; the same survey if they have them."""
+        if not self.changes:
+            return self
+        number = int(self.surroundings_number[ping])
+        if number not in self._part:
+            self._part.clear()
+            self._part[number] = self._made_within(ping)
+        return self._part[number]
+
+    def _made_within(self: SurveyOf, ping: int) -> SurveyOf:
+        """Return a new survey in which all pings have the surroundings of one."""
+        return replace(self, waters=self.waters.within(ping), world=self.world.within(ping))
+
+    @cached_property
+    def _part(self) -> dict:
+        """Return the latest part of `within` by its number, so that all who ask share its tables."""
+        return {}
+
+    def stretches(self) -> list[np.ndarray]:
+        """Return the numbers of the pings, in parts in which consecutive pings share their surroundings."""
+        changes = np.flatnonzero(np.diff(self.surroundings_number)) + 1
+        return np.split(np.arange(self.track.pings), changes)
+
+    @cached_property
+    def surroundings(self) -> Surroundings:
+        """Return the surroundings that all pings share; raise `ValueError` if they differ: see `within`."""
+        return Surroundings(geometry=self.world.only, water=self.device_water())
+
+    def device_water(self, below: float = 0.0) -> DeviceWater:
+        """Return the water of all pings on the device, with tables that end `below` [m] under the lowest bed."""
+        column = self.waters.only
+        deepest = max(self.world.depth_range[1], -float(self.track.position[:, 2].min())) + below
+        return DeviceWater(column.profile, column.absorption, column.volume, deepest=deepest)
 
     @cached_property
     def paths(self) -> Paths:
         """Return the paths with sums of their own."""
-        return Paths(self.max_depth, surface=self.geometry.surface_label > 0, volume=self.volume is not None)
+        return Paths(self.max_depth, surface=self.world.surface_label > 0, volume=self.waters.scatter)
 
     @property
     def labels(self) -> dict[int, str]:
         """Return the names of labels by number: the scene's shapes."""
-        return self.geometry.labels
+        return self.world.labels
+
+    def sound_speed(self, ping: int) -> float:
+        """Return the sound speed at the sonar [m/s]."""
+        return self.waters.sound_speed(ping, -self.track.position[ping, 2])
+
+    @property
+    def sound_speeds(self) -> np.ndarray:
+        """Return the sound speeds at the sonar at all pings, (P,) [m/s]."""
+        depth = -self.track.position[:, 2]
+        return np.concatenate([self.waters.at(part[0]).profile.at(depth[part]) for part in self.stretches()])
+
+    @property
+    def planned_speed(self) -> float:
+        """Return the sound speed at the sonar at the first ping [m/s], for what all pings share."""
+        return self.sound_speed(0)
+
+
+class PerSurroundings(Generic[SurveyOf, _Made]):
+    """Make something of the survey within the surroundings of a ping; the latest is kept, since pings come in order."""
+
+    def __init__(self, survey: SurveyOf, make: Callable[[SurveyOf], _Made]):
+        self._survey, self._make = survey, make
+        self._latest: tuple[int, _Made] | None = None
+
+    def at(self, ping: int) -> _Made:
+        """Return what is made for the surroundings of a ping."""
+        number = int(self._survey.surroundings_number[ping])
+        if self._latest is None or self._latest[0] != number:
+            self._latest = number, self._make(self._survey.within(ping))
+        return self._latest[1]

@@ -327,8 +327,8 @@ def checked_seed(seed: int) -> int:
 
 def provenance(scene: mi.Scene, sensor: Sensor, survey: Survey) -> dict[str, object]:
     """Return attributes of a result that record its scene, parameters, versions and origin."""
-    passage, geometry = survey.passage, survey.geometry
-    origin, crs = geometry.local_origin, geometry.crs
+    passage, world = survey.passage, survey.world
+    origin, crs = world.local_origin, world.crs
     if origin is None and passage.frame is not None:
         # without a surveyed seabed, the track's latitudes and longitudes locate the scene
         origin, crs = passage.frame.origin, passage.frame.crs

@@ -128,14 +128,13 @@ class SonarPath(mi.SamplingIntegrator):
         """Return levels (rows, columns)."""
         from mitsonar.gradients.elements.coherent_levels import CoherentLevels, is_coherent
         from mitsonar.gradients.records.level_products import wants_gradients
-        from mitsonar.scene.geometry import Geometry
         from mitsonar.survey.kinds import kind_of
 
         if wants_gradients(scene) and is_coherent(scene, sonar):
             return CoherentLevels(scene, sonar, seed).levels
         survey = self.survey(scene, sonar)
         if wants_gradients(scene):
-            survey = replace(survey, geometry=Geometry(scene, smooth_beds=True))
+            survey = replace(survey, world=survey.world.smoothed())
         return kind_of(sonar).rows(self.picture(survey, sonar, seed)["level"].values)
 
     def render_forward(self, scene: mi.Scene, params: mi.SceneParameters, sensor: mi.Sensor | int = 0, seed: int = 0,

@@ -104,14 +104,14 @@ class _Rays:
 
 def _even_in_time(survey, count):
     """Launch angles [rad] of rays whose echoes from a flat bed fill the record evenly, and the step in time [s]."""
-    depth, bed = -survey.track.position[0, 2], survey.geometry.depth_range[1]
+    depth, bed = -survey.track.position[0, 2], survey.world.depth_range[1]
     end = survey.time[-1]
-    x = np.linspace(0, 0.5 * end * np.max(survey.profile.sound_speed), TABULATED)
-    time = 2 * eigenray(survey.profile, depth, bed, x).travel_time
+    x = np.linspace(0, 0.5 * end * np.max(survey.waters.only.profile.sound_speed), TABULATED)
+    time = 2 * eigenray(survey.waters.only.profile, depth, bed, x).travel_time
     step = (end - time[0]) / count
     # x² is smooth in time, x is not at the nadir
     reached = np.sqrt(np.interp(time[0] + (np.arange(count) + 0.5) * step, time, x ** 2))
-    return eigenray(survey.profile, depth, bed, reached).launch_angle, step
+    return eigenray(survey.waters.only.profile, depth, bed, reached).launch_angle, step
 
 
 def _section(geometry):

@@ -76,7 +76,7 @@ def compute(**parameters: object) -> xr.Dataset:
         impulses = _Impulses(survey, own_rays)
         results["delay"][used], results["intensity"][used] = impulses.delay("vector"), impulses.intensity
         results["exact_delay"][used] = impulses.delay("eigenray")
-        uniform = {**parameters, "profile": f"0: {survey.sound_speed(0)!r}"}
+        uniform = {**parameters, "profile": f"0: {survey.planned_speed!r}"}
         uniform = shipped_survey(SCENE, **uniform, axis=axis, elements=elements)
         results["uniform_delay"][used] = _Impulses(uniform, own_rays).delay("vector")
     results["intensity"] /= np.nanmax(results["intensity"][0])
@@ -88,7 +88,7 @@ def compute(**parameters: object) -> xr.Dataset:
             data[f"{prefix}{side}_shift"] = (dims[:2], _shift(results[name], axis), {"units": "s"})
     return xr.Dataset(data, coords={"arrangement": list(ARRANGEMENTS),
                                     "launch_angle": ("ray", LAUNCH_ANGLES, {"units": "rad"})},
-                      attrs={"sampling_rate": survey.sampling_rate, "sound_speed": survey.sound_speed(0),
+                      attrs={"sampling_rate": survey.sampling_rate, "sound_speed": survey.planned_speed,
                              "speed": float(np.linalg.norm(survey.velocity[0])), "scene": SCENE})
 
 
@@ -115,14 +115,14 @@ class _Impulses:
         self.outward = each(bundle.travel_time)
         if not own_rays:
             # by reciprocity: the way from a transmit element to the common hit is the way back to it
-            self.outward = return_time(survey.profile, self.centre, bundle.point, transmit @ self.rotation.T).T
+            self.outward = return_time(survey.waters.only.profile, self.centre, bundle.point, transmit @ self.rotation.T).T
 
     def delay(self, method):
         """(ray, tx, rx) [s], the way back found by a method of `return_time`."""
         survey, delay = self.survey, []
         for position, hits, outward in zip(survey.transmit.position, self.hits, self.outward):
             offset = (survey.receive.position - position) @ self.rotation.T
-            back = return_time(survey.profile, self.centre + self.rotation @ position, hits, offset,
+            back = return_time(survey.waters.only.profile, self.centre + self.rotation @ position, hits, offset,
                                survey.velocity[0], method)
             delay.append(outward[:, None] + back)
         return np.stack(delay, 1)

@@ -52,7 +52,7 @@ def record_of(arguments, elements=1, **integrator):
 def ensonified(record):
     """All echoes of the ping, made anew."""
     plan = record.survey
-    return list(record.ensonification.echoes(plan.track.position[0], plan.track.rotation()[0],
+    return list(record.ensonification(0).echoes(plan.track.position[0], plan.track.rotation()[0],
                                              float(plan.depth_below[0]), 0))
 
 

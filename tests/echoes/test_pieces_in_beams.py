@@ -20,7 +20,7 @@ def test_no_cell_of_a_facet_contradicts_what_is_said_of_it(variant, rng, face):
     relief = {"type": "seabed", "depth": 30.0, "length": 120.0, "width": 120.0, "spacing": 1.0}
     scene = array_sonar({"bed": {**relief, "bsdf": {"type": "lambert"}}},
                         water={"profile": SUMMER_TEXT}, film={"range": 50.0}, integrator={"cell": 0.2}, sensor=sensor)
-    made = PressureRecord(scene.integrator().array_survey(scene, scene.sensors()[0])).ensonification
+    made = PressureRecord(scene.integrator().array_survey(scene, scene.sensors()[0])).ensonification(0)
     origin, rotation = np.array([0.0, 0.0, -10.0]), Rotation.from_rotvec([0.05, 0.1, 0.3]).as_matrix()
     sources, start = made._source(origin)
     _, pieces = made.pieces(origin)[0]

@@ -37,7 +37,7 @@ def strength_db(target, sonar, middle):
                         sensor={"frequency_khz": KILOHERTZ, "start": list(sonar)}, water={"absorption_db_per_km": 0.0},
                         integrator={"cell": 20.0, "rays": 16})
     survey, total = scene.integrator().array_survey(scene, scene.sensors()[0]), 0
-    for _, echoes in PressureRecord(survey).ensonification.coherent_echoes(np.array(sonar)):
+    for _, echoes in PressureRecord(survey).ensonification(0).coherent_echoes(np.array(sonar)):
         time = (echoes.arrival + echoes.back.travel_time).numpy()
         amplitude = echoes.amplitude[0].numpy() + 1j * echoes.amplitude[1].numpy()
         total += (amplitude * np.exp(-2j * np.pi * survey.frequency * time)).sum()
@@ -79,7 +79,7 @@ def test_no_ray_reaches_under_the_bed_and_none_is_missing_over_it(variant, made,
     scene = array_sonar({"seabed": bed(DEPTH, size=400.0), "body": made(0.0, lambert())}, film={"range": 200.0},
                         sensor={"start": list(sonar)})
     survey, lib = scene.integrator().array_survey(scene, scene.sensors()[0]), arrays_of(mi.Float)
-    sources = Tracer(survey.geometry, survey.water, max_range=300.0).sources([-sonar[2]])
+    sources = Tracer(*survey.surroundings, max_range=300.0).sources([-sonar[2]])
     for low, high, share in ((-0.3, -0.002, 0.0), (0.0, 0.003, 1.0), (0.003, 0.2, 1.0)):
         height = random.uniform(low, high, 2000)
         ring = np.sqrt(RADIUS ** 2 - height ** 2)
@@ -87,7 +87,7 @@ def test_no_ray_reaches_under_the_bed_and_none_is_missing_over_it(variant, made,
         x = random.uniform(-0.19, 0.19, 2000) if made is cylinder else ring * np.cos(turn)
         point = np.stack([x, ring * np.sin(turn), height - DEPTH], 1)
         normal = np.stack([0 * x if made is cylinder else x, point[:, 1], height], 1) / RADIUS
-        way = Connector(survey.geometry, survey.water).connect(
+        way = Connector(*survey.surroundings).connect(
             sources, lib.Array3f64(*(mi.Float64(float(v)) for v in sonar)), mi.UInt32(0),
             lib.Array3f64(*(upload(mi.Float64, column) for column in point.T)),
             mi.Vector3f(*(upload(mi.Float, column.astype(np.float32)) for column in normal.T)))
@@ -108,7 +108,7 @@ def test_pictures_in_the_beam_domain_see_nothing_of_what_is_buried(variant, grou
                              & (abs(way.x * distance) < 1))
     assert lit is not None
     height = lit.offset.z.numpy() - 14.0 + DEPTH
-    label = next(number for number, name in survey.geometry.labels.items() if name == "ball")
+    label = next(number for number, name in survey.world.labels.items() if name == "ball")
     there = (lit.scatterers.label.numpy() == label) & (lit.energy.numpy() > 0)
     free, normal = lit.state.numpy() == FREE, lit.scatterers.normal
     arrival = lit.legs.arrival_direction

@@ -176,7 +176,7 @@ def test_no_cell_that_a_narrow_beam_hears_is_left_out(variant, height):
                             film={"range": 70.0, "range_min": 40.0}, sensor={"frequency_khz": 300.0, **sensor})
         record = PressureRecord(scene.integrator().array_survey(scene, scene.sensors()[0]))
         if not choose:
-            record.ensonification.beams = None
+            record.ensonification(0).beams = None
         heard.append(record.at(0).responses())
     assert np.linalg.norm(heard[0] - heard[1]) < 1e-3 * np.linalg.norm(heard[1])
 

@@ -53,7 +53,8 @@ def sure(monkeypatch):
 def echoes(scene, key=7):
     """Half the two-way time [s], energy and place (R, 3) of all echoes of the first ping, element patterns apart."""
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    light = Ensonification(Scatterers(survey.geometry, survey.cell_size), survey.water, frequency=survey.frequency,
+    geometry, water = survey.surroundings
+    light = Ensonification(Scatterers(geometry, survey.cell_size), water, frequency=survey.frequency,
                            window=(survey.start, survey.time[-1]), margin=0.0,
                            method=survey.ensonification, rays=survey.rays, beams=None)
     origin, rotation = survey.track.position[0], survey.track.rotation()[0]

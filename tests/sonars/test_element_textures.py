@@ -38,7 +38,7 @@ def test_cells_see_the_texture(variant, monkeypatch, tmp_path, kind, integrator)
     prepare()
     scene = array_sonar({"bed": square(kind, tmp_path)}, integrator=integrator)
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    ensonification = PressureRecord(survey).ensonification
+    ensonification = PressureRecord(survey).ensonification(0)
     energy = np.zeros((2, 2))
     origin, rotation = survey.track.position[0], survey.track.rotation()[0]
     for block in ensonification.echoes(origin, rotation, float(survey.depth_below[0]), 3):

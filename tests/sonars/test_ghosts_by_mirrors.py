@@ -65,7 +65,7 @@ def test_a_wall_that_mirrors_first_last_and_between(variant):
     scene = array_sonar(shapes, film={"range": 40.0}, sensor={"frequency_khz": 10.0},
                         integrator={"max_depth": 3, "cell": 3.0, "rays": 200_000})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    ensonification = PressureRecord(survey).ensonification
+    ensonification = PressureRecord(survey).ensonification(0)
     found, keys = {True: 0, "last": 0, False: 0}, 12
     for key in range(keys):
         for echoes in ensonification.random_echoes(survey.track.position[0], survey.track.rotation()[0], 10.0, key):

@@ -74,7 +74,7 @@ def test_a_huge_bed_costs_what_is_in_reach(variant):
     """1 km at 5 cm is 1.6 x 10^9 cells; listing them all would take minutes."""
     scene = array_sonar({"bed": bed(20.0, size=1000.0)}, integrator={"cell": 0.05}, film={"range": 12.0})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    scatterers = PressureRecord(survey).ensonification.scatterers
+    scatterers = PressureRecord(survey).ensonification(0).scatterers
     origin = survey.track.position[0]
     listed = pieces_in_reach(scatterers, scatterers.in_reach(origin, 0.0, 12.0), origin, 0.0, 12.0).cells.sum()
     assert listed < 2 * np.pi * (12.0 ** 2 - 10.0 ** 2) / (0.5 * 0.05 ** 2 / 2)

@@ -33,7 +33,7 @@ def test_a_bed_under_a_mirror_is_heard_once_along_each_way(variant, ensonificati
     scene = array_sonar({"bed": bed(20.0, lambert(-10.0), size=200.0), "sea": sea}, film={"range": 42.0},
                         integrator={"max_depth": 3, "cell": 0.5, "rays": 50_000, "ensonification": ensonification})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    heard, ensonification = {}, PressureRecord(survey).ensonification
+    heard, ensonification = {}, PressureRecord(survey).ensonification(0)
     for echoes in ensonification.echoes(survey.track.position[0], survey.track.rotation()[0], 10.0, 0):
         half = 0.75e3 * (echoes.arrival + echoes.back.travel_time).numpy()
         found = np.histogram(half, GATES, weights=echoes.energy.numpy().astype(float))[0]

@@ -57,7 +57,7 @@ def energy(kind, **integrator):
     scene = array_sonar({"bed": buried_bed(40.0), "thing": shapes()[kind]}, water={"absorption_db_per_km": 0.0},
                         integrator={"cell": 0.02, **integrator}, film={"range": 20.0, "range_min": 5.0})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    ensonification = PressureRecord(survey).ensonification
+    ensonification = PressureRecord(survey).ensonification(0)
     start = survey.track.position[0]
     total, point = 0.0, []
     for echoes in ensonification.echoes(start, np.eye(3), 30.0, 1):

@@ -227,11 +227,11 @@ def test_delays_in_layered_water_are_those_of_exact_rays_to_where_the_sonar_is_t
     scene = sidescan({"bed": buried_bed(45.0, size=800.0), **shapes}, water={"profile": SUMMER}, film={"bins": 4000},
                      rays=2000, sensor={"track": str(tmp_path / "track.csv"), "pings": 2, "ping_rate_hz": 4.0, **OMNI})
     survey = scene.integrator().survey(scene, scene.sensors()[0])
-    z = record(survey, Sides(survey)).coherent.pressure[..., 0]
+    z, water = record(survey, Sides(survey)).coherent.pressure[..., 0], survey.waters.only.profile
     for ping, target in ((ping, target) for ping in range(2) for target in TARGETS):
         origin = survey.track.position[ping]
-        out = eigenray(survey.profile, -origin[2], -target[2], np.hypot(*(target - origin)[:2])).travel_time
-        delay = float(out + return_time(survey.profile, origin, [target], [[0, 0, 0]], velocity, "eigenray")[0, 0])
+        out = eigenray(water, -origin[2], -target[2], np.hypot(*(target - origin)[:2])).travel_time
+        delay = float(out + return_time(water, origin, [target], [[0, 0, 0]], velocity, "eigenray")[0, 0])
         found = z[ping, int(target[0] > 0), int((delay - survey.window[0]) / survey.bin_length)]
         error = np.angle(found * np.exp(2j * np.pi * 1e5 * delay)) / (2 * np.pi * 1e5)
         # pressures behind the first side lobe's edge are negative

@@ -100,7 +100,7 @@ def test_energy_of_two_bounces_between_bed_and_wall(variant):
     scene = array_sonar({"bed": bed(20.0, lambert(-10.0), size=200.0), "wall": wall}, film={"range": 40.0},
                         integrator={"max_depth": 2, "cell": 3.0, "rays": 400_000})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    ensonification = PressureRecord(survey).ensonification
+    ensonification = PressureRecord(survey).ensonification(0)
     origin = survey.track.position[0]
     total = np.zeros(2)
     for key in range(4):

@@ -45,7 +45,7 @@ def test_elements_hear_point_targets_by_way_of_the_bed(variant, targets):
     scene = array_sonar({"bed": bed(20.0, lambert(-10.0), size=200.0), **balls}, film={"range": 40.0},
                         integrator={"max_depth": 2, "cell": 3.0, "rays": 100_000})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    ensonification = PressureRecord(survey).ensonification
+    ensonification = PressureRecord(survey).ensonification(0)
     found, keys = 0, 4
     for key in range(keys):
         for echoes in ensonification.random_echoes(survey.track.position[0], survey.track.rotation()[0], 10.0, key):
@@ -161,7 +161,7 @@ def test_elements_hear_a_sphere_by_way_of_the_mirror(variant, monkeypatch):
 def pressures(scene):
     """Complex sums of the echoes of scatterers, by path and by which of the ways out and back go by the mirror."""
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    out, ensonification = {}, PressureRecord(survey).ensonification
+    out, ensonification = {}, PressureRecord(survey).ensonification(0)
     for echoes in ensonification.scatterer_echoes(survey.track.position[0], np.eye(3), 10.0, 0):
         cycles = survey.frequency * (echoes.arrival + echoes.back.travel_time).numpy()
         z = (echoes.amplitude[0].numpy() + 1j * echoes.amplitude[1].numpy()) * np.exp(-2j * np.pi * cycles)

@@ -38,7 +38,7 @@ def scene_of(target, *, material=None, kilohertz=20.0, max_depth=3, water=None, 
 def echoes_of(scene):
     """Pressures at the sonar and times of the echoes that owe nothing to chance, by path, ways alike together."""
     survey, found = scene.integrator().array_survey(scene, scene.sensors()[0]), {}
-    for _, echoes in PressureRecord(survey).ensonification.coherent_echoes(SONAR):
+    for _, echoes in PressureRecord(survey).ensonification(0).coherent_echoes(SONAR):
         time = (echoes.arrival + echoes.back.travel_time).numpy()
         amplitude = echoes.amplitude[0].numpy() + 1j * echoes.amplitude[1].numpy()
         found.setdefault(echoes.path, []).append(((amplitude * np.exp(-2j * np.pi * survey.frequency * time)).sum(),
@@ -110,7 +110,7 @@ def test_the_bounce_is_where_it_takes_least_time_in_bent_water(variant):
     place = np.array([0.0, 30.0, -18.0])
     scene = scene_of(point_target(place, STRENGTH_DB), water=water)
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    connector, nothing = Connector(survey.geometry, survey.water), mi.Vector3f(0, 0, 0)
+    connector, nothing = Connector(*survey.surroundings), mi.Vector3f(0, 0, 0)
 
     def time(start, end):
         start, end = (connector.lib.Array3f64(*(mi.Float64(float(v)) for v in point)) for point in (start, end))

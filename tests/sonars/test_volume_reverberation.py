@@ -69,7 +69,7 @@ def test_an_array_hears_as_much(variant):
                         water={"volume_strength_db": -60.0}, film={"range": 28.0},
                         integrator={"cell": 5.0, "rays": 100_000})
     survey = scene.integrator().array_survey(scene, scene.sensors()[0])
-    ensonification = PressureRecord(survey).ensonification
+    ensonification = PressureRecord(survey).ensonification(0)
     edges = np.arange(4.0, 28.0, 4.0)
     found = np.zeros(len(edges) - 1)
     for echoes in ensonification.echoes(survey.track.position[0], survey.track.rotation()[0], 30.0, 3):

@@ -25,13 +25,13 @@ import numpy as np
 
 from mitsonar.device.arrays import upload
 from mitsonar.propagation.device_rays.layer_table import LayerTable
-from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.tracing.water import DeviceWater, Way
 from mitsonar.sonar.motion.track import Track
 from mitsonar.survey import placement
 from mitsonar.survey.survey import Survey
 from mitsonar.water.absorption_table import Absorption
 from mitsonar.water.profile import SoundSpeedProfile
+from mitsonar.water.waters import Waters
 
 from ..records.energy_field import EnergyField, Scenery
 from ..records.pictures import Picture
@@ -99,7 +99,7 @@ class AttachedScene:
     def __init__(self, picture: Picture, survey: Survey):
         self._sensor, self._survey, self._frequency = picture.sensor, survey, picture.rows.frequency
         self._start = self._offsets()
-        self._checked = survey.track.position, survey.geometry.vertices.numpy()
+        self._checked = survey.track.position, survey.world.only.vertices.numpy()
 
     def _offsets(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the present offsets of position and attitude, (rows, 3)."""
@@ -118,9 +118,10 @@ class AttachedScene:
         """Return the present scene, without gradients."""
         water, voyage = self._sensor.water, self._survey.voyage
         with dr.suspend_grad():
+            column = replace(self._survey.waters.only, profile=water.profile,
+                             absorption=water.absorption_column(self._frequency))
             survey = replace(
-                self._survey, geometry=Geometry(self._survey.geometry.scene, smooth_beds=True), profile=water.profile,
-                absorption=water.absorption_column(self._frequency),
+                self._survey, world=self._survey.world.smoothed(), waters=Waters.constant(column),
                 passage=replace(self._survey.passage, voyage=replace(voyage, track=self._track())))
             self._check(survey)
             scenery = field.at(survey)
@@ -130,9 +131,10 @@ class AttachedScene:
 
     def _check(self, survey: Survey) -> None:
         """Refuse a sonar that a fit has moved out of the water; the start has been checked."""
-        places = survey.track.position, survey.geometry.vertices.numpy()
+        geometry = survey.world.only
+        places = survey.track.position, geometry.vertices.numpy()
         if not all(np.array_equal(now, before) for now, before in zip(places, self._checked)):
-            placement.check(survey.geometry, survey.track)
+            placement.check(geometry, survey.track)
             self._checked = places
 
     def attached(self, scenery: Scenery) -> Scenery:
@@ -147,7 +149,7 @@ class AttachedScene:
         if any(dr.grad_enabled(value) for value in moving):
             track = self._turned(scenery, scenery.survey.track, layers, attached=True)
         losses = AttachedWater(scenery.water, water.absorption_scale, water.absorption_offset)
-        return replace(scenery, facets=AttachedGeometry(scenery.survey.geometry), layers=layers, track=track,
+        return replace(scenery, facets=AttachedGeometry(scenery.tracer.geometry), layers=layers, track=track,
                        speeds=water.speeds, losses=losses)
 
     def _turned(self, scenery: Scenery, track: Track, layers: LayerTable, *, attached: bool) -> AttachedTrack:

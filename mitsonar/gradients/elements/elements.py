@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, cast
 
 import drjit as dr
@@ -36,6 +37,7 @@ from mitsonar.survey.pressure.ping_source import PingSource
 from mitsonar.survey.pressure.pressure import SUMS_BYTES, PingPressure, PressureRecord
 from mitsonar.survey.pressure.signals import LEAD, SentPiece, echoes_of_the_pulse, sent_pieces
 from mitsonar.survey.sensor import sonar_of
+from mitsonar.survey.survey import PerSurroundings
 from mitsonar.units import amplitude_from_db
 
 from ..model import Values
@@ -106,7 +108,7 @@ class ElementModel:
                      np.broadcast_to(offsets[1], (count, 3))[list(pings)]))
         self._seed, self._pings = sonar.own_seed(seed), [int(ping) for ping in pings]
         self.start, self.units = self._parameters.start, self._parameters.units
-        self._ensonification = ensonification_of(self._survey)
+        self._ensonifications = PerSurroundings(self._survey, ensonification_of)
         self.shape = len(pings), self._survey.receive.elements, self._survey.samples - self._survey.lead, 2
 
     def __repr__(self) -> str:
@@ -125,8 +127,13 @@ class ElementModel:
 
     def _run(self, values: Values) -> _Run:
         altered = self._parameters.altered(self._parameters.checked(values))
-        targets = PointTargets(altered.targets, band_of(altered.survey.pulse), altered.survey.water.profile)
-        return _Run(altered=altered, ensonification=self._ensonification.with_targets(targets), seed=self._seed)
+
+        def ensonification(ping: int) -> Ensonification:
+            around = self._ensonifications.at(ping)
+            return around.with_targets(PointTargets(altered.targets, band_of(altered.survey.pulse),
+                                                    around.water.profile))
+
+        return _Run(altered=altered, ensonification=lru_cache(maxsize=1)(ensonification), seed=self._seed)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -134,7 +141,7 @@ class _Run:
     """Compute the signals of pings with some values."""
 
     altered: Altered
-    ensonification: Ensonification
+    ensonification: Callable[[int], Ensonification]  # around a ping
     seed: int
 
     @property
@@ -166,8 +173,9 @@ class _Run:
         """Return weights of a class's responses for weights (rx, samples) of signals."""
         survey, pulse = self.survey, sent.pulse
         found = transposed(lambda response: received(response, pulse, survey.sampling_rate, factor), weights)
-        if survey.absorption_db is not None:
-            found = absorbed(found, survey.sampling_rate, survey.frequency, survey.absorption_db,
+        absorption_db = survey.waters.at(ping).mean_absorption_db
+        if absorption_db is not None:
+            found = absorbed(found, survey.sampling_rate, survey.frequency, absorption_db,
                              survey.sound_speed(ping), survey.start - sent.begin, transposed=True)
         return found
 
@@ -196,8 +204,8 @@ class _LeveredRecord(PressureRecord):
         super().__init__(run.survey, seed=run.seed, ensonification=run.ensonification)
         self._targets, self._like = LeverTargetEnds(targets), like
 
-    def delays(self, source: PingSource) -> LeveredDelays:
-        survey = self.survey
+    def delays(self, source: PingSource, ping: int) -> LeveredDelays:
+        survey = self.survey.within(ping)
         return LeveredDelays(source=source, transmit=survey.transmit, receive=survey.receive,
                              wavelength=survey.wavelength, sampling=survey.sampling, counts=self.counts,
                              targets=self._targets)

@@ -67,8 +67,9 @@ class ElementParameters:
                  offsets: tuple[np.ndarray, np.ndarray] | None = None):
         self._offsets = (np.zeros((len(pings), 3)), np.zeros((len(pings), 3))) if offsets is None else offsets
         self.survey, self.pings, self._sensor = survey, [int(ping) for ping in pings], sensor
-        self.targets = survey.geometry.targets()
-        self._names = [shape.id() for _, shape, *_ in survey.geometry.meshes if target_shape(shape) is not None]
+        geometry = survey.world.still
+        self.targets = geometry.targets()
+        self._names = [shape.id() for _, shape, *_ in geometry.meshes if target_shape(shape) is not None]
         known = self._known()
         if f"{sensor}.rx_weight" in keys:
             raise ValueError(f"{sensor}.rx_weight shades beams, and element signals do not depend on it; take "

@@ -24,6 +24,7 @@ from mitsonar.propagation.device_rays.layer_table import LayerTable
 from mitsonar.scene.tracing.hits import Hits
 from mitsonar.scene.tracing.tracer import Tracer, registry_index
 from mitsonar.scene.tracing.water import DeviceWater
+from mitsonar.survey.energy.energy import ray_range
 from mitsonar.survey.energy.first_hits import FirstHits, HitEchoes, Losses, received
 from mitsonar.survey.energy.rows import Rays, Rows
 from mitsonar.survey.motion.places import Place, Places
@@ -76,8 +77,7 @@ class EnergyField:
     def __init__(self, survey: Survey, rows: Rows, seed: int):
         self.rows, self._seed = rows, seed
         self._tents = TentBins(rows.bins)
-        fastest = float(np.max(survey.profile.sound_speed))
-        self._range = 0.5 * rows.bins.end * fastest * (1 + 0.5 * rows.underway.drift(rows.bins.sound_speed))
+        self._range = ray_range(survey, rows)
         self.unit = 10 ** (rows.source_level_db / 10)
         with dr.suspend_grad():
             self.blocks = list(self._drawn(survey))
@@ -107,12 +107,11 @@ class EnergyField:
     def at(self, survey: Survey) -> Scenery:
         """Return the scene and the track of a survey that may have changed."""
         # tables end below all hits: beyond their ends nothing moves
-        deepest = max(survey.geometry.depth_range[1], -float(survey.track.position[:, 2].min())) + BELOW
-        water = DeviceWater(survey.profile, survey.absorption, survey.volume, deepest=deepest)
-        tracer = Tracer(survey.geometry, water, max_range=self._range)
-        return Scenery(survey=survey, tracer=tracer, losses=water, layers=water.direct.layers,
+        tracer = Tracer(survey.world.only, survey.device_water(BELOW), max_range=self._range)
+        return Scenery(survey=survey, tracer=tracer, losses=tracer.water, layers=tracer.water.direct.layers,
                        places=Places(survey, tracer, self.rows.underway, self.rows.per_ping),
-                       speeds=upload(mi.Float64, survey.profile.sound_speed), facets=AttachedGeometry(survey.geometry))
+                       speeds=upload(mi.Float64, tracer.water.profile.sound_speed),
+                       facets=AttachedGeometry(tracer.geometry))
 
     def kept(self, scenery: Scenery, block: Block) -> list[Kept]:
         """Trace a block's rays, without gradients."""
@@ -215,12 +214,12 @@ class Scenery:
     @property
     def mirrors(self) -> bool:
         """Return True if the sea surface mirrors."""
-        return self.survey.geometry.surface_mirrors
+        return self.survey.world.surface_mirrors
 
     @property
     def surface(self) -> int:
         """Return the label of the sea surface, or 0."""
-        return self.survey.geometry.surface_label
+        return self.survey.world.surface_label
 
     @property
     def moves(self) -> bool:

@@ -201,7 +201,7 @@ def _with_phase(survey: Survey, rows: Rows, seed: int) -> np.ndarray:
 
 def has_phases(survey: Survey) -> bool:
     """Return True if any echo of a scene has a phase of its own."""
-    geometry = survey.geometry
+    geometry = survey.world.only
     smooth = any(map(is_smooth, geometry.scene.shapes()))
     return bool(geometry.targets()) or smooth or geometry.surface_mirrors
 

@@ -18,8 +18,6 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.scene.geometry import Geometry
-
 from ..attached.scene import AttachedScene
 from ..edges.edge_terms import EdgeTerms
 from ..edges.jump_lines import LineMaker
@@ -36,7 +34,7 @@ class RecordField:
 
     def __init__(self, picture: Picture, seed: int, *, edges: bool = True):
         survey = picture.survey
-        survey = replace(survey, geometry=Geometry(survey.geometry.scene, smooth_beds=True))
+        survey = replace(survey, world=survey.world.smoothed())
         self._picture = picture
         self.outlines, self._makers = edges, {}
         self.unsampled: list[tuple[str, str]] = []

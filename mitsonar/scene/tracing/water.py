@@ -8,8 +8,7 @@ A flat surface mirrors. Above it, imagine the same water upside down: a reflecte
 did not exist. The water is unfolded about the surface. Legs by way of the mirror are called folded; they start at the
 image of their true start, in the folded medium.
 
-A profile for every ping would be added here. All kernels take the water from a `DeviceWater`, and a survey makes its
-own in one place (`survey.Survey.water`); there would then be one for each stretch of pings with the same profile.
+All kernels take the water from a `DeviceWater`. Pings with the same column share one (`survey.Survey.surroundings`).
 """
 from __future__ import annotations
 

@@ -23,6 +23,7 @@ from ..fan.beams import Beams
 from ..pressure.array_survey import ArraySurvey
 from ..pressure.pressure import PressureRecord
 from ..pressure.signals import ping_attributes, ping_coordinates, received_signals
+from ..survey import PerSurroundings
 from .frames import Frames, why_not
 
 Progress = Callable[[float, float], None]
@@ -42,9 +43,10 @@ class FanPictures:
         self._beams = None if self.way == "beams" else Beams(survey, *directions)
 
     @cached_property
-    def _frames(self) -> Frames:
-        """Return the frames in the beam domain."""
-        return Frames(self._survey, self._directions[1], per_cell=self._survey.per_cell)
+    def _frames(self) -> PerSurroundings[ArraySurvey, Frames]:
+        """Return the frames in the beam domain, for each of the survey's surroundings."""
+        direction = self._directions[1]
+        return PerSurroundings(self._survey, lambda part: Frames(part, direction, per_cell=part.per_cell))
 
     def whole(self, progress: Progress | None = None, say: Say | None = None) -> xr.Dataset:
         """Return the image of all pings; arguments as of `mitsonar.render`."""
@@ -60,30 +62,30 @@ class FanPictures:
     def one_by_one(self) -> Iterator[xr.Dataset]:
         """Yield the images of the pings one after the other; memory does not grow with their number."""
         survey = self._survey
-        block = None if self._beams is None else energy.EnergyBlock(survey, self._beams, self._seed)
+        block = None if self._beams is None else energy.energy_blocks(survey, self._beams, self._seed)
         for ping in range(survey.track.pings):
             if block is None:
                 level, record = self._framed(self._frames, [ping], None)
             else:
                 level = self._of_elements([ping], None, None)
-                record = gathered([block.echoes(np.array([ping]))], pings=1, rows=level.shape[1])
+                record = gathered([block.at(ping).echoes(np.array([ping]))], pings=1, rows=level.shape[1])
             image = self._image([ping], level, record)
             yield image.assign_attrs(unseen=objects.unseen(image, warn=False))
 
-    def _framed(self, frames: Frames, pings: Sequence[int],
+    def _framed(self, frames: PerSurroundings[ArraySurvey, Frames], pings: Sequence[int],
                 progress: Progress | None) -> tuple[np.ndarray, EnergyRecord]:
         """Return the levels (ping, beam, sample) of frames, and their truth."""
         level = []
 
         def records() -> Iterator[EnergyRecord]:
             for done, ping in enumerate(pings, 1):
-                beams, truth = frames.frame(ping, self._seed)
+                beams, truth = frames.at(ping).frame(ping, self._seed)
                 level.append(fan.levels(beams).astype(np.float32))
                 yield truth
                 if progress is not None:
                     progress(done, len(pings))
 
-        record = gathered(records(), pings=len(pings), rows=frames.beams)
+        record = gathered(records(), pings=len(pings), rows=len(self._directions[1]))
         return np.stack(level), record
 
     def _of_elements(self, pings: Sequence[int], progress: Progress | None, say: Say | None) -> np.ndarray:
@@ -98,7 +100,7 @@ class FanPictures:
     @cached_property
     def _known(self) -> dict[str, Any]:
         """Return the attributes of the scene, which all images share."""
-        return objects.known(*classes_of(self._survey.labels), self._survey.geometry, self._survey.track.position)
+        return objects.known(*classes_of(self._survey.labels), self._survey.world.still, self._survey.track.position)
 
     def _image(self, pings: Sequence[int], level: np.ndarray, record: EnergyRecord) -> xr.Dataset:
         """Return the image of pings from its levels and its truth."""

@@ -40,8 +40,8 @@ def line_beams(survey: ArraySurvey, place: np.ndarray, weight: np.ndarray, sines
     """Return the beamformer of a survey's line; arguments as of `LineBeams`."""
     return LineBeams(
         mi.Float, position=place, weight=weight, sines=sines, pulse=survey.pulse, samples=survey.samples,
-        sampling_rate=survey.sampling_rate, lead=survey.lead, start=survey.start, sound_speed=survey.sound_speed(0),
-        absorption_db=survey.absorption_db)
+        sampling_rate=survey.sampling_rate, lead=survey.lead, start=survey.start, sound_speed=survey.planned_speed,
+        absorption_db=survey.waters.only.mean_absorption_db)
 
 
 def lay(echoes: PingEchoes, grid: BeamGrid, ping: int, seed: int) -> LaidPing:
@@ -119,7 +119,7 @@ class Frames(LineFrames):
         self._truth = FrameTruth(
             Blur(sines[np.argsort(sines, kind="stable")], line.place / survey.wavelength, line.weight,
                  survey.pulse.bandwidth / survey.sampling_rate),
-            lead=survey.lead, bins=survey.samples - survey.lead, named=survey.geometry.named)
+            lead=survey.lead, bins=survey.samples - survey.lead, named=survey.world.named)
 
     def frame(self, ping: int, seed: int) -> tuple[np.ndarray, EnergyRecord]:
         """Return the beams (B, samples) [µPa] of a ping, and their truth."""
@@ -135,7 +135,7 @@ class Frames(LineFrames):
         survey, centre = self.survey, self.line.centre
         if np.linalg.norm(centre) < REFERRED * survey.wavelength:
             return beams
-        speed = survey.sound_speed(0)
+        speed = survey.planned_speed
         far = self._direction @ centre / speed
         R = np.maximum(0.5 * speed * survey.time[survey.lead:], np.linalg.norm(centre))
         point = R[:, None] * self._direction[:, None]                                        # (B, S, 3)

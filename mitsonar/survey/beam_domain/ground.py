@@ -53,7 +53,8 @@ class Ground:
     """Scatterers of a survey's scene within the ranges from nearest to farthest [m]."""
 
     def __init__(self, survey: ArraySurvey, beside: Ground | None = None):
-        geometry, reach = survey.geometry, 0.5 * survey.time[-1] * survey.water.fastest
+        geometry, water = survey.surroundings
+        reach = 0.5 * survey.time[-1] * survey.waters.fastest
         facets = Scatterers(geometry, np.inf, survey.pass_number) if beside is None else beside._facets
         self._survey, self._lib = survey, arrays_of(mi.Float)
         self.ensonification = ensonification_of(survey, facets)
@@ -62,7 +63,7 @@ class Ground:
         self._scatterers = beside._scatterers if beside is not None else ThinnedScatterers(
             facets, farthest=reach, places=survey.track.position)
         self._horizon = BedHorizon(geometry, self.farthest)
-        self._objects = ObjectShadows(geometry, survey.water, self.farthest)
+        self._objects = ObjectShadows(geometry, water, self.farthest)
         self._kinds = upload(mi.UInt32, geometry.named.label_kinds())
         self._buried = beside._buried if beside is not None else self._partly_buried()
         self._table: EigenrayTable | None = None
@@ -129,7 +130,7 @@ class Ground:
 
     def _partly_buried(self) -> mi.Bool | None:
         """Return a flag for every label, True for an object that reaches below the bed; None if there are none."""
-        geometry, facets = self._survey.geometry, self._facets
+        geometry, facets = self._facets.geometry, self._facets
         kinds = geometry.named.label_kinds()
         of_objects = np.flatnonzero(facets.scattering & (kinds[facets.label] == OBJECT)).astype(np.uint32)
         if not of_objects.size or not self._horizon.exists:
@@ -165,7 +166,7 @@ class Ground:
             aside = dr.copysign(dr.opaque(mi.Float, ASIDE), -dr.dot(scatterers.normal, arrival))
             outward = cast(mi.Float, aside) * scatterers.normal
             place = mi.Point3f(scatterers.point) + outward
-            state = dr.select(in_doubt & covered(self._survey.geometry, place, in_doubt), HIDDEN_BY_BED, state)
+            state = dr.select(in_doubt & covered(self._facets.geometry, place, in_doubt), HIDDEN_BY_BED, state)
         if self._objects.exist:
             behind = self._objects.sectors(origin).behind(heading, legs.horizontal_range)
             hidden = self._objects.hidden(

@@ -89,7 +89,7 @@ def picture(survey: ArraySurvey, sensor: EchoSounderSensor, seed: int,
         class_of=class_of, attrs={
             "seed": int(seed), "preset": sensor.preset, "frequency": float(survey.frequency),
             "pulse": survey.pulse.numbers, "noise_db": _noise_db(survey)})
-    return objects.annotated(image, classes, class_of, survey.geometry, survey.track.position)
+    return objects.annotated(image, classes, class_of, survey.world.still, survey.track.position)
 
 
 def rows(level: np.ndarray) -> np.ndarray:
@@ -102,7 +102,7 @@ def _calibrated(survey: ArraySurvey, sensor: EchoSounderSensor, speed: float, bi
     time = survey.time[survey.lead:]
     normal, top = survey.receive.normal[0], -float(survey.track.position[:, 2].mean())
     way = np.linspace(0, 0.5 * speed * time[-1], 2 * len(time))
-    alpha = survey.absorption.at(np.maximum(top + normal[2] * way, 0.0))
+    alpha = survey.waters.first.absorption.at(np.maximum(top + normal[2] * way, 0.0))
     loss = np.concatenate([[0], np.cumsum((alpha[1:] + alpha[:-1]) * np.diff(way))])
     return imaging.CalibratedSounder(
         time=time, bins=bins, sound_speed=speed, loss_db=np.interp(0.5 * speed * time, way, loss),

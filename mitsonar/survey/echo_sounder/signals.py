@@ -63,7 +63,7 @@ class FaceSignals:
                 for axis in (receive.along[0], across)]
         per_bin = (survey.samples - survey.lead) // bins
         self._truth = FrameTruth(PulseBlur(survey.pulse, survey.sampling_rate, per_bin), lead=survey.lead, bins=bins,
-                                 named=survey.geometry.named, per_bin=per_bin, of_objects=True)
+                                 named=survey.world.named, per_bin=per_bin)
         self._amplitude = np.float32(amplitude_from_db(survey.source_level_db))
 
     def ping(self, ping: int, seed: int) -> PingSignals:

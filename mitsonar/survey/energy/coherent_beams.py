@@ -48,10 +48,10 @@ class CoherentBeams:
     def __init__(self, survey: ArraySurvey, sound: SoundPaths, beams: BeamsOfPings, bins: EnergyBins, *, drift: float):
         self._sights, self._beams, self._bins = sound.sights, beams, bins
         self._labels, self._targets = len(survey.labels), PointTargets(
-            survey.geometry.targets(), band_of(survey.pulse), survey.profile)
+            sound.geometry.targets(), band_of(survey.pulse), sound.water.profile)
         self._smooth = SmoothTargets(
             sound.sights, frequency=survey.frequency, reach=0.0, drift=drift,
-            resolution=FLAT_BAND * survey.sound_speed(0) / survey.sampling_rate, farthest=sound.tracer.max_range)
+            resolution=FLAT_BAND * survey.planned_speed / survey.sampling_rate, farthest=sound.tracer.max_range)
         self._source_power = 10 ** (survey.source_level_db / 10)
         self._frequency = dr.opaque(mi.Float64, survey.frequency)
 

@@ -36,7 +36,7 @@ from mitsonar.scene.labels import OBJECT, SEABED
 from mitsonar.scene.tracing.hits import Hits
 
 from ..motion.places import Place, Places
-from ..survey import Survey
+from ..survey import PerSurroundings, Survey
 from .first_hits import FirstHits, HitEchoes, received
 from .rows import Rays, RaysOf, Rows
 from .sound_paths import SoundPaths
@@ -95,29 +95,36 @@ class TruthSums:
 def record(survey: Survey, rows: Rows, seed: int = 0,
            progress: Callable[[int, int], None] | None = None) -> EnergyRecord:
     """Compute the energy record of a survey."""
-    pings, block = survey.track.pings, EnergyBlock(survey, rows, int(seed))
+    pings, block = survey.track.pings, energy_blocks(survey, rows, int(seed))
 
     def blocks():
-        for start in range(0, pings, rows.pings_per_block):
-            end = min(start + rows.pings_per_block, pings)
-            yield block.echoes(np.arange(start, end))
-            if progress is not None:
-                progress(end, pings)
+        for stretch in survey.stretches():
+            for start in range(0, len(stretch), rows.pings_per_block):
+                ping = stretch[start:start + rows.pings_per_block]
+                yield block.at(ping[0]).echoes(ping)
+                if progress is not None:
+                    progress(int(ping[-1]) + 1, pings)
 
     return gathered(blocks(), pings=pings, rows=rows.per_ping)
 
 
+def ray_range(survey: Survey, rows: Rows) -> float:
+    """Return the range of rays [m]: that of half the two-way time, plus what the sonar may come nearer during it."""
+    return 0.5 * rows.bins.end * survey.waters.fastest * (1 + 0.5 * rows.underway.drift(rows.bins.sound_speed))
+
+
+def energy_blocks(survey: Survey, rows: Rows[RaysOf], seed: int) -> PerSurroundings[Survey, EnergyBlock[RaysOf]]:
+    """Return the source of the records of blocks of pings, for each of the survey's surroundings."""
+    return PerSurroundings(survey, lambda part: EnergyBlock(part, rows, seed))
+
+
 class EnergyBlock(Generic[RaysOf]):
-    """Energy records of blocks of pings."""
+    """Energy records of blocks of pings that share their surroundings."""
 
     def __init__(self, survey: Survey, rows: Rows[RaysOf], seed: int):
-        geometry, self._lib = survey.geometry, arrays_of(mi.Float)
+        geometry, self._lib, rows = survey.surroundings.geometry, arrays_of(mi.Float), rows.within(survey)
         self._rows, self._seed, self._depth_range = rows, seed, geometry.depth_range
-        # half the two-way time, and the distance by which a sonar may come nearer during it
-        fastest = float(np.max(survey.profile.sound_speed))
-        self._sound = SoundPaths.of(
-            survey, 0.5 * rows.bins.end * fastest * (1 + 0.5 * rows.underway.drift(rows.bins.sound_speed)),
-            rows.frequency)
+        self._sound = SoundPaths.of(survey, ray_range(survey, rows), rows.frequency)
         self._places = Places(survey, self._sound.tracer, rows.underway, rows.per_ping)
         self._first_hits = FirstHits(rows, self._sound.water, smooth_patches=geometry.smooth_beds)
         self._truth = TruthSums(geometry, rows)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import mitsuba as mi
 import numpy as np
@@ -77,6 +77,10 @@ class Rows(Protocol[RaysOf]):
     source_level_db: float  # [dB re 1 µPa @ 1 m]
     bins: EnergyBins
     underway: Underway
+
+    def within(self, survey: Any) -> Rows[RaysOf]:
+        """Return the rows of a part of the survey that shares its surroundings; the same rows if all pings do."""
+        ...
 
     def passes(self, place: Place, seed: int,
                bins_of: Callable[[Place, RaysOf], tuple[mi.UInt32, mi.Bool]]) -> Iterator[RaysOf]:

@@ -47,6 +47,7 @@ from mitsonar.scene.tracing.launch import (
     one_way_quantiles,
 )
 from mitsonar.sonar.motion.track import Track
+from mitsonar.water.profile import SoundSpeedProfile
 
 from ..motion.places import Place
 from ..motion.underway import Underway
@@ -63,15 +64,15 @@ MANY_ASIDE, WAYS = 0.15, 8         # above this share of rays aside, a tile send
 FIRST_ASIDE = 0.25                 # share aside in a first pass, which must find the ground that side lobes alone see
 
 
-def scouts(track: Track, farthest: float, width: float) -> np.ndarray:
-    """Return the number of the scout of each ping, (P,) int."""
-    # farthest [m]; width [rad]
+def scouts(track: Track, around: np.ndarray, farthest: float, width: float) -> np.ndarray:
+    """Return the number of the scout of each ping, (P,) int, which has the same surroundings."""
+    # around (P,), `Survey.surroundings_number`; farthest [m]; width [rad]
     ping = np.arange(track.pings)
     scout = np.minimum(ping // GROUP * GROUP + GROUP // 2, track.pings - 1)
     position, forward = track.position, track.rotation()[..., 0]
     apart = np.linalg.norm(position - position[scout], axis=-1)
     apart += farthest * np.linalg.norm(forward - forward[scout], axis=-1)
-    return np.where(apart < width * farthest, scout, ping)
+    return np.where((apart < width * farthest) & (around == around[scout]), scout, ping)
 
 
 @dataclass(frozen=True)
@@ -132,24 +133,13 @@ class SideLaunch:
         down = -np.einsum("pj,skj->psk", place.rotation[:, 2], body)                                 # (ping, side, phi)
         depression = np.arcsin(np.clip(down, -1, 1)).reshape(-1, CELLS + 1)
         below = np.repeat(place.depth_below_of, 2)
-        mean_speed = float(np.mean(survey.profile.at(np.linspace(*survey.geometry.depth_range, 9))))
-        depression = self._straight(depression, np.repeat(-place.position[:, 2], 2), below, mean_speed)
+        profile = place.profile
+        mean_speed = float(np.mean(profile.at(np.linspace(*survey.world.depth_range, 9))))
+        depression = _straight(profile, depression, np.repeat(-place.position[:, 2], 2), below, mean_speed)
         above = None
-        if survey.geometry.surface_label and not survey.geometry.surface_mirrors:
+        if survey.world.surface_label and not survey.world.surface_mirrors:
             above = np.repeat(-place.position[:, 2], 2)
         return first_quantiles(survey.sonar, depression, below, mean_speed, survey.window, above)
-
-    def _straight(self, depression, depth, below, speed):
-        """Return the angles at which straight rays of one speed are back from the bed when rays at `depression` are.
-
-            1 / sin θ = <c̄ / (c sin θ(z))>,    cos θ(z) = cos θ₀ c(z) / c(z₀)
-        """
-        profile, layers = self._survey.profile, (np.arange(LAYERS) + 0.5) / LAYERS
-        layer_speed = profile.at(depth[:, None] + np.maximum(below, 0)[:, None] * layers)[:, None]
-        cosine = np.cos(depression)[..., None] * layer_speed / profile.at(depth)[:, None, None]
-        slower = speed / (layer_speed * np.sqrt(np.maximum(1 - cosine ** 2, 1e-12)))
-        straight = np.arcsin(np.minimum(1 / slower.mean(-1), 1))
-        return np.where(depression > 0, straight, depression)
 
     def drawn(self, place: Place, tables: Tables, grid: tuple[int, int], seed: int, salt: int) -> SideRays:
         """Draw the rays of a pass: `grid` strata in φ and u for each row."""
@@ -251,6 +241,20 @@ class SideLaunch:
         if place.still:
             return mi.UInt32(0)
         return dr.gather(mi.UInt32, upload(mi.UInt32, self._group[place.ping]), row)
+
+
+def _straight(profile: SoundSpeedProfile, depression: np.ndarray, depth: np.ndarray, below: np.ndarray,
+              speed: float) -> np.ndarray:
+    """Return the angles at which straight rays of one speed are back from the bed when rays at `depression` are.
+
+        1 / sin θ = <c̄ / (c sin θ(z))>,    cos θ(z) = cos θ₀ c(z) / c(z₀)
+    """
+    layers = (np.arange(LAYERS) + 0.5) / LAYERS
+    layer_speed = profile.at(depth[:, None] + np.maximum(below, 0)[:, None] * layers)[:, None]
+    cosine = np.cos(depression)[..., None] * layer_speed / profile.at(depth)[:, None, None]
+    slower = speed / (layer_speed * np.sqrt(np.maximum(1 - cosine ** 2, 1e-12)))
+    straight = np.arcsin(np.minimum(1 / slower.mean(-1), 1))
+    return np.where(depression > 0, straight, depression)
 
 
 def _ratio(values: np.ndarray, others: np.ndarray) -> np.ndarray:

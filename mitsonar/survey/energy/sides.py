@@ -135,13 +135,14 @@ class Sides:
         self.frequency, self.source_level_db = sonar.frequency, sonar.source_level_db
         self.bins = EnergyBins(
             start=survey.window[0], length=survey.bin_length, count=survey.bins, sound_speed=sonar.sound_speed,
-            beam=sonar.solid_angle(), absorption_db=float(np.min(survey.absorption.absorption_db)))
+            beam=sonar.solid_angle(), absorption_db=survey.waters.least_absorption_db)
         self.underway = Underway(
             survey.voyage.trajectory.during(survey.track.time, survey.window[1] + sonar.pulse_length))
         self._beams = FaceBeams(sonar)
         self._launch = SideLaunch(survey, self.underway, self._beams.depression, shadows=shadows)
         self._first_grid, self._second_grid = self._launch.grids()
-        self._scouts = scouts(survey.track, self.bins.farthest, sonar.wavelength / sonar.longest)
+        self._scouts = scouts(survey.track, survey.surroundings_number, self.bins.farthest,
+                              sonar.wavelength / sonar.longest)
         self._scouted: dict[tuple[int, int], list[np.ndarray]] = {}
         self._shares = pulse_shares(survey.bin_length, sonar.pulse_length)
         self.pings_per_block = self._pings_per_block()
@@ -149,18 +150,22 @@ class Sides:
     def _pings_per_block(self) -> int:
         """Return the number of pings in a block, bounded by rays and by the memory of sums and tables."""
         survey, pings = self._survey, self._survey.track.pings
-        by_label = self.labels * (2 if survey.geometry.named.hides else 1)
+        by_label = self.labels * (2 if survey.world.named.hides else 1)
         sums = 2 * survey.bins * (by_label + len(self.paths) - 1 + WORDS)
         if sums >= MOST_SUMS:
-            raise ValueError(f"{survey.bins} bins and {len(survey.geometry.labels)} shapes make {sums} sums a ping, "
+            raise ValueError(f"{survey.bins} bins and {len(survey.world.labels)} shapes make {sums} sums a ping, "
                              f"over {MOST_SUMS}; take fewer bins or let shapes share an id")
-        rays = min(RAYS_PER_BLOCK, RAYS_PER_BLOCK if survey.volume is None else WATER_PER_BLOCK,
+        rays = min(RAYS_PER_BLOCK, WATER_PER_BLOCK if survey.waters.scatter else RAYS_PER_BLOCK,
                    RAYS_PER_BLOCK if survey.max_depth == 1 else BOUNCES_PER_BLOCK)
         by_rays = rays // (2 * sum(grid[0] * grid[1] for grid in (self._first_grid, self._second_grid) if grid))
         level = len(np.unique(survey.track.position[:, 2])) == 1
         by_copies = THREADS_OWN // (2 * survey.bins * PLACE)
         most = max(1, min(by_rays, by_copies, SUMS_PER_BLOCK // sums, pings if level else TABLES_PER_BLOCK, pings))
         return most if most < GROUP else most // GROUP * GROUP
+
+    def within(self, survey: SidescanSurvey) -> Sides:
+        """Return these rows: a sidescan's own sound speed, which its beams and bins have, is one for all pings."""
+        return self
 
     def passes(self, place: Place, seed: int,
                bins_of: Callable[[Place, SideRays], tuple[mi.UInt32, mi.Bool]]) -> Iterator[SideRays]:
@@ -223,7 +228,7 @@ class Sides:
         sources: list[EchoSource[SideRays]] = []
         if self._survey.max_depth > 1:
             sources.append(SideMultipath(self._survey, sound, self._beams, self.bins, self._launch, seed))
-        if self._survey.volume is not None:
+        if sound.water.scatters:
             sources.append(SideWater(self._survey, sound, self._beams, self.bins, self._launch, seed))
         return sources
 

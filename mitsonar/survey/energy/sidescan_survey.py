@@ -32,5 +32,5 @@ class SidescanSurvey(Survey):
     @property
     def labels(self) -> dict[int, str]:
         """Return the names of labels by number: the scene's shapes and, where it scatters, the water."""
-        labels = self.geometry.labels
-        return labels if self.volume is None else {**labels, 1 + max(labels): "water"}
+        labels = self.world.labels
+        return {**labels, 1 + max(labels): "water"} if self.waters.scatter else labels

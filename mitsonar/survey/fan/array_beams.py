@@ -38,7 +38,7 @@ class ArrayBeams:
         self._receive, self._angle, self.count = survey.receive, np.asarray(angle, float), len(angle)
         even = np.linspace(self._angle[0], self._angle[-1], self.count)
         self._by_sine = self.count > 2 and not np.allclose(self._angle, even, rtol=0, atol=1e-7)
-        self._wavelength = survey.sound_speed(0) / survey.frequency
+        self._wavelength = survey.wavelength
         turned = float(np.linalg.norm(survey.voyage.turn_rate, axis=1).max()) * survey.time[-1]
         elements = ElementBeams(survey.transmit, survey.receive, self._wavelength, turned)
         self.pattern: Callable | None = elements.intensity if elements else None

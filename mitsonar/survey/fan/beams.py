@@ -7,6 +7,7 @@ the place and attitude of the array at the echo's reception (`underway`).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import final
 
 import drjit as dr
@@ -42,7 +43,8 @@ class Beams:
     hidden_in_beam = False
 
     def __init__(self, survey: ArraySurvey, angle: np.ndarray, direction: np.ndarray):
-        geometry, bins = survey.geometry, survey.samples - survey.lead
+        world, bins = survey.world, survey.samples - survey.lead
+        self._directions = angle, direction
         self._survey, self.per_ping, self.labels = survey, len(angle), len(survey.labels)
         if self.per_ping * bins * self.labels > MOST_SUMS:
             raise ValueError(f"{self.per_ping} beams, {bins} samples and {self.labels} shapes make more than "
@@ -50,25 +52,29 @@ class Beams:
                              "share an id")
         self.frequency, self.source_level_db, self.paths = survey.frequency, survey.source_level_db, Paths(1)
         self.bins = EnergyBins(start=survey.time[survey.lead] - 0.5 / survey.sampling_rate,
-                               length=1 / survey.sampling_rate, count=bins, sound_speed=survey.sound_speed(0),
-                               beam=BEAM, absorption_db=float(np.min(survey.absorption.absorption_db)))
+                               length=1 / survey.sampling_rate, count=bins, sound_speed=survey.planned_speed,
+                               beam=BEAM, absorption_db=survey.waters.least_absorption_db)
         self.underway = Underway(survey.voyage.trajectory.during(survey.track.time, survey.time[-1]))
         self._beams = ArrayBeams(survey, angle, direction)
         wanted = max(RAYS_PER_BIN * self.per_ping * bins, FEWEST_RAYS)
         self._passes = min(-(-wanted // MOST_RAYS), MOST_PASSES)
         self._share = dr.opaque(mi.Float, 1 / self._passes)
         window = (SLACK[0] * survey.start, SLACK[1] * survey.time[-1])
-        self._drawn = DrawnRays(survey.profile, window=window, rays=min(wanted, MOST_RAYS), pattern=self._beams.pattern,
-                                surface=geometry.surface_label > 0 and not geometry.surface_mirrors)
+        self._drawn = partial(DrawnRays, window=window, rays=min(wanted, MOST_RAYS), pattern=self._beams.pattern,
+                              surface=world.surface_label > 0 and not world.surface_mirrors)
+
+    def within(self, survey: ArraySurvey) -> Beams:
+        """Return the beams in a part of the survey: their patterns depend on its sound speed."""
+        return Beams(survey, *self._directions) if self._survey.changes else self
 
     def passes(self, place: Place, seed: int,
                bins_of: Callable[[Place, Rays], tuple[mi.UInt32, mi.Bool]]) -> Iterator[Rays]:
         """Yield the rays of a ping, in passes that fit into memory."""
-        ping = mi.UInt32(0)
+        ping, drawn = mi.UInt32(0), self._drawn(place.profile)
         for number in range(self._passes):
             key = ping_key(seed, int(place.ping[0]), number, Salt.FAN_TRUTH)
-            direction, solid_angle, _ = self._drawn.draw(place.origin(ping), place.rotation[0],
-                                                         float(place.depth_below_of[0]), key)
+            direction, solid_angle, _ = drawn.draw(place.origin(ping), place.rotation[0],
+                                                   float(place.depth_below_of[0]), key)
             yield Rays(ping=ping, direction=direction, solid_angle=solid_angle * self._share)
 
     def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float) -> Rays:

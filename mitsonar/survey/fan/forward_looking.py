@@ -55,4 +55,4 @@ def _with_bearings(image: xr.Dataset, survey: ArraySurvey) -> xr.Dataset:
     head_depth = float(np.mean(-survey.track.position[:, 2]))
     words = {"units": "rad", "long_name": "angle from the middle of the fan, positive to starboard"}
     return image.assign_coords(bearing=("beam", image["beam"].values, words)).assign_attrs(
-        sonar="forward_looking", absorption_db=float(survey.absorption.at(head_depth)))
+        sonar="forward_looking", absorption_db=float(survey.waters.first.absorption.at(head_depth)))

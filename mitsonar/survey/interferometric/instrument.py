@@ -33,6 +33,7 @@ from ..beam_domain.ping_echoes import PingEchoes
 from ..beam_domain.truth import FrameTruth
 from ..soundings.instrument import PingMeasurement, absorption_to_bed, face_pattern_db, two_way_loss_db
 from ..soundings.line import Finding
+from ..survey import PerSurroundings
 from .plan import SIDES, InterferometricSurvey, up_along
 
 WIDEST = 1.05                      # largest sine: rows that move receive echoes from beyond 1
@@ -100,7 +101,7 @@ class SideRows(LineFrames):
                                           lobe=(side.receive.along[0], cell, ACROSS * cell / _beam_width(survey))),
                          np.eye(len(line.place)), np.zeros(1))
         self._truth = FrameTruth(OneBeam(WIDEST, side.pulse.bandwidth * per_bin / side.sampling_rate),
-                                 lead=side.lead, bins=survey.bins, named=side.geometry.named, per_bin=per_bin)
+                                 lead=side.lead, bins=survey.bins, named=side.world.named, per_bin=per_bin)
 
     def signals(self, ping: int, seed: int) -> np.ndarray:
         """Return the compressed signals (rows, samples) [µPa] of a ping, complex64."""
@@ -128,18 +129,26 @@ class Interferometer:
 
     def __init__(self, survey: InterferometricSurvey, seed: int):
         self._survey, self._seed = survey, seed
-        self.sides = both_sides(survey)
+        self._sides = PerSurroundings(survey, both_sides)
         offset = survey.voyage.trajectory.offset
         self.installation = Installation(transmit_offset=offset, receive_offset=offset)
         self._faces = [AsideFace(transmit_centre=side.transmit.position.mean(0),
                                  receive_centre=side.receive.position.mean(0), axis=up_along(side.receive),
                                  normal=side.receive.normal[0]) for side in survey.sides]
-        self.absorption_db = np.full(2, absorption_to_bed(survey, survey.absorption))
-        self._width = _beam_width(survey)
+        self._absorption = PerSurroundings(survey, lambda part: np.full(
+            2, absorption_to_bed(part, part.waters.only.absorption)))
+
+    def sides(self, ping: int) -> tuple[SideRows, SideRows]:
+        """Return the rows of both sides at a ping."""
+        return self._sides.at(ping)
+
+    def absorption_db(self, ping: int) -> np.ndarray:
+        """Return the absorption (2,) [dB/m] of a ping's sides, mean from the sonar down to the lowest bed."""
+        return self._absorption.at(ping)
 
     def measure(self, ping: int) -> RowMeasurement:
         """Measure a ping."""
-        port, starboard = (side.signals(ping, self._seed) for side in self.sides)
+        port, starboard = (side.signals(ping, self._seed) for side in self.sides(ping))
         return measured_rows(self._survey, (port, starboard))
 
     def measured(self, ping: int, made: RowMeasurement, head_speed: float,
@@ -169,8 +178,8 @@ class Interferometer:
 
     def finding(self, ping: int, made: RowMeasurement, final: Located) -> Finding:
         """Return quality, footprints and strengths."""
-        survey = self._survey
-        speed = survey.sides[0].sound_speed(ping)
+        survey = self._survey.within(ping)
+        speed, width = survey.sides[0].sound_speed(ping), _beam_width(survey)
         sigma_angle, sigma_time = self._deviations(made)
         head = final.source_depth
         height = np.abs(final.depth - head)
@@ -183,8 +192,8 @@ class Interferometer:
         there = made.valid & final.found
         values: dict[str, np.ndarray | float] = {
             "detection": np.where(there, BY_PHASE, NOT_DETECTED), "quality": np.where(there, quality, np.nan),
-            "footprint_across": across, "footprint_along": final.path_length * self._width,
-            "backscatter_db": np.where(there, self._strength(made, final), np.nan)}
+            "footprint_across": across, "footprint_along": final.path_length * width,
+            "backscatter_db": np.where(there, self._strength(survey, made, final, width), np.nan)}
         return Finding(variables=values, deviations=Deviations(time=sigma_time[None], angle=sigma_angle[None]))
 
     def _deviations(self, made: RowMeasurement) -> tuple[np.ndarray, np.ndarray]:
@@ -194,15 +203,16 @@ class Interferometer:
         window = survey.window / survey.sides[0].sampling_rate / np.sqrt(12)
         return angle, np.full(len(angle), float(gravity_deviation(np.array(window), survey.pulse_length)))
 
-    def _strength(self, made: RowMeasurement, final: Located) -> np.ndarray:
+    def _strength(self, survey: InterferometricSurvey, made: RowMeasurement, final: Located,
+                  width: float) -> np.ndarray:
         """Return the strengths of the bed [dB] by the sonar equation, as the instrument knows its beams."""
-        survey, (side, starboard) = self._survey, self._survey.sides
-        bed = survey.profile.at(np.nan_to_num(final.depth))
-        loss = two_way_loss_db(final, survey.absorption, bed, side.sound_speed(0))
+        water, (side, starboard) = survey.waters.only, survey.sides
+        bed = water.profile.at(np.nan_to_num(final.depth))
+        loss = two_way_loss_db(final, water.absorption, bed, side.planned_speed)
         # the sine along a face's axis gives the place in its pattern, by the same numbers on both sides
         sine = made.sine[:, None]
         towards = sine * up_along(starboard.receive) + np.sqrt(1 - sine ** 2) * starboard.receive.normal[0]
-        area = final.path_length * self._width * 0.5 * bed * survey.pulse_length / np.maximum(
+        area = final.path_length * width * 0.5 * bed * survey.pulse_length / np.maximum(
             np.cos(final.grazing), 1e-3)
         return strength_db(made.intensity, source_level_db=side.source_level_db, loss_db=loss, area=area,
                            transmit_pattern_db=face_pattern_db(starboard.transmit, towards, side.wavelength),

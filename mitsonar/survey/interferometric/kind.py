@@ -37,7 +37,8 @@ def picture(survey: InterferometricSurvey, sensor: InterferometricSensor, seed: 
 
     def records() -> Iterator[EnergyRecord]:
         for ping in range(pings):
-            (port, port_truth), (starboard, starboard_truth) = (side.frame(ping, seed) for side in instrument.sides)
+            (port, port_truth), (starboard, starboard_truth) = (
+                side.frame(ping, seed) for side in instrument.sides(ping))
             made = measured_rows(survey, (port, starboard))
             found = line.ping(ping, made)
             columns = {"power": made.level, "phase": made.phase, "coherence": made.coherence,
@@ -52,13 +53,13 @@ def picture(survey: InterferometricSurvey, sensor: InterferometricSensor, seed: 
     classes, class_of = classes_of(survey.labels)
     image = imaging.image(
         imaging.MeasuredRows(**{name: np.stack([one[name] for one in measured]) for name in measured[0]}), record,
-        track=survey.track, time=survey.time, sound_speed=side.sound_speed(0), depth_below=survey.depth_below,
+        track=survey.track, time=survey.time, sound_speed=side.planned_speed, depth_below=survey.depth_below,
         labels=survey.labels, class_of=class_of,
         attrs={"seed": int(seed), "preset": survey.preset, "frequency": float(side.frequency),
                "pulse": side.pulse.numbers, "source_level_db": float(side.source_level_db),
                "rows": (survey.rows.place - survey.rows.place[0]).tolist(), "tilt": float(sensor.tilt),
-               "absorption_db": float(survey.absorption.at(float(np.mean(-survey.track.position[:, 2]))))})
-    return objects.annotated(image, classes, class_of, survey.geometry, survey.track.position)
+               "absorption_db": float(survey.waters.first.absorption.at(float(np.mean(-survey.track.position[:, 2]))))})
+    return objects.annotated(image, classes, class_of, survey.world.still, survey.track.position)
 
 
 def rows(level: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -36,6 +36,11 @@ class InterferometricSurvey(SoundedSurvey):
     rows: ReceiverRows  # of each side
     looks: float  # range cells that phases are averaged over, at least
     least_coherence: float  # of a valid sounding
+
+    def _made_within(self, ping: int) -> InterferometricSurvey:
+        """Return a new survey in which all pings, of both sides, have the surroundings of one."""
+        port, starboard = self.sides
+        return replace(super()._made_within(ping), sides=(port.within(ping), starboard.within(ping)))
 
     @property
     def per_bin(self) -> int:

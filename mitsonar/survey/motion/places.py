@@ -13,6 +13,7 @@ from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.device.chance import row_keys
 from mitsonar.device.types import DrJitArray, UInt32, Vector
 from mitsonar.scene.tracing.tracer import Sources, Tracer
+from mitsonar.water.profile import SoundSpeedProfile
 
 from ..survey import Survey
 from .underway import PingReception, Underway
@@ -62,7 +63,8 @@ class Places:
         depths, source = np.unique(-position[:, 2], return_inverse=True)
         return Place(ping=ping, per_ping=self._per_ping, position=position, rotation=self._rotation[ping],
                      source=source.astype(np.uint32), sources=self._tracer.sources(depths),
-                     depth_below=self._survey.depth_below[ping], underway=self._underway, others=self.of)
+                     profile=self._tracer.water.profile, depth_below=self._survey.depth_below[ping],
+                     underway=self._underway, others=self.of)
 
 
 class Place(Poses):
@@ -72,10 +74,10 @@ class Place(Poses):
     """
 
     def __init__(self, *, ping: np.ndarray, per_ping: int, position: np.ndarray, rotation: np.ndarray,
-                 source: np.ndarray, sources: Sources, depth_below: np.ndarray, underway: Underway,
-                 others: Callable[[np.ndarray], Place]):
+                 source: np.ndarray, sources: Sources, profile: SoundSpeedProfile, depth_below: np.ndarray,
+                 underway: Underway, others: Callable[[np.ndarray], Place]):
         # ping (B,); position (B, 3) [m]; rotation (B, 3, 3); source (B,); depth_below (B,) [m]
-        self.ping, self.rows, self.sources = ping, per_ping * len(ping), sources
+        self.ping, self.rows, self.sources, self.profile = ping, per_ping * len(ping), sources, profile
         self.position, self.rotation, self.source_of = position, rotation, source
         self.depth_below_of, self.motion = np.asarray(depth_below, float), underway.motion(ping)
         self.still, self._underway, self._others = self.motion is None, underway, others
@@ -94,7 +96,8 @@ class Place(Poses):
             return self._others(ping)
         return Place(ping=ping, per_ping=self.rows // len(self.ping), position=self.position[here],
                      rotation=self.rotation[here], source=self.source_of[here], sources=self.sources,
-                     depth_below=self.depth_below_of[here], underway=self._underway, others=self._others)
+                     profile=self.profile, depth_below=self.depth_below_of[here], underway=self._underway,
+                     others=self._others)
 
     def attached(self, position: mi.Float64 | None, rotation: mi.Float | None, sources: Sources) -> Place:
         """Return the place with positions (4 B,) and rotations (12 B,) that carry gradients, and a source per ping."""

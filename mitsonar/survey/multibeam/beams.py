@@ -106,7 +106,7 @@ class SectorBeams(LineFrames):
             blur = Blur(sines, self.line.place / survey.wavelength, self.line.weight,
                         survey.pulse.bandwidth / survey.sampling_rate)
             self._truth = sines, FrameTruth(blur, lead=survey.lead, bins=survey.samples - survey.lead,
-                                            named=survey.geometry.named)
+                                            named=survey.world.named)
         return self._truth[1]
 
 

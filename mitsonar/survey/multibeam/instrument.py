@@ -22,6 +22,7 @@ from mitsonar.sonar.arrays.sectors import pattern_integral
 from ..soundings.instrument import absorption_to_bed, face_pattern_db, two_way_loss_db
 from ..soundings.line import Finding
 from ..soundings.survey import SectorRun, SwathSurvey
+from ..survey import PerSurroundings
 from .measuring import BeamMeasurement, SwathBeams
 
 WORDS = ("mean intensity over the footprint, less noise; corrected for source level, spreading and absorption along "
@@ -37,12 +38,17 @@ class MultibeamInstrument:
     def __init__(self, survey: SwathSurvey, seed: int, *, column: bool = False, snippets: int = 0):
         self._survey, self._column, self._snippets = survey, column, snippets
         self.measure = SwathBeams(survey, seed).measure
-        self.absorption_db = np.array([absorption_to_bed(survey, run.survey.absorption) for run in survey.sectors])
+        self._absorption = PerSurroundings(survey, lambda part: np.array(
+            [absorption_to_bed(part, run.survey.waters.only.absorption) for run in part.sectors]))
         offset, first = survey.voyage.trajectory.offset, survey.sectors[0].survey
         self.installation = Installation(
             transmit_offset=offset + first.transmit.position.mean(0),
             receive_offset=offset + first.receive.position.mean(0),
             transmit_mounting=survey.mounting, receive_mounting=survey.mounting)
+
+    def absorption_db(self, ping: int) -> np.ndarray:
+        """Return the absorption (S,) [dB/m] of a ping's sectors, mean from the sonar down to the lowest bed."""
+        return self._absorption.at(ping)
 
     def measured(self, ping: int, made: BeamMeasurement, head_speed: float,
                  closing: np.ndarray | None = None) -> Measured:
@@ -71,11 +77,12 @@ class MultibeamInstrument:
     def _strengths(self, number: int, ping: int, made: BeamMeasurement, final: Located) -> dict[str, np.ndarray]:
         """Return strengths, footprints and snippets of a sector's soundings, by the record's names."""
         run = self._survey.sectors[number]
-        survey, mine, sines = run.survey, run.beams, run.sines[ping]
+        survey, mine, sines = run.survey.within(ping), run.beams, run.sines[ping]
+        water = survey.waters.only
         distance, incidence = final.path_length[mine], made.incidence[mine]
-        bed = self._survey.profile.at(final.depth[mine])
+        bed = water.profile.at(final.depth[mine])
         place = Located(**{field.name: getattr(final, field.name)[mine] for field in fields(final)})
-        loss = two_way_loss_db(place, survey.absorption, bed, survey.sound_speed(ping))
+        loss = two_way_loss_db(place, water.absorption, bed, survey.sound_speed(ping))
         widths = {"pulse_length": made.pulse_length[number], "sound_speed": float(np.nanmean(bed)) if np.isfinite(
                       bed).any() else survey.sound_speed(ping),
                   "transmit_width": _width(survey.transmit, survey.wavelength, run.transmit_sines[ping]),
@@ -93,7 +100,7 @@ class MultibeamInstrument:
             cut = snippets((halves.port, halves.starboard), time=time, detected=made.travel_time[mine],
                            begin=made.begin[mine], end=made.end[mine], samples=self._snippets, incidence=incidence,
                            slant_range=distance, loss_db=loss, source_level_db=survey.source_level_db,
-                           absorption_db=float(self.absorption_db[number]), **widths, **patterns)
+                           absorption_db=float(self.absorption_db(ping)[number]), **widths, **patterns)
             values.update(snippet_start=cut.start, snippet_db=cut.strength_db)
         return values
 
@@ -103,7 +110,7 @@ class MultibeamInstrument:
         The angle across is known at the receiving line, the angle along at the transmitting line; near the head each
         array sees a sounding in a direction of its own.
         """
-        survey, sines, turned = run.survey, run.sines[ping], mounting_matrix(*self._survey.mounting)
+        survey, sines, turned = run.survey.within(ping), run.sines[ping], mounting_matrix(*self._survey.mounting)
         between = (survey.transmit.position.mean(0) - survey.receive.position.mean(0)) @ turned
         with np.errstate(divide="ignore", invalid="ignore"):
             ahead, aside = (np.nan_to_num(part / distance) for part in between[:2])

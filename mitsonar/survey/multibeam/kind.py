@@ -25,6 +25,7 @@ from ..pressure.signals import ping_attributes, ping_coordinates
 from ..sensor import RunSettings
 from ..soundings.line import SoundingLine
 from ..soundings.survey import SwathSurvey
+from ..survey import PerSurroundings
 from .beams import sector_beams
 from .instrument import MultibeamInstrument
 from .measuring import BeamMeasurement
@@ -75,7 +76,7 @@ class _SwathPictures:
 
     def __init__(self, survey: SwathSurvey, seed: int):
         self._survey, self._seed = survey, seed
-        self._sectors = sector_beams(survey)
+        self._sectors = PerSurroundings(survey, sector_beams)
 
     def of(self, pings: Sequence[int], progress: Callable[[float, float], None] | None) -> xr.Dataset:
         """Return the picture of pings."""
@@ -83,7 +84,7 @@ class _SwathPictures:
 
         def records() -> Iterator[EnergyRecord]:
             for done, ping in enumerate(pings, 1):
-                frames = [sector.frame(ping, self._seed) for sector in self._sectors]
+                frames = [sector.frame(ping, self._seed) for sector in self._sectors.at(ping)]
                 levels.append(np.concatenate([fan.levels(beams).astype(np.float32) for beams, _ in frames]))
                 yield joined([truth for _, truth in frames])
                 if progress is not None:
@@ -92,7 +93,7 @@ class _SwathPictures:
         record = gathered(records(), pings=len(pings), rows=survey.beams)
         first = survey.sectors[0].survey
         about = xr.Dataset(
-            coords={**ping_coordinates(first, pings), "time": ("sample", self._sectors[0].time)},
+            coords={**ping_coordinates(first, pings), "time": ("sample", first.time[first.lead:])},
             attrs={**ping_attributes(first, pings), "seed": self._seed, "source_level_db": first.source_level_db})
         image = fan.image(about, np.stack(levels), self._angle, self._direction,
                           depth_below=survey.depth_below[list(pings)], labels=survey.labels,
@@ -121,5 +122,5 @@ class _SwathPictures:
 
     @cached_property
     def _known(self) -> dict[str, object]:
-        return objects.known(*classes_of(self._survey.labels), self._survey.geometry,
+        return objects.known(*classes_of(self._survey.labels), self._survey.world.still,
                              self._survey.track.position)

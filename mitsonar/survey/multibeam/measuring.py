@@ -14,6 +14,7 @@ from mitsonar.units import power_from_db
 from ..limits import check_soundings
 from ..soundings.instrument import PingMeasurement
 from ..soundings.survey import SwathSurvey
+from ..survey import PerSurroundings
 from .beams import Halves, sector_beams
 
 FEWEST_SAMPLES = 16                # samples of a ping in which the bed can be detected
@@ -44,12 +45,12 @@ class SwathBeams:
         self._survey, self._seed = survey, seed
         check_soundings(survey.sectors[0].survey, survey.beams)
         _check_beams(survey)
-        self.sectors = sector_beams(survey)
-        self._lengths = [compression(sector.survey.pulse, sector.survey.sampling_rate)[0] for sector in self.sectors]
+        self._sectors = PerSurroundings(survey, sector_beams)
+        self._lengths = [compression(run.survey.pulse, run.survey.sampling_rate)[0] for run in survey.sectors]
 
     def measure(self, ping: int) -> BeamMeasurement:
         """Measure a ping."""
-        beams = [(sector.halves(ping, self._seed), sector.time) for sector in self.sectors]
+        beams = [(sector.halves(ping, self._seed), sector.time) for sector in self._sectors.at(ping)]
         detected = [self._detected(number, halves, ping) for number, (halves, _) in enumerate(beams)]
         detected = self._of_main_lobes(detected, beams, ping)
         rows = [self._columns(number, detections, ping) for number, detections in enumerate(detected)]
@@ -58,7 +59,7 @@ class SwathBeams:
 
     def _detected(self, number: int, halves: Halves, ping: int, without: np.ndarray | None = None) -> Detections:
         """Detect the bed in a sector's beams, except `without` (B,), within the depth gate."""
-        sector, gate = self.sectors[number], self._survey.depth_gate
+        sector, gate = self._sectors.at(ping)[number], self._survey.depth_gate
         sines, speed = sector.run.sines[ping], sector.survey.sound_speed(ping)
         head = Head(pulse_length=self._lengths[number], beam_width=sector.beam_width(sines), baseline=sector.baseline,
                     transmit_width=sector.transmit_width, gate=None if gate is None else
@@ -79,13 +80,14 @@ class SwathBeams:
         """
         echoes = [reduced((halves.port, halves.starboard), time, length)
                   for (halves, time), length in zip(beams, self._lengths)]
-        level = [sector.survey.source_level_db for sector in self.sectors]
+        sectors = self._sectors.at(ping)
+        level = [sector.survey.source_level_db for sector in sectors]
         checked = []
-        for number, (found, sector) in enumerate(zip(detected, self.sectors)):
+        for number, (found, sector) in enumerate(zip(detected, sectors)):
             sines, time = sector.run.sines[ping], sector.time
             begin, end = time[found.begin], time[np.maximum(found.end - 1, found.begin)]
             brought = np.zeros(len(sines))
-            for other, (echo, source) in enumerate(zip(echoes, self.sectors)):
+            for other, (echo, source) in enumerate(zip(echoes, sectors)):
                 others = source.run.sines[ping]
                 intensity = mean_between(echo, begin, end) * power_from_db(level[number] - level[other])
                 brought = np.maximum(brought, through_side_lobes(sector.side_lobes(sines, others), intensity,
@@ -118,7 +120,7 @@ def _check_beams(survey: SwathSurvey) -> None:
     if samples < FEWEST_SAMPLES:
         raise ValueError(f"a ping has {samples} samples, and detection of the bed needs {FEWEST_SAMPLES}; give the "
                          "film a longer range")
-    gate, end = survey.depth_gate, 0.5 * float(first.time[-1]) * first.sound_speed(0)
+    gate, end = survey.depth_gate, 0.5 * float(first.time[-1]) * first.planned_speed
     if gate is not None and gate[0] >= end:
         raise ValueError(f"depth_gate begins at {gate[0]:g} m, and the record ends at {end:.4g} m; give the film a "
                          "longer range, or a depth_gate that begins less deep")

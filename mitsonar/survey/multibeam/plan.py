@@ -162,7 +162,7 @@ def _steered(sector: Sector, array: Array, survey: ArraySurvey, swath: Swath, se
              first: int) -> SectorRun:
     """Return a sector's run with its steering; `first` is the number of its first beam."""
     times = survey.track.time
-    there = survey.profile.at(-survey.track.position[:, 2])
+    there = survey.sound_speeds
     # steering delays use the head's sound speed; the true sound speed decides where the beams look
     astray = there / (there + sensor.head_speed_error)
     sines = swath.receive_sines(sector, times, survey.depth_below, speed) * astray[:, None]

@@ -1,7 +1,6 @@
 """Survey of a sonar with arrays: scene, water, pulse, arrays, and sampling of its record."""
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -56,7 +55,6 @@ class ArraySurvey(Survey):
     steering: np.ndarray | None = None  # (P, 3) [-], direction that the transmit array is steered to
     sending: np.ndarray | None = None  # (P,), number of the transmit element that sends alone at a ping
     thin_below: float = 0.0  # two-way intensity of the beams below which cells are thinned
-    absorption_db: Callable[[np.ndarray], np.ndarray] | None = None
 
     @cached_property
     def velocity(self) -> np.ndarray:
@@ -70,8 +68,8 @@ class ArraySurvey(Survey):
 
     @property
     def wavelength(self) -> float:
-        """Return the carrier's wavelength at the array at the first ping [m]."""
-        return self.sound_speed(0) / self.frequency
+        """Return the carrier's wavelength at the array at the first ping [m]: beams keep it in the same water."""
+        return self.planned_speed / self.frequency
 
     @property
     def radius(self) -> float:
@@ -87,10 +85,6 @@ class ArraySurvey(Survey):
     def time(self) -> np.ndarray:
         """Return the times of the samples [s], (S,)."""
         return self.start + np.arange(self.samples) / self.sampling_rate
-
-    def sound_speed(self, ping: int) -> float:
-        """Return the sound speed at the array [m/s]."""
-        return float(self.profile.at(-self.track.position[ping, 2]))
 
     def transmit_delay(self, ping: int) -> np.ndarray:
         """Return the delays of transmit elements (E,) [s]: their own, plus r_e·u / c with u = `steering`."""

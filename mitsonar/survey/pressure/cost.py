@@ -48,7 +48,7 @@ class RunCost:
 def cells_within_reach(record: PressureRecord, ping: int) -> int:
     """Return the number of cells within reach of a ping."""
     return sum(int(pieces.cells.sum())
-               for _, pieces in record.ensonification.pieces(record.survey.track.position[ping]))
+               for _, pieces in record.ensonification(ping).pieces(record.survey.track.position[ping]))
 
 
 def cost(record: PressureRecord, pings: Sequence[int], *, threads: int, all_transmit: bool = False) -> RunCost:

@@ -28,18 +28,18 @@ BY_CHANCE = -1                     # number of the source of random echoes
 
 
 def ensonification_of(survey: ArraySurvey, scatterers: Scatterers | None = None) -> Ensonification:
-    """Return the ensonification of a survey's scatterers, or of given scatterers."""
-    end = survey.time[-1]
+    """Return the ensonification of the scatterers, or of given ones, of a survey within one ping's surroundings."""
+    end, (geometry, water) = survey.time[-1], survey.surroundings
     moved, turned = (float(np.linalg.norm(rate, axis=1).max()) * end
                      for rate in (survey.velocity, survey.voyage.turn_rate))
     return Ensonification(
-        scatterers or Scatterers(survey.geometry, survey.cell_size, survey.pass_number), survey.water,
+        scatterers or Scatterers(geometry, survey.cell_size, survey.pass_number), water,
         frequency=survey.frequency,
         window=(survey.start, end), margin=survey.radius + survey.receive.radius + moved,
         method=survey.ensonification, rays=survey.rays,
         beams=ElementBeams(survey.transmit, survey.receive, survey.wavelength, turned), max_depth=survey.max_depth,
         thin_below=survey.thin_below, band=band_of(survey.pulse),
-        resolution=BAND * survey.sound_speed(0) / survey.sampling_rate)
+        resolution=BAND * survey.planned_speed / survey.sampling_rate)
 
 
 class EnsonifiedPing:
@@ -55,9 +55,11 @@ class EnsonifiedPing:
             self._kept = {number: blocks for number, blocks in before._kept.items() if number != BY_CHANCE}
 
     def _stands_as(self, other: "EnsonifiedPing") -> bool:
-        """Return True if the pose is that of another ping, and scatterers are found without random rays."""
+        """Return True if pose and water are those of another ping, and scatterers are found without random rays."""
         track = self.survey.track
-        return (self.survey.ensonification == "scatterers" and np.array_equal(self._rotation, other._rotation)
+        return (self.survey.ensonification == "scatterers"
+                and self.ensonification.tracer is other.ensonification.tracer
+                and np.array_equal(self._rotation, other._rotation)
                 and np.array_equal(track.position[self.ping], track.position[other.ping]))
 
     def shares(self, element: int) -> list[tuple[int, float]]:
@@ -71,7 +73,7 @@ class EnsonifiedPing:
             position = np.zeros(3) if number == BY_CHANCE else self.survey.sources.position[number]
             self._sources[number] = PingSource(
                 position=position, centre=self.survey.track.position[self.ping], rotation=self._rotation,
-                travel=self.survey.travel(self.ping, position), water=self.survey.water)
+                travel=self.survey.travel(self.ping, position), water=self.ensonification.water)
         return self._sources[number]
 
     def echoes(self, number: int, progress: Callable[[float], None] | None = None) -> Iterator[Echoes]:

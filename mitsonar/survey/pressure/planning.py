@@ -3,15 +3,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from mitsonar.scene import materials
 from mitsonar.scene.geometry import Geometry
+from mitsonar.scene.world import World
 from mitsonar.signal.noise import ElementNoise
 from mitsonar.signal.reception import least_rate, occupied_band
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.beam_patterns import element_directivity_index_db
 from mitsonar.sonar.pulses.pulses import Pulse
 
-from ..sensor import RunSettings, Sensor
+from ..sensor import RunSettings, Sensor, planned_waters
 from ..voyage import Passage
 from .array_survey import ArraySurvey
 from .sources import RaySources
@@ -29,8 +29,7 @@ def survey_of(geometry: Geometry, sensor: Sensor, settings: RunSettings, passage
     With `whole_bins` the sampling rate is such that every bin has the same number of samples.
     """
     # sound_speed [m/s]; source_level_db [dB re 1 µPa @ 1 m]; self_noise_db [dB re 1 µPa²/Hz]; usual_rate [Hz]
-    water, film = sensor.water, sensor.film()
-    materials.check(geometry, water.profile, pulse.frequency)
+    film, waters = sensor.film(), planned_waters(sensor, geometry, passage, pulse.frequency)
     # Doppler shifts echoes from ahead and astern by 2 v f / c; the filter is flat over two thirds of the sampled band.
     doppler = 2 * float(np.linalg.norm(passage.voyage.velocity, axis=1).max()) * pulse.frequency / sound_speed
     start, rate, samples = film.sampling(
@@ -47,17 +46,14 @@ def survey_of(geometry: Geometry, sensor: Sensor, settings: RunSettings, passage
                          f"{pulse.duration * rate:.3g} samples, and {MOST_PULSE_SAMPLES} are the most; take fewer "
                          "bins, a longer range or a shorter pulse")
     extra = int(np.ceil(lead * pulse.duration * rate))
-    mean_depth = -float(passage.voyage.track.position[:, 2].mean())
     return ArraySurvey(
-        geometry=geometry, profile=water.profile, absorption=water.absorption_column(pulse.frequency),
-        volume=water.volume, passage=passage, rays=settings.rays, max_depth=settings.max_depth, pulse=pulse,
-        source_level_db=source_level_db, transmit=transmit, receive=receive, start=start - extra / rate,
+        world=World(still=geometry), waters=waters, passage=passage, rays=settings.rays, max_depth=settings.max_depth,
+        pulse=pulse, source_level_db=source_level_db, transmit=transmit, receive=receive, start=start - extra / rate,
         sampling_rate=rate, samples=samples + extra, lead=extra, ensonification=settings.ensonification,
         cell_size=settings.cell_size or _cell_size(sound_speed, pulse, passage),
         per_cell=settings.scatterers_per_cell, pass_number=sensor.pass_number,
         sources=_ray_sources(settings, transmit),
-        noise=_element_noise(sensor, receive, sound_speed / pulse.frequency, rate, self_noise_db),
-        absorption_db=water.mean_absorption(mean_depth, geometry.depth_range[1]))
+        noise=_element_noise(sensor, receive, sound_speed / pulse.frequency, rate, self_noise_db))
 
 
 def _check_rate(sensor: Sensor, pulse: Pulse, rate: float, needed: float, sound_speed: float) -> None:

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import drjit as dr
 import mitsuba as mi
@@ -24,6 +23,7 @@ from mitsonar.signal.accumulation import ImpulseResponses
 from mitsonar.signal.doppler import glide_of
 from mitsonar.sonar.pulses.pulses import Pulse
 
+from ..survey import PerSurroundings
 from .array_survey import ArraySurvey
 from .delays import ArrivalCounts, ElementDelays
 from .echo_classes import DopplerClasses, EchoClasses, OneClass
@@ -46,16 +46,16 @@ class PressureRecord:
         self.survey, self.seed = survey, int(seed)
         self.kernel, self.return_path, self.paths = kernel, return_path, paths
         self.counts = ArrivalCounts(radius=survey.radius, guard=GUARD)
-        self._given = ensonification
+        self._ensonification = ensonification or PerSurroundings(survey, ensonification_of).at
 
-    @cached_property
-    def ensonification(self) -> Ensonification:
-        """Return the ensonification of the survey's scatterers, as given or made at first use."""
-        return self._given or ensonification_of(self.survey)
+    def ensonification(self, ping: int) -> Ensonification:
+        """Return the ensonification of the scatterers around a ping, as given or made at first use."""
+        return self._ensonification(ping)
 
     def at(self, ping: int, before: PingPressure | None = None) -> PingPressure:
         """Return one ping; a platform at rest reuses the echoes of the ping `before`."""
-        ensonified = EnsonifiedPing(self.survey, self.ensonification, ping, self.seed, before and before.ensonified)
+        ensonified = EnsonifiedPing(self.survey, self.ensonification(ping), ping, self.seed,
+                                    before and before.ensonified)
         return PingPressure(record=self, ensonified=ensonified)
 
     def classes(self, doppler: np.ndarray, piece: tuple[float, Pulse] | None = None) -> EchoClasses:
@@ -71,9 +71,9 @@ class PressureRecord:
         return ImpulseResponses(mi.Float, elements=survey.receive.elements, samples=survey.samples, sheets=sheets,
                                 sampling_rate=survey.sampling_rate, frequency=survey.frequency, kernel=self.kernel)
 
-    def delays(self, source: PingSource) -> ElementDelays:
-        """Return the delays from a source to the elements, by the record's method."""
-        survey = self.survey
+    def delays(self, source: PingSource, ping: int) -> ElementDelays:
+        """Return the delays from a source to the elements at a ping, by the record's method."""
+        survey = self.survey.within(ping)
         guarded = GuardedDelays(source=source, transmit=survey.transmit, receive=survey.receive,
                                 wavelength=survey.wavelength, sampling=survey.sampling, counts=self.counts)
         if self.return_path == "vector":

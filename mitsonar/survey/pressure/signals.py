@@ -53,7 +53,7 @@ def closing_speeds(survey: ArraySurvey, ping: int, *, fastest: float, accelerati
                    nearest: float) -> tuple[float, float]:
     """Return the least and the largest closing speed of a ping's echoes, one way [m/s]."""
     # fastest [m/s]; acceleration [m/s²], of the fastest element; nearest [m], least range of relevant echoes
-    beams = ElementBeams(survey.transmit, survey.receive, survey.wavelength)
+    beams = ElementBeams(survey.transmit, survey.receive, survey.within(ping).wavelength)
     if not (survey.thin_below and beams):
         return -fastest, fastest
     direction = _lattice()
@@ -138,6 +138,7 @@ def echoes_of_the_pulse(now: PingPressure, progress: Callable[[float], None]) ->
     """Return the sum of the pulse's echoes at a ping for a source level of 0 dB: complex64 (rx, sample)."""
     survey, ping = now.record.survey, now.ensonified.ping
     speed = survey.sound_speed(ping)
+    absorption_db = survey.waters.at(ping).mean_absorption_db
     signals = np.zeros((survey.receive.elements, survey.samples), np.complex64)      # there may be no echo
     pieces = sent_pieces(survey, ping)
     for done, sent in enumerate(pieces):
@@ -145,9 +146,9 @@ def echoes_of_the_pulse(now: PingPressure, progress: Callable[[float], None]) ->
             progress((before + share) / len(pieces))
 
         for factor, response in now.transmissions(sent.factors, piece=(sent.begin, sent.pulse), progress=within):
-            if survey.absorption_db is not None:
+            if absorption_db is not None:
                 # absorption follows the length of the way, which does not include the beginning of the piece
-                response = absorbed(response, survey.sampling_rate, survey.frequency, survey.absorption_db, speed,
+                response = absorbed(response, survey.sampling_rate, survey.frequency, absorption_db, speed,
                                     survey.start - sent.begin)
             signals = signals + received(response, sent.pulse, survey.sampling_rate, factor)
     return signals

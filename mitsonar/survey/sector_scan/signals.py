@@ -29,6 +29,7 @@ from ..beam_domain.ground import FREE
 from ..beam_domain.line import LineArray
 from ..beam_domain.ping_echoes import PingEchoes, PlacedEchoes
 from ..pressure.array_survey import ArraySurvey
+from ..survey import PerSurroundings
 
 STILL = 1e-9                       # [m], [-]: nothing moves
 FAINTEST = 1e-6                    # two-way intensity of the beam below which a scatterer is left out
@@ -47,11 +48,12 @@ class StepSignals:
         frame = rotation_matrix(*np.moveaxis(attitude, -1, 0)) @ trajectory.head.mounted
         fixed = all(float(np.ptp(part, axis=0).max()) < STILL for part in (survey.track.position, frame))
         self._survey = survey
-        self._kept: dict[bool, list[PlacedEchoes]] | None = {} if fixed else None
+        self._kept: dict[tuple[int, bool], list[PlacedEchoes]] | None = {} if fixed else None
         line = LineArray.of_element(receive)
-        self._echoes = PingEchoes(survey, line, per_cell=survey.per_cell, negligible=FAINTEST,
-                                  turning=(frame[:, :, 2], survey.wavelength / receive.length))
-        self._beams = line_beams(survey, line.place, line.weight, np.zeros(1))
+        self._echoes = PerSurroundings(survey, lambda part: PingEchoes(
+            part, line, per_cell=part.per_cell, negligible=FAINTEST,
+            turning=(frame[:, :, 2], part.wavelength / receive.length)))
+        self._beams = PerSurroundings(survey, lambda part: line_beams(part, line.place, line.weight, np.zeros(1)))
 
     def power(self, bins: int, seed: int | None, progress: Callable[[float, float], None] | None = None) -> np.ndarray:
         """Return the mean power of all pings over bins, (P, bins) [µPa²].
@@ -61,11 +63,12 @@ class StepSignals:
         survey, total, rows = self._survey, self._survey.track.pings, []
         noise = None if seed is None else NoiseDensity.of(survey.noise, survey.source_level_db)
         for ping in range(total):
-            grid = self._beams.grid()
+            beams, echoes = self._beams.at(ping), self._echoes.at(ping)
+            grid = beams.grid()
             for placed in self._received(ping, seed):
-                add(grid, self._echoes.received(ping, placed))
-            signal = self._beams.form(grid, doppler=self._echoes.doppler(ping), noise=noise,
-                                      key=0 if seed is None else ping_key(seed, ping))
+                add(grid, echoes.received(ping, placed))
+            signal = beams.form(grid, doppler=echoes.doppler(ping), noise=noise,
+                                key=0 if seed is None else ping_key(seed, ping))
             rows.append(mean_power(signal[0], bins))
             if progress is not None:               # echoes of large smooth surfaces take minutes a ping
                 progress(ping + 1, total)
@@ -76,28 +79,29 @@ class StepSignals:
         if self._kept is None:
             yield from self._around(ping, seed is not None)
         else:
-            around = self._kept.get(seed is None)
+            which = int(self._survey.surroundings_number[ping]), seed is None
+            around = self._kept.get(which)
             if around is None:
-                around = self._kept[seed is None] = [*self._around(ping, seed is not None, everywhere=True)]
+                around = self._kept[which] = [*self._around(ping, seed is not None, everywhere=True)]
                 dr.eval([vars(some) for some in around])
-            useful = self._echoes.useful(ping, FAINTEST)
+            useful = self._echoes.at(ping).useful(ping, FAINTEST)
             for some in around:
                 wanted = useful(some.sent, some.out_distance)
                 if some.towards is not some.sent:  # sent by a side lobe, an echo may come back by the main lobe
                     wanted |= useful(some.towards, some.back_distance)
                 yield from _those(some, wanted)
         if seed is not None:
-            yield from self._echoes.by_chance(ping, seed)
+            yield from self._echoes.at(ping).by_chance(ping, seed)
 
     def _around(self, ping: int, by_chance: bool, everywhere: bool = False) -> Iterator[PlacedEchoes]:
         """Yield echoes around the place of a ping: of scatterers, in its beam or everywhere, and coherent echoes."""
         if by_chance:
-            scatterers = self._echoes.scatterers(ping, everywhere)
+            scatterers = self._echoes.at(ping).scatterers(ping, everywhere)
             if scatterers is not None:
                 dr.eval(vars(scatterers))
                 yield from _those(scatterers, (scatterers.energy > 0) & (scatterers.state == FREE))
-            yield from self._echoes.mirrored(ping, everywhere)
-        for _, echoes in self._echoes.targets(ping):
+            yield from self._echoes.at(ping).mirrored(ping, everywhere)
+        for _, echoes in self._echoes.at(ping).targets(ping):
             yield echoes
 
 

@@ -58,7 +58,7 @@ def face_of(survey: ArraySurvey) -> Sidescan:
                          for array in (survey.transmit, survey.receive))
     return Sidescan(frequency=survey.frequency, source_level_db=survey.source_level_db,
                     pulse_length=compression(survey.pulse, survey.sampling_rate)[0],
-                    transmit=transmit, receive=receive, depression_angle=0.0, sound_speed=survey.sound_speed(0))
+                    transmit=transmit, receive=receive, depression_angle=0.0, sound_speed=survey.planned_speed)
 
 
 class StepBeam:
@@ -110,8 +110,8 @@ class StepLaunch:
         phi = np.linspace(-np.pi / 2, np.pi / 2, CELLS + 1)
         along = np.stack([np.cos(phi), 0 * phi, np.sin(phi)], -1)
         depression = np.arcsin(np.clip(-np.einsum("pj,kj->pk", place.rotation[:, 2], along), -1, 1))
-        mean_speed = float(np.mean(survey.profile.at(np.linspace(*survey.geometry.depth_range, 9))))
-        scatters = survey.geometry.surface_label and not survey.geometry.surface_mirrors
+        mean_speed = float(np.mean(place.profile.at(np.linspace(*survey.world.depth_range, 9))))
+        scatters = survey.world.surface_label and not survey.world.surface_mirrors
         return first_quantiles(self._face, depression, place.depth_below_of, mean_speed, self._window,
                                -place.position[:, 2] if scatters else None)
 
@@ -135,11 +135,11 @@ class Steps:
 
     def __init__(self, survey: ArraySurvey, window: tuple[float, float], count: int):
         # window [s]; count of bins
-        self._survey, self.labels, self.paths = survey, len(survey.labels), Paths(1)
+        self._survey, self._window, self.labels, self.paths = survey, window, len(survey.labels), Paths(1)
         self.frequency, self.source_level_db = survey.frequency, survey.source_level_db
         face, length = face_of(survey), (window[1] - window[0]) / count
         self.bins = EnergyBins(start=window[0], length=length, count=count, sound_speed=face.sound_speed,
-                               beam=face.solid_angle(), absorption_db=float(np.min(survey.absorption.absorption_db)))
+                               beam=face.solid_angle(), absorption_db=survey.waters.least_absorption_db)
         self.underway = Underway(survey.voyage.trajectory.during(survey.track.time, survey.time[-1]))
         self.face, self.beam = face, StepBeam(face, length)
         self._launch = StepLaunch(survey, face, self.underway, window)
@@ -150,11 +150,15 @@ class Steps:
     def _pings_per_block(self) -> int:
         """Return the number of pings in a block, bounded by rays and by the memory of sums and tables."""
         survey, pings = self._survey, self._survey.track.pings
-        sums = self.bins.count * (self.labels * (2 if survey.geometry.named.hides else 1) + WORDS)
+        sums = self.bins.count * (self.labels * (2 if survey.world.named.hides else 1) + WORDS)
         rays = sum(grid[0] * grid[1] for grid in self._grids)
         level = len(np.unique(survey.track.position[:, 2])) == 1
         return max(1, min(RAYS_PER_BLOCK // rays, SUMS_PER_BLOCK // sums, pings if level else TABLES_PER_BLOCK, pings,
                           COHERENT_PER_BLOCK))
+
+    def within(self, survey: ArraySurvey) -> Steps:
+        """Return the rows of a part of the survey: the pattern of the face depends on its sound speed."""
+        return Steps(survey, self._window, self.bins.count) if self._survey.changes else self
 
     def passes(self, place: Place, seed: int,
                bins_of: Callable[[Place, StepRays], tuple[mi.UInt32, mi.Bool]]) -> Iterator[StepRays]:

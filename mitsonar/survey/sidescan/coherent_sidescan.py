@@ -40,13 +40,12 @@ class CoherentSidescan:
 
     def __init__(self, survey: SidescanSurvey, sound: SoundPaths, beams: FaceBeams, *, drift: float, shift: float):
         self._survey, self._sights, self._beams, self._shift = survey, sound.sights, beams, shift
-        sonar, window = survey.sonar, survey.window
-        fastest = float(np.max(survey.profile.sound_speed))
+        sonar, window, fastest = survey.sonar, survey.window, sound.water.fastest
         self._smooth = SmoothTargets(sound.sights, frequency=sonar.frequency,
                                      resolution=0.5 * sonar.sound_speed * sonar.pulse_length, reach=0.0, drift=drift,
                                      farthest=0.5 * (window[1] + sonar.pulse_length) * fastest * (1 + 0.5 * drift))
-        self._targets = PointTargets(survey.geometry.targets(), band_of_tone(sonar.frequency, sonar.pulse_length),
-                                     survey.profile)
+        self._targets = PointTargets(sound.geometry.targets(), band_of_tone(sonar.frequency, sonar.pulse_length),
+                                     sound.water.profile)
         self._pulses = CoherentPulses(survey)
         self._source_pressure = dr.opaque(mi.Float, 10 ** (sonar.source_level_db / 20))
         self._turns_per_second = dr.opaque(mi.Float64, sonar.frequency)
@@ -104,7 +103,7 @@ class CoherentSidescan:
         aside = height * up[:, 1] / np.maximum(np.hypot(up[:, 0], up[:, 2]), 1e-9)
         sine, cosine = fresnel(aside * np.sqrt(4 / (self._survey.sonar.wavelength * height)))
         starboard = 0.5 + (cosine - 1j * sine) / (1 - 1j)
-        label = dr.full(mi.UInt32, self._survey.geometry.surface_label, len(position))
+        label = dr.full(mi.UInt32, self._survey.world.surface_label, len(position))
         for side, share in ((-1.0, 1 - starboard), (1.0, starboard)):
             real, imaginary = (upload(mi.Float, part.astype(np.float32)) for part in (share.real, share.imag))
             pressure = dr.select(free, echoes.amplitude[0], 0)

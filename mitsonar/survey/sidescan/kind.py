@@ -10,9 +10,10 @@ import xarray as xr
 
 from mitsonar.imaging import sidescan as imaging
 from mitsonar.imaging.recorder import Recorder
-from mitsonar.scene import materials, objects
+from mitsonar.scene import objects
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.labels import classes_of
+from mitsonar.scene.world import World
 from mitsonar.sonar.arrays.array_makers import element_array
 from mitsonar.sonar.faces.faces import BuiltFace
 from mitsonar.sonar.faces.sidescan import Sidescan
@@ -25,9 +26,9 @@ from ..energy.sides import Sides
 from ..energy.sidescan_survey import SidescanSurvey
 from ..pressure.array_survey import ArraySurvey
 from ..pressure.planning import survey_of
-from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
+from ..sensor import RunSettings, Sensor, head_speed, planned_waters, slowest_speed
 from ..voyage import Passage
-from .speckle import SideSpeckle
+from .speckle import speckle_of
 
 
 class SidescanSensor(Sensor, Protocol):
@@ -49,12 +50,11 @@ def plan(scene: mi.Scene, sensor: SidescanSensor, settings: RunSettings) -> Side
     """Plan a run over a scene."""
     geometry, passage, sonar = _laid(scene, sensor)
     window, bins = sensor.film().window(sonar.sound_speed)
-    materials.check(geometry, sensor.water.profile, sonar.frequency)
+    waters = planned_waters(sensor, geometry, passage, sonar.frequency)
     survey = SidescanSurvey(
-        geometry=geometry, profile=sensor.water.profile, absorption=sensor.water.absorption_column(sonar.frequency),
-        volume=sensor.water.volume, passage=passage, rays=settings.rays, max_depth=settings.max_depth, sonar=sonar,
-        window=window, bins=bins, first_pass=settings.first_pass, per_cell=settings.scatterers_per_cell,
-        pass_number=sensor.pass_number)
+        world=World(still=geometry), waters=waters, passage=passage, rays=settings.rays,
+        max_depth=settings.max_depth, sonar=sonar, window=window, bins=bins, first_pass=settings.first_pass,
+        per_cell=settings.scatterers_per_cell, pass_number=sensor.pass_number)
     limits.check_sidescan(survey)
     return survey
 
@@ -91,9 +91,9 @@ def picture(survey: SidescanSurvey, sensor: SidescanSensor, seed: int,
     image = imaging.image(
         record, sonar=sonar, track=track, depth_below=survey.depth_below, window=survey.window, labels=survey.labels,
         class_of=class_of, paths=survey.paths.names, noise_db=noise_db(sensor, sonar),
-        speckle=SideSpeckle(survey, seed).of if sensor.speckle else None, seed=seed,
-        absorption_db=float(survey.absorption.at(head_depth)), recorder=sensor.recorder)
-    return objects.annotated(image, classes, class_of, survey.geometry, survey.track.position)
+        speckle=speckle_of(survey, seed) if sensor.speckle else None, seed=seed,
+        absorption_db=float(survey.waters.first.absorption.at(head_depth)), recorder=sensor.recorder)
+    return objects.annotated(image, classes, class_of, survey.world.still, survey.track.position)
 
 
 def rows(level: np.ndarray) -> np.ndarray:

@@ -30,7 +30,9 @@ meets. Sums are integers, so they depend neither on the order of additions nor o
 """
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import drjit as dr
 import mitsuba as mi
@@ -54,6 +56,7 @@ from mitsonar.sonar.faces.sidescan import Sidescan
 from ..energy.sidescan_survey import SidescanSurvey
 from ..motion.places import Poses
 from ..motion.underway import PingMotion, Underway
+from ..survey import PerSurroundings
 
 WIDEST = 0.2                       # cosine at which lobes are cut: pings are too far apart for wider lobes to matter
 LOBE_END = 1e-3                    # two-way intensity at which the main lobe ends (-30 dB)
@@ -175,8 +178,19 @@ class Triangles:
                          first=whole.first + ((thread & 3) << (2 * whole.level)))
 
 
+def speckle_of(survey: SidescanSurvey, seed: int) -> Callable[[np.ndarray], np.ndarray]:
+    """Return a function that returns the speckle of pings (B,), see `SideSpeckle.of`."""
+    around = PerSurroundings(survey, partial(SideSpeckle, seed=seed))
+
+    def speckle(ping: np.ndarray) -> np.ndarray:
+        changes = np.flatnonzero(np.diff(survey.surroundings_number[ping])) + 1
+        return np.concatenate([around.at(part[0]).of(part) for part in np.split(ping, changes)])
+
+    return speckle
+
+
 class SideSpeckle:
-    """Speckle of a survey's pings."""
+    """Speckle of pings that share their surroundings."""
 
     def __init__(self, survey: SidescanSurvey, seed: int):
         sonar, (start, end) = survey.sonar, survey.window
@@ -189,12 +203,12 @@ class SideSpeckle:
         self._start, self._per_gate = (dr.opaque(mi.Float64, value) for value in (start, 1 / gate))
         self._count, self._speed = dr.opaque(mi.UInt32, self.gates), dr.opaque(mi.Float, sonar.sound_speed)
         self._underway = Underway(survey.voyage.trajectory.during(survey.track.time, end))
-        reach = 0.5 * end * survey.water.fastest
-        self._facets = Scatterers(survey.geometry, np.inf, survey.pass_number, seed)
-        self._table = EigenrayTable(Connector(survey.geometry, survey.water),
+        reach, (geometry, water) = 0.5 * end * survey.waters.fastest, survey.surroundings
+        self._facets = Scatterers(geometry, np.inf, survey.pass_number, seed)
+        self._table = EigenrayTable(Connector(geometry, water),
                                     depth=-float(survey.track.position[:, 2].mean()), farthest=reach)
         # cycles, seconds and gates per metre of the way out and back
-        speed, self._bends = self._table.sound_speed, bool(np.ptp(survey.profile.sound_speed))
+        speed, self._bends = self._table.sound_speed, bool(np.ptp(water.profile.sound_speed))
         self._per_metre, self._seconds = (dr.opaque(mi.Float64, value)
                                           for value in (sonar.frequency / speed, 1 / speed))
         self._cycles_per_metre, self._gates_per_metre, self._gates = (dr.opaque(mi.Float, value) for value in (
@@ -203,7 +217,7 @@ class SideSpeckle:
         drift = self._underway.drift(sonar.sound_speed)
         self._slack = dr.opaque(mi.Float, 1 + drift + self._underway.largest_turn)
         self._near, self._far = (dr.opaque(mi.Float, value) for value in (
-            0.5 * start * survey.water.slowest * (1 - drift), reach * (1 + drift)))
+            0.5 * start * survey.waters.slowest * (1 - drift), reach * (1 + drift)))
         self._water = WaterCells(survey, seed)
         self._sort()
 

@@ -29,7 +29,7 @@ class PingMeasurement:
 def absorption_to_bed(survey: SoundedSurvey, absorption: AbsorptionColumn) -> float:
     """Return the mean absorption [dB/m] from the sonar down to the lowest bed."""
     top = -float(survey.track.position[:, 2].mean())
-    return float(mean_absorption(absorption, top, max(survey.geometry.depth_range[1], top + 1)))
+    return float(mean_absorption(absorption, top, max(survey.world.depth_range[1], top + 1)))
 
 
 def two_way_loss_db(places: Located, absorption: AbsorptionColumn, bed_speed: np.ndarray,

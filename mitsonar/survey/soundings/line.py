@@ -121,8 +121,11 @@ class Instrument(Protocol[MeasurementT]):
 
     sonar: str  # kind of sonar
     installation: Installation  # to which its angles and times refer
-    absorption_db: np.ndarray  # (S,) [dB/m], of the transmissions, mean from the sonar down to the lowest bed
     backscatter: str  # corrections that its strengths contain
+
+    def absorption_db(self, ping: int) -> np.ndarray:
+        """Return the absorption (S,) [dB/m] of a ping's transmissions, mean from the sonar down to the lowest bed."""
+        ...
 
     def measure(self, ping: int) -> MeasurementT:
         """Return the measurement of a ping."""
@@ -146,7 +149,7 @@ class SoundingLine(Generic[MeasurementT]):
     def __init__(self, survey: SoundedSurvey, instrument: Instrument[MeasurementT], seed: int, *,
                  profile: SoundSpeedProfile | None = None):
         self._survey, self._instrument = survey, instrument
-        self._profile = profile or survey.profile
+        self._profile = profile
         self._true, self._sensed = true_motion(survey), measured_motion(survey, seed)
         self._installation, self._accuracies = instrument.installation, _accuracies(survey.motion_errors)
         self._transmissions = survey.transmissions
@@ -166,11 +169,12 @@ class SoundingLine(Generic[MeasurementT]):
         head_speed = true_speed + survey.head_speed_error
         measured = instrument.measured(ping, made, head_speed)
         truly = instrument.measured(ping, made, true_speed) if survey.head_speed_error else measured
-        true = Reduction(motion=self._true, installation=self._installation, profile=survey.profile, node=False)
-        used = Reduction(motion=self._sensed, installation=self._installation, profile=self._profile)
+        water, geometry = survey.waters.at(ping).profile, survey.world.at(ping)
+        true = Reduction(motion=self._true, installation=self._installation, profile=water, node=False)
+        used = Reduction(motion=self._sensed, installation=self._installation, profile=self._profile or water)
         above = -float(survey.track.position[ping, 2])
         closing = self._closing(truly, true)
-        final, causes = errors(measured, true, used, lambda x, y: bed_depth(survey.geometry, x, y, above=above),
+        final, causes = errors(measured, true, used, lambda x, y: bed_depth(geometry, x, y, above=above),
                                at_rest=instrument.measured(ping, made, true_speed, closing),
                                refracted=instrument.measured(ping, made, head_speed, closing))
         bed, finding = self._bed(ping, final), instrument.finding(ping, made, final)
@@ -203,8 +207,8 @@ class SoundingLine(Generic[MeasurementT]):
         away = away / np.maximum(np.linalg.norm(away, axis=-1, keepdims=True), 1e-9)
         arrival = np.concatenate([away * np.cos(places.grazing)[:, None], -np.sin(places.grazing)[:, None]], -1)
         depth = float(np.nanmean(places.depth)) if places.found.any() else -origin[2]
-        parts = [bed_at(survey.geometry, places.x[run.beams], places.y[run.beams], above=-float(origin[2]),
-                        arrival=arrival[run.beams], sound_speed=float(survey.profile.at(depth)),
+        parts = [bed_at(survey.world.at(ping), places.x[run.beams], places.y[run.beams], above=-float(origin[2]),
+                        arrival=arrival[run.beams], sound_speed=survey.waters.sound_speed(ping, depth),
                         frequency=run.survey.frequency) for run in self._transmissions]
         return BedPoints(label=np.concatenate([part.label for part in parts]),
                          strength=np.concatenate([part.strength for part in parts]))
@@ -224,7 +228,7 @@ class SoundingLine(Generic[MeasurementT]):
                 "sector_pulse_length": np.array([run.pulse.duration for run in runs]),
                 "sector_bandwidth": np.array([run.pulse.bandwidth for run in runs]),
                 "sector_source_level_db": np.array([run.source_level_db for run in runs]),
-                "sector_absorption_db": self._instrument.absorption_db}
+                "sector_absorption_db": self._instrument.absorption_db(ping)}
 
     @property
     def _start(self) -> str:
@@ -235,9 +239,10 @@ class SoundingLine(Generic[MeasurementT]):
 
     def _line_data(self, profile: str, seed: int) -> xr.Dataset:
         """Return the variables and attributes that all pings share."""
-        installation, motion, geometry = self._installation, self._sensed, self._survey.geometry
-        water = self._survey.profile
-        values = {"cast_depth": self._profile.depth, "cast_sound_speed": self._profile.sound_speed,
+        installation, motion, world = self._installation, self._sensed, self._survey.world
+        water = self._survey.waters.first.profile
+        used = self._profile or water
+        values = {"cast_depth": used.depth, "cast_sound_speed": used.sound_speed,
                   "true_cast_depth": water.depth, "true_cast_sound_speed": water.sound_speed,
                   **{name: getattr(installation, name) for name in
                      ("transmit_offset", "receive_offset", "transmit_mounting", "receive_mounting")},
@@ -248,10 +253,10 @@ class SoundingLine(Generic[MeasurementT]):
                  "backscatter": self._instrument.backscatter, "seed": int(seed),
                  "labels": {str(number): name for number, name in self._survey.labels.items()}}
         frame = self._survey.passage.frame
-        crs = geometry.crs or (None if frame is None else frame.crs)
+        crs = world.crs or (None if frame is None else frame.crs)
         attrs["crs"] = crs
         if crs is not None:
-            origin = geometry.local_origin if geometry.local_origin is not None else getattr(frame, "origin")
+            origin = world.local_origin if world.local_origin is not None else getattr(frame, "origin")
             attrs["origin"] = (float(origin[0]), float(origin[1]))
         return xr.Dataset({name: variable(name, value) for name, value in values.items()}, attrs=attrs)
 

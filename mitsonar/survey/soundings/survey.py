@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -30,9 +30,9 @@ class SoundingSensor(Sensor, Protocol):
 def shared(run: ArraySurvey, passage: Passage, sensor: SoundingSensor, settings: RunSettings) -> dict:
     """Return the arguments that every kind of `SoundedSurvey` has in common; `run` is one of its array surveys."""
     return dict(
-        geometry=run.geometry, profile=run.profile, absorption=run.absorption, volume=run.volume, passage=passage,
-        rays=settings.rays, max_depth=settings.max_depth, head_speed_error=sensor.head_speed_error,
-        motion_errors=sensor.motion_errors, depth_gate=sensor.depth_gate, preset=sensor.preset)
+        world=run.world, waters=run.waters, passage=passage, rays=settings.rays, max_depth=settings.max_depth,
+        head_speed_error=sensor.head_speed_error, motion_errors=sensor.motion_errors, depth_gate=sensor.depth_gate,
+        preset=sensor.preset)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,6 +84,11 @@ class SwathSurvey(SoundedSurvey):
     sectors: Sequence[SectorRun]  # in order of their beams
     mounting: np.ndarray  # (3,) [rad], roll, pitch and heading of the head
     receive_flaws: float  # root mean square error of receivers, in amplitude [-] and in phase [rad]
+
+    def _made_within(self, ping: int) -> SwathSurvey:
+        """Return a new survey in which all pings, of all sectors, have the surroundings of one."""
+        return replace(super()._made_within(ping),
+                       sectors=[replace(run, survey=run.survey.within(ping)) for run in self.sectors])
 
     @property
     def beams(self) -> int:

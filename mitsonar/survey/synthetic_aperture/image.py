@@ -42,7 +42,7 @@ def raw_pings(survey: StripSurvey, seed: int, start: int = 0, *, kernel: str = "
 
 def common(survey: StripSurvey) -> xr.Dataset:
     """Return the data common to all pings of a strip: arrays, trajectory, water, targets and attributes."""
-    trajectory, track = survey.voyage.trajectory, survey.track
+    trajectory, track, water = survey.voyage.trajectory, survey.track, survey.waters.first
     first = track.time[0] - MARGIN
     count = int(np.ceil((track.time[-1] + survey.time[-1] + MARGIN - first) * RATE)) + 1
     time = first + np.arange(count) / RATE
@@ -52,24 +52,24 @@ def common(survey: StripSurvey) -> xr.Dataset:
         "rx_position": survey.receive.position, "rx_bank": survey.bank.astype(np.int32),
         "motion_time": time, "motion_x": position[:, 0], "motion_y": position[:, 1], "motion_depth": -position[:, 2],
         "motion_roll": attitude[:, 0], "motion_pitch": attitude[:, 1], "motion_heading": np.unwrap(attitude[:, 2]),
-        "cast_depth": survey.profile.depth, "cast_sound_speed": survey.profile.sound_speed, **_targets(survey)}
+        "cast_depth": water.profile.depth, "cast_sound_speed": water.profile.sound_speed, **_targets(survey)}
     top = -float(track.position[:, 2].mean())
     return xr.Dataset({name: RAW_VARIABLES.variable(name, part) for name, part in values.items()}, attrs={
         "sonar": "synthetic_aperture", "preset": survey.preset, "frequency": survey.frequency,
         "sampling_rate": survey.sampling_rate, "pulse": survey.pulse.numbers,
         "source_level_db": survey.source_level_db,
-        "absorption_db": float(mean_absorption(survey.absorption, top, max(survey.bed_depth, top + 1.0))),
+        "absorption_db": float(mean_absorption(water.absorption, top, max(survey.bed_depth, top + 1.0))),
         "look": [float(part) for part in survey.look], "tx_length": survey.transmit.length,
         "rx_length": survey.receive.length, "bed_depth": survey.bed_depth})
 
 
 def _targets(survey: StripSurvey) -> dict[str, np.ndarray]:
     """Return the point targets of the scene."""
-    targets = survey.geometry.targets()
+    targets, water = survey.world.still.targets(), survey.waters.first
     place = np.array([target.position for target in targets], float).reshape(-1, 3)
     return {"target_x": place[:, 0], "target_y": place[:, 1], "target_depth": -place[:, 2],
             "target_strength_db": np.array([
-                target.strength_at(survey.frequency, float(survey.profile.at(-target.position[2])))
+                target.strength_at(survey.frequency, float(water.profile.at(-target.position[2])))
                 for target in targets], float),
             "target_name": np.array([survey.labels[target.label] for target in targets], str)}
 
@@ -119,5 +119,5 @@ def with_truth(image: xr.Dataset, survey: StripSurvey, seed: int) -> xr.Dataset:
     image = image.assign_attrs(labels={str(number): name for number, name in survey.labels.items()})
     classes, class_of = classes_of(survey.labels)
     if "share" in truth:
-        return objects.annotated(image, classes, class_of, survey.geometry, survey.track.position)
-    return image.assign_attrs(objects.known(classes, class_of, survey.geometry, survey.track.position))
+        return objects.annotated(image, classes, class_of, survey.world.still, survey.track.position)
+    return image.assign_attrs(objects.known(classes, class_of, survey.world.still, survey.track.position))

@@ -86,7 +86,7 @@ def _cell_size(sensor: StripSensor, settings: RunSettings, sound_speed: float) -
 def _bed_depth(survey: ArraySurvey, sensor: StripSensor) -> float:
     """Return the mean depth of the bed within the record [m], at places where straight rays meet a level bed."""
     track, below = survey.track, float(np.mean(survey.depth_below))
-    speed = survey.sound_speed(0)
+    speed = survey.planned_speed
     nearest, farthest = (0.5 * speed * survey.time[i] for i in (survey.lead, -1))
     reach = np.sqrt(np.maximum(np.linspace(max(nearest, 0.0), farthest, ACROSS) ** 2 - below ** 2, 0.0))
     pings = np.unique(np.linspace(0, track.pings - 1, ALONG).astype(int))
@@ -94,7 +94,7 @@ def _bed_depth(survey: ArraySurvey, sensor: StripSensor) -> float:
     aside = (rotation @ looks)[:, :2]
     aside = aside / np.maximum(np.linalg.norm(aside, axis=1, keepdims=True), 1e-9)
     place = track.position[pings, None, :2] + reach[:, None] * aside[:, None, :]
-    depth = placement.soundings(survey.geometry, place[..., 0].ravel(), place[..., 1].ravel())
+    depth = placement.soundings(survey.world.still, place[..., 0].ravel(), place[..., 1].ravel())
     if np.isnan(depth).all():
         raise ValueError("The synthetic aperture sees no seabed within its record. Change side or heading_deg, or the "
                          "film's range_min and range.")

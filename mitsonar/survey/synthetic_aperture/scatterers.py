@@ -23,10 +23,10 @@ BLOCK = 1 << 20                    # scatterers computed at once
 
 def scatterers_of(survey: StripSurvey) -> xr.Dataset:
     """Return the scatterers within the range of a strip."""
-    cells = Scatterers(survey.geometry, survey.cell_size, survey.pass_number)
+    cells = Scatterers(survey.world.still, survey.cell_size, survey.pass_number)
     middle = survey.track.position.mean(0)
     longest = float(np.linalg.norm(survey.track.position - middle, axis=1).max())
-    farthest = 0.5 * survey.time[-1] * survey.water.fastest
+    farthest = 0.5 * survey.time[-1] * survey.waters.fastest
     facets = cells.in_reach(middle, 0.0, farthest + longest)
     runs = pieces_in_reach(cells, facets, middle, 0.0, farthest + longest).runs()
     blocks = list(_blocks(survey, cells, runs, farthest))
@@ -43,7 +43,7 @@ def _blocks(survey: StripSurvey, cells: Scatterers, runs: tuple[np.ndarray, np.n
             farthest: float) -> Iterator[dict[str, np.ndarray]]:
     """Yield the scatterers within range of at least one ping, block by block."""
     line, total = MeanLine.of(survey.track), 0
-    nearest = 0.5 * survey.time[0] * survey.water.slowest          # echoes from there last into the record
+    nearest = 0.5 * survey.time[0] * survey.waters.slowest          # echoes from there last into the record
     for facet, k in cells.listed(runs, BLOCK):
         block = cells.at(facet, k)
         dr.eval(block.point, block.area, block.amplitude)

@@ -13,7 +13,7 @@ share of pings that do not see the bed at the point.
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -26,14 +26,17 @@ from mitsonar.propagation.numpy_rays.eigenrays import eigenray
 from mitsonar.scene.labels import classes_of
 from mitsonar.scene.tracing.connection import Connector
 from mitsonar.scene.tracing.tracer import Tracer, registry_index
+from mitsonar.scene.world import World
 from mitsonar.sonar.faces.directivity import Aperture
 from mitsonar.sonar.faces.sidescan import SIDES, Sidescan
 from mitsonar.sonar.motion.track import Track
 from mitsonar.sonar.motion.trajectory import Recorded, Trajectory, Voyage
+from mitsonar.water.waters import Waters
 
 from ..energy import energy
 from ..energy.sides import Sides
 from ..energy.sidescan_survey import SidescanSurvey
+from ..survey import PerSurroundings
 from ..voyage import Passage
 from .plan import StripSurvey
 
@@ -100,7 +103,7 @@ def _abreast(survey: StripSurvey, line: MeanLine, x: np.ndarray, y: np.ndarray, 
              seed: int) -> xr.Dataset:
     """Return the truth of rows of points, from a sidescan along the mean line."""
     feet = line.feet(x, y)
-    time = 2 * eigenray(survey.profile, -feet[..., 2].ravel(), depth.ravel(),
+    time = 2 * eigenray(survey.waters.first.profile, -feet[..., 2].ravel(), depth.ravel(),
                         np.hypot(x - feet[..., 0], y - feet[..., 1]).ravel()).travel_time.reshape(x.shape)
     finest = float(np.min(np.abs(np.diff(time, axis=1)), initial=np.inf)) if x.shape[1] > 1 else 0.0
     step = max(finest, 1 / survey.pulse.bandwidth)          # the pulse does not resolve finer bins
@@ -129,7 +132,8 @@ def _sidescan(survey: StripSurvey, line: MeanLine, place: np.ndarray, window: tu
     level = np.zeros(len(place))
     track = Track(time=np.arange(len(place), dtype=float), position=place, roll=level, pitch=level,
                   heading=np.full(len(place), line.heading))
-    speed = float(survey.profile.at(-line.middle[2]))
+    water = survey.waters.first
+    speed = float(water.profile.at(-line.middle[2]))
     range_ = 0.25 * speed * sum(window)
     face = Aperture(length=speed / survey.frequency * range_ / spacing, height=survey.transmit.height)
     sonar = Sidescan(frequency=survey.frequency, source_level_db=200.0, pulse_length=(window[1] - window[0]) / bins,
@@ -138,13 +142,13 @@ def _sidescan(survey: StripSurvey, line: MeanLine, place: np.ndarray, window: tu
     passage = Passage(voyage=Voyage(track=track, trajectory=Trajectory(lead=Recorded.through(track))),
                       depth_below=np.full(len(place), float(np.mean(survey.depth_below))), depth=-place[:, 2])
     return SidescanSurvey(
-        geometry=survey.geometry, profile=survey.profile, absorption=survey.absorption, volume=None, passage=passage,
+        world=World(still=survey.world.still), waters=Waters.constant(replace(water, volume=None)), passage=passage,
         rays=2 * max(FEWEST_RAYS, RAYS_PER_BIN * bins), sonar=sonar, window=window, bins=bins, first_pass=0.15)
 
 
 def _from_all_sides(survey: StripSurvey, x: np.ndarray, y: np.ndarray) -> xr.Dataset:
     """Return the truth of points that the sonar sees from all sides."""
-    geometry, lib = survey.geometry, arrays_of(mi.Float)
+    geometry, lib = survey.world.still, arrays_of(mi.Float)
     top = geometry.depth_range[0] - 1.0
     east, north = (upload(mi.Float, np.ravel(values).astype(np.float32)) for values in (x, y))
     ray = mi.Ray3f(mi.Point3f(east, north, dr.opaque(mi.Float, -top)), mi.Vector3f(0, 0, -1))
@@ -154,11 +158,10 @@ def _from_all_sides(survey: StripSurvey, x: np.ndarray, y: np.ndarray) -> xr.Dat
     depth = dr.select(valid, hit.t + dr.opaque(mi.Float, top), 0)
     point = lib.Array3f64(mi.Float64(east), mi.Float64(north), -mi.Float64(depth))
     dr.eval(label, depth, point, valid)
-    tracer = Tracer(geometry, survey.water, max_range=0.5 * survey.time[-1] * survey.water.fastest)
-    connector, dark = Connector(geometry, survey.water), dr.zeros(mi.Float, dr.width(label))
+    paths, dark = PerSurroundings(survey, _direct_paths), dr.zeros(mi.Float, dr.width(label))
     looks = np.unique(np.linspace(0, survey.track.pings - 1, LOOKS).astype(int))
     for ping in looks:
-        origin = survey.track.position[ping]
+        origin, (tracer, connector) = survey.track.position[ping], paths.at(ping)
         start = lib.Array3f64(*(dr.opaque(mi.Float64, float(part)) for part in origin))
         leg = connector.connect(tracer.sources([-origin[2]]), start, mi.UInt32(0), point, mi.Vector3f(0, 0, 0), valid,
                                 short=0.01)
@@ -173,3 +176,9 @@ def _from_all_sides(survey: StripSurvey, x: np.ndarray, y: np.ndarray) -> xr.Dat
         "depth": (dims, depth.numpy().reshape(x.shape), {"units": "m", "long_name": "depth of that shape"}),
         "shadow": (dims, (dark.numpy() / len(looks)).reshape(x.shape).astype(np.float32),
                    {"units": "1", "long_name": "share of the pings that do not see the bed there"})})
+
+
+def _direct_paths(survey: StripSurvey) -> tuple[Tracer, Connector]:
+    """Return the tracer and the connector of a survey with the same surroundings at all pings."""
+    geometry, water = survey.surroundings
+    return Tracer(geometry, water, max_range=0.5 * survey.time[-1] * water.fastest), Connector(geometry, water)
