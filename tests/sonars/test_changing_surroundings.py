@@ -19,6 +19,7 @@ from tests.inputs.changing_surroundings import in_waters, in_worlds
 from tests.inputs.sonar_scenes import (
     array_sonar,
     bed,
+    echo_sounder,
     forward_looking,
     interferometric,
     multibeam,
@@ -52,6 +53,7 @@ SCENES = {
                                                film={"range": 15.0}),
     "multibeam": lambda: multibeam(SHAPES, water=FIRST, sensor={**MOVING, "beams": 32}, film={"range": 25.0}),
     "interferometric": lambda: interferometric(SHAPES, water=FIRST, sensor=MOVING, film={"range": 25.0, "bins": 200}),
+    "echo_sounder": lambda: echo_sounder(SHAPES, water=FIRST, sensor=MOVING, film={"range": 25.0}),
     "sector_scan": lambda: sector_scan(SHAPES, water=FIRST, sensor={"pings": PINGS}, integrator={"rays": 4000}),
     "synthetic_aperture": lambda: synthetic_aperture(SHAPES, water=FIRST, integrator={"cell": 0.5}, sensor={
         **MOVING, "receivers": 4, "pulse_ms": 0.2}, film={"range_min": 12.0, "range": 16.0})}

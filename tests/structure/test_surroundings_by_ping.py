@@ -12,6 +12,7 @@ SOURCES = sorted(path for room in ("mitsonar", "plugins") for path in (ROOT / ro
 #: files that read the water of the first ping, and what for
 FIRST = {
     "mitsonar/survey/fan/forward_looking.py": "absorption that a picture's gain uses, an attribute",
+    "mitsonar/survey/echo_sounder/kind.py": "absorption that the gain of an echogram uses",
     "mitsonar/survey/interferometric/kind.py": "absorption that a picture's gain uses, an attribute",
     "mitsonar/survey/sector_scan/kind.py": "absorption that a picture's gain uses, an attribute",
     "mitsonar/survey/sidescan/kind.py": "absorption that a recorder's gain uses",

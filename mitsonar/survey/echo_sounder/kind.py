@@ -28,6 +28,7 @@ from ..pressure.array_survey import ArraySurvey
 from ..pressure.planning import survey_of
 from ..pressure.signals import LEAD
 from ..sensor import RunSettings, Sensor, head_speed, slowest_speed
+from ..survey import PerSurroundings
 from .signals import FaceSignals, split_survey
 
 SAMPLES = 6.0, 24.0                # sampling rate over bandwidth, of sweeps and of other pulses: peaks within 0.1 dB
@@ -72,15 +73,16 @@ def picture(survey: ArraySurvey, sensor: EchoSounderSensor, seed: int,
     pings, speed = survey.track.pings, head_speed(sensor, survey.passage.depth)
     limits.check_beams(survey, 1, pings=pings)
     _, bins = sensor.film().window(speed)
-    signals = FaceSignals(survey, sensor.quadrants, bins)
+    signals = PerSurroundings(survey, lambda part: FaceSignals(part, sensor.quadrants, bins))
     sounder, measured = _calibrated(survey, sensor, speed, bins), []
 
     def records() -> Iterator[EnergyRecord]:
-        for ping, made in enumerate(signals.pings(seed), 1):
+        for ping in range(pings):
+            made = signals.at(ping).ping(ping, seed)
             measured.append(sounder.measured(made.whole, made.halves))
             yield made.truth
             if progress is not None:
-                progress(ping, pings)
+                progress(ping + 1, pings)
 
     record = only_row(gathered(records(), pings=pings, rows=1))
     classes, class_of = classes_of(survey.labels)

@@ -9,7 +9,6 @@ the whole face and noise in the difference of its halves are. A half has twice t
 """
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -52,7 +51,7 @@ class FaceSignals:
         receive = survey.receive
         across = np.cross(receive.normal[0], receive.along[0])
         cell = survey.wavelength / receive.length
-        beam = {"per_cell": FINER * survey.per_cell, "lobe": (receive.along[0], cell),
+        beam = {"per_cell": FINER * survey.per_cell, "lobe": (receive.along[0], cell, 1.0),
                 "turning": (survey.track.rotation() @ across, cell)}
         whole = PingEchoes(survey, LineArray.of_element(receive), **beam)
         self._whole, self._halves = _Receiver(survey, whole, np.ones((1, 1))), []
@@ -92,11 +91,6 @@ class FaceSignals:
         whole, *halves = (receiver.signals(grid, ping, own) * self._amplitude
                           for receiver, grid, own in zip(receivers, grids, seeds))
         return PingSignals(whole=whole[0], halves=halves, truth=self._whole.truth(ping, laid, self._truth))
-
-    def pings(self, seed: int) -> Iterator[PingSignals]:
-        """Yield the signals of all pings."""
-        for ping in range(self._whole.survey.track.pings):
-            yield self.ping(ping, seed)
 
 
 def split_survey(survey: ArraySurvey, quadrants: Array, parts: float) -> ArraySurvey:
