@@ -32,7 +32,7 @@ from mitsonar.sonar.motion.track import Track
 from mitsonar.sonar.pulses.pulse import Pulse
 from mitsonar.units import NOTHING_DB, db_from_power
 
-from . import coordinates, truth
+from . import picture
 from .energy_record import EnergyRecord
 
 DIMS = ("ping", "range")
@@ -177,11 +177,9 @@ def image(sounder: CalibratedSounder, measured: Sequence[MeasuredPing], record: 
           depth_below: np.ndarray, labels: Mapping[int, str], class_of: Mapping[int, int],
           attrs: Mapping[str, Any]) -> xr.Dataset:
     """Return the echogram of a run; the record's intensities are mean powers [µPa²]."""
-    time = sounder.time.reshape(sounder.bins, -1).mean(1)
-    slant_range, entry = 0.5 * sounder.sound_speed * time, partial(coordinates.entry, DIMS)
+    time, entry = sounder.time.reshape(sounder.bins, -1).mean(1), partial(picture.entry, DIMS)
     # an echo lasts for a pulse, which may be longer than the bins
     lit = replace(record, rays_in_beam=(record.intensity > 0).astype(np.uint32))
-    label, shadow = coordinates.shadow_by_bins(lit, np.ones(record.intensity.shape, bool))
 
     def column(name: str) -> np.ndarray:
         return np.stack([getattr(ping, name) for ping in measured])
@@ -198,24 +196,18 @@ def image(sounder: CalibratedSounder, measured: Sequence[MeasuredPing], record: 
             "compensated_db", "dB re 1 m²", "target strength, compensated for the pattern of the face")
     down = float(sounder.face.normal[0][2])
     bottom = -track.position[:, 2] + down * np.array([ping.bottom for ping in measured])
-    return xr.Dataset(
-        {"level": entry(coordinates.levels(column("power")), "dB re 1 µPa", "echo level"),
-         "mean_level": entry(coordinates.levels(record.intensity.astype(float)), "dB re 1 µPa",
+    bins = picture.bins_of(time, sounder.sound_speed, attrs["pulse"])
+    return picture.picture(
+        "echo_sounder", DIMS,
+        {"level": entry(picture.levels(column("power")), "dB re 1 µPa", "echo level"),
+         "mean_level": entry(picture.levels(record.intensity.astype(float)), "dB re 1 µPa",
                              "level of the direct echoes of bed and objects, without speckle and noise"),
          "volume_strength": strengths("volume_strength_db", "dB re 1 m⁻¹", "volume strength S_v"),
          "target_strength": strengths("target_strength_db", "dB re 1 m²",
                                       "target strength of the strongest sample, as if on the axis"),
          **split,
-         "measured_depth": coordinates.entry("ping", bottom, "m", "depth of the bed, by the leading edge of its echo"),
-         "depth": entry(record.depth, "m", "mean depth of bed and objects that return the echoes"),
-         **truth.variables(record.truth, label, class_of, DIMS),
-         "shadow": entry(shadow, "1", "no echo arrives, after the first return"),
-         "rays": entry(record.rays, "1", "scatterers of the ground truth")},
-        coords={"ping": coordinates.entry("ping", np.arange(len(measured)), "1", "ping number"),
-                **coordinates.of_bins(labels, slant_range, time), **coordinates.of_pings(track, depth_below)},
-        attrs={"sonar": "echo_sounder", "looks": "down", **attrs, "source_level_db": sounder.source_level_db,
-               "sound_speed": float(sounder.sound_speed), "pulse_length": sounder.pulse_length,
-               "equivalent_beam_angle_db": sounder.equivalent_beam_angle_db,
-               "absorption_db": float(sounder.loss_db[-1] / (2 * sounder.range[-1])),
-               "bin_width": float(slant_range[-1] - slant_range[0]) / max(len(slant_range) - 1, 1),
-               "labels": {str(number): name for number, name in labels.items()}})
+         "measured_depth": picture.entry("ping", bottom, "m", "depth of the bed, by the leading edge of its echo")},
+        lit, bins=bins, pings=picture.pings_of(track, depth_below), rows={}, labels=labels, class_of=class_of,
+        attrs={"looks": "down", **attrs, "source_level_db": sounder.source_level_db,
+               "pulse_length": sounder.pulse_length, "equivalent_beam_angle_db": sounder.equivalent_beam_angle_db,
+               "absorption_db": float(sounder.loss_db[-1] / (2 * sounder.range[-1]))})

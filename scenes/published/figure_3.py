@@ -115,7 +115,8 @@ class _Impulses:
         self.outward = each(bundle.travel_time)
         if not own_rays:
             # by reciprocity: the way from a transmit element to the common hit is the way back to it
-            self.outward = return_time(survey.waters.only.profile, self.centre, bundle.point, transmit @ self.rotation.T).T
+            self.outward = return_time(survey.waters.only.profile, self.centre, bundle.point,
+                                       transmit @ self.rotation.T).T
 
     def delay(self, method):
         """(ray, tx, rx) [s], the way back found by a method of `return_time`."""

@@ -146,7 +146,7 @@ class PingPressure:
         with_cells = len(shares) - 1       # the last source, that of random echoes, has no cells
         for done, (number, share) in enumerate(shares):
             source = ensonified.source(number)
-            delays = record.delays(source)
+            delays = record.delays(source, self.ensonified.ping)
             blocks = ensonified.echoes(number, _of_a_part(progress, done / with_cells, 1 / with_cells))
             for echoes in (block for block in blocks if record.paths is None or block.path in record.paths):
                 for rows, centre in classes.receiver_groups(source, echoes, receivers):
