@@ -64,7 +64,7 @@ def send(survey: ArraySurvey, offset: npt.ArrayLike, launch_angle: np.ndarray) -
     origin = survey.track.position[0] + np.asarray(offset, float) @ rotation.T
     direction = np.stack([np.zeros_like(launch_angle), np.cos(launch_angle), np.sin(launch_angle)], -1) @ rotation.T
     reach = 0.55 * survey.time[-1] * float(np.max(survey.waters.only.profile.sound_speed))
-    tracer = Tracer(survey.geometry, survey.water, max_range=reach)
+    tracer = Tracer(*survey.surroundings, max_range=reach)
     depth, source = np.unique(-origin[:, 2], return_inverse=True)
     start = lib.Array3f64(*(upload(lib.Float64, column) for column in origin.T))
     hits = tracer.trace(tracer.sources(depth), start, upload(mi.UInt32, source.astype(np.uint32)),

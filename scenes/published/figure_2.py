@@ -59,7 +59,7 @@ def compute(**parameters: object) -> xr.Dataset:
         If a parameter is none of the scene's or has a value it cannot take.
     """
     wavy, flat = (shipped_survey(SCENE, **{**parameters, **changed}) for changed in ({}, {"height": 0}))
-    x, height = _section(wavy.geometry)
+    x, height = _section(wavy.world.still)
     bundles = [_Rays(wavy, flat, wavy.rays * factor) for factor in (1, DENSER)]
     few, many = bundles
     caustics = _caustics(many, wavy.sampling_rate)
