@@ -90,7 +90,7 @@ class ElementModel:
                  seed: int = 0):
         sonar, integrator = sonar_of(scene.sensors()[sensor]), integrator_of(scene)
         try:
-            self._survey = integrator.array_survey(scene, sonar, LEAD)
+            self._survey = integrator.array_survey(scene, sonar, LEAD, seed)
         except RuntimeError as error:
             raise as_exception(error) from error
         count = self._survey.track.pings

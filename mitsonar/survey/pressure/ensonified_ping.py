@@ -33,7 +33,7 @@ def ensonification_of(survey: ArraySurvey, scatterers: Scatterers | None = None)
     moved, turned = (float(np.linalg.norm(rate, axis=1).max()) * end
                      for rate in (survey.velocity, survey.voyage.turn_rate))
     return Ensonification(
-        scatterers or Scatterers(geometry, survey.cell_size, survey.pass_number), water,
+        scatterers or Scatterers(geometry, survey.cell_size, survey.pass_number, survey.world.seed), water,
         frequency=survey.frequency,
         window=(survey.start, end), margin=survey.radius + survey.receive.radius + moved,
         method=survey.ensonification, rays=survey.rays,

@@ -32,7 +32,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import drjit as dr
 import mitsuba as mi
@@ -178,9 +177,9 @@ class Triangles:
                          first=whole.first + ((thread & 3) << (2 * whole.level)))
 
 
-def speckle_of(survey: SidescanSurvey, seed: int) -> Callable[[np.ndarray], np.ndarray]:
+def speckle_of(survey: SidescanSurvey) -> Callable[[np.ndarray], np.ndarray]:
     """Return a function that returns the speckle of pings (B,), see `SideSpeckle.of`."""
-    around = PerSurroundings(survey, partial(SideSpeckle, seed=seed))
+    around = PerSurroundings(survey, SideSpeckle)
 
     def speckle(ping: np.ndarray) -> np.ndarray:
         changes = np.flatnonzero(np.diff(survey.surroundings_number[ping])) + 1
@@ -192,7 +191,7 @@ def speckle_of(survey: SidescanSurvey, seed: int) -> Callable[[np.ndarray], np.n
 class SideSpeckle:
     """Speckle of pings that share their surroundings."""
 
-    def __init__(self, survey: SidescanSurvey, seed: int):
+    def __init__(self, survey: SidescanSurvey):
         sonar, (start, end) = survey.sonar, survey.window
         self._lib, self._survey = arrays_of(mi.Float), survey
         self.gates = survey.bins * speckle_gates(survey.bin_length, sonar.pulse_length)
@@ -204,7 +203,7 @@ class SideSpeckle:
         self._count, self._speed = dr.opaque(mi.UInt32, self.gates), dr.opaque(mi.Float, sonar.sound_speed)
         self._underway = Underway(survey.voyage.trajectory.during(survey.track.time, end))
         reach, (geometry, water) = 0.5 * end * survey.waters.fastest, survey.surroundings
-        self._facets = Scatterers(geometry, np.inf, survey.pass_number, seed)
+        self._facets = Scatterers(geometry, np.inf, survey.pass_number, survey.world.seed)
         self._table = EigenrayTable(Connector(geometry, water),
                                     depth=-float(survey.track.position[:, 2].mean()), farthest=reach)
         # cycles, seconds and gates per metre of the way out and back
@@ -218,7 +217,7 @@ class SideSpeckle:
         self._slack = dr.opaque(mi.Float, 1 + drift + self._underway.largest_turn)
         self._near, self._far = (dr.opaque(mi.Float, value) for value in (
             0.5 * start * survey.waters.slowest * (1 - drift), reach * (1 + drift)))
-        self._water = WaterCells(survey, seed)
+        self._water = WaterCells(survey)
         self._sort()
 
     def _sort(self) -> None:
@@ -425,7 +424,7 @@ class WaterCells:
 
     COURSES = 16
 
-    def __init__(self, survey: SidescanSurvey, seed: int):
+    def __init__(self, survey: SidescanSurvey):
         self._lib, track, velocity = arrays_of(mi.Float), survey.track, survey.voyage.velocity
         forward, window = track.rotation()[:, :2, 0], survey.window
         moving = np.linalg.norm(velocity[:, :2], axis=1) > 1e-3
@@ -437,7 +436,7 @@ class WaterCells:
         self._rows = np.concatenate([
             np.sum(track.position[:, :2] * ahead, 1)[:, None], np.sum(velocity[:, :2] * ahead, 1)[:, None], ahead,
             turned[:, None], number[:, None], np.zeros((len(ahead), 2))], 1)
-        self._seed = dr.opaque(mi.UInt32, int(seed) & 0xFFFFFFFF)
+        self._seed = dr.opaque(mi.UInt32, survey.world.seed & 0xFFFFFFFF)
         speed, pulse_length = survey.sonar.sound_speed, survey.sonar.pulse_length
         gates = survey.bins * speckle_gates(survey.bin_length, pulse_length)
         self._begin, self._step = (dr.opaque(mi.Float, 0.5 * speed * value)
