@@ -29,7 +29,7 @@ from mitsonar.signal.accumulation import ImpulseResponses
 from mitsonar.signal.gathering import GatheredWeights
 from mitsonar.signal.impulses import BandLimited, Later
 from mitsonar.signal.reception import absorbed, delayed, received, transposed
-from mitsonar.survey.energy.target_echoes import band_of
+from mitsonar.survey.energy.phased_echoes import band_of
 from mitsonar.survey.integrator import integrator_of
 from mitsonar.survey.pressure.array_survey import ArraySurvey
 from mitsonar.survey.pressure.ensonified_ping import ensonification_of

@@ -18,7 +18,7 @@ from mitsonar.echoes.record import Echoes
 from mitsonar.echoes.scatterers.element_beams import ElementBeams
 from mitsonar.echoes.scatterers.scatterers import Scatterers
 
-from ..energy.target_echoes import band_of
+from ..energy.phased_echoes import band_of
 from .array_survey import ArraySurvey
 from .ping_source import PingSource
 
