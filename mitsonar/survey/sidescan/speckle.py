@@ -41,7 +41,7 @@ from mitsonar.device.arrays import arrays_of, compressed, held, looped, upload
 from mitsonar.device.chance import Salt, gaussian, hashed, hashed_pair, uniform
 from mitsonar.device.rotations import rotated
 from mitsonar.device.types import UInt32
-from mitsonar.echoes.scatterers.nested_points import MOST_OF_A_FACET, exists, path_of, place_of, triangle_of
+from mitsonar.echoes.scatterers.nested_points import LEVELS, MOST_OF_A_FACET, exists, path_of, place_of, triangle_of
 from mitsonar.echoes.scatterers.scatterers import Scatterers
 from mitsonar.echoes.scatterers.thinned_scatterers import ACROSS
 from mitsonar.echoes.sights.eigenray_table import EigenrayTable
@@ -225,15 +225,17 @@ class SideSpeckle:
         facets = self._facets
         number = np.flatnonzero(facets.scattering).astype(np.uint32)
         number = number[np.argsort(_along_a_curve(facets.centre[number]), kind="stable")]
-        ball = np.concatenate([facets.centre[number], facets.radius[number, None]], 1)
+        ball = np.empty((len(number), 4), np.float32)
+        ball[:, :3], ball[:, 3] = facets.centre[number], facets.radius[number]
         starts = np.arange(0, len(number), BLOCK)
-        low, high = ((ball[:, :3] - ball[:, 3:]), (ball[:, :3] + ball[:, 3:]))
+        blocks = np.zeros((len(starts), 4), np.float32)
         if len(starts):
-            low, high = np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts)
-        blocks = np.concatenate([0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)[:, None]], 1)
+            low, high = (np.stack([least.reduceat(ball[:, axis] + sign * ball[:, 3], starts) for axis in range(3)], 1)
+                         for least, sign in ((np.minimum, -1), (np.maximum, 1)))
+            blocks[:, :3], blocks[:, 3] = 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
         self._blocks, self._facet_count = len(starts), dr.opaque(mi.UInt32, len(number))
-        self._block = upload(mi.Float, blocks.astype(np.float32))
-        self._ball, self._number = upload(mi.Float, ball.astype(np.float32)), upload(mi.UInt32, number)
+        self._block, self._ball, self._number = (upload(mi.Float, blocks), upload(mi.Float, ball),
+                                                 upload(mi.UInt32, number))
         dr.eval(self._block, self._ball, self._number)
 
     def of(self, ping: np.ndarray) -> np.ndarray:
@@ -353,7 +355,8 @@ class SideSpeckle:
         most = dr.minimum(density * 0.5 * twice * dr.minimum(seen + 2 * radius / least, 1) / least, MOST_OF_A_FACET)
         parts = mi.Float(mi.UInt32(1) << (2 * triangles.level))
         most = (most - facets.threshold_of(triangles.facet) - mi.Float(triangles.first)) / parts
-        return met & (most > 0), (most < FEW) | (radius < 0.5 * edge * distance), most
+        fine = (most < FEW) | (radius < 0.5 * edge * distance) | (triangles.level >= LEVELS - 1)
+        return met & (most > 0), fine, most
 
     # ---- its scatterers
 
@@ -487,11 +490,13 @@ class WaterCells:
 
 
 def _along_a_curve(place: np.ndarray) -> np.ndarray:
-    """Return numbers (N,) that sort places (N, 3) along a curve of short steps (Morton 1966)."""
-    low, size = place.min(0, initial=np.inf), max(float(np.ptp(place, axis=0).max(initial=1e-9)), 1e-9)
-    cell = ((place - low) / size * 1023).astype(np.uint64)
-    number = np.zeros(len(place), np.uint64)
-    for bit in range(10):
-        for axis in range(3):
-            number |= ((cell[:, axis] >> np.uint64(bit)) & np.uint64(1)) << np.uint64(3 * bit + axis)
+    """Return numbers (N,), uint32, that sort places (N, 3) along a curve of short steps (Morton 1966)."""
+    columns = [column - column.min(initial=np.inf) for column in place.T]
+    size = max(max(float(column.max(initial=0)) for column in columns), 1e-9)
+    number = np.zeros(len(place), np.uint32)
+    for axis, column in enumerate(columns):
+        bits = (column * (1023 / size)).astype(np.uint32)
+        for shift, mask in ((16, 0x030000FF), (8, 0x0300F00F), (4, 0x030C30C3), (2, 0x09249249)):
+            bits = (bits | (bits << np.uint32(shift))) & np.uint32(mask)
+        number |= bits << np.uint32(axis)
     return number
