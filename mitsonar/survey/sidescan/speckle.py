@@ -50,7 +50,7 @@ from mitsonar.propagation.returns.moved_ends import detour
 from mitsonar.scene.tracing.connection import Connector
 
 from ..energy.sidescan_survey import SidescanSurvey
-from ..motion.places import Poses
+from ..motion.places import PingPoses
 from ..motion.underway import PingMotion, Underway
 from ..survey import PerSurroundings
 from .side_beam import NEAREST, GateBeam, main_lobe
@@ -155,7 +155,7 @@ class SideSpeckle:
     def _of(self, ping: np.ndarray) -> np.ndarray:
         """Return the speckle of a block of pings."""
         track, rows = self._survey.track, 2 * len(ping)
-        poses, motion = Poses(track.position[ping], track.rotation()[ping]), self._underway.motion(ping)
+        poses, motion = PingPoses(track.position[ping], track.rotation()[ping]), self._underway.motion(ping)
         sums = dr.zeros(mi.UInt32, sum_size(4 * rows * self.gates))
         for triangles in self._met(poses, motion, len(ping)):
             self._add(sums, poses, motion, triangles)
@@ -170,7 +170,7 @@ class SideSpeckle:
 
     # ---- the ground that the main lobe meets
 
-    def _met(self, poses: Poses, motion: PingMotion | None, pings: int) -> list[Triangles]:
+    def _met(self, poses: PingPoses, motion: PingMotion | None, pings: int) -> list[Triangles]:
         """Return the triangles that the lobes of pings meet, from coarse to fine."""
         if not self._blocks:
             return []
@@ -210,7 +210,7 @@ class SideSpeckle:
         row = dr.gather(self._lib.Array4f, table, number, active)
         return self._lib.Array3f64(row[0], row[1], row[2]), row[3]
 
-    def _half_way(self, poses: Poses, motion: PingMotion | None, ping: mi.UInt32,
+    def _half_way(self, poses: PingPoses, motion: PingMotion | None, ping: mi.UInt32,
                   point: dr.ArrayBase) -> tuple[dr.ArrayBase, mi.Vector3f, mi.Float]:
         """Return the offsets [m] of points from the sonar half-way between transmission and reception, and its axis.
 
@@ -226,7 +226,7 @@ class SideSpeckle:
         across = dr.squared_norm(moved) - dr.square(dr.dot(mi.Vector3f(offset), moved) / distance)
         return offset, mi.Vector3f(*rotated(list(axis), list(0.5 * turned))), across / (4 * distance)
 
-    def _meets(self, poses: Poses, motion: PingMotion | None, ping: mi.UInt32, centre: dr.ArrayBase,
+    def _meets(self, poses: PingPoses, motion: PingMotion | None, ping: mi.UInt32, centre: dr.ArrayBase,
                radius: mi.Float) -> tuple[mi.Bool, mi.Float, mi.Vector3f, mi.Float]:
         """Return True for balls that the lobe may meet; their shortest distance, offsets [m], and edges of the lobe."""
         offset, axis, _ = self._half_way(poses, motion, ping, centre)
@@ -243,7 +243,7 @@ class SideSpeckle:
         place = (2 * distance / self._speed - mi.Float(self._start)) * mi.Float(self._per_gate)
         return mi.UInt32(held(place, 0, self._gates - 1))
 
-    def _sized(self, poses: Poses, motion: PingMotion | None,
+    def _sized(self, poses: PingPoses, motion: PingMotion | None,
                triangles: Triangles) -> tuple[mi.Bool, mi.Bool, mi.Float]:
         """Return True for triangles that the lobe may meet, and that need no cut; and their greatest numbers."""
         facets, lib = self._facets, self._lib
@@ -269,7 +269,7 @@ class SideSpeckle:
 
     # ---- its scatterers
 
-    def _add(self, sums: mi.UInt32, poses: Poses, motion: PingMotion | None, triangles: Triangles) -> None:
+    def _add(self, sums: mi.UInt32, poses: PingPoses, motion: PingMotion | None, triangles: Triangles) -> None:
         """Add the scatterers of triangles to the sums of their gates.
 
         What is long is computed once for the middle of a triangle, in double precision: the scatterers' ways differ

@@ -10,7 +10,7 @@ from mitsonar.device.chance import Salt, gaussian, hashed, hashed_pair, uniform
 from mitsonar.imaging.sidescan import speckle_gates
 
 from ..energy.sidescan_survey import SidescanSurvey
-from ..motion.places import Poses
+from ..motion.places import PingPoses
 from .side_beam import NEAREST, GateBeam
 
 EMPTY = 1e-4                       # sum of |w|² below which a gate has scatterers of the water
@@ -44,7 +44,7 @@ class WaterCells:
                                    for value in (window[0], (window[1] - window[0]) / gates))
         self._speed, self._twice = dr.opaque(mi.Float, speed), dr.opaque(mi.Float, 4 * np.pi / survey.sonar.wavelength)
 
-    def added(self, ping: np.ndarray, poses: Poses, beam: GateBeam, thread: mi.UInt32, count: mi.UInt32,
+    def added(self, ping: np.ndarray, poses: PingPoses, beam: GateBeam, thread: mi.UInt32, count: mi.UInt32,
               sums: tuple[mi.Float, mi.Float, mi.Float]) -> tuple[mi.Float, mi.Float]:
         """Return g of gates (R,) from their sums Σ w a e and Σ |w|², with the water's where there is no ground."""
         row = thread // count
