@@ -106,7 +106,7 @@ def _write_strip(arguments: argparse.Namespace, scene: mi.Scene) -> None:
         check_output(arguments.scatterers, (".nc",))
         if os.path.realpath(arguments.scatterers) == os.path.realpath(arguments.output):
             raise ValueError(f"{arguments.scatterers} is the name of two outputs; give another name for --scatterers.")
-        netcdf.write(scatterers(scene, sensor=arguments.sensor), arguments.scatterers)
+        netcdf.write(scatterers(scene, arguments.seed, sensor=arguments.sensor), arguments.scatterers)
         announce(arguments.scatterers)
     counts: list[int] = []
     start = raw_echoes.written(arguments.output)

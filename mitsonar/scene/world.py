@@ -19,6 +19,7 @@ class World:
     """Scene of a survey's pings: one geometry for all of them."""
 
     still: Geometry  # what no ping moves: the bed, the surface, and today everything else
+    seed: int = 0  # of the scatterers of all surfaces, the same for all pings, passes and kinds of sonar
 
     @property
     def geometries(self) -> list[Geometry]:
@@ -35,7 +36,7 @@ class World:
 
     def within(self, ping: int) -> World:
         """Return the geometry of a ping as that of all pings."""
-        return self if len(self.geometries) == 1 else World(still=self.at(ping))
+        return self if len(self.geometries) == 1 else World(still=self.at(ping), seed=self.seed)
 
     @property
     def only(self) -> Geometry:
@@ -47,7 +48,7 @@ class World:
 
     def smoothed(self) -> World:
         """Return the world with beds that scatter by normals interpolated between their nodes."""
-        return World(still=Geometry(self.still.scene, smooth_beds=True))
+        return World(still=Geometry(self.still.scene, smooth_beds=True), seed=self.seed)
 
     @property
     def named(self) -> ShapeLabels:

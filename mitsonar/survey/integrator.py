@@ -20,11 +20,11 @@ class SoundIntegrator(Protocol):
 
     settings: RunSettings
 
-    def survey(self, scene: mi.Scene, sensor: Sensor) -> Survey:
-        """Plan a run of a sonar over a scene."""
+    def survey(self, scene: mi.Scene, sensor: Sensor, seed: int = 0) -> Survey:
+        """Plan a run of a sonar over a scene, whose scatterers are drawn by the seed."""
         ...
 
-    def array_survey(self, scene: mi.Scene, sensor: Sensor, lead: float = 0.0) -> ArraySurvey:
+    def array_survey(self, scene: mi.Scene, sensor: Sensor, lead: float = 0.0, seed: int = 0) -> ArraySurvey:
         """Plan the same run for the signals of the sonar's elements; the record begins `lead` pulses early."""
         ...
 

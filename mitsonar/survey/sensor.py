@@ -126,6 +126,7 @@ class RunSettings:
     cell_size: float | None  # [m]: longest side of a scatterer's cell
     scatterers_per_cell: float  # in a resolution cell of an array's picture in the beam domain
     ray_sources: str  # places where an array's rays start
+    seed: int = 0  # of the scatterers of all surfaces
     ray_source_count: int  # number of these places, where they are interpolated
 
 

@@ -46,8 +46,9 @@ def render(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
     scene : mitsuba.Scene, or str or path
         A scene loaded by `mitsonar.load_file` or `mi.load_file`, or a name or path for `mitsonar.load_file`.
     seed : int
-        Seed of ray directions, speckle and noise, from 0 to 4294967295. The same scene and seed give the same bytes on
-        machines with the same instruction set (``attrs["instruction_set"]``).
+        Seed of ray directions, scatterers (unless the scene sets ``ground_seed``) and noise, from 0 to 4294967295. The
+        same scene and seed give the same bytes on machines with the same instruction set
+        (``attrs["instruction_set"]``).
     sensor : int or str
         Number or id of one of the scene's sensors.
     progress : callable(done, total) or None
@@ -80,7 +81,7 @@ def render(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
     seed = checked_seed(seed)
     scene, sonar, integrator = opened(scene, sensor, parameters)
     try:
-        survey = integrator.survey(scene, sonar)
+        survey = integrator.survey(scene, sonar, seed)
         image = integrator.picture(survey, sonar, seed, progress, say)
     except RuntimeError as error:
         raise as_exception(error) from error
@@ -111,7 +112,7 @@ def frames(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
     seed = checked_seed(seed)
     scene, sonar, integrator = opened(scene, sensor, parameters)
     try:
-        survey = integrator.survey(scene, sonar)
+        survey = integrator.survey(scene, sonar, seed)
         images = integrator.frames(survey, sonar, seed)
     except RuntimeError as error:
         raise as_exception(error) from error
@@ -138,7 +139,7 @@ def impulse_response(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, 
         Method for delays to elements: ``vector``, ``paper`` or ``eigenray`` (exact, an eigenray for every hit and
         element; slow).
     seed : int
-        Seed of rays, where rays ensonify the scatterers. The scatterers themselves belong to the scene.
+        Seed of the scatterers, unless the scene sets ``ground_seed``, and of rays, where rays ensonify them.
     sensor, parameters
         As in `render`.
     paths : sequence of str or None
@@ -164,9 +165,10 @@ def impulse_response(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, 
         If scene and sensor do not fit together, the ping does not exist, or kernel or return path is unknown.
     """
     _check_names(kernel, return_path)
+    seed = checked_seed(seed)
     scene, sonar, integrator = opened(scene, sensor, parameters)
-    survey, pings = _survey(integrator, scene, sonar, ping)
-    record = PressureRecord(survey, seed=checked_seed(seed), kernel=kernel, return_path=return_path,
+    survey, pings = _survey(integrator, scene, sonar, ping, seed)
+    record = PressureRecord(survey, seed=seed, kernel=kernel, return_path=return_path,
                             paths=_known_paths(survey, paths))
     array = pair_responses(record, pings, progress=progress, say=say)
     return _with_attributes(array, kernel=kernel, kernel_energy=make_kernel(kernel).energy, return_path=return_path,
@@ -187,7 +189,7 @@ def element_signals(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, k
     scene, ping, kernel, return_path, sensor, paths, progress, say, parameters
         As in `impulse_response`.
     seed : int
-        Seed of noise, and of rays where rays ensonify the scatterers.
+        Seed of noise, of the scatterers unless the scene sets ``ground_seed``, and of rays where rays ensonify them.
 
     Returns
     -------
@@ -212,7 +214,7 @@ def element_signals(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, k
     _check_names(kernel, return_path)
     seed = checked_seed(seed)
     scene, sonar, integrator = opened(scene, sensor, parameters)
-    survey, pings = _survey(integrator, scene, sonar, ping, lead=LEAD)
+    survey, pings = _survey(integrator, scene, sonar, ping, seed, lead=LEAD)
     record = PressureRecord(survey, seed=sonar.own_seed(seed), kernel=kernel, return_path=return_path,
                             paths=_known_paths(survey, paths))
     array = received_signals(record, pings, progress=progress, say=say)
@@ -273,7 +275,7 @@ def sounded_pings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeed
     scene, sonar, integrator = opened(scene, sensor)
     kind = sounder_kind_of(sonar)
     try:
-        survey = integrator.survey(scene, sonar)
+        survey = integrator.survey(scene, sonar, seed)
         line = kind.sounding_line(survey, sonar.own_seed(seed), profile=profile, column=column, snippets=samples)
     except RuntimeError as error:
         raise as_exception(error) from error
@@ -365,10 +367,10 @@ def _known_paths(survey: Survey, paths: Sequence[str] | None) -> list[str] | Non
 
 
 def _survey(integrator: SoundIntegrator, scene: mi.Scene, sensor: Sensor, ping: int | Sequence[int],
-            lead: float = 0.0) -> tuple[ArraySurvey, list[int]]:
+            seed: int, lead: float = 0.0) -> tuple[ArraySurvey, list[int]]:
     """Plan the run; return it with the pings that are asked for. `lead` is in pulse lengths before the transmission."""
     try:
-        survey = integrator.array_survey(scene, sensor, lead)
+        survey = integrator.array_survey(scene, sensor, lead, seed)
     except RuntimeError as error:
         raise as_exception(error) from error
     pings = [operator.index(number) for number in np.atleast_1d(ping).tolist()]

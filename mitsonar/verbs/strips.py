@@ -128,7 +128,7 @@ def focus(scene_or_signals: mi.Scene | xr.Dataset | FilePath, grid: Grid | None 
                                          **_windows(window, range_window)))
     seed = checked_seed(seed)
     scene, sonar, integrator = opened(scene_or_signals, sensor, parameters)
-    survey, origin = _planned(scene, sonar, integrator)
+    survey, origin = _planned(scene, sonar, integrator, seed)
     windows = _windows(survey.aperture_window if window is None else window,
                        survey.range_window if range_window is None else range_window)
     image = focused(pings_of(survey, sonar.own_seed(seed)), survey.track.pings, progress,
@@ -147,7 +147,7 @@ def raw_pings(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 
     """Yield the raw echoes of one ping after the other, so that memory does not grow with their number."""
     seed, start = checked_seed(seed), operator.index(start)
     scene, sonar, integrator = opened(scene, sensor)
-    survey, origin = _planned(scene, sonar, integrator)
+    survey, origin = _planned(scene, sonar, integrator, seed)
     if not 0 <= start <= survey.track.pings:
         raise ValueError(f"start is ping {start}, but the strip has {survey.track.pings} pings, counted from 0")
     if count is not None:
@@ -156,9 +156,9 @@ def raw_pings(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 
             for ping in pings_of(survey, sonar.own_seed(seed), start))
 
 
-def scatterers(scene: mi.Scene | FilePath, *, sensor: int | str = 0) -> SonarImage:
+def scatterers(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0) -> SonarImage:
     """Return the scatterers of a scene's seabeds and objects that make its raw echoes: the ground truth of speckle."""
-    survey, origin = _planned(*opened(scene, sensor))
+    survey, origin = _planned(*opened(scene, sensor), checked_seed(seed))
     return SonarImage.of(scatterers_of(survey).assign_attrs(origin))
 
 
@@ -167,13 +167,14 @@ def strip_survey(scene: mi.Scene | FilePath, *, sensor: int | str = 0) -> StripS
     return _planned(*opened(scene, sensor))[0]
 
 
-def _planned(scene: mi.Scene, sonar: Sensor, integrator: SoundIntegrator) -> tuple[StripSurvey, dict[str, Any]]:
+def _planned(scene: mi.Scene, sonar: Sensor, integrator: SoundIntegrator,
+             seed: int = 0) -> tuple[StripSurvey, dict[str, Any]]:
     """Return the survey of a synthetic aperture sonar, and the provenance of its results."""
     if sonar.kind != "synthetic_aperture":
         raise ValueError(f"raw echoes are those of a synthetic aperture, but this sensor is a {sonar.kind}; give the "
                          "scene a <sensor type=\"synthetic_aperture\"/>, or use mitsonar.element_signals")
     try:
-        survey = cast(StripSurvey, integrator.array_survey(scene, sonar, LEAD))
+        survey = cast(StripSurvey, integrator.array_survey(scene, sonar, LEAD, seed))
     except RuntimeError as error:
         raise as_exception(error) from error
     return survey, provenance(scene, sonar, survey)

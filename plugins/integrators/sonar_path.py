@@ -53,14 +53,17 @@ ATTRIBUTES = (
            text="longest side of a cell, for signals of elements; by default at most a fiftieth of the altitude and, "
                 "for a synthetic aperture, as `scatterers_per_cell` needs"),
     Number("scatterers_per_cell", default=5.0, minimum=1, maximum=100,
-           text="number of scatterers in a resolution cell, for pictures made in the beam domain and for synthetic "
-                "apertures"),
+           text="number of scatterers in a resolution cell, for pictures made in the beam domain, synthetic apertures "
+                "and the speckle of a sidescan"),
     Choice("fans", default="centre", choices=("centre", "elements", "interpolated"),
            text="places from which an array's cells are ensonified: its centre (all transmit elements reach the same "
                 "points), each transmit element, or `fan_count` places along the array, where each element takes the "
                 "echoes of both neighbouring places"),
     Integer("fan_count", default=3, minimum=2, maximum=1000, only=("fans", ("interpolated",)),
             text="number of places, with `interpolated`"),
+    Integer("ground_seed", default=None, minimum=0, maximum=(1 << 32) - 1, otherwise="the seed of the render",
+            text="seed of the scatterers of seabed and objects: the same ground has the same speckle for every kind of "
+                 "sonar; write it to draw other noise over the same ground by other seeds"),
 )
 
 
@@ -69,6 +72,7 @@ class SonarPath(mi.SamplingIntegrator):
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, ATTRIBUTES)
+        self._ground_seed = attributes.ground_seed
         self.settings = RunSettings(
             rays=attributes.rays, first_pass=attributes.first_pass, max_depth=attributes.max_depth,
             ensonification=attributes.ensonification, cell_size=attributes.cell,
@@ -76,23 +80,27 @@ class SonarPath(mi.SamplingIntegrator):
             ray_source_count=attributes.fan_count)
         super().__init__(props)
 
-    def survey(self, scene: mi.Scene, sensor: Sensor) -> Survey:
-        """Plan a run of a sonar over a scene."""
+    def survey(self, scene: mi.Scene, sensor: Sensor, seed: int = 0) -> Survey:
+        """Plan a run of a sonar over a scene, whose scatterers are drawn by the seed."""
         from mitsonar.survey.coverage import warn_of_window
         from mitsonar.survey.kinds import kind_of
 
-        survey = kind_of(sensor).plan(scene, sensor, self.settings)
+        survey = kind_of(sensor).plan(scene, sensor, self._settings(seed))
         warn_of_window(survey, sensor)
         return survey
 
-    def array_survey(self, scene: mi.Scene, sensor: Sensor, lead: float = 0.0) -> ArraySurvey:
+    def array_survey(self, scene: mi.Scene, sensor: Sensor, lead: float = 0.0, seed: int = 0) -> ArraySurvey:
         """Plan the same run for the signals of the sonar's elements."""
         from mitsonar.survey.coverage import warn_of_window
         from mitsonar.survey.kinds import kind_of
 
-        survey = kind_of(sensor).plan_elements(scene, sensor, self.settings, lead)
+        survey = kind_of(sensor).plan_elements(scene, sensor, self._settings(seed), lead)
         warn_of_window(survey, sensor)
         return survey
+
+    def _settings(self, seed: int) -> RunSettings:
+        """Return the settings of a run, with the seed of the scatterers."""
+        return replace(self.settings, seed=int(seed) if self._ground_seed is None else self._ground_seed)
 
     def picture(self, survey: Survey, sensor: Sensor, seed: int = 0,
                 progress: Callable[[float, float], None] | None = None,
@@ -132,7 +140,7 @@ class SonarPath(mi.SamplingIntegrator):
 
         if wants_gradients(scene) and is_coherent(scene, sonar):
             return CoherentLevels(scene, sonar, seed).levels
-        survey = self.survey(scene, sonar)
+        survey = self.survey(scene, sonar, seed)
         if wants_gradients(scene):
             survey = replace(survey, world=survey.world.smoothed())
         return kind_of(sonar).rows(self.picture(survey, sonar, seed)["level"].values)

@@ -118,16 +118,14 @@ class Scatterers:
             rows.append((index, shape, len(faces), len(grid.faces)))
             faces = np.concatenate([faces, four_wide(grid.faces + np.uint32(len(vertices))).astype(np.uint32)])
             vertices = np.concatenate([vertices, four_wide(grid.vertices).astype(np.float32)])
-        corner = vertices[faces[:, :3], :3].astype(float)                                        # (F, 3, 3)
-        side = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=-1).max(1)
+        self._vertices, self._faces = upload(mi.Float, vertices), upload(mi.UInt32, faces)
+        side, self.centre, self.radius = self._measured(len(faces))
         self.longest_side, self.cuts = side, divisions(side, cell_size)
         if self.cuts.max(initial=1) > MOST_CUTS:
             raise ValueError(f"Cells of {cell_size:g} m cut a facet of {side.max():.0f} m into more than {MOST_CUTS} "
                              "rows. Use larger cells, or a mesh of smaller facets.")
         faces[:, 3] = self.cuts
         self._host_vertices, self._host_faces = vertices, faces
-        self.centre = corner.mean(1)
-        self.radius = np.linalg.norm(corner - self.centre[:, None], axis=-1).max(1)
         # for each facet: registry index of its shape, its number there, the key of its scatterers, and 1 if its
         # corners have texture coordinates
         facts = np.zeros((len(faces), 4), np.uint32)
@@ -137,8 +135,7 @@ class Scatterers:
         self.rows = np.zeros((max(index for index, *_ in shapes) + 1, 2), np.uint32)
         for index, shape, first, count in shapes:
             own = slice(first, first + count)
-            facts[own] = np.stack([np.full(count, index), np.arange(count), np.full(count, shape_key(shape.id())),
-                                   np.zeros(count)], 1)
+            facts[own, 0], facts[own, 1], facts[own, 2] = index, np.arange(count), shape_key(shape.id())
             self.scattering[own] = not (target_shape(shape) is not None or is_smooth(shape) or is_mirror(shape))
             self.at_surface[own] = is_sea_surface(shape)
             self.rows[index] = first, first >= meshed_faces
@@ -149,7 +146,7 @@ class Scatterers:
         facts[:, 2] = own_key.numpy()
         self._grids = Grids([(index, grid, first) for (index, _, grid), (_, _, first, _) in zip(grids, rows)],
                             len(self.rows))
-        self._vertices, self._faces = upload(mi.Float, vertices), upload(mi.UInt32, faces)
+        self._faces = upload(mi.UInt32, faces)
         self._facts, self._rows = upload(mi.UInt32, facts), upload(mi.UInt32, self.rows)
         self._labels = upload(mi.UInt32, self.label)
         self._seed, self._threshold = self.seed_of(own_key), uniform(self.lib, hashed(self.lib, own_key, Salt.COUNT))
@@ -168,6 +165,15 @@ class Scatterers:
             own = geometry.normals.numpy()
             self._normals = upload(mi.Float, np.concatenate([own, np.zeros(4 * len(vertices) - len(own), np.float32)]))
         dr.eval(self._vertices, self._faces, self._facts, self._rows, self._labels)
+
+    def _measured(self, facets: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return longest sides (F,), centres (F, 3) and radii (F,) of all facets [m]."""
+        a, b, c, _ = self.device_corners(dr.arange(mi.UInt32, facets))
+        centre = (a + b + c) / 3
+        side, radius = (dr.maximum(dr.maximum(*(dr.norm(way) for way in ways[:2])), dr.norm(ways[2]))
+                        for ways in ((b - a, c - b, a - c), (a - centre, b - centre, c - centre)))
+        dr.eval(centre, side, radius)
+        return side.numpy(), np.ascontiguousarray(centre.numpy().T), radius.numpy()
 
     def in_reach(self, origin: np.ndarray, nearest: float, farthest: float) -> np.ndarray:
         """Return the facets (K,) that come nearer to `origin` (3,) than `farthest` and reach beyond `nearest` [m]."""

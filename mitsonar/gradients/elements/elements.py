@@ -29,7 +29,7 @@ from mitsonar.signal.accumulation import ImpulseResponses
 from mitsonar.signal.gathering import GatheredWeights
 from mitsonar.signal.impulses import BandLimited, Later
 from mitsonar.signal.reception import absorbed, delayed, received, transposed
-from mitsonar.survey.energy.target_echoes import band_of
+from mitsonar.survey.energy.phased_echoes import band_of
 from mitsonar.survey.integrator import integrator_of
 from mitsonar.survey.pressure.array_survey import ArraySurvey
 from mitsonar.survey.pressure.ensonified_ping import ensonification_of
@@ -90,7 +90,7 @@ class ElementModel:
                  seed: int = 0):
         sonar, integrator = sonar_of(scene.sensors()[sensor]), integrator_of(scene)
         try:
-            self._survey = integrator.array_survey(scene, sonar, LEAD)
+            self._survey = integrator.array_survey(scene, sonar, LEAD, seed)
         except RuntimeError as error:
             raise as_exception(error) from error
         count = self._survey.track.pings

@@ -207,7 +207,7 @@ def has_phases(survey: Survey) -> bool:
 
 
 def picture_of(scene: mi.Scene, sensor: Sensor, integrator: SoundIntegrator, rays: int | None = None) -> Picture:
-    """Return the differentiable picture of a sensor, with at most `rays` rays per ping."""
+    """Return the differentiable picture of a sensor, with at most `rays` rays per ping; its levels have no speckle."""
     if sensor.kind not in PICTURES:
         raise ValueError(f"gradients are of {', '.join(PICTURES)}, and this sensor is a {sensor.kind}; give the scene "
                          "one of them")

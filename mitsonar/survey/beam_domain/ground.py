@@ -55,7 +55,8 @@ class Ground:
     def __init__(self, survey: ArraySurvey, beside: Ground | None = None):
         geometry, water = survey.surroundings
         reach = 0.5 * survey.time[-1] * survey.waters.fastest
-        facets = Scatterers(geometry, np.inf, survey.pass_number) if beside is None else beside._facets
+        facets = beside._facets if beside is not None else Scatterers(
+            geometry, np.inf, survey.pass_number, survey.world.seed)
         self._survey, self._lib = survey, arrays_of(mi.Float)
         self.ensonification = ensonification_of(survey, facets)
         self.nearest, self.farthest = self.ensonification.nearest, self.ensonification.farthest

@@ -2,7 +2,7 @@
 
     z(t) = Σ_i a_i Π((t - τ_i) / T)
 
-a_i is the pressure of an echo and τ_i its delay (`coherent_sidescan`), Π the rectangular pulse of length T, centred on
+a_i is the pressure of an echo and τ_i its delay (`coherent_sides`), Π the rectangular pulse of length T, centred on
 its echo as in `imaging.sidescan`. z is sampled several times a pulse. A bin keeps the mean of |z|², and the mean of z
 over every stretch of the bin in which the bed's echo is one number (a pulse, or the bin where that is shorter): with
 these means, the bed's random echo adds to z as a pressure.

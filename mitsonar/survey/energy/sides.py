@@ -31,7 +31,7 @@ from mitsonar.scene.tracing.launch import CELLS, refined
 
 from ..motion.places import Place
 from ..motion.underway import Underway
-from ..sidescan.coherent_sidescan import CoherentSidescan
+from .coherent_sides import CoherentSides
 from .energy_bins import EnergyBins, aside_need
 from .face_beams import BEAM_EDGE, FaceBeams
 from .rows import EchoSource, RowResponse
@@ -232,8 +232,8 @@ class Sides:
             sources.append(SideWater(self._survey, sound, self._beams, self.bins, self._launch, seed))
         return sources
 
-    def coherent(self, sound: SoundPaths) -> CoherentSidescan | None:
+    def coherent(self, sound: SoundPaths) -> CoherentSides | None:
         """Return the source of coherent echoes, None where the scene has none."""
-        source = CoherentSidescan(self._survey, sound, self._beams, drift=self.underway.drift(self.bins.sound_speed),
+        source = CoherentSides(self._survey, sound, self._beams, drift=self.underway.drift(self.bins.sound_speed),
                                   shift=self._launch.largest_shift)
         return None if source.silent else source

@@ -19,7 +19,7 @@ from ..survey import Survey
 from .underway import PingReception, Underway
 
 
-class Poses:
+class PingPoses:
     """Positions and attitudes of a block of pings at the transmission, looked up by their numbers in the block."""
 
     def __init__(self, position: np.ndarray, rotation: np.ndarray):
@@ -67,7 +67,7 @@ class Places:
                      underway=self._underway, others=self.of)
 
 
-class Place(Poses):
+class Place(PingPoses):
     """Place of a block of pings, looked up by their numbers within the block.
 
     `others` returns the place of pings outside of the block.

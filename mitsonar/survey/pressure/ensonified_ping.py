@@ -18,7 +18,7 @@ from mitsonar.echoes.record import Echoes
 from mitsonar.echoes.scatterers.element_beams import ElementBeams
 from mitsonar.echoes.scatterers.scatterers import Scatterers
 
-from ..energy.target_echoes import band_of
+from ..energy.phased_echoes import band_of
 from .array_survey import ArraySurvey
 from .ping_source import PingSource
 
@@ -33,7 +33,7 @@ def ensonification_of(survey: ArraySurvey, scatterers: Scatterers | None = None)
     moved, turned = (float(np.linalg.norm(rate, axis=1).max()) * end
                      for rate in (survey.velocity, survey.voyage.turn_rate))
     return Ensonification(
-        scatterers or Scatterers(geometry, survey.cell_size, survey.pass_number), water,
+        scatterers or Scatterers(geometry, survey.cell_size, survey.pass_number, survey.world.seed), water,
         frequency=survey.frequency,
         window=(survey.start, end), margin=survey.radius + survey.receive.radius + moved,
         method=survey.ensonification, rays=survey.rays,

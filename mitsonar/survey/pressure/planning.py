@@ -47,9 +47,10 @@ def survey_of(geometry: Geometry, sensor: Sensor, settings: RunSettings, passage
                          "bins, a longer range or a shorter pulse")
     extra = int(np.ceil(lead * pulse.duration * rate))
     return ArraySurvey(
-        world=World(still=geometry), waters=waters, passage=passage, rays=settings.rays, max_depth=settings.max_depth,
-        pulse=pulse, source_level_db=source_level_db, transmit=transmit, receive=receive, start=start - extra / rate,
-        sampling_rate=rate, samples=samples + extra, lead=extra, ensonification=settings.ensonification,
+        world=World(still=geometry, seed=settings.seed), waters=waters, passage=passage, rays=settings.rays,
+        max_depth=settings.max_depth, pulse=pulse, source_level_db=source_level_db, transmit=transmit, receive=receive,
+        start=start - extra / rate, sampling_rate=rate, samples=samples + extra, lead=extra,
+        ensonification=settings.ensonification,
         cell_size=settings.cell_size or _cell_size(sound_speed, pulse, passage),
         per_cell=settings.scatterers_per_cell, pass_number=sensor.pass_number,
         sources=_ray_sources(settings, transmit),

@@ -52,7 +52,7 @@ def plan(scene: mi.Scene, sensor: SidescanSensor, settings: RunSettings) -> Side
     window, bins = sensor.film().window(sonar.sound_speed)
     waters = planned_waters(sensor, geometry, passage, sonar.frequency)
     survey = SidescanSurvey(
-        world=World(still=geometry), waters=waters, passage=passage, rays=settings.rays,
+        world=World(still=geometry, seed=settings.seed), waters=waters, passage=passage, rays=settings.rays,
         max_depth=settings.max_depth, sonar=sonar, window=window, bins=bins, first_pass=settings.first_pass,
         per_cell=settings.scatterers_per_cell, pass_number=sensor.pass_number)
     limits.check_sidescan(survey)
@@ -91,7 +91,7 @@ def picture(survey: SidescanSurvey, sensor: SidescanSensor, seed: int,
     image = imaging.image(
         record, sonar=sonar, track=track, depth_below=survey.depth_below, window=survey.window, labels=survey.labels,
         class_of=class_of, paths=survey.paths.names, noise_db=noise_db(sensor, sonar),
-        speckle=speckle_of(survey, seed) if sensor.speckle else None, seed=seed,
+        speckle=speckle_of(survey) if sensor.speckle else None, seed=seed,
         absorption_db=float(survey.waters.first.absorption.at(head_depth)), recorder=sensor.recorder)
     return objects.annotated(image, classes, class_of, survey.world.still, survey.track.position)
 

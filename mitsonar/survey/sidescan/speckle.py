@@ -12,7 +12,7 @@ of them, n its normal, l the unit vector of the way there, x the body's axis, R 
 slant range, ψ the equivalent two-way width of the beam along the platform there, q -> 1.4 ``per_cell``. τ_c is the time
 along the bent ray, out from the transmission and back to the place at the reception. u_c is the cosine of the direction
 along the platform, half-way between both attitudes, and b the complex two-way pressure of both faces there
-(`SideBeam`). σ_c ~ (n·l)²: how strong the facets of one gate are against each other. The level of a gate, with
+(`side_beam`). σ_c ~ (n·l)²: how strong the facets of one gate are against each other. The level of a gate, with
 materials and shadows, is that of the rays' energies, which g multiplies.
 
 Gates share no scatterers, so their values are independent. Pings share the scatterers that lie in the gate for both.
@@ -23,7 +23,7 @@ Hence
 for phase centres Δ apart along the platform and a yaw of δ: the autocorrelation of the two-way aperture a (the theorem
 of Van Cittert and Zernike; e.g. Goodman 2007, Speckle phenomena in optics, ch. 4).
 
-Gates without ground, as those of the water above it, have scatterers hashed in cells along the track.
+Gates without ground have scatterers of the water (`water_speckle`).
 
 Scatterers are found from coarse to fine: blocks of facets, facets, and the triangles of large facets that the main lobe
 meets. Sums are integers, so they depend neither on the order of additions nor on the number of threads.
@@ -32,17 +32,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, compressed, held, looped, upload
-from mitsonar.device.chance import Salt, gaussian, hashed, hashed_pair, uniform
 from mitsonar.device.rotations import rotated
 from mitsonar.device.types import UInt32
-from mitsonar.echoes.scatterers.nested_points import MOST_OF_A_FACET, exists, path_of, place_of, triangle_of
+from mitsonar.echoes.scatterers.nested_points import LEVELS, MOST_OF_A_FACET, exists, path_of, place_of, triangle_of
 from mitsonar.echoes.scatterers.scatterers import Scatterers
 from mitsonar.echoes.scatterers.thinned_scatterers import ACROSS
 from mitsonar.echoes.sights.eigenray_table import EigenrayTable
@@ -50,110 +48,20 @@ from mitsonar.echoes.sums.energy_sums import sum_size
 from mitsonar.imaging.sidescan import speckle_gates
 from mitsonar.propagation.returns.moved_ends import detour
 from mitsonar.scene.tracing.connection import Connector
-from mitsonar.sonar.faces.near_field import near_pressure
-from mitsonar.sonar.faces.sidescan import Sidescan
 
 from ..energy.sidescan_survey import SidescanSurvey
-from ..motion.places import Poses
+from ..motion.places import PingPoses
 from ..motion.underway import PingMotion, Underway
 from ..survey import PerSurroundings
+from .side_beam import NEAREST, GateBeam, main_lobe
+from .water_speckle import WaterCells
 
-WIDEST = 0.2                       # cosine at which lobes are cut: pings are too far apart for wider lobes to matter
-LOBE_END = 1e-3                    # two-way intensity at which the main lobe ends (-30 dB)
-STEP = 1 / 32                      # step of cosines, in wavelengths over the face's length
-NODES = 64                         # nodes in a lobe's table
-PER_OCTAVE = 6.0                   # ranges of the beam's table
-NEAREST, NEAREST_LENGTHS = 0.5, 0.5      # [m], and in lengths of the face: shortest range of the beam's table
 BLOCK = 64                         # facets that are tested together
 TESTED = 1 << 23                   # blocks of facets tested at a time
 THREADS_OWN = 1 << 20              # words of sums of which each thread has a copy; with more of them, sums are slower
 FEW = 2.0                          # scatterers of a triangle that is not cut further
 LEVEL_SEEN = 0.01                  # least |n·(l × x)| in the weight of a scatterer
 SCALE = float(1 << 20)             # units of the integer sums
-EMPTY = 1e-4                       # sum of |w|² below which a gate has scatterers of the water
-WATER_CELLS = 12                   # cells along the track within the lobe
-
-
-@dataclass(frozen=True, kw_only=True)
-class SideBeam:
-    """The main lobe along the platform, tabulated at some ranges."""
-
-    ranges: np.ndarray  # (K,) [m]: ascending
-    edge: np.ndarray  # (K,) [-]: cosine u at the edge of the lobe
-    pressure: np.ndarray  # (K, N) [-]: two-way, from the axis to the edge, for phases that fall with the distance
-
-    @property
-    def width(self) -> np.ndarray:
-        """Return the equivalent two-way widths ψ = ∫ |b|² du (K,) [-]."""
-        power = np.abs(self.pressure) ** 2
-        return 2 * self.edge / (power.shape[1] - 1) * (power.sum(1) - 0.5 * (power[:, 0] + power[:, -1]))
-
-    def nearest(self, distance: np.ndarray) -> np.ndarray:
-        """Return the index of the range (...) whose ratio to a distance (...) [m] is nearest to 1."""
-        if len(self.ranges) == 1:
-            return np.zeros(np.shape(distance), int)
-        return np.searchsorted(np.sqrt(self.ranges[1:] * self.ranges[:-1]), distance)
-
-
-def main_lobe(sonar: Sidescan, farthest: float) -> SideBeam:
-    """Return the two-way main lobe along the platform, down to -30 dB, up to a range [m]."""
-    wavelength, length = sonar.wavelength, max(sonar.transmit.length, sonar.receive.length)
-    nearest = max(NEAREST, NEAREST_LENGTHS * length)
-    # beyond this range the beam no longer changes
-    far = max(nearest, min(farthest, 8 * length ** 2 / wavelength))
-    ranges = np.geomspace(nearest, far, 1 + int(np.ceil(PER_OCTAVE * np.log2(far / nearest))))
-    widest, step = WIDEST, WIDEST / NODES
-    if length:
-        widest, step = min(2 * wavelength / length + length / nearest, WIDEST), STEP * wavelength / length
-    u = np.linspace(0, widest, NODES + int(widest / step))
-    pressure = near_pressure(sonar.transmit, u, ranges, wavelength)
-    pressure = pressure * (pressure if sonar.one_face else near_pressure(sonar.receive, u, ranges, wavelength))
-    pressure /= np.abs(pressure).max(1, keepdims=True)
-    edge, table = np.empty(len(ranges)), np.empty((len(ranges), NODES), complex)
-    for number, lobe in enumerate(pressure):
-        edge[number] = u[min(np.flatnonzero(np.abs(lobe) ** 2 > LOBE_END)[-1] + 1, len(u) - 1)]
-        table[number] = np.interp(np.linspace(0, edge[number], NODES), u, lobe)
-    # `near_pressure` has phases that rise with the distance
-    return SideBeam(ranges=ranges, edge=edge, pressure=table.conj())
-
-
-class GateBeam:
-    """The lobe of each gate on the device."""
-
-    def __init__(self, beam: SideBeam, slant_range: np.ndarray, per_width: float):
-        # slant_range (gates,) [m]; per_width [1/m]: scatterers per equivalent width and metre of slant range
-        lib = arrays_of(mi.Float)
-        steps = np.diff(beam.pressure, axis=1, append=beam.pressure[:, -1:])
-        table = np.stack([np.real(beam.pressure), np.imag(beam.pressure), np.real(steps), np.imag(steps)], -1)
-        self._table, self._packet = upload(mi.Float, table.astype(np.float32)), lib.Array4f
-        self._nodes = dr.opaque(mi.UInt32, beam.pressure.shape[1])
-        number = beam.nearest(np.maximum(slant_range, 1e-3))
-        self._beam = upload(mi.UInt32, number.astype(np.uint32))
-        self._edge = upload(mi.Float, beam.edge[number].astype(np.float32))
-        self._density = upload(mi.Float, (per_width / beam.width[number]).astype(np.float32))
-        dr.eval(self._table, self._beam, self._edge, self._density)
-
-    def density(self, gate: mi.UInt32) -> mi.Float:
-        """Return the density q / (ΔR ψ) [1/m] of gates."""
-        return dr.gather(mi.Float, self._density, gate)
-
-    def edge(self, gate: mi.UInt32) -> mi.Float:
-        """Return the cosines u at the edge of the lobes of gates."""
-        return dr.gather(mi.Float, self._edge, gate)
-
-    def lobe(self, gate: mi.UInt32) -> tuple[mi.Float, mi.UInt32]:
-        """Return the edges of the lobes of gates, and where their tables begin."""
-        return self.edge(gate), dr.gather(mi.UInt32, self._beam, gate) * self._nodes
-
-    def pressure(self, lobe: tuple[mi.Float, mi.UInt32], u: mi.Float, active: mi.Bool) -> tuple[mi.Float, mi.Float]:
-        """Return the complex two-way pressure b of lobes at cosines u; 0 beyond their edges."""
-        (edge, begin), last = lobe, mi.Float(self._nodes - 1)
-        inside = active & (abs(u) < edge)
-        node = held(abs(u) * (last / edge), 0, last)
-        four = dr.gather(self._packet, self._table, begin + mi.UInt32(node), inside)
-        part = node - dr.floor(node)
-        real, imaginary = (dr.select(inside, four[k] + part * four[k + 2], 0) for k in (0, 1))
-        return real, imaginary
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,9 +86,9 @@ class Triangles:
                          first=whole.first + ((thread & 3) << (2 * whole.level)))
 
 
-def speckle_of(survey: SidescanSurvey, seed: int) -> Callable[[np.ndarray], np.ndarray]:
+def speckle_of(survey: SidescanSurvey) -> Callable[[np.ndarray], np.ndarray]:
     """Return a function that returns the speckle of pings (B,), see `SideSpeckle.of`."""
-    around = PerSurroundings(survey, partial(SideSpeckle, seed=seed))
+    around = PerSurroundings(survey, SideSpeckle)
 
     def speckle(ping: np.ndarray) -> np.ndarray:
         changes = np.flatnonzero(np.diff(survey.surroundings_number[ping])) + 1
@@ -192,7 +100,7 @@ def speckle_of(survey: SidescanSurvey, seed: int) -> Callable[[np.ndarray], np.n
 class SideSpeckle:
     """Speckle of pings that share their surroundings."""
 
-    def __init__(self, survey: SidescanSurvey, seed: int):
+    def __init__(self, survey: SidescanSurvey):
         sonar, (start, end) = survey.sonar, survey.window
         self._lib, self._survey = arrays_of(mi.Float), survey
         self.gates = survey.bins * speckle_gates(survey.bin_length, sonar.pulse_length)
@@ -204,7 +112,7 @@ class SideSpeckle:
         self._count, self._speed = dr.opaque(mi.UInt32, self.gates), dr.opaque(mi.Float, sonar.sound_speed)
         self._underway = Underway(survey.voyage.trajectory.during(survey.track.time, end))
         reach, (geometry, water) = 0.5 * end * survey.waters.fastest, survey.surroundings
-        self._facets = Scatterers(geometry, np.inf, survey.pass_number, seed)
+        self._facets = Scatterers(geometry, np.inf, survey.pass_number, survey.world.seed)
         self._table = EigenrayTable(Connector(geometry, water),
                                     depth=-float(survey.track.position[:, 2].mean()), farthest=reach)
         # cycles, seconds and gates per metre of the way out and back
@@ -218,7 +126,7 @@ class SideSpeckle:
         self._slack = dr.opaque(mi.Float, 1 + drift + self._underway.largest_turn)
         self._near, self._far = (dr.opaque(mi.Float, value) for value in (
             0.5 * start * survey.waters.slowest * (1 - drift), reach * (1 + drift)))
-        self._water = WaterCells(survey, seed)
+        self._water = WaterCells(survey)
         self._sort()
 
     def _sort(self) -> None:
@@ -226,15 +134,17 @@ class SideSpeckle:
         facets = self._facets
         number = np.flatnonzero(facets.scattering).astype(np.uint32)
         number = number[np.argsort(_along_a_curve(facets.centre[number]), kind="stable")]
-        ball = np.concatenate([facets.centre[number], facets.radius[number, None]], 1)
+        ball = np.empty((len(number), 4), np.float32)
+        ball[:, :3], ball[:, 3] = facets.centre[number], facets.radius[number]
         starts = np.arange(0, len(number), BLOCK)
-        low, high = ((ball[:, :3] - ball[:, 3:]), (ball[:, :3] + ball[:, 3:]))
+        blocks = np.zeros((len(starts), 4), np.float32)
         if len(starts):
-            low, high = np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts)
-        blocks = np.concatenate([0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)[:, None]], 1)
+            low, high = (np.stack([least.reduceat(ball[:, axis] + sign * ball[:, 3], starts) for axis in range(3)], 1)
+                         for least, sign in ((np.minimum, -1), (np.maximum, 1)))
+            blocks[:, :3], blocks[:, 3] = 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
         self._blocks, self._facet_count = len(starts), dr.opaque(mi.UInt32, len(number))
-        self._block = upload(mi.Float, blocks.astype(np.float32))
-        self._ball, self._number = upload(mi.Float, ball.astype(np.float32)), upload(mi.UInt32, number)
+        self._block, self._ball, self._number = (upload(mi.Float, blocks), upload(mi.Float, ball),
+                                                 upload(mi.UInt32, number))
         dr.eval(self._block, self._ball, self._number)
 
     def of(self, ping: np.ndarray) -> np.ndarray:
@@ -245,7 +155,7 @@ class SideSpeckle:
     def _of(self, ping: np.ndarray) -> np.ndarray:
         """Return the speckle of a block of pings."""
         track, rows = self._survey.track, 2 * len(ping)
-        poses, motion = Poses(track.position[ping], track.rotation()[ping]), self._underway.motion(ping)
+        poses, motion = PingPoses(track.position[ping], track.rotation()[ping]), self._underway.motion(ping)
         sums = dr.zeros(mi.UInt32, sum_size(4 * rows * self.gates))
         for triangles in self._met(poses, motion, len(ping)):
             self._add(sums, poses, motion, triangles)
@@ -260,7 +170,7 @@ class SideSpeckle:
 
     # ---- the ground that the main lobe meets
 
-    def _met(self, poses: Poses, motion: PingMotion | None, pings: int) -> list[Triangles]:
+    def _met(self, poses: PingPoses, motion: PingMotion | None, pings: int) -> list[Triangles]:
         """Return the triangles that the lobes of pings meet, from coarse to fine."""
         if not self._blocks:
             return []
@@ -300,7 +210,7 @@ class SideSpeckle:
         row = dr.gather(self._lib.Array4f, table, number, active)
         return self._lib.Array3f64(row[0], row[1], row[2]), row[3]
 
-    def _half_way(self, poses: Poses, motion: PingMotion | None, ping: mi.UInt32,
+    def _half_way(self, poses: PingPoses, motion: PingMotion | None, ping: mi.UInt32,
                   point: dr.ArrayBase) -> tuple[dr.ArrayBase, mi.Vector3f, mi.Float]:
         """Return the offsets [m] of points from the sonar half-way between transmission and reception, and its axis.
 
@@ -316,7 +226,7 @@ class SideSpeckle:
         across = dr.squared_norm(moved) - dr.square(dr.dot(mi.Vector3f(offset), moved) / distance)
         return offset, mi.Vector3f(*rotated(list(axis), list(0.5 * turned))), across / (4 * distance)
 
-    def _meets(self, poses: Poses, motion: PingMotion | None, ping: mi.UInt32, centre: dr.ArrayBase,
+    def _meets(self, poses: PingPoses, motion: PingMotion | None, ping: mi.UInt32, centre: dr.ArrayBase,
                radius: mi.Float) -> tuple[mi.Bool, mi.Float, mi.Vector3f, mi.Float]:
         """Return True for balls that the lobe may meet; their shortest distance, offsets [m], and edges of the lobe."""
         offset, axis, _ = self._half_way(poses, motion, ping, centre)
@@ -333,7 +243,7 @@ class SideSpeckle:
         place = (2 * distance / self._speed - mi.Float(self._start)) * mi.Float(self._per_gate)
         return mi.UInt32(held(place, 0, self._gates - 1))
 
-    def _sized(self, poses: Poses, motion: PingMotion | None,
+    def _sized(self, poses: PingPoses, motion: PingMotion | None,
                triangles: Triangles) -> tuple[mi.Bool, mi.Bool, mi.Float]:
         """Return True for triangles that the lobe may meet, and that need no cut; and their greatest numbers."""
         facets, lib = self._facets, self._lib
@@ -354,11 +264,12 @@ class SideSpeckle:
         most = dr.minimum(density * 0.5 * twice * dr.minimum(seen + 2 * radius / least, 1) / least, MOST_OF_A_FACET)
         parts = mi.Float(mi.UInt32(1) << (2 * triangles.level))
         most = (most - facets.threshold_of(triangles.facet) - mi.Float(triangles.first)) / parts
-        return met & (most > 0), (most < FEW) | (radius < 0.5 * edge * distance), most
+        fine = (most < FEW) | (radius < 0.5 * edge * distance) | (triangles.level >= LEVELS - 1)
+        return met & (most > 0), fine, most
 
     # ---- its scatterers
 
-    def _add(self, sums: mi.UInt32, poses: Poses, motion: PingMotion | None, triangles: Triangles) -> None:
+    def _add(self, sums: mi.UInt32, poses: PingPoses, motion: PingMotion | None, triangles: Triangles) -> None:
         """Add the scatterers of triangles to the sums of their gates.
 
         What is long is computed once for the middle of a triangle, in double precision: the scatterers' ways differ
@@ -417,82 +328,14 @@ class SideSpeckle:
                "scatterers of a triangle")
 
 
-class WaterCells:
-    """Scatterers of the water, for gates without ground: hashed in cells along the track, on a level with the sonar.
-
-    Cells lie along the course, rounded to one of `COURSES` directions over half a turn, and are anchored in the scene.
-    """
-
-    COURSES = 16
-
-    def __init__(self, survey: SidescanSurvey, seed: int):
-        self._lib, track, velocity = arrays_of(mi.Float), survey.track, survey.voyage.velocity
-        forward, window = track.rotation()[:, :2, 0], survey.window
-        moving = np.linalg.norm(velocity[:, :2], axis=1) > 1e-3
-        course = np.where(moving, np.arctan2(velocity[:, 1], velocity[:, 0]), np.arctan2(forward[:, 1], forward[:, 0]))
-        number = np.round(course / (np.pi / self.COURSES)).astype(int) % self.COURSES
-        ahead = np.stack([np.cos(number * np.pi / self.COURSES), np.sin(number * np.pi / self.COURSES)], -1)
-        # to starboard of the rounded course, or to port of it where the sonar goes the other way
-        turned = np.where(np.sum(forward * ahead, 1) > 0, 1.0, -1.0)
-        self._rows = np.concatenate([
-            np.sum(track.position[:, :2] * ahead, 1)[:, None], np.sum(velocity[:, :2] * ahead, 1)[:, None], ahead,
-            turned[:, None], number[:, None], np.zeros((len(ahead), 2))], 1)
-        self._seed = dr.opaque(mi.UInt32, int(seed) & 0xFFFFFFFF)
-        speed, pulse_length = survey.sonar.sound_speed, survey.sonar.pulse_length
-        gates = survey.bins * speckle_gates(survey.bin_length, pulse_length)
-        self._begin, self._step = (dr.opaque(mi.Float, 0.5 * speed * value)
-                                   for value in (window[0], (window[1] - window[0]) / gates))
-        self._speed, self._twice = dr.opaque(mi.Float, speed), dr.opaque(mi.Float, 4 * np.pi / survey.sonar.wavelength)
-
-    def added(self, ping: np.ndarray, poses: Poses, beam: GateBeam, thread: mi.UInt32, count: mi.UInt32,
-              sums: tuple[mi.Float, mi.Float, mi.Float]) -> tuple[mi.Float, mi.Float]:
-        """Return g of gates (R,) from their sums Σ w a e and Σ |w|², with the water's where there is no ground."""
-        row = thread // count
-        gate, which = thread - row * count, row >> 1
-        table = upload(mi.Float64, self._rows[ping])
-        low, high = (dr.gather(self._lib.Array4f64, table, 2 * which + half) for half in (0, 1))
-        near = dr.maximum(self._begin + mi.Float(gate) * self._step, 0)
-        R = dr.maximum(near + 0.5 * self._step, NEAREST)
-        # of the point abeam at which u is 0, along the rounded course, from the sonar half-way of the time
-        axis = poses.axis(which)
-        along, across = (mi.Float(low[2]) * axis.x + mi.Float(low[3]) * axis.y,
-                         mi.Float(low[3]) * axis.x - mi.Float(low[2]) * axis.y)
-        starboard = (mi.Float(row & 1) * 2 - 1) * mi.Float(high[0])
-        along = dr.copysign(dr.maximum(abs(along), 0.1), along)
-        abeam, half = -starboard * across / along * R, beam.edge(gate) * R / abs(along)
-        power = dr.floor(dr.log2(2 * half / WATER_CELLS))
-        length = mi.Float64(dr.exp2(power))
-        place = low[0] + low[1] * mi.Float64(R / self._speed)
-        first, last = (dr.floor((place + mi.Float64(abeam + end)) / length) for end in (-half, half))
-        key = hashed(self._lib, self._seed ^ mi.UInt32(Salt.WATER_SPECKLE), mi.UInt32(high[1]),
-                     mi.UInt32(mi.Int32(power)), gate, dr.select(starboard > 0, mi.UInt32(1), 0))
-        empty, lobe = sums[2] < EMPTY, beam.lobe(gate)
-
-        def step(cell, last, real, imaginary, weight):
-            bits = hashed(self._lib, key, mi.UInt32(mi.Int32(cell)))
-            s = mi.Float((cell + mi.Float64(uniform(self._lib, bits))) * length - place)
-            u = (s * along + starboard * across * dr.sqrt(dr.maximum(R * R - s * s, 0))) / R
-            b_real, b_imaginary = beam.pressure(lobe, u, mi.Bool(True))
-            later = s * s / (2 * R)
-            a_real, a_imaginary = gaussian(self._lib, *hashed_pair(self._lib, bits), -self._twice * mi.Float(later))
-            return (cell + 1, last, real + (b_real * a_real - b_imaginary * a_imaginary),
-                    imaginary + (b_real * a_imaginary + b_imaginary * a_real),
-                    weight + dr.square(b_real) + dr.square(b_imaginary))
-
-        real, imaginary, weight = (dr.select(empty, 0, part) for part in sums)
-        _, _, real, imaginary, weight = looped(
-            (dr.select(empty, first, last + 1), last, real, imaginary, weight), lambda cell, last, *_: cell <= last,
-            step, "cells of the water")
-        scale = dr.rsqrt(dr.maximum(weight, 1e-12))
-        return real * scale, imaginary * scale
-
-
 def _along_a_curve(place: np.ndarray) -> np.ndarray:
-    """Return numbers (N,) that sort places (N, 3) along a curve of short steps (Morton 1966)."""
-    low, size = place.min(0, initial=np.inf), max(float(np.ptp(place, axis=0).max(initial=1e-9)), 1e-9)
-    cell = ((place - low) / size * 1023).astype(np.uint64)
-    number = np.zeros(len(place), np.uint64)
-    for bit in range(10):
-        for axis in range(3):
-            number |= ((cell[:, axis] >> np.uint64(bit)) & np.uint64(1)) << np.uint64(3 * bit + axis)
+    """Return numbers (N,), uint32, that sort places (N, 3) along a curve of short steps (Morton 1966)."""
+    columns = [column - column.min(initial=np.inf) for column in place.T]
+    size = max(max(float(column.max(initial=0)) for column in columns), 1e-9)
+    number = np.zeros(len(place), np.uint32)
+    for axis, column in enumerate(columns):
+        bits = (column * (1023 / size)).astype(np.uint32)
+        for shift, mask in ((16, 0x030000FF), (8, 0x0300F00F), (4, 0x030C30C3), (2, 0x09249249)):
+            bits = (bits | (bits << np.uint32(shift))) & np.uint32(mask)
+        number |= bits << np.uint32(axis)
     return number

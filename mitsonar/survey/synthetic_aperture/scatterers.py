@@ -23,7 +23,7 @@ BLOCK = 1 << 20                    # scatterers computed at once
 
 def scatterers_of(survey: StripSurvey) -> xr.Dataset:
     """Return the scatterers within the range of a strip."""
-    cells = Scatterers(survey.world.still, survey.cell_size, survey.pass_number)
+    cells = Scatterers(survey.world.still, survey.cell_size, survey.pass_number, survey.world.seed)
     middle = survey.track.position.mean(0)
     longest = float(np.linalg.norm(survey.track.position - middle, axis=1).max())
     farthest = 0.5 * survey.time[-1] * survey.waters.fastest

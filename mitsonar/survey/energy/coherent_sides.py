@@ -20,40 +20,35 @@ import numpy as np
 from scipy.special import fresnel
 
 from mitsonar.device.arrays import upload
-from mitsonar.echoes.point_targets import PointTargets
-from mitsonar.echoes.record import Echoes
-from mitsonar.echoes.smooth.targets import SmoothTargets
 from mitsonar.imaging.energy_record import CoherentSums, joined
 
-from ..energy.coherent_pulses import CoherentPulses, PulseArrivals
-from ..energy.face_beams import BEAM_EDGE, FaceBeams
-from ..energy.sidescan_survey import SidescanSurvey
-from ..energy.sound_paths import SoundPaths
-from ..energy.target_echoes import band_of_tone, target_echoes
 from ..motion.places import Place
+from .coherent_pulses import CoherentPulses, PulseArrivals
+from .face_beams import BEAM_EDGE, FaceBeams
+from .phased_echoes import PhasedArrivals, PhasedEchoes, band_of_tone
+from .sidescan_survey import SidescanSurvey
+from .sound_paths import SoundPaths
 
 FAINT = 1e-7                       # two-way intensity of the beams' envelope below which facets are left out
 
 
-class CoherentSidescan:
-    """Sums of the coherent echoes of a sidescan."""
+class CoherentSides:
+    """Sums of the coherent echoes of a sidescan's sides."""
 
     def __init__(self, survey: SidescanSurvey, sound: SoundPaths, beams: FaceBeams, *, drift: float, shift: float):
-        self._survey, self._sights, self._beams, self._shift = survey, sound.sights, beams, shift
-        sonar, window, fastest = survey.sonar, survey.window, sound.water.fastest
-        self._smooth = SmoothTargets(sound.sights, frequency=sonar.frequency,
-                                     resolution=0.5 * sonar.sound_speed * sonar.pulse_length, reach=0.0, drift=drift,
-                                     farthest=0.5 * (window[1] + sonar.pulse_length) * fastest * (1 + 0.5 * drift))
-        self._targets = PointTargets(sound.geometry.targets(), band_of_tone(sonar.frequency, sonar.pulse_length),
-                                     sound.water.profile)
-        self._pulses = CoherentPulses(survey)
+        self._survey, self._beams, self._shift = survey, beams, shift
+        sonar, end = survey.sonar, survey.window[1] + survey.sonar.pulse_length
+        self._phased = PhasedEchoes(
+            sound, frequency=sonar.frequency, band=band_of_tone(sonar.frequency, sonar.pulse_length), drift=drift,
+            resolution=0.5 * sonar.sound_speed * sonar.pulse_length, mirrored=True,
+            farthest=0.5 * end * sound.water.fastest * (1 + 0.5 * drift))
+        self._sights, self._pulses = sound.sights, CoherentPulses(survey)
         self._source_pressure = dr.opaque(mi.Float, 10 ** (sonar.source_level_db / 20))
-        self._turns_per_second = dr.opaque(mi.Float64, sonar.frequency)
 
     @property
     def silent(self) -> bool:
         """Return True if the scene has no coherent echoes."""
-        return not (self._smooth or self._targets or self._sights.mirror)
+        return not (self._phased or self._sights.mirror)
 
     def sum(self, place: Place) -> CoherentSums:
         """Return the sums of the echoes of a block of pings; arrays (rows, ..., bins)."""
@@ -62,21 +57,18 @@ class CoherentSidescan:
 
     def _group(self, place: Place, first: int, end: int) -> CoherentSums:
         """Return the sums of the pings from `first` to before `end` of a block."""
-        blocks = [self._arrivals(place, first, *echoes) for echoes in self._echoes(place, first, end)]
-        blocks = [arrivals for arrivals in blocks if len(arrivals.row)]
+        blocks = [arrivals for arrivals in self._arrivals(place, first, end) if len(arrivals.row)]
         rows = 2 * (end - first)
         return self._pulses.sum(blocks, rows) if blocks else self._pulses.silence(rows)
 
-    def _echoes(self, place: Place, first: int, end: int) -> Iterator[tuple]:
-        """Yield the numbers of pings (0 is `first`), the labels, the echoes, and the side of the surface's echo."""
+    def _arrivals(self, place: Place, first: int, end: int) -> Iterator[PulseArrivals]:
+        """Yield the echoes within the record as the faces receive them; pings count from `first`."""
         position, rotation = place.position[first:end], place.rotation[first:end]
         if self._sights.mirror:
-            yield from self._overhead(place, position, rotation, first)
-        if self._targets:
-            yield from target_echoes(self._sights, self._targets, place, end - first, first)
-        if self._smooth:
-            yield from self._smooth.echoes(place.sources, position, place.source_of[first:end],
-                                           self._within_beams(position, rotation))
+            for echoes, side in self._overhead(place, position, rotation, first):
+                yield self._at_faces(place, echoes, side)
+        for echoes in self._phased.of(place, first, end, self._within_beams(position, rotation)):
+            yield self._at_faces(place, echoes)
 
     def _within_beams(self, position: np.ndarray, rotation: np.ndarray) -> Callable[..., np.ndarray]:
         """Return a function that keeps facets within the envelope of the side lobes along the platform."""
@@ -93,7 +85,8 @@ class CoherentSidescan:
 
         return choose
 
-    def _overhead(self, place: Place, position: np.ndarray, rotation: np.ndarray, first: int) -> Iterator[tuple]:
+    def _overhead(self, place: Place, position: np.ndarray, rotation: np.ndarray,
+                  first: int) -> Iterator[tuple[PhasedArrivals, float]]:
         """Yield the echo of a flat surface, as the faces of either side receive it."""
         number = dr.arange(mi.UInt32, len(position))
         ping = number + dr.opaque(mi.UInt32, first)
@@ -107,20 +100,18 @@ class CoherentSidescan:
         for side, share in ((-1.0, 1 - starboard), (1.0, starboard)):
             real, imaginary = (upload(mi.Float, part.astype(np.float32)) for part in (share.real, share.imag))
             pressure = dr.select(free, echoes.amplitude[0], 0)
-            yield number, label, replace(echoes, amplitude=(pressure * real, pressure * imaginary)), side
+            shared = replace(echoes, amplitude=(pressure * real, pressure * imaginary))
+            yield self._phased.received(place, first, number, label, shared), side
 
-    def _arrivals(self, place: Place, first: int, number: mi.UInt32, label: mi.UInt32, echoes: Echoes,
-                  side: float | None = None) -> PulseArrivals:
-        """Return the echoes within the record as the faces receive them.
+    def _at_faces(self, place: Place, arrivals: PhasedArrivals, side: float | None = None) -> PulseArrivals:
+        """Return arrivals within the record as the faces receive them.
 
         `side` is -1 for the port face, 1 for starboard, and None for the side that each echo comes from.
         """
-        ping = number + dr.opaque(mi.UInt32, first)
-        still = echoes.out.travel_time + echoes.between + echoes.back.travel_time
-        received = place.receive(ping, echoes.back.sent_towards, echoes.back.offset, still)
-        delay, pressure, along, sides, cosines = received.delay, self._source_pressure, mi.Float(1), [], []
+        echoes, ping = arrivals.echoes, arrivals.ping
+        pressure, along, sides, cosines = self._source_pressure, mi.Float(1), [], []
         for towards, face in ((echoes.out.sent_towards, self._beams.transmit),
-                              (received.towards, self._beams.receive)):
+                              (arrivals.towards, self._beams.receive)):
             body = place.body(ping, towards)
             along *= face.along.pressure(body.x)
             pressure = pressure * face.across.pressure(self._beams.across(body))
@@ -132,16 +123,12 @@ class CoherentSidescan:
             half = 0.5 * (cosines[1] - place.body(ping, echoes.back.sent_towards).x)
             lobe = (self._beams.transmit.along.pressure(cosines[0] + half)
                     * self._beams.receive.along.pressure(cosines[1] - half))
-        cycles = delay * self._turns_per_second
-        sine, cosine = dr.sincos(mi.Float(cycles - dr.floor(cycles)) * float(-2 * np.pi))
-        real, imaginary = echoes.amplitude
-        real, imaginary = real * cosine - imaginary * sine, real * sine + imaginary * cosine
         pressure = pressure * along
         start = place.origin(ping).z
         depth = -mi.Float((-start if echoes.back.folded else start) + echoes.back.offset.z)
-        row = 2 * number + dr.select(sides[0], mi.UInt32(1), mi.UInt32(0))
-        columns = {"row": row, "label": label, "delay": delay, "real": real * pressure, "depth": depth,
-                   "imaginary": imaginary * pressure, "in_beam": lobe * lobe > BEAM_EDGE,
+        row = 2 * arrivals.number + dr.select(sides[0], mi.UInt32(1), mi.UInt32(0))
+        columns = {"row": row, "label": arrivals.label, "delay": arrivals.delay, "real": arrivals.real * pressure,
+                   "depth": depth, "imaginary": arrivals.imaginary * pressure, "in_beam": lobe * lobe > BEAM_EDGE,
                    "same_side": sides[0] == sides[1]}
         dr.eval(columns)
         return self._within_record({name: column.numpy() for name, column in columns.items()}, echoes.path)
