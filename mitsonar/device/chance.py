@@ -1,7 +1,8 @@
 """Make every salt, hash, uniform number, seed and key that rays and scatterers are drawn with.
 
 Numbers are hashed from the cell of the seabed or the ray of a ping that they belong to. Blocks and threads therefore do
-not change them. There are two hashes, and a sequence that fills the interval evenly (`even_bits`):
+not change them. There are two hashes, a sequence that fills the interval evenly (`even_bits`), and a scrambling of
+sequences that keeps them even (`scrambled`):
 
     hashed     rounds of multiplying and shifting over any number of words, for scatterers, patches and echoes
     pair       the Tiny Encryption Algorithm, 4 rounds, for a ray's number under a key
@@ -13,6 +14,7 @@ References
 ----------
 Zafar, Olano and Curtis (2010), GPU random numbers via the tiny encryption algorithm, Proc. High Performance Graphics.
 Weyl (1916), Über die Gleichverteilung von Zahlen mod. Eins, Math. Annalen 77.
+Laine and Karras (2011), Stratified sampling for stochastic transparency, Computer Graphics Forum 30, 1197.
 Box and Muller (1958), A note on the generation of random normal deviates, Ann. Math. Statist. 29.
 """
 from __future__ import annotations
@@ -32,6 +34,7 @@ SMALLEST_UNIFORM = 2.0 ** -24
 BELOW_ONE = float(np.nextafter(np.float32(1), np.float32(0)))
 GOLDEN_STEP = 0x9E3779B9           # 2^32 over the golden ratio
 HASH_STEP, HASH_ROUNDS = 0x9E3779B9, ((16, 0x7FEB352D), (15, 0x846CA68B))
+SCRAMBLE_FACTORS = 0x6C50B47C, 0xB82F1E52, 0xC7AFE638, 0x8D22F6E6
 TEA_STEP, TEA_ROUNDS = 0x9E3779B9, 4
 TEA_KEY = 0xA341316C, 0xC8013EA4, 0xAD90777D, 0x7E95761E
 
@@ -145,6 +148,18 @@ def pair(index: DrJitArray, key: UInt32) -> tuple[UInt32, UInt32]:
 def other_pair(index: DrJitArray, key: UInt32) -> tuple[UInt32, UInt32]:
     """Return two more words for the same key, independent of `pair`."""
     return pair(index, ~key)
+
+
+def scrambled(number: Any, seed: Any) -> Any:
+    """Return numbers mixed so that bit i depends on bits 0 to i of the number alone, one to one; UInt32 or NumPy's.
+
+    Rounds of multiplying by even factors (Laine and Karras 2011), with a word of the seed added to each.
+    """
+    U = type(number) if dr.is_array_v(number) else np.uint32
+    mixed, added = number + seed, seed ^ U(GOLDEN_STEP)
+    for factor in SCRAMBLE_FACTORS:
+        mixed = (mixed ^ (mixed * U(factor))) + added
+    return mixed
 
 
 def even_bits(lib: ModuleType, number: UInt32, *parts: UInt32) -> UInt32:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -39,7 +40,7 @@ class MeasuredRows:
 
 def image(made: MeasuredRows, record: EnergyRecord, *, track: Track, time: np.ndarray, sound_speed: float,
           depth_below: np.ndarray, labels: Mapping[int, str], class_of: Mapping[int, int],
-          attrs: Mapping[str, object]) -> xr.Dataset:
+          attrs: Mapping[str, Any]) -> xr.Dataset:
     """Return the image of a run."""
     def entry(values: np.ndarray, units: str, long_name: str) -> picture.Entry:
         values = values.astype(np.float32) if values.dtype == np.float64 else values

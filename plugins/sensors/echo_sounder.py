@@ -85,6 +85,7 @@ class EchoSounder(SonarSensor):
     def read(self, attributes: Attributes) -> None:
         """Read the pulse, the face and the settings of the bottom detection."""
         self.read_transmission(attributes)
+        self.preset = attributes.preset
         self.pulse = make_pulse(attributes, self.frequency, attributes.pulse_ms / 1000,
                                 float(hertz_from_khz(attributes.bandwidth_khz)), attributes.pulse_window)
         self.depth_gate, self.bottom_level_db = depth_gate(attributes), attributes.bottom_level_db

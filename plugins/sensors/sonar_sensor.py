@@ -10,7 +10,6 @@ import numpy as np
 
 from mitsonar.device.arrays import upload
 from mitsonar.device.chance import pass_seed, sonar_seed
-from mitsonar.imaging.fan import fan_directions
 from mitsonar.io.scene_files import scenes
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.survey.sensor import Film, Sensor, Water, slowest_speed
@@ -206,6 +205,8 @@ class FanSensor(SonarSensor):
 
     def look_directions(self) -> tuple[np.ndarray, np.ndarray | None]:
         """Return the middle and both ends of the fan; see `SonarSensor.look_directions`."""
+        from mitsonar.imaging.fan import fan_directions  # a scene is loaded without what pictures need
+
         return fan_directions(self.receive, 3, self.fan_width)[1], None
 
     def element_keys(self) -> ElementKeys:

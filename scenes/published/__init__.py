@@ -29,9 +29,9 @@ def write(name: str, path: FilePath) -> None:
     from mitsonar.plots import canvas
 
     result, as_table = _known(name), Path(path).suffix.lower() == ".csv"
-    if not as_table and Path(path).suffix.lower().removeprefix(".") not in canvas.FORMATS:
+    if not as_table and Path(path).suffix.lower() not in canvas.FORMATS:
         raise ValueError(f"cannot write {path}: its name must end in .csv for the numbers, or in "
-                         f".{', .'.join(canvas.FORMATS)} for the figure.")
+                         f"{', '.join(canvas.FORMATS)} for the figure.")
     check_writable(path)
     dataset = result.compute()
     if not as_table:

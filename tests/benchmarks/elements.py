@@ -67,7 +67,7 @@ def by_elements(arguments):
     for elements in arguments.elements:
         record = record_of(arguments, elements)
         echoes, sums = ensonified(record), record.sums()
-        delays, late = record.delays(record.at(0).ensonified.source(0)), dr.opaque(mi.Float64, 0.0)
+        delays, late = record.delays(record.at(0).ensonified.source(0), 0), dr.opaque(mi.Float64, 0.0)
 
         def carry(delays=delays, sums=sums, echoes=echoes, late=late):
             for block in echoes:

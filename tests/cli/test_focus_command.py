@@ -118,7 +118,7 @@ def test_two_banks_give_an_interferogram(here, capfd):
     (("raw.nc", "-o", "e.exr", "--profile", "none.csv"), "cannot read the cast none.csv: there is no such file"),
     (("raw.nc", "-o", "e.exr", "--profile", "nan"), "sound_speed[0] is nan"),
     (("raw.nc", "-o", "e.exr", "--trajectory", "i.nc"), "i.nc holds no trajectory"),
-    (("raw.nc", "-o", "e.exr", "--preview", "a.bmp"), "cannot draw a.bmp"),
+    (("raw.nc", "-o", "e.exr", "--preview", "a.bmp"), "cannot write a.bmp"),
     (("i.nc", "-o", "e.exr"), "i.nc holds no raw echoes"),
     (("none.nc", "-o", "e.exr"), "none.nc"), (("sidescan_flat", "-o", "e.exr"), "this sensor is a sidescan")])
 def test_what_cannot_be_focused_is_said_in_a_sentence(here, capfd, options, words):

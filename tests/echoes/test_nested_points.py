@@ -11,7 +11,8 @@ import pytest
 from drjit.auto import Float, UInt32
 from scipy.stats import chisquare
 
-from mitsonar.echoes.scatterers.nested_points import LEVELS, exists, owner_of, path_of, place_of, triangle_of
+from mitsonar.device.chance import scrambled
+from mitsonar.echoes.scatterers.nested_points import LEVELS, exists, owner_of, place_of, triangle_of
 
 SEEDS = 0, 1, 12345, 0xDEADBEEF
 
@@ -33,7 +34,7 @@ def corner_step_by_step(path, level):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_first_ones_lie_one_in_each_triangle_of_every_level(seed):
-    path = path_of(*numbers(4 ** 8, seed))
+    path = scrambled(*numbers(4 ** 8, seed))
     for level in range(1, 9):
         ends = path[:4 ** level] & np.uint32(4 ** level - 1)
         assert len(np.unique(ends)) == 4 ** level
@@ -44,14 +45,14 @@ def test_those_of_a_triangle_follow_from_its_first_one(seed):
     """k = p + 4^L j lies in the triangle of level L of scatterer p."""
     k, seeds = numbers(4 ** 7, seed)
     for level in (1, 3, 5):
-        u, v, side = triangle_of(path_of(k % 4 ** level, seeds), level)
+        u, v, side = triangle_of(scrambled(k % 4 ** level, seeds), level)
         a, b = ((place - corner) / side for place, corner in zip(place_of(k, seeds), (u, v)))
         assert min(a.min(), b.min()) >= 0 and (a + b).max() <= 1
 
 
 @pytest.mark.parametrize("level", [0, 1, 3, LEVELS, "any"])
 def test_triangles_are_found_by_bits_as_step_by_step(rng, level):
-    path = path_of(*numbers(4 ** 6, 77))
+    path = scrambled(*numbers(4 ** 6, 77))
     level = rng.integers(0, LEVELS + 1, path.shape).astype(np.uint32) if level == "any" else level
     on_device = triangle_of(UInt32(path), level if isinstance(level, int) else UInt32(level))
     for expected, host, device in zip(corner_step_by_step(path, level), triangle_of(path, level), on_device):
@@ -62,7 +63,7 @@ def test_triangles_are_found_by_bits_as_step_by_step(rng, level):
 @pytest.mark.parametrize("seed", [5, 424242])
 def test_places_within_a_triangle_are_uniform(seed):
     """Of 4^6 scatterers, each alone in a triangle of level 6: the digits of the three levels below."""
-    digits = (path_of(*numbers(4 ** 6, seed)) >> np.uint32(12)) & np.uint32(63)
+    digits = (scrambled(*numbers(4 ** 6, seed)) >> np.uint32(12)) & np.uint32(63)
     assert chisquare(np.bincount(digits, minlength=64)).pvalue > 1e-3
 
 

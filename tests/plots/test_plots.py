@@ -325,8 +325,8 @@ def test_round_lengths(length, bar):
 
 @pytest.mark.parametrize(("dataset", "what", "name", "options", "kind", "words"), [
     (sidescan(2, 3), "picture", "a.png", {}, ValueError, "no plot 'picture'; choose one of waterfall, ping"),
-    (sidescan(2, 3), "waterfall", "a.gif", {}, ValueError, r"end in one of \.png"),
-    (sidescan(2, 3), "waterfall", "a", {}, ValueError, r"end in one of \.png"),
+    (sidescan(2, 3), "waterfall", "a.gif", {}, ValueError, r"end in \.png"),
+    (sidescan(2, 3), "waterfall", "a", {}, ValueError, r"end in \.png"),
     (sidescan(2, 3), "waterfall", "missing/a.png", {}, FileNotFoundError, "folder .* does not exist"),
     (sidescan(2, 3), "waterfall", "a.png", {"tvg": "much"}, ValueError, "display gain is 'much'; use 'seabed'"),
     (sidescan(2, 3), "ping", "a.png", {"ping": 2}, ValueError, "no ping 2; there are 2"),

@@ -4,7 +4,7 @@ import pytest
 
 from mitsonar.sonar.faces.directivity import Aperture, length_for_beam_width
 from mitsonar.sonar.faces.sidescan import Sidescan
-from mitsonar.survey.sidescan.kind import main_lobe
+from mitsonar.survey.sidescan.side_beam import main_lobe
 
 
 @pytest.mark.parametrize("wavelength, width_deg", [(0.015, 0.05), (1500.0, 0.4), (15.0, 0.1)])

@@ -8,7 +8,7 @@ A facet (a, b, c) is cut into four congruent triangles, each of these again, and
 S mixes the bits of k with a seed so that bit i of y depends on bits 0 to i of k alone, one to one. The first 4^L
 scatterers therefore lie in the 4^L triangles of level L, one in each, and those of the triangle in which scatterer p
 lies are k = p + 4^L j, j = 0, 1, 2 ... (nested scrambling of the triangular van der Corput sequence: Owen 1995; Laine
-and Karras 2011, Computer Graphics Forum 30, 1189; Basu and Owen 2015, SIAM J. Numer. Anal. 53, 743).
+and Karras 2011, Computer Graphics Forum 30, 1197; Basu and Owen 2015, SIAM J. Numer. Anal. 53, 743).
 
 A sonar that needs m scatterers of a facet takes those with
 
@@ -27,21 +27,11 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from mitsonar.device.chance import GOLDEN_STEP
+from mitsonar.device.chance import scrambled
 from mitsonar.device.types import Bool, Float, Numbers, UInt32
 
 LEVELS = 16                        # of triangles: a place is exact to 2^-16 of the sides
 MOST_OF_A_FACET = 2.0 ** 31        # scatterers, as k is a 32-bit number; larger facets have them less dense
-MIXED = 0x6C50B47C, 0xB82F1E52, 0xC7AFE638, 0x8D22F6E6      # even factors, of Laine and Karras
-
-
-def path_of(k: Any, seed: Any) -> Any:
-    """Return y = S(k) of (1), UInt32 (R,)."""
-    U = type(k) if dr.is_array_v(k) else np.uint32
-    path, added = k + seed, seed ^ U(GOLDEN_STEP)
-    for factor in MIXED:
-        path = (path ^ (path * U(factor))) + added
-    return path
 
 
 def triangle_of(path: Any, level: Any = LEVELS) -> tuple[Numbers, Numbers, Numbers]:
@@ -52,8 +42,8 @@ def triangle_of(path: Any, level: Any = LEVELS) -> tuple[Numbers, Numbers, Numbe
 
         u = Σ_i s_i r_i 2^-(i + 1),   v = Σ_i s_i p_i 2^-(i + 1),   s_i = (-1)^(digits 3 before i)
     """
-    U = type(path) if dr.is_array_v(path) else np.uint32
-    F = dr.float32_array_t(U) if dr.is_array_v(path) else np.float32
+    U: Any = type(path) if dr.is_array_v(path) else np.uint32
+    F: Any = dr.float32_array_t(U) if dr.is_array_v(path) else np.float32
     one = U(1)
     inside = (one << U(level)) - one
     right, up = _every_second(path, U) & inside, _every_second(path >> U(1), U) & inside
@@ -85,7 +75,7 @@ def _reversed(bits: Any, U: Any) -> Any:
 
 def place_of(k: Any, seed: Any) -> tuple[Numbers, Numbers]:
     """Return barycentric coordinates (u towards b, v towards c) of scatterers, float32 (R,)."""
-    u, v, side = triangle_of(path_of(k, seed))
+    u, v, side = triangle_of(scrambled(k, seed))
     return u + side / 3, v + side / 3
 
 
@@ -113,7 +103,7 @@ def owner_of(u: Float, v: Float, seed: UInt32, count: UInt32) -> UInt32:
         mask, finer = (power << 2) - 1, owner
         for step in range(1, 4):
             candidate = owner + power * step
-            finer = dr.select((path_of(candidate, seed) ^ path) & mask == 0, candidate, finer)
+            finer = dr.select((scrambled(candidate, seed) ^ path) & mask == 0, candidate, finer)
         owner = dr.select(finer < count, finer, owner)
         power <<= 2
         level += 1

@@ -33,7 +33,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, held, reinterpreted, upload
-from mitsonar.device.chance import Salt, gaussian, hashed, hashed_pair, shape_key, uniform
+from mitsonar.device.chance import Salt, gaussian, hashed, hashed_pair, scrambled, shape_key, uniform
 from mitsonar.device.types import Array4u
 from mitsonar.scene.geometry import Geometry, interpolated
 from mitsonar.scene.materials import coherence, loses_coherence
@@ -43,7 +43,7 @@ from mitsonar.scene.tracing.connection import Connection
 from mitsonar.scene.tracing.hits import Hits
 
 from .cells import divisions, four_wide
-from .nested_points import exists, owner_of, path_of, place_of, triangle_of
+from .nested_points import exists, owner_of, place_of, triangle_of
 
 
 class Amplitudes:
@@ -149,7 +149,8 @@ class Scatterers:
         self._faces = upload(mi.UInt32, faces)
         self._facts, self._rows = upload(mi.UInt32, facts), upload(mi.UInt32, self.rows)
         self._labels = upload(mi.UInt32, self.label)
-        self._seed, self._threshold = self.seed_of(own_key), uniform(self.lib, hashed(self.lib, own_key, Salt.COUNT))
+        self._seed = self.seed_of(own_key)
+        self._threshold = uniform(self.lib, hashed(self.lib, own_key, mi.UInt32(Salt.COUNT)))
         dr.eval(self._seed, self._threshold)
         self._texcoords = None
         if geometry.textured:
@@ -189,7 +190,7 @@ class Scatterers:
     def triangles(self, facet: np.ndarray, k: np.ndarray, level: np.ndarray) -> np.ndarray:
         """Return the corners (K, 3, 3) [m] of the triangles of levels (K,) in which scatterers (K,) of facets lie."""
         corner = self.corners(facet)
-        u, v, side = triangle_of(path_of(k.astype(np.uint32), self._seed.numpy()[facet]), level)
+        u, v, side = triangle_of(scrambled(k.astype(np.uint32), self._seed.numpy()[facet]), level)
         e, f = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
         first = corner[:, 0] + u[:, None] * e + v[:, None] * f
         return np.stack([first, first + side[:, None] * e, first + side[:, None] * f], 1)

@@ -166,7 +166,7 @@ class Ground:
             in_doubt = active & (state == FREE) & dr.gather(mi.Bool, self._buried, scatterers.label)
             aside = dr.copysign(dr.opaque(mi.Float, ASIDE), -dr.dot(scatterers.normal, arrival))
             outward = cast(mi.Float, aside) * scatterers.normal
-            place = mi.Point3f(scatterers.point) + outward
+            place = mi.Point3f(mi.Vector3f(scatterers.point) + outward)
             state = dr.select(in_doubt & covered(self._facets.geometry, place, in_doubt), HIDDEN_BY_BED, state)
         if self._objects.exist:
             behind = self._objects.sectors(origin).behind(heading, legs.horizontal_range)

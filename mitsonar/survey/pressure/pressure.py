@@ -42,7 +42,7 @@ class PressureRecord:
 
     def __init__(self, survey: ArraySurvey, *, seed: int = 0, kernel: str = "band_limited",
                  return_path: str = "vector", paths: Collection[str] | None = None,
-                 ensonification: Ensonification | None = None):
+                 ensonification: Callable[[int], Ensonification] | None = None):
         self.survey, self.seed = survey, int(seed)
         self.kernel, self.return_path, self.paths = kernel, return_path, paths
         self.counts = ArrivalCounts(radius=survey.radius, guard=GUARD)

@@ -38,9 +38,10 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, compressed, held, looped, upload
+from mitsonar.device.chance import scrambled
 from mitsonar.device.rotations import rotated
 from mitsonar.device.types import UInt32
-from mitsonar.echoes.scatterers.nested_points import LEVELS, MOST_OF_A_FACET, exists, path_of, place_of, triangle_of
+from mitsonar.echoes.scatterers.nested_points import LEVELS, MOST_OF_A_FACET, exists, place_of, triangle_of
 from mitsonar.echoes.scatterers.scatterers import Scatterers
 from mitsonar.echoes.scatterers.thinned_scatterers import ACROSS
 from mitsonar.echoes.sights.eigenray_table import EigenrayTable
@@ -249,7 +250,7 @@ class SideSpeckle:
         facets, lib = self._facets, self._lib
         a, b, c, _ = facets.device_corners(triangles.facet)
         seed = facets.seed_of(facets.facts(triangles.facet)[2])
-        u, v, side = triangle_of(path_of(triangles.first, seed), triangles.level)
+        u, v, side = triangle_of(scrambled(triangles.first, seed), triangles.level)
         e, f = mi.Vector3f(b - a), mi.Vector3f(c - a)
         middle = a + (b - a) * lib.Float64(u + side / 3) + (c - a) * lib.Float64(v + side / 3)
         radius = abs(side) * dr.sqrt(dr.maximum(dr.maximum(dr.squared_norm(e + f), dr.squared_norm(2 * e - f)),
@@ -279,7 +280,7 @@ class SideSpeckle:
         a, b, c, _ = facets.device_corners(triangles.facet)
         facts, threshold = facets.facts(triangles.facet), facets.threshold_of(triangles.facet)
         seed, key = facets.seed_of(facts[2]), facets.amplitude_key(facts[2])
-        middle_u, middle_v, side = triangle_of(path_of(triangles.first, seed), triangles.level)
+        middle_u, middle_v, side = triangle_of(scrambled(triangles.first, seed), triangles.level)
         middle_u, middle_v = middle_u + side / 3, middle_v + side / 3
         e, f = mi.Vector3f(b - a), mi.Vector3f(c - a)
         cross = dr.cross(e, f)

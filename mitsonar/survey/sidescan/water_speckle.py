@@ -58,8 +58,9 @@ class WaterCells:
         along, across = (mi.Float(low[2]) * axis.x + mi.Float(low[3]) * axis.y,
                          mi.Float(low[3]) * axis.x - mi.Float(low[2]) * axis.y)
         starboard = (mi.Float(row & 1) * 2 - 1) * mi.Float(high[0])
-        along = dr.copysign(dr.maximum(abs(along), 0.1), along)
-        abeam, half = -starboard * across / along * R, beam.edge(gate) * R / abs(along)
+        steep = dr.maximum(abs(along), 0.1)
+        along = dr.select(along < 0, -steep, steep)
+        abeam, half = -starboard * across / along * R, beam.edge(gate) * R / steep
         power = dr.floor(dr.log2(2 * half / WATER_CELLS))
         length = mi.Float64(dr.exp2(power))
         place = low[0] + low[1] * mi.Float64(R / self._speed)

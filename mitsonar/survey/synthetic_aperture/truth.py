@@ -143,7 +143,8 @@ def _sidescan(survey: StripSurvey, line: MeanLine, place: np.ndarray, window: tu
                       depth_below=np.full(len(place), float(np.mean(survey.depth_below))), depth=-place[:, 2])
     return SidescanSurvey(
         world=World(still=survey.world.still), waters=Waters.constant(replace(water, volume=None)), passage=passage,
-        rays=2 * max(FEWEST_RAYS, RAYS_PER_BIN * bins), sonar=sonar, window=window, bins=bins, first_pass=0.15)
+        rays=2 * max(FEWEST_RAYS, RAYS_PER_BIN * bins), sonar=sonar, window=window, bins=bins, first_pass=0.15,
+        per_cell=survey.per_cell)
 
 
 def _from_all_sides(survey: StripSurvey, x: np.ndarray, y: np.ndarray) -> xr.Dataset:
