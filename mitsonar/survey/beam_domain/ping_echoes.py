@@ -91,6 +91,7 @@ class TargetEchoes:
 
 WATER = 0.4                        # points of the water per scatterer in a resolution cell of the ground
 NEGLIGIBLE = 1e-8                  # two-way intensity of the beams below which a patch is skipped
+WIDE = 0.1                         # sines in a lobe that lights the whole picture: what lies outside is no side lobe's
 DOPPLER_NODES = 33                 # of sines, between which the rows' factors are linear
 SINK = 0.15                        # sine below the horizon that the rows' factors are made for
 
@@ -193,7 +194,7 @@ class PingEchoes:
 
     def in_main_lobe(self, ping: int, echoes: GridEchoes | None) -> mi.Bool | None:
         """Return True for echoes of the main lobes of long lines, down to -6 dB two-way; None without such lines."""
-        lobes = self._lobes(self.reception(ping))
+        lobes = [lobe for lobe in self._lobes(self.reception(ping)) if lobe.cell < WIDE]
         if echoes is None or not lobes:
             return None
         height, power = float(self.survey.track.position[ping, 2]), mi.Float(1)
