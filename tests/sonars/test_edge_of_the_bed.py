@@ -20,7 +20,7 @@ def line():
         {"seabed": bed(SONAR + H, sediment("medium sand"), size=70.0)}, depth=SONAR, film={"range": 70.0},
         sensor={"preset": "shallow_300khz_three_sectors", "noise": True, "pings": 3, "ping_rate_hz": 4.0, "beams": 96,
                 "speed_knots": 5.0, "swath_deg": 136.0, "receive_beam_width_deg": 1.5,
-                "transmit_beam_width_deg": 1.5}))
+                "transmit_beam_width_deg": 1.5}), seed=1)
 
 
 def test_beams_beyond_the_edge_are_not_valid():

@@ -227,7 +227,7 @@ def test_same_bytes_whatever_the_threads_and_pings(kind):
 def test_there_is_noise_only_where_it_is_asked_for(kind):
     """Before the first echoes, in bins of which there are hundreds; the sea's, the receivers', none."""
     quiet, sea, own = (polar(mitsonar.render(small(kind, pings=9 if kind == "sector_scan" else 1, **noise)))
-                       for noise in ({}, {"noise": True, "noise_level_db": 90.0}, {"self_noise_db": 90.0}))
+                       for noise in ({}, {"noise": True, "noise_level_db": 100.0}, {"self_noise_db": 100.0}))
     early = quiet[2] < 1.2
     for noisy in (sea, own):
         assert quiet[0][:, early].max() < noisy[0][:, early].min() - 10

@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 import mitsonar
+from mitsonar.io.records import signals as signal_files
 from mitsonar.signal import matched_filter
 from mitsonar.signal.beamforming import delay_and_sum, directions
 from mitsonar.validation.scenes import array_sonar, bed, point_target, sidescan
@@ -81,8 +82,8 @@ def test_what_xarray_makes_of_a_record_is_written_by_name(tmp_path):
 def test_signals_know_their_pulse(tmp_path):
     """The echo is compressed without the scene, to the last bit as with it."""
     heard = signals()
-    mitsonar.io.records.signals.write(tmp_path / "a.nc", heard)
-    there = mitsonar.io.records.signals.read(tmp_path / "a.nc")
+    signal_files.write(tmp_path / "a.nc", heard)
+    there = signal_files.read(tmp_path / "a.nc")
     sent, rate = small_array().sensors()[0].pulse, heard.attrs["sampling_rate"]
     assert there.pulse.numbers == sent.numbers == {"kind": "hfm", "frequency": 1e5, "duration": 1e-3, "bandwidth": -8e3,
                                                    "window": ["tukey", 0.1]}

@@ -37,7 +37,7 @@ def image():
            "to_world": to_world.scale([HALF, 0.5 * (FAR - NEAR), HEIGHT / 2])}
     made = array_sonar({"seabed": bed(20, size=120), "box": box}, sensor=SONAR, film={"range": 28.0},
                        integrator={"cell": 0.15})
-    return mitsonar.render(made)
+    return mitsonar.render(made, seed=1)
 
 
 def _span(image, flags):
@@ -166,8 +166,8 @@ def test_what_has_a_phase_adds_as_pressure_whatever_its_blocks(monkeypatch):
     beams, sound = Beams(survey, *fan_directions(survey.receive, 91, np.pi / 2)), SoundPaths.of(survey, 30.0)
     place = Places(survey, sound.tracer, beams.underway, beams.per_ping).of(np.array([0]))
     source = beams.coherent(sound)
-    once, blocks = source.sum(place).label_power, source._echoes
-    monkeypatch.setattr(source, "_echoes", lambda place: [*blocks(place), *blocks(place)])
+    once, blocks = source.sum(place).label_power, source._phased.of
+    monkeypatch.setattr(source._phased, "of", lambda *place: [*blocks(*place), *blocks(*place)])
     assert once.max() > 0
     np.testing.assert_allclose(source.sum(place).label_power, 4 * once, rtol=1e-6)
 
