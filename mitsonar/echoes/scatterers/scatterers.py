@@ -125,7 +125,6 @@ class Scatterers:
             raise ValueError(f"Cells of {cell_size:g} m cut a facet of {side.max():.0f} m into more than {MOST_CUTS} "
                              "rows. Use larger cells, or a mesh of smaller facets.")
         faces[:, 3] = self.cuts
-        self._host_vertices, self._host_faces = vertices, faces
         # for each facet: registry index of its shape, its number there, the key of its scatterers, and 1 if its
         # corners have texture coordinates
         facts = np.zeros((len(faces), 4), np.uint32)
@@ -173,6 +172,8 @@ class Scatterers:
         centre = (a + b + c) / 3
         side, radius = (dr.maximum(dr.maximum(*(dr.norm(way) for way in ways[:2])), dr.norm(ways[2]))
                         for ways in ((b - a, c - b, a - c), (a - centre, b - centre, c - centre)))
+        # millions of facets: single precision is enough to find those within reach
+        centre, side, radius = mi.Point3f(centre), mi.Float(side), mi.Float(radius)
         dr.eval(centre, side, radius)
         return side.numpy(), np.ascontiguousarray(centre.numpy().T), radius.numpy()
 
@@ -181,6 +182,11 @@ class Scatterers:
         distance = np.linalg.norm(self.centre - origin, axis=1)
         return np.flatnonzero(self.scattering & (distance - self.radius < farthest)
                               & (distance + self.radius > nearest)).astype(np.uint32)
+
+    @cached_property
+    def _on_host(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return vertices (V, 4) and facets (F, 4); on LLVM, the same memory as on the device."""
+        return self._vertices.numpy().reshape(-1, 4), self._faces.numpy().reshape(-1, 4)
 
     @cached_property
     def threshold(self) -> np.ndarray:
@@ -279,7 +285,8 @@ class Scatterers:
 
     def corners(self, facet: np.ndarray) -> np.ndarray:
         """Return the corners of facets (K,) on the host, (K, 3, 3) [m]."""
-        return self._host_vertices[self._host_faces[facet, :3], :3]
+        vertices, faces = self._on_host
+        return vertices[faces[facet, :3], :3]
 
     def facts(self, facet: mi.UInt32) -> Array4u:
         """Return registry index of the shape, number there, hash key, and 1 if it has texture coordinates."""
