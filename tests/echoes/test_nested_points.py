@@ -62,7 +62,7 @@ def test_triangles_are_found_by_bits_as_step_by_step(rng, level):
 
 @pytest.mark.parametrize("seed", [5, 424242])
 def test_places_within_a_triangle_are_uniform(seed):
-    """Of 4^6 scatterers, each alone in a triangle of level 6: the digits of the three levels below."""
+    """Each of 4^6 scatterers is alone in a triangle of level 6. Its place there follows from three more digits."""
     digits = (scrambled(*numbers(4 ** 6, seed)) >> np.uint32(12)) & np.uint32(63)
     assert chisquare(np.bincount(digits, minlength=64)).pvalue > 1e-3
 

@@ -42,7 +42,7 @@ def test_a_gap_shorter_than_the_pulse_is_no_shadow(pulse, expected):
 
 @pytest.mark.parametrize(("count", "shortest"), [(9, 1), (7, 1), (4, 2), (3, 3), (1, 7)])
 def test_a_gap_that_few_echoes_leave_by_chance_is_no_shadow(count, shortest):
-    """Of n echoes a bin, L bins are empty by chance with a probability of exp(-n L), below exp(-FEWEST)."""
+    """With n echoes in a bin on average, L bins are empty by chance with the probability exp(-n L) < exp(-FEWEST)."""
     assert shortest == np.ceil(FEWEST / count)
     gaps = "".join(str(count) + "." * length for length in range(1, 9)) + str(count)
     dark = "." + "".join("#.."[length < shortest] * length + "." for length in range(1, 9))

@@ -1,4 +1,4 @@
-"""What every picture has, whatever its sonar: the same truth and coordinates with units and meanings, and true depths.
+"""Pictures of all kinds of sonar have the same truth and coordinates, each with unit and meaning, and true depths.
 
 The bed is level, `BED` below the surface. Two boxes on it, with their tops at `TOP`, are 6 m ahead of the sonar and
 5.5 m to starboard. Pictures are small and coarse, since only names and places count. The depth of a bin is a mean, to

@@ -3,7 +3,7 @@
     a_i = e_i e^(-i2πf₀τ_i)
 
 e_i and τ_i -> amplitude of an echo (`echoes.record`) and the delay at which the moving sonar receives it (`underway`).
-What the beams of rows make of a_i is theirs: `coherent_sides`, `coherent_beams`.
+`coherent_sides` and `coherent_beams` weight a_i by the beams of a row.
 """
 from __future__ import annotations
 
