@@ -72,13 +72,14 @@ class FrameBins:
         dr.eval(cell, inside)
         return cell, inside
 
-    def ground(self, echoes: GridEchoes, cell: mi.UInt32, active: mi.Bool,
-               origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the energies and mean places of the ground's echoes."""
-        # cell, active (R,); origin (3,) [m] -> energy (B, T), place (B, T, 3) [m]
-        energy = echoes.energy
-        sums = cell_sums(cell, active, [energy, energy * echoes.x, energy * echoes.y, energy * echoes.depth],
-                         rows=self.beams, columns=self.bins)
+    def sums(self, cell: mi.UInt32, active: mi.Bool, *columns: mi.Float) -> mi.Float:
+        """Return the sums over each cell of an energy, and of the energy times x, y and depth, Float (4 B T,)."""
+        energy, *place = columns
+        return cell_sums(cell, active, [energy, *(energy * axis for axis in place)], rows=self.beams, columns=self.bins)
+
+    def ground(self, sums: mi.Float, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the energies and mean places of `sums`."""
+        # origin (3,) [m] -> energy (B, T), place (B, T, 3) [m]
         index, packet = dr.arange(mi.UInt32, self.cells), arrays_of(mi.Float).Array4f
         own = dr.gather(packet, sums, index)
         total = own[0]
@@ -191,7 +192,6 @@ class FrameTruth:
     def __init__(self, blur: Blur | OneBeam, *, lead: int, bins: int, named: ShapeLabels, per_bin: int = 1):
         self._blur, self._labels, self._seabed = blur, len(named), sorted(named.seabed)
         self._bins = FrameBins(blur.edges, lobe=blur.lobe, lead=lead, bins=bins, per_bin=per_bin)
-        self._has_objects = len(self._seabed) < self._labels
         self._is_seabed = upload(mi.Bool, np.isin(np.arange(len(named) + 1), self._seabed))
         dr.eval(self._is_seabed)
 
@@ -242,14 +242,20 @@ class FrameTruth:
         cell, inside = bins.cell_of(echoes)
         free = inside & (echoes.state == FREE)
         on_bed = free & dr.gather(mi.Bool, self._is_seabed, echoes.label)
-        energy, place = bins.ground(echoes, cell, on_bed, origin)
-        depth = bins.ground(echoes, cell, free, origin)[1][..., 2] if self._has_objects else place[..., 2]
+        columns = echoes.energy, echoes.x, echoes.y, echoes.depth
+        sums = bins.sums(cell, on_bed, *columns)
+        (energy, place), others = bins.ground(sums, origin), compressed(free & ~on_bed)
+        depth = place[..., 2]
+        if dr.width(others):
+            own = (dr.gather(mi.Float, column, others) for column in columns)
+            sums += bins.sums(dr.gather(mi.UInt32, cell, others), mi.Bool(True), *own)
+            depth = bins.ground(sums, origin)[1][..., 2]
         layover, rays, rays_in_beam = bins.counted(echoes, cell, free, in_lobe, depth_below, farthest)
         seabed = []
         if len(self._seabed) == 1:
             seabed = [self._shown(self._seabed[0], energy, (0, bins.beams, 0, bins.bins))]
-        few = free if len(self._seabed) > 1 else free & ~on_bed
-        objects = list(self._planes(*_columns(compressed(few), cell, echoes.energy, echoes.label)))
+        few = compressed(free) if len(self._seabed) > 1 else others
+        objects = list(self._planes(*_columns(few, cell, echoes.energy, echoes.label)))
         if len(self._seabed) > 1:
             seabed = [plane for plane in objects if plane.label in self._seabed]
             objects = [plane for plane in objects if plane.label not in self._seabed]
