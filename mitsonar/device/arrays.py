@@ -1,9 +1,10 @@
 """Copy NumPy arrays to the device, and wrap Dr.Jit functions whose declarations are too narrow.
 
 Dr.Jit compiles the alignment of its inputs into a kernel. A NumPy buffer may have any alignment; `upload` copies each
-to the same one, so that kernels are not compiled again and read aligned rows of four as one packet. `held` maps NaN
-into a table's range: Dr.Jit's `clip`, `minimum` and `maximum` keep NaN, and a gather at `UInt32(NaN)` = 4294967295
-reads outside the table or ends the process.
+to the same one, so that kernels are not compiled again and read aligned rows of four as one packet. It also converts
+their type, because what Dr.Jit converts has any alignment. `held` maps NaN into a table's range: Dr.Jit's `clip`,
+`minimum` and `maximum` keep NaN, and a gather at `UInt32(NaN)` = 4294967295 reads outside the table or ends the
+process.
 """
 import importlib
 from collections.abc import Callable, Iterable
@@ -60,8 +61,8 @@ def reinterpreted(kind: type[Kept], array: DrJitArray) -> Kept:
 
 
 def upload(kind: type[Kept], values: np.ndarray) -> Kept:
-    """Copy values (any shape, flattened) to a device array of type `kind`; dtypes must match."""
-    values = np.ravel(values)
+    """Copy values (any shape, flattened) to a device array of type `kind`."""
+    values = np.ravel(values).astype(dr.type_v(cast(Any, kind)).name.lower(), copy=False)
     raw = np.empty(values.nbytes + ALIGNMENT, np.uint8)
     start = -raw.ctypes.data % ALIGNMENT
     place = raw[start:start + values.nbytes].view(values.dtype)

@@ -13,7 +13,7 @@ import pytest
 from mitsonar.survey.pressure.ensonified_ping import ensonification_of
 from mitsonar.validation.scenes import array_sonar, bed
 
-BELOW, MADE = 1e-2, {}
+BELOW = 1e-2
 SIDE = {f"{array}_{name}": value for array in ("transmit", "receive") for name, value in {
     "pattern": "rectangular", "element_length": 0.04, "element_height": 0.01, "normal": "0, 1, 0.5",
     "baffle": "hard"}.items()}
@@ -28,13 +28,7 @@ def survey(request):
 
 
 def echoes(survey, below, at=(0.0, 0.0, -10.0)):
-    """Places and energies of the echoes, (N, 3) and (N,), made once."""
-    if (id(survey), below, at) not in MADE:
-        MADE[id(survey), below, at] = _echoes(survey, below, at)
-    return MADE[id(survey), below, at]
-
-
-def _echoes(survey, below, at):
+    """Places and energies of the echoes, (N, 3) and (N,)."""
     light = ensonification_of(replace(survey, thin_below=below))
     blocks = list(light.scatterer_echoes(np.array(at), survey.track.rotation()[0], 6.0, 0))
     place = np.concatenate([block.out.offset.numpy().T for block in blocks]) + at

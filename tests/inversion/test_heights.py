@@ -2,7 +2,8 @@
 
 The data have facets' normals, other rays, speckle of four looks and a bed 1 dB stronger than the model's. The bed's
 waves are 0.28 m rms about their mean. Of eleven pings at 2 m a node the answer is 0.18 to 0.23 m off; 0.85 of the start
-is asked for, and of the mean depth, that the first return tells, the start's error at most.
+is asked for, and of the mean depth, that the first return tells, the start's error at most. The misfit of so few steps
+is 1.35 to 1.67 of the speckle's over six realisations, so the test names one.
 """
 import numpy as np
 import pytest
@@ -20,7 +21,8 @@ def found(tmp_path_factory):
     folder = tmp_path_factory.mktemp("heights")
     bed = scene(folder, speckle="true", bump="0.8", mu_db="-19", rays=20000)
     started = model(scene(folder), BED, STRENGTH)
-    fit = fit_heights(started, looked(bed, 4), BED, strength=STRENGTH, looks=4, stages=STAGES, farthest=21, modes=6)
+    fit = fit_heights(started, looked(bed, 4, seed=230), BED, strength=STRENGTH, looks=4, stages=STAGES,
+                      farthest=21, modes=6)
     positions = vertices(bed)
     return fit, positions[grid_of(positions)[2], 2]
 
@@ -33,7 +35,7 @@ def rms(values, fit):
 def test_shapes_are_nearer_than_the_start_and_the_depth_no_farther(found):
     fit, truth = found
     before, after = fit["height_start"] - truth, fit["height"] - truth
-    # the answer is 0.821 of the start in every run; with more steps and products it is between 0.81 and 0.86
+    # the answer is 0.56 to 0.77 of the start over six realisations
     assert rms(after - after.mean(), fit) < 0.85 * rms(before - before.mean(), fit)
     assert rms(after, fit) < 0.8 * rms(before, fit)
 

@@ -69,8 +69,8 @@ def pieces_in_reach(scatterers: Scatterers, facets: np.ndarray, origin: np.ndarr
     """Cut facets (K,) and keep the pieces that reach from `nearest` to `farthest` [m] from `origin` (3,)."""
     start = np.zeros(len(facets), np.int64)
     pieces = Pieces(facet=facets, level=start, first=start, number=scatterers.cuts[facets].astype(np.int64) ** 2,
-                    threshold=scatterers.threshold[facets], centre=scatterers.centre[facets],
-                    radius=scatterers.radius[facets])
+                    threshold=scatterers.threshold[facets], centre=scatterers.centre[facets].astype(float),
+                    radius=scatterers.radius[facets].astype(float))
     done = []
     while len(pieces.facet):
         distance = np.linalg.norm(pieces.centre - origin, axis=1)
