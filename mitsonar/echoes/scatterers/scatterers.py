@@ -124,7 +124,7 @@ class Scatterers:
         if self.cuts.max(initial=1) > MOST_CUTS:
             raise ValueError(f"Cells of {cell_size:g} m cut a facet of {side.max():.0f} m into more than {MOST_CUTS} "
                              "rows. Use larger cells, or a mesh of smaller facets.")
-        faces[:, 3] = self.cuts
+        dr.scatter(self._faces, upload(mi.UInt32, self.cuts), 4 * dr.arange(mi.UInt32, len(faces)) + 3)
         # for each facet: registry index of its shape, its number there, the key of its scatterers, and 1 if its
         # corners have texture coordinates
         facts = np.zeros((len(faces), 4), np.uint32)
@@ -145,7 +145,6 @@ class Scatterers:
         facts[:, 2] = own_key.numpy()
         self._grids = Grids([(index, grid, first) for (index, _, grid), (_, _, first, _) in zip(grids, rows)],
                             len(self.rows))
-        self._faces = upload(mi.UInt32, faces)
         self._facts, self._rows = upload(mi.UInt32, facts), upload(mi.UInt32, self.rows)
         self._labels = upload(mi.UInt32, self.label)
         self._seed = self.seed_of(own_key)
@@ -182,6 +181,12 @@ class Scatterers:
         distance = np.linalg.norm(self.centre - origin, axis=1)
         return np.flatnonzero(self.scattering & (distance - self.radius < farthest)
                               & (distance + self.radius > nearest)).astype(np.uint32)
+
+    def near(self, places: np.ndarray, farthest: float) -> np.ndarray:
+        """Return True (F,) for facets that scatter and come nearer than `farthest` [m] to the box of places (N, 3)."""
+        low, high = places.min(0).astype(np.float32), places.max(0).astype(np.float32)
+        square = sum(np.square(np.clip(column, a, b) - column) for column, a, b in zip(self.centre.T, low, high))
+        return self.scattering & (np.sqrt(square) - self.radius < farthest)
 
     @cached_property
     def _on_host(self) -> tuple[np.ndarray, np.ndarray]:

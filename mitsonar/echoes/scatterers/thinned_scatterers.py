@@ -166,9 +166,7 @@ def _levels(facets: Scatterers, farthest: float, places: np.ndarray) -> np.ndarr
 
     Patches are at most a share of the reach long, or longer where there would be too many.
     """
-    low, high = places.min(0), places.max(0)
-    away = np.linalg.norm(np.clip(facets.centre, low, high) - facets.centre, axis=1) - facets.radius
-    wanted = facets.scattering & (away < farthest)
+    wanted = facets.near(places, farthest)
     side = facets.longest_side
     area = float(np.sum(side[wanted] ** 2))
     longest = max(farthest * SHARE, np.sqrt(area / MOST_PATCHES))

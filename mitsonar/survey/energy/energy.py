@@ -105,7 +105,9 @@ def record(survey: Survey, rows: Rows, seed: int = 0,
                 if progress is not None:
                     progress(int(ping[-1]) + 1, pings)
 
-    return gathered(blocks(), pings=pings, rows=rows.per_ping)
+    whole = gathered(blocks(), pings=pings, rows=rows.per_ping)
+    dr.flush_malloc_cache()            # blocks are large: Dr.Jit would keep their memory beside what the picture needs
+    return whole
 
 
 def ray_range(survey: Survey, rows: Rows) -> float:

@@ -128,12 +128,12 @@ class SideSpeckle:
         self._near, self._far = (dr.opaque(mi.Float, value) for value in (
             0.5 * start * survey.waters.slowest * (1 - drift), reach * (1 + drift)))
         self._water = WaterCells(survey)
-        self._sort()
+        self._sort(reach * (1 + 3 * drift))
 
-    def _sort(self) -> None:
-        """Sort the facets that scatter into blocks of neighbours, with a ball about each."""
+    def _sort(self, farthest: float) -> None:
+        """Sort the facets that scatter within `farthest` [m] of the track into blocks of neighbours, each in a ball."""
         facets = self._facets
-        number = np.flatnonzero(facets.scattering).astype(np.uint32)
+        number = np.flatnonzero(facets.near(self._survey.track.position, farthest)).astype(np.uint32)
         number = number[np.argsort(_along_a_curve(facets.centre[number]), kind="stable")]
         ball = np.empty((len(number), 4), np.float32)
         ball[:, :3], ball[:, 3] = facets.centre[number], facets.radius[number]
