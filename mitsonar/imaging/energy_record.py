@@ -55,6 +55,12 @@ class EnergyRecord:
         return self.rays_in_beam if self.coherent is None else self.rays_in_beam + self.coherent.in_beam
 
 
+def powers(key: np.ndarray, real: np.ndarray, imaginary: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the different keys of echoes (R,), and the power of the sum of all pressures with the same key."""
+    found, which = np.unique(key, return_inverse=True)
+    return found, np.bincount(which, real, len(found)) ** 2 + np.bincount(which, imaginary, len(found)) ** 2
+
+
 def gathered(blocks: Iterable[EnergyRecord], *, pings: int, rows: int) -> EnergyRecord:
     """Return the records of consecutive blocks as one record."""
     record, start = None, 0

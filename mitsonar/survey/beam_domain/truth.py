@@ -21,7 +21,7 @@ import numpy as np
 from mitsonar.device.arrays import arrays_of, compressed, held, upload
 from mitsonar.echoes.sums.energy_sums import sum_size
 from mitsonar.echoes.sums.origin_sums import SECTORS, sector
-from mitsonar.imaging.energy_record import EnergyRecord
+from mitsonar.imaging.energy_record import EnergyRecord, powers
 from mitsonar.imaging.truth import HALF, BinTruth
 from mitsonar.scene.labels import ShapeLabels
 from mitsonar.signal.beam_grid.stripes import cell_sums
@@ -298,16 +298,12 @@ class FrameTruth:
         for target in targets:
             cell, inside = self._bins.cell_of(target.echoes)
             shown = np.flatnonzero(inside.numpy() & (target.label > 0))
-            z = target.echoes.real.numpy() + 1j * target.echoes.imaginary.numpy()
-            parts.append((target.label[shown], cell.numpy()[shown], z[shown]))
-        if not parts:
-            return
-        label, cell, pressure = (np.concatenate(column) for column in zip(*parts))
-        for number in np.unique(label):
-            own = label == number
-            key, which = np.unique(cell[own], return_inverse=True)
-            real, imaginary = (np.bincount(which, part[own]) for part in (np.real(pressure), np.imag(pressure)))
-            yield from self._planes(key, real ** 2 + imaginary ** 2, np.full(len(key), number))
+            number = target.label[shown].astype(np.int64) * self._bins.cells + cell.numpy()[shown]
+            parts.append((number, target.echoes.real.numpy()[shown], target.echoes.imaginary.numpy()[shown]))
+        if parts:
+            number, power = powers(*(np.concatenate(column) for column in zip(*parts)))
+            label, cell = np.divmod(number, self._bins.cells)
+            yield from self._planes(cell, power, label)
 
     def _shadows(self, ground: _TruthGround, total: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the share of the seabed's echo that objects hide, and the objects of shadows; see `imaging.truth`."""

@@ -12,7 +12,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.types import Vector
-from mitsonar.imaging.energy_record import CoherentRecord, CoherentSums
+from mitsonar.imaging.energy_record import CoherentRecord, CoherentSums, powers
 
 from ..motion.places import Place
 from ..pressure.array_survey import ArraySurvey
@@ -55,8 +55,7 @@ class CoherentBeams:
 
     def sum(self, place: Place) -> CoherentSums:
         """Sum the echoes of a block of pings; arrays (pings x beams, ..., bins)."""
-        shape = len(place.ping) * self._beams.count, self._labels, self._bins.count
-        real_sum, imaginary_sum = np.zeros(shape), np.zeros(shape)
+        shape, parts = (len(place.ping) * self._beams.count, self._labels, self._bins.count), []
         for arrivals in self._phased.of(place, 0, len(place.ping)):
             row, pattern = self._beams.receive(place, arrivals.ping, arrivals.echoes.out.sent_towards,
                                                arrivals.towards)
@@ -67,10 +66,11 @@ class CoherentBeams:
             dr.eval(columns)
             row, label, bin, inside, real, imaginary = (
                 np.broadcast_to(column.numpy(), dr.width(inside)) for column in columns)
-            where = ((row.astype(np.int64) * self._labels + label - 1) * self._bins.count + bin)[inside]
-            # parts of one echo may come in several blocks, so sums are squared at the end
-            real_sum += np.bincount(where, real[inside], real_sum.size).reshape(shape)
-            imaginary_sum += np.bincount(where, imaginary[inside], real_sum.size).reshape(shape)
-        power = self._source_power * (real_sum ** 2 + imaginary_sum ** 2)       # (rows, labels, bins) [µPa²]
+            cell = (row.astype(np.int64) * self._labels + label - 1) * self._bins.count + bin
+            parts.append((cell[inside], real[inside], imaginary[inside]))
+        power = np.zeros(shape)                                                 # (rows, labels, bins) [µPa²]
+        if parts:              # parts of one echo may come in several blocks
+            cell, squares = powers(*(np.concatenate(column) for column in zip(*parts)))
+            power.ravel()[cell] = self._source_power * squares
         return CoherentSums(label_power=power, record=CoherentRecord(
             intensity=self._beams.shown(power.sum(1)), in_beam=np.asarray(power.any(1), np.uint32)))

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitsonar.imaging.energy_record import CoherentRecord, CoherentSums, joined
+from mitsonar.imaging.energy_record import CoherentRecord, CoherentSums, joined, powers
 from mitsonar.imaging.sidescan import pulse_cells
 
 from .sidescan_survey import SidescanSurvey
@@ -137,9 +137,8 @@ class CoherentPulses:
         strongest_depth = np.zeros((rows, bins), np.float32)
         number = (arrivals.row.astype(np.int64) * bins + bin) * (labels + 1) + arrivals.label
         # echoes of an instance that begin in the same sample add as pressures, other echoes as powers
-        _, first, which = np.unique(number * self._samples + slot, return_index=True, return_inverse=True)
-        power = np.abs(np.bincount(which, arrivals.real) + 1j * np.bincount(which, arrivals.imaginary)) ** 2
-        key, which = np.unique(number[first], return_inverse=True)
+        of_sample, power = powers(number * self._samples + slot, arrivals.real, arrivals.imaginary)
+        key, which = np.unique(of_sample // self._samples, return_inverse=True)
         power = np.bincount(which, power)
         energy = arrivals.real.astype(float) ** 2 + arrivals.imaginary.astype(float) ** 2
         which = np.searchsorted(key, number)
