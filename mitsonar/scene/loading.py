@@ -4,7 +4,6 @@ from __future__ import annotations
 import functools
 import os
 import re
-import threading
 from collections.abc import Mapping
 from typing import Any
 from xml.etree import ElementTree
@@ -14,6 +13,7 @@ import mitsuba as mi
 from mitsonar.device.files import FilePath, check_readable
 from mitsonar.device.sentences import shortened
 from mitsonar.device.spelling import meant
+from mitsonar.device.turns import TURN
 from mitsonar.io.scene_files.scenes import filled, find, root, text
 
 from . import files as scene_files, libraries, registration
@@ -22,7 +22,6 @@ from .protocols import SceneSonar
 
 VARIANTS = ("llvm_ad_mono", "cuda_ad_mono")    # the GPU comes second until it has been tried on one
 TAKEN = ("path", "parallel", "optimize")       # argument names of Mitsuba's own loader
-_LOADING = threading.RLock()       # Mitsuba's file resolver is one for all threads
 
 
 def prepare() -> None:
@@ -86,7 +85,7 @@ def load_file(path: FilePath, /, **parameters: object) -> mi.Scene:
     from .errors import as_exception
 
     try:
-        with _LOADING:
+        with TURN:                             # Mitsuba's file resolver is one for all threads, too
             scene_files.check(path, values)
             # One object after the other: while a shape of ours waits for the device, Mitsuba's worker would make the
             # next one within it, and hundreds of them end in a RecursionError. This is as fast.

@@ -16,6 +16,7 @@ import numpy as np
 
 from mitsonar.device.files import FilePath
 from mitsonar.device.spelling import meant
+from mitsonar.device.turns import one_at_a_time
 from mitsonar.gradients.check.check import GradientCheck, check_parameters
 from mitsonar.gradients.elements.coherent_picture import CoherentPicture
 from mitsonar.gradients.elements.elements import ElementModel, attached_signals
@@ -32,6 +33,7 @@ QUANTITIES = "level", "intensity"
 Weights = np.ndarray | Callable[[np.ndarray], np.ndarray]
 
 
+@one_at_a_time
 def gradient(scene: mi.Scene | FilePath, keys: Sequence[str], weights: Weights, *, of: str = "level",
              sensor: int | str = 0, seed: int = 0) -> dict[str, np.ndarray]:
     """Return the gradient of a scalar function of a sonar record by parameters of the scene.
@@ -75,6 +77,7 @@ def gradient(scene: mi.Scene | FilePath, keys: Sequence[str], weights: Weights, 
     return linear.backward(np.where(echo, cotangent.ravel(), 0) * slope)
 
 
+@one_at_a_time
 def directional_derivative(scene: mi.Scene | FilePath, tangents: Mapping[str, np.ndarray], *, of: str = "level",
                            sensor: int | str = 0, seed: int = 0) -> np.ndarray:
     """Return the derivative of a sonar record along a direction of its scene's parameters: a Jacobian product.
@@ -128,6 +131,7 @@ def scene_model(scene: mi.Scene | FilePath, keys: Sequence[str], *, sensor: int 
     return _model(scene, keys, sensor, seed, edges, rays)
 
 
+@one_at_a_time
 def _model(scene: mi.Scene | FilePath, keys: Sequence[str], sensor: int | str, seed: int, edges: bool = True,
            rays: int | None = None, *, planned_anew: bool = False) -> SceneModel:
     """Return a `scene_model`; if `planned_anew`, it plans bins and beams again for every change of values."""
@@ -143,6 +147,7 @@ def _model(scene: mi.Scene | FilePath, keys: Sequence[str], sensor: int | str, s
         raise as_exception(error) from error
 
 
+@one_at_a_time
 def coherent_model(scene: mi.Scene | FilePath, keys: Sequence[str], *, of: str = "intensity",
                    pings: Sequence[int] | None = None, sensor: int | str = 0, seed: int = 0) -> CoherentPicture:
     """Return a model of the beams of an array, with speckle, as a function of its elements and of point targets.
@@ -175,6 +180,7 @@ def coherent_model(scene: mi.Scene | FilePath, keys: Sequence[str], *, of: str =
         raise as_exception(error) from error
 
 
+@one_at_a_time
 def differentiable_signals(scene: mi.Scene, params: mi.SceneParameters, pings: Sequence[int] = (0,), *,
                            sensor: int | str = 0, seed: int = 0) -> mi.TensorXf:
     """Return element signals that Dr.Jit can differentiate by those parameters of the scene that carry gradients.
@@ -219,6 +225,7 @@ def differentiable_signals(scene: mi.Scene, params: mi.SceneParameters, pings: S
     return attached_signals(model, params, pings)
 
 
+@one_at_a_time
 def gradient_check(scene: mi.Scene | FilePath, keys: Sequence[str] | None = None, *, sensor: int | str = 0,
                    seed: int = 0, directions: int = 3, tolerance: float = 0.01,
                    progress: Callable[[float, float], object] | None = None) -> GradientCheck:

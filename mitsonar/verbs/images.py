@@ -13,6 +13,7 @@ import xarray as xr
 from mitsonar.device import llvm
 from mitsonar.device.files import FilePath
 from mitsonar.device.spelling import meant
+from mitsonar.device.turns import one_at_a_time
 from mitsonar.hydrography.record import joined
 from mitsonar.io import casts
 from mitsonar.io.records.records import SonarImage, SonarSignals, not_all_nan
@@ -36,6 +37,7 @@ MOST_SNIPPETS = 10_000
 SEEDS = 1 << 32                    # Mitsuba accepts no other seeds
 
 
+@one_at_a_time
 def render(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
            progress: Callable[[float, float], None] | None = None, say: Callable[[str], None] | None = None,
            **parameters: object) -> SonarImage:
@@ -88,6 +90,7 @@ def render(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
     return SonarImage.of(not_all_nan(image).assign_attrs(provenance(scene, sonar, survey)))
 
 
+@one_at_a_time
 def frames(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
            **parameters: object) -> Iterator[SonarImage]:
     """Render the pings of a sonar with a fan of beams one after the other.
@@ -120,6 +123,7 @@ def frames(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
     return (SonarImage.of(not_all_nan(image).assign_attrs(origin)) for image in images)
 
 
+@one_at_a_time
 def impulse_response(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, kernel: str = "band_limited",
                      return_path: str = "vector", seed: int = 0, *, sensor: int | str = 0,
                      paths: Sequence[str] | None = None, progress: Callable[[float, int], None] | None = None,
@@ -175,6 +179,7 @@ def impulse_response(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, 
                             **provenance(scene, sonar, survey))
 
 
+@one_at_a_time
 def element_signals(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, kernel: str = "band_limited",
                     return_path: str = "vector", seed: int = 0, *, sensor: int | str = 0,
                     paths: Sequence[str] | None = None, progress: Callable[[float, int], None] | None = None,
@@ -262,6 +267,7 @@ def soundings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProf
     return SonarImage.of(joined(pings))
 
 
+@one_at_a_time
 def sounded_pings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProfile | FilePath | None = None, *,
                   sensor: int | str = 0, column: bool = False, snippets: int = 0, start: int = 0,
                   count: Callable[[int], object] | None = None) -> Iterator[SonarImage]:
@@ -286,6 +292,7 @@ def sounded_pings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeed
             for image in line.pings(range(operator.index(start), survey.track.pings)))
 
 
+@one_at_a_time
 def pings(scene: mi.Scene | FilePath, *, sensor: int | str = 0) -> int:
     """Return the number of pings of a scene's sensor."""
     scene, sonar, integrator = opened(scene, sensor)

@@ -11,6 +11,7 @@ import mitsuba as mi
 import xarray as xr
 
 from mitsonar.device.files import FilePath
+from mitsonar.device.turns import one_at_a_time
 from mitsonar.io import casts
 from mitsonar.io.records import raw_echoes as raw_files
 from mitsonar.io.records.records import SonarImage, not_all_nan
@@ -30,6 +31,7 @@ from .images import checked_seed, opened, provenance
 RAW_FILES = (".nc", ".h5", ".hdf5")
 
 
+@one_at_a_time
 def raw_echoes(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
                progress: Callable[[int, int], None] | None = None, **parameters: object) -> SonarImage:
     """Compute the raw echoes of all pings of a scene's synthetic aperture sonar.
@@ -63,6 +65,7 @@ def raw_echoes(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str =
     return SonarImage.of(cast(xr.Dataset, record))
 
 
+@one_at_a_time
 def focus(scene_or_signals: mi.Scene | xr.Dataset | FilePath, grid: Grid | None = None,
           profile: SoundSpeedProfile | float | FilePath | None = None, *, seed: int = 0, sensor: int | str = 0,
           window: str | tuple | None = None, range_window: str | tuple | None = None,
@@ -142,6 +145,7 @@ def _windows(window: str | tuple | None, range_window: str | tuple | None) -> di
     return {name: value for name, value in (("window", window), ("range_window", range_window)) if value is not None}
 
 
+@one_at_a_time
 def raw_pings(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0, start: int = 0,
               count: Callable[[int], object] | None = None) -> Iterator[SonarImage]:
     """Yield the raw echoes of one ping after the other, so that memory does not grow with their number."""
@@ -156,12 +160,14 @@ def raw_pings(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 
             for ping in pings_of(survey, sonar.own_seed(seed), start))
 
 
+@one_at_a_time
 def scatterers(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0) -> SonarImage:
     """Return the scatterers of a scene's seabeds and objects that make its raw echoes: the ground truth of speckle."""
     survey, origin = _planned(*opened(scene, sensor), checked_seed(seed))
     return SonarImage.of(scatterers_of(survey).assign_attrs(origin))
 
 
+@one_at_a_time
 def strip_survey(scene: mi.Scene | FilePath, *, sensor: int | str = 0) -> StripSurvey:
     """Return the planned strip of a scene's synthetic aperture sonar; arguments and errors as in `raw_echoes`."""
     return _planned(*opened(scene, sensor))[0]

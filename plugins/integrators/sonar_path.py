@@ -21,6 +21,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsonar.device.turns import one_at_a_time
 from mitsonar.survey.sensor import RunSettings, Sensor, sonar_of
 
 from ..attributes import Attributes, Choice, Integer, Number
@@ -118,6 +119,7 @@ class SonarPath(mi.SamplingIntegrator):
         images = frame_kind_of(sensor).frames(survey, sensor, sensor.own_seed(seed))
         return images if sensor.leader is None else (image.assign_attrs(seed=int(seed)) for image in images)
 
+    @one_at_a_time
     def render(self, scene: mi.Scene, sensor: mi.Sensor | int = 0, seed: int = 0, spp: int = 0, develop: bool = True,
                evaluate: bool = True) -> mi.TensorXf:
         """Echo levels [dB re 1 µPa] as Mitsuba's image, a tensor with one channel.
@@ -145,11 +147,13 @@ class SonarPath(mi.SamplingIntegrator):
             survey = replace(survey, world=survey.world.smoothed())
         return kind_of(sonar).rows(self.picture(survey, sonar, seed)["level"].values)
 
+    @one_at_a_time
     def render_forward(self, scene: mi.Scene, params: mi.SceneParameters, sensor: mi.Sensor | int = 0, seed: int = 0,
                        spp: int = 0) -> mi.TensorXf:
         """Return the derivative of the levels of `render` [dB] along the tangents set in the scene."""
         return mi.TensorXf(self._products(scene, sensor, seed).forward().astype(np.float32)[..., None])
 
+    @one_at_a_time
     def render_backward(self, scene: mi.Scene, params: mi.SceneParameters, grad_in: mi.TensorXf,
                         sensor: mi.Sensor | int = 0, seed: int = 0, spp: int = 0) -> None:
         """Propagate gradients by the levels of `render` [1/dB] to the scene's parameters."""

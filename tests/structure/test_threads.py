@@ -35,7 +35,7 @@ RENDERS = """
 import mitsonar
 images = []
 def render():
-    scene = mitsonar.load_file("scenes/sidescan_flat.xml", pings=1, rays=500, bins=50)
+    scene = mitsonar.load_file("scenes/sidescan_flat.xml", pings=2, rays=60000, bins=50)
     images.append(mitsonar.render(scene, seed=1).level.values.tobytes())
 def of_the_users_variant():
     import mitsuba

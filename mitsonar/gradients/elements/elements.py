@@ -22,6 +22,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of
+from mitsonar.device.turns import one_at_a_time
 from mitsonar.echoes.ensonification import Ensonification
 from mitsonar.echoes.point_targets import PointTargets
 from mitsonar.scene.errors import as_exception
@@ -115,12 +116,14 @@ class ElementModel:
         keys = ", ".join(f"{key} {value.shape}" for key, value in self.start.items())
         return f"ElementModel of {self.shape[0]} pings, {self.shape[1]} receivers, {self.shape[2]} samples by {keys}"
 
+    @one_at_a_time
     def value(self, values: Values) -> np.ndarray:
         """Return the signals for values; see `ForwardModel.value`."""
         run = self._run(values)
         record = run.record()
         return np.concatenate([_flat(run.kept(run.signals(record.at(ping)))) for ping in self._pings])
 
+    @one_at_a_time
     def linearised(self, values: Values) -> ElementJacobian:
         """Return the signals about values, with their Jacobian; see `ForwardModel.linearised`."""
         return ElementJacobian(self._run(values), self._parameters, self.shape)
@@ -226,6 +229,7 @@ class ElementJacobian:
         self._signals = [run.signals(self._at(number)) for number in range(len(parameters.pings))]
         self.value = np.concatenate([_flat(run.kept(signals)) for signals in self._signals])
 
+    @one_at_a_time
     def forward(self, tangents: Values) -> np.ndarray:
         """Return J v; see `Linearised.forward`."""
         moved = self._parameters.checked(tangents, whole=False)
@@ -234,6 +238,7 @@ class ElementJacobian:
             return np.concatenate([self._forward(number, self._motion(leaves, number))
                                    for number in range(len(self._parameters.pings))])
 
+    @one_at_a_time
     def backward(self, cotangent: np.ndarray) -> dict[str, np.ndarray]:
         """Return Jᵀ w; see `Linearised.backward`."""
         cotangent = np.asarray(cotangent, float)

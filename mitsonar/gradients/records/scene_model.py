@@ -9,6 +9,8 @@ from collections.abc import Callable, Sequence
 import mitsuba as mi
 import numpy as np
 
+from mitsonar.device.turns import one_at_a_time
+
 from ..model import Values
 from ..parameters.scene_values import SceneValues
 from .pictures import Picture
@@ -58,11 +60,13 @@ class SceneModel:
         return (f"SceneModel of {pings} pings, {rows} rows, {bins} bins by "
                 + ", ".join(f"{key} {start.shape}" for key, start in self.start.items()))
 
+    @one_at_a_time
     def value(self, values: Values) -> np.ndarray:
         """Return the record (N,) [µPa²] for values; see `ForwardModel.value`."""
         self._values.write(values)
         return self._field.value(None if self._plan is None else self._plan())
 
+    @one_at_a_time
     def linearised(self, values: Values) -> SceneLinearised:
         """Return the record about values, with its Jacobian; see `ForwardModel.linearised`."""
         self._values.write(values)
@@ -83,6 +87,7 @@ class SceneLinearised:
         """Shares of echoes and bins that the record and its derivatives leave out."""
         return self._about.told
 
+    @one_at_a_time
     def forward(self, tangents: Values) -> np.ndarray:
         """Return J v; see `Linearised.forward`."""
         directions = self._values.directions(tangents)
@@ -91,6 +96,7 @@ class SceneLinearised:
         self._values.clear()
         return moved
 
+    @one_at_a_time
     def backward(self, cotangent: np.ndarray) -> dict[str, np.ndarray]:
         """Return Jᵀ w; see `Linearised.backward`."""
         weights = np.asarray(cotangent, float)
