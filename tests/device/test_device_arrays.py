@@ -1,4 +1,4 @@
-"""Arrays on the device: work where a mask holds, and one alignment of all copies, which Dr.Jit compiles into kernels."""
+"""Arrays on the device: work where a mask holds; one alignment of all copies, which Dr.Jit compiles into kernels."""
 import drjit as dr
 import numpy as np
 import pytest

@@ -41,16 +41,26 @@ def expected(line, density):
     spectrum = np.abs(line.pulse.spectrum(line.rate, length)) ** 2
     power = spectrum / np.mean(spectrum * band_filter(f, line.rate)) ** 2
     wavelength = SPEED / line.pulse.frequency
-    place = np.stack([line.position, 0 * line.position, 0 * line.position], 1)
-    elements = ElementNoise(position=place, wavelength=wavelength, sampling_rate=line.rate, ambient_db=0.0)
-    mixed = density.ambient * elements.covariance + density.own * line.rate * np.eye(len(place))
+    rows, columns = len(density.across), len(line.position)
+    place = np.zeros((rows, columns, 3))
+    place[..., 0], place[..., 1] = line.position, wavelength * np.array(density.across)[:, None]
+    elements = ElementNoise(position=place.reshape(-1, 3), wavelength=wavelength, sampling_rate=line.rate,
+                            ambient_db=0.0)
+    mixed = density.ambient * elements.covariance + density.own * line.rate * np.eye(rows * columns)
     turns = np.multiply.outer((line.pulse.frequency + f) / SPEED, np.multiply.outer(line.sines, line.position))
     steered = np.exp(2j * np.pi * turns) * np.conj(line.weight) / np.abs(line.weight).sum()
+    share = np.array(density.weights) / np.abs(density.weights).sum()
+    steered = (share[:, None] * steered[:, :, None]).reshape(*steered.shape[:2], -1)
     return np.einsum("f,fbi,ij,fcj->bc", power / length, np.conj(steered), mixed, steered, optimize=True)
 
 
+ROWS = dict(across=(-0.45, 0.0, 0.4), weights=(0.5, 1.0, 0.8))
+
+
 @pytest.mark.parametrize("name", LINES)
-@pytest.mark.parametrize("density", [NoiseDensity(ambient=2.0), NoiseDensity(own=0.7)], ids=["sea", "own"])
+@pytest.mark.parametrize("density", [NoiseDensity(ambient=2.0), NoiseDensity(own=0.7),
+                                     NoiseDensity(ambient=2.0, **ROWS), NoiseDensity(own=0.7, **ROWS)],
+                         ids=["sea", "own", "sea, three rows", "own, three rows"])
 def test_level_and_correlation_are_those_of_the_elements(lib, name, density):
     line = Line(lib, sines=SINES, samples=LONG, **LINES[name])
     drawn = np.concatenate([line.beams.form(line.beams.grid(), noise=density, key=ping_key(7, ping))

@@ -150,10 +150,10 @@ class LineBeams:
                 # rows at the very ends count half
                 inside = np.clip((1 - np.abs(self._row_sines)) / self.shape.step + 0.5, 0, 1)
                 power = 0.5 * self.shape.step * inside
-                rows = upload(self.lib.Float, np.sqrt(noise.ambient * band * power).astype(np.float32))
+                rows = upload(self.lib.Float, np.sqrt(noise.ambient_at(self._row_sines) * band * power))
             if noise.own:
                 for number, line in enumerate(self.lines):
-                    power = noise.own * band * line.rows.period * line.own_noise(float(np.ptp(self.sines)))
+                    power = noise.own_of_lines * band * line.rows.period * line.own_noise(float(np.ptp(self.sines)))
                     size = np.abs(self.pulse.replica)[:, None] * np.sqrt(power)
                     waves[number] = upload(self.lib.Float, size.astype(np.float32))
             self._drawn = noise, rows, waves

@@ -9,6 +9,12 @@ V = Σ_n |w_n|² δ(ν - ν_n) / (Σ|w_n|)².
 
 A, O -> ``ambient``, ``own``; g circular Gaussian of variance 1, S_r the replica, L samples of an FFT, M rows of a
 period. Rows go through the bell, since all will be divided by its spectrum.
+
+Parallel lines at the places y_m across them, with the weights v_m, are summed and receive less:
+
+    A(s) = A Σ_mn v_m v_n J₀(2π (y_m - y_n) √(1 - s²) / λ) / (Σ|v|)²,       O Σ|v|² / (Σ|v|)²
+
+the mean of their pattern over all directions with the sine s along them.
 """
 from __future__ import annotations
 
@@ -16,6 +22,7 @@ from dataclasses import dataclass
 from types import ModuleType
 
 import numpy as np
+from scipy.special import j0
 
 from mitsonar.device.chance import gaussian, hashed_pair
 from mitsonar.device.types import Float, UInt32
@@ -30,22 +37,41 @@ class NoiseDensity:
 
     ambient: float = 0.0  # [1/Hz]: from all directions alike
     own: float = 0.0  # [1/Hz]: of each receiver, independent of the others'
+    across: tuple[float, ...] = (0.0,)  # [wavelengths]: places of parallel lines,
+    weights: tuple[float, ...] = (1.0,)  # and their weights v
 
     def __post_init__(self):
         for name in ("ambient", "own"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0):
                 raise ValueError(f"noise density: {name} is {value} per Hz; give a finite number of 0 or more.")
-
+        if not (len(self.across) == len(self.weights) and any(self.weights)):
+            raise ValueError(f"noise density: {len(self.across)} parallel lines have the weights {self.weights}; give "
+                             "each one, and not 0 to all.")
 
     @classmethod
-    def of(cls, noise: ElementNoise | None, source_level_db: float) -> NoiseDensity | None:
+    def of(cls, noise: ElementNoise | None, source_level_db: float, across: tuple[float, ...] = (0.0,),
+           weights: tuple[float, ...] = (1.0,)) -> NoiseDensity | None:
         """Return the density of elements' noise for echoes of a source level of 0 dB; None where there is no noise."""
         if noise is None:
             return None
         ambient, own = (0.0 if level is None else float(power_from_db(level) / power_from_db(source_level_db))
                         for level in (noise.ambient_db, noise.self_noise_db))
-        return cls(ambient=ambient, own=own)
+        return cls(ambient=ambient, own=own, across=across, weights=weights)
+
+    def ambient_at(self, sine: np.ndarray) -> np.ndarray:
+        """Return A(s) at sines (R,) along the lines [1/Hz]."""
+        level = np.sqrt(np.maximum(1 - np.square(sine), 0))
+        total = np.zeros(len(sine))
+        for place, weight in zip(self.across, self.weights):
+            for other, also in zip(self.across, self.weights):
+                total += weight * also * j0(2 * np.pi * (place - other) * level)
+        return self.ambient * np.maximum(total, 0) / np.abs(self.weights).sum() ** 2
+
+    @property
+    def own_of_lines(self) -> float:
+        """Return what parallel lines together receive of their elements' own noise [1/Hz]."""
+        return self.own * float(np.square(self.weights).sum() / np.abs(self.weights).sum() ** 2)
 
 
 def gaussians(lib: ModuleType, index: UInt32, key: UInt32) -> tuple[Float, Float]:

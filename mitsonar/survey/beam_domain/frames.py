@@ -68,7 +68,8 @@ class LineFrames:
     def __init__(self, survey: ArraySurvey, echoes: PingEchoes, weight: np.ndarray, sines: np.ndarray):
         self.survey, self.echoes, self.line = survey, echoes, echoes.line
         self._beams = line_beams(survey, echoes.line.place, weight, sines)
-        self._noise = NoiseDensity.of(survey.noise, survey.source_level_db)
+        rows = (tuple(part.tolist()) for part in (self.line.row_place / survey.wavelength, self.line.row_weight))
+        self._noise = NoiseDensity.of(survey.noise, survey.source_level_db, *rows)
 
     def formed(self, ping: int, seed: int, sines: np.ndarray | None = None) -> tuple[np.ndarray, LaidPing]:
         """Form the beams (apertures, B, samples) of a ping for a source level of 0 dB, at other sines (B,) if given."""
