@@ -111,9 +111,7 @@ def test_each_hit_is_on_its_own_sheet(lib, rng, elements):
 
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("elements", [1, 6, 70])
-def test_same_bytes_whatever_the_number_of_threads(lib, rng, kernel, elements):
-    if dr.backend_v(lib.Float) != dr.JitBackend.LLVM:
-        pytest.skip("sums on a GPU are atomic")
+def test_same_bytes_whatever_the_number_of_threads(exact, lib, rng, kernel, elements):
     echoes, threads, found = Echoes(lib, rng, 30_000, elements), dr.thread_count(), []
     try:
         for count in (2, 4, 3, 40, 2):

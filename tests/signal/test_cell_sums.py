@@ -28,7 +28,7 @@ def test_cells_hold_the_sums_of_their_echoes(variant, count):
     assert summed(cell, inside, values) == pytest.approx(expected, rel=1e-5, abs=1e-6)
 
 
-def test_threads_change_no_bit(variant):
+def test_threads_change_no_bit(exact):
     cell, inside, values = drawn(60_000)
     before, found = dr.thread_count(), []
     try:

@@ -101,9 +101,7 @@ def test_what_is_no_echo_brings_nothing(lib, rng):
     assert not line.beams.form(line.beams.grid()).any()
 
 
-def test_same_bytes_whatever_the_number_of_threads(lib, rng):
-    if dr.backend_v(lib.Float) != dr.JitBackend.LLVM:
-        pytest.skip("sums on a GPU are atomic")
+def test_same_bytes_whatever_the_number_of_threads(exact, lib, rng):
     line, n, threads, found = Line(lib, elements=64), 40_000, dr.thread_count(), set()
     echoes = rng.uniform(0, SAMPLES, n), rng.uniform(-1, 1, n), rng.standard_normal(n) + 1j * rng.standard_normal(n)
     try:

@@ -119,7 +119,7 @@ def test_other_apertures_share_what_their_beams_share(width):
 
 
 @pytest.mark.parametrize("seeds, alike", [((1, 1), True), ((1, 2), False)])
-def test_the_seed_draws_the_ground_of_all_kinds_unless_the_scene_does(seeds, alike):
+def test_the_seed_draws_the_ground_of_all_kinds_unless_the_scene_does(exact, seeds, alike):
     """Elements, a beam and a face; `ground_seed` of the scene comes first."""
     film, ground = {"range": 30.0}, {"bed": bed_of(30.0, size=120.0)}
     makes = (lambda **more: mitsonar.element_signals(array_sonar(

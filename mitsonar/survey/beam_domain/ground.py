@@ -168,6 +168,8 @@ class Ground:
             outward = cast(mi.Float, aside) * scatterers.normal
             place = mi.Point3f(mi.Vector3f(scatterers.point) + outward)
             state = dr.select(in_doubt & covered(self._facets.geometry, place, in_doubt), HIDDEN_BY_BED, state)
+            if dr.backend_v(mi.Float) != dr.JitBackend.LLVM:
+                dr.eval(state)     # OptiX leaves out what a kernel traces in a second scene, here that of the objects
         if self._objects.exist:
             behind = self._objects.sectors(origin).behind(heading, legs.horizontal_range)
             hidden = self._objects.hidden(
