@@ -112,9 +112,9 @@ def test_other_apertures_share_what_their_beams_share(width):
     b, other = (np.sinc(length * u / WAVELENGTH) ** 2 for length in lengths)
     expected = np.sum(b * other) / np.sqrt(np.sum(b ** 2) * np.sum(other ** 2))
     same_number = lengths[0] / lengths[1]
-    assert coherence(widths=(3.0, width), denser=same_number) == pytest.approx(expected, abs=0.03)
+    assert coherence(widths=(3.0, width), bins=500, denser=same_number) == pytest.approx(expected, abs=0.03)
     # by themselves, the denser set has scatterers that the other lacks
-    assert coherence(widths=(3.0, width)) == pytest.approx(
+    assert coherence(widths=(3.0, width), bins=500) == pytest.approx(
         expected * np.sqrt(min(same_number, 1 / same_number)), abs=0.03)
 
 
