@@ -13,7 +13,9 @@ from collections.abc import Callable, Generator
 from types import GeneratorType
 from typing import ParamSpec, TypeVar, cast
 
-P, R, Y = ParamSpec("P"), TypeVar("R"), TypeVar("Y")
+P = ParamSpec("P")
+R = TypeVar("R")
+Y = TypeVar("Y")
 TURN = threading.RLock()           # held by the thread that works on the device
 
 

@@ -63,7 +63,7 @@ def plan(scene: mi.Scene, sensor: EchoSounderSensor, settings: RunSettings, lead
 def plan_elements(scene: mi.Scene, sensor: EchoSounderSensor, settings: RunSettings, lead: float = 0.0) -> ArraySurvey:
     """Plan the same run with the quadrants as receive elements, or the whole face of a single beam."""
     whole = plan(scene, sensor, settings, lead)
-    return whole if sensor.quadrants is None else split_survey(whole, sensor.quadrants, len(sensor.quadrants.position))
+    return whole if sensor.quadrants is None else split_survey(whole, sensor.quadrants)
 
 
 def picture(survey: ArraySurvey, sensor: EchoSounderSensor, seed: int,

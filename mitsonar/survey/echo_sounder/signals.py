@@ -56,7 +56,7 @@ class FaceSignals:
         whole = PingEchoes(survey, LineArray.of_element(receive), **beam)
         self._whole, self._halves = _Receiver(survey, whole, np.ones((1, 1))), []
         if quadrants is not None:
-            split = split_survey(survey, quadrants, 2.0)
+            split = split_survey(survey, quadrants)
             self._halves = [_Receiver(split, PingEchoes(
                 split, LineArray.along(quadrants, axis, survey.wavelength), beside=whole, **beam), np.eye(2))
                 for axis in (receive.along[0], across)]
@@ -93,9 +93,9 @@ class FaceSignals:
         return PingSignals(whole=whole[0], halves=halves, truth=self._whole.truth(ping, laid, self._truth))
 
 
-def split_survey(survey: ArraySurvey, quadrants: Array, parts: float) -> ArraySurvey:
-    """Return the survey of a face's quadrants, with the noise of one of several equal parts of the face."""
-    noise, more = survey.noise, float(db_from_power(parts))
+def split_survey(survey: ArraySurvey, quadrants: Array) -> ArraySurvey:
+    """Return the survey of a face's quadrants; with a part of the face, each has as much more noise."""
+    noise, more = survey.noise, float(db_from_power(len(quadrants.position)))
     if noise is not None:
         ambient, own = (None if level is None else level + more for level in (noise.ambient_db, noise.self_noise_db))
         noise = replace(noise, position=quadrants.position, ambient_db=ambient, self_noise_db=own)
