@@ -53,7 +53,8 @@ RUNS = {
 }
 
 
-LONG = {"frame", "gradients", "multipath", "poses", "scattering", "soundings", "survey", "sweep", "turns"}  # over 7 s
+LONG = {"fans", "focusing", "frame", "frame_errors", "gradients", "inversions", "multipath", "ping", "poses",
+        "real_sidescan", "scattering", "soundings", "strips", "survey", "sweep", "turns"}     # over 3 s
 
 
 @pytest.mark.parametrize("name", thinned(RUNS, *RUNS.keys() - LONG))

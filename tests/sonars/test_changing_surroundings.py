@@ -100,7 +100,7 @@ def test_every_ping_of_a_picture_has_its_own_water(variant, kind):
     check(lambda run: pictures(run, sensor, 3), survey, "level" if kind != "synthetic_aperture" else "signal")
 
 
-@pytest.mark.parametrize("kind", ["sidescan", "forward_looking"])
+@pytest.mark.parametrize("kind", ["sidescan", "interferometric"])
 def test_every_ping_of_a_picture_has_its_own_geometry(variant, kind):
     scene, sensor, integrator = opened(SCENES[kind]())
     other = Geometry(array_sonar({**SHAPES, "float": point_target([-2.0, 9.0, -16.0], 5.0)}))
