@@ -33,6 +33,7 @@ from mitsonar.device.arrays import arrays_of, compressed, picked, upload
 from mitsonar.device.rotations import rotated
 from mitsonar.device.types import Float, UInt32
 from mitsonar.echoes.record import Echoes, EchoLeg
+from mitsonar.propagation.returns.return_paths import ReturnPaths
 from mitsonar.propagation.returns.straight_vectors import dot
 from mitsonar.signal.accumulation import ImpulseResponses, OfPair
 from mitsonar.signal.gathering import DelayChange, EchoPairs, GatheredWeights
@@ -120,17 +121,18 @@ class LeveredDelays(GuardedDelays):
             rows: slice = ALL_ROWS) -> None:
         """Sum the echoes of one transmit element; `responses` bind levers. See `ElementDelays.add`."""
         vector, sums = self.changed_to(VectorDelays), cast(Any, responses)
-        doubtful = vector.doubtful(some.echoes) if self._extended else None
-        levers = self.levers(some.echoes, element)
-        vector.add(sums.bound(levers), some, element, weight=weight, rows=rows, without=doubtful)
+        known = self.source.way_back(some.echoes)
+        doubtful = vector.doubtful(some.echoes, known) if self._extended else None
+        levers = self.levers(some.echoes, element, known)
+        vector.add(sums.bound(levers), some, element, weight=weight, rows=rows, without=doubtful, known=known)
         if doubtful is not None:
             exact = compressed(doubtful)
             if dr.width(exact):
                 self.changed_to(EigenrayDelays).add(sums.bound(levers.chosen(exact)), some.chosen(exact), element,
                                                     weight=weight, rows=rows)
 
-    def levers(self, echoes: Echoes, element: int) -> Levers:
-        """Return the levers of echoes from one transmit element."""
+    def levers(self, echoes: Echoes, element: int, back: ReturnPaths) -> Levers:
+        """Return the levers of echoes from one transmit element, which come back along given paths."""
         source, lib = self.source, arrays_of(mi.Float)
         out, view, off = source.view(echoes.out), source.view(echoes.back), self.stands_off(element)
         sent, met = [lib.Float(part) for part in echoes.out.launch_direction], echoes.arrival
@@ -138,7 +140,6 @@ class LeveredDelays(GuardedDelays):
             way_out = source.way_out(echoes)
             offset = opaque(mi.Float, out.offsets(self.transmit)[element])
             sent = seen_from(cast(Any, sent), cast(Any, offset), way_out.hit_fields[CURVATURE])
-        back = source.way_back(echoes)
         total, speed = met + back.return_time, dr.opaque(lib.Float64, source.speed)
         scene = [-lib.Float64(part) for part in back.direction]
         towards = [lib.Float(part) for part in rotated(cast(Any, scene), view.travel.turned(total), back=True)]

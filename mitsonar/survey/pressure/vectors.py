@@ -43,10 +43,11 @@ class VectorDelays(ElementDelays):
     method: Literal["vector", "paper"] = "vector"
 
     def add(self, responses: ImpulseResponses, some: SortedEchoes, element: int, *, weight: float,
-            rows: slice = ALL_ROWS, without: Bool | None = None) -> None:
+            rows: slice = ALL_ROWS, without: Bool | None = None, known: ReturnPaths | None = None) -> None:
         """Add the echoes of one transmit element at receive elements; see `ElementDelays.add`.
 
-        Echoes `without` (R,) are left out; the flags are evaluated in the same kernel.
+        Echoes `without` (R,) are left out; the flags are evaluated in the same kernel. `known` are the paths back of
+        echoes that leave at `Echoes.arrival`, if they were made before.
         """
         source, receive, lib, echoes = self.source, self.receive, arrays_of(mi.Float), some.echoes
         # ---- transmit: the still array, by reciprocity
@@ -55,7 +56,7 @@ class VectorDelays(ElementDelays):
         farther = self._transmit_delay(echoes, element, way_out) if way_out is not None else None
         # ---- return to the source at its place then; sound from an element farther off reaches the scatterer later
         met = None if farther is None else echoes.arrival + farther
-        back = source.way_back(echoes, self.method, met)
+        back = known if known is not None and met is None else source.way_back(echoes, self.method, met)
         total = (echoes.arrival if met is None else met) + back.return_time
         phase, sample, fraction = self.placed(some, total)
         if without is not None:
@@ -87,10 +88,10 @@ class VectorDelays(ElementDelays):
         left_out = 0 if without is None else int(cast(UInt32, dr.count(without))[0])
         self.counts.count((echoes.count - left_out) * len(range(receive.elements)[rows]))
 
-    def doubtful(self, echoes: Echoes) -> Bool:
+    def doubtful(self, echoes: Echoes, back: ReturnPaths) -> Bool:
         """Return True for echoes whose error may exceed GUARD at an element: Bool (R,), not yet evaluated."""
         source = self.source
-        error = source.way_back(echoes).expected_error(self._outermost(source.view(echoes.back)))
+        error = back.expected_error(self._outermost(source.view(echoes.back)))
         if not echoes.single:
             error = dr.maximum(error, source.way_out(echoes).expected_error(self._outermost(source.view(echoes.out))))
         # an error that is NaN is in doubt, too
@@ -129,8 +130,9 @@ class GuardedDelays(ElementDelays):
             rows: slice = ALL_ROWS) -> None:
         """Add the echoes of one transmit element at receive elements; see `ElementDelays.add`."""
         vector = self.changed_to(VectorDelays)
-        doubtful = vector.doubtful(some.echoes) if self._extended else None
-        vector.add(responses, some, element, weight=weight, rows=rows, without=doubtful)
+        known = self.source.way_back(some.echoes) if self._extended else None
+        doubtful = None if known is None else vector.doubtful(some.echoes, known)
+        vector.add(responses, some, element, weight=weight, rows=rows, without=doubtful, known=known)
         if doubtful is not None:
             exact = compressed(doubtful)
             if dr.width(exact):
