@@ -121,10 +121,10 @@ class LeveredDelays(GuardedDelays):
             rows: slice = ALL_ROWS) -> None:
         """Sum the echoes of one transmit element; `responses` bind levers. See `ElementDelays.add`."""
         vector, sums = self.changed_to(VectorDelays), cast(Any, responses)
-        known = self.source.way_back(some.echoes)
-        doubtful = vector.doubtful(some.echoes, known) if self._extended else None
-        levers = self.levers(some.echoes, element, known)
-        vector.add(sums.bound(levers), some, element, weight=weight, rows=rows, without=doubtful, known=known)
+        some, back = some.with_way_back(self.source)
+        doubtful = vector.doubtful(some.echoes, back) if self._extended else None
+        levers = self.levers(some.echoes, element, back)
+        vector.add(sums.bound(levers), some, element, weight=weight, rows=rows, without=doubtful)
         if doubtful is not None:
             exact = compressed(doubtful)
             if dr.width(exact):
@@ -144,7 +144,7 @@ class LeveredDelays(GuardedDelays):
         scene = [-lib.Float64(part) for part in back.direction]
         towards = [lib.Float(part) for part in rotated(cast(Any, scene), view.travel.turned(total), back=True)]
         closing = sum(part * lib.Float64(v) for part, v in zip(scene, view.travel.velocity(total)))
-        late = 1 / time_scale(source, echoes, sender=self.transmit.position[element],
+        late = 1 / time_scale(source, echoes, back, sender=self.transmit.position[element],
                               receiver=self.source.position)[0]
         hits = [*towards, back.hit_fields[CURVATURE], -lib.Float(1 / (speed + closing)),
                 *(lib.Float(part) - seen for part, seen in zip(scene, towards)), *sent, lib.Float(late)]

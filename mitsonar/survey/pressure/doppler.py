@@ -14,6 +14,7 @@ from mitsonar.device.arrays import arrays_of
 from mitsonar.device.rotations import rotated
 from mitsonar.device.types import Float64
 from mitsonar.echoes.record import Echoes
+from mitsonar.propagation.returns.return_paths import ReturnPaths
 from mitsonar.signal.doppler import two_way_doppler
 
 from .ping_source import PingSource, opaque64
@@ -21,11 +22,14 @@ from .ping_source import PingSource, opaque64
 SHORTEST_WAY = 1e-3                # [m] against division by zero
 
 
-def time_scale(source: PingSource, echoes: Echoes, *, sender: np.ndarray, receiver: np.ndarray,
+def time_scale(source: PingSource, echoes: Echoes, back: ReturnPaths, *, sender: np.ndarray, receiver: np.ndarray,
                moment: float = 0.0) -> tuple[Float64, Float64]:
-    """Return the two-way factor at a moment of the pulse, and its arrival time after the beginning of the echo."""
+    """Return the two-way factor at a moment of the pulse, and its arrival time after the beginning of the echo.
+
+    `back` are the paths of echoes that leave at `Echoes.arrival`.
+    """
     # sender, receiver (3,) [m]; moment [s] -> doppler (R,) [-], when (R,) [s]
-    back, speed = source.way_back(echoes), dr.opaque(mi.Float64, source.speed)
+    speed = dr.opaque(mi.Float64, source.speed)
     slower, bend, wide = [], 0, arrays_of(mi.Float).Array3f64
     sent = dr.opaque(mi.Float64, moment)
     ways = ((echoes.out, wide(echoes.out.launch_direction), echoes.out.travel_time, sender, mi.Float64(0)),

@@ -6,7 +6,7 @@ factor, with the exact arrival time of the middle of the pulse and, for a sweep,
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import drjit as dr
@@ -16,6 +16,7 @@ import numpy as np
 from mitsonar.device.arrays import arrays_of, compressed, held, picked
 from mitsonar.device.types import Float64, UInt32
 from mitsonar.echoes.record import Echoes
+from mitsonar.propagation.returns.return_paths import ReturnPaths
 from mitsonar.signal.doppler import Glide, factor_tolerance, longer_period
 from mitsonar.sonar.pulses.pulses import Pulse
 
@@ -34,6 +35,12 @@ class SortedEchoes:
     turn: Float64 | None = None  # (R,) [cycles], lead of the phases
     sheet: UInt32 | None = None  # (R,), numbers of the classes, counted from the first wanted class
     moment: float = 0.0  # [s], moment of the pulse to which `late` of an element at the source refers
+    back: ReturnPaths | None = None  # of echoes that leave at `Echoes.arrival`, if they are known
+
+    def with_way_back(self, source: PingSource) -> tuple[SortedEchoes, ReturnPaths]:
+        """Return the echoes with their paths back to a source, and these paths."""
+        back = source.way_back(self.echoes) if self.back is None else self.back
+        return replace(self, back=back), back
 
     def chosen(self, index: UInt32) -> SortedEchoes:
         """Return the echoes with these numbers."""
@@ -73,10 +80,11 @@ class OneClass(EchoClasses):
     def sort(self, source: PingSource, echoes: Echoes, wanted: range, *, sender: np.ndarray, receiver: np.ndarray,
              delay: float) -> SortedEchoes:
         """Return all echoes; see `EchoClasses.sort`."""
-        late = dr.opaque(arrays_of(mi.Float).Float64, 0.0)
-        if delay:
-            late = time_scale(source, echoes, sender=sender, receiver=receiver, moment=delay)[1]
-        return SortedEchoes(echoes=echoes, late=late)
+        if not delay:
+            return SortedEchoes(echoes=echoes, late=dr.opaque(arrays_of(mi.Float).Float64, 0.0))
+        back = source.way_back(echoes)
+        late = time_scale(source, echoes, back, sender=sender, receiver=receiver, moment=delay)[1]
+        return SortedEchoes(echoes=echoes, late=late, back=back)
 
 
 class DopplerClasses(EchoClasses):
@@ -95,16 +103,17 @@ class DopplerClasses(EchoClasses):
              delay: float) -> SortedEchoes | None:
         """Return each echo in the class of the nearest factor; see `EchoClasses.sort`."""
         moment = self.begin + 0.5 * self.pulse.duration + delay
-        doppler, when = time_scale(source, echoes, sender=sender, receiver=receiver, moment=moment)
+        back = source.way_back(echoes)
+        doppler, when = time_scale(source, echoes, back, sender=sender, receiver=receiver, moment=moment)
         if not np.allclose(receiver, source.position, rtol=0, atol=SAME_PLACE):
-            _, when = time_scale(source, echoes, sender=sender, receiver=source.position, moment=moment)
+            _, when = time_scale(source, echoes, back, sender=sender, receiver=source.position, moment=moment)
         number, factor = self._nearest(doppler)
         if len(wanted) < len(self.factors):
             dr.eval(doppler, when, number, factor)
             index = compressed((number >= wanted.start) & (number < wanted.stop))
             if not dr.width(index):
                 return None
-            echoes, number = echoes.chosen(index), dr.gather(type(number), number, index)
+            echoes, number, back = echoes.chosen(index), dr.gather(type(number), number, index), None
             doppler, when, factor = (dr.gather(type(part), part, index) for part in (doppler, when, factor))
         wide, turn = arrays_of(mi.Float).Float64, None
         late = when - dr.opaque(wide, 0.5 * self.pulse.duration) / factor
@@ -114,7 +123,7 @@ class DopplerClasses(EchoClasses):
             more, turn = glide.shift(longer_period(doppler - 1, factor - 1), factor)
             late += more
         return SortedEchoes(echoes=echoes, late=late, turn=turn,
-                            sheet=number - wanted.start if len(wanted) > 1 else None, moment=moment)
+                            sheet=number - wanted.start if len(wanted) > 1 else None, moment=moment, back=back)
 
     def _nearest(self, doppler: Float64) -> tuple[UInt32, Float64]:
         """Return the number and the factor of the class nearest to each factor."""

@@ -43,11 +43,10 @@ class VectorDelays(ElementDelays):
     method: Literal["vector", "paper"] = "vector"
 
     def add(self, responses: ImpulseResponses, some: SortedEchoes, element: int, *, weight: float,
-            rows: slice = ALL_ROWS, without: Bool | None = None, known: ReturnPaths | None = None) -> None:
+            rows: slice = ALL_ROWS, without: Bool | None = None) -> None:
         """Add the echoes of one transmit element at receive elements; see `ElementDelays.add`.
 
-        Echoes `without` (R,) are left out; the flags are evaluated in the same kernel. `known` are the paths back of
-        echoes that leave at `Echoes.arrival`, if they were made before.
+        Echoes `without` (R,) are left out; the flags are evaluated in the same kernel.
         """
         source, receive, lib, echoes = self.source, self.receive, arrays_of(mi.Float), some.echoes
         # ---- transmit: the still array, by reciprocity
@@ -56,7 +55,8 @@ class VectorDelays(ElementDelays):
         farther = self._transmit_delay(echoes, element, way_out) if way_out is not None else None
         # ---- return to the source at its place then; sound from an element farther off reaches the scatterer later
         met = None if farther is None else echoes.arrival + farther
-        back = known if known is not None and met is None else source.way_back(echoes, self.method, met)
+        known = some.back if met is None and self.method == "vector" else None
+        back = source.way_back(echoes, self.method, met) if known is None else known
         total = (echoes.arrival if met is None else met) + back.return_time
         phase, sample, fraction = self.placed(some, total)
         if without is not None:
@@ -130,9 +130,11 @@ class GuardedDelays(ElementDelays):
             rows: slice = ALL_ROWS) -> None:
         """Add the echoes of one transmit element at receive elements; see `ElementDelays.add`."""
         vector = self.changed_to(VectorDelays)
-        known = self.source.way_back(some.echoes) if self._extended else None
-        doubtful = None if known is None else vector.doubtful(some.echoes, known)
-        vector.add(responses, some, element, weight=weight, rows=rows, without=doubtful, known=known)
+        doubtful = None
+        if self._extended:
+            some, back = some.with_way_back(self.source)
+            doubtful = vector.doubtful(some.echoes, back)
+        vector.add(responses, some, element, weight=weight, rows=rows, without=doubtful)
         if doubtful is not None:
             exact = compressed(doubtful)
             if dr.width(exact):
