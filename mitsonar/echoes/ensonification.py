@@ -19,6 +19,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, compressed, upload
+from mitsonar.device.progress import Share, nobody
 from mitsonar.scattering.bodies.echo_taps import ReceivedBand
 from mitsonar.scene.materials import scattering_strength
 from mitsonar.scene.tracing.aimed_launch import DrawnRays
@@ -100,7 +101,7 @@ class Ensonification:
         return pieces
 
     def scatterer_echoes(self, origin: np.ndarray, rotation: np.ndarray, depth_below: float, key: int,
-                         progress: Callable[[float], object] | None = None) -> Iterator[Echoes]:
+                         progress: Share = nobody) -> Iterator[Echoes]:
         """Yield the echoes of scatterers, whose phases are the same from wherever they are ensonified.
 
         `progress` is called block by block with the share of the cells that are done, from 0 to 1.
@@ -114,8 +115,7 @@ class Ensonification:
                 for facet, k in self._cells(pieces, bound):
                     yield from self._echoes(sources, start, rotation, facet, k, path, aim=aim)
                     done += dr.width(facet)
-                    if progress is not None:
-                        progress(done / total)
+                    progress(done / total)
         else:
             facets, *columns = self._cells_of_rays(sources, start, rotation, depth_below, key)
             for path, at_surface in BOTTOM_AND_SURFACE:

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from mitsonar.device.progress import counted, each_of, shares
 from mitsonar.device.spelling import meant
 
 from ..model import ForwardModel, left_out, shape_of
@@ -139,7 +140,7 @@ def check_parameters(model_of: Callable[[str], ForwardModel], keys: Sequence[str
 
     A parameter without a model is reported as not differentiated; with `refuse` the error is raised.
     """
-    rows, told = [], {}
+    rows, told, whole = [], {}, shares(progress, len(keys))
     for number, key in enumerate(keys):
         try:
             model = model_of(key)
@@ -148,8 +149,7 @@ def check_parameters(model_of: Callable[[str], ForwardModel], keys: Sequence[str
                 raise
             rows.append(PartCheck(key=key, unit="", size=0, verdict=NOT_DIFFERENTIATED, notes=(str(error),)))
             continue
-        found = check_gradients(model, [key], **options, progress=progress and (
-            lambda done, total, before=number: progress(before + done / total, len(keys))))
+        found = check_gradients(model, [key], **options, progress=counted(each_of(whole, number, len(keys))))
         rows += found.rows
         told |= {name: max(share, told.get(name, share)) for name, share in found.told.items()}
     return GradientCheck(rows=tuple(rows), directions=options.get("directions", 3),

@@ -158,7 +158,7 @@ class _Run:
     def signals(self, now: PingPressure) -> np.ndarray:
         """Return the signals (rx, samples) of a ping before the delays and gains of the receivers."""
         survey = self.survey
-        signals = amplitude_from_db(survey.source_level_db) * echoes_of_the_pulse(now, lambda share: None)
+        signals = amplitude_from_db(survey.source_level_db) * echoes_of_the_pulse(now)
         if survey.noise is not None:
             signals = signals + survey.noise.drawn(survey.samples, self.seed, now.ensonified.ping)
         return signals
@@ -283,7 +283,7 @@ class ElementJacobian:
                                     elements=survey.receive.elements, sampling_rate=survey.sampling_rate,
                                     frequency=survey.frequency)
 
-                found = found + level * echoes_of_the_pulse(self._levered(number, like), lambda share: None)
+                found = found + level * echoes_of_the_pulse(self._levered(number, like))
         total = run.kept(found).astype(complex)
         if self._parameters.has(RECEIVING):
             by_delay, by_gain = run.by_channel(self._signals[number])

@@ -8,11 +8,12 @@ A ping at exactly the same place and attitude as the ping before ensonifies the 
 echoes. A moving platform reuses nothing: it moves by many wavelengths between pings, and the visibility of cells, which
 would still hold, is only a quarter of the work.
 """
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
 from mitsonar.device.chance import ping_key
+from mitsonar.device.progress import Share, nobody
 from mitsonar.echoes.ensonification import Ensonification
 from mitsonar.echoes.record import Echoes
 from mitsonar.echoes.scatterers.element_beams import ElementBeams
@@ -76,7 +77,7 @@ class EnsonifiedPing:
                 travel=self.survey.travel(self.ping, position), water=self.ensonification.water)
         return self._sources[number]
 
-    def echoes(self, number: int, progress: Callable[[float], None] | None = None) -> Iterator[Echoes]:
+    def echoes(self, number: int, progress: Share = nobody) -> Iterator[Echoes]:
         """Yield the echoes from a source in blocks."""
         if number in self._kept:
             yield from self._kept[number]
@@ -90,7 +91,7 @@ class EnsonifiedPing:
         if kept is not None:
             self._kept[number] = kept
 
-    def _made(self, number: int, progress: Callable[[float], None] | None) -> Iterator[Echoes]:
+    def _made(self, number: int, progress: Share) -> Iterator[Echoes]:
         """Return an iterator over newly computed echoes from a source."""
         source = self.source(number)
         key = ping_key(self.seed, self.ping, max(number, 0))

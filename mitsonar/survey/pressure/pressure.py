@@ -18,6 +18,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from mitsonar.device.progress import Share, each_of, nobody, part_of
 from mitsonar.echoes.ensonification import Ensonification
 from mitsonar.signal.accumulation import ImpulseResponses
 from mitsonar.signal.doppler import glide_of
@@ -33,8 +34,6 @@ from .ping_source import PingSource
 from .vectors import GUARD, GuardedDelays, VectorDelays
 
 SUMS_BYTES = 1 << 30               # largest memory of the sums of one ping
-
-Progress = Callable[[float], None]
 
 
 class PressureRecord:
@@ -90,16 +89,13 @@ class PingPressure:
     record: PressureRecord
     ensonified: EnsonifiedPing
 
-    def responses(self, *, progress: Callable[[float, int], None] | None = None) -> np.ndarray:
+    def responses(self, progress: Share = nobody) -> np.ndarray:
         """Return the responses of all pairs of elements: complex64 (tx, rx, sample)."""
         survey, elements = self.record.survey, self.record.survey.transmit.elements
         out = np.empty((elements, survey.receive.elements, survey.samples), np.complex64)
         sums = self.record.sums()
         for element in range(elements):
-            def within(share: float, before: int = element) -> None:
-                if progress is not None:
-                    progress(before + share, elements)
-
+            within = each_of(progress, element, elements)
             sums.clear()
             self._add(sums, OneClass(), range(1), element, progress=within)
             out[element] = sums.read()
@@ -107,7 +103,7 @@ class PingPressure:
         return out
 
     def transmissions(self, doppler: np.ndarray, *, piece: tuple[float, Pulse] | None = None,
-                      progress: Progress | None = None) -> Iterator[tuple[float, np.ndarray]]:
+                      progress: Share = nobody) -> Iterator[tuple[float, np.ndarray]]:
         """Yield Doppler factors, and the responses (rx, sample) to all transmit elements with delays and weights.
 
         `doppler` (K,) [-]: factors of the classes. The magnitudes of the weights add to 1.
@@ -121,24 +117,24 @@ class PingPressure:
             now = range(first, min(first + together, count))
             if first or together > 1:
                 sums = record.sums(len(now))
-            self.add_all(sums, classes, now, _of_a_part(progress, first / count, len(now) / count))
+            self.add_all(sums, classes, now, part_of(progress, first / count, (first + len(now)) / count))
             for sheet, number in enumerate(now):
                 response = sums.read(sheet)
                 if response.any():
                     yield float(classes.factors[number]), response
 
     def add_all(self, sums: ImpulseResponses, classes: EchoClasses, wanted: range,
-                progress: Progress | None = None) -> None:
+                progress: Share = nobody) -> None:
         """Add the echoes of all transmit elements, with their delays and weights, to the sums of the wanted classes."""
         survey, ping = self.record.survey, self.ensonified.ping
         weight, delay = survey.transmit_weight(ping), survey.transmit_delay(ping)
         senders = np.flatnonzero(weight).tolist()
         for number, element in enumerate(senders):
             self._add(sums, classes, wanted, element, weight=float(weight[element]), delay=float(delay[element]),
-                      progress=_of_a_part(progress, number / len(senders), 1 / len(senders)))
+                      progress=each_of(progress, number, len(senders)))
 
     def _add(self, sums: ImpulseResponses, classes: EchoClasses, wanted: range, element: int, *,
-             weight: float = 1.0, delay: float = 0.0, progress: Progress | None = None) -> None:
+             weight: float = 1.0, delay: float = 0.0, progress: Share = nobody) -> None:
         """Add the echoes of one transmit element, with a weight and a delay [s], to the sums of the wanted classes."""
         record, ensonified = self.record, self.ensonified
         sender, receivers = record.survey.transmit.position[element], record.survey.receive.position
@@ -147,14 +143,9 @@ class PingPressure:
         for done, (number, share) in enumerate(shares):
             source = ensonified.source(number)
             delays = record.delays(source, self.ensonified.ping)
-            blocks = ensonified.echoes(number, _of_a_part(progress, done / with_cells, 1 / with_cells))
+            blocks = ensonified.echoes(number, each_of(progress, done, with_cells))
             for echoes in (block for block in blocks if record.paths is None or block.path in record.paths):
                 for rows, centre in classes.receiver_groups(source, echoes, receivers):
                     chosen = classes.sort(source, echoes, wanted, sender=sender, receiver=centre, delay=delay)
                     if chosen is not None:
                         delays.add(sums, chosen, element, weight=float(weight * share), rows=rows)
-
-
-def _of_a_part(progress: Progress | None, before: float, part: float) -> Progress | None:
-    """Return the progress function of a part of the work, which follows a share `before` of it."""
-    return None if progress is None else lambda share: progress(before + part * share)

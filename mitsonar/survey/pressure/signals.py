@@ -28,6 +28,7 @@ import numpy as np
 import xarray as xr
 
 from mitsonar.device.arrays import upload
+from mitsonar.device.progress import Done, Share, each_of, nobody, shares
 from mitsonar.echoes.scatterers.element_beams import ElementBeams
 from mitsonar.signal.doppler import Glide, doppler_classes, glide_of, pieces_of, two_way_doppler
 from mitsonar.signal.reception import absorbed, check_record, delayed, received
@@ -45,7 +46,6 @@ GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 LEAD = 1.05                        # [pulse lengths] by which records must begin early: a slow Doppler factor stretches
 NEAREST = 1.0                      # [m]: nearer echoes do not affect the number of pieces of a pulse
 
-Progress = Callable[[float, int], None]
 Say = Callable[[str], None]
 
 
@@ -79,20 +79,16 @@ def _lattice() -> np.ndarray:
     return np.stack([level * np.cos(angle), level * np.sin(angle), height], 1)
 
 
-def pair_responses(record: PressureRecord, pings: Sequence[int], *, progress: Progress | None = None,
+def pair_responses(record: PressureRecord, pings: Sequence[int], *, progress: Done | None = None,
                    say: Say | None = None) -> xr.DataArray:
     """Return the impulse responses of every pair of elements (ping, tx, rx, sample)."""
     survey = record.survey
     _say_cost(say, record, pings, all_transmit=True)
-    blocks, total, now = [], len(pings) * survey.transmit.elements, None
+    blocks, now = [], None
+    whole = shares(progress, len(pings) * survey.transmit.elements)
     for number, ping in enumerate(pings):
         now = record.at(ping, now)
-
-        def within(done: float, elements: int, before: int = number) -> None:
-            if progress is not None:
-                progress(before * elements + done, total)
-
-        blocks.append(now.responses(progress=within))
+        blocks.append(now.responses(each_of(whole, number, len(pings))))
     values = np.stack(blocks)
     values[:, ~survey.transmit.working] = 0
     values[:, :, ~survey.receive.working] = 0
@@ -101,7 +97,7 @@ def pair_responses(record: PressureRecord, pings: Sequence[int], *, progress: Pr
                      transmitters=True)
 
 
-def received_signals(record: PressureRecord, pings: Sequence[int], *, progress: Progress | None = None,
+def received_signals(record: PressureRecord, pings: Sequence[int], *, progress: Done | None = None,
                      say: Say | None = None) -> xr.DataArray:
     """Return the signals of every receive element (ping, 1, rx, sample); the record must begin `LEAD` early."""
     survey, kept = record.survey, record.survey.samples - record.survey.lead
@@ -111,14 +107,10 @@ def received_signals(record: PressureRecord, pings: Sequence[int], *, progress: 
         raise ValueError(f"{error} In a scene, sample_rate_khz or bins of the film set the rate, and its range sets "
                          "the length of the record.") from None
     _say_cost(say, record, pings)
-    blocks, now = [], None
+    blocks, now, whole = [], None, shares(progress, len(pings))
     for number, ping in enumerate(pings):
         now = record.at(ping, now)
-
-        def within(share: float, before: int = number) -> None:
-            if progress is not None:
-                progress(before + share, len(pings))
-
+        within = each_of(whole, number, len(pings))
         signals = amplitude_from_db(survey.source_level_db) * echoes_of_the_pulse(now, within)
         if survey.noise is not None:
             signals = signals + survey.noise.drawn(survey.samples, record.seed, int(ping))
@@ -126,25 +118,22 @@ def received_signals(record: PressureRecord, pings: Sequence[int], *, progress: 
             signals = delayed(signals, survey.receive.delay, survey.sampling_rate, survey.frequency)
         signals[~survey.receive.working] = 0
         blocks.append(signals[:, -kept:].astype(np.complex64))
-        if progress is not None:
-            progress(number + 1, len(pings))
+        within(1.0)
     _warn_of_lost(record.counts)
     array = _labelled(np.stack(blocks)[:, None], survey, pings, name="element signals", unit="µPa",
                       lost=record.counts.lost, transmitters=False)
     return array.assign_attrs(seed=record.seed, source_level_db=survey.source_level_db)
 
 
-def echoes_of_the_pulse(now: PingPressure, progress: Callable[[float], None]) -> np.ndarray:
+def echoes_of_the_pulse(now: PingPressure, progress: Share = nobody) -> np.ndarray:
     """Return the sum of the pulse's echoes at a ping for a source level of 0 dB: complex64 (rx, sample)."""
     survey, ping = now.record.survey, now.ensonified.ping
     speed = survey.sound_speed(ping)
     absorption_db = survey.waters.at(ping).mean_absorption_db
     signals = np.zeros((survey.receive.elements, survey.samples), np.complex64)      # there may be no echo
     pieces = sent_pieces(survey, ping)
-    for done, sent in enumerate(pieces):
-        def within(share: float, before: int = done) -> None:
-            progress((before + share) / len(pieces))
-
+    for number, sent in enumerate(pieces):
+        within = each_of(progress, number, len(pieces))
         for factor, response in now.transmissions(sent.factors, piece=(sent.begin, sent.pulse), progress=within):
             if absorption_db is not None:
                 # absorption follows the length of the way, which does not include the beginning of the piece

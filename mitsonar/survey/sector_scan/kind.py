@@ -14,6 +14,7 @@ import mitsuba as mi
 import numpy as np
 import xarray as xr
 
+from mitsonar.device.progress import counted, part_of, shares
 from mitsonar.imaging import sector_scan as imaging
 from mitsonar.imaging.energy_record import EnergyRecord, only_row
 from mitsonar.scene import objects
@@ -79,7 +80,8 @@ def picture(survey: ArraySurvey, sensor: SectorScanSensor, seed: int,
     window, bins = sensor.film().window(speed)
     way = sensor.picture or ("beams" if survey.ensonification == "scatterers" else "elements")
     signals, before = StepSignals(survey), SIGNALS if way == "beams" else ELEMENT_SIGNALS
-    progress_before = _part_of(progress, 0.0, before)
+    whole = shares(progress, survey.track.pings)
+    progress_before = counted(part_of(whole, 0.0, before))
     if way == "elements":
         received = received_signals(PressureRecord(survey, seed=seed), range(survey.track.pings),
                                     progress=progress_before, say=say)
@@ -89,7 +91,7 @@ def picture(survey: ArraySurvey, sensor: SectorScanSensor, seed: int,
     else:
         raise ValueError("picture is beams, but rays are to find the scatterers (ensonification); leave one of them "
                          "out, or set picture to elements")
-    record = only_row(energy.record(survey, steps, seed, _part_of(progress, before, 1.0)))
+    record = only_row(energy.record(survey, steps, seed, counted(part_of(whole, before, 1.0))))
     classes, class_of = classes_of(survey.labels)
     image = imaging.image(
         power, record, _mean_power(record, steps, signals), turns=_turns(survey, sensor), sound_speed=speed,
@@ -105,14 +107,6 @@ def steps_of(survey: ArraySurvey, sensor: SectorScanSensor) -> Steps:
     """Return the rows of the picture's energy record."""
     limits.check_beams(survey, 1, pings=survey.track.pings)
     return Steps(survey, *sensor.film().window(head_speed(sensor, survey.passage.depth)))
-
-
-def _part_of(progress: Callable[[float, float], None] | None, begin: float,
-             end: float) -> Callable[[float, float], None] | None:
-    """Return the progress function of a part of the work, between two shares of all work."""
-    if progress is None:
-        return None
-    return lambda done, total: progress(begin * total + (end - begin) * done, total)
 
 
 def rows(level: np.ndarray) -> np.ndarray:

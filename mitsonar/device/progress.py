@@ -1,0 +1,31 @@
+"""Progress of work in parts: the `Share` of a part from 0 to 1, or what is `Done` of pings or the like."""
+from __future__ import annotations
+
+from collections.abc import Callable
+
+Share = Callable[[float], None]
+Done = Callable[[float, float], None]          # what is done, of how much
+
+
+def nobody(share: float) -> None:
+    """Tell nobody."""
+
+
+def shares(progress: Done | None, total: float) -> Share:
+    """Return the shares of work whose amount is `total`."""
+    return nobody if progress is None else lambda share: progress(share * total, total)
+
+
+def part_of(progress: Share, begin: float, end: float) -> Share:
+    """Return the shares of a part of the work, which lies between two shares of all of it."""
+    return nobody if progress is nobody else lambda share: progress(begin + (end - begin) * share)
+
+
+def each_of(progress: Share, number: int, count: int) -> Share:
+    """Return the shares of one of several equal parts, counted from 0."""
+    return part_of(progress, number / count, (number + 1) / count)
+
+
+def counted(progress: Share) -> Done:
+    """Return the progress of work that counts, as shares of it."""
+    return lambda done, total: progress(done / total)
