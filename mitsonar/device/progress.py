@@ -3,8 +3,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-Share = Callable[[float], None]
-Done = Callable[[float, float], None]          # what is done, of how much
+Share = Callable[[float], object]
+Done = Callable[[float, float], object]        # what is done, of how much
 
 
 def nobody(share: float) -> None:
@@ -26,6 +26,9 @@ def each_of(progress: Share, number: int, count: int) -> Share:
     return part_of(progress, number / count, (number + 1) / count)
 
 
-def counted(progress: Share) -> Done:
+def counted(progress: Share) -> Callable[[float, float], None]:
     """Return the progress of work that counts, as shares of it."""
-    return lambda done, total: progress(done / total)
+    def told(done: float, total: float) -> None:
+        progress(done / total)
+
+    return told

@@ -126,7 +126,7 @@ def frames(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
 @one_at_a_time
 def impulse_response(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, kernel: str = "band_limited",
                      return_path: str = "vector", seed: int = 0, *, sensor: int | str = 0,
-                     paths: Sequence[str] | None = None, progress: Callable[[float, int], None] | None = None,
+                     paths: Sequence[str] | None = None, progress: Callable[[float, float], None] | None = None,
                      say: Callable[[str], None] | None = None, **parameters: object) -> SonarSignals:
     """Compute the response of every pair of transmit and receive elements.
 
@@ -182,7 +182,7 @@ def impulse_response(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, 
 @one_at_a_time
 def element_signals(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, kernel: str = "band_limited",
                     return_path: str = "vector", seed: int = 0, *, sensor: int | str = 0,
-                    paths: Sequence[str] | None = None, progress: Callable[[float, int], None] | None = None,
+                    paths: Sequence[str] | None = None, progress: Callable[[float, float], None] | None = None,
                     say: Callable[[str], None] | None = None, **parameters: object) -> SonarSignals:
     """Compute the signal of every receive element: echoes of the pulse, and noise.
 
