@@ -18,7 +18,7 @@ def shares(progress: Done | None, total: float) -> Share:
 
 def part_of(progress: Share, begin: float, end: float) -> Share:
     """Return the shares of a part of the work, which lies between two shares of all of it."""
-    return nobody if progress is nobody else lambda share: progress(begin + (end - begin) * share)
+    return lambda share: progress(begin + (end - begin) * share)
 
 
 def each_of(progress: Share, number: int, count: int) -> Share:

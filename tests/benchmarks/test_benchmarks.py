@@ -53,8 +53,8 @@ RUNS = {
 }
 
 
-LONG = {"fans", "focusing", "frame", "frame_errors", "gradients", "inversions", "multipath", "ping", "poses",
-        "real_sidescan", "scattering", "soundings", "strips", "survey", "sweep", "turns"}     # over 3 s
+LONG = {"frame", "frame_errors", "gradients", "inversions", "multipath", "poses", "real_sidescan", "scattering",
+        "soundings", "survey", "sweep", "turns"}                               # over 4 s
 
 
 @pytest.mark.parametrize("name", thinned(RUNS, *RUNS.keys() - LONG))

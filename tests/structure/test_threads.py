@@ -1,16 +1,20 @@
 """The first use may come from several threads at once: one imports, sets the variant and registers, the others wait.
 
-Each test runs in a process of its own, where nothing has been used yet, and changes threads as often as Python can.
+Tests of the first use run in a process of their own, where nothing has been used yet, and change threads as often as
+Python can. Later, what works on the device waits for its turn.
 """
 import ast
+import importlib
 import os
 import subprocess
 import sys
+import threading
 
 import pytest
 from test_import_direction import ROOT, SOURCES, name_of
 
 from mitsonar.device.lazy import homes_of
+from mitsonar.device.turns import TURN
 
 AT_ONCE = """
 import sys, threading
@@ -81,3 +85,30 @@ def test_no_module_waits_for_a_first_use_while_it_is_imported():
                 homes = HOMES.get(".".join([*parents, *([node.module] if node.module else [])]), {})
                 found += [f"{name_of(path)}: {alias.name}" for alias in node.names if ":" in homes.get(alias.name, "")]
     assert HOMES and SOURCES and not found, "\n".join(found)
+
+
+DOORS = ("mitsonar.render", "mitsonar.frames", "mitsonar.impulse_response", "mitsonar.element_signals",
+         "mitsonar.raw_echoes", "mitsonar.focus", "mitsonar.gradient", "mitsonar.directional_derivative",
+         "mitsonar.gradient_check", "mitsonar.synthetic_aperture.focus",
+         *(f"mitsonar.signal.beamforming.{name}" for name in ("delay_and_sum", "focus", "backproject")))
+
+
+@pytest.mark.parametrize("door", DOORS)
+def test_what_works_on_the_device_waits_for_its_turn(door):
+    """Without arguments, a function is refused: at once, if it does not wait."""
+    module, _, name = door.rpartition(".")
+    refused = []
+
+    def call():
+        try:
+            getattr(importlib.import_module(module), name)()
+        except TypeError as error:
+            refused.append(error)
+
+    caller = threading.Thread(target=call)
+    with TURN:
+        caller.start()
+        caller.join(0.05)
+        assert caller.is_alive() and not refused
+    caller.join()
+    assert refused

@@ -62,10 +62,10 @@ class NoiseDensity:
     def ambient_at(self, sine: np.ndarray) -> np.ndarray:
         """Return A(s) at sines (R,) along the lines [1/Hz]."""
         level = np.sqrt(np.maximum(1 - np.square(sine), 0))
-        total = np.zeros(len(sine))
-        for place, weight in zip(self.across, self.weights):
-            for other, also in zip(self.across, self.weights):
-                total += weight * also * j0(2 * np.pi * (place - other) * level)
+        # even lines have few distances
+        apart, which = np.unique(np.abs(np.subtract.outer(self.across, self.across)).round(9), return_inverse=True)
+        share = np.bincount(which.ravel(), np.multiply.outer(self.weights, self.weights).ravel())
+        total = j0(2 * np.pi * np.multiply.outer(level, apart)) @ share
         return self.ambient * np.maximum(total, 0) / np.abs(self.weights).sum() ** 2
 
     @property

@@ -19,6 +19,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from mitsonar.device.arrays import upload
+from mitsonar.device.turns import one_at_a_time
 from mitsonar.device.types import DrJitArray
 
 from .alignment import ElementSignals, Focus, dealt, device_arrays, to_complex
@@ -29,6 +30,7 @@ BLOCK = 1 << 22                    # values computed at once
 FAR = 2.0 ** 30                    # samples; what lies further off is outside of any record
 
 
+@one_at_a_time
 def delay_and_sum(signals: xr.DataArray, directions: ArrayLike, *, window: Shading = None,
                   interpolation: str = "band_limited", like: DrJitArray | type | None = None) -> xr.DataArray:
     """Form beams along directions, focused at every range."""
@@ -50,6 +52,7 @@ def delay_and_sum(signals: xr.DataArray, directions: ArrayLike, *, window: Shadi
     return beam_signals(recording, beams / transmitters, vectors, "delay_and_sum")
 
 
+@one_at_a_time
 def aligned(array: ElementSignals, vector: np.ndarray, transmitter: np.ndarray) -> np.ndarray:
     """Align the element signals of a ping for one look direction; their sum is `delay_and_sum`."""
     # vector (3,); transmitter (3,) [m]
@@ -59,6 +62,7 @@ def aligned(array: ElementSignals, vector: np.ndarray, transmitter: np.ndarray) 
     return to_complex(*array.read(number, array.element(number), foci)).reshape(elements, samples)
 
 
+@one_at_a_time
 def focus(signals: xr.DataArray, points: ArrayLike, *, window: Shading = None, interpolation: str = "band_limited",
           like: DrJitArray | type | None = None) -> xr.DataArray:
     """Focus every ping at points."""
@@ -68,6 +72,7 @@ def focus(signals: xr.DataArray, points: ArrayLike, *, window: Shading = None, i
     return point_signals(recording, values.astype(np.complex64), points, "focus")
 
 
+@one_at_a_time
 def backproject(signals: xr.DataArray, points: ArrayLike, *, window: Shading = None,
                 interpolation: str = "band_limited", like: DrJitArray | type | None = None) -> xr.DataArray:
     """Focus all pings together at points: a synthetic aperture."""

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from mitsonar.device.turns import one_at_a_time
 from mitsonar.device.types import DrJitArray
 
 from .alignment import ElementSignals, device_arrays
@@ -19,6 +20,7 @@ from .interpolation import MARGIN, RATE, corrected_transposed
 from .recording import Shading, look_directions, read_recording, weights_of
 
 
+@one_at_a_time
 def delay_and_sum_transposed(signals: xr.DataArray, directions: ArrayLike, weights: np.ndarray, *,
                              window: Shading = None, interpolation: str = "band_limited",
                              like: DrJitArray | type | None = None) -> np.ndarray:

@@ -15,7 +15,7 @@ scene compiles once. Random numbers are hashed from (seed, ping, row, ray): neit
 """
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Generic
@@ -97,7 +97,7 @@ def record(survey: Survey, rows: Rows, seed: int = 0,
     """Compute the energy record of a survey."""
     pings, block = survey.track.pings, energy_blocks(survey, rows, int(seed))
 
-    def blocks():
+    def blocks() -> Iterator[EnergyRecord]:
         for stretch in survey.stretches():
             for start in range(0, len(stretch), rows.pings_per_block):
                 ping = stretch[start:start + rows.pings_per_block]

@@ -69,7 +69,8 @@ class WaterCells:
                      mi.UInt32(mi.Int32(power)), gate, dr.select(starboard > 0, mi.UInt32(1), 0))
         empty, lobe = sums[2] < EMPTY, beam.lobe(gate)
 
-        def step(cell, last, real, imaginary, weight):
+        def step(cell: mi.Float64, last: mi.Float64, real: mi.Float, imaginary: mi.Float,
+                 weight: mi.Float) -> tuple[mi.Float, ...]:
             bits = hashed(self._lib, key, mi.UInt32(mi.Int32(cell)))
             s = mi.Float((cell + mi.Float64(uniform(self._lib, bits))) * length - place)
             u = (s * along + starboard * across * dr.sqrt(dr.maximum(R * R - s * s, 0))) / R

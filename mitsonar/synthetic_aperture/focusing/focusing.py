@@ -19,6 +19,7 @@ import warnings
 import numpy as np
 import xarray as xr
 
+from mitsonar.device.turns import one_at_a_time
 from mitsonar.device.types import DrJitArray
 from mitsonar.signal.beamforming.alignment import device_arrays
 from mitsonar.sonar.arrays.shading import window_weights
@@ -41,6 +42,7 @@ LEAST_BEAM = 0.15                  # least value of the elements' beams that a w
 REACH = 1.02                       # reach of the tables over the distance of the grid's farthest point
 
 
+@one_at_a_time
 def focus(raw: xr.Dataset, grid: Grid | None = None, profile: SoundSpeedProfile | float | None = None, *,
           window: str | tuple | None = "taylor 4 30", range_window: str | tuple | None = "taylor 4 30",
           trajectory: xr.Dataset | None = None, aperture: float | None = None,
