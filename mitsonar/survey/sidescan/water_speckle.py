@@ -70,7 +70,7 @@ class WaterCells:
         empty, lobe = sums[2] < EMPTY, beam.lobe(gate)
 
         def step(cell: mi.Float64, last: mi.Float64, real: mi.Float, imaginary: mi.Float,
-                 weight: mi.Float) -> tuple[mi.Float, ...]:
+                 weight: mi.Float) -> tuple[mi.Float64, mi.Float64, mi.Float, mi.Float, mi.Float]:
             bits = hashed(self._lib, key, mi.UInt32(mi.Int32(cell)))
             s = mi.Float((cell + mi.Float64(uniform(self._lib, bits))) * length - place)
             u = (s * along + starboard * across * dr.sqrt(dr.maximum(R * R - s * s, 0))) / R
