@@ -47,6 +47,7 @@ library of such a name, which Mitsuba would run. `mi.load_file` and `mi.load_dic
 do not trust by `mitsonar.load_file`. In a folder that you do not trust, call `mitsonar` or `python3 -P -m mitsonar`,
 because `python3 -m` alone imports any Python file there in place of a package.
 """
+MOST_COLUMNS = 20                  # of a table of presets; one with more attributes has a row for each
 KINDS = {"sensor": "Sonars", "medium": "Water", "film": "Record", "integrator": "Rays", "bsdf": "Materials",
          "shape": "Shapes"}
 
@@ -75,7 +76,7 @@ def _plugin(kind: str, plugin: str) -> Iterator[str]:
     links = [f"[{group.title}](#{group.title.lower().replace(' ', '-')})" for group in declared
              if isinstance(group, Group)]
     if links:
-        yield f"And the attributes of {' and '.join(links)}.\n"
+        yield f"And the attributes of {' and '.join(filter(None, (', '.join(links[:-1]), links[-1])))}.\n"
 
 
 def _groups(plugins: Iterable[str]) -> list[Group]:
@@ -131,7 +132,10 @@ def _presets(own: list[Attribute]) -> Iterator[str]:
     tables = {one.default.by: one.default.table for one in own if isinstance(one.default, FromTable)}
     for by, table in tables.items():
         names = [one.name for one in flat(tuple(own)) if isinstance(one.default, FromTable) and one.default.by == by]
-        lines = [f"| {by} | {' | '.join(f'`{name}`' for name in names)} |", "|---" * (len(names) + 1) + "|"]
-        lines += [f"| `{preset}` | {' | '.join(shown(values[name]) for name in names)} |"
-                  for preset, values in table.items()]
+        rows = [[by, *(f"`{name}`" for name in names)],
+                *([f"`{preset}`", *(shown(values[name]) for name in names)] for preset, values in table.items())]
+        if len(names) > MOST_COLUMNS:
+            rows = list(zip(*rows, strict=True))
+        lines = [f"| {' | '.join(row)} |" for row in rows]
+        lines.insert(1, "|---" * len(rows[0]) + "|")
         yield "\n".join(lines) + "\n"

@@ -58,6 +58,7 @@ class Salt:
     WATER_SPECKLE = 0x35C0FBCF     # a sidescan's speckle of the water
     BEAM_AMBIENT, BEAM_NOISE = 0x1F83D9AB, 0x5BE0CD19   # noise in beams: on rows of sine, on waves along the line
     RECEIVER_FLAWS = 0x464C4157    # errors of a multibeam's receivers
+    RECORDER = 0x5243444B          # noise, faults and gains of a recorder
     EDGES = 0x6A3C91D7             # points on edges, for gradients
     OUTLINES = 0x71C8E2B5          # points on outlines of shapes without facets
     SONAR = 0x510E527F             # a sonar that shares the track of another

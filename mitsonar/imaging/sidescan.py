@@ -22,7 +22,7 @@ from mitsonar.units import power_from_db
 
 from . import picture
 from .energy_record import CoherentRecord, EnergyRecord
-from .recorder import FAULTLESS, Recorder, leaked, leaked_pressure, recorded
+from .leakage import leaked, leaked_pressure
 
 DIMS = ("ping", "side", "range")
 WORK = 1 << 18                     # bins drawn at a time
@@ -58,7 +58,7 @@ def mean_intensity(intensity: np.ndarray, shares: np.ndarray) -> np.ndarray:
 
 def realisation(intensity: np.ndarray, shares: np.ndarray, speckle: np.ndarray, noise: float,
                 random: np.random.Generator, coherent: np.ndarray | None = None,
-                coherent_intensity: np.ndarray | float = 0.0, recorder: Recorder = FAULTLESS) -> np.ndarray:
+                coherent_intensity: np.ndarray | float = 0.0, leakage: float = 0.0) -> np.ndarray:
     """Draw received intensities (..., bins) [µPa²] from mean ones, speckle (..., gates) and noise [µPa²].
 
     ``coherent`` (..., bins, cells) [µPa] and ``coherent_intensity`` (..., bins) [µPa²] are echoes with a known phase.
@@ -69,12 +69,12 @@ def realisation(intensity: np.ndarray, shares: np.ndarray, speckle: np.ndarray, 
         speckle = speckle.reshape(*intensity.shape, cells)
         echo = np.zeros(intensity.shape)
         for cell in range(cells):
-            z = leaked_pressure(amplitude * speckle[..., cell], recorder)
+            z = leaked_pressure(amplitude * speckle[..., cell], leakage)
             if noise:
                 z += np.sqrt(noise) * _gaussian(random, intensity.shape)
             echo += np.abs(z) ** 2 + _crossed(z, coherent, cell)
         return np.maximum(echo / cells + coherent_intensity, 0)
-    z = leaked_pressure(_gate(np.sqrt(np.repeat(0.5 * intensity, 2, -1)) * speckle, np.sqrt(shares)), recorder)
+    z = leaked_pressure(_gate(np.sqrt(np.repeat(0.5 * intensity, 2, -1)) * speckle, np.sqrt(shares)), leakage)
     if noise:
         # noise has the band of the pulse; drawn beyond both ends, it keeps its level there
         drawn = _gaussian(random, (*speckle.shape[:-1], speckle.shape[-1] + len(shares) - 2))
@@ -85,7 +85,7 @@ def realisation(intensity: np.ndarray, shares: np.ndarray, speckle: np.ndarray, 
 def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: np.ndarray, window: tuple[float, float],
           labels: Mapping[int, str], class_of: Mapping[int, int], noise_db: float | None,
           speckle: Callable[[np.ndarray], np.ndarray] | None, seed: int, absorption_db: float,
-          paths: Sequence[str] = ("b",), recorder: Recorder = FAULTLESS) -> xarray.Dataset:
+          paths: Sequence[str] = ("b",), leakage: float = 0.0) -> xarray.Dataset:
     """Return the image of a run over a time ``window`` [s]; ``noise_db`` [dB re 1 µPa], ``absorption_db`` [dB/m]."""
     pings, _, bins = record.intensity.shape
     bin_length = (window[1] - window[0]) / bins
@@ -102,10 +102,10 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
     for start in range(0, pings, step):
         block = slice(start, start + step)
         energy = record.intensity[block].astype(float)
-        mean, with_phase = leaked(mean_intensity(energy, shares), recorder), ()
+        mean, with_phase = leaked(mean_intensity(energy, shares), leakage), ()
         if coherent is not None:
             pressure, coherent_mean, coherent_depth = (array[block] for array in coherent)
-            with_phase = leaked_pressure(pressure, recorder), leaked(coherent_mean.astype(float), recorder)
+            with_phase = leaked_pressure(pressure, leakage), leaked(coherent_mean.astype(float), leakage)
             depth[block] = _mean_depth(depth[block], mean, coherent_depth,
                                        np.where(in_beam[block] > 0, coherent_mean, 0))
             mean = mean + with_phase[1]
@@ -113,8 +113,8 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
         if speckle is not None:
             random = np.random.default_rng([abs(int(seed)), start])
             drawn = realisation(energy, shares, speckle(np.arange(pings)[block]), noise, random, *with_phase,
-                                recorder=recorder)
-            level[block] = picture.levels(recorded(drawn, recorder, time))
+                                leakage=leakage)
+            level[block] = picture.levels(drawn)
         else:
             level[block] = picture.levels(mean + noise)
     beam_width, vertical_beam_width = sonar.transmit.beam_widths(sonar.wavelength)

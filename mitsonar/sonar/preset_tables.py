@@ -10,9 +10,9 @@ else:
     import tomli as tomllib  # pyright: ignore[reportMissingImports]  # installed on Python 3.10 alone
 
 FOLDER = files("mitsonar.sonar")
-MOTION = "motion.toml"
+MOTION, RECORDERS = "motion.toml", "recorders.toml"
 TABLES = {entry.name[:-5]: entry.name for entry in sorted(FOLDER.iterdir(), key=lambda entry: entry.name)
-          if entry.name.endswith(".toml") and entry.name != MOTION}            # by kind of sonar
+          if entry.name.endswith(".toml") and entry.name not in (MOTION, RECORDERS)}            # by kind of sonar
 
 
 @cache
@@ -25,6 +25,16 @@ def presets(kind: str = "sidescan") -> dict[str, dict[str, Any]]:
 def motions() -> dict[str, dict[str, Any]]:
     """Return how named platforms rock: {name: {attribute: value}}, attributes as in XML."""
     return _table(MOTION)
+
+
+@cache
+def recorders() -> dict[str, dict[str, Any]]:
+    """Return the recorders of classes of instruments: {name: {attribute: value}}, attributes as in XML.
+
+    A class has the values of "none" where its table is silent.
+    """
+    table = _table(RECORDERS)
+    return {name: {**table["none"], **values} for name, values in table.items()}
 
 
 def _table(name):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
+from mitsonar.imaging.recorder import Recorder
 from mitsonar.scene import materials
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.protocols import SceneSonar
@@ -78,6 +79,7 @@ class Sensor(SceneSonar, Protocol):
     noise: bool  # True if ambient noise is added
     pass_number: int  # number of the pass over the ground, from 0
     two_sided: bool  # True if the sonar looks to both sides
+    recorder: Recorder | None  # None: nothing is recorded but levels
 
     def look_directions(self) -> tuple[np.ndarray, np.ndarray | None]:
         """Return directions that the sonar looks into (A, 3), body frame, and the depressions (A,) [rad] at which they

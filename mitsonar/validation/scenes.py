@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 Attributes = Mapping[str, object]      # of a plugin, by their names in XML
 
 FLAWLESS: Attributes = {"sidelobe_db": -200.0, "vertical_sidelobe_db": -200.0, "back_db": -200.0,
-                        "crosstalk_db": -200.0, "chirp_ms": 0.0, "self_noise_db": -200.0, "adc_bits": 0}
+                        "crosstalk_db": -200.0, "chirp_ms": 0.0, "self_noise_db": -200.0, "recorder": "none"}
 
 
 def sidescan(shapes: Mapping[str, object], *, depth: float = 20.0, pings: int = 4, rays: int = 100_000,

@@ -52,6 +52,7 @@ class Attribute(ABC):
     otherwise: str = ""  # the default in words
     text: str  # meaning
     only: tuple[str, tuple[str, ...]] | None = None
+    formerly: str = ""  # an earlier name, still read
     types: ClassVar[tuple[str, ...]] = ()  # accepted types of Mitsuba's properties
 
     @property

@@ -61,7 +61,9 @@ class Attributes:
             raise self.error(f"{' and '.join(written)} are given; give one of them.")
 
     def _read(self, one: Attribute) -> Any:
-        name = one.name if one.name in self._props else None
+        name = next(iter(self.given(one.name, one.formerly)), None)
+        if name == one.name and one.formerly in self._props:
+            raise self.error(f"{one.formerly} is an earlier name of {one.name}, and both are given; leave it out.")
         if one.only is not None and self._values[one.only[0]] not in one.only[1]:
             if name is not None:
                 raise self.error(self._without_effect(name, one.only))
@@ -117,8 +119,9 @@ class Attributes:
 
     def _refuse_unknown(self) -> None:
         """Refuse undeclared attributes; undeclared nested objects are left to the base class and to Mitsuba."""
+        former = {one.formerly for one in self._declared.values()}
         for name in self._props.keys():
-            if name in self._declared or name in OF_MITSUBA or self._props.type(name).name in NESTED:
+            if name in self._declared or name in former or name in OF_MITSUBA or self._props.type(name).name in NESTED:
                 continue
             known = sorted(one.name for one in self._declared.values()
                            if one.only is None or self._values[one.only[0]] in one.only[1])

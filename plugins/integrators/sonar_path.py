@@ -31,6 +31,7 @@ if TYPE_CHECKING:                   # what renders is imported where it is asked
 
     from mitsonar.gradients.elements.coherent_levels import CoherentLevels
     from mitsonar.gradients.records.level_products import LevelProducts
+    from mitsonar.imaging.recording import Recording
     from mitsonar.survey.pressure.array_survey import ArraySurvey
     from mitsonar.survey.survey import Survey
 
@@ -110,6 +111,8 @@ class SonarPath(mi.SamplingIntegrator):
         from mitsonar.survey.kinds import kind_of
 
         image = kind_of(sensor).picture(survey, sensor, sensor.own_seed(seed), progress, say)
+        if sensor.recorder is not None:
+            image = _recording(survey, sensor, seed).added(image)
         return image if sensor.leader is None else image.assign_attrs(seed=int(seed))
 
     def frames(self, survey: Survey, sensor: Sensor, seed: int = 0) -> Iterator[xr.Dataset]:
@@ -117,6 +120,8 @@ class SonarPath(mi.SamplingIntegrator):
         from mitsonar.survey.kinds import frame_kind_of
 
         images = frame_kind_of(sensor).frames(survey, sensor, sensor.own_seed(seed))
+        if sensor.recorder is not None:
+            images = map(_recording(survey, sensor, seed).added, images)
         return images if sensor.leader is None else (image.assign_attrs(seed=int(seed)) for image in images)
 
     @one_at_a_time
@@ -171,6 +176,16 @@ class SonarPath(mi.SamplingIntegrator):
 
     def to_string(self) -> str:
         return f"SonarPath[{self.settings.rays} rays]"
+
+
+def _recording(survey: Survey, sensor: Sensor, seed: int) -> Recording:
+    """Return a sonar's recorder at work, in the water at its mean depth."""
+    from mitsonar.imaging.recording import Recording
+
+    assert sensor.recorder is not None
+    depth = float(np.mean(-survey.track.position[:, 2]))
+    return Recording(sensor.recorder, sensor.own_seed(seed),
+                     absorption_db=float(survey.waters.first.absorption.at(depth)))
 
 
 mi.register_integrator("sonar_path", SonarPath)

@@ -26,6 +26,7 @@ from .array_attributes import ARRAYS, PICTURE
 from .array_reading import nominal_sound_speed, read_array
 from .platform import ROUTE, pings
 from .pulse_attributes import PULSE, read_pulse
+from .recorder_attributes import read_recorder, recorder_of
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, FanSensor
 
 SIDES = ("transmit", "receive")
@@ -39,7 +40,7 @@ ATTRIBUTES = (
     Integer("beams", default=121, minimum=1, maximum=100_000, text="number of beams of the picture; a point has one"),
     Angle("fan_deg", default=120.0, above=0, maximum=180,
           text="width of the picture's fan about the receivers' normal, in the plane of their longest axis"),
-    PICTURE, *NOISE, SELF_NOISE, pings(1), PASS, ROUTE, *NESTED,
+    *recorder_of(), PICTURE, *NOISE, SELF_NOISE, pings(1), PASS, ROUTE, *NESTED,
 )
 
 
@@ -53,7 +54,7 @@ class ArraySonar(FanSensor):
         self.read_transmission(attributes)
         self.pulse = read_pulse(attributes, self.frequency)
         self.beams, self.fan_width = attributes.beams, attributes.fan_deg
-        self.picture = attributes.picture
+        self.picture, self.recorder = attributes.picture, read_recorder(attributes)
         # for the default pitch; steering delays are computed again for the water along the track
         self.nominal_sound_speed = nominal_sound_speed(self.sound_speed, self.water, self.route)
         self.transmit, self.receive = (read_array(attributes, side, self.nominal_sound_speed, frequency=self.frequency)

@@ -34,6 +34,7 @@ from .array_reading import nominal_sound_speed
 from .motion_errors import DEPTH_GATE, depth_gate
 from .platform import ROUTE, pings
 from .pulse_attributes import make_pulse
+from .recorder_attributes import read_recorder, recorder_of
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SOUND_SPEED, SonarSensor
 
 PRESETS = presets("echo_sounder")
@@ -64,7 +65,7 @@ ATTRIBUTES = (
     DEPTH_GATE,
     Number("bottom_level_db", default=-50.0, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 m⁻¹",
            text="least volume strength of an echo that counts as the bed"),
-    SOUND_SPEED, *NOISE,
+    *recorder_of(PRESETS), SOUND_SPEED, *NOISE,
     Number("self_noise_db", default=None, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa²/Hz",
            text="self-noise of the whole face; that of a single quadrant is 6 dB higher"),
     pings(200), PASS, ROUTE, *NESTED,
@@ -85,7 +86,7 @@ class EchoSounder(SonarSensor):
     def read(self, attributes: Attributes) -> None:
         """Read the pulse, the face and the settings of the bottom detection."""
         self.read_transmission(attributes)
-        self.preset = attributes.preset
+        self.preset, self.recorder = attributes.preset, read_recorder(attributes)
         self.pulse = make_pulse(attributes, self.frequency, attributes.pulse_ms / 1000,
                                 float(hertz_from_khz(attributes.bandwidth_khz)), attributes.pulse_window)
         self.depth_gate, self.bottom_level_db = depth_gate(attributes), attributes.bottom_level_db

@@ -41,6 +41,7 @@ from .array_attributes import ARRAYS, MOST_ELEMENTS, PICTURE
 from .array_reading import nominal_sound_speed, with_elements_changed
 from .platform import ROUTE, pings
 from .pulse_attributes import PULSE, read_pulse
+from .recorder_attributes import read_recorder, recorder_of
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, FanSensor
 
 NARROWEST_DEG = 0.1
@@ -76,7 +77,7 @@ ATTRIBUTES = (
             text="number of rows, one below the other, that share the receivers' height"),
     replace(OF_ARRAYS["receive_shading"], default="taylor 4 30", otherwise=""),
     *(OF_ARRAYS[name] for name in ("receive_failed", "receive_jitter", "receive_jitter_seed")),
-    SOUND_SPEED, PICTURE, *NOISE, SELF_NOISE, pings(1), PASS, ROUTE, *NESTED,
+    *recorder_of(PRESETS), SOUND_SPEED, PICTURE, *NOISE, SELF_NOISE, pings(1), PASS, ROUTE, *NESTED,
 )
 
 
@@ -90,6 +91,7 @@ class ForwardLooking(FanSensor):
         self.read_transmission(attributes)
         self.beams, self.fan_width, self.beam_steps = attributes.beams, attributes.fan_deg, attributes.beam_spacing
         self.tilt, self.picture = attributes.tilt_deg, attributes.picture
+        self.recorder = read_recorder(attributes)
         self.nominal_sound_speed = nominal_sound_speed(self.sound_speed, self.water, self.route)
         self.pulse = read_pulse(attributes, self.frequency, _longer(attributes, self.nominal_sound_speed))
         wavelength = self.nominal_sound_speed / self.frequency

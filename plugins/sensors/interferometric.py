@@ -38,6 +38,7 @@ from .array_reading import nominal_sound_speed
 from .motion_errors import DEPTH_GATE, MOTION_ERRORS, depth_gate, motion_errors
 from .platform import ROUTE, pings
 from .pulse_attributes import make_pulse
+from .recorder_attributes import read_recorder, recorder_of
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SELF_NOISE, SOUND_SPEED, SonarSensor
 
 PRESETS = presets("interferometric")
@@ -74,7 +75,7 @@ ATTRIBUTES = (
            text="least coherence between the rows of a valid sounding"),
     Number("head_speed_error", default=0.0, minimum=-100, maximum=100, unit="m/s",
            text="error of the head's own sound-speed sensor: reading minus true value"),
-    DEPTH_GATE, SOUND_SPEED, *NOISE, SELF_NOISE, MOTION_ERRORS, pings(100), ROUTE, *NESTED,
+    *recorder_of(PRESETS), DEPTH_GATE, SOUND_SPEED, *NOISE, SELF_NOISE, MOTION_ERRORS, pings(100), ROUTE, *NESTED,
 )
 
 
@@ -85,7 +86,7 @@ class Interferometric(SonarSensor):
 
     def read(self, attributes: Attributes) -> None:
         """Read the pulse, the faces and the settings of the phase measurement."""
-        self.preset = attributes.preset
+        self.preset, self.recorder = attributes.preset, read_recorder(attributes)
         self.frequency = float(hertz_from_khz(attributes.frequency_khz))
         self.source_level_db, self.self_noise_db = attributes.source_level_db, attributes.self_noise_db
         self.pulse = make_pulse(attributes, self.frequency, attributes.pulse_ms / 1000,

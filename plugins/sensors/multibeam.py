@@ -46,6 +46,7 @@ from .array_reading import nominal_sound_speed
 from .motion_errors import DEPTH_GATE, MOTION_ERRORS, depth_gate, motion_errors
 from .platform import ROUTE, pings
 from .pulse_attributes import make_pulse
+from .recorder_attributes import read_recorder, recorder_of
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, SonarSensor
 
 PRESETS = presets("multibeam")
@@ -108,7 +109,7 @@ ATTRIBUTES = (
     Boolean("yaw_stabilised", default=False, text="true: that plane stays across the course, sector by sector"),
     Number("head_speed_error", default=0.0, minimum=-100, maximum=100, unit="m/s",
            text="error of the head's own sound-speed sensor: reading minus true value"),
-    DEPTH_GATE, SOUND_SPEED, *NOISE, SELF_NOISE, MOTION_ERRORS, pings(20), PASS, ROUTE, *NESTED,
+    *recorder_of(PRESETS), DEPTH_GATE, SOUND_SPEED, *NOISE, SELF_NOISE, MOTION_ERRORS, pings(20), PASS, ROUTE, *NESTED,
 )
 
 
@@ -119,7 +120,7 @@ class Multibeam(SonarSensor):
 
     def read(self, attributes: Attributes) -> None:
         """Read the sectors, their beams and the arrays."""
-        self.preset = attributes.preset
+        self.preset, self.recorder = attributes.preset, read_recorder(attributes)
         self.self_noise_db = attributes.self_noise_db
         self.stabilised = (attributes.roll_stabilised, attributes.pitch_stabilised, attributes.yaw_stabilised)
         self.receive_flaws = attributes.receive_flaws

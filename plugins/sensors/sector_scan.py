@@ -30,6 +30,7 @@ from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Integer, Number, Preset
 from .platform import MOST_PINGS, ROUTE
+from .recorder_attributes import read_recorder, recorder_of
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SOUND_SPEED, SonarSensor
 
 PRESETS = presets("sector_scan")
@@ -63,7 +64,7 @@ ATTRIBUTES = (
     Boolean("turns_while_listening", default=True,
             text="true: the head turns evenly, also during reception; false: it stands during a ping, and turns "
                  "between pings"),
-    SOUND_SPEED,
+    *recorder_of(PRESETS), SOUND_SPEED,
     Choice("picture", default=None, choices=("beams", "elements"), otherwise="beams where that can be done",
            text="method: `beams` weighs the echoes of scatterers, as few as the resolution needs, by the beam; "
                 "`elements` takes the signals of the head as one element, and takes a hundred times as long"),
@@ -87,6 +88,7 @@ class SectorScan(SonarSensor):
         self.frequency = float(hertz_from_khz(attributes.frequency_khz))
         self.source_level_db, self.self_noise_db = attributes.source_level_db, attributes.self_noise_db
         self.picture = attributes.picture
+        self.recorder = read_recorder(attributes)
         self.beam_widths = attributes.beam_width_deg, attributes.vertical_beam_width_deg
         self.pulse = _pulse(attributes, self.frequency)
         self.head = RotatingHead(mount=attributes.mount, tilt=attributes.tilt_deg, sweep=_sweep(attributes),

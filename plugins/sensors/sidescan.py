@@ -11,8 +11,8 @@
     </sensor>
 
 Shadows are filled by side lobes (`sidelobe_db`), by echoes of the other side (`back_db`, `crosstalk_db`) and by noise
-(`self_noise_db`). A value of -200 leaves any of them out. `mean_level` contains all echoes without noise; `level` is
-the recorded level.
+(`self_noise_db`). A value of -200 leaves any of them out. `mean_level` contains all echoes without noise; `level` has
+speckle and noise; `recorded` are the counts that the preset's recorder makes of it.
 """
 import mitsuba as mi
 
@@ -21,7 +21,8 @@ from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Boolean, Number, Preset, SameAs
 from .platform import ROUTE, pings
-from .sidescan_attributes import FACES, PRESET, RECORDER, read_faces, read_recorder, read_self_noise_db
+from .recorder_attributes import read_recorder, recorder_of
+from .sidescan_attributes import FACES, PRESET, RECEIVERS, read_faces, read_leakage, read_self_noise_db
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SOUND_SPEED, SonarSensor
 
 NARROWEST_DEG, NARROWEST_VERTICAL_DEG = 0.01, 0.1          # what the integrals over the beam resolve
@@ -44,7 +45,7 @@ ATTRIBUTES = (
           minimum=NARROWEST_VERTICAL_DEG, maximum=180, text="beam width of the receive face across the track"),
     Angle("depression_deg", default=PRESET, minimum=-90, maximum=90,
           text="angle of the faces' normals below the horizontal"),
-    *FACES, *RECORDER, SOUND_SPEED,
+    *FACES, *RECEIVERS, *recorder_of(presets()), SOUND_SPEED,
     Boolean("speckle", default=True, text="true: complex Gaussian echoes, one per resolution cell; false: mean levels"),
     *NOISE, pings(400), ROUTE, *NESTED,
 )
@@ -63,7 +64,8 @@ class Sidescan(SonarSensor):
         self.chirp_length = max(attributes.chirp_ms, attributes.pulse_ms) / 1000
         self.transmit_face, self.receive_face = read_faces(attributes)
         self.depression_angle, self.speckle = attributes.depression_deg, attributes.speckle
-        self.recorder, self.self_noise_db = read_recorder(attributes), read_self_noise_db(attributes)
+        self.leakage, self.self_noise_db = read_leakage(attributes), read_self_noise_db(attributes)
+        self.recorder = read_recorder(attributes)
 
 
 mi.register_sensor("sidescan", Sidescan)

@@ -1,15 +1,13 @@
-"""Faces and receiver of a sidescan, with the flaws that real instruments have; -200 dB leaves a flaw out."""
-from mitsonar.imaging.recorder import Recorder
+"""Faces and receivers of a sidescan, with the flaws that real instruments have; -200 dB leaves a flaw out."""
 from mitsonar.io.scene_files import beam_levels
 from mitsonar.sonar.faces.faces import BuiltFace, MeasuredBeam
 from mitsonar.sonar.preset_tables import presets
-from mitsonar.units import power_from_db
 
-from ..attributes import Attributes, File, FromTable, Integer, Number, SameAs, Text
-from .sonar_sensor import HIGHEST_DB, LOWEST_DB
+from ..attributes import Attributes, File, FromTable, Number, SameAs, Text
+from .sonar_sensor import HIGHEST_DB, LOWEST_DB, power_of
 
 PRESET = FromTable(table=presets(), by="preset")
-MOST_BITS, LARGEST_SAG = 32, 2.0
+LARGEST_SAG = 2.0
 LOUDEST_FLOOR_DB = -3.0
 
 FACES = (
@@ -38,7 +36,7 @@ FACES = (
     File("receive_vertical_pattern", default=None, otherwise="`vertical_pattern`",
          text="measured beam of the receive face across the track; not with a width of that face"),
 )
-RECORDER = (
+RECEIVERS = (
     Number("back_db", default=PRESET, minimum=LOWEST_DB, maximum=0, unit="dB",
            text="front-to-back ratio: level at which a face receives the echoes of the other side's transmission; "
                 "-20 to -45"),
@@ -50,13 +48,6 @@ RECORDER = (
     Number("self_noise_db", default=PRESET, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa²/Hz",
            otherwise="*preset*; none without `noise`",
            text="self-noise of each side's receiver, as the level of sound on its axis; 20 to 60"),
-    Integer("adc_bits", default=PRESET, minimum=0, maximum=MOST_BITS,
-            text="bits of the recorded envelope, where `speckle` is true; 0: no steps, full scale or ringing"),
-    Number("full_scale_db", default=PRESET, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa",
-           text="greatest recorded level: louder echoes, from near by and straight below, saturate"),
-    Number("ringing_ms", default=PRESET, minimum=0, unit="ms",
-           text="time after the transmission until the receiver's own ringing has fallen by 60 dB from full scale; "
-                "0: no bright line at range zero"),
 )
 
 
@@ -87,22 +78,15 @@ def read_faces(attributes: Attributes) -> tuple[BuiltFace, BuiltFace]:
     return faces[0], faces[1]
 
 
-def read_recorder(attributes: Attributes) -> Recorder:
-    """Return the receiver and the recorder."""
-    return Recorder(back=power_of(attributes.back_db), crosstalk=power_of(attributes.crosstalk_db),
-                    bits=attributes.adc_bits, full_scale=float(power_from_db(attributes.full_scale_db)),
-                    blind=attributes.pulse_ms / 1000, ringing=attributes.ringing_ms / 1000)
+def read_leakage(attributes: Attributes) -> float:
+    """Return the share of the other side's power in a channel: through the back of the face, and through the wires."""
+    return power_of(attributes.back_db) + power_of(attributes.crosstalk_db)
 
 
 def read_self_noise_db(attributes: Attributes) -> float | None:
     """Return the receivers' noise [dB re 1 µPa²/Hz]; the preset's counts only in a scene with noise."""
     wanted = attributes.noise or attributes.given("self_noise_db")
     return attributes.self_noise_db if wanted and attributes.self_noise_db > LOWEST_DB else None
-
-
-def power_of(level_db: float) -> float:
-    """Return a power; 0 for the faintest level."""
-    return float(power_from_db(level_db)) if level_db > LOWEST_DB else 0.0
 
 
 def _measured(attributes: Attributes, prefix: str, name: str, files: dict[str, MeasuredBeam]) -> MeasuredBeam | None:

@@ -14,7 +14,7 @@ from mitsonar.io.scene_files import scenes
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.survey.sensor import Film, Sensor, Water, slowest_speed
 from mitsonar.survey.voyage import Route
-from mitsonar.units import hertz_from_khz
+from mitsonar.units import hertz_from_khz, power_from_db
 from mitsonar.water.profile import FASTEST, SLOWEST
 
 from ..attributes import Attribute, Attributes, Boolean, Group, Integer, Nested, Number
@@ -22,6 +22,8 @@ from .element_keys import ElementKeys
 from .platform import OF_THE_TRACK, read_route
 
 if TYPE_CHECKING:
+    from mitsonar.imaging.recorder import Recorder
+
     from ..films.sonar_film import SonarFilm
     from ..media.seawater import Seawater
 
@@ -60,6 +62,7 @@ class SonarSensor(mi.Sensor):
 
     follows_offsets = True             # whether a run uses the offsets of the track besides its trajectory
     two_sided = False                  # whether the sonar looks to both sides
+    recorder: Recorder | None = None   # set by `read`; None: nothing is recorded but levels
     kind: str  # one of `mitsonar.survey.kinds.KINDS`
     declared: tuple[Attribute | Group, ...]  # attributes of the kind, `SOUND_SPEED`, `NOISE`, `NESTED`, route
     frequency: float  # [Hz]: set by `read`
@@ -224,6 +227,11 @@ class FanSensor(SonarSensor):
                                  "leave picture out, or make it elements.")
             self.picture = "elements"
         super().take_elements(transmit, receive)
+
+
+def power_of(level_db: float) -> float:
+    """Return a power; 0 for the faintest level."""
+    return float(power_from_db(level_db)) if level_db > LOWEST_DB else 0.0
 
 
 def _shortest(sonar: Sensor) -> float:

@@ -31,7 +31,7 @@ SCENE = """
     <sensor type="sidescan" id="sonar">
         <float name="beam_width_deg" value="1.5"/> <float name="pulse_ms" value="0.1"/>
         <float name="ping_rate_hz" value="4"/> <integer name="pings" value="{pings}"/>
-        <string name="track" value="{track}.csv"/> <float name="full_scale_db" value="145"/>
+        <string name="track" value="{track}.csv"/>
         <boolean name="speckle" value="$speckle"/> <medium type="seawater">{water}</medium>
         <film type="sonar_film"><float name="range" value="30"/> <integer name="bins" value="300"/></film>
     </sensor>

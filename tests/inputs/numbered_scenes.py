@@ -16,7 +16,7 @@ OWN = {
         "frequency_khz": (90, 500), "pulse_ms": (0.02, 0.1), "beam_width_deg": (0.5, 1.5), "depression_deg": (10, 30),
         "vertical_beam_width_deg": (40, 60), "receive_beam_width_deg": (0.5, 1.5), "vertical_sag": (0.1, 1),
         "sidelobe_db": (-40, -20), "vertical_sidelobe_db": (-30, -15), "back_db": (-40, -25), "chirp_ms": (1, 10),
-        "crosstalk_db": (-60, -40), "full_scale_db": (140, 160), "ringing_ms": (0.1, 1)},
+        "crosstalk_db": (-60, -40)},
     "forward_looking": {
         **PULSE, "frequency_khz": (200, 400), "fan_deg": (70, 120), "tilt_deg": (5, 30), "receive_jitter": (1e-5, 2e-5),
         "vertical_beam_width_deg": (20, 60), "transmit_beam_width_deg": (60, 150), "element_spacing": (0.4, 0.7)},
@@ -46,7 +46,7 @@ OWN = {
 }
 KINDS = tuple(OWN)
 SIZES = {                           # sensor, film, integrator: what kernels may depend upon
-    "sidescan": ({"speckle": True, "adc_bits": 12}, {"bins": 60}, {"rays": 2000}),
+    "sidescan": ({"speckle": True, "recorder_bits": 12}, {"bins": 60}, {"rays": 2000}),
     "forward_looking": ({"receive_elements": 6, "beams": 9}, {}, {}),
     "sector_scan": ({"sector_deg": 30.0, "pings": 2}, {"bins": 200}, {"rays": 1000}),
     "multibeam": ({"beams": 12, "pulse": "lfm"}, {}, {}),

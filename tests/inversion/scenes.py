@@ -18,7 +18,7 @@ SCENE = """
     </shape>
     <sensor type="sidescan" id="sonar">
         <float name="beam_width_deg" value="2"/> <float name="pulse_ms" value="0.13"/>
-        <integer name="adc_bits" value="0"/>
+        <string name="recorder" value="none"/>
         <integer name="pings" value="11"/>
         <float name="ping_rate_hz" value="0.8"/> <float name="speed_knots" value="3.11"/>
         <float name="heading_deg" value="90"/>

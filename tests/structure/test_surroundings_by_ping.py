@@ -15,7 +15,8 @@ FIRST = {
     "mitsonar/survey/echo_sounder/kind.py": "absorption that the gain of an echogram uses",
     "mitsonar/survey/interferometric/kind.py": "absorption that a picture's gain uses, an attribute",
     "mitsonar/survey/sector_scan/kind.py": "absorption that a picture's gain uses, an attribute",
-    "mitsonar/survey/sidescan/kind.py": "absorption that a recorder's gain uses",
+    "mitsonar/survey/sidescan/kind.py": "absorption that a picture's gain uses, an attribute",
+    "plugins/integrators/sonar_path.py": "absorption that a recorder's gain uses",
     "mitsonar/survey/soundings/line.py": "cast of a line, which its format holds once",
     "mitsonar/survey/synthetic_aperture/image.py": "cast of a raw record, which focusing uses, and its targets",
     "mitsonar/survey/synthetic_aperture/truth.py": "truth of an image that is focused with the record's cast"}

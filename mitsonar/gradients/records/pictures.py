@@ -13,7 +13,7 @@ from typing import Protocol
 import mitsuba as mi
 import numpy as np
 
-from mitsonar.imaging.recorder import leaked
+from mitsonar.imaging.leakage import leaked
 from mitsonar.imaging.sidescan import mean_intensity, pulse_shares
 from mitsonar.scene.protocols import is_smooth
 from mitsonar.survey.energy import energy
@@ -104,7 +104,7 @@ class SidescanPicture:
     def __init__(self, survey: SidescanSurvey, sensor: MovingSidescan):
         self.survey: Survey = survey
         self.sensor: MovingSensor = sensor
-        self._recorder = sensor.recorder
+        self._leakage = sensor.leakage
         self.rows: Rows = Sides(survey, shadows=False)       # of few rays, those in lit bins count
         self._shares = pulse_shares(survey.bin_length, survey.sonar.pulse_length)
         noise = noise_db(sensor, survey.sonar)
@@ -112,11 +112,11 @@ class SidescanPicture:
 
     def shown(self, energy: np.ndarray) -> np.ndarray:
         """Return the picture of energies."""
-        return leaked(mean_intensity(energy, self._shares), self._recorder)
+        return leaked(mean_intensity(energy, self._shares), self._leakage)
 
     def transposed(self, cotangent: np.ndarray) -> np.ndarray:
         """Return the transpose of `shown`: pulse and leakage are symmetric."""
-        return mean_intensity(leaked(cotangent, self._recorder), self._shares)
+        return mean_intensity(leaked(cotangent, self._leakage), self._shares)
 
     def still(self, survey: Survey, seed: int) -> np.ndarray:
         """Return noise, and echoes other than those of first hits."""
@@ -127,7 +127,7 @@ class SidescanPicture:
                 others = record.path_intensity[:, :, 1:].astype(float).sum(2)
                 total += self.shown(others)
             if record.coherent is not None:
-                total += leaked(record.coherent.intensity.astype(float), self._recorder)
+                total += leaked(record.coherent.intensity.astype(float), self._leakage)
         return total.ravel()
 
 

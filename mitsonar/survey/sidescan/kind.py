@@ -9,7 +9,6 @@ import numpy as np
 import xarray as xr
 
 from mitsonar.imaging import sidescan as imaging
-from mitsonar.imaging.recorder import Recorder
 from mitsonar.scene import objects
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.labels import classes_of
@@ -42,7 +41,7 @@ class SidescanSensor(Sensor, Protocol):
     receive_face: BuiltFace
     depression_angle: float  # [rad]: of the faces' normals below horizontal
     speckle: bool
-    recorder: Recorder
+    leakage: float  # share of the other side's power in a channel
     self_noise_db: float | None  # [dB re 1 µPa²/Hz]: of each side's receiver
 
 
@@ -63,7 +62,7 @@ def plan_elements(scene: mi.Scene, sensor: SidescanSensor, settings: RunSettings
     """Plan the same run with each side's faces as elements, port and starboard.
 
     The pulse is a cw of the sidescan's effective length. Faces are even and flat, regardless of the sensor's shading,
-    and receive nothing from behind their own planes; there is no recorder.
+    and receive nothing from behind their own planes.
     """
     geometry, passage, sonar = _laid(scene, sensor)
     sine, cosine = np.sin(sonar.depression_angle), np.cos(sonar.depression_angle)
@@ -92,7 +91,7 @@ def picture(survey: SidescanSurvey, sensor: SidescanSensor, seed: int,
         record, sonar=sonar, track=track, depth_below=survey.depth_below, window=survey.window, labels=survey.labels,
         class_of=class_of, paths=survey.paths.names, noise_db=noise_db(sensor, sonar),
         speckle=speckle_of(survey) if sensor.speckle else None, seed=seed,
-        absorption_db=float(survey.waters.first.absorption.at(head_depth)), recorder=sensor.recorder)
+        absorption_db=float(survey.waters.first.absorption.at(head_depth)), leakage=sensor.leakage)
     return objects.annotated(image, classes, class_of, survey.world.still, survey.track.position)
 
 

@@ -1,0 +1,130 @@
+"""What an instrument's receiver and recorder make of the levels: the counts in its file, variable `recorded`.
+
+`level` stays that of the sonar equation. The recorder adds the instrument's gain, noise, stripes and faults, detects,
+smooths and converts to whole counts; `mitsonar.imaging.recorded_levels` converts counts to levels. Pictures are drawn
+from counts where they are asked for: `--recorded` of `plot`, `labels` and `xtf`. `recorder` names a class of
+instruments, which has a value for every attribute here; each can be overridden.
+"""
+from collections.abc import Mapping
+from typing import Any
+
+from mitsonar.imaging.recorder import (
+    LAWS,
+    MOST_BITS,
+    MOST_TAP,
+    Converter,
+    Detector,
+    Electronics,
+    PingFaults,
+    Recorder,
+    TimeVariedGain,
+)
+from mitsonar.sonar.preset_tables import recorders
+
+from ..attributes import Attribute, Attributes, Boolean, Choice, FromTable, Group, Integer, Number, Numbers
+from .sonar_sensor import HIGHEST_DB, LOWEST_DB, power_of
+
+CLASS = FromTable(table=recorders(), by="recorder")
+SHARE_DB = {"default": CLASS, "minimum": LOWEST_DB, "maximum": 20, "unit": "dB re full scale"}
+
+RECORDER = Group(title="Recorder", module="sensors.recorder_attributes", attributes=(
+    Integer("recorder_bits", default=CLASS, minimum=0, maximum=MOST_BITS, formerly="adc_bits",
+            text="bits of a count; 0: no recorder"),
+    Boolean("recorder_dither", default=CLASS, text="noise of one step before the conversion"),
+    Choice("recorder_detector", default=CLASS, choices=LAWS,
+           text="law by which counts grow with the amplitude; imaging sonars show the root, some heads the logarithm"),
+    Number("recorder_log_range_db", default=CLASS, above=0, unit="dB",
+           text="range below full scale of a `log` detector, whose counts are even steps of level"),
+    Number("recorder_low_pass", default=CLASS, minimum=0, maximum=MOST_TAP,
+           text="low pass behind the detector: share of each neighbour in range; 0.05 to 0.17 in sidescans"),
+    Number("recorder_along_track", default=CLASS, minimum=0, below=1,
+           text="share of the ping before in every ping, as displays smooth; 0: none"),
+    Integer("recorder_decimation", default=CLASS, minimum=1, maximum=1000,
+            text="one of so many samples is kept, and repeated in place of the others"),
+    Integer("recorder_interpolation", default=CLASS, minimum=1, maximum=1000,
+            text="one of so many beams is formed, and those between are interpolated"),
+    Number("recorder_tvg", default=CLASS, minimum=0, maximum=60, unit="dB",
+           text="gain per factor of 10 in range; 30 evens out a bed, 40 a target, 0: no gain"),
+    Number("recorder_tvg_absorption_db", default=None, minimum=0, unit="dB/m", otherwise="the water's",
+           text="one-way absorption that the gain makes up for, if there is a gain"),
+    Number("recorder_tvg_start", default=CLASS, above=0, unit="m", text="range before which the gain is constant"),
+    Number("recorder_tvg_end", default=None, above=0, unit="m", otherwise="none",
+           text="range after which the gain is constant"),
+    Number("recorder_tvg_step_db", default=CLASS, minimum=0, unit="dB", text="step of the gain; 0: smooth"),
+    Numbers("recorder_sectors_db", default=CLASS, unit="dB",
+            text="further gains of equal parts of the beams, as of the sectors of a swath, or of port and starboard"),
+    Number("recorder_noise_db", **SHARE_DB, text="noise behind the gain, of each side or beam"),
+    Number("recorder_common_noise_db", **SHARE_DB, text="the same noise in all sides or beams"),
+    Number("recorder_crosstalk_db", default=CLASS, minimum=LOWEST_DB, maximum=0, unit="dB",
+           text="mean echo of all beams in each, for sonars with beams"),
+    Number("recorder_line_db", **SHARE_DB, text="line of the transmission at range zero"),
+    Number("recorder_line_ms", default=CLASS, minimum=0, unit="ms", text="length of that line"),
+    Number("recorder_ringing_ms", default=CLASS, minimum=0, unit="ms", formerly="ringing_ms",
+           text="time after it in which the ringing falls by 60 dB"),
+    Number("recorder_row_gain_db", default=CLASS, minimum=0, maximum=20, unit="dB",
+           text="rms difference of the gains of sides or beams: stripes across a fan"),
+    Number("recorder_stripe_db", default=CLASS, minimum=0, maximum=20, unit="dB",
+           text="rms difference of the gains of samples: stripes at fixed ranges"),
+    Number("recorder_interference_hz", default=CLASS, minimum=0, maximum=1000, unit="Hz",
+           text="rate at which another sonar pings; 0: none"),
+    Number("recorder_interference_db", **SHARE_DB, text="level of its pulses"),
+    Number("recorder_interference_ms", default=CLASS, minimum=0, unit="ms", text="length of its pulses"),
+    Number("recorder_ping_gain_db", default=CLASS, minimum=0, maximum=20, unit="dB",
+           text="rms difference of the gains of pings"),
+    Number("recorder_lost", default=CLASS, minimum=0, maximum=1, text="share of pings that are lost, written as 0"),
+    Number("recorder_repeated", default=CLASS, minimum=0, maximum=1,
+           text="share of pings in whose place the one before is written again"),
+    Number("recorder_bright", default=CLASS, minimum=0, maximum=1, text="share of pings that are brighter"),
+    Number("recorder_bright_db", default=CLASS, minimum=-40, maximum=40, unit="dB", text="by how much these are"),
+    Integer("recorder_serial", default=0, minimum=0, maximum=(1 << 32) - 1,
+            text="number of the instrument, which draws the gains of its beams and samples"),
+))
+
+
+def recorder_of(presets: Mapping[str, Mapping[str, Any]] | None = None) -> tuple[Attribute | Group, ...]:
+    """Return the attributes of a recorder; class and full scale are those of a kind's presets, if it has any."""
+    from_preset = None if presets is None else FromTable(table=presets, by="preset")
+    return (
+        Choice("recorder", default=from_preset or "none", choices=tuple(recorders()),
+               text="class of instruments whose recorder writes `recorded`; `none`: there is no such variable"),
+        Number("recorder_full_scale_db", default=from_preset, minimum=LOWEST_DB, maximum=HIGHEST_DB,
+               unit="dB re 1 µPa", otherwise="" if presets else "needed with a recorder", formerly="full_scale_db",
+               text="level that is the highest count, after the recorder's gain: with one, the level it would have "
+                    "at 1 m; louder echoes saturate"),
+        RECORDER)
+
+
+def read_recorder(attributes: Attributes) -> Recorder | None:
+    """Return the recorder, or None without one."""
+    bits = attributes.recorder_bits
+    if not bits:
+        return None
+    if attributes.recorder_full_scale_db is None:
+        raise attributes.error("a recorder needs its recorder_full_scale_db; give the level of its highest count, or "
+                               'the recorder "none".')
+    shares = {name: power_of(getattr(attributes, f"recorder_{name}_db"))
+              for name in ("noise", "common_noise", "crosstalk", "line", "interference")}
+    absorption, end = attributes.recorder_tvg_absorption_db, attributes.recorder_tvg_end
+    try:
+        return Recorder(
+            converter=Converter(bits=bits, full_scale_db=attributes.recorder_full_scale_db,
+                                dither=attributes.recorder_dither),
+            gain=TimeVariedGain(
+                spreading=attributes.recorder_tvg, start=attributes.recorder_tvg_start,
+                absorption_db=absorption,
+                end=float("inf") if end is None else end, step_db=attributes.recorder_tvg_step_db,
+                sectors_db=tuple(map(float, attributes.recorder_sectors_db))),
+            detector=Detector(law=attributes.recorder_detector, range_db=attributes.recorder_log_range_db,
+                              low_pass=attributes.recorder_low_pass, along_track=attributes.recorder_along_track,
+                              decimation=attributes.recorder_decimation),
+            electronics=Electronics(
+                **shares, line_length=attributes.recorder_line_ms / 1000,
+                ringing=attributes.recorder_ringing_ms / 1000, row_gain_db=attributes.recorder_row_gain_db,
+                stripe_db=attributes.recorder_stripe_db, interference_rate=attributes.recorder_interference_hz,
+                interference_length=attributes.recorder_interference_ms / 1000),
+            faults=PingFaults(gain_db=attributes.recorder_ping_gain_db, lost=attributes.recorder_lost,
+                              repeated=attributes.recorder_repeated, bright=attributes.recorder_bright,
+                              bright_db=attributes.recorder_bright_db),
+            interpolation=attributes.recorder_interpolation, serial=attributes.recorder_serial)
+    except ValueError as error:
+        raise attributes.error(error) from None
