@@ -1,6 +1,6 @@
 """Record pictures as an instrument writes them, and return to levels.
 
-`Recording` runs the chain of `recorder` over pictures of any kind of sonar, ping by ping: its variable ``recorded``
+`PingRecorder` runs the chain of `recorder` over pictures of any kind of sonar, ping by ping: its variable ``recorded``
 holds the counts. What is drawn at random belongs to a ping's number and the seed, so that one picture of many pings and
 many pictures of one ping have the same counts.
 
@@ -25,7 +25,7 @@ from .recorder import Converter, Detector, Recorder, TimeVariedGain, gains, inte
 LOG2_10 = np.float32(np.log2(10))
 
 
-class Recording:
+class PingRecorder:
     """Recorder at work over the pings of a run, in their order."""
 
     def __init__(self, recorder: Recorder, seed: int, *, absorption_db: float = 0.0):

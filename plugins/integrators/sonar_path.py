@@ -31,7 +31,7 @@ if TYPE_CHECKING:                   # what renders is imported where it is asked
 
     from mitsonar.gradients.elements.coherent_levels import CoherentLevels
     from mitsonar.gradients.records.level_products import LevelProducts
-    from mitsonar.imaging.recording import Recording
+    from mitsonar.imaging.recording import PingRecorder
     from mitsonar.survey.pressure.array_survey import ArraySurvey
     from mitsonar.survey.survey import Survey
 
@@ -178,13 +178,13 @@ class SonarPath(mi.SamplingIntegrator):
         return f"SonarPath[{self.settings.rays} rays]"
 
 
-def _recording(survey: Survey, sensor: Sensor, seed: int) -> Recording:
+def _recording(survey: Survey, sensor: Sensor, seed: int) -> PingRecorder:
     """Return a sonar's recorder at work, in the water at its mean depth."""
-    from mitsonar.imaging.recording import Recording
+    from mitsonar.imaging.recording import PingRecorder
 
     assert sensor.recorder is not None
     depth = float(np.mean(-survey.track.position[:, 2]))
-    return Recording(sensor.recorder, sensor.own_seed(seed),
+    return PingRecorder(sensor.recorder, sensor.own_seed(seed),
                      absorption_db=float(survey.waters.first.absorption.at(depth)))
 
 

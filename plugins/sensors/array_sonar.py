@@ -22,11 +22,11 @@ The platform moves and turns while sound travels. ``mitsonar.render`` forms a fa
 import mitsuba as mi
 
 from ..attributes import Angle, Attributes, Integer, Number
+from ..films.recorder_attributes import read_recorder, recorder_of
 from .array_attributes import ARRAYS, PICTURE
 from .array_reading import nominal_sound_speed, read_array
 from .platform import ROUTE, pings
 from .pulse_attributes import PULSE, read_pulse
-from .recorder_attributes import read_recorder, recorder_of
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, FanSensor
 
 SIDES = ("transmit", "receive")

@@ -30,11 +30,11 @@ from mitsonar.sonar.pulses.pulses import PULSES
 from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Number, Numbers, Preset, Text
+from ..films.recorder_attributes import read_recorder, recorder_of
 from .array_reading import nominal_sound_speed
 from .motion_errors import DEPTH_GATE, depth_gate
 from .platform import ROUTE, pings
 from .pulse_attributes import make_pulse
-from .recorder_attributes import read_recorder, recorder_of
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SOUND_SPEED, SonarSensor
 
 PRESETS = presets("echo_sounder")

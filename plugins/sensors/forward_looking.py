@@ -37,11 +37,11 @@ from mitsonar.sonar.faces.directivity import length_for_beam_width
 from mitsonar.sonar.preset_tables import presets
 
 from ..attributes import Angle, Attributes, Choice, FromTable, Integer, Number, Preset, SameAs
+from ..films.recorder_attributes import read_recorder, recorder_of
 from .array_attributes import ARRAYS, MOST_ELEMENTS, PICTURE
 from .array_reading import nominal_sound_speed, with_elements_changed
 from .platform import ROUTE, pings
 from .pulse_attributes import PULSE, read_pulse
-from .recorder_attributes import read_recorder, recorder_of
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, FanSensor
 
 NARROWEST_DEG = 0.1

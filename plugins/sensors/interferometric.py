@@ -34,11 +34,11 @@ from mitsonar.sonar.pulses.pulses import PULSES
 from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Choice, FromTable, Number, Numbers, Preset
+from ..films.recorder_attributes import read_recorder, recorder_of
 from .array_reading import nominal_sound_speed
 from .motion_errors import DEPTH_GATE, MOTION_ERRORS, depth_gate, motion_errors
 from .platform import ROUTE, pings
 from .pulse_attributes import make_pulse
-from .recorder_attributes import read_recorder, recorder_of
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SELF_NOISE, SOUND_SPEED, SonarSensor
 
 PRESETS = presets("interferometric")

@@ -29,8 +29,8 @@ from mitsonar.sonar.pulses.pulses import cw, lfm
 from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Integer, Number, Preset
+from ..films.recorder_attributes import read_recorder, recorder_of
 from .platform import MOST_PINGS, ROUTE
-from .recorder_attributes import read_recorder, recorder_of
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SOUND_SPEED, SonarSensor
 
 PRESETS = presets("sector_scan")

@@ -20,8 +20,8 @@ from mitsonar.sonar.preset_tables import presets
 from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Boolean, Number, Preset, SameAs
+from ..films.recorder_attributes import read_recorder, recorder_of
 from .platform import ROUTE, pings
-from .recorder_attributes import read_recorder, recorder_of
 from .sidescan_attributes import FACES, PRESET, RECEIVERS, read_faces, read_leakage, read_self_noise_db
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SOUND_SPEED, SonarSensor
 

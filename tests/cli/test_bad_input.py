@@ -46,7 +46,7 @@ SCENES = {
     # attributes
     "unknown attribute": ([sensor('<float name="altitud" value="3"/>')],
                           'scene.xml, line 7: sidescan "sonar": got the float 3.0 for the unknown attribute "altitud" '
-                          '(did you mean "altitude"?). Known: adc_bits, altitude, back_db,'),
+                          '(did you mean "altitude"?). Known: altitude, back_db, beam_width_deg,'),
     "unknown attribute of the water": ([water('<float name="soundspeed" value="1"/>')], 'did you mean "sound_speed"?'),
     "unknown attribute of the film": ([(FILM, '<integer name="width" value="5"/>')], "Known: bins, range, range_min"),
     "unknown attribute of the integrator": ([(RAYS, '<integer name="deep" value="5"/>')],

@@ -14,7 +14,7 @@ from mitsonar.imaging.recorder import (
     TimeVariedGain,
     interpolated,
 )
-from mitsonar.imaging.recording import Recording, as_recorded
+from mitsonar.imaging.recording import PingRecorder, as_recorded
 from mitsonar.units import NOTHING_DB
 
 FULL_DB = 140.0
@@ -40,7 +40,7 @@ def speckled(level_db=BED_DB, shape=(PINGS, SIDES, BINS), seed=1):
 def recorded(level, seed=3, **parts):
     """The counts of levels, as shares of full scale, float64."""
     recorder = Recorder(**{"converter": FINE, **parts})
-    return Recording(recorder, seed).added(picture(level))["recorded"].values / recorder.converter.highest
+    return PingRecorder(recorder, seed).added(picture(level))["recorded"].values / recorder.converter.highest
 
 
 def r1(amplitude):
@@ -84,7 +84,7 @@ def test_counts_lead_back_to_levels(law, gain):
     """Half a step of a count is the error: 20 log (1 ± 1 / 2C) for a linear one, less for root and log."""
     level = speckled() - gain.over((np.arange(BINS) + 0.5) * 0.05) + 20
     recorder = Recorder(converter=FINE, gain=gain, detector=Detector(law=law, range_db=80.0))
-    image = Recording(recorder, 0).added(picture(level))
+    image = PingRecorder(recorder, 0).added(picture(level))
     counts, found = image["recorded"].values, recorded_levels(image).values
     clear = (counts > 300) & (counts < 65535)
     assert clear.mean() > 0.9
@@ -96,7 +96,7 @@ def test_counts_lead_back_to_levels(law, gain):
 def test_counts_fill_the_bits_and_saturate(bits, dtype):
     level = np.broadcast_to(FULL_DB + np.linspace(-120, 20, BINS), (1, SIDES, BINS))
     recorder = Recorder(converter=Converter(bits=bits, full_scale_db=FULL_DB))
-    counts = Recording(recorder, 0).added(picture(level))["recorded"].values[0, 0]
+    counts = PingRecorder(recorder, 0).added(picture(level))["recorded"].values[0, 0]
     exact = np.minimum(10 ** ((level[0, 0] - FULL_DB) / 20), 1) * (2 ** bits - 1)
     assert counts.dtype == dtype and counts.max() == 2 ** bits - 1
     assert np.abs(counts - exact).max() <= 0.5 + 1e-6 * 2 ** bits      # float32 levels of 140 dB: 8e-6 dB
@@ -149,7 +149,7 @@ def test_another_sonar_pings_at_its_own_rate():
     """Pulses of 1 ms at 7 Hz are 0.7 % of the time, anywhere in the record."""
     silent = np.full((400, SIDES, BINS), NOTHING_DB)
     electronics = Electronics(interference=1e-2, interference_rate=7.0, interference_length=1e-3)
-    image = Recording(Recorder(converter=FINE, electronics=electronics), 3).added(picture(silent, interval=0.0937))
+    image = PingRecorder(Recorder(converter=FINE, electronics=electronics), 3).added(picture(silent, interval=0.0937))
     marked = image["recorded"].values[:, 0] > 0.01 * 65535
     assert marked.mean() == pytest.approx(7e-3 * np.exp(-0.01), rel=0.15)       # each of 90 bursts is 15 samples long
     pings, samples = np.nonzero(marked)
@@ -208,16 +208,16 @@ def test_pictures_of_single_pings_have_the_counts_of_one_of_all():
                                                 interference_rate=9.0, interference_length=1e-3),
                         faults=PingFaults(gain_db=1.0, lost=0.1, repeated=0.2, bright=0.1))
     image = picture(speckled(shape=(30, SIDES, 80)))
-    whole, run = Recording(recorder, 5).added(image)["recorded"].values, Recording(recorder, 5)
+    whole, run = PingRecorder(recorder, 5).added(image)["recorded"].values, PingRecorder(recorder, 5)
     single = [run.added(image.isel(ping=[ping]))["recorded"].values[0] for ping in range(30)]
     assert np.array_equal(whole, single)
-    assert not np.array_equal(whole, Recording(recorder, 6).added(image)["recorded"].values)
+    assert not np.array_equal(whole, PingRecorder(recorder, 6).added(image)["recorded"].values)
 
 
 def test_the_level_of_a_picture_stays_and_that_of_its_counts_keeps_the_gain():
     image = picture(speckled())
     recorder = Recorder(converter=FINE, gain=TimeVariedGain(spreading=30.0))
-    found = Recording(recorder, 0, absorption_db=0.05).added(image)
+    found = PingRecorder(recorder, 0, absorption_db=0.05).added(image)
     assert found["level"].identical(image["level"]) and found.attrs["recorder"]["absorption_db"] == 0.05
     drawn = as_recorded(found)["level"].values - found["level"].values
     gain = 30 * np.log10(np.maximum(image["range"].values, 1)) + 0.1 * np.maximum(image["range"].values, 1)

@@ -22,12 +22,12 @@ from mitsonar.imaging.recorder import (
 from mitsonar.sonar.preset_tables import recorders
 
 from ..attributes import Attribute, Attributes, Boolean, Choice, FromTable, Group, Integer, Number, Numbers
-from .sonar_sensor import HIGHEST_DB, LOWEST_DB, power_of
+from ..sensors.sonar_sensor import HIGHEST_DB, LOWEST_DB, power_of
 
 CLASS = FromTable(table=recorders(), by="recorder")
 SHARE_DB = {"default": CLASS, "minimum": LOWEST_DB, "maximum": 20, "unit": "dB re full scale"}
 
-RECORDER = Group(title="Recorder", module="sensors.recorder_attributes", attributes=(
+RECORDER = Group(title="Recorder", module="films.recorder_attributes", attributes=(
     Integer("recorder_bits", default=CLASS, minimum=0, maximum=MOST_BITS, formerly="adc_bits",
             text="bits of a count; 0: no recorder"),
     Boolean("recorder_dither", default=CLASS, text="noise of one step before the conversion"),
