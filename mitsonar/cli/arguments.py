@@ -12,7 +12,7 @@ from .completion import add_file
 
 MOST_THREADS = 1024
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"      # to which each command is added
-GAINS = ("seabed", "target", "recorder", "none")
+GAINS = ("seabed", "target", "recorder", "counts", "none")
 
 
 class Parser(argparse.ArgumentParser):

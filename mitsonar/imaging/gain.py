@@ -4,6 +4,7 @@
     seabed   30 log R + 2 a R - 20 log sin(grazing)   the ensonified area grows with R; Lambert's law falls with sin²
     recorder 30 log R + 2 a R                         as in recorders: bed far away or at grazing angles is darker
     angle    -L(angle)                                mean dependence on angle: the bed's law and the beam pattern
+    counts   none                                     what the instrument's recorder wrote, with its own gain
 
 R -> ``range`` [m], a -> ``absorption_db`` [dB/m]; sin(grazing) = altitude / R over a level bed, if the
 altitude is known. L(angle) is the median level over the pings of a side at an angle from nadir, acos(altitude / R);
@@ -18,7 +19,7 @@ import xarray as xr
 
 from mitsonar.units import NOTHING_DB
 
-Tvg = Literal["seabed", "target", "recorder"] | None      # gain of a picture
+Tvg = Literal["seabed", "target", "recorder", "counts"] | None      # gain of a picture
 SPREADING = {"seabed": 30, "target": 40, "recorder": 30}      # [dB] per log R
 LOWEST_SINE = np.sin(np.deg2rad(1.0))  # below 1 degree a gain would raise only noise
 ANGLE_STEP_DEG = 1.0               # [degrees]: width of an angle class
@@ -39,7 +40,8 @@ def display_gain(dataset: xr.Dataset, tvg: Tvg) -> tuple[np.ndarray, str]:
     if tvg is None:
         return np.zeros_like(slant_range), ""
     if tvg not in SPREADING:
-        raise ValueError(f"the display gain is {tvg!r}; use 'seabed', 'target', 'recorder' or None.")
+        raise ValueError(f"the display gain is {tvg!r}; use 'seabed', 'target', 'recorder' or None, or 'counts' for a "
+                         "picture with recorded counts.")
     gain, words = SPREADING[tvg] * np.log10(slant_range) + absorption, f" + {SPREADING[tvg]} log R + 2αR"
     if tvg != "seabed" or "altitude" not in dataset.coords:
         return gain, words

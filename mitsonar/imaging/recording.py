@@ -20,6 +20,7 @@ import xarray as xr
 from mitsonar.device.chance import Salt, ping_key
 from mitsonar.units import NOTHING_DB, db_from_power
 
+from .gain import Tvg
 from .recorder import Converter, Detector, Recorder, TimeVariedGain, gains, interpolated
 
 LOG2_10 = np.float32(np.log2(10))
@@ -102,7 +103,8 @@ def recorded_levels(image: xr.Dataset) -> xr.DataArray:
     ValueError
         If the picture has no ``recorded``, because its sonar has no recorder.
     """
-    counts, settings = _recorded(image)
+    settings = settings_of(image)
+    counts = image["recorded"]
     gain = _gain(settings).over(image["range"].values.astype(float))
     of_rows = _gain(settings).of_rows(counts.shape[1] if counts.ndim == 3 else 1)
     power = _power(counts.values, settings)
@@ -123,24 +125,32 @@ def as_recorded(image: xr.Dataset) -> xr.Dataset:
     ValueError
         If the picture has no ``recorded``.
     """
-    counts, settings = _recorded(image)
+    settings = settings_of(image)
+    counts = image["recorded"]
     with np.errstate(divide="ignore"):
         level = np.maximum(db_from_power(_power(counts.values, settings)) + settings["full_scale_db"], NOTHING_DB)
     about = {"units": "dB re 1 µPa", "long_name": "recorded level, with the instrument's gain"}
     return image.drop_vars("mean_level", errors="ignore").assign(level=(counts.dims, level.astype(np.float32), about))
 
 
-def full_count(image: xr.Dataset) -> int:
-    """Return the highest count of a picture's recorder; `ValueError` if the picture has no ``recorded``."""
-    return 2 ** int(_recorded(image)[1]["bits"]) - 1
+def shown(image: xr.Dataset, tvg: Tvg) -> tuple[xr.Dataset, Tvg]:
+    """Return the picture to draw and the gain to draw it with: for the gain ``counts``, its counts as they are.
+
+    Raises
+    ------
+    ValueError
+        If counts are asked for and the picture has none.
+    """
+    return (as_recorded(image), None) if tvg == "counts" else (image, tvg)
 
 
-def _recorded(image: xr.Dataset) -> tuple[xr.DataArray, Mapping[str, Any]]:
+def settings_of(image: xr.Dataset) -> Mapping[str, Any]:
+    """Return the converter, gain and law of a picture's recorder; `ValueError` if the picture has no ``recorded``."""
     settings = image.attrs.get("recorder")
     if "recorded" not in image or not isinstance(settings, Mapping):
         raise ValueError("the picture holds no recorded counts, because its sonar has no recorder; give the sensor a "
                          "recorder, such as <string name=\"recorder\" value=\"sidescan_16bit\"/>, or take the levels.")
-    return image["recorded"], settings
+    return settings
 
 
 def _power(counts: np.ndarray, settings: Mapping[str, Any]) -> np.ndarray:

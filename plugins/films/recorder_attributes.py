@@ -8,6 +8,8 @@ instruments, which has a value for every attribute here; each can be overridden.
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from mitsonar.imaging.recorder import (
     LAWS,
     MOST_BITS,
@@ -20,14 +22,22 @@ from mitsonar.imaging.recorder import (
     TimeVariedGain,
 )
 from mitsonar.sonar.preset_tables import recorders
+from mitsonar.units import db_from_power
 
 from ..attributes import Attribute, Attributes, Boolean, Choice, FromTable, Group, Integer, Number, Numbers
 from ..sensors.sonar_sensor import HIGHEST_DB, LOWEST_DB, power_of
 
 CLASS = FromTable(table=recorders(), by="recorder")
+SPEED, BED_DB = 1500.0, -40.0      # [m/s], [dB]: of the bed that the default full scale is set for
 SHARE_DB = {"default": CLASS, "minimum": LOWEST_DB, "maximum": 20, "unit": "dB re full scale"}
 
 RECORDER = Group(title="Recorder", module="films.recorder_attributes", attributes=(
+    Number("recorder_full_scale_db", default=None, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa",
+           otherwise="by `recorder_headroom_db`", formerly="full_scale_db",
+           text="level after the gain that is the highest count; louder echoes saturate"),
+    Number("recorder_headroom_db", default=CLASS, minimum=-100, maximum=100, unit="dB",
+           text="full scale above the echo of a bed of -40 dB strength on the axis of beams as wide, from pulses as "
+                "long and as loud, after a gain of 30 dB per factor of 10"),
     Integer("recorder_bits", default=CLASS, minimum=0, maximum=MOST_BITS, formerly="adc_bits",
             text="bits of a count; 0: no recorder"),
     Boolean("recorder_dither", default=CLASS, text="noise of one step before the conversion"),
@@ -82,32 +92,34 @@ RECORDER = Group(title="Recorder", module="films.recorder_attributes", attribute
 
 
 def recorder_of(presets: Mapping[str, Mapping[str, Any]] | None = None) -> tuple[Attribute | Group, ...]:
-    """Return the attributes of a recorder; class and full scale are those of a kind's presets, if it has any."""
-    from_preset = None if presets is None else FromTable(table=presets, by="preset")
+    """Return the attributes of a recorder, whose class is that of a kind's presets, if it has any."""
+    default = "none" if presets is None else FromTable(table=presets, by="preset")
     return (
-        Choice("recorder", default=from_preset or "none", choices=tuple(recorders()),
+        Choice("recorder", default=default, choices=tuple(recorders()),
                text="class of instruments whose recorder writes `recorded`; `none`: there is no such variable"),
-        Number("recorder_full_scale_db", default=from_preset, minimum=LOWEST_DB, maximum=HIGHEST_DB,
-               unit="dB re 1 µPa", otherwise="" if presets else "needed with a recorder", formerly="full_scale_db",
-               text="level that is the highest count, after the recorder's gain: with one, the level it would have "
-                    "at 1 m; louder echoes saturate"),
         RECORDER)
 
 
-def read_recorder(attributes: Attributes) -> Recorder | None:
-    """Return the recorder, or None without one."""
+def read_recorder(attributes: Attributes, *, source_level_db: float, width: float, pulse_length: float
+                  ) -> Recorder | None:
+    """Return the recorder of a sonar with a width of its beams [rad] and a compressed pulse [s], or None without one.
+
+    Its full scale is A = SL + 10 log(θ c τ / 2) + S + headroom, where it is not written: the level after 30 log R of
+    the reverberation of a bed from a cell R θ wide (Urick 1983, ch. 8), c of 1500 m/s.
+    """
     bits = attributes.recorder_bits
     if not bits:
         return None
-    if attributes.recorder_full_scale_db is None:
-        raise attributes.error("a recorder needs its recorder_full_scale_db; give the level of its highest count, or "
-                               'the recorder "none".')
+    full_scale_db = attributes.recorder_full_scale_db
+    if full_scale_db is None:
+        cell = min(width, 2 * np.pi) * 0.5 * SPEED * pulse_length
+        full_scale_db = source_level_db + float(db_from_power(cell)) + BED_DB + attributes.recorder_headroom_db
     shares = {name: power_of(getattr(attributes, f"recorder_{name}_db"))
               for name in ("noise", "common_noise", "crosstalk", "line", "interference")}
     absorption, end = attributes.recorder_tvg_absorption_db, attributes.recorder_tvg_end
     try:
         return Recorder(
-            converter=Converter(bits=bits, full_scale_db=attributes.recorder_full_scale_db,
+            converter=Converter(bits=bits, full_scale_db=full_scale_db,
                                 dither=attributes.recorder_dither),
             gain=TimeVariedGain(
                 spreading=attributes.recorder_tvg, start=attributes.recorder_tvg_start,

@@ -20,6 +20,7 @@ The platform moves and turns while sound travels. ``mitsonar.render`` forms a fa
     </sensor>
 """
 import mitsuba as mi
+import numpy as np
 
 from ..attributes import Angle, Attributes, Integer, Number
 from ..films.recorder_attributes import read_recorder, recorder_of
@@ -54,11 +55,14 @@ class ArraySonar(FanSensor):
         self.read_transmission(attributes)
         self.pulse = read_pulse(attributes, self.frequency)
         self.beams, self.fan_width = attributes.beams, attributes.fan_deg
-        self.picture, self.recorder = attributes.picture, read_recorder(attributes)
+        self.picture = attributes.picture
         # for the default pitch; steering delays are computed again for the water along the track
         self.nominal_sound_speed = nominal_sound_speed(self.sound_speed, self.water, self.route)
         self.transmit, self.receive = (read_array(attributes, side, self.nominal_sound_speed, frequency=self.frequency)
                                        for side in SIDES)
+        aperture = float(np.linalg.norm(np.ptp(self.receive.position, 0))) * self.frequency / self.nominal_sound_speed
+        self.recorder = read_recorder(attributes, source_level_db=self.source_level_db, width=1 / max(aperture, 0.1),
+                                      pulse_length=self.pulse.compressed_length())
         self.delays_from_file = bool(attributes.given("transmit_file")), bool(attributes.given("receive_file"))
 
     def to_string(self) -> str:

@@ -86,7 +86,7 @@ class EchoSounder(SonarSensor):
     def read(self, attributes: Attributes) -> None:
         """Read the pulse, the face and the settings of the bottom detection."""
         self.read_transmission(attributes)
-        self.preset, self.recorder = attributes.preset, read_recorder(attributes)
+        self.preset = attributes.preset
         self.pulse = make_pulse(attributes, self.frequency, attributes.pulse_ms / 1000,
                                 float(hertz_from_khz(attributes.bandwidth_khz)), attributes.pulse_window)
         self.depth_gate, self.bottom_level_db = depth_gate(attributes), attributes.bottom_level_db
@@ -94,6 +94,8 @@ class EchoSounder(SonarSensor):
         wavelength = nominal_sound_speed(self.sound_speed, self.water, self.route) / self.frequency
         self.transmit, self.quadrants = _faces(attributes, wavelength)
         self.receive = self.transmit
+        self.recorder = read_recorder(attributes, source_level_db=self.source_level_db, width=attributes.beam_width_deg,
+                                      pulse_length=self.pulse.compressed_length())
 
 
 def _faces(attributes: Attributes, wavelength: float) -> tuple[Array, Array | None]:

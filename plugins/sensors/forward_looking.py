@@ -91,11 +91,13 @@ class ForwardLooking(FanSensor):
         self.read_transmission(attributes)
         self.beams, self.fan_width, self.beam_steps = attributes.beams, attributes.fan_deg, attributes.beam_spacing
         self.tilt, self.picture = attributes.tilt_deg, attributes.picture
-        self.recorder = read_recorder(attributes)
         self.nominal_sound_speed = nominal_sound_speed(self.sound_speed, self.water, self.route)
         self.pulse = read_pulse(attributes, self.frequency, _longer(attributes, self.nominal_sound_speed))
         wavelength = self.nominal_sound_speed / self.frequency
         self.transmit, self.receive = _transmitter(attributes, wavelength), _receivers(attributes, wavelength)
+        self.recorder = read_recorder(attributes, source_level_db=self.source_level_db,
+                                      width=1 / (attributes.receive_elements * attributes.element_spacing),
+                                      pulse_length=self.pulse.compressed_length())
 
     def to_string(self) -> str:
         return f"ForwardLooking[{self.frequency / 1000:g} kHz, {self.beams} beams of {self.receive.elements} elements]"

@@ -86,7 +86,7 @@ class Interferometric(SonarSensor):
 
     def read(self, attributes: Attributes) -> None:
         """Read the pulse, the faces and the settings of the phase measurement."""
-        self.preset, self.recorder = attributes.preset, read_recorder(attributes)
+        self.preset = attributes.preset
         self.frequency = float(hertz_from_khz(attributes.frequency_khz))
         self.source_level_db, self.self_noise_db = attributes.source_level_db, attributes.self_noise_db
         self.pulse = make_pulse(attributes, self.frequency, attributes.pulse_ms / 1000,
@@ -97,6 +97,8 @@ class Interferometric(SonarSensor):
         self.motion_errors = motion_errors(attributes)
         wavelength = nominal_sound_speed(self.sound_speed, self.water, self.route) / self.frequency
         self.transmit, self.receive = _faces(attributes, wavelength)
+        self.recorder = read_recorder(attributes, source_level_db=self.source_level_db, width=attributes.beam_width_deg,
+                                      pulse_length=self.pulse.compressed_length())
 
     def to_string(self) -> str:
         rows = self.receive[0].elements

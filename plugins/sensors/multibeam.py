@@ -120,7 +120,7 @@ class Multibeam(SonarSensor):
 
     def read(self, attributes: Attributes) -> None:
         """Read the sectors, their beams and the arrays."""
-        self.preset, self.recorder = attributes.preset, read_recorder(attributes)
+        self.preset = attributes.preset
         self.self_noise_db = attributes.self_noise_db
         self.stabilised = (attributes.roll_stabilised, attributes.pitch_stabilised, attributes.yaw_stabilised)
         self.receive_flaws = attributes.receive_flaws
@@ -136,6 +136,9 @@ class Multibeam(SonarSensor):
         self.sectors = _sectors(attributes)
         self.pulse = self.sectors[0].pulse
         self.frequency = self.pulse.frequency
+        self.recorder = read_recorder(
+            attributes, source_level_db=max(sector.source_level_db for sector in self.sectors),
+            width=attributes.transmit_beam_width_deg, pulse_length=self.pulse.compressed_length())
         highest = max(sector.pulse.frequency for sector in self.sectors)
         self.transmit, self.receive = _lines(attributes, self.sectors, self.nominal_sound_speed / highest)
         self.transmit_place, self.receive_place = attributes.transmit_place, attributes.receive_place

@@ -88,9 +88,10 @@ class SectorScan(SonarSensor):
         self.frequency = float(hertz_from_khz(attributes.frequency_khz))
         self.source_level_db, self.self_noise_db = attributes.source_level_db, attributes.self_noise_db
         self.picture = attributes.picture
-        self.recorder = read_recorder(attributes)
         self.beam_widths = attributes.beam_width_deg, attributes.vertical_beam_width_deg
         self.pulse = _pulse(attributes, self.frequency)
+        self.recorder = read_recorder(attributes, source_level_db=self.source_level_db, width=self.beam_widths[0],
+                                      pulse_length=self.pulse.compressed_length())
         self.head = RotatingHead(mount=attributes.mount, tilt=attributes.tilt_deg, sweep=_sweep(attributes),
                          turns_on=attributes.turns_while_listening)
         if not attributes.given("pings"):

@@ -65,7 +65,8 @@ class Sidescan(SonarSensor):
         self.transmit_face, self.receive_face = read_faces(attributes)
         self.depression_angle, self.speckle = attributes.depression_deg, attributes.speckle
         self.leakage, self.self_noise_db = read_leakage(attributes), read_self_noise_db(attributes)
-        self.recorder = read_recorder(attributes)
+        self.recorder = read_recorder(attributes, source_level_db=self.source_level_db,
+                                      width=attributes.beam_width_deg, pulse_length=self.pulse_length)
 
 
 mi.register_sensor("sidescan", Sidescan)

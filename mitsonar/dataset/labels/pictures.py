@@ -14,12 +14,15 @@ import xarray as xr
 from mitsonar.device.files import FilePath
 from mitsonar.imaging.focused import bin_dims, is_focused
 from mitsonar.imaging.gain import Tvg, display_gain
+from mitsonar.imaging.recorder import Detector
+from mitsonar.imaging.recording import as_recorded, settings_of, shown as shown_picture
 from mitsonar.plots.images.gain import display_window
-from mitsonar.units import HARDLY_DB
+from mitsonar.units import HARDLY_DB, power_from_db
 
 from .frames import CartesianFrame, LabelFrame
 
 UNIT = "dB re 1 µPa"               # of a level without units
+WHITE, GREY_BITS = 255, 8          # of a picture; counts of at most so many bits are grey values as they are
 SILENCE_DB = -1000.0               # [dB]: replaces absent echoes in means of powers
 HALF = 0.5                         # share of the pings
 MOST_LOOKED_AT = 8                 # Cartesian frames used to choose the window
@@ -33,22 +36,37 @@ class Greys:
     window: tuple[float, float]  # [dB]: black and white
     words: str  # formula of the level with gain
     unit: str = UNIT  # of the level
+    detector: Detector | None = None  # of pictures of counts, whose full scale is white; else grey follows the level
 
     def draw(self, frame: LabelFrame) -> np.ndarray:
         """Return a picture of the record: uint8 (height, width), 0 also without an echo."""
-        return _scaled(frame.levels(self.level), self.window)
+        return self.shaded(frame.levels(self.level))
+
+    def shaded(self, level: np.ndarray) -> np.ndarray:
+        """Return the grey values of levels with gain [dB], uint8."""
+        if self.detector is None:
+            return _scaled(level, self.window)
+        power = np.where(level > HARDLY_DB, power_from_db(level - self.window[1]), 0)
+        return np.rint(WHITE * np.minimum(self.detector.detected(power), 1)).astype(np.uint8)
 
 
 def grey(dataset: xr.Dataset, *, tvg: Tvg = "seabed",
          window: tuple[float, float] | None = None) -> tuple[np.ndarray, tuple[float, float], str]:
     """Return the grey values of all bins of a dataset, the window [dB], and the formula of the level."""
     shades = greys(dataset, [], tvg=tvg, window=window)
-    return _scaled(shades.level, shades.window), shades.window, shades.words
+    return shades.shaded(shades.level), shades.window, shades.words
 
 
 def greys(dataset: xr.Dataset, frames: Sequence[LabelFrame], *, tvg: Tvg = "seabed",
           window: tuple[float, float] | None = None) -> Greys:
     """Return the levels of a dataset for drawing, with one window [dB] for all pictures."""
+    if tvg == "counts" and window is None and (settings := settings_of(dataset))["bits"] <= GREY_BITS:
+        detector = Detector(law=settings["law"], range_db=settings["range_db"])
+        full = float(settings["full_scale_db"])
+        level = as_recorded(dataset)["level"].values.astype(float)
+        return Greys(level=np.where(level > HARDLY_DB, level, SILENCE_DB), window=(full - 20 * np.log10(WHITE), full),
+                     words="count", unit="1", detector=detector)
+    dataset, tvg = shown_picture(dataset, tvg)
     level = dataset["level"].isel(bank=0, missing_dims="ignore").values.astype(float)
     gain, words = _gain(dataset, tvg)
     shown = np.where(level > HARDLY_DB, level + gain.reshape(len(gain), *[1] * (level.ndim - 2), -1), SILENCE_DB)

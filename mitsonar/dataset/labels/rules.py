@@ -37,7 +37,7 @@ class Labels:
         Share of a tile that its neighbour repeats.
     drop_empty : bool
         Leave out pictures and tiles without annotations.
-    tvg : {'seabed', 'target', 'recorder', None}
+    tvg : {'seabed', 'target', 'recorder', 'counts', None}
         Gain; see `mitsonar.imaging.gain`.
     form : {'polar', 'cartesian'}
         Form of pictures of fans and rotating heads.

@@ -100,6 +100,7 @@ class Channels:
     """The two channels of a record: ranges of their samples, and their scale."""
 
     record: xr.Dataset
+    source: str  # variable of the record that the samples hold: its levels or its counts
     scale: Scale
     silent: int  # number of zero samples before the window
     near: float  # [m]: range at which the first sample begins
@@ -122,7 +123,8 @@ def channels_of(record: xr.Dataset, tvg: Tvg) -> Channels:
     step = float(np.diff(slant_range).mean())
     begin = max(float(slant_range[0]) - 0.5 * step, 0.0)
     silent = int(begin / step + 1e-6)
-    return Channels(record=record, scale=scale_of(record, tvg), silent=silent, step=step,
+    source = "recorded" if tvg == "counts" else "level"
+    return Channels(record=record, source=source, scale=scale_of(record, tvg), silent=silent, step=step,
                     near=begin - silent * step if begin - silent * step > 1e-6 * step else 0.0)
 
 
@@ -221,8 +223,8 @@ def write(records: xr.Dataset | Sequence[xr.Dataset], path: FilePath, *, tvg: Tv
     records : xarray.Dataset or sequence of them
         Results of `mitsonar.render`: ``level`` (ping, side, range). Several must share pings, times and places.
     path : str or path
-    tvg : {'seabed', 'target', 'recorder', None}
-        Gain in the samples: 30 log R + 2 a R, 40 log R + 2 a R, or none.
+    tvg : {'seabed', 'target', 'recorder', 'counts', None}
+        Gain in the samples: 30 log R + 2 a R, 40 log R + 2 a R, or none; ``counts``: the recorder's own samples.
     start : float [s]
         Time of the record's time 0 since 1970, UTC.
     geographic : bool or None
@@ -269,7 +271,7 @@ def write(records: xr.Dataset | Sequence[xr.Dataset], path: FilePath, *, tvg: Tv
             stream.write(packets.tobytes())
             saturated += full
     return XtfWritten(scales=tuple(each.scale for each in channels), geographic=passage.geographic, saturated=saturated,
-                   left_out=tuple(str(name) for name in lines[0].data_vars if name != "level"))
+                   left_out=tuple(str(name) for name in lines[0].data_vars if name != channels[0].source))
 
 
 def _packets(channels, passage, length) -> Iterator[tuple[np.ndarray, int]]:
@@ -289,8 +291,9 @@ def _packets(channels, passage, length) -> Iterator[tuple[np.ndarray, int]]:
         for name, values in common.items():
             _fill(packets[name], values, some)
         for number, each in enumerate(channels):
-            level = each.record["level"].transpose("ping", "side", "range")[some].values
-            samples, saturated = each.scale.samples(level, each.middle)
+            values = each.record[each.source].transpose("ping", "side", "range")[some].values
+            samples, saturated = ((values, 0) if each.source == "recorded"
+                                  else each.scale.samples(values, each.middle))
             full += saturated
             for side, name in enumerate(SIDES):
                 _fill(packets[f"{name}{number}"], channel_header(each, 2 * number + side, passage), some)

@@ -11,6 +11,7 @@ import xarray as xr
 
 from mitsonar.device.files import FilePath
 from mitsonar.imaging.gain import Tvg
+from mitsonar.imaging.recording import shown
 from mitsonar.io.reading import is_netcdf, read
 from mitsonar.io.records import netcdf
 
@@ -40,7 +41,7 @@ def video(records: xr.Dataset | FilePath | Iterable[xr.Dataset | FilePath], path
         File that ends in .gif or .mp4, or a folder for one PNG per frame.
     fps : float, optional [Hz]
         Frame rate; by default the rate of the pings, limited to 1 to 30.
-    tvg : {'seabed', 'target', 'recorder', None}
+    tvg : {'seabed', 'target', 'recorder', 'counts', None}
         Gain for display (see `mitsonar.plots.images.gain`).
     limits : pair of float, optional [dB]
         Levels of the first and the last colour, with the gain added. By default twelve frames determine them, which are
@@ -75,8 +76,9 @@ def video(records: xr.Dataset | FilePath | Iterable[xr.Dataset | FilePath], path
         return
     sample, records, total = _sampled_records(records)
     view = fan_view(sample[0])
-    frames = [(_alike(dataset, view), ping) for dataset in sample
+    frames = [(shown(_alike(dataset, view), tvg)[0], ping) for dataset in sample
               for ping in _spread(dataset.sizes["ping"], -(-SAMPLED // len(sample)))]
+    of_counts, tvg = tvg, None if tvg == "counts" else tvg
     heard = max(fan_heard(dataset, [ping], tvg) for dataset, ping in frames)
     words = fan_levels(*frames[0], tvg, heard)[1]
     with movie_file(path, _fps(sample) if fps is None else fps, shades) as add_frame:
@@ -85,7 +87,7 @@ def video(records: xr.Dataset | FilePath | Iterable[xr.Dataset | FilePath], path
         sheet = FanSheet(view, title=name_of(sample[0]), colours=shades, limits=window,
                          bar=f"level{words}  [dB re 1 µPa]")
         for number, record in enumerate(records, 1):
-            dataset = _alike(_opened(record), view)
+            dataset = shown(_alike(_opened(record), view), of_counts)[0]
             for ping in range(dataset.sizes["ping"]):
                 image = view.map.levels(fan_levels(dataset, ping, tvg, heard)[0])
                 add_frame(sheet.pixels(image, words_of(dataset, ping)))
@@ -108,14 +110,14 @@ def _sampled_records(records: xr.Dataset | FilePath | Iterable[xr.Dataset | File
 
 
 def _opened(record: xr.Dataset | FilePath) -> xr.Dataset:
-    """Return the levels of a record, without its other variables."""
+    """Return the levels and counts of a record, without its other variables."""
     dataset = record if isinstance(record, xr.Dataset) else read(record)
     if not isinstance(dataset, xr.Dataset) or set(getattr(dataset.get("level"), "dims", ())) != {
             "ping", "beam", "range"} or dataset.sizes["beam"] < 2:
         name = "the record" if isinstance(record, xr.Dataset) else str(record)
         raise ValueError(f"a video is made of records of two or more beams, with level over (ping, beam, range); "
                          f"{name} is no such record.")
-    return dataset[["level"]]
+    return dataset[["level", *(name for name in ("recorded",) if name in dataset)]]
 
 
 def _alike(dataset: xr.Dataset, view: FanView) -> xr.Dataset:

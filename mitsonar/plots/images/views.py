@@ -18,6 +18,7 @@ from mitsonar.device.sentences import shortened
 from mitsonar.device.spelling import meant
 from mitsonar.imaging.focused import is_focused
 from mitsonar.imaging.gain import Tvg
+from mitsonar.imaging.recording import shown
 from mitsonar.units import HARDLY_DB, db_from_power, power_from_db
 
 from .. import canvas
@@ -119,8 +120,9 @@ def plot(dataset: xr.Dataset, what: str | None = None, path: FilePath | None = N
         soundings has the plots of `line_figure`, a focused image those of `FOCUSED_VIEWS`.
     path : str or path, optional
         File to write, ending in .png, .pdf or .svg.
-    tvg : {'seabed', 'target', 'recorder', None}
-        Gain over range for display (see `mitsonar.imaging.gain`); the data are not changed.
+    tvg : {'seabed', 'target', 'recorder', 'counts', None}
+        Gain over range for display (see `mitsonar.imaging.gain`); the data are not changed. ``counts`` draws what the
+        recorder wrote.
     ping : int, optional
         Index of the ping to draw. The default is the middle ping for ``ping``, and the first ping or turn for a fan.
     colours : {'copper', 'grey'}
@@ -161,6 +163,7 @@ def _figure(dataset: xr.Dataset, what: str, path: FilePath | None, tvg: Tvg, pin
         raise ValueError("only focused images have banks, and this dataset is no such image; leave the bank out.")
     if is_line(dataset):
         return draw_line(dataset, what, path, ping=ping, tvg=tvg, colours=colours)
+    dataset, tvg = shown(dataset, tvg)
     if is_focused(dataset):
         if ping is not None:
             raise ValueError("a focused image contains all its pings; leave the ping out.")
