@@ -108,7 +108,11 @@ def read_recorder(attributes: Attributes, *, source_level_db: float, width: floa
     the reverberation of a bed from a cell R θ wide (Urick 1983, ch. 8), c of 1500 m/s.
     """
     bits = attributes.recorder_bits
-    if not bits:
+    written = attributes.given(*(name for one in RECORDER.attributes for name in (one.name, one.formerly)))
+    if attributes.recorder == "none" and written and (bits or not {*written} <= {"recorder_bits", "adc_bits"}):
+        raise attributes.error(f"{written[0]} is given, but the recorder is none; leave it out, or give the class of a "
+                               "recorder.")
+    if not bits or attributes.recorder == "none":
         return None
     full_scale_db = attributes.recorder_full_scale_db
     if full_scale_db is None:
@@ -119,11 +123,9 @@ def read_recorder(attributes: Attributes, *, source_level_db: float, width: floa
     absorption, end = attributes.recorder_tvg_absorption_db, attributes.recorder_tvg_end
     try:
         return Recorder(
-            converter=Converter(bits=bits, full_scale_db=full_scale_db,
-                                dither=attributes.recorder_dither),
+            converter=Converter(bits=bits, full_scale_db=full_scale_db, dither=attributes.recorder_dither),
             gain=TimeVariedGain(
-                spreading=attributes.recorder_tvg, start=attributes.recorder_tvg_start,
-                absorption_db=absorption,
+                spreading=attributes.recorder_tvg, start=attributes.recorder_tvg_start, absorption_db=absorption,
                 end=float("inf") if end is None else end, step_db=attributes.recorder_tvg_step_db,
                 sectors_db=tuple(map(float, attributes.recorder_sectors_db))),
             detector=Detector(law=attributes.recorder_detector, range_db=attributes.recorder_log_range_db,

@@ -46,7 +46,7 @@ OWN = {
 }
 KINDS = tuple(OWN)
 SIZES = {                           # sensor, film, integrator: what kernels may depend upon
-    "sidescan": ({"speckle": True, "recorder_bits": 12}, {"bins": 60}, {"rays": 2000}),
+    "sidescan": ({"speckle": True, "recorder": "sidescan_16bit"}, {"bins": 60}, {"rays": 2000}),
     "forward_looking": ({"receive_elements": 6, "beams": 9}, {}, {}),
     "sector_scan": ({"sector_deg": 30.0, "pings": 2}, {"bins": 200}, {"rays": 1000}),
     "multibeam": ({"beams": 12, "pulse": "lfm"}, {}, {}),
@@ -56,8 +56,8 @@ SIZES = {                           # sensor, film, integrator: what kernels may
     "array_sonar": ({"receive": "line", "receive_elements": 6, "beams": 9}, {}, {}),
 }
 
-def numbered(kind, rng):
-    """Draw a scene of a kind of sonar."""
+def numbered(kind, rng, **written):
+    """Draw a scene of a kind of sonar; `written` are attributes of the sensor that are not drawn."""
     def drawn(low, high):
         return float(rng.uniform(low, high))
 
@@ -84,6 +84,7 @@ def numbered(kind, rng):
              "volume_strength_db": drawn(-80, -60), "absorption_db_per_km": drawn(20, 60), "ph": drawn(7.5, 8.2)}
     if kind == "synthetic_aperture":                       # close to the array, delays are found in two ways
         del water["volume_strength_db"]
+    sensor |= written
     to_world = mi.ScalarTransform4f().translate([*place, -bed]).scale([size] * 3)
     shapes = {"seabed": scenes.bed(bed, scenes.lambert(drawn(-30, -20)), size=60.0, tilt=drawn(-0.02, 0.02)),
               "box": {"type": "cube", "to_world": to_world, "bsdf": scenes.lambert(drawn(-20, -10))},
