@@ -214,16 +214,19 @@ class Recorder:
                              "more, and a number of 0 or more.")
 
 
-def interpolated(rows: np.ndarray, every: int) -> np.ndarray:
-    """Return rows (B, S) with all but one of `every` replaced by linear interpolation between those."""
-    if every == 1 or len(rows) < 2:
-        return rows
-    formed = np.unique(np.append(np.arange(0, len(rows), every), len(rows) - 1))
-    number = np.arange(len(rows))
+def formed_rows(rows: int, every: int) -> np.ndarray:
+    """Return the numbers (F,) of rows that are formed: one of `every`, and the last."""
+    return np.unique(np.append(np.arange(0, rows, every), rows - 1))
+
+
+def interpolated(values: np.ndarray, formed: np.ndarray) -> np.ndarray:
+    """Return the values of all rows (B, S) from those of the formed ones (F, S), linear between them."""
+    if len(formed) == formed[-1] + 1:
+        return values
+    number = np.arange(formed[-1] + 1)
     after = np.clip(np.searchsorted(formed, number, "right"), 1, len(formed) - 1)
-    low, high = formed[after - 1], formed[after]
-    share = ((number - low) / (high - low)).astype(rows.dtype)[:, None]
-    return (1 - share) * rows[low] + share * rows[high]
+    share = (number - formed[after - 1]) / (formed[after] - formed[after - 1])
+    return values[after - 1] + share.astype(values.dtype)[:, None] * (values[after] - values[after - 1])
 
 
 def gains(decibels: Sequence[float] | np.ndarray) -> np.ndarray:

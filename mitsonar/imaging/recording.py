@@ -21,7 +21,7 @@ from mitsonar.device.chance import Salt, ping_key
 from mitsonar.units import NOTHING_DB, db_from_power
 
 from .gain import Tvg
-from .recorder import Converter, Detector, Recorder, TimeVariedGain, gains, interpolated
+from .recorder import Converter, Detector, Recorder, TimeVariedGain, formed_rows, gains, interpolated
 
 LOG2_10 = np.float32(np.log2(10))
 
@@ -60,20 +60,25 @@ class PingRecorder:
         of_rows = gains(recorder.gain.of_rows(rows) + electronics.row_gain_db * instrument.standard_normal(rows))
         of_samples = gains(recorder.gain.over(slant_range) - converter.full_scale_db
                            + electronics.stripe_db * instrument.standard_normal(samples))
-        factor = of_rows[:, None] * of_samples                                                          # (B, S)
+        formed = formed_rows(rows, recorder.interpolation)
+        factor = of_rows[formed, None] * of_samples                                                     # (F, S)
         line = electronics.transmission(time).astype(np.float32)
         numbers, starts = np.atleast_1d(image["ping"].values), np.atleast_1d(image["ping_time"].values)
         counts = np.empty(level.shape, converter.dtype)
         for number, start, levels, into in zip(numbers, starts, level, counts, strict=True):
             random = np.random.default_rng([ping_key(self._seed, int(number)), Salt.RECORDER])
             fault, gain_db = random.random(), recorder.faults.gain_db * random.standard_normal()
-            into[:] = self._ping(recorder, np.exp2(levels * (LOG2_10 / 20)) * factor, line,
-                                 electronics.interfering(start + time), fault, gain_db, random)
+            amplitude = np.exp2(levels[formed] * (LOG2_10 / 20)) * factor
+            into[:] = self._ping(recorder, amplitude, formed, line, electronics.interfering(start + time), fault,
+                                 gain_db, random)
         return counts
 
-    def _ping(self, recorder: Recorder, amplitude: np.ndarray, line: np.ndarray, interference: np.ndarray,
-              fault: float, gain_db: float, random: np.random.Generator) -> np.ndarray:
-        """Return the counts (B, S) of a ping's amplitudes (B, S), 1 at full scale; `fault` is uniform in [0, 1)."""
+    def _ping(self, recorder: Recorder, amplitude: np.ndarray, formed: np.ndarray, line: np.ndarray,
+              interference: np.ndarray, fault: float, gain_db: float, random: np.random.Generator) -> np.ndarray:
+        """Return the counts (B, S) of the amplitudes (F, S) of a ping's formed rows (F,).
+
+        They are 1 at full scale, and `fault` is uniform in [0, 1).
+        """
         faults = recorder.faults
         bright = faults.lost + faults.repeated <= fault < faults.lost + faults.repeated + faults.bright
         if gain_db or bright:
@@ -83,7 +88,7 @@ class PingRecorder:
         if (share := np.float32(recorder.detector.along_track)) and self._detected is not None:
             detected = (1 - share) * detected + share * self._detected
         self._detected = detected
-        counts = recorder.converter.counts(interpolated(detected, recorder.interpolation), random)
+        counts = recorder.converter.counts(interpolated(detected, formed), random)
         if fault < faults.lost:
             counts = np.zeros_like(counts)
         elif fault < faults.lost + faults.repeated and self._counts is not None:

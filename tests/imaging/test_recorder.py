@@ -12,6 +12,7 @@ from mitsonar.imaging.recorder import (
     PingFaults,
     Recorder,
     TimeVariedGain,
+    formed_rows,
     interpolated,
 )
 from mitsonar.imaging.recording import PingRecorder, as_recorded
@@ -196,10 +197,11 @@ def test_decimated_samples_are_repeated():
 
 def test_beams_between_formed_ones_are_interpolated():
     rows = np.arange(12.0)[:, None] ** 2 * np.ones(3)
-    found = interpolated(rows, 4)
-    assert np.array_equal(found[[0, 4, 8, 11]], rows[[0, 4, 8, 11]])
+    formed = formed_rows(12, 4)
+    found = interpolated(rows[formed], formed)
+    assert formed.tolist() == [0, 4, 8, 11] and np.array_equal(found[formed], rows[formed])
     assert found[2, 0] == pytest.approx(8) and found[10, 0] == pytest.approx(64 + (121 - 64) * 2 / 3)
-    assert interpolated(rows, 1) is rows
+    assert interpolated(rows, formed_rows(12, 1)) is rows
 
 
 def test_pictures_of_single_pings_have_the_counts_of_one_of_all():
