@@ -130,6 +130,15 @@ def test_the_benchmark_names_the_low_pass_that_one_of_two_has(tmp_path, capsys, 
     assert sheet.stat().st_size > 10_000
 
 
+def test_lines_of_one_kind_cannot_be_told_apart(tmp_path):
+    cut = []
+    for seed in (1, 2):
+        write_line(tmp_path / f"{seed}.npz", .1, seed)
+        cut.append(clue_records.bed_items(clue_records.line(str(tmp_path / f"{seed}.npz"))))
+    area, spread = real_or_rendered._within(telling_apart.logistic, *cut)
+    assert abs(area - .5) < .12 and spread < .1                       # 3 to 4 standard errors of 112 against 112
+
+
 @pytest.mark.parametrize("arguments, said", [
     ([], "pairs are REAL=RENDERED"), (["a.xtf"], "got a.xtf"), (["a=b", "--tuned", "C: beams"], "names no pair"),
     (["a=b", "-o", "x.pdf"], "ends neither")])
