@@ -59,6 +59,8 @@ def patch_clues(patches, row="ping"):
     for lag in (1, 2, 3, 5):
         clues[f"correlation in range, lag {lag}"] = correlation(y, 0, lag)
         clues[f"correlation from {row} to {row}, lag {lag}"] = correlation(y, lag, 0)
+    # a sonar that crabs moves the bed's speckle in range from ping to ping: that is no decorrelation
+    clues[f"correlation from {row} to {row}, best shift"] = np.max([correlation(y, 1, k) for k in range(-3, 4)], 0)
     up, down = correlation(y, 1, 1), correlation(y, 1, -1)
     clues |= {"correlation on the diagonals": (up + down) / 2,
               "correlation: difference of the diagonals": np.abs(up - down)}        # the other way round on port

@@ -35,7 +35,6 @@ from telling_apart import auc, by_folds, error, folded, forest, logistic
 
 STRONGEST = 10
 MOST_ROWS = 25
-PATCH_TOP = 2.5                    # of the median amplitude: white in pictures of patches
 APART = 0.03                       # of the spacing of samples
 KINDS = {"patches of bed": clue_records.bed_items, "runs of pings": clue_records.run_items}
 FRAME_KINDS = {"patches of frames": clue_records.frame_items}
@@ -280,10 +279,10 @@ def draw(path, shown):
             if not np.isfinite(values).any():
                 continue
             item = int(np.nanargmin(np.abs(values - np.nanmedian(values))))
-            picture, top = items.pictures[item], PATCH_TOP
+            picture = items.pictures[item]
             if clue.kind == "runs of pings":                          # water and bed in one picture
                 picture = np.sqrt(np.maximum(picture, 0))
-                top = max(np.quantile(picture, .995), 1e-9)
+            top = max(np.quantile(picture, .995), 1e-9)
             row[column].imshow(picture, cmap="gray", vmin=0, vmax=top, aspect="auto", interpolation="nearest")
             row[column].set_title(f"{what}: {values[item]:.3g}", fontsize=7, pad=2)
     figure.savefig(path, dpi=110)
