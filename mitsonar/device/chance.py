@@ -55,6 +55,8 @@ class Salt:
     OF_ONE_PASS, PASS = 0x2F0B4C47, 0x3A8C35D1          # a scatterer's part of one pass; seed of a pass
     PATCH = 0x6A09E667             # strength of a patch of seabed
     BORDER = 0x3AF54FA5            # sediment of a place within a border of two
+    GLINT = 0x4F9D2E8B             # number of the glints of a square of seabed
+    WEED = 0x5C7A11D3              # field whose high parts are weed; octaves are added
     WATER_SPECKLE = 0x35C0FBCF     # a sidescan's speckle of the water
     BEAM_AMBIENT, BEAM_NOISE = 0x1F83D9AB, 0x5BE0CD19   # noise in beams: on rows of sine, on waves along the line
     RECEIVER_FLAWS = 0x464C4157    # errors of a multibeam's receivers

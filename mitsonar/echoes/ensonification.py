@@ -214,13 +214,14 @@ class Ensonification:
             share = None if share is None else dr.gather(mi.Float, share, index)
             dr.eval(facet, k, from_rays, share)
         cells = self.scatterers.at(facet, k)
+        cells = self.scatterers.glinted(cells, cells.area if share is None else cells.area / share)
         way = self.connector.connect(sources, origin, mi.UInt32(0), cells.point, cells.normal,
                                      occlusion=from_rays is None, coarse=True)
         reached = way.free & (way.travel_time < dr.opaque(mi.Float64, 0.55 * self.window[1] + 1e-3))
         if from_rays is not None:
             energy, area = from_rays
         else:
-            area = cells.area if share is None else cells.area / share
+            area = cells.area
             strength, sin_grazing = scattering_strength(cells.hits(way), reached, self.frequency)
             gain = self.sights.along(sources, origin, mi.UInt32(0), cells.point, way).gain
             energy = along_legs(strength * area, gain, gain)

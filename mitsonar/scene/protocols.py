@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from mitsonar.scattering.bodies.scattering_functions import ScatteringFunction
+    from mitsonar.scattering.surfaces.glints import Glints
 
 
 @runtime_checkable
@@ -42,6 +43,11 @@ class SoundMaterial(Protocol):
     @property
     def coherence(self) -> float | mi.Texture:
         """Return the coherence of its scatterers between any two passes."""
+        ...
+
+    @property
+    def glints(self) -> Glints | None:
+        """Return the strong scatterers among its scatterers."""
         ...
 
     def check(self, frequency: float, sound_speed: float) -> None:

@@ -16,9 +16,10 @@ from mitsonar.scattering.surfaces.elastic import Elastic
 
 from ..attributes import Text
 from .class_map import CLASSES
-from .material import COHERENCE, PATCHES
+from .material import COHERENCE
 from .parameter import Parameter
 from .sediment import MESH_RESOLUTION, SedimentBed, own
+from .variation import VARIATION
 
 SOLID = "density_ratio", "sound_speed_ratio", "loss", "shear_loss", "w3"
 
@@ -32,7 +33,7 @@ ATTRIBUTES = (
     own("w3", ELASTIC_BOUNDS, "strength of the spectrum of what varies in the volume; 0: nothing", or_none=True),
     own("w2", ELASTIC_BOUNDS, "strength of the roughness spectrum", unit="m^(4-γ)"),
     own("gamma", ELASTIC_BOUNDS, "exponent γ of that spectrum"),
-    *CLASSES, MESH_RESOLUTION, COHERENCE, *PATCHES,
+    *CLASSES, MESH_RESOLUTION, COHERENCE, *VARIATION,
 )
 
 

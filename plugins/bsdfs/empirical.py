@@ -14,12 +14,13 @@ from mitsonar.device.arrays import upload
 from mitsonar.io.scene_files import backscatter
 
 from ..attributes import Attributes, File
-from .material import COHERENCE, PATCHES, Material, patches_of
+from .material import COHERENCE, Material
+from .variation import VARIATION, variation_of
 
 ATTRIBUTES = (
     File("filename", text="CSV: grazing angle [deg], strength [dB]; for several frequencies one column each, called as "
                           '"100 kHz"; the nearest holds beyond them'),
-    COHERENCE, *PATCHES,
+    COHERENCE, *VARIATION,
 )
 
 
@@ -28,7 +29,7 @@ class Empirical(Material):
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, ATTRIBUTES)
-        self.patches, self.coherence = patches_of(attributes), attributes.coherence
+        self.variation, self.coherence = variation_of(attributes), attributes.coherence
         self.textured = isinstance(self.coherence, mi.Texture)
         try:
             table = backscatter.read(attributes.filename)

@@ -16,13 +16,14 @@ from mitsonar.scattering.laws import lambert
 from mitsonar.units import db_from_power, power_from_db
 
 from ..attributes import Attributes, NumberOrTexture
-from .material import COHERENCE, PATCHES, Material, patches_of
+from .material import COHERENCE, Material
+from .variation import VARIATION, variation_of
 
 ATTRIBUTES = (
     NumberOrTexture("mu_db", default=-27.0, unit="dB", maximum=float(db_from_power(lambert.STRONGEST)),
                     text="scattering strength, 10 log µ of σ = µ sin θ_i sin θ_s; -35 for mud to -10 for gravel and "
                          "rock"),
-    COHERENCE, *PATCHES,
+    COHERENCE, *VARIATION,
 )
 
 
@@ -31,7 +32,7 @@ class Lambert(Material):
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, ATTRIBUTES)
-        self.mu_db, self.patches = attributes.mu_db, patches_of(attributes)
+        self.mu_db, self.variation = attributes.mu_db, variation_of(attributes)
         self.coherence = attributes.coherence
         super().__init__(props, flags=mi.BSDFFlags.DiffuseReflection | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide)
         self.textured = any(isinstance(value, mi.Texture) for value in (self.mu_db, self.coherence))

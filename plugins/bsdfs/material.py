@@ -8,22 +8,12 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 
-from mitsonar.device.arrays import arrays_of, upload
-from mitsonar.scattering.surfaces.patches import LARGEST_SHAPE, SMALLEST_SHAPE, Patches
+from mitsonar.scattering.surfaces.glints import Glints
 
-from ..attributes import Attributes, Number, NumberOrTexture
+from ..attributes import NumberOrTexture
+from .variation import Variation
 
 SHOWN_AT = 100e3, 1500.0           # [Hz], [m/s]: for Mitsuba's own integrators
-
-PATCHES = (
-    Number("patchiness", default=None, minimum=SMALLEST_SHAPE, maximum=LARGEST_SHAPE,
-           text="shape ν of the gamma distribution by which strength varies between squares, so that echoes are "
-                "K-distributed; none where it is not written"),
-    Number("patch_size", default=1.0, above=0, unit="m", text="side of these squares"),
-    Number("patch_border", default=0.0, minimum=0, unit="m",
-           text="width over which one square goes over into the next, at most their side; 0: steps; resolution cells "
-                "on a border are less patchy"),
-)
 
 COHERENCE = NumberOrTexture(
     "coherence", default=1.0, minimum=0, maximum=1,
@@ -38,7 +28,7 @@ class Material(mi.BSDF):
     """
 
     textured = False
-    patches: Patches | None = None
+    variation = Variation()
     coherence: float | mi.Texture = 1.0  # of scatterers between any two passes
     smooth = reflects = mirror = False
 
@@ -62,7 +52,12 @@ class Material(mi.BSDF):
                         sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:
         """Return σ [-] of the law times the strength of the local patch relative to the mean."""
         strength = self.scattering_strength(si, wi, wo, frequency, sound_speed, active)
-        return strength if self.patches is None else strength * self.patches.at(si.p.x, si.p.y, active)
+        return self.variation.of(strength, si.p, active)
+
+    @property
+    def glints(self) -> Glints | None:
+        """Return the strong scatterers of the material."""
+        return self.variation.glints
 
     def coherence_at(self, si: mi.SurfaceInteraction3f, active: mi.Bool | bool = True) -> mi.Float:
         """Return the coherence between any two passes of the scatterers at interactions, 0 to 1."""
@@ -124,19 +119,6 @@ class Material(mi.BSDF):
     def traverse(self, callback: mi.TraversalCallback) -> None:
         if isinstance(self.coherence, mi.Texture):
             callback.put("coherence", self.coherence, mi.ParamFlags.NonDifferentiable)
-
-
-def patches_of(attributes: Attributes) -> Patches | None:
-    """Return the patches of the attributes in `PATCHES`, or None."""
-    if attributes.patchiness is None:
-        if written := attributes.given("patch_size", "patch_border"):
-            raise attributes.error(f"{written[0]} is given without patchiness; give both or neither.")
-        return None
-    if attributes.patch_border > attributes.patch_size:
-        raise attributes.error(f"patch_border is {attributes.patch_border:g} m, and patches are "
-                               f"{attributes.patch_size:g} m wide; give at most that.")
-    return Patches(attributes.patchiness, attributes.patch_size, arrays_of(mi.Float), upload,
-                   attributes.patch_border)
 
 
 def _shown():

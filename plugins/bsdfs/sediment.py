@@ -41,8 +41,9 @@ from mitsonar.scattering.surfaces.small_slope import lobe_factor
 
 from ..attributes import Attributes, Number, NumberOrTexture, Text
 from .class_map import CLASSES, class_map_of
-from .material import COHERENCE, PATCHES, Material, patches_of
+from .material import COHERENCE, Material
 from .parameter import Parameter
+from .variation import VARIATION, variation_of
 
 FLUID = "density_ratio", "sound_speed_ratio", "loss", "volume_parameter"
 LEAST = {"density_ratio": 1e-2, "sound_speed_ratio": 1e-2, "loss": 1e-5, "w2": 1e-12,      # of textures
@@ -72,7 +73,7 @@ ATTRIBUTES = (
         or_none=True),
     own("w2", BOUNDS, "strength of the roughness spectrum", unit="m^(4-γ)"),
     own("gamma", BOUNDS, "exponent γ of that spectrum"),
-    *CLASSES, MESH_RESOLUTION, COHERENCE, *PATCHES,
+    *CLASSES, MESH_RESOLUTION, COHERENCE, *VARIATION,
 )
 
 
@@ -90,7 +91,7 @@ class SedimentBed(Material):
         self.mesh_resolution = attributes.mesh_resolution
         if self.mesh_resolution and isinstance(attributes.gamma, mi.Texture):
             raise attributes.error("mesh_resolution is written, and gamma is a texture; give gamma as a number.")
-        self.patches, self.coherence = patches_of(attributes), attributes.coherence
+        self.variation, self.coherence = variation_of(attributes), attributes.coherence
         super().__init__(props)
         fixed = {name: value for name, value in written.items() if isinstance(value, float)}
         self.sediments: list[Any] = [_made(attributes, self.law, name, fixed) for name in self.named]

@@ -5,11 +5,14 @@ moves. Every number of a kind is drawn afresh, within spans that leave the ways 
 all boxes lie partly under the bed, and all have shadows.
 """
 import mitsuba as mi
+import numpy as np
 import sonar_scenes as scenes
 
 SONAR = {"source_level_db": (195, 215), "speed_knots": (2.5, 4), "heading_deg": (0, 5), "roll_deg": (0.1, 1),
          "pitch_deg": (0.1, 0.4), "yaw_deg": (0.1, 0.4), "heave": (0.005, 0.02), "surge": (0.005, 0.02),
          "sway": (0.005, 0.02), "motion_period": (3, 9), "noise_level_db": (20, 40), "self_noise_db": (20, 40)}
+VARIATION = {"patchiness": (1, 9), "patch_size": (2, 3), "glints": (1, 90), "glint_share": (0.1, 0.9), "weed_cover":
+             (0.1, 0.4), "weed_db": (-5, 5), "weed_size": (2, 5), "weed_edge": (0.1, 0.9), "weed_heading_deg": (1, 90)}
 PULSE = {"pulse_ms": (0.2, 0.5), "bandwidth_khz": (10, 25)}
 OWN = {
     "sidescan": {
@@ -86,7 +89,10 @@ def numbered(kind, rng, **written):
         del water["volume_strength_db"]
     sensor |= written
     to_world = mi.ScalarTransform4f().translate([*place, -bed]).scale([size] * 3)
-    shapes = {"seabed": scenes.bed(bed, scenes.lambert(drawn(-30, -20)), size=60.0, tilt=drawn(-0.02, 0.02)),
+    # by a generator of its own: all other numbers stay
+    own = np.random.default_rng(int(1e6 * bed))
+    ground = {**scenes.lambert(drawn(-30, -20)), **{name: own.uniform(*span) for name, span in VARIATION.items()}}
+    shapes = {"seabed": scenes.bed(bed, ground, size=60.0, tilt=drawn(-0.02, 0.02)),
               "box": {"type": "cube", "to_world": to_world, "bsdf": scenes.lambert(drawn(-20, -10))},
               "ball": scenes.point_target([place[0], 2.0, 1 - bed], drawn(-20, 0))}
     return getattr(scenes, kind)(shapes, depth=depth, sensor=sensor, water=water, film=film, integrator=integrator)

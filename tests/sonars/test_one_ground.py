@@ -105,6 +105,12 @@ def test_so_they_do_over_ripples():
     assert coherence(RIPPLED, bins=500) > 0.975
 
 
+def test_glints_of_both_are_the_same():
+    """With glints that each count for more than the rest of a cell; others in each would leave some 0.6."""
+    glinting = {**scenes.lambert(), "glints": 5.0, "glint_share": 0.8}
+    assert coherence(bed_of(40.0, glinting, size=500.0), bins=500) > 0.975
+
+
 @pytest.mark.parametrize("width", [2.0, 6.0])
 def test_other_apertures_share_what_their_beams_share(width):
     lengths = np.array([length_for_beam_width(np.deg2rad(value), WAVELENGTH) for value in (3.0, width)])

@@ -21,11 +21,14 @@ amplitude
 g and h_n are independent complex Gaussians of unit mean square; g belongs to the scatterer, h_n to the scatterer in
 that pass. So <a_m a_n*> = c for any two passes, and <|a_n|²> = 1 (the temporal coherence of Zebker and Villasenor,
 1992, IEEE Trans. Geosci. Remote Sens. 30, 950). With c = 0, pass 0 has g.
+
+Where a material has glints, amplitudes are a_n √G, <G> = 1, and G depends on the area that a scatterer stands for
+(`scattering.surfaces.glints`). The energies of rays are means over glints.
 """
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import drjit as dr
@@ -35,9 +38,10 @@ import numpy as np
 from mitsonar.device.arrays import arrays_of, held, reinterpreted, upload
 from mitsonar.device.chance import Salt, gaussian, hashed, hashed_pair, scrambled, shape_key, uniform
 from mitsonar.device.types import Array4u
+from mitsonar.scattering.surfaces.glints import FEWEST, with_glints
 from mitsonar.scene.geometry import Geometry, interpolated
 from mitsonar.scene.materials import coherence, loses_coherence
-from mitsonar.scene.protocols import is_mirror, is_sea_surface, is_smooth, target_shape
+from mitsonar.scene.protocols import is_mirror, is_sea_surface, is_smooth, sound_material, target_shape
 from mitsonar.scene.tessellation import Grids, grid_of
 from mitsonar.scene.tracing.connection import Connection
 from mitsonar.scene.tracing.hits import Hits
@@ -132,6 +136,7 @@ class Scatterers:
         shapes = [*geometry.meshes, *rows]
         self.label = np.zeros(len(faces), np.uint32)
         self.rows = np.zeros((max(index for index, *_ in shapes) + 1, 2), np.uint32)
+        glints = np.zeros((len(self.rows), 2), np.float32)
         for index, shape, first, count in shapes:
             own = slice(first, first + count)
             facts[own, 0], facts[own, 1], facts[own, 2] = index, np.arange(count), shape_key(shape.id())
@@ -139,7 +144,10 @@ class Scatterers:
             self.at_surface[own] = is_sea_surface(shape)
             self.rows[index] = first, first >= meshed_faces
             self.label[own] = named[own] if first < meshed_faces else geometry.named.of(shape)
+            if (material := sound_material(shape.bsdf())) is not None and material.glints is not None:
+                glints[index] = material.glints.per_area, material.glints.share
             facts[own, 3] = geometry.textured and (self.rows[index, 1] or shape.has_vertex_texcoords())
+        self.glinting, self._glints = bool(glints.any()), upload(mi.Float, glints)
         key, number = (upload(mi.UInt32, facts[:, column]) for column in (2, 1))
         own_key = hashed(self.lib, key, number, dr.opaque(mi.UInt32, int(seed) & 0xFFFFFFFF))
         facts[:, 2] = own_key.numpy()
@@ -262,6 +270,22 @@ class Scatterers:
             sine, cosine = dr.sincos(turned)
             return real * cosine - imaginary * sine, real * sine + imaginary * cosine
         return gaussian(self.lib, *hashed_pair(self.lib, amplitude_key, k), turned)
+
+    def glinted(self, cells: Cells, area: mi.Float) -> Cells:
+        """Return scatterers as they are where each stands for an area (R,) [m²]."""
+        if not self.glinting:
+            return replace(cells, area=area)
+        root = self.root_of_glints(self.glints_of(reinterpreted(mi.UInt32, cells.shape)), cells.point, area)
+        return replace(cells, area=area, amplitude=(cells.amplitude[0] * root, cells.amplitude[1] * root))
+
+    def glints_of(self, shape: mi.UInt32) -> tuple[mi.Float, mi.Float]:
+        """Return density [1/m²] and share of the glints of shapes by their registry index, (R,)."""
+        per_area, share = dr.gather(self.lib.Array2f, self._glints, shape)
+        return dr.maximum(per_area, FEWEST), share
+
+    def root_of_glints(self, glints: tuple[mi.Float, mi.Float], point: dr.ArrayBase, area: mi.Float) -> mi.Float:
+        """Return √G of scatterers (R,) at points that stand for areas [m²]."""
+        return dr.sqrt(with_glints(self.lib, mi.Float(point.x), mi.Float(point.y), dr.detach(area), *glints))
 
     def exist(self, facet: mi.UInt32, k: mi.UInt32, share: mi.Float) -> mi.Bool:
         """Return True for scatterers that exist where a sonar takes a share of the n² of each facet."""

@@ -20,7 +20,7 @@ middle, because arrays that stand apart see a near scatterer in directions that 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import reduce
 
 import drjit as dr
@@ -134,7 +134,7 @@ class ThinnedScatterers:
         d = mi.Vector3f(cells.point - opaque_vector(self.lib.Array3f64, density.origin))
         R = dr.maximum(dr.norm(d), NEAREST)
         m = dr.minimum(_count(density, cells.normal, d / R, R, cells.area, d), MOST_OF_A_FACET)
-        return replace(cells, area=cells.area / dr.maximum(m, 1e-30)), self._facets.exist(facet, k, m)
+        return self._facets.glinted(cells, cells.area / dr.maximum(m, 1e-30)), self._facets.exist(facet, k, m)
 
     def _in_reach(self, density):
         """Return the numbers of the patches, uint32, in blocks that lie within reach."""

@@ -2,9 +2,9 @@
 
     g(row, j) = Σ_c w_c a_c e^(-i2πf τ_c) / √(Σ_c |w_c|²),      t_j <= τ_c < t_j + Δt,     w_c = b(u_c) √(σ_c A / m_c)
 
-for a side of a ping (row) and the gate j that begins at t_j: unit variance, circular Gaussian. Scatterers c and their
-amplitudes a_c are those of all sonars (`echoes.scatterers.nested_points`), as dense as in the beam domain: a facet of
-the area A has
+for a side of a ping (row) and the gate j that begins at t_j: unit variance, circular Gaussian if no bed has glints.
+Scatterers c and their amplitudes a_c are those of all sonars (`echoes.scatterers.nested_points`), as dense as in the
+beam domain: a facet of the area A has
 
     m = q A |n·(l × x)| / (ΔR R ψ)
 
@@ -287,6 +287,7 @@ class SideSpeckle:
         twice = dr.norm(cross)
         normal = cross / dr.maximum(twice, 1e-30)
         middle = a + (b - a) * lib.Float64(middle_u) + (c - a) * lib.Float64(middle_v)
+        near, glints = mi.Point3f(middle), facets.glints_of(facts[0]) if facets.glinting else None
         offset, axis, wider = self._half_way(poses, motion, ping, middle)
         far = dr.maximum(dr.norm(offset), NEAREST)
         cycles = 2 * far * self._per_metre
@@ -318,6 +319,10 @@ class SideSpeckle:
             # the phase falls with the time
             turns = cycles + longer * self._cycles_per_metre
             real, imaginary = facets.amplitude(triangles.facet, key, k, u, v, (dr.floor(turns) - turns) * (2 * np.pi))
+            if glints is not None:
+                there = near + (u - middle_u) * e + (v - middle_v) * f
+                root = facets.root_of_glints(glints, there, 0.5 * twice / dr.maximum(m, 1e-30))
+                real, imaginary = real * root, imaginary * root
             power = dr.square(b_real) + dr.square(b_imaginary)
             words = (weight * (real * b_real - imaginary * b_imaginary),
                      weight * (real * b_imaginary + imaginary * b_real), dr.square(weight) * power / SCALE, mi.Float(0))

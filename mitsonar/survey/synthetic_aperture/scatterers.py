@@ -46,6 +46,7 @@ def _blocks(survey: StripSurvey, cells: Scatterers, runs: tuple[np.ndarray, np.n
     nearest = 0.5 * survey.time[0] * survey.waters.slowest          # echoes from there last into the record
     for facet, k in cells.listed(runs, BLOCK):
         block = cells.at(facet, k)
+        block = cells.glinted(block, block.area)
         dr.eval(block.point, block.area, block.amplitude)
         point = block.point.numpy().T
         near = _within(survey, line, point, nearest, farthest)
