@@ -1,7 +1,9 @@
 """Scour of beds by the objects that stand on them, the common half of `seabed`, `bathymetry` and `targets`.
 
-A bed keeps the heights that it had before, and how far objects have lowered and raised it. Where moats overlap, the
-bed is as deep as the deepest, and as high as the highest heap: the order in which objects are read does not matter.
+A bed keeps the heights that it had before `targets` scoured it, and how far they have lowered and raised it. Where
+moats overlap, the bed is as deep as the deepest, and as high as the highest heap: the order in which objects are read
+does not matter. All `targets` lie on the bed as it was before; moats about the objects that the bed itself refers to
+are there from the beginning.
 """
 import threading
 from dataclasses import dataclass
@@ -40,7 +42,7 @@ _lock = threading.Lock()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ground:
-    """Heights of a bed's vertices (V,) float32 [m] before scour, and how far it is lowered and raised."""
+    """Heights of a bed's vertices (V,) float32 [m] before targets scoured it, and how far it is lowered and raised."""
 
     before: np.ndarray
     lowered: np.ndarray
@@ -49,7 +51,7 @@ class Ground:
 
 @runtime_checkable
 class ScouredBed(BedShape, Protocol):
-    """Bed that keeps its ground; None before the first scour."""
+    """Bed that keeps its ground; None before targets scour it."""
 
     ground: Ground | None
 
@@ -77,7 +79,7 @@ def mesh_arrays(shape: mi.Shape) -> tuple[np.ndarray, np.ndarray]:
 
 
 def vertices_before(shape: mi.Mesh) -> np.ndarray:
-    """Return the vertices (V, 3) [m] of a mesh as they were before any scour."""
+    """Return the vertices (V, 3) [m] of a mesh as they were before targets scoured it."""
     vertices, _ = mesh_arrays(shape)
     if isinstance(shape, ScouredBed) and shape.ground is not None:
         vertices = vertices.copy()
@@ -98,6 +100,8 @@ def scour_about_standing(attributes: Attributes, bed: mi.Mesh) -> None:
     vertices = vertices_before(bed)
     marks = [_standing(attributes, vertices, shape) for shape in shapes]
     cut(attributes, bed, scour, [mark for mark in marks if mark is not None])
+    if isinstance(bed, ScouredBed):
+        bed.ground = None                                              # targets will lie on the bed as it is now
 
 
 def _standing(attributes, bed, shape):

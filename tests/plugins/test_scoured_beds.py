@@ -5,6 +5,7 @@ objects, and what a grid cannot carry must be refused.
 """
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from mitsonar.scattering import DragMarks, PockMarks, SandRibbons
 
@@ -86,6 +87,21 @@ def test_targets_scour_their_bed_and_keep_their_places(variant, heights):
         around = np.hypot(np.arange(-75, 76) * 0.2 - x, (np.arange(-60, 61) * 0.2)[:, None] - y)
         assert found[around < place["radius"] + 0.5].min() < -0.05
     assert not (heights({"seabed": bed(), "stones": stones()}) + 10).any()
+
+
+def test_targets_lie_in_the_moat_about_a_fixed_object(variant, heights):
+    import mitsuba as mi
+
+    shapes = {"block": block(0.0, 0.0), "seabed": bed(scour_depth=0.4, scour_extent=3.0, on=ref("block"))}
+    scene = mi.load_dict({"type": "scene", **shapes, "stones": stones(count=12, spacing=0.0, scale=0.3, scour_depth=0.3,
+                                                                      scour_extent=8.0, area="-4, -6, 4, 6")},
+                         parallel=False, optimize=False)
+    ground = heights(shapes)
+    placed = next(shape for shape in scene.shapes() if shape.id() == "stones").placed
+    x, y, z = np.transpose([place["position"] for place in placed.values()])
+    expected = ndimage.map_coordinates(ground, ((y + 12) / 0.2, (x + 15) / 0.2), order=1)
+    assert expected.min() < -10.3
+    np.testing.assert_allclose(z, expected, rtol=0, atol=0.03)             # a stone's footprint has a mean height
 
 
 def test_the_order_of_objects_does_not_matter(heights):
