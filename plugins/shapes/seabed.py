@@ -200,6 +200,8 @@ def _is_written(attributes, declared, *, needed, finest, nodes=NODES_PER_WAVE, s
     missing = [name for name in names[:needed] if getattr(attributes, name) is None]
     if given and missing:
         raise attributes.error(f"{given[0]} is written without {' and '.join(missing)}.")
+    if given and getattr(attributes, names[0]) == 0:
+        return False                                                   # a density of nothing needs no nodes
     if given and smallest * getattr(attributes, finest) < nodes * spacing:
         narrowest = smallest * getattr(attributes, finest)
         part = "a wave" if finest.endswith("wavelength") else f"the narrowest, {narrowest:g} m,"

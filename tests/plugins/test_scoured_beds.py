@@ -52,7 +52,8 @@ def heights(variant):
     (DRAG, DragMarks(density=0.003, width=0.8, depth=0.2, length=20.0, heading=np.deg2rad(30),
                      heading_spread=np.deg2rad(12), seed=3)),
     (RIBBONS, SandRibbons(spacing=8.0, height=0.2, heading=np.pi / 2, wander=0.5, seed=3)),
-    ({**POCKMARKS, "pockmark_density": 0.0}, PockMarks(density=0.0, diameter=3.0, depth=0.3)),
+    ({**POCKMARKS, "pockmark_density": 0.0, "pockmark_diameter": 0.5, "pockmark_depth": 0.1},
+     PockMarks(density=0.0, diameter=0.5, depth=0.1)),                             # however fine
 ], ids=["pock marks", "drag marks", "ribbons", "none"])
 def test_marks_of_a_seabed(heights, attributes, relief):
     x, y = np.arange(-75, 76) * 0.2, np.arange(-60, 61) * 0.2
