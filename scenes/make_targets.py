@@ -52,6 +52,16 @@ def box(size, centre):
     return loft([square + (0, 0, -z) + centre, square + (0, 0, z) + centre])
 
 
+def plate(size, generator, corners=10):
+    """Make a broken plate of about ``size`` (x, y, z) about the origin: ragged in outline, and a little bent."""
+    x, y, z = np.array(size) / 2
+    turn = 2 * np.pi * (np.arange(corners) + generator.uniform(0.1, 0.9, corners)) / corners
+    way = np.column_stack((np.cos(turn), np.sin(turn)))
+    outline = way / np.abs(way).max(axis=1, keepdims=True) * generator.uniform(0.6, 1.0, (corners, 1)) * (x, y)
+    bend = generator.uniform(-1.5, 1.5) * z * (outline[:, 1] / y) ** 2
+    return loft([np.column_stack((outline, bend + side * z)) for side in (-1, 1)])
+
+
 def tube(start, end, radius, sides=12):
     """Make a round bar between two points; ``radius`` at start and end may differ."""
     start, end = np.asarray(start, float), np.asarray(end, float)
@@ -152,12 +162,12 @@ def wreck():
                for x in (-1.5, -0.5, 0.5, 1.5))]                                # rail
     bow = moved(join(bow), roll=8, pitch=-2, by=(0, 0.5, -1.0))
     stern = moved(join(stern), roll=-24, pitch=3, turn=9, by=(-0.6, -1.6, -0.9))
-    generator = np.random.default_rng(11)
+    generator, breaks = np.random.default_rng(11), np.random.default_rng(12)
     debris = []
     for size in generator.uniform((0.3, 0.3, 0.05), (2.2, 1.4, 0.5), (24, 3)):
         roll, pitch, turn = generator.uniform((-30, -30, 0), (30, 30, 360))
         place = generator.normal((3.0, -0.5, 0.1), (4.0, 4.5, 0.08))
-        debris.append(moved(box(size, (0, 0, 0)), roll, pitch, turn, place))
+        debris.append(moved(plate(size, breaks), roll, pitch, turn, place))
     debris.append(tube((3.6, -6.0, 0.15), (8.4, -2.2, 0.1), 0.14))              # a boom on the seabed
     return join([bow, stern, *debris])
 
@@ -183,14 +193,15 @@ def hull_section(y, girth, side, length, beam, depth):
 
 
 def hulk():
-    """A wooden steamer's hull of 24 m, open and broken down: planking, ribs, two boilers, an engine, a sternpost."""
+    """A wooden steamer's hull of 24 m, broken down: splintered planking, ribs, two boilers, an engine, a sternpost."""
     size = {"length": 24.0, "beam": 8.4, "depth": 3.3}
-    generator = np.random.default_rng(23)
+    generator, breaks = np.random.default_rng(23), np.random.default_rng(24)
     parts = []
     for side in (-1, 1):
         stations = np.linspace(-11.6, 11.7, 71)
         waves = sum(high * np.sin(stations / scale + generator.uniform(0, 2 * np.pi))
                     for high, scale in ((0.09, 2.6), (0.09, 0.9), (0.06, 0.35)))
+        waves += breaks.choice((0.0, -0.04, -0.12), 71, p=(0.6, 0.25, 0.15)) + breaks.uniform(-0.02, 0.02, 71)
         top = np.clip(0.84 + waves - 0.5 * np.exp(-((stations - side * 3.5) / 1.6) ** 2), 0.18, 1.0)
         parts.append(plank(stations[0], stations[-1], side, top, **size))
         for rib in np.arange(-10.8, 10.9, 0.9):
@@ -212,7 +223,7 @@ def hulk():
     for _ in range(70):
         place = generator.normal((0.6, 0.0, 1.3), (2.9, 6.8, 0.12))
         wide = generator.uniform((0.15, 0.3, 0.05), (0.7, 2.4, 0.35))
-        parts.append(moved(box(wide, (0, 0, 0)), *generator.uniform((-25, -25, 0), (25, 25, 360)), place))
+        parts.append(moved(plate(wide, breaks, 6), *generator.uniform((-25, -25, 0), (25, 25, 360)), place))
     return moved(join(parts), roll=6, pitch=1, by=(0, 0, -1.25))
 
 

@@ -1,4 +1,5 @@
 from mitsonar.seabed.fractal import Fractal as Fractal
+from mitsonar.seabed.marks import DragMarks as DragMarks, PockMarks as PockMarks, SandRibbons as SandRibbons
 from mitsonar.seabed.relief import Plane as Plane, Relief as Relief, Sinusoid as Sinusoid, Sum as Sum
 from mitsonar.seabed.ripples import Ripples as Ripples
 from mitsonar.seabed.roughness import RoughnessSpectrum as RoughnessSpectrum

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import gamma
 
+from .places import around, tiles, wander
 from .relief import Relief, along, check, step
 
-_WAVES = 64            # plane waves in the wander of the crests
 _TILE = 16             # wavelengths; seed and position of a tile determine its pairs
 _GAP = (2.0, 5.0)      # wavelengths between the dislocations of a pair, from and to
 _REACH = 2.0           # gaps from the middle of a pair to the end of its effect
@@ -54,7 +54,7 @@ class Ripples(Relief):
         crest = (1 + self.asymmetry) / 2
         cycles = along(self.heading, x, y) / self.wavelength + crest
         if self.wander:
-            cycles += self._wander(x, y) / self.wavelength
+            cycles += wander(self.seed, 0, x, y, rms=self.wander, length=self._wander_length) / self.wavelength
         strength = self._dislocate(cycles, x, y) if self.defect_density else 1.0
         fraction = cycles - np.floor(cycles)
         angle = np.pi * np.where(fraction < crest, fraction / crest - 1, (fraction - crest) / (1 - crest))
@@ -66,22 +66,13 @@ class Ripples(Relief):
     def _wander_length(self) -> float:
         return 8 * self.wavelength if self.wander_length is None else self.wander_length
 
-    def _wander(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        # a sum of plane waves needs no grid: e^(i(kx x + ky y)) is an outer product
-        generator = np.random.default_rng([self.seed, 0])
-        k_x, k_y = generator.standard_normal((2, _WAVES)) / self._wander_length
-        phase = generator.uniform(0, 2 * np.pi, _WAVES)
-        rows = np.exp(1j * (y[:, None] * k_y + phase))
-        columns = np.exp(1j * k_x[:, None] * x)
-        return self.wander * np.sqrt(2 / _WAVES) * (rows @ columns).real
-
     def _dislocate(self, cycles: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Add the dislocations to ``cycles`` in place, and return the factor of the height at their cores."""
         strength = np.ones_like(cycles)
         d_x, d_y = step("x", x), step("y", y)
         for middle, half in self._pairs(x, y):
             reach = 2 * abs(half) * _REACH
-            columns, rows = _around(middle.real, reach, x, d_x), _around(middle.imag, reach, y, d_y)
+            columns, rows = around(middle.real, reach, x, d_x), around(middle.imag, reach, y, d_y)
             place = x[columns] + 1j * y[rows, None] - middle
             if place.size == 0:
                 continue
@@ -95,20 +86,12 @@ class Ripples(Relief):
     def _pairs(self, x: np.ndarray, y: np.ndarray) -> Iterator[tuple[complex, complex]]:
         """Yield the middle and half distance, complex x + iy [m], of the pairs that may affect the grid."""
         side, margin = _TILE * self.wavelength, _GAP[1] * _REACH * self.wavelength
-        for row in range(int((y[0] - margin) // side), int((y[-1] + margin) // side) + 1):
-            for column in range(int((x[0] - margin) // side), int((x[-1] + margin) // side) + 1):
-                # seeds must not be negative; no bed reaches this offset
-                generator = np.random.default_rng([self.seed, 1, row + 2**40, column + 2**40])
-                count = generator.poisson(self.defect_density / 2 * side**2)
-                place = generator.uniform(0, side, (count, 2)) + (column * side, row * side)
-                half = generator.uniform(*_GAP, count) / 2 * self.wavelength
-                turn = generator.uniform(0, 2 * np.pi, count)
-                yield from zip(place[:, 0] + 1j * place[:, 1], half * np.exp(1j * turn))
-
-
-def _around(middle: float, reach: float, axis: np.ndarray, step_length: float) -> slice:
-    low, high = np.ceil((middle - reach - axis[0]) / step_length), np.floor((middle + reach - axis[0]) / step_length)
-    return slice(max(int(low), 0), max(min(int(high) + 1, axis.size), 0))
+        for generator, corner in tiles(self.seed, 1, x, y, side=side, margin=margin):
+            count = generator.poisson(self.defect_density / 2 * side**2)
+            place = generator.uniform(0, side, (count, 2)) + corner
+            half = generator.uniform(*_GAP, count) / 2 * self.wavelength
+            turn = generator.uniform(0, 2 * np.pi, count)
+            yield from zip(place[:, 0] + 1j * place[:, 1], half * np.exp(1j * turn))
 
 
 def _fade(share: np.ndarray) -> np.ndarray:

@@ -47,6 +47,7 @@ from mitsonar.io.grids import bathymetry, sediment_map
 
 from ..attributes import Attributes, Boolean, Choice, File, Integer, Nested, Number, Numbers, Text, TextOrFile
 from .grid_mesh import SMOOTH_NORMALS, TO_WORLD, fill, triangulate
+from .scoured import SCOUR, STANDING, Ground, scour_about_standing
 
 MOST_NODES = 5e7        # 100 million triangles: about 10 GB once Embree has built its tree
 
@@ -88,7 +89,7 @@ ATTRIBUTES = (
     Text("sediment_map_crs", default=None, otherwise="the map's or survey's", text="coordinate system of the map"),
     Number("sediment_border", default=None, minimum=0, unit="m", otherwise="a cell of the map",
            text="width of the transition between two sediments, patch by patch; 0: sharp borders"),
-    SMOOTH_NORMALS, TO_WORLD,
+    *SCOUR, STANDING, SMOOTH_NORMALS, TO_WORLD,
     Nested("bsdf", default=None, otherwise="`sediment` of the map, else Mitsuba's `diffuse`",
            text="material of the bed"),
 )
@@ -99,6 +100,7 @@ class Bathymetry(mi.Mesh):
     # local_origin [m]; bathymetry_bounds [m]
 
     seabed = True
+    ground: Ground | None = None
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, ATTRIBUTES)
@@ -125,6 +127,7 @@ class Bathymetry(mi.Mesh):
         super().__init__("bathymetry", len(grid.vertices), len(grid.faces), props=props,
                          has_vertex_normals=attributes.smooth_normals, has_vertex_texcoords=True)
         fill(self, grid)
+        scour_about_standing(attributes, self)
         if table is not None:
             for name, values in (("sediment_class", painting.number), ("second_class", painting.other),
                                  ("second_share", painting.share)):

@@ -1,4 +1,4 @@
-"""Synthetic seabed (`seabed`): a rectangle with slope, waves, sand ripples and roughness, in any combination.
+"""Synthetic seabed (`seabed`): a rectangle with slope, waves, sand ripples, roughness and marks, in any combination.
 
 All parts add up. Each part is a function of the shape's own coordinates, so a longer bed shows more of the same seabed.
 The grid always has a node at the origin, and covers at least ``length`` and ``width``. A wave needs at least four nodes
@@ -11,22 +11,29 @@ a wavelength.
         <float name="length" value="100"/> <float name="width" value="150"/> <float name="spacing" value="0.1"/>
         <float name="ripple_wavelength" value="0.8"/> <float name="ripple_height" value="0.1"/>
         <string name="fractal_sediment" value="medium sand"/>
+        <float name="pockmark_density" value="0.002"/>
+        <float name="pockmark_diameter" value="5"/> <float name="pockmark_depth" value="0.5"/>
         <ref id="sand"/>
     </shape>
+
+About objects that the shape refers to by `<ref>`, and about `targets` that have a `scour_depth`, the bed is scoured.
 """
 import mitsuba as mi
 import numpy as np
 
 from mitsonar.seabed.fractal import Fractal
+from mitsonar.seabed.marks import DragMarks, PockMarks, SandRibbons
 from mitsonar.seabed.relief import Plane, Sinusoid
 from mitsonar.seabed.ripples import Ripples
 from mitsonar.seabed.roughness import RoughnessSpectrum
 
 from ..attributes import Angle, Attributes, Integer, Number, Text
 from .grid_mesh import MATERIAL, SMOOTH_NORMALS, TO_WORLD, fill, triangulate
+from .scoured import SCOUR, STANDING, Ground, scour_about_standing
 
 MOST_NODES = 5e7        # 100 million triangles: about 10 GB once Embree has built its tree
 NODES_PER_WAVE = 4      # below this the crests of a wave are cut off at random
+NODES_PER_FURROW = 3    # between its berms, which are as long a wave as NODES_PER_WAVE allows
 
 SINE = (
     Number("sine_wavelength", default=None, above=0, unit="m", text="wavelength of sinusoidal waves, crest to crest"),
@@ -56,6 +63,39 @@ FRACTAL = (
     Number("fractal_outer_scale", default=10.0, above=0, unit="m",
            text="outer scale of power-law roughness: longer waves level off"),
 )
+POCKMARK = (
+    Number("pockmark_density", default=None, minimum=0, unit="1/m^2",
+           text="number of pock marks per area; in soft mud 1e-5 to 1e-2, of a few metres to some hundred metres "
+                "(Hovland and Judd 1988)"),
+    Number("pockmark_diameter", default=None, above=0, unit="m", text="mean diameter of pock marks, rim to rim"),
+    Number("pockmark_depth", default=None, minimum=0, unit="m",
+           text="mean depth of pock marks, mostly 0.02 to 0.1 of the diameter"),
+    Number("pockmark_spread", default=0.3, minimum=0, below=1,
+           text="diameters and depths vary by factors from 1 - spread to 1 + spread"),
+)
+DRAG = (
+    Number("drag_density", default=None, minimum=0, unit="1/m^2",
+           text="number of drag marks per area, of trawls, anchors or ice: 1e-5 to 1e-2"),
+    Number("drag_width", default=None, above=0, unit="m",
+           text="width of drag marks between their berms: 0.2 to 2 of trawls and anchors, tens of metres of ice"),
+    Number("drag_depth", default=None, minimum=0, unit="m",
+           text="depth of drag marks, at most half the width; mostly 0.02 to 0.3 of trawls and anchors"),
+    Number("drag_length", default=None, above=0, unit="m",
+           text="mean length of drag marks, at least 12 widths; they have half to one and a half of it"),
+    Angle("drag_heading_deg", default=0.0, text="mean compass heading along drag marks"),
+    Angle("drag_heading_spread_deg", default=12.0, minimum=0, maximum=180,
+          text="standard deviation of the heading of drag marks"),
+)
+RIBBON = (
+    Number("ribbon_spacing", default=None, above=0, unit="m", text="distance between the crests of sand ribbons"),
+    Number("ribbon_height", default=None, minimum=0, unit="m",
+           text="height of sand ribbons over the bed between them: 0.02 to 1 (Kenyon 1970)"),
+    Number("ribbon_width", default=None, above=0, unit="m", otherwise="half the spacing", text="width of sand ribbons"),
+    Angle("ribbon_heading_deg", default=0.0, text="compass heading along sand ribbons, that of the current"),
+    Number("ribbon_wander", default=0.0, minimum=0, unit="m", text="rms wander of the ribbons' crests"),
+    Number("ribbon_wander_length", default=None, above=0, unit="m", otherwise="4 spacings",
+           text="distance over which a ribbon wanders"),
+)
 ATTRIBUTES = (
     Number("depth", unit="m", text="depth of the mean bed below the origin, positive down"),
     Number("length", default=200.0, above=0, unit="m", text="extent to the north (y)"),
@@ -65,7 +105,7 @@ ATTRIBUTES = (
     Integer("seed", default=0, minimum=0, text="seed of everything random"),
     Angle("slope_deg", default=0.0, minimum=0, below=90, text="slope of the mean bed"),
     Angle("slope_heading_deg", default=0.0, text="compass heading in which it descends"),
-    *SINE, *RIPPLE, *FRACTAL, SMOOTH_NORMALS, TO_WORLD, MATERIAL,
+    *SINE, *RIPPLE, *FRACTAL, *POCKMARK, *DRAG, *RIBBON, *SCOUR, STANDING, SMOOTH_NORMALS, TO_WORLD, MATERIAL,
 )
 
 
@@ -73,6 +113,7 @@ class Seabed(mi.Mesh):
     """Mesh of a synthetic seabed; the class attribute ``seabed`` marks it as a seabed."""
 
     seabed = True
+    ground: Ground | None = None
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, ATTRIBUTES)
@@ -87,6 +128,7 @@ class Seabed(mi.Mesh):
         super().__init__("seabed", len(grid.vertices), len(grid.faces), props=props,
                          has_vertex_normals=attributes.smooth_normals, has_vertex_texcoords=True)
         fill(self, grid)
+        scour_about_standing(attributes, self)
         self._description = f"Seabed[{y.size} x {x.size} nodes at {spacing} m, depth {depth} m, {relief}]"
 
     def to_string(self) -> str:
@@ -100,38 +142,71 @@ def _axis(extent, spacing):
 
 
 def _relief(attributes):
-    parts = (_sinusoid(attributes), _ripples(attributes), _fractal(attributes))
+    makers = _sinusoid, _ripples, _fractal, _pockmarks, _drag_marks, _ribbons
     plane = Plane(slope=attributes.slope_deg, heading=attributes.slope_heading_deg)
-    return sum(filter(None, parts), start=plane)
+    return sum(filter(None, (make(attributes) for make in makers)), start=plane)
 
 
 def _sinusoid(attributes):
-    wavelength, height = attributes.sine_wavelength, attributes.sine_height
-    if not _is_wave(attributes, SINE, wavelength, height):
+    if not _is_written(attributes, SINE, needed=2, finest="sine_wavelength"):
         return None
-    return Sinusoid(wavelength=wavelength, height=height, heading=attributes.sine_heading_deg)
+    return Sinusoid(wavelength=attributes.sine_wavelength, height=attributes.sine_height,
+                    heading=attributes.sine_heading_deg)
 
 
 def _ripples(attributes):
-    wavelength, height = attributes.ripple_wavelength, attributes.ripple_height
-    if not _is_wave(attributes, RIPPLE, wavelength, height):
+    if not _is_written(attributes, RIPPLE, needed=2, finest="ripple_wavelength"):
         return None
-    return Ripples(wavelength=wavelength, height=height, heading=attributes.ripple_heading_deg,
-                   asymmetry=attributes.ripple_asymmetry, sharpness=attributes.ripple_sharpness,
-                   wander=attributes.ripple_wander, wander_length=attributes.ripple_wander_length,
-                   defect_density=attributes.ripple_defects, seed=attributes.seed)
+    return Ripples(wavelength=attributes.ripple_wavelength, height=attributes.ripple_height,
+                   heading=attributes.ripple_heading_deg, asymmetry=attributes.ripple_asymmetry,
+                   sharpness=attributes.ripple_sharpness, wander=attributes.ripple_wander,
+                   wander_length=attributes.ripple_wander_length, defect_density=attributes.ripple_defects,
+                   seed=attributes.seed)
 
 
-def _is_wave(attributes, declared, wavelength, height):
-    """Return True if a wave is requested; refuse an incomplete one, or one too short for the grid."""
+def _pockmarks(attributes):
+    if not _is_written(attributes, POCKMARK, needed=3, finest="pockmark_diameter",
+                       smallest=1 - attributes.pockmark_spread):
+        return None
+    return PockMarks(density=attributes.pockmark_density, diameter=attributes.pockmark_diameter,
+                     depth=attributes.pockmark_depth, spread=attributes.pockmark_spread, seed=attributes.seed)
+
+
+def _drag_marks(attributes):
+    if not _is_written(attributes, DRAG, needed=4, finest="drag_width", nodes=NODES_PER_FURROW):
+        return None
+    return DragMarks(density=attributes.drag_density, width=attributes.drag_width, depth=attributes.drag_depth,
+                     length=attributes.drag_length, heading=attributes.drag_heading_deg,
+                     heading_spread=attributes.drag_heading_spread_deg, seed=attributes.seed)
+
+
+def _ribbons(attributes):
+    finest = "ribbon_spacing" if attributes.ribbon_width is None else "ribbon_width"
+    if not _is_written(attributes, RIBBON, needed=2, finest=finest, smallest=0.5 if finest == "ribbon_spacing" else 1):
+        return None
+    return SandRibbons(spacing=attributes.ribbon_spacing, height=attributes.ribbon_height,
+                       width=attributes.ribbon_width, heading=attributes.ribbon_heading_deg,
+                       wander=attributes.ribbon_wander, wander_length=attributes.ribbon_wander_length,
+                       seed=attributes.seed)
+
+
+def _is_written(attributes, declared, *, needed, finest, nodes=NODES_PER_WAVE, smallest=1.0):
+    """Return True if a part is written; refuse one without its first ``needed`` attributes, or too fine for the grid.
+
+    The part varies over the share ``smallest`` of the attribute ``finest``, and needs so many nodes there.
+    """
     names, spacing = [one.name for one in declared], attributes.spacing
     given = attributes.given(*names)
-    missing = [name for name, value in zip(names, (wavelength, height)) if value is None]
+    missing = [name for name in names[:needed] if getattr(attributes, name) is None]
     if given and missing:
         raise attributes.error(f"{given[0]} is written without {' and '.join(missing)}.")
-    if given and wavelength < NODES_PER_WAVE * spacing:
-        raise attributes.error(f"{names[0]} is {wavelength} m on a grid of {spacing} m; a wave needs {NODES_PER_WAVE} "
-                               f"nodes: use spacing <= {wavelength / NODES_PER_WAVE:g}.")
+    if given and getattr(attributes, names[0]) == 0:
+        return False                                                   # a density of nothing needs no nodes
+    if given and smallest * getattr(attributes, finest) < nodes * spacing:
+        narrowest = smallest * getattr(attributes, finest)
+        part = "a wave" if finest.endswith("wavelength") else f"the narrowest, {narrowest:g} m,"
+        raise attributes.error(f"{finest} is {getattr(attributes, finest)} m on a grid of {spacing} m; {part} needs "
+                               f"{nodes} nodes: use spacing <= {narrowest / nodes:g}.")
     return bool(given)
 
 

@@ -1,8 +1,9 @@
-"""Random targets (`targets`): meshes strewn at random over the seabed that it refers to by `<ref>`.
+"""Random targets (`targets`): meshes or stones strewn at random over the seabed that it refers to by `<ref>`.
 
 For an attribute of two numbers, "low, high", values are drawn uniformly between them. The first seabed referred to
 bears the targets; they keep clear of all other shapes referred to, such as other `targets`. Labels consist of species,
-shape and number: ``tyre.mines.3``.
+shape and number: ``tyre.mines.3``. The species ``rounded_stone`` and ``angular_stone`` need no meshes: each target is
+one of 24 stones of about a metre, so that ``scale`` is its length in metres.
 
 .. code-block:: xml
 
@@ -16,6 +17,7 @@ shape and number: ``tyre.mines.3``.
 import os
 import warnings
 import zlib
+from dataclasses import replace
 
 import mitsuba as mi
 import numpy as np
@@ -26,18 +28,23 @@ from mitsonar.scene.protocols import is_seabed, strewn_shape
 from mitsonar.seabed.bed import Bed
 from mitsonar.seabed.bodies import Body
 from mitsonar.seabed.placement import Rules, draw_count, place
+from mitsonar.seabed.scour import Footprint
+from mitsonar.seabed.stones import KINDS, stones
 
 from ..attributes import Attributes, Boolean, Choice, Files, Integer, Nested, Number, Numbers, Range, Text
 from ..attributes.input_files import resolved
 from .grid_mesh import MATERIAL, GridMesh, fill
+from .scoured import SCOUR, cut, mesh_arrays, scour_of, vertices_before
 
 MOST_FACES = 5_000_000
 SPECK = 0.001                      # [m] side of the one buried triangle of a shape without targets
 
 ATTRIBUTES = (
-    Files("meshes", text='folder of `.ply` and `.obj` files beside the scene, or "mine.ply, rock.obj": metres, z up, '
-                         "front to +y, the origin anywhere; their names are species"),
-    Text("species", default=None, otherwise="all", text='species to use: "cylinder, tyre"'),
+    Files("meshes", default=None, otherwise="needed but for stones",
+          text='folder of `.ply` and `.obj` files beside the scene, or "mine.ply, rock.obj": metres, z up, '
+               "front to +y, the origin anywhere; their names are species"),
+    Text("species", default=None, otherwise="all",
+         text='species to use: "cylinder, tyre", or stones that need no mesh: "rounded_stone, angular_stone"'),
     Numbers("weights", default=None, otherwise="alike", text='relative frequency of each species: "3, 1"'),
     Range("count", minimum=0, maximum=100_000, whole=True, text='number of targets: 12, or "3, 8"'),
     Integer("seed", default=0, minimum=0,
@@ -62,6 +69,7 @@ ATTRIBUTES = (
                 "any attitude"),
     Boolean("along_slope", default=False,
             text="true: upright relative to the bed under the footprint; false: relative to the horizon"),
+    *SCOUR,
     Nested("shape", many=True, default=None, otherwise="needed",
            text="by `<ref>`: the seabed, and shapes to keep clear of"),
     MATERIAL,
@@ -74,7 +82,7 @@ class Targets(mi.Mesh):
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, ATTRIBUTES)
-        rules = _rules(attributes)
+        rules, scour = _rules(attributes), scour_of(attributes)
         if attributes.given("to_world"):
             raise attributes.error("to_world is given; targets lie where their seabed is: leave it out.")
         shapes = attributes.shape
@@ -82,10 +90,14 @@ class Targets(mi.Mesh):
                          next((shape for shape in shapes if strewn_shape(shape) is None), None))
         if bed_shape is None:
             raise attributes.error('a seabed is missing; refer to one: <ref id="seabed"/>.')
-        bodies = [_body(attributes, path) for path in _chosen(attributes, _files(attributes, attributes.meshes))]
-        if rules.weights is not None and len(rules.weights) != len(bodies):
-            raise attributes.error(f"weights are {len(rules.weights)} numbers for {len(bodies)} species "
-                                   f"({', '.join(body.name for body in bodies)}); give one each.")
+        species = _species(attributes)
+        if rules.weights is not None and len(rules.weights) != len(species):
+            raise attributes.error(f"weights are {len(rules.weights)} numbers for {len(species)} species "
+                                   f"({', '.join(kind[0].name for kind in species)}); give one each.")
+        bodies = [body for kind in species for body in kind]
+        weights = np.ones(len(species)) if rules.weights is None else rules.weights
+        rules = replace(rules, weights=np.concatenate([np.full(len(kind), weight / len(kind))
+                                                       for kind, weight in zip(species, weights)]))
         identity = props.id() or "targets"
         stream = attributes.seed, zlib.crc32(identity.encode())   # two shapes of one seed are not alike
         # others that are kept clear of have looked its triangles through already
@@ -104,6 +116,9 @@ class Targets(mi.Mesh):
             raise attributes.error(f"{error}.") from None
         if len(targets) < count:
             warnings.warn(f"{identity}: {len(targets)} of {count} targets found room", stacklevel=2)
+        if scour is not None:
+            marks = [Footprint.of(target.vertices, target.body.faces, target.position[2]) for target in targets]
+            cut(attributes, bed_shape, scour, [mark for mark in marks if mark is not None])
         self.part_names = tuple(f"{target.body.name}.{identity}.{target.number}" for target in targets)
         self.placed = {name: _record_of(target) for name, target in zip(self.part_names, targets)}
         if targets:
@@ -171,14 +186,24 @@ def _files(attributes, text):
     return known
 
 
-def _chosen(attributes, files):
-    names = [name.strip() for name in (attributes.species or "").split(",") if name.strip()] or list(files)
-    unknown = [name for name in names if name not in files]
+def _species(attributes):
+    """Return the bodies of each species in use, one or many."""
+    names = [name.strip() for name in (attributes.species or "").split(",") if name.strip()]
+    if attributes.meshes is None and not (names and set(names) <= set(KINDS)):
+        raise attributes.error(f"meshes is missing; give a folder or files, or species that need none: "
+                               f"{', '.join(KINDS)}.")
+    files = {} if attributes.meshes is None else _files(attributes, attributes.meshes)
+    taken = [name for name in KINDS if name in files]
+    if taken:
+        raise attributes.error(f"the mesh {files[taken[0]]} has the name of the stones {taken[0]}; rename it.")
+    names = names or list(files)
+    unknown = [name for name in names if name not in (*files, *KINDS)]
     if unknown:
-        raise attributes.error(f'no species is called "{unknown[0]}"; meshes holds {", ".join(files)}.')
+        raise attributes.error(f'no species is called "{unknown[0]}"; meshes holds {", ".join(files) or "none"}, and '
+                               f'there are {" and ".join(KINDS)}.')
     if len(set(names)) < len(names):
         raise attributes.error("species names one twice; to have it drawn more often, give weights.")
-    return [files[name] for name in names]
+    return [stones(name) if name in KINDS else (_body(attributes, files[name]),) for name in names]
 
 
 def _body(attributes, path):
@@ -190,22 +215,17 @@ def _body(attributes, path):
         said = plain(error).removeprefix('object "root": ')
         raise attributes.error(f"the mesh {path} cannot be read ({said}); export it again, in triangles.") from None
     try:
-        return Body(name=stem, **_arrays(mesh))
+        vertices, faces = mesh_arrays(mesh)
+        return Body(name=stem, vertices=vertices, faces=faces)
     except ValueError as error:
         raise attributes.error(f"{error}.") from None
-
-
-def _arrays(mesh):
-    parameters = mi.traverse(mesh)
-    return {"vertices": parameters["vertex_positions"].numpy().reshape(-1, 3),
-            "faces": parameters["faces"].numpy().reshape(-1, 3)}
 
 
 def _bed(attributes, shape):
     if "vertex_positions" not in mi.traverse(shape):
         raise attributes.error(f'the seabed "{shape.id()}" is no mesh; refer to a seabed, bathymetry, ply or obj.')
     try:
-        return Bed(**_arrays(shape))
+        return Bed(vertices_before(shape), mesh_arrays(shape)[1])
     except ValueError as error:
         raise attributes.error(f"{error}.") from None
 

@@ -17,7 +17,7 @@ import mitsonar
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = ROOT / "scenes"
 SMALL = {"pings": 2, "rays": 2000, "bins": 40}
-COARSE = {"sidescan_wreck": {"bed_spacing": 0.5, "ripple_wavelength": 2.4}}      # of 2.6 million faces
+COARSE = {"sidescan_wreck": {"bed_spacing": 0.5, "ripple_wavelength": 2.4, "stone_scour": 0}}  # of 2.6 million faces
 TEXT = """<scene version="3.0.0">
     <default name="rays" value="2000"/>
     <default name="range" value="60"/>

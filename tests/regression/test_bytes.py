@@ -21,7 +21,7 @@ SMALL_SWATH = {"pings": 1, "preset": "shallow_400khz"}
 NEEDED = {"published_figure_2": {"rays": 50}, "published_figure_3": {"range": 27, "sample_rate_khz": 40},
           "sidescan_flat": {"range": 50}, "sidescan_harbour": {"range": 50}, "sidescan_sediments": {"range": 50},
           "sidescan_survey": {"range": 50}, "gallery": {"range": 28}, "multibeam": {**SMALL_SWATH, "range": 60},
-          "sidescan_wreck": {"bed_spacing": 0.5, "ripple_wavelength": 2.4},           # of 2.6 million faces
+          "sidescan_wreck": {"bed_spacing": 0.5, "ripple_wavelength": 2.4, "stone_scour": 0},  # of 2.6 million faces
           "sidescan_targets": {"range": 50, "pings": 12}, "synthetic_aperture": {"range": 32},
           "interferometric": {"range": 50}, "echo_sounder": {"range": 50}}
 VERSIONS = ("mitsuba", "drjit", "numpy", "scipy", "OpenEXR", "mitsonar")

@@ -19,7 +19,7 @@ import mitsonar
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 STORED = Path(__file__).with_name("scenes.json")
 SMALL = {"pings": 12, "rays": 20_000, "bins": 240, "speckle": False, "noise": False}
-COARSE = {"sidescan_wreck": {"bed_spacing": 0.5, "ripple_wavelength": 2.4}}      # of 2.6 million faces
+COARSE = {"sidescan_wreck": {"bed_spacing": 0.5, "ripple_wavelength": 2.4, "stone_scour": 0}}  # of 2.6 million faces
 SMALL_SWATHS = {"pings": 2, "preset": "shallow_400khz"}
 SMALL_SIDES = {"pings": 2, "bins": 300}
 SMALL_STRIPS = {"pings": 4, "range": 32, "cell": 0.05}

@@ -9,7 +9,7 @@ from mitsonar.cli.main import main
 from mitsonar.io.scene_files.scenes import shipped
 
 SENSORS = '<sensor type="sidescan" id="sonar">', '        <boolean name="speckle" value="$speckle"/>\n'
-COARSE = {"sidescan_wreck": {"bed_spacing": 0.5, "ripple_wavelength": 2.4}}      # of 2.6 million faces
+COARSE = {"sidescan_wreck": {"bed_spacing": 0.5, "ripple_wavelength": 2.4, "stone_scour": 0}}  # of 2.6 million faces
 NARROW = ('<float name="width" value="200"/>\n        <float name="spacing" value="20"/>',
           '<float name="width" value="60"/> <float name="spacing" value="10"/>')
 
