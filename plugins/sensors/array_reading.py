@@ -22,6 +22,7 @@ from mitsonar.survey.voyage import Route
 from mitsonar.units import radians_from_deg
 
 from ..attributes import Attributes
+from .side_lobes import power_of
 
 SOUND_SPEED = 1500.0               # [m/s] where the sensor gives none
 
@@ -152,7 +153,8 @@ KINDS = {"point": _point, "line": _line, "planar": _planar, "cylindrical": _cyli
 def _face(array):
     length, height = array.element_length, array.element_height
     pattern = array.pattern or ("rectangular" if length or height else "omni")
-    return {"length": length, "height": height, "pattern": pattern, "baffle": array.baffle}
+    floor = 0.0 if array.vertical_sidelobe_db is None else power_of(array.vertical_sidelobe_db)
+    return {"length": length, "height": height, "floor": floor, "pattern": pattern, "baffle": array.baffle}
 
 
 def _steering(array, sound_speed):

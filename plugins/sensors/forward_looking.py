@@ -41,6 +41,7 @@ from .array_attributes import ARRAYS, MOST_ELEMENTS, PICTURE
 from .array_reading import nominal_sound_speed, with_elements_changed
 from .platform import ROUTE, pings
 from .pulse_attributes import PULSE, read_pulse
+from .side_lobes import VERTICAL_SIDELOBE, power_of
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, FanSensor
 
 NARROWEST_DEG = 0.1
@@ -65,6 +66,7 @@ ATTRIBUTES = (
           text="vertical beam width of the transmit face, full width at -3 dB one way; 180: omnidirectional"),
     Angle("receive_vertical_beam_width_deg", default=SameAs("vertical_beam_width_deg"), minimum=NARROWEST_DEG,
           maximum=180, text="vertical beam width of the receivers"),
+    replace(VERTICAL_SIDELOBE, default=PRESET),
     Angle("transmit_beam_width_deg", default=SameAs("fan_deg"), minimum=NARROWEST_DEG, maximum=180,
           text="horizontal beam width of the transmit face"),
     Angle("receive_beam_width_deg", default=None, minimum=NARROWEST_DEG, maximum=180,
@@ -117,7 +119,12 @@ def _transmitter(attributes: Attributes, wavelength: float) -> Array:
     length, height = (length_for_beam_width(width, wavelength) for width in
                       (attributes.transmit_beam_width_deg, attributes.vertical_beam_width_deg))
     return element_array([0.0, 0.0, 0.0], normal=_normal(attributes), along="starboard", length=length, height=height,
-                         pattern="rectangular", baffle="hard")
+                         floor=_floor(attributes, height), pattern="rectangular", baffle="hard")
+
+
+def _floor(attributes: Attributes, height: float) -> float:
+    """Return the power of the diffuse side lobes of a face; one without height has neither lobes nor nulls."""
+    return power_of(attributes.vertical_sidelobe_db) if height else 0.0
 
 
 def _receivers(attributes: Attributes, wavelength: float) -> Array:
@@ -129,8 +136,8 @@ def _receivers(attributes: Attributes, wavelength: float) -> Array:
     width = attributes.receive_beam_width_deg
     length = pitch if width is None else length_for_beam_width(width, wavelength)
     made = planar_array(attributes.receive_elements, rows, pitch, row_pitch=height / rows or pitch, axis="starboard",
-                        normal=_normal(attributes), length=length, height=height / rows, pattern="rectangular",
-                        baffle="hard")
+                        normal=_normal(attributes), length=length, height=height / rows,
+                        floor=_floor(attributes, height), pattern="rectangular", baffle="hard")
     return with_elements_changed(attributes, "receive", made)
 
 

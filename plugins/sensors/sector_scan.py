@@ -30,6 +30,7 @@ from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Integer, Number, Preset
 from .platform import MOST_PINGS, ROUTE
+from .side_lobes import VERTICAL_SIDELOBE, power_of
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SOUND_SPEED, SonarSensor
 
 PRESETS = presets("sector_scan")
@@ -48,6 +49,8 @@ ATTRIBUTES = (
           text="beam width in the plane of rotation, full width at -3 dB one way"),
     Angle("vertical_beam_width_deg", default=PRESET, minimum=0.1, maximum=180,
           text="beam width across that plane, full width at -3 dB one way"),
+    replace(VERTICAL_SIDELOBE, default=PRESET,
+            text=VERTICAL_SIDELOBE.text.replace("across the fan, of each face", "across that plane")),
     Choice("mount", default="down", choices=tuple(MOUNTS),
            text="direction of the head's axis: the beam turns about the vertical or, as in a pipe profiler, about "
                 "the forward direction"),
@@ -88,6 +91,7 @@ class SectorScan(SonarSensor):
         self.source_level_db, self.self_noise_db = attributes.source_level_db, attributes.self_noise_db
         self.picture = attributes.picture
         self.beam_widths = attributes.beam_width_deg, attributes.vertical_beam_width_deg
+        self.vertical_floor = power_of(attributes.vertical_sidelobe_db)
         self.pulse = _pulse(attributes, self.frequency)
         self.head = RotatingHead(mount=attributes.mount, tilt=attributes.tilt_deg, sweep=_sweep(attributes),
                          turns_on=attributes.turns_while_listening)

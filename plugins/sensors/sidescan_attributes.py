@@ -1,4 +1,6 @@
 """Faces and receiver of a sidescan, with the flaws that real instruments have; -200 dB leaves a flaw out."""
+from dataclasses import replace
+
 from mitsonar.imaging.recorder import Recorder
 from mitsonar.io.scene_files import beam_levels
 from mitsonar.sonar.faces.faces import BuiltFace, MeasuredBeam
@@ -6,11 +8,11 @@ from mitsonar.sonar.preset_tables import presets
 from mitsonar.units import power_from_db
 
 from ..attributes import Attributes, File, FromTable, Integer, Number, SameAs, Text
+from .side_lobes import LOUDEST_FLOOR_DB, VERTICAL_SIDELOBE, power_of
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB
 
 PRESET = FromTable(table=presets(), by="preset")
 MOST_BITS, LARGEST_SAG = 32, 2.0
-LOUDEST_FLOOR_DB = -3.0
 
 FACES = (
     Text("shading", default="boxcar",
@@ -20,9 +22,9 @@ FACES = (
     Number("sidelobe_db", default=PRESET, minimum=LOWEST_DB, maximum=LOUDEST_FLOOR_DB, unit="dB",
            text="mean level of the diffuse side lobes along the track, of each face without a measured beam, one "
                 "way, relative to its axis: the effect of errors of the face's segments; -20 to -35 in used faces"),
-    Number("vertical_sidelobe_db", default=PRESET, minimum=LOWEST_DB, maximum=LOUDEST_FLOOR_DB, unit="dB",
-           text="mean level of the diffuse side lobes across the track, at its full height downwards, where it sets "
-                "the brightness of the first return; upwards the housing shields it; -10 to -25"),
+    replace(VERTICAL_SIDELOBE, default=PRESET,
+            text="mean level of the diffuse side lobes across the track, at its full height downwards, where it sets "
+                 "the brightness of the first return; upwards the housing shields it; -10 to -25"),
     Number("vertical_sag", default=0.0, minimum=0, maximum=LARGEST_SAG, unit="wavelengths",
            text="depth by which the edges of a face curved across the track stand back; 0: flat; 0.5 to 1 make "
                 "flat-topped beams"),
@@ -98,11 +100,6 @@ def read_self_noise_db(attributes: Attributes) -> float | None:
     """Return the receivers' noise [dB re 1 µPa²/Hz]; the preset's counts only in a scene with noise."""
     wanted = attributes.noise or attributes.given("self_noise_db")
     return attributes.self_noise_db if wanted and attributes.self_noise_db > LOWEST_DB else None
-
-
-def power_of(level_db: float) -> float:
-    """Return a power; 0 for the faintest level."""
-    return float(power_from_db(level_db)) if level_db > LOWEST_DB else 0.0
 
 
 def _measured(attributes: Attributes, prefix: str, name: str, files: dict[str, MeasuredBeam]) -> MeasuredBeam | None:

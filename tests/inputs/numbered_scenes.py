@@ -19,11 +19,12 @@ OWN = {
         "crosstalk_db": (-60, -40), "full_scale_db": (140, 160), "ringing_ms": (0.1, 1)},
     "forward_looking": {
         **PULSE, "frequency_khz": (200, 400), "fan_deg": (70, 120), "tilt_deg": (5, 30), "receive_jitter": (1e-5, 2e-5),
-        "vertical_beam_width_deg": (20, 60), "transmit_beam_width_deg": (60, 150), "element_spacing": (0.4, 0.7)},
+        "vertical_beam_width_deg": (20, 60), "transmit_beam_width_deg": (60, 150), "element_spacing": (0.4, 0.7),
+        "vertical_sidelobe_db": (-30, -20)},
     "sector_scan": {
         "frequency_khz": (500, 800), "pulse_ms": (0.05, 0.2), "bandwidth_khz": (10, 50), "beam_width_deg": (2, 6),
         "vertical_beam_width_deg": (15, 40), "tilt_deg": (10, 40), "step_deg": (0.5, 2),
-        "first_bearing_deg": (-30, 30)},
+        "first_bearing_deg": (-30, 30), "vertical_sidelobe_db": (-30, -20)},
     "multibeam": {
         **PULSE, "frequency_khz": (200, 400), "swath_deg": (80, 120), "transmit_beam_width_deg": (2, 5),
         "receive_beam_width_deg": (2, 5), "receive_along_width_deg": (20, 40), "receive_flaws": (0.01, 0.2),

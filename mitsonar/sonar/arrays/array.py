@@ -53,6 +53,8 @@ class Array:
         Size of every element's face, along ``along`` and across; a circle's length is its diameter, its height 0.
     pattern : str
         ``omni``, ``rectangular`` or ``circular``.
+    floor : float [-]
+        Mean power of the diffuse side lobes of a rectangular face across its length, relative to its axis.
     baffle : str
         ``none``, ``hard``, ``soft`` or ``cardioid``.
     weight : array (E,) or float [-]
@@ -79,6 +81,7 @@ class Array:
     length: float = 0.0
     height: float = 0.0
     pattern: Literal["omni", "rectangular", "circular"] = "omni"
+    floor: float = 0.0
     baffle: Literal["none", "hard", "soft", "cardioid"] = "none"
     weight: np.ndarray = field(default_factory=lambda: np.ones(()))
     delay: np.ndarray = field(default_factory=lambda: np.zeros(()))
@@ -107,7 +110,7 @@ class Array:
             raise ValueError("array: no element has a weight; give at least one a weight other than 0.")
         if self.layout and np.prod(self.layout) != elements:
             raise ValueError(f"array: layout {self.layout} does not hold {elements} elements.")
-        check_face(self.length, self.height, self.pattern, self.baffle)
+        check_face(self.length, self.height, self.pattern, self.baffle, self.floor)
 
     def _set(self, name: str, value: np.ndarray) -> None:
         value = np.array(value)
@@ -186,7 +189,7 @@ class Array:
         array (...) or Dr.Jit array [-]
         """
         return element_pressure(direction, wavelength, normal, along, length=self.length, height=self.height,
-                                pattern=self.pattern, baffle=self.baffle)
+                                floor=self.floor, pattern=self.pattern, baffle=self.baffle)
 
     # ---- changed copies
 

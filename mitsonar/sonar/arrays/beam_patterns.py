@@ -127,7 +127,7 @@ def element_directivity_index_db(array: Array, wavelength: float) -> float:
     longest = LONGEST_FACE * wavelength
     length, height = min(array.length, longest), min(array.height, longest)
     one = type(array)(position=np.zeros((1, 3)), normal=array.normal[:1], along=array.along[:1], length=length,
-                      height=height, pattern=array.pattern, baffle=array.baffle)
+                      height=height, floor=array.floor, pattern=array.pattern, baffle=array.baffle)
     gain_db = directivity_index_db(one, array.normal[0], wavelength)
     # from there on the gain grows as the sides do
     longer, higher = array.length / length if length else 1.0, array.height / height if height else 1.0
