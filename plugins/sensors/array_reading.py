@@ -60,6 +60,12 @@ def with_elements_changed(attributes: Attributes, prefix: str, made: Array) -> A
     return made
 
 
+def with_flaws(attributes: Attributes, receive: Array) -> Array:
+    """Return receivers with the errors of their channels."""
+    rms = attributes.receive_flaws
+    return receive.flawed(rms, attributes.receive_jitter_seed) if rms else receive
+
+
 class _Prefixed:
     """Attributes with a common prefix; `spacing` [m] is the default pitch."""
 
@@ -193,6 +199,6 @@ def _elements(array):
     seed = zlib.crc32(array.prefix.encode()) if array.jitter_seed is None else array.jitter_seed
     if jitter is not None:
         yield lambda made: made.jittered(jitter, seed)
-    elif array.jitter_seed is not None:
+    elif array.jitter_seed is not None and not (array.prefix == "receive" and array.attributes.receive_flaws):
         raise array.attributes.error(f"{array.name('jitter_seed')} is written, but {array.name('jitter')} is not; "
                                      "write the rms error [m], or leave the seed out.")

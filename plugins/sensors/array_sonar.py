@@ -23,9 +23,10 @@ import mitsuba as mi
 
 from ..attributes import Angle, Attributes, Integer, Number
 from .array_attributes import ARRAYS, PICTURE
-from .array_reading import nominal_sound_speed, read_array
+from .array_reading import nominal_sound_speed, read_array, with_flaws
 from .platform import ROUTE, pings
 from .pulse_attributes import PULSE, read_pulse
+from .side_lobes import RECEIVE_FLAWS
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, FanSensor
 
 SIDES = ("transmit", "receive")
@@ -35,7 +36,7 @@ ATTRIBUTES = (
     Number("source_level_db", default=210.0, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa @ 1 m",
            text="source level of the whole transmit array in its steering direction"),
     *PULSE,
-    ARRAYS, SOUND_SPEED,
+    ARRAYS, RECEIVE_FLAWS, SOUND_SPEED,
     Integer("beams", default=121, minimum=1, maximum=100_000, text="number of beams of the picture; a point has one"),
     Angle("fan_deg", default=120.0, above=0, maximum=180,
           text="width of the picture's fan about the receivers' normal, in the plane of their longest axis"),
@@ -58,6 +59,7 @@ class ArraySonar(FanSensor):
         self.nominal_sound_speed = nominal_sound_speed(self.sound_speed, self.water, self.route)
         self.transmit, self.receive = (read_array(attributes, side, self.nominal_sound_speed, frequency=self.frequency)
                                        for side in SIDES)
+        self.receive = with_flaws(attributes, self.receive)
         self.delays_from_file = bool(attributes.given("transmit_file")), bool(attributes.given("receive_file"))
 
     def to_string(self) -> str:

@@ -38,10 +38,10 @@ from mitsonar.sonar.preset_tables import presets
 
 from ..attributes import Angle, Attributes, Choice, FromTable, Integer, Number, Preset, SameAs
 from .array_attributes import ARRAYS, MOST_ELEMENTS, PICTURE
-from .array_reading import nominal_sound_speed, with_elements_changed
+from .array_reading import nominal_sound_speed, with_elements_changed, with_flaws
 from .platform import ROUTE, pings
 from .pulse_attributes import PULSE, read_pulse
-from .side_lobes import VERTICAL_SIDELOBE, power_of
+from .side_lobes import RECEIVE_FLAWS, VERTICAL_SIDELOBE, power_of
 from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, FanSensor
 
 NARROWEST_DEG = 0.1
@@ -78,6 +78,7 @@ ATTRIBUTES = (
             text="number of rows, one below the other, that share the receivers' height"),
     replace(OF_ARRAYS["receive_shading"], default="taylor 4 30", otherwise=""),
     *(OF_ARRAYS[name] for name in ("receive_failed", "receive_jitter", "receive_jitter_seed")),
+    replace(RECEIVE_FLAWS, default=PRESET),
     SOUND_SPEED, PICTURE, *NOISE, SELF_NOISE, pings(1), PASS, ROUTE, *NESTED,
 )
 
@@ -138,7 +139,7 @@ def _receivers(attributes: Attributes, wavelength: float) -> Array:
     made = planar_array(attributes.receive_elements, rows, pitch, row_pitch=height / rows or pitch, axis="starboard",
                         normal=_normal(attributes), length=length, height=height / rows,
                         floor=_floor(attributes, height), pattern="rectangular", baffle="hard")
-    return with_elements_changed(attributes, "receive", made)
+    return with_flaws(attributes, with_elements_changed(attributes, "receive", made))
 
 
 mi.register_sensor("forward_looking", ForwardLooking)

@@ -11,6 +11,11 @@ VERTICAL_SIDELOBE = Number(
     text="mean level of the diffuse side lobes across the fan, of each face, one way, relative to its axis: it fills "
          "the nulls between side lobes, which are black arcs otherwise; -20 to -30")
 
+RECEIVE_FLAWS = Number(
+    "receive_flaws", default=0.0, minimum=0, maximum=1,
+    text="rms error of each receiver's amplitude [1] and phase [rad], which beamforming does not correct: diffuse side "
+         "lobes of twice its square over the number of receivers of a row; 0.1 to 0.3")
+
 
 def power_of(level_db: float) -> float:
     """Return a power; 0 for the faintest level."""

@@ -20,7 +20,7 @@ OWN = {
     "forward_looking": {
         **PULSE, "frequency_khz": (200, 400), "fan_deg": (70, 120), "tilt_deg": (5, 30), "receive_jitter": (1e-5, 2e-5),
         "vertical_beam_width_deg": (20, 60), "transmit_beam_width_deg": (60, 150), "element_spacing": (0.4, 0.7),
-        "vertical_sidelobe_db": (-30, -20)},
+        "vertical_sidelobe_db": (-30, -20), "receive_flaws": (0.1, 0.3)},
     "sector_scan": {
         "frequency_khz": (500, 800), "pulse_ms": (0.05, 0.2), "bandwidth_khz": (10, 50), "beam_width_deg": (2, 6),
         "vertical_beam_width_deg": (15, 40), "tilt_deg": (10, 40), "step_deg": (0.5, 2),
@@ -43,7 +43,7 @@ OWN = {
     "array_sonar": {
         "frequency_khz": (80, 150), "pulse_ms": (0.3, 1), "bandwidth_khz": (5, 15), "fan_deg": (60, 120),
         "receive_pitch": (0.004, 0.01), "receive_element_length": (0.002, 0.008), "receive_jitter": (1e-5, 2e-5),
-        "transmit_element_height": (0.01, 0.05)},
+        "transmit_element_height": (0.01, 0.05), "receive_flaws": (0.1, 0.3)},
 }
 KINDS = tuple(OWN)
 SIZES = {                           # sensor, film, integrator: what kernels may depend upon

@@ -10,6 +10,7 @@ import pytest
 import sonar_scenes as scenes
 
 import mitsonar
+from mitsonar.sonar.arrays.channels import diffuse_level
 
 WIDTH_DEG, RANGE = 20.0, 8.0
 NULL = np.arcsin(np.sin(np.deg2rad(WIDTH_DEG) / 2) / 0.44294647069)
@@ -49,3 +50,29 @@ def test_presets_have_floors_and_omnidirectional_faces_have_none(variant):
     assert sensor.transmit.floor == sensor.receive.floor == pytest.approx(0.01)
     sensor = scenes.forward_looking({"bed": scenes.bed(40.0)}, sensor={"vertical_beam_width_deg": 180.0}).sensors()[0]
     assert sensor.transmit.floor == sensor.receive.floor == 0
+
+
+def beams_of_a_point(**sensor):
+    """Levels (B,) [dB] at the range of a point ahead, of a fan that has no noise, relative to the loudest."""
+    scene = scenes.forward_looking(
+        {"bed": scenes.bed(60.0), "point": scenes.point_target([0.0, RANGE, -10.0])},
+        sensor={**FACE, "receive_elements": 64, "beams": 181, "fan_deg": 120.0, **sensor}, **PARTS)
+    level = mitsonar.render(scene, 1)["level"].values[0].astype(float)
+    beam, sample = np.unravel_index(level.argmax(), level.shape)
+    assert abs(beam - 90) <= 1
+    return level[:, sample] - level.max(), scene.sensors()[0].receive.weight
+
+
+@pytest.mark.parametrize("more", [{}, {"receive_rows": 2}])
+def test_flaws_of_receivers_fill_a_fan_to_the_same_beams_by_both_ways(variant, more):
+    """Beams that are 40 dB down or more of 64 receivers half a wavelength apart; 0.3 makes -24.4 dB."""
+    found, weight = beams_of_a_point(receive_flaws=0.3, picture="beams", **more)
+    wanted = beams_of_a_point(receive_flaws=0.3, picture="elements", **more)[0]
+    np.testing.assert_allclose(10 ** (found / 20), 10 ** (wanted / 20), atol=1e-3)
+    aside = np.abs(np.arange(181) - 90) > 15
+    floor = 10 * np.log10(np.mean(10 ** (found[aside] / 10)))
+    columns = weight.reshape(-1, 64)[0]
+    # some 55 independent beams: 0.6 dB
+    assert floor == pytest.approx(10 * np.log10(diffuse_level(columns, 0.3)), abs=1.5)
+    even = beams_of_a_point(receive_flaws=0.0, picture="beams", **more)[0]
+    assert 10 * np.log10(np.mean(10 ** (even[aside] / 10))) < floor - 6
