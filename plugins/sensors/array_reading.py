@@ -199,6 +199,7 @@ def _elements(array):
     seed = zlib.crc32(array.prefix.encode()) if array.jitter_seed is None else array.jitter_seed
     if jitter is not None:
         yield lambda made: made.jittered(jitter, seed)
-    elif array.jitter_seed is not None and not (array.prefix == "receive" and array.attributes.receive_flaws):
+    elif array.jitter_seed is not None and not (array.prefix == "receive"
+                                                and getattr(array.attributes, "receive_flaws", 0)):
         raise array.attributes.error(f"{array.name('jitter_seed')} is written, but {array.name('jitter')} is not; "
                                      "write the rms error [m], or leave the seed out.")

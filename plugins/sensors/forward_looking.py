@@ -79,7 +79,8 @@ ATTRIBUTES = (
     replace(OF_ARRAYS["receive_shading"], default="taylor 4 30", otherwise=""),
     *(OF_ARRAYS[name] for name in ("receive_failed", "receive_jitter", "receive_jitter_seed")),
     replace(RECEIVE_FLAWS, default=PRESET),
-    SOUND_SPEED, PICTURE, *NOISE, SELF_NOISE, pings(1), PASS, ROUTE, *NESTED,
+    SOUND_SPEED, PICTURE, *NOISE, replace(SELF_NOISE, default=PRESET, otherwise="*preset*; none without `noise`"),
+    pings(1), PASS, ROUTE, *NESTED,
 )
 
 

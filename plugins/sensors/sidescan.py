@@ -21,8 +21,8 @@ from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Boolean, Number, Preset, SameAs
 from .platform import ROUTE, pings
-from .sidescan_attributes import FACES, PRESET, RECORDER, read_faces, read_recorder, read_self_noise_db
-from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SOUND_SPEED, SonarSensor
+from .sidescan_attributes import FACES, PRESET, RECORDER, read_faces, read_recorder
+from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SOUND_SPEED, SonarSensor, read_self_noise_db
 
 NARROWEST_DEG, NARROWEST_VERTICAL_DEG = 0.01, 0.1          # what the integrals over the beam resolve
 SHORTEST_MS, LOWEST_KHZ = 1e-6, 0.001

@@ -96,12 +96,6 @@ def read_recorder(attributes: Attributes) -> Recorder:
                     blind=attributes.pulse_ms / 1000, ringing=attributes.ringing_ms / 1000)
 
 
-def read_self_noise_db(attributes: Attributes) -> float | None:
-    """Return the receivers' noise [dB re 1 µPa²/Hz]; the preset's counts only in a scene with noise."""
-    wanted = attributes.noise or attributes.given("self_noise_db")
-    return attributes.self_noise_db if wanted and attributes.self_noise_db > LOWEST_DB else None
-
-
 def _measured(attributes: Attributes, prefix: str, name: str, files: dict[str, MeasuredBeam]) -> MeasuredBeam | None:
     """The measured beam of a face: the receiving one's own, or the transmitting one's where nothing else is said.
 

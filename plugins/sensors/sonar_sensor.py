@@ -136,7 +136,7 @@ class SonarSensor(mi.Sensor):
         """Read preset, carrier, source level and self-noise."""
         self.preset = getattr(attributes, "preset", None)
         self.frequency = float(hertz_from_khz(attributes.frequency_khz))
-        self.source_level_db, self.self_noise_db = attributes.source_level_db, attributes.self_noise_db
+        self.source_level_db, self.self_noise_db = attributes.source_level_db, read_self_noise_db(attributes)
 
     def look_directions(self) -> tuple[np.ndarray, np.ndarray | None]:
         """Return the directions that the sonar looks into, and where they end; see `mitsonar.survey.sensor.Sensor`."""
@@ -224,6 +224,12 @@ class FanSensor(SonarSensor):
                                  "leave picture out, or make it elements.")
             self.picture = "elements"
         super().take_elements(transmit, receive)
+
+
+def read_self_noise_db(attributes: Attributes) -> float | None:
+    """Return the receivers' noise [dB re 1 µPa²/Hz], None for the faintest; a preset's counts only beside `noise`."""
+    level, wanted = attributes.self_noise_db, attributes.noise or attributes.given("self_noise_db")
+    return level if wanted and level is not None and level > LOWEST_DB else None
 
 
 def _shortest(sonar: Sensor) -> float:

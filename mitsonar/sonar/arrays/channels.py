@@ -1,6 +1,6 @@
 """Errors of receivers: what amplifiers, filters and cables multiply their signals by, and beamformers do not correct.
 
-    ε_n = (1 + σ g_n) e^{iσ h_n},      w_n -> w_n ε_n Σ|w| / Σ|w| ε                                                 (1)
+    ε_n = (1 + σ g_n) e^{iσ h_n},      w_n -> w_n ε_n Σ|w| / Σ w ε                                                 (1)
     <|W|²> = ((1 + σ²) e^{σ²} - 1) Σ w_n² / (Σ|w_n|)²  ≈  2σ² / N                                                 (2)
 
 g, h Gaussian of variance 1; σ -> ``rms``, of amplitude [-] and of phase [rad]; w_n -> ``weights``. The second factor of
@@ -20,13 +20,8 @@ def flawed(weights: np.ndarray, rms: float, seed: int | None = None) -> np.ndarr
         return weights
     words = [weights.shape[1], Salt.RECEIVER_FLAWS] if seed is None else [weights.shape[1], Salt.RECEIVER_FLAWS, seed]
     draw = np.random.default_rng(words).standard_normal((2, weights.shape[1]))
-    return calibrated(weights * (1 + rms * draw[0]) * np.exp(1j * rms * draw[1]), weights)
-
-
-def calibrated(off: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Return weights with errors (K, N), scaled so that they add to the magnitudes of the right ones (K, N)."""
-    size = np.abs(weights).sum(1, keepdims=True)
-    return off * (size / off.sum(1, keepdims=True))
+    off = weights * (1 + rms * draw[0]) * np.exp(1j * rms * draw[1])
+    return off * (np.abs(weights).sum(1, keepdims=True) / off.sum(1, keepdims=True))
 
 
 def diffuse_level(weights: np.ndarray, rms: float) -> float:
