@@ -17,6 +17,7 @@ the recorded level.
 import mitsuba as mi
 
 from mitsonar.sonar.preset_tables import presets
+from mitsonar.survey.sidescan.jitter import Jitter
 from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Boolean, Number, Preset, SameAs
@@ -46,6 +47,12 @@ ATTRIBUTES = (
           text="angle of the faces' normals below the horizontal"),
     *FACES, *RECORDER, SOUND_SPEED,
     Boolean("speckle", default=True, text="true: complex Gaussian echoes, one per resolution cell; false: mean levels"),
+    Angle("yaw_jitter_deg", default=PRESET, minimum=0, maximum=10,
+          text="rms error of the beam's heading from ping to ping, within the attitude's tolerance, which no record "
+               "has: pings have less speckle in common, and the same mean levels; 0 to a quarter of the beam width"),
+    Angle("phase_jitter_deg", default=PRESET, minimum=0, maximum=90,
+          text="rms error σ of phase over each face that changes from ping to ping: the speckle that pings have in "
+               "common falls to exp(-2 σ²) of its amplitude; 0 to 30"),
     *NOISE, pings(400), ROUTE, *NESTED,
 )
 
@@ -63,6 +70,7 @@ class Sidescan(SonarSensor):
         self.chirp_length = max(attributes.chirp_ms, attributes.pulse_ms) / 1000
         self.transmit_face, self.receive_face = read_faces(attributes)
         self.depression_angle, self.speckle = attributes.depression_deg, attributes.speckle
+        self.jitter = Jitter(yaw=attributes.yaw_jitter_deg, phase=attributes.phase_jitter_deg)
         self.recorder, self.self_noise_db = read_recorder(attributes), read_self_noise_db(attributes)
 
 

@@ -16,10 +16,11 @@ OWN = {
         "frequency_khz": (90, 500), "pulse_ms": (0.02, 0.1), "beam_width_deg": (0.5, 1.5), "depression_deg": (10, 30),
         "vertical_beam_width_deg": (40, 60), "receive_beam_width_deg": (0.5, 1.5), "vertical_sag": (0.1, 1),
         "sidelobe_db": (-40, -20), "vertical_sidelobe_db": (-30, -15), "back_db": (-40, -25), "chirp_ms": (1, 10),
-        "crosstalk_db": (-60, -40), "full_scale_db": (140, 160), "ringing_ms": (0.1, 1)},
+        "crosstalk_db": (-60, -40), "full_scale_db": (140, 160), "ringing_ms": (0.1, 1),
+        "yaw_jitter_deg": (0.05, 0.1), "phase_jitter_deg": (5, 20)},
     "forward_looking": {
         **PULSE, "frequency_khz": (200, 400), "fan_deg": (70, 120), "tilt_deg": (5, 30), "receive_jitter": (1e-5, 2e-5),
-        "vertical_beam_width_deg": (20, 60), "transmit_beam_width_deg": (60, 150), "element_spacing": (0.4, 0.7),
+        "vertical_beam_width_deg": (40, 60), "transmit_beam_width_deg": (60, 150), "element_spacing": (0.4, 0.7),
         "vertical_sidelobe_db": (-30, -20), "receive_flaws": (0.1, 0.3)},
     "sector_scan": {
         "frequency_khz": (500, 800), "pulse_ms": (0.05, 0.2), "bandwidth_khz": (10, 50), "beam_width_deg": (2, 6),
@@ -68,6 +69,8 @@ def numbered(kind, rng):
     depth, bed, size, far = drawn(5, 6), drawn(10, 11), drawn(0.8, 1.4), drawn(18, 22)
     across = kind in ("sidescan", "interferometric", "synthetic_aperture")
     place = [far - 3.0 if kind == "synthetic_aperture" else drawn(3, 6), drawn(-0.5, 0.5) if across else drawn(3, 6)]
+    if kind == "forward_looking":                          # the box and its shadow lie in every lobe
+        place = [place[0] - 3.0, place[1] + 3.0]
     sensor |= {"start": [drawn(-1, 1), drawn(-1, 1), -depth], "offset": f"{drawn(-0.2, 0.2)}, {drawn(0, 0.2)}, 0.1"}
     film["range"] = far
     if kind != "sidescan":
