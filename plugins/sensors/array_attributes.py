@@ -25,7 +25,7 @@ from mitsonar.sonar.arrays.array_checks import FARTHEST
 from mitsonar.sonar.arrays.element_patterns import BAFFLES, PATTERNS
 
 from ..attributes import Angle, Choice, File, Group, Integer, Number, Numbers, Point, Text
-from .side_lobes import VERTICAL_SIDELOBE
+from .sonar_sensor import VERTICAL_SIDELOBE
 
 MOST_ELEMENTS = 100_000
 ALL_KINDS = ("point", "line", "planar", "cylindrical", "spherical", "file")

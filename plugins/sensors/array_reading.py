@@ -22,7 +22,7 @@ from mitsonar.survey.voyage import Route
 from mitsonar.units import radians_from_deg
 
 from ..attributes import Attributes
-from .side_lobes import power_of
+from .sonar_sensor import power_of
 
 SOUND_SPEED = 1500.0               # [m/s] where the sensor gives none
 

@@ -26,8 +26,17 @@ from .array_attributes import ARRAYS, PICTURE
 from .array_reading import nominal_sound_speed, read_array, with_flaws
 from .platform import ROUTE, pings
 from .pulse_attributes import PULSE, read_pulse
-from .side_lobes import RECEIVE_FLAWS
-from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, FanSensor
+from .sonar_sensor import (
+    HIGHEST_DB,
+    LOWEST_DB,
+    NESTED,
+    NOISE,
+    PASS,
+    RECEIVE_FLAWS,
+    SELF_NOISE,
+    SOUND_SPEED,
+    FanSensor,
+)
 
 SIDES = ("transmit", "receive")
 

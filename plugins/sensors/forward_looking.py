@@ -41,8 +41,19 @@ from .array_attributes import ARRAYS, MOST_ELEMENTS, PICTURE
 from .array_reading import nominal_sound_speed, with_elements_changed, with_flaws
 from .platform import ROUTE, pings
 from .pulse_attributes import PULSE, read_pulse
-from .side_lobes import RECEIVE_FLAWS, VERTICAL_SIDELOBE, power_of
-from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, FanSensor
+from .sonar_sensor import (
+    HIGHEST_DB,
+    LOWEST_DB,
+    NESTED,
+    NOISE,
+    PASS,
+    RECEIVE_FLAWS,
+    SELF_NOISE,
+    SOUND_SPEED,
+    VERTICAL_SIDELOBE,
+    FanSensor,
+    power_of,
+)
 
 NARROWEST_DEG = 0.1
 MOST_CELLS = 2000                  # range resolution cells in the film's window

@@ -48,8 +48,17 @@ from .array_reading import nominal_sound_speed
 from .motion_errors import DEPTH_GATE, MOTION_ERRORS, depth_gate, motion_errors
 from .platform import ROUTE, pings
 from .pulse_attributes import make_pulse
-from .side_lobes import RECEIVE_FLAWS
-from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, SonarSensor
+from .sonar_sensor import (
+    HIGHEST_DB,
+    LOWEST_DB,
+    NESTED,
+    NOISE,
+    PASS,
+    RECEIVE_FLAWS,
+    SELF_NOISE,
+    SOUND_SPEED,
+    SonarSensor,
+)
 
 PRESETS = presets("multibeam")
 PRESET = FromTable(table=PRESETS, by="preset")

@@ -30,7 +30,6 @@ from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Integer, Number, Preset
 from .platform import MOST_PINGS, ROUTE
-from .side_lobes import VERTICAL_SIDELOBE, power_of
 from .sonar_sensor import (
     HIGHEST_DB,
     LOWEST_DB,
@@ -39,7 +38,9 @@ from .sonar_sensor import (
     PASS,
     SELF_NOISE,
     SOUND_SPEED,
+    VERTICAL_SIDELOBE,
     SonarSensor,
+    power_of,
     read_self_noise_db,
 )
 

@@ -8,8 +8,13 @@ from mitsonar.sonar.preset_tables import presets
 from mitsonar.units import power_from_db
 
 from ..attributes import Attributes, File, FromTable, Integer, Number, SameAs, Text
-from .side_lobes import LOUDEST_FLOOR_DB, VERTICAL_SIDELOBE, power_of
-from .sonar_sensor import HIGHEST_DB, LOWEST_DB
+from .sonar_sensor import (
+    HIGHEST_DB,
+    LOUDEST_FLOOR_DB,
+    LOWEST_DB,
+    VERTICAL_SIDELOBE,
+    power_of,
+)
 
 PRESET = FromTable(table=presets(), by="preset")
 MOST_BITS, LARGEST_SAG = 32, 2.0

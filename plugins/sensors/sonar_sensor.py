@@ -14,7 +14,7 @@ from mitsonar.io.scene_files import scenes
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.survey.sensor import Film, Sensor, Water, slowest_speed
 from mitsonar.survey.voyage import Route
-from mitsonar.units import hertz_from_khz
+from mitsonar.units import hertz_from_khz, power_from_db
 from mitsonar.water.profile import FASTEST, SLOWEST
 
 from ..attributes import Attribute, Attributes, Boolean, Group, Integer, Nested, Number
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from ..media.seawater import Seawater
 
 LOWEST_DB, HIGHEST_DB = -200, 300                 # range of energies in float32
+LOUDEST_FLOOR_DB = -3.0                           # of diffuse side lobes
 
 SOUND_SPEED = Number("sound_speed", default=None, above=SLOWEST, below=FASTEST, unit="m/s", otherwise="the profile's",
                      text="sound speed at the sonar, which converts time to slant range; from a profile, the speed at "
@@ -42,6 +43,15 @@ PASS = Integer("pass", default=None, minimum=0, maximum=1_000_000,
                     "`coherence` of their material states, and noise and water differ")
 SELF_NOISE = Number("self_noise_db", default=None, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa²/Hz",
                     text="self-noise of each receiver")
+VERTICAL_SIDELOBE = Number(
+    "vertical_sidelobe_db", minimum=LOWEST_DB, maximum=LOUDEST_FLOOR_DB, unit="dB",
+    text="mean level of the diffuse side lobes across the fan, of each face, one way, relative to its axis: it fills "
+         "the nulls between side lobes, which are black arcs otherwise; -20 to -30")
+
+RECEIVE_FLAWS = Number(
+    "receive_flaws", default=0.0, minimum=0, maximum=1,
+    text="rms error of each receiver's amplitude [1] and phase [rad], which beamforming does not correct: diffuse side "
+         "lobes of twice its square over the number of receivers of a row; 0.1 to 0.3")
 NESTED = (
     Nested("medium", default=None, otherwise="needed", text="the water around the sonar, a `seawater`"),
     Nested("film", default=None, otherwise="needed", text="the record of the sonar, a `sonar_film`"),
@@ -230,6 +240,11 @@ def read_self_noise_db(attributes: Attributes) -> float | None:
     """Return the receivers' noise [dB re 1 µPa²/Hz], None for the faintest; a preset's counts only beside `noise`."""
     level, wanted = attributes.self_noise_db, attributes.noise or attributes.given("self_noise_db")
     return level if wanted and level is not None and level > LOWEST_DB else None
+
+
+def power_of(level_db: float) -> float:
+    """Return a power; 0 for the faintest level."""
+    return float(power_from_db(level_db)) if level_db > LOWEST_DB else 0.0
 
 
 def _shortest(sonar: Sensor) -> float:

@@ -1,8 +1,8 @@
 """Second returns of bed and surface in the pictures of fans and heads: they begin where their ways end.
 
 A sonar 3 m deep over a level bed at 8 m, under a mirror: the bed by way of the surface, out or back, begins at
-(5 + 8 + 3)/2 = 8 m, the bed between two surface legs at (3 + 8 + 8 + 3)/2 = 11 m. With two and three bounces levels rise
-there by more than 2 dB, and by less than 0.05 dB half a metre before (scatterers are the same, rays drawn anew).
+(5 + 8 + 3)/2 = 8 m, the bed between two surface legs at (3 + 8 + 8 + 3)/2 = 11 m. With two and three bounces levels
+rise there by more than 2 dB, and by less than 0.05 dB half a metre before (rays are drawn anew).
 """
 import numpy as np
 import pytest
