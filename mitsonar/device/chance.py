@@ -58,8 +58,9 @@ class Salt:
     GLINT = 0x4F9D2E8B             # number of the glints of a square of seabed
     WEED = 0x5C7A11D3              # field whose high parts are weed; octaves are added
     WATER_SPECKLE = 0x35C0FBCF     # a sidescan's speckle of the water
+    YAW_JITTER, PHASE_JITTER = 0x59415721, 0x50484153   # errors of a sidescan's faces from ping to ping
     BEAM_AMBIENT, BEAM_NOISE = 0x1F83D9AB, 0x5BE0CD19   # noise in beams: on rows of sine, on waves along the line
-    RECEIVER_FLAWS = 0x464C4157    # errors of a multibeam's receivers
+    RECEIVER_FLAWS = 0x464C4157    # errors of an array's receivers
     RECORDER = 0x5243444B          # noise, faults and gains of a recorder
     EDGES = 0x6A3C91D7             # points on edges, for gradients
     OUTLINES = 0x71C8E2B5          # points on outlines of shapes without facets

@@ -3,7 +3,8 @@
     scene = sidescan({"bed": bed(40.0), "ball": point_target([30.0, 0.0, -38.0])}, film={"range": 60.0})
 
 Every scene has a sonar that stands still at x = y = 0 and looks north, in water of 1500 m/s, without speckle and noise.
-Sidescans are without flaws: no side lobes, no crosstalk between the sides, no noise of their own, no quantization.
+Sidescans are without flaws: no side lobes, no crosstalk between the sides, no noise of their own, no quantization, no
+jitter.
 The arguments ``sensor``, ``water``, ``film`` and ``integrator`` add attributes to these, or replace them.
 """
 from collections.abc import Mapping, Sequence
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
 Attributes = Mapping[str, object]      # of a plugin, by their names in XML
 
 FLAWLESS: Attributes = {"sidelobe_db": -200.0, "vertical_sidelobe_db": -200.0, "back_db": -200.0,
-                        "crosstalk_db": -200.0, "chirp_ms": 0.0, "self_noise_db": -200.0, "recorder": "none"}
+                        "crosstalk_db": -200.0, "chirp_ms": 0.0, "self_noise_db": -200.0, "recorder": "none",
+                        "yaw_jitter_deg": 0.0, "phase_jitter_deg": 0.0}
 
 
 def sidescan(shapes: Mapping[str, object], *, depth: float = 20.0, pings: int = 4, rays: int = 100_000,

@@ -19,10 +19,13 @@ numbers "forward, starboard, down". Arrays are of one of these kinds:
     <float name="receive_pitch" value="0.0075"/>
     <string name="receive_shading" value="chebwin 30"/>
 """
+from dataclasses import replace
+
 from mitsonar.sonar.arrays.array_checks import FARTHEST
 from mitsonar.sonar.arrays.element_patterns import BAFFLES, PATTERNS
 
 from ..attributes import Angle, Choice, File, Group, Integer, Number, Numbers, Point, Text
+from .sonar_sensor import VERTICAL_SIDELOBE
 
 MOST_ELEMENTS = 100_000
 ALL_KINDS = ("point", "line", "planar", "cylindrical", "spherical", "file")
@@ -57,13 +60,17 @@ ARRAYS = Group(title="Arrays", module="sensors.array_attributes", prefixes=("tra
     Number("_element_height", default=0.0, minimum=0, maximum=FARTHEST, unit="m", text="height of the face across it"),
     Choice("_pattern", default=None, choices=tuple(PATTERNS), otherwise="`rectangular` where a size is written",
            text="beam pattern of each element; for `circular`, the length is the diameter"),
+    replace(VERTICAL_SIDELOBE, name="_vertical_sidelobe_db", default=None, otherwise="none",
+            text="mean level of the diffuse side lobes of each rectangular face across its length, one way, relative "
+                 "to its axis; it fills the nulls between side lobes; -20 to -30"),
     Choice("_baffle", default="none", choices=tuple(BAFFLES), text="baffle behind each element"),
     Text("_shading", default=None, text='window over the elements, such as "chebwin 30"; for rows two, such as '
                                         '"taylor, hann": along the axis and across the rows'),
     Numbers("_failed", default=None, text="numbers of dead elements, counted from 0"),
     Number("_jitter", default=None, minimum=0, maximum=1000, unit="m", otherwise="0",
            text="rms error of each coordinate of the elements; steering does not correct it"),
-    Integer("_jitter_seed", default=None, minimum=0, otherwise="one each", text="seed of these errors"),
+    Integer("_jitter_seed", default=None, minimum=0, otherwise="one each",
+            text="seed of these errors, and of receivers' `receive_flaws`"),
     Numbers("_steer_deg", default=None, count=2, unit="degrees",
             text='"azimuth, depression" of the beam, from the bow to starboard and below the horizontal'),
     Number("_focus", default=None, above=0, maximum=10**9, unit="m",

@@ -22,6 +22,7 @@ from mitsonar.survey.voyage import Route
 from mitsonar.units import radians_from_deg
 
 from ..attributes import Attributes
+from .sonar_sensor import power_of
 
 SOUND_SPEED = 1500.0               # [m/s] where the sensor gives none
 
@@ -57,6 +58,12 @@ def with_elements_changed(attributes: Attributes, prefix: str, made: Array) -> A
         for change in changes:
             made = change(made)
     return made
+
+
+def with_flaws(attributes: Attributes, receive: Array) -> Array:
+    """Return receivers with the errors of their channels."""
+    rms = attributes.receive_flaws
+    return receive.flawed(rms, attributes.receive_jitter_seed) if rms else receive
 
 
 class _Prefixed:
@@ -152,7 +159,8 @@ KINDS = {"point": _point, "line": _line, "planar": _planar, "cylindrical": _cyli
 def _face(array):
     length, height = array.element_length, array.element_height
     pattern = array.pattern or ("rectangular" if length or height else "omni")
-    return {"length": length, "height": height, "pattern": pattern, "baffle": array.baffle}
+    floor = 0.0 if array.vertical_sidelobe_db is None else power_of(array.vertical_sidelobe_db)
+    return {"length": length, "height": height, "floor": floor, "pattern": pattern, "baffle": array.baffle}
 
 
 def _steering(array, sound_speed):
@@ -191,6 +199,7 @@ def _elements(array):
     seed = zlib.crc32(array.prefix.encode()) if array.jitter_seed is None else array.jitter_seed
     if jitter is not None:
         yield lambda made: made.jittered(jitter, seed)
-    elif array.jitter_seed is not None:
+    elif array.jitter_seed is not None and not (array.prefix == "receive"
+                                                and getattr(array.attributes, "receive_flaws", 0)):
         raise array.attributes.error(f"{array.name('jitter_seed')} is written, but {array.name('jitter')} is not; "
                                      "write the rms error [m], or leave the seed out.")

@@ -25,10 +25,20 @@ import numpy as np
 from ..attributes import Angle, Attributes, Integer, Number
 from ..films.recorder_attributes import read_recorder, recorder_of
 from .array_attributes import ARRAYS, PICTURE
-from .array_reading import nominal_sound_speed, read_array
+from .array_reading import nominal_sound_speed, read_array, with_flaws
 from .platform import ROUTE, pings
 from .pulse_attributes import PULSE, read_pulse
-from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, FanSensor
+from .sonar_sensor import (
+    HIGHEST_DB,
+    LOWEST_DB,
+    NESTED,
+    NOISE,
+    PASS,
+    RECEIVE_FLAWS,
+    SELF_NOISE,
+    SOUND_SPEED,
+    FanSensor,
+)
 
 SIDES = ("transmit", "receive")
 
@@ -37,7 +47,7 @@ ATTRIBUTES = (
     Number("source_level_db", default=210.0, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa @ 1 m",
            text="source level of the whole transmit array in its steering direction"),
     *PULSE,
-    ARRAYS, SOUND_SPEED,
+    ARRAYS, RECEIVE_FLAWS, SOUND_SPEED,
     Integer("beams", default=121, minimum=1, maximum=100_000, text="number of beams of the picture; a point has one"),
     Angle("fan_deg", default=120.0, above=0, maximum=180,
           text="width of the picture's fan about the receivers' normal, in the plane of their longest axis"),
@@ -60,6 +70,7 @@ class ArraySonar(FanSensor):
         self.nominal_sound_speed = nominal_sound_speed(self.sound_speed, self.water, self.route)
         self.transmit, self.receive = (read_array(attributes, side, self.nominal_sound_speed, frequency=self.frequency)
                                        for side in SIDES)
+        self.receive = with_flaws(attributes, self.receive)
         aperture = float(np.linalg.norm(np.ptp(self.receive.position, 0))) * self.frequency / self.nominal_sound_speed
         self.recorder = read_recorder(attributes, source_level_db=self.source_level_db, width=1 / max(aperture, 0.1),
                                       pulse_length=self.pulse.compressed_length())

@@ -39,10 +39,22 @@ from mitsonar.sonar.preset_tables import presets
 from ..attributes import Angle, Attributes, Choice, FromTable, Integer, Number, Preset, SameAs
 from ..films.recorder_attributes import read_recorder, recorder_of
 from .array_attributes import ARRAYS, MOST_ELEMENTS, PICTURE
-from .array_reading import nominal_sound_speed, with_elements_changed
+from .array_reading import nominal_sound_speed, with_elements_changed, with_flaws
 from .platform import ROUTE, pings
 from .pulse_attributes import PULSE, read_pulse
-from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, FanSensor
+from .sonar_sensor import (
+    HIGHEST_DB,
+    LOWEST_DB,
+    NESTED,
+    NOISE,
+    PASS,
+    RECEIVE_FLAWS,
+    SELF_NOISE,
+    SOUND_SPEED,
+    VERTICAL_SIDELOBE,
+    FanSensor,
+    power_of,
+)
 
 NARROWEST_DEG = 0.1
 MOST_CELLS = 2000                  # range resolution cells in the film's window
@@ -66,6 +78,7 @@ ATTRIBUTES = (
           text="vertical beam width of the transmit face, full width at -3 dB one way; 180: omnidirectional"),
     Angle("receive_vertical_beam_width_deg", default=SameAs("vertical_beam_width_deg"), minimum=NARROWEST_DEG,
           maximum=180, text="vertical beam width of the receivers"),
+    replace(VERTICAL_SIDELOBE, default=PRESET),
     Angle("transmit_beam_width_deg", default=SameAs("fan_deg"), minimum=NARROWEST_DEG, maximum=180,
           text="horizontal beam width of the transmit face"),
     Angle("receive_beam_width_deg", default=None, minimum=NARROWEST_DEG, maximum=180,
@@ -77,7 +90,9 @@ ATTRIBUTES = (
             text="number of rows, one below the other, that share the receivers' height"),
     replace(OF_ARRAYS["receive_shading"], default="taylor 4 30", otherwise=""),
     *(OF_ARRAYS[name] for name in ("receive_failed", "receive_jitter", "receive_jitter_seed")),
-    *recorder_of(PRESETS), SOUND_SPEED, PICTURE, *NOISE, SELF_NOISE, pings(1), PASS, ROUTE, *NESTED,
+    replace(RECEIVE_FLAWS, default=PRESET),
+    *recorder_of(PRESETS), SOUND_SPEED, PICTURE, *NOISE,
+    replace(SELF_NOISE, default=PRESET, otherwise="*preset*; none without `noise`"), pings(1), PASS, ROUTE, *NESTED,
 )
 
 
@@ -121,7 +136,12 @@ def _transmitter(attributes: Attributes, wavelength: float) -> Array:
     length, height = (length_for_beam_width(width, wavelength) for width in
                       (attributes.transmit_beam_width_deg, attributes.vertical_beam_width_deg))
     return element_array([0.0, 0.0, 0.0], normal=_normal(attributes), along="starboard", length=length, height=height,
-                         pattern="rectangular", baffle="hard")
+                         floor=_floor(attributes, height), pattern="rectangular", baffle="hard")
+
+
+def _floor(attributes: Attributes, height: float) -> float:
+    """Return the power of the diffuse side lobes of a face; one without height has neither lobes nor nulls."""
+    return power_of(attributes.vertical_sidelobe_db) if height else 0.0
 
 
 def _receivers(attributes: Attributes, wavelength: float) -> Array:
@@ -133,9 +153,9 @@ def _receivers(attributes: Attributes, wavelength: float) -> Array:
     width = attributes.receive_beam_width_deg
     length = pitch if width is None else length_for_beam_width(width, wavelength)
     made = planar_array(attributes.receive_elements, rows, pitch, row_pitch=height / rows or pitch, axis="starboard",
-                        normal=_normal(attributes), length=length, height=height / rows, pattern="rectangular",
-                        baffle="hard")
-    return with_elements_changed(attributes, "receive", made)
+                        normal=_normal(attributes), length=length, height=height / rows,
+                        floor=_floor(attributes, height), pattern="rectangular", baffle="hard")
+    return with_flaws(attributes, with_elements_changed(attributes, "receive", made))
 
 
 mi.register_sensor("forward_looking", ForwardLooking)

@@ -28,6 +28,8 @@ soundings. They do not change pictures.
         <film type="sonar_film"><float name="range" value="120"/></film>
     </sensor>
 """
+from dataclasses import replace
+
 import mitsuba as mi
 import numpy as np
 
@@ -47,7 +49,17 @@ from .array_reading import nominal_sound_speed
 from .motion_errors import DEPTH_GATE, MOTION_ERRORS, depth_gate, motion_errors
 from .platform import ROUTE, pings
 from .pulse_attributes import make_pulse
-from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SELF_NOISE, SOUND_SPEED, SonarSensor
+from .sonar_sensor import (
+    HIGHEST_DB,
+    LOWEST_DB,
+    NESTED,
+    NOISE,
+    PASS,
+    RECEIVE_FLAWS,
+    SELF_NOISE,
+    SOUND_SPEED,
+    SonarSensor,
+)
 
 PRESETS = presets("multibeam")
 PRESET = FromTable(table=PRESETS, by="preset")
@@ -93,9 +105,9 @@ ATTRIBUTES = (
     Text("receive_shading", default="taylor 4 30",
          text="window over the receive elements; each of the two halves whose phases are compared has its part of "
               "the window"),
-    Number("receive_flaws", default=0.1, minimum=0, maximum=1,
-           text="rms error of each receiver's amplitude [1] and phase [rad], after calibration of the halves: side "
-                "lobes of twice its square over the number of receivers"),
+    replace(RECEIVE_FLAWS, default=0.1,
+            text="rms error of each receiver's amplitude [1] and phase [rad], after calibration of the halves: side "
+                 "lobes of twice its square over the number of receivers"),
     Numbers("transmit_place", default=(0.0, 0.0, 0.0), count=3, unit="m",
             text='"forward, starboard, down" of the transmit line from the sonar'),
     Numbers("receive_place", default=(0.0, 0.0, 0.0), count=3, unit="m",

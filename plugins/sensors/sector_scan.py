@@ -31,7 +31,19 @@ from mitsonar.units import hertz_from_khz
 from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Integer, Number, Preset
 from ..films.recorder_attributes import read_recorder, recorder_of
 from .platform import MOST_PINGS, ROUTE
-from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, PASS, SOUND_SPEED, SonarSensor
+from .sonar_sensor import (
+    HIGHEST_DB,
+    LOWEST_DB,
+    NESTED,
+    NOISE,
+    PASS,
+    SELF_NOISE,
+    SOUND_SPEED,
+    VERTICAL_SIDELOBE,
+    SonarSensor,
+    power_of,
+    read_self_noise_db,
+)
 
 PRESETS = presets("sector_scan")
 PRESET = FromTable(table=PRESETS, by="preset")
@@ -49,6 +61,8 @@ ATTRIBUTES = (
           text="beam width in the plane of rotation, full width at -3 dB one way"),
     Angle("vertical_beam_width_deg", default=PRESET, minimum=0.1, maximum=180,
           text="beam width across that plane, full width at -3 dB one way"),
+    replace(VERTICAL_SIDELOBE, default=PRESET,
+            text=VERTICAL_SIDELOBE.text.replace("across the fan, of each face", "across that plane")),
     Choice("mount", default="down", choices=tuple(MOUNTS),
            text="direction of the head's axis: the beam turns about the vertical or, as in a pipe profiler, about "
                 "the forward direction"),
@@ -69,8 +83,7 @@ ATTRIBUTES = (
            text="method: `beams` weighs the echoes of scatterers, as few as the resolution needs, by the beam; "
                 "`elements` takes the signals of the head as one element, and takes a hundred times as long"),
     *NOISE,
-    Number("self_noise_db", default=None, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa²/Hz",
-           text="self-noise of the receiver"),
+    replace(SELF_NOISE, default=PRESET, otherwise="*preset*; none without `noise`", text="self-noise of the receiver"),
     Integer("pings", default=400, minimum=1, maximum=MOST_PINGS, otherwise="one turn, or way across the sector",
             text="number of pings; for a recorded track or way points, all if not written"),
     PASS, ROUTE, *NESTED,
@@ -86,9 +99,10 @@ class SectorScan(SonarSensor):
         """Read the pulse, the beam and the rotation of the head."""
         self.preset = attributes.preset
         self.frequency = float(hertz_from_khz(attributes.frequency_khz))
-        self.source_level_db, self.self_noise_db = attributes.source_level_db, attributes.self_noise_db
+        self.source_level_db, self.self_noise_db = attributes.source_level_db, read_self_noise_db(attributes)
         self.picture = attributes.picture
         self.beam_widths = attributes.beam_width_deg, attributes.vertical_beam_width_deg
+        self.vertical_floor = power_of(attributes.vertical_sidelobe_db)
         self.pulse = _pulse(attributes, self.frequency)
         self.recorder = read_recorder(attributes, source_level_db=self.source_level_db, width=self.beam_widths[0],
                                       pulse_length=self.pulse.compressed_length())

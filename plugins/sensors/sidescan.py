@@ -17,13 +17,14 @@ speckle and noise; `recorded` are the counts that the preset's recorder makes of
 import mitsuba as mi
 
 from mitsonar.sonar.preset_tables import presets
+from mitsonar.survey.sidescan.jitter import Jitter
 from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Boolean, Number, Preset, SameAs
 from ..films.recorder_attributes import read_recorder, recorder_of
 from .platform import ROUTE, pings
-from .sidescan_attributes import FACES, PRESET, RECEIVERS, read_faces, read_leakage, read_self_noise_db
-from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SOUND_SPEED, SonarSensor
+from .sidescan_attributes import FACES, PRESET, RECEIVERS, read_faces, read_leakage
+from .sonar_sensor import HIGHEST_DB, LOWEST_DB, NESTED, NOISE, SOUND_SPEED, SonarSensor, read_self_noise_db
 
 NARROWEST_DEG, NARROWEST_VERTICAL_DEG = 0.01, 0.1          # what the integrals over the beam resolve
 SHORTEST_MS, LOWEST_KHZ = 1e-6, 0.001
@@ -47,6 +48,12 @@ ATTRIBUTES = (
           text="angle of the faces' normals below the horizontal"),
     *FACES, *RECEIVERS, *recorder_of(presets()), SOUND_SPEED,
     Boolean("speckle", default=True, text="true: complex Gaussian echoes, one per resolution cell; false: mean levels"),
+    Angle("yaw_jitter_deg", default=PRESET, minimum=0, maximum=10,
+          text="rms error of the beam's heading from ping to ping, within the attitude's tolerance, which no record "
+               "has: pings have less speckle in common, and the same mean levels; 0 to a quarter of the beam width"),
+    Angle("phase_jitter_deg", default=PRESET, minimum=0, maximum=90,
+          text="rms error σ of phase over each face that changes from ping to ping: the speckle that pings have in "
+               "common falls to exp(-2 σ²) of its amplitude; 0 to 30"),
     *NOISE, pings(400), ROUTE, *NESTED,
 )
 
@@ -64,6 +71,7 @@ class Sidescan(SonarSensor):
         self.chirp_length = max(attributes.chirp_ms, attributes.pulse_ms) / 1000
         self.transmit_face, self.receive_face = read_faces(attributes)
         self.depression_angle, self.speckle = attributes.depression_deg, attributes.speckle
+        self.jitter = Jitter(yaw=attributes.yaw_jitter_deg, phase=attributes.phase_jitter_deg)
         self.leakage, self.self_noise_db = read_leakage(attributes), read_self_noise_db(attributes)
         self.recorder = read_recorder(attributes, source_level_db=self.source_level_db,
                                       width=attributes.beam_width_deg, pulse_length=self.pulse_length)

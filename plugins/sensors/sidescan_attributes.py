@@ -1,14 +1,21 @@
 """Faces and receivers of a sidescan, with the flaws that real instruments have; -200 dB leaves a flaw out."""
+from dataclasses import replace
+
 from mitsonar.io.scene_files import beam_levels
 from mitsonar.sonar.faces.faces import BuiltFace, MeasuredBeam
 from mitsonar.sonar.preset_tables import presets
 
 from ..attributes import Attributes, File, FromTable, Number, SameAs, Text
-from .sonar_sensor import HIGHEST_DB, LOWEST_DB, power_of
+from .sonar_sensor import (
+    HIGHEST_DB,
+    LOUDEST_FLOOR_DB,
+    LOWEST_DB,
+    VERTICAL_SIDELOBE,
+    power_of,
+)
 
 PRESET = FromTable(table=presets(), by="preset")
 LARGEST_SAG = 2.0
-LOUDEST_FLOOR_DB = -3.0
 
 FACES = (
     Text("shading", default="boxcar",
@@ -18,9 +25,9 @@ FACES = (
     Number("sidelobe_db", default=PRESET, minimum=LOWEST_DB, maximum=LOUDEST_FLOOR_DB, unit="dB",
            text="mean level of the diffuse side lobes along the track, of each face without a measured beam, one "
                 "way, relative to its axis: the effect of errors of the face's segments; -20 to -35 in used faces"),
-    Number("vertical_sidelobe_db", default=PRESET, minimum=LOWEST_DB, maximum=LOUDEST_FLOOR_DB, unit="dB",
-           text="mean level of the diffuse side lobes across the track, at its full height downwards, where it sets "
-                "the brightness of the first return; upwards the housing shields it; -10 to -25"),
+    replace(VERTICAL_SIDELOBE, default=PRESET,
+            text="mean level of the diffuse side lobes across the track, at its full height downwards, where it sets "
+                 "the brightness of the first return; upwards the housing shields it; -10 to -25"),
     Number("vertical_sag", default=0.0, minimum=0, maximum=LARGEST_SAG, unit="wavelengths",
            text="depth by which the edges of a face curved across the track stand back; 0: flat; 0.5 to 1 make "
                 "flat-topped beams"),
@@ -81,12 +88,6 @@ def read_faces(attributes: Attributes) -> tuple[BuiltFace, BuiltFace]:
 def read_leakage(attributes: Attributes) -> float:
     """Return the share of the other side's power in a channel: through the back of the face, and through the wires."""
     return power_of(attributes.back_db) + power_of(attributes.crosstalk_db)
-
-
-def read_self_noise_db(attributes: Attributes) -> float | None:
-    """Return the receivers' noise [dB re 1 µPa²/Hz]; the preset's counts only in a scene with noise."""
-    wanted = attributes.noise or attributes.given("self_noise_db")
-    return attributes.self_noise_db if wanted and attributes.self_noise_db > LOWEST_DB else None
 
 
 def _measured(attributes: Attributes, prefix: str, name: str, files: dict[str, MeasuredBeam]) -> MeasuredBeam | None:

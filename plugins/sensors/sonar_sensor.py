@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ..media.seawater import Seawater
 
 LOWEST_DB, HIGHEST_DB = -200, 300                 # range of energies in float32
+LOUDEST_FLOOR_DB = -3.0                           # of diffuse side lobes
 
 SOUND_SPEED = Number("sound_speed", default=None, above=SLOWEST, below=FASTEST, unit="m/s", otherwise="the profile's",
                      text="sound speed at the sonar, which converts time to slant range; from a profile, the speed at "
@@ -44,6 +45,15 @@ PASS = Integer("pass", default=None, minimum=0, maximum=1_000_000,
                     "`coherence` of their material states, and noise and water differ")
 SELF_NOISE = Number("self_noise_db", default=None, minimum=LOWEST_DB, maximum=HIGHEST_DB, unit="dB re 1 µPa²/Hz",
                     text="self-noise of each receiver")
+VERTICAL_SIDELOBE = Number(
+    "vertical_sidelobe_db", minimum=LOWEST_DB, maximum=LOUDEST_FLOOR_DB, unit="dB",
+    text="mean level of the diffuse side lobes across the fan, of each face, one way, relative to its axis: it fills "
+         "the nulls between side lobes, which are black arcs otherwise; -20 to -30")
+
+RECEIVE_FLAWS = Number(
+    "receive_flaws", default=0.0, minimum=0, maximum=1,
+    text="rms error of each receiver's amplitude [1] and phase [rad], which beamforming does not correct: diffuse side "
+         "lobes of twice its square over the number of receivers of a row; 0.1 to 0.3")
 NESTED = (
     Nested("medium", default=None, otherwise="needed", text="the water around the sonar, a `seawater`"),
     Nested("film", default=None, otherwise="needed", text="the record of the sonar, a `sonar_film`"),
@@ -139,7 +149,7 @@ class SonarSensor(mi.Sensor):
         """Read preset, carrier, source level and self-noise."""
         self.preset = getattr(attributes, "preset", None)
         self.frequency = float(hertz_from_khz(attributes.frequency_khz))
-        self.source_level_db, self.self_noise_db = attributes.source_level_db, attributes.self_noise_db
+        self.source_level_db, self.self_noise_db = attributes.source_level_db, read_self_noise_db(attributes)
 
     def look_directions(self) -> tuple[np.ndarray, np.ndarray | None]:
         """Return the directions that the sonar looks into, and where they end; see `mitsonar.survey.sensor.Sensor`."""
@@ -227,6 +237,12 @@ class FanSensor(SonarSensor):
                                  "leave picture out, or make it elements.")
             self.picture = "elements"
         super().take_elements(transmit, receive)
+
+
+def read_self_noise_db(attributes: Attributes) -> float | None:
+    """Return the receivers' noise [dB re 1 µPa²/Hz], None for the faintest; a preset's counts only beside `noise`."""
+    level, wanted = attributes.self_noise_db, attributes.noise or attributes.given("self_noise_db")
+    return level if wanted and level is not None and level > LOWEST_DB else None
 
 
 def power_of(level_db: float) -> float:

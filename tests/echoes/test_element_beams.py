@@ -17,14 +17,16 @@ TURN, WAVELENGTH = 0.05, 0.015
 
 def arrays(rng, pattern, baffle):
     """A transmitter and six receivers whose faces all look one way."""
-    size = {"omni": {}, "circular": {"length": 0.06}, "rectangular": {"length": 0.06, "height": 0.03}}[pattern]
-    face = {**size, "pattern": pattern, "baffle": baffle, "normal": [0.3, 1, 0.2]}
+    sides = {"length": 0.06, "height": 0.03}
+    size = {"omni": {}, "circular": {"length": 0.06}, "rectangular": sides, "filled": {**sides, "floor": 0.01}}[pattern]
+    face = {**size, "pattern": "rectangular" if pattern == "filled" else pattern, "baffle": baffle,
+            "normal": [0.3, 1, 0.2]}
     position = rng.uniform(-0.35, 0.35, (6, 3))
     return element_array(position[:1], **face), element_array(position, **face)
 
 
 @pytest.mark.parametrize("baffle", ["none", "hard", "soft", "cardioid"])
-@pytest.mark.parametrize("pattern", ["omni", "rectangular", "circular"])
+@pytest.mark.parametrize("pattern", ["omni", "rectangular", "filled", "circular"])
 def test_no_element_hears_more_than_the_bound(variant, rng, pattern, baffle):
     transmit, receive = arrays(rng, pattern, baffle)
     towards = rng.normal(size=(4000, 3))

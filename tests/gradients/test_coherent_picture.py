@@ -15,6 +15,8 @@ ACROSS = {f"{side}_{name}": value for side in ("receive", "transmit")
 RIGHT = 3e-3
 STEPS = {"sensor.tx_delay": 1e-7, "sensor.rx_delay": 1e-7, "ball.position": 1e-4, "ball.target_strength_db": 0.05}
 
+FLAWS = {"receive_flaws": 0.2, "receive_element_height": 0.03, "receive_vertical_sidelobe_db": -20.0}
+
 
 def scene(receivers=6, senders=3, **how):
     """Two lines across the bow look at a target before the bed."""
@@ -36,8 +38,9 @@ def attached(made, key, tangent=None):
     return parameters, leaf
 
 
-def test_a_model_gives_the_picture_that_is_rendered(variant):
-    made = scene()
+@pytest.mark.parametrize("flaws", [{}, FLAWS])
+def test_a_model_gives_the_picture_that_is_rendered(variant, flaws):
+    made = scene(**flaws)
     model = mitsonar.coherent_model(made, ["ball.position"], seed=3)
     level = mitsonar.render(made, seed=3)["level"].values
     found = 10 * np.log10(np.maximum(model.value({}).reshape(model.shape), 1e-30))
@@ -45,9 +48,9 @@ def test_a_model_gives_the_picture_that_is_rendered(variant):
     assert np.abs(found - level)[there].max() < 1e-4
 
 
-@pytest.mark.parametrize("of", ["intensity", "amplitude"])
-def test_products_agree_with_differences_and_with_each_other(variant, rng, of):
-    model = mitsonar.coherent_model(scene(), list(STEPS), of=of, pings=(1,), seed=1)
+@pytest.mark.parametrize(("of", "flaws"), [("intensity", {}), ("amplitude", {}), ("amplitude", FLAWS)])
+def test_products_agree_with_differences_and_with_each_other(variant, rng, of, flaws):
+    model = mitsonar.coherent_model(scene(**flaws), list(STEPS), of=of, pings=(1,), seed=1)
     jacobian = model.linearised({})
     weights = rng.standard_normal(jacobian.value.shape)
     gradient = jacobian.backward(weights)

@@ -19,14 +19,16 @@ OWN = {
         "frequency_khz": (90, 500), "pulse_ms": (0.02, 0.1), "beam_width_deg": (0.5, 1.5), "depression_deg": (10, 30),
         "vertical_beam_width_deg": (40, 60), "receive_beam_width_deg": (0.5, 1.5), "vertical_sag": (0.1, 1),
         "sidelobe_db": (-40, -20), "vertical_sidelobe_db": (-30, -15), "back_db": (-40, -25), "chirp_ms": (1, 10),
-        "crosstalk_db": (-60, -40)},
+        "crosstalk_db": (-60, -40),
+        "yaw_jitter_deg": (0.05, 0.1), "phase_jitter_deg": (5, 20)},
     "forward_looking": {
         **PULSE, "frequency_khz": (200, 400), "fan_deg": (70, 120), "tilt_deg": (5, 30), "receive_jitter": (1e-5, 2e-5),
-        "vertical_beam_width_deg": (20, 60), "transmit_beam_width_deg": (60, 150), "element_spacing": (0.4, 0.7)},
+        "vertical_beam_width_deg": (40, 60), "transmit_beam_width_deg": (60, 150), "element_spacing": (0.4, 0.7),
+        "vertical_sidelobe_db": (-30, -20), "receive_flaws": (0.1, 0.3)},
     "sector_scan": {
         "frequency_khz": (500, 800), "pulse_ms": (0.05, 0.2), "bandwidth_khz": (10, 50), "beam_width_deg": (2, 6),
         "vertical_beam_width_deg": (15, 40), "tilt_deg": (10, 40), "step_deg": (0.5, 2),
-        "first_bearing_deg": (-30, 30)},
+        "first_bearing_deg": (-30, 30), "vertical_sidelobe_db": (-30, -20)},
     "multibeam": {
         **PULSE, "frequency_khz": (200, 400), "swath_deg": (80, 120), "transmit_beam_width_deg": (2, 5),
         "receive_beam_width_deg": (2, 5), "receive_along_width_deg": (20, 40), "receive_flaws": (0.01, 0.2),
@@ -45,7 +47,7 @@ OWN = {
     "array_sonar": {
         "frequency_khz": (80, 150), "pulse_ms": (0.3, 1), "bandwidth_khz": (5, 15), "fan_deg": (60, 120),
         "receive_pitch": (0.004, 0.01), "receive_element_length": (0.002, 0.008), "receive_jitter": (1e-5, 2e-5),
-        "transmit_element_height": (0.01, 0.05)},
+        "transmit_element_height": (0.01, 0.05), "receive_flaws": (0.1, 0.3)},
 }
 KINDS = tuple(OWN)
 SIZES = {                           # sensor, film, integrator: what kernels may depend upon
@@ -70,6 +72,8 @@ def numbered(kind, rng, **written):
     depth, bed, size, far = drawn(5, 6), drawn(10, 11), drawn(0.8, 1.4), drawn(18, 22)
     across = kind in ("sidescan", "interferometric", "synthetic_aperture")
     place = [far - 3.0 if kind == "synthetic_aperture" else drawn(3, 6), drawn(-0.5, 0.5) if across else drawn(3, 6)]
+    if kind == "forward_looking":                          # the box and its shadow lie in every lobe
+        place = [place[0] - 3.0, place[1] + 3.0]
     sensor |= {"start": [drawn(-1, 1), drawn(-1, 1), -depth], "offset": f"{drawn(-0.2, 0.2)}, {drawn(0, 0.2)}, 0.1"}
     film["range"] = far
     if kind != "sidescan":

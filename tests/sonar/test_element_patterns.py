@@ -53,6 +53,19 @@ def test_rectangle_is_a_product_of_lines(rng):
                                atol=ROUNDING)
 
 
+def test_a_floor_fills_the_nulls_across_the_face_and_leaves_the_axis(rng):
+    """b² = sinc²(L u/λ) ((1 - f) sinc²(H v/λ) + f), f = -20 dB; at v = λ/H, where sinc is 0, b = 0.1 and positive."""
+    towards, face = directions(rng), {**DOWN, "length": 0.1, "height": 0.03, "floor": 0.01, "pattern": "rectangular"}
+    u, v = np.sinc(towards[:, 0] * 0.1 / 0.015), np.sinc(towards[:, 1] * 0.03 / 0.015)
+    np.testing.assert_allclose(element_pressure(towards, 0.015, **face) ** 2, u ** 2 * (0.99 * v ** 2 + 0.01),
+                               atol=ROUNDING)
+    axis, null = element_pressure(np.array([[0, 0, 1], [0, 0.5, 0.75 ** 0.5]]), 0.015, **face)
+    assert axis == pytest.approx(1, abs=ROUNDING) and null == pytest.approx(0.1, abs=ROUNDING)
+    for floor, pattern in ((1.0, "rectangular"), (-0.1, "rectangular"), (0.01, "omni")):
+        with pytest.raises(ValueError, match=f"floor of side lobes of {pattern} elements is {floor:g}; give a power"):
+            element_array([0.0, 0, 0], pattern=pattern, floor=floor)
+
+
 @pytest.mark.parametrize("baffle", BAFFLES)
 def test_baffles(baffle):
     """At 53.13 degrees from the normal (cosine 0.6), at 90 and at 126.87 degrees; 1 on the normal."""
@@ -62,15 +75,16 @@ def test_baffles(baffle):
     assert element_pressure(np.array([0.0, 0, 1]), 0.015, **DOWN, baffle=baffle) == 1
 
 
-@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize(("pattern", "floor"), [*((name, 0.0) for name in PATTERNS), ("rectangular", 0.01)])
 @pytest.mark.parametrize("baffle", BAFFLES)
-def test_device_agrees(pattern, baffle, rng):
+def test_device_agrees(pattern, floor, baffle, rng):
     """In any attitude of the face; directions at the very edge of a baffle, where float32 tips over, are left out."""
     normal, other = directions(rng, 2)
     along = np.cross(normal, other) / np.linalg.norm(np.cross(normal, other))
     towards = directions(rng).astype(np.float32)
     towards = towards[np.abs(towards @ normal) > 1e-5]
-    face = {"pattern": pattern, "baffle": baffle, "length": 0.31, "height": 0.0 if pattern == "circular" else 0.07}
+    face = {"pattern": pattern, "baffle": baffle, "length": 0.31, "height": 0.0 if pattern == "circular" else 0.07,
+            "floor": floor}
     wanted = element_pressure(towards.astype(float), 0.015, normal, along, **face)
     for vector in (Array3f(towards.T), tuple(Array3f(towards.T))):
         found = element_pressure(vector, 0.015, normal.tolist(), along.tolist(), **face)

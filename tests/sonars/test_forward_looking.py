@@ -124,7 +124,8 @@ def test_it_is_a_sonar_with_that_array(variant):
     face = {f"transmit_{name}": value for name, value in width.items()}
     length = 0.44294647069 * 0.0075 / np.sin(np.pi / 4)
     same = array_sonar(shapes, film=film, integrator={"cell": 0.2}, sensor={
-        **fan, **line, **face, "receive": "line", "source_level_db": 200.0, "transmit_element_length": length})
+        **fan, **line, **face, "receive": "line", "receive_flaws": 0.2, "self_noise_db": 48.0, "source_level_db": 200.0,
+        "transmit_element_length": length})
     images = [mitsonar.render(made, seed) for made, seed in ((same, 1), *((forward_looking(
         shapes, film=film, integrator={"cell": 0.2}, sensor={**SMALL, **fan, "receive_elements": 8,
                                                              "beam_spacing": "angle"}), seed) for seed in (1, 1, 2)))]

@@ -4,8 +4,9 @@
     bound        upper limit of |b_t b_r|² over all elements: an element lies up to r from the centre, so its direction
                  differs by up to r/d at the distance d, and by the array's rotation until the echoes arrive
 
-b -> `sonar.element_patterns`. The bound takes side lobes by their envelope, 1 / (π x) for a sinc, where x, the cosine
-times the face's side in wavelengths, is reduced by that angle. The plane of a baffle is widened by the same angle.
+b -> `sonar.element_patterns`. The bound takes side lobes by their envelope, 1 / (π x) for a sinc, raised to their
+floor, where x, the cosine times the face's side in wavelengths, is reduced by that angle. The plane of a baffle is
+widened by the same angle.
 """
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ import numpy as np
 from mitsonar.device.arrays import opaque_vector
 from mitsonar.device.types import Numbers, Triple
 from mitsonar.sonar.arrays.array import Array
-from mitsonar.sonar.arrays.element_patterns import element_pressure
+from mitsonar.sonar.arrays.element_patterns import element_pressure, filled
 
 FACES_AIMED_BY = 4                 # with more faces, beams are not used to choose scatterers
 
@@ -83,7 +84,7 @@ def _envelope(array, direction, slack, wavelength, normal, along):
     across = ny * az - nz * ay, nz * ax - nx * az, nx * ay - ny * ax
     envelope = mi.Float(1)
     if array.pattern == "rectangular":
-        envelope = lobe(array.length, along) * lobe(array.height, across)
+        envelope = lobe(array.length, along) * filled(lobe(array.height, across), _floor(array))
     elif array.pattern == "circular":
         # |2 J1(x) / x| < 1.6 / x, and the distance x from the axis is at least either cosine
         envelope = dr.minimum(1.6 * dr.minimum(lobe(array.length, along), lobe(array.length, across)), 1)
@@ -102,5 +103,10 @@ def pressure(array: Array, direction: Triple, wavelength: float, normal: np.ndar
     sizes = array.length, array.height, wavelength
     length, height, opaque_wavelength = (dr.opaque(mi.Float, float(size)) for size in sizes)
     return element_pressure(direction, opaque_wavelength, opaque_vector(mi.Vector3f, normal),
-                            opaque_vector(mi.Vector3f, along), length=length, height=height, pattern=array.pattern,
-                            baffle=array.baffle)
+                            opaque_vector(mi.Vector3f, along), length=length, height=height, floor=_floor(array),
+                            pattern=array.pattern, baffle=array.baffle)
+
+
+def _floor(array: Array) -> Numbers:
+    """Return the floor of an array's side lobes; the number 0 where there is none."""
+    return dr.opaque(mi.Float, array.floor) if array.floor else 0.0

@@ -166,11 +166,18 @@ class _Run:
     def kept(self, signals: np.ndarray) -> np.ndarray:
         """Return the received signals with delays and gains, cut to the requested samples: complex64."""
         signals = self._late(signals) if self.survey.receive.delay.any() else signals
-        return self._cut(signals if np.all(self.altered.gain == 1) else signals * self.altered.gain[:, None])
+        gain = self._gain
+        return self._cut(signals if np.all(gain == 1) else signals * gain[:, None])
 
     def by_channel(self, signals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the derivatives of `kept` by the delays [1/s] and by the gains of the receivers."""
-        return (self._cut(self._late(signals, rate=True) * self.altered.gain[:, None]), self._cut(self._late(signals)))
+        return (self._cut(self._late(signals, rate=True) * self._gain[:, None]),
+                self._cut(self._late(signals) * self.survey.receive.channel[:, None]))
+
+    @property
+    def _gain(self) -> np.ndarray:
+        """Return the factors of the receivers' signals (rx,): gains times channels."""
+        return self.altered.gain * self.survey.receive.channel
 
     def response_weights(self, weights: np.ndarray, ping: int, sent: SentPiece, factor: float) -> np.ndarray:
         """Return weights of a class's responses for weights (rx, samples) of signals."""
@@ -186,7 +193,7 @@ class _Run:
         """Return weights of signals for weights (rx, kept samples) of `kept`: its transpose."""
         survey = self.survey
         wide = np.zeros((len(kept), survey.samples), np.complex64)
-        wide[:, survey.lead:] = kept * np.conj(self.altered.gain)[:, None]
+        wide[:, survey.lead:] = kept * np.conj(self._gain)[:, None]
         wide[~survey.receive.working] = 0
         return transposed(self._late, wide) if survey.receive.delay.any() else wide
 

@@ -22,6 +22,7 @@ from mitsonar.device.types import Numbers, Triple
 
 from .array_checks import as_numbers, check_face, checked_speed, positions_of, refuse, vector_of
 from .axes import axis_vector
+from .channels import flawed
 from .element_patterns import element_pressure
 from .shading import window_weights
 
@@ -53,12 +54,16 @@ class Array:
         Size of every element's face, along ``along`` and across; a circle's length is its diameter, its height 0.
     pattern : str
         ``omni``, ``rectangular`` or ``circular``.
+    floor : float [-]
+        Mean power of the diffuse side lobes of a rectangular face across its length, relative to its axis.
     baffle : str
         ``none``, ``hard``, ``soft`` or ``cardioid``.
     weight : array (E,) or float [-]
         Weight of each element; 0 for a failed one.
     delay : array (E,) or float [s]
         Delay of each element's signal.
+    channel : complex array (E,) or complex [-]
+        Factor of each received signal, which beamformers do not know; see `flawed`.
     layout : tuple of int
         Elements along each axis of a regular array, the last axis running fastest; empty for irregular arrays.
 
@@ -79,9 +84,11 @@ class Array:
     length: float = 0.0
     height: float = 0.0
     pattern: Literal["omni", "rectangular", "circular"] = "omni"
+    floor: float = 0.0
     baffle: Literal["none", "hard", "soft", "cardioid"] = "none"
     weight: np.ndarray = field(default_factory=lambda: np.ones(()))
     delay: np.ndarray = field(default_factory=lambda: np.zeros(()))
+    channel: np.ndarray = field(default_factory=lambda: np.ones((), complex))
     layout: tuple[int, ...] = ()
 
     def __post_init__(self):
@@ -101,13 +108,18 @@ class Array:
                 refuse(size[:, 0] == 0, name, value, "give a direction")
                 value = value / size
             self._set(name, value)
+        channel = np.asarray(self.channel, complex)
+        if channel.shape not in ((), (elements,)) or not np.isfinite(channel).all():
+            raise ValueError(f"array: channel has shape {channel.shape} for {elements} elements; give each a finite "
+                             "complex number, or one to all.")
+        self._set("channel", np.broadcast_to(channel, (elements,)))
         tilt = np.abs(np.sum(self.normal * self.along, axis=1))
         refuse(tilt > SQUARE, "along", self.along, "it must be perpendicular to the element's normal")
         if not self.working.any():
             raise ValueError("array: no element has a weight; give at least one a weight other than 0.")
         if self.layout and np.prod(self.layout) != elements:
             raise ValueError(f"array: layout {self.layout} does not hold {elements} elements.")
-        check_face(self.length, self.height, self.pattern, self.baffle)
+        check_face(self.length, self.height, self.pattern, self.baffle, self.floor)
 
     def _set(self, name: str, value: np.ndarray) -> None:
         value = np.array(value)
@@ -125,6 +137,11 @@ class Array:
     def working(self) -> np.ndarray:
         """Return True for elements that have a weight, bool (E,)."""
         return self.weight != 0
+
+    @property
+    def flawless(self) -> bool:
+        """Return True if the channels of all elements are right."""
+        return bool(np.all(self.channel == 1))
 
     @property
     def radius(self) -> float:
@@ -186,7 +203,7 @@ class Array:
         array (...) or Dr.Jit array [-]
         """
         return element_pressure(direction, wavelength, normal, along, length=self.length, height=self.height,
-                                pattern=self.pattern, baffle=self.baffle)
+                                floor=self.floor, pattern=self.pattern, baffle=self.baffle)
 
     # ---- changed copies
 
@@ -301,6 +318,32 @@ class Array:
             raise ValueError(f"array: the rms of position errors is {rms} m; give a finite length of at least 0.")
         error = np.random.Generator(np.random.Philox(seed)).standard_normal(self.position.shape)
         return replace(self, position=self.position + rms * error)
+
+    def flawed(self, rms: float, seed: int | None = None) -> Array:
+        """Return the array with random errors of its receivers, which fill the side lobes of beams; see `channels`.
+
+        Parameters
+        ----------
+        rms : float [-]
+            Standard deviation of their Gaussian errors, of amplitude and of phase [rad].
+        seed : int or None
+            Same seed, same errors; by default those of all arrays of as many receivers.
+
+        Returns
+        -------
+        Array
+
+        Notes
+        -----
+        The elements of a regular array that stand at one place along its axis, in different rows, share a receiver.
+        The array is calibrated: its beam is right on the axis.
+        """
+        if not 0 <= rms <= 1:
+            raise ValueError(f"array: the rms of its receivers' errors is {rms}; give a number from 0 to 1.")
+        columns = self.layout[-1] if len(self.layout) == 2 else self.elements
+        channel = np.tile(flawed(np.ones((1, columns)), rms, seed), self.elements // columns)
+        size = np.abs(self.weight)[None]
+        return replace(self, channel=channel[0] * (size.sum() / (channel * size).sum()))
 
     def moved(self, offset: ArrayLike) -> Array:
         """Move the array by an offset (3,) [m] in the body frame, away from where the track leads."""

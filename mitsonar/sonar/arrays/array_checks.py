@@ -22,8 +22,8 @@ def positions_of(values: ArrayLike) -> np.ndarray:
     return position
 
 
-def check_face(length: float, height: float, pattern: str, baffle: str) -> None:
-    """Raise a ValueError if a face has an unknown pattern or baffle, or sizes that its pattern does not use."""
+def check_face(length: float, height: float, pattern: str, baffle: str, floor: float) -> None:
+    """Raise a ValueError if a face has an unknown pattern or baffle, or numbers that its pattern does not use."""
     for name, given, known in (("pattern", pattern, PATTERNS), ("baffle", baffle, BAFFLES)):
         if given not in known:
             raise ValueError(f'array: {name} is "{given}"; give one of {", ".join(known)}.')
@@ -36,6 +36,9 @@ def check_face(length: float, height: float, pattern: str, baffle: str) -> None:
     if pattern == "circular" and height:
         raise ValueError(f"array: elements are circular, but their height is {height} m; the length is the "
                          "diameter, leave the height out.")
+    if not 0 <= floor < 1 or (floor and pattern != "rectangular"):
+        raise ValueError(f"array: the floor of side lobes of {pattern} elements is {floor:g}; give a power from 0 to "
+                         "below 1 to rectangular elements, and 0 to others.")
 
 
 def as_numbers(name: str, value: ArrayLike) -> np.ndarray:

@@ -1,9 +1,9 @@
 """Far-field beam patterns of arrays and their gain against isotropic noise.
 
-    b(û) = Σ_e w_e b_e(û) exp(2πi (r_e·û - c τ_e)/λ) / Σ_e |w_e|          DI = 10 log10 4π |b(û0)|² / ∫ |b|² dΩ
+    b(û) = Σ_e w_e ε_e b_e(û) exp(2πi (r_e·û - c τ_e)/λ) / Σ_e |w_e|          DI = 10 log10 4π |b(û0)|² / ∫ |b|² dΩ
 
-û -> ``direction``, λ -> ``wavelength``, c -> ``sound_speed``, û0 -> where the signal comes from; w_e, τ_e, r_e and the
-element's pattern b_e from the `Array` (e.g. Van Trees, Optimum Array Processing, 2002, ch. 2).
+û -> ``direction``, λ -> ``wavelength``, c -> ``sound_speed``, û0 -> where the signal comes from; w_e, τ_e, r_e, the
+channel ε_e and the element's pattern b_e from the `Array` (e.g. Van Trees, Optimum Array Processing, 2002, ch. 2).
 """
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BLOCK = 2_000_000                  # directions times elements at a time
 
 
 def beam_pattern(array: Array, direction: ArrayLike, wavelength: float, sound_speed: float | None = None) -> np.ndarray:
-    """Compute the pressure pattern of an array with its weights and delays.
+    """Compute the pressure pattern of an array with its weights, delays and channels.
 
     Parameters
     ----------
@@ -57,7 +57,8 @@ def beam_pattern(array: Array, direction: ArrayLike, wavelength: float, sound_sp
     for indices, normal, along in array.faces():
         # einsum, as BLAS spends longer on waking its threads than on products this small
         cycles = np.einsum("...k,ek->...e", direction, array.position[indices]) / wavelength - waves[indices]
-        factor = np.einsum("...e,e->...", np.exp(2j * np.pi * cycles), array.weight[indices])
+        weight = array.weight[indices] if array.flawless else array.weight[indices] * array.channel[indices]
+        factor = np.einsum("...e,e->...", np.exp(2j * np.pi * cycles), weight)
         total += factor * array.element_pressure(direction, wavelength, normal, along)
     return total / np.sum(np.abs(array.weight))
 
@@ -127,7 +128,7 @@ def element_directivity_index_db(array: Array, wavelength: float) -> float:
     longest = LONGEST_FACE * wavelength
     length, height = min(array.length, longest), min(array.height, longest)
     one = type(array)(position=np.zeros((1, 3)), normal=array.normal[:1], along=array.along[:1], length=length,
-                      height=height, pattern=array.pattern, baffle=array.baffle)
+                      height=height, floor=array.floor, pattern=array.pattern, baffle=array.baffle)
     gain_db = directivity_index_db(one, array.normal[0], wavelength)
     # from there on the gain grows as the sides do
     longer, higher = array.length / length if length else 1.0, array.height / height if height else 1.0

@@ -5,10 +5,13 @@
 û -> ``direction``, n -> ``normal``, a -> ``along`` of the face. The patterns P are those of `PATTERNS`:
 
     omni           1
-    rectangular    sinc(L u / λ) sinc(H v / λ),   sinc(x) = sin(πx)/(πx)
+    rectangular    sinc(L u / λ) sqrt((1 - f) sinc²(H v / λ) + f),   sinc(x) = sin(πx)/(πx)
     circular       2 J1(X)/X,   X = π (L / λ) sqrt(u² + v²)
 
-L -> ``length`` (the diameter of a circle), H -> ``height``, λ -> ``wavelength`` [m]. The baffles B are those of
+L -> ``length`` (the diameter of a circle), H -> ``height``, λ -> ``wavelength`` [m]. f -> ``floor``, the mean power of
+diffuse side lobes across the length, relative to the axis: what errors of the face leave between its lobes, and in its
+nulls (`faces.beam_shapes`). Without a floor, the second factor is sinc(H v / λ) with its sign; with one, it is positive
+and smooth, and keeps the pressure of the side lobes. The baffles B are those of
 `BAFFLES` (e.g. Urick 1983, ch. 3; Butler and Sherman, Transducers and Arrays for Underwater Sound, 2016, ch. 7):
 
     none           1            in free water, on both sides
@@ -80,11 +83,11 @@ def _clenshaw(coefficients: tuple[float, ...], t: Numbers) -> Numbers:
     return coefficients[0] + 0.5 * twice * last - before
 
 
-# name -> pressure, of the cosines along and across the face and of its sides in wavelengths
+# name -> pressure, of the cosines along and across the face, of its sides in wavelengths, and of the floor
 PATTERNS = {
-    "omni": lambda u, v, length, height: 1.0,
-    "rectangular": lambda u, v, length, height: sinc(u * length) * sinc(v * height),
-    "circular": lambda u, v, length, height: piston(np.pi * length * _root(u * u + v * v)),
+    "omni": lambda u, v, length, height, floor: 1.0,
+    "rectangular": lambda u, v, length, height, floor: sinc(u * length) * filled(sinc(v * height), floor),
+    "circular": lambda u, v, length, height, floor: piston(np.pi * length * _root(u * u + v * v)),
 }
 
 # name -> pressure, of the cosine to the normal and of the pressure without a baffle
@@ -97,7 +100,8 @@ BAFFLES = {
 
 
 def element_pressure(direction: Triple, wavelength: Numbers, normal: Triple, along: Triple, *, length: Numbers = 0.0,
-                     height: Numbers = 0.0, pattern: str = "omni", baffle: str = "none") -> Numbers:
+                     height: Numbers = 0.0, floor: Numbers = 0.0, pattern: str = "omni",
+                     baffle: str = "none") -> Numbers:
     """Return the pressure pattern of an element, 1 on the axis of its face.
 
     Plain numbers become part of a Dr.Jit kernel. Where they change from run to run, give sizes, wavelength, normal and
@@ -109,11 +113,18 @@ def element_pressure(direction: Triple, wavelength: Numbers, normal: Triple, alo
     >>> element_pressure(np.array([[0, 0, 1], [0, 0.28, 0.96]]), 0.015, **face).round(3)
     array([ 1.   , -0.069])
     """
-    # direction (..., 3) [-]; wavelength [m]; normal, along (..., 3) [-]; length, height [m] -> (...) [-]
+    # direction (..., 3) [-]; wavelength [m]; normal, along (..., 3) [-]; length, height [m]; floor [-] -> (...) [-]
     direction, normal, along = _parts(direction), _parts(normal), _parts(along)
     u, v, w = _dot(direction, along), _dot(direction, _cross(normal, along)), _dot(direction, normal)
-    pressure = PATTERNS[pattern](u, v, length / wavelength, height / wavelength)
+    pressure = PATTERNS[pattern](u, v, length / wavelength, height / wavelength, floor)
     return BAFFLES[baffle](w, pressure)
+
+
+def filled(pressure: Numbers, floor: Numbers) -> Numbers:
+    """Return pressures with a floor of diffuse side lobes; the pressures themselves where the floor is the number 0."""
+    if isinstance(floor, float) and not floor:
+        return pressure
+    return _root((1 - floor) * pressure * pressure + floor)
 
 
 def _parts(vector: Triple) -> Triple:

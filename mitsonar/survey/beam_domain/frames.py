@@ -115,7 +115,9 @@ class Frames(LineFrames):
                              "elements.")
         line = LineArray.of(survey.receive, direction, survey.wavelength)
         sines = direction @ line.axis
-        super().__init__(survey, PingEchoes(survey, line, per_cell=per_cell), line.weight, sines)
+        super().__init__(survey, PingEchoes(survey, line, per_cell=per_cell), line.received, sines)
+        # beams are relative to the sum of the magnitudes of their weights, and beamformers know those without errors
+        self._gain = np.abs(line.received).sum() / np.abs(line.weight).sum()
         self._direction, self.beams = direction, len(direction)
         self._truth = FrameTruth(
             Blur(sines[np.argsort(sines, kind="stable")], line.place / survey.wavelength, line.weight,
@@ -125,7 +127,7 @@ class Frames(LineFrames):
     def frame(self, ping: int, seed: int) -> tuple[np.ndarray, EnergyRecord]:
         """Return the beams (B, samples) [µPa] of a ping, and their truth."""
         formed, laid = self.formed(ping, seed)
-        beams = self._referred(formed[0]) * np.float32(amplitude_from_db(self.survey.source_level_db))
+        beams = self._referred(formed[0]) * np.float32(self._gain * amplitude_from_db(self.survey.source_level_db))
         return beams, self.truth(ping, laid, self._truth)
 
     def _referred(self, beams: np.ndarray) -> np.ndarray:

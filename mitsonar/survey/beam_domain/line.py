@@ -3,8 +3,8 @@
     W(s, t) = Σ_n w_n e^(i2π x_n (s - s_b) / λ) · Σ_m v_m e^(i2π y_m t / λ),     s = l·a,  t = l·p
 
 l -> unit vector towards the echo, a -> ``axis``, p -> unit vector across it in the array's face; x_n, w_n -> ``place``
-and ``weight`` along the line, y_m, v_m -> those of the rows. The second sum is the pattern of the rows, steered to the
-plane of the fan.
+and ``received`` along the line, y_m, v_m -> those of the rows. The second sum is the pattern of the rows, steered to
+the plane of the fan.
 """
 from __future__ import annotations
 
@@ -29,6 +29,12 @@ class LineArray:
     weight: np.ndarray  # (N,) [-], of the columns
     row_place: np.ndarray  # (M,) [m], of the rows; a line has one
     row_weight: np.ndarray  # (M,) [-], of the rows
+    channel: np.ndarray | None = None  # (N,) [-], of the columns, complex; None where all are right
+
+    @property
+    def received(self) -> np.ndarray:
+        """Return the weights of the columns with their channels (N,)."""
+        return self.weight if self.channel is None else self.weight * self.channel
 
     @property
     def length(self) -> float:
@@ -76,7 +82,7 @@ def refusal(array: Array, direction: np.ndarray, wavelength: float) -> str:
     if np.ptp(place @ axis) < 0.5 * wavelength:
         return "it is shorter than half a wavelength along the fan"
     if np.ptp(across) > 2 * FLAT * wavelength and _table(array, axis, normal) is None:
-        return "its weights are not products of a row weight and a column weight"
+        return "its weights are not products of a row weight and a column weight, or rows have channels of their own"
     return ""
 
 
@@ -95,15 +101,16 @@ def _columns(array: Array, axis: np.ndarray, normal: np.ndarray) -> dict[str, np
     if table is None or len(table[1]) == 1:
         place = (array.position - array.position.mean(0)) @ axis
         return {"place": place, "weight": array.weight.astype(float), "row_place": np.zeros(1),
-                "row_weight": np.ones(1)}
-    columns, rows, weight = table
+                "row_weight": np.ones(1), "channel": None if array.flawless else array.channel}
+    columns, rows, weight, channel = table
     peak = np.unravel_index(np.abs(weight).argmax(), weight.shape)
     return {"place": columns, "weight": weight[peak[0]], "row_place": rows,
-            "row_weight": weight[:, peak[1]] / weight[peak]}
+            "row_weight": weight[:, peak[1]] / weight[peak], "channel": None if array.flawless else channel[0]}
 
 
-def _table(array: Array, axis: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Return places of columns (N,) and rows (M,) and weights (M, N) of equal rows; None if there is no such table."""
+def _table(array: Array, axis: np.ndarray,
+           normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return places of columns (N,) and rows (M,), weights and channels (M, N); None if rows are not alike."""
     place = array.position - array.position.mean(0)
     x, y = place @ axis, place @ np.cross(axis, normal)
     columns, column = np.unique(x.round(9), return_inverse=True)
@@ -116,4 +123,8 @@ def _table(array: Array, axis: np.ndarray, normal: np.ndarray) -> tuple[np.ndarr
     product = np.outer(weight[:, peak[1]], weight[peak[0]]) / weight[peak]
     if np.abs(product - weight).max() > SEPARABLE * np.abs(weight).max():
         return None
-    return columns, rows, weight
+    channel = np.ones(weight.shape, complex)
+    channel[row, column] = array.channel
+    if np.abs(channel - channel[0]).max() > SEPARABLE:
+        return None
+    return columns, rows, weight, channel

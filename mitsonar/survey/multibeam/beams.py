@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from mitsonar.device.chance import Salt, sonar_seed
+from mitsonar.device.chance import sonar_seed
 from mitsonar.imaging.energy_record import EnergyRecord
+from mitsonar.sonar.arrays.channels import flawed
 from mitsonar.sonar.arrays.sectors import half_power_width
 from mitsonar.units import amplitude_from_db
 
@@ -51,17 +52,18 @@ class SectorBeams(LineFrames):
         line = LineArray.along(survey.receive, survey.receive.along[0], survey.wavelength)
         port = line.place < 0
         halves = np.stack([np.where(port, line.weight, 0.0), np.where(port, 0.0, line.weight)])
-        flawed = _flawed(halves, flaws)
+        # each half is calibrated
+        received = flawed(halves, flaws)
         super().__init__(survey, PingEchoes(survey, line, per_cell=survey.per_cell, beams_from_origin=False,
                                             beside=None if beside is None else beside.echoes),
-                         flawed, np.array([run.sines.min(), run.sines.max()]))
+                         received, np.array([run.sines.min(), run.sines.max()]))
         # beams are relative to the sum of the magnitudes of their weights, and must be right on their axes
-        self._gain = np.abs(flawed).sum(1) / np.abs(halves).sum(1)
+        self._gain = np.abs(received).sum(1) / np.abs(halves).sum(1)
         #: distance of the phase centres of the halves [wavelengths]
         self.baseline = float(np.diff((halves @ line.place) / halves.sum(1))[0]) / survey.wavelength
         #: width at -3 dB of beams at right angles to the line [sine]
         self.lobe_width = half_power_width(line.place, line.weight) * survey.wavelength
-        self._lobes = _side_lobes(line.place / survey.wavelength, flawed.sum(0))
+        self._lobes = _side_lobes(line.place / survey.wavelength, received.sum(0))
         self._truth: tuple[np.ndarray, FrameTruth] | None = None
 
     def beam_width(self, sines: np.ndarray) -> np.ndarray:
@@ -108,16 +110,6 @@ class SectorBeams(LineFrames):
             self._truth = sines, FrameTruth(blur, lead=survey.lead, bins=survey.samples - survey.lead,
                                             named=survey.world.named)
         return self._truth[1]
-
-
-def _flawed(halves: np.ndarray, flaws: float) -> np.ndarray:
-    """Return weights (2, E) with errors of the receivers; each half is calibrated, so that it is right on its axis."""
-    if not flaws:
-        return halves
-    draw = np.random.default_rng([halves.shape[1], Salt.RECEIVER_FLAWS]).standard_normal((2, halves.shape[1]))
-    off = halves * (1 + flaws * draw[0]) * np.exp(1j * flaws * draw[1])
-    size = np.abs(halves).sum(1, keepdims=True)
-    return off * (size / off.sum(1, keepdims=True))
 
 
 def _side_lobes(place: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -8,8 +8,11 @@ curvature of the wavefront there and d the element's offset, this direction is (
 
 Elements of one face, which all look one way, receive no echo from behind their rigid baffle; the test is made once per
 echo. Along a level line of such elements, delay and gain of an echo are polynomials if the bounds of their errors are
-small (`line_difference`). For a face of the side L and directions that differ by up to β, the pressure's error is
-2 (x/2)^N / ((N + 1) N!), x = π β L / λ, with N points; N is chosen so that the error is below `PATTERN_ERROR`.
+small (`line_difference`). For a face of the side L and directions that differ by up to β, the pressure's error is 2
+(x/2)^N / ((N + 1) N!), x = π β L / λ, with N points; N is chosen so that the error is below `PATTERN_ERROR`. A floor f
+of side lobes bends the pressure near its nulls: its singular points lie at least y = √(f/2) 2π/x half-ranges off the
+real axis, and the error is at most 4 ρ^-N / (ρ - 1), ρ = y + √(1 + y²) (Trefethen 2013, Approximation theory and
+approximation practice, theorem 8.2).
 """
 from __future__ import annotations
 
@@ -104,8 +107,12 @@ class ReceivedEchoes:
             return False
         side = max(self.receive.length, self.receive.height) / self.wavelength
         half, count = 0.5 * np.pi * side * line.angle(nearest), line.count
-        return self._alike or (self.flat and self.baffle in ("none", "cardioid")
-                               and 2 * half ** count / ((count + 1) * factorial(count)) < PATTERN_ERROR)
+        error = 2 * half ** count / ((count + 1) * factorial(count))
+        if self.receive.floor and half:
+            off = np.sqrt(0.5 * self.receive.floor) * np.pi / half
+            rho = off + np.sqrt(1 + off * off)
+            error = max(error, 4 * rho ** -count / (rho - 1))
+        return self._alike or (self.flat and self.baffle in ("none", "cardioid") and error < PATTERN_ERROR)
 
     def _each(self, difference: OfPair, elements: list[np.ndarray], fields: int) -> Pairs:
         """Return the pairs, each computed by itself; the first `fields` of `elements` belong to the difference."""
@@ -113,7 +120,8 @@ class ReceivedEchoes:
         count = len(self.back.hit_fields)
         hits = [*self.back.hit_fields, lib.Float(dr.rcp(self.back.return_time))]
         if self.towards is not None and not alike:
-            hits += [*self.towards, *opaque(lib.Float, (self.wavelength, receive.length, receive.height))]
+            sizes = self.wavelength, receive.length, receive.height
+            hits += [*self.towards, *opaque(lib.Float, (*sizes, receive.floor) if receive.floor else sizes)]
 
         def delay(hit: Sequence[Float], at: Sequence[Float]) -> Float:
             return difference(hit[:count], at[:fields])
@@ -123,10 +131,12 @@ class ReceivedEchoes:
             spread = 1 - later * (1 - later)
             if alike:
                 return spread
-            wavelength, length, height = hit[count + 4:]
+            wavelength, length, height = hit[count + 4:count + 7]
+            floor = hit[count + 7] if receive.floor else 0.0
             direction = seen_from(hit[count + 1:count + 4], at[:3], hit[CURVATURE])
             return spread * element_pressure(direction, wavelength, at[fields:fields + 3], at[fields + 3:],
-                                             length=length, height=height, pattern=receive.pattern, baffle=baffle)
+                                             length=length, height=height, floor=floor, pattern=receive.pattern,
+                                             baffle=baffle)
 
         return Pairs(hits=hits, elements=elements, delay=delay, gain=gain)
 

@@ -1,10 +1,11 @@
 """Impulse responses and signals of an array survey's pings, as labelled arrays.
 
     h[tx, rx](t)    pressure at rx per unit pressure of tx at 1 m [-], complex baseband
-    s[rx](t) = 10^(SL/20) Σ_tx w_tx (h[tx, rx] * s_b)(t - τ_tx) + noise                                     [µPa]
+    s[rx](t) = ε_rx (10^(SL/20) Σ_tx w_tx (h[tx, rx] * s_b)(t - τ_tx) + noise)                              [µPa]
 
-SL -> source level, w_tx and τ_tx -> weight and delay of the transmit elements, with Σ |w_tx| = 1, s_b -> envelope of
-the pulse. The level is that of the steered transmission on its axis. Squares are mean squares, without a factor √2.
+SL -> source level, ε_rx -> channel of the receiver, w_tx and τ_tx -> weight and delay of the transmit elements, with Σ
+|w_tx| = 1, s_b -> envelope of the pulse. The level is that of the steered transmission on its axis. Squares are mean
+squares, without a factor √2.
 
 The Doppler factors of a ping's echoes are bounded by the closing speed u of elements and echoes:
 
@@ -114,6 +115,8 @@ def received_signals(record: PressureRecord, pings: Sequence[int], *, progress: 
         signals = amplitude_from_db(survey.source_level_db) * echoes_of_the_pulse(now, within)
         if survey.noise is not None:
             signals = signals + survey.noise.drawn(survey.samples, record.seed, int(ping))
+        if not survey.receive.flawless:
+            signals = signals * survey.receive.channel[:, None]
         if survey.receive.delay.any():
             signals = delayed(signals, survey.receive.delay, survey.sampling_rate, survey.frequency)
         signals[~survey.receive.working] = 0

@@ -48,6 +48,7 @@ class SectorScanSensor(Sensor, Protocol):
     source_level_db: float  # [dB re 1 µPa @ 1 m]: on the axis of the beam
     pulse: Pulse
     beam_widths: tuple[float, float]  # [rad]: full one-way -3 dB widths, in the plane that the beam turns in and across
+    vertical_floor: float  # mean power of diffuse side lobes across, of the face, relative to its axis
     head: RotatingHead
     self_noise_db: float | None  # [dB re 1 µPa²/Hz]: of the receiver
     picture: str | None  # "beams", "elements" or None: by beams where that is possible
@@ -119,7 +120,7 @@ def _face(sensor: SectorScanSensor, sound_speed: float) -> Array:
     length, height = (length_for_beam_width(width, sound_speed / sensor.pulse.frequency)
                       for width in sensor.beam_widths)
     return element_array([0.0, 0.0, 0.0], normal="forward", along="starboard", length=length, height=height,
-                         pattern="rectangular", baffle="hard")
+                         floor=sensor.vertical_floor if height else 0.0, pattern="rectangular", baffle="hard")
 
 
 def _turns(survey: ArraySurvey, sensor: SectorScanSensor) -> imaging.Turns:

@@ -3,10 +3,10 @@
 A row is the echo of a ping as the single beam of the head receives it, in the head's frame (x along the beam, y the
 direction in which it turns, z across):
 
-    b(u, v) = sinc(L u / λ) sinc(H v / λ),    u = d·y,  v = d·z;    zero behind the face
+    b(u, v) = sinc(L u / λ) sqrt((1 - f) sinc²(H v / λ) + f),    u = d·y,  v = d·z;    zero behind the face
 
-L and H -> length and height of its face (`sonar.directivity`). Where the head turns between transmission and reception,
-the two lobes lie side by side.
+L, H and f -> length, height and floor of its face (`sonar.arrays.element_patterns`). Where the head turns between
+transmission and reception, the two lobes lie side by side.
 
 As for a sidescan's sides, a first, sparse pass of rays finds the directions that lead into time bins which few rays
 reach, and a second pass makes the record. Rays are drawn through quantile tables (`tracing.launch`) as directions
@@ -30,6 +30,7 @@ from mitsonar.echoes.sums.origin_sums import WORDS
 from mitsonar.imaging.sidescan import mean_intensity, pulse_shares
 from mitsonar.scene.tracing.launch import CELLS, along_quantiles, draw, first_quantiles, refine_quantiles
 from mitsonar.signal.matched_filtering import compression
+from mitsonar.sonar.faces.beam_shapes import BeamShape
 from mitsonar.sonar.faces.directivity import Aperture
 from mitsonar.sonar.faces.sidescan import Sidescan
 
@@ -54,7 +55,7 @@ COHERENT_PER_BLOCK = 32            # pings whose coherent echoes are summed toge
 
 def face_of(survey: ArraySurvey) -> Sidescan:
     """Return the face and the pulse of a head, as those of a sidescan's side that looks along the beam."""
-    transmit, receive = (Aperture(length=array.length, height=array.height)
+    transmit, receive = (Aperture(length=array.length, height=array.height, across_shape=BeamShape(floor=array.floor))
                          for array in (survey.transmit, survey.receive))
     return Sidescan(frequency=survey.frequency, source_level_db=survey.source_level_db,
                     pulse_length=compression(survey.pulse, survey.sampling_rate)[0],

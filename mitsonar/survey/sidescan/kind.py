@@ -27,6 +27,7 @@ from ..pressure.array_survey import ArraySurvey
 from ..pressure.planning import survey_of
 from ..sensor import RunSettings, Sensor, head_speed, planned_waters, slowest_speed
 from ..voyage import Passage
+from .jitter import Jitter
 from .speckle import speckle_of
 
 
@@ -42,6 +43,7 @@ class SidescanSensor(Sensor, Protocol):
     depression_angle: float  # [rad]: of the faces' normals below horizontal
     speckle: bool
     leakage: float  # share of the other side's power in a channel
+    jitter: Jitter
     self_noise_db: float | None  # [dB re 1 µPa²/Hz]: of each side's receiver
 
 
@@ -90,7 +92,7 @@ def picture(survey: SidescanSurvey, sensor: SidescanSensor, seed: int,
     image = imaging.image(
         record, sonar=sonar, track=track, depth_below=survey.depth_below, window=survey.window, labels=survey.labels,
         class_of=class_of, paths=survey.paths.names, noise_db=noise_db(sensor, sonar),
-        speckle=speckle_of(survey) if sensor.speckle else None, seed=seed,
+        speckle=speckle_of(survey, sensor.jitter, seed) if sensor.speckle else None, seed=seed,
         absorption_db=float(survey.waters.first.absorption.at(head_depth)), leakage=sensor.leakage)
     return objects.annotated(image, classes, class_of, survey.world.still, survey.track.position)
 

@@ -21,7 +21,8 @@ Hence
     <g(p) g*(q)> = ∫ a(x) a*(x - Δ) exp(2ik δ x) dx / ∫ |a|² dx
 
 for phase centres Δ apart along the platform and a yaw of δ: the autocorrelation of the two-way aperture a (the theorem
-of Van Cittert and Zernike; e.g. Goodman 2007, Speckle phenomena in optics, ch. 4).
+of Van Cittert and Zernike; e.g. Goodman 2007, Speckle phenomena in optics, ch. 4). Faces that are not steady share less
+(`jitter`).
 
 Gates without ground have scatterers of the water (`water_speckle`).
 
@@ -54,6 +55,7 @@ from ..energy.sidescan_survey import SidescanSurvey
 from ..motion.places import PingPoses
 from ..motion.underway import PingMotion, Underway
 from ..survey import PerSurroundings
+from .jitter import STEADY, Jitter
 from .side_beam import NEAREST, GateBeam, main_lobe
 from .water_speckle import WaterCells
 
@@ -87,9 +89,10 @@ class Triangles:
                          first=whole.first + ((thread & 3) << (2 * whole.level)))
 
 
-def speckle_of(survey: SidescanSurvey) -> Callable[[np.ndarray], np.ndarray]:
-    """Return a function that returns the speckle of pings (B,), see `SideSpeckle.of`."""
-    around = PerSurroundings(survey, SideSpeckle)
+def speckle_of(survey: SidescanSurvey, jitter: Jitter = STEADY,
+               seed: int = 0) -> Callable[[np.ndarray], np.ndarray]:
+    """Return a function that returns the speckle of pings (B,), see `SideSpeckle.of`; `seed` draws the jitter."""
+    around = PerSurroundings(survey, lambda part: SideSpeckle(part, jitter, seed))
 
     def speckle(ping: np.ndarray) -> np.ndarray:
         changes = np.flatnonzero(np.diff(survey.surroundings_number[ping])) + 1
@@ -101,9 +104,10 @@ def speckle_of(survey: SidescanSurvey) -> Callable[[np.ndarray], np.ndarray]:
 class SideSpeckle:
     """Speckle of pings that share their surroundings."""
 
-    def __init__(self, survey: SidescanSurvey):
+    def __init__(self, survey: SidescanSurvey, jitter: Jitter = STEADY, seed: int = 0):
         sonar, (start, end) = survey.sonar, survey.window
         self._lib, self._survey = arrays_of(mi.Float), survey
+        self._jitter, self._seed = jitter, seed
         self.gates = survey.bins * speckle_gates(survey.bin_length, sonar.pulse_length)
         gate, to_range = (end - start) / self.gates, 0.5 * sonar.sound_speed
         self._beam = GateBeam(main_lobe(sonar, to_range * end),
@@ -156,7 +160,8 @@ class SideSpeckle:
     def _of(self, ping: np.ndarray) -> np.ndarray:
         """Return the speckle of a block of pings."""
         track, rows = self._survey.track, 2 * len(ping)
-        poses, motion = PingPoses(track.position[ping], track.rotation()[ping]), self._underway.motion(ping)
+        rotation = self._jitter.turned(track.rotation()[ping], ping, self._seed)
+        poses, motion = PingPoses(track.position[ping], rotation), self._underway.motion(ping)
         sums = dr.zeros(mi.UInt32, sum_size(4 * rows * self.gates))
         for triangles in self._met(poses, motion, len(ping)):
             self._add(sums, poses, motion, triangles)
@@ -167,7 +172,8 @@ class SideSpeckle:
         real, imaginary = self._water.added(ping, poses, self._beam, thread, self._count,
                                             (real, imaginary, mi.Float(words.z) / SCALE))
         dr.eval(real, imaginary)
-        return (real.numpy() + np.complex64(1j) * imaginary.numpy()).reshape(len(ping), 2, self.gates)
+        speckle = (real.numpy() + np.complex64(1j) * imaginary.numpy()).reshape(len(ping), 2, self.gates)
+        return self._jitter.mixed(speckle, ping, self._seed)
 
     # ---- the ground that the main lobe meets
 
