@@ -180,11 +180,10 @@ def _with_noise(recorder: Recorder, amplitude: np.ndarray, interference: np.ndar
     own = np.full(amplitude.shape[1], electronics.noise, np.float32)
     if electronics.crosstalk:
         own += np.float32(electronics.crosstalk) * np.mean(amplitude ** 2, 0)
-    real, imaginary = amplitude, np.float32(0)
+    real, imaginary = amplitude, None
     for noise, rows in ((common, 1), (np.sqrt(np.float32(0.5) * own), len(amplitude))):
         if noise.any():
             drawn = random.standard_normal((2, rows, noise.size), np.float32)
             drawn *= noise
-            real, imaginary = real + drawn[0], imaginary + drawn[1]
-    power = real * real
-    return power if isinstance(imaginary, np.float32) else power + imaginary * imaginary
+            real, imaginary = real + drawn[0], drawn[1] if imaginary is None else imaginary + drawn[1]
+    return real * real if imaginary is None else real * real + imaginary * imaginary
