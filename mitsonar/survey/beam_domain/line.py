@@ -29,12 +29,12 @@ class LineArray:
     weight: np.ndarray  # (N,) [-], of the columns
     row_place: np.ndarray  # (M,) [m], of the rows; a line has one
     row_weight: np.ndarray  # (M,) [-], of the rows
-    channel: np.ndarray | None = None  # (N,) [-], of the columns, complex; None where all are right
+    channel: np.ndarray  # (N,) [-], of the columns, complex; see `Array`
 
     @property
     def received(self) -> np.ndarray:
         """Return the weights of the columns with their channels (N,)."""
-        return self.weight if self.channel is None else self.weight * self.channel
+        return self.weight if np.all(self.channel == 1) else self.weight * self.channel
 
     @property
     def length(self) -> float:
@@ -62,7 +62,7 @@ class LineArray:
         """Return the only element of an array as a line across its long side; its beam resolves no directions."""
         normal = array.normal[0]
         return cls(axis=np.cross(normal, array.along[0]), normal=normal, centre=array.position[0], place=np.zeros(1),
-                   weight=np.ones(1), row_place=np.zeros(1), row_weight=np.ones(1))
+                   weight=np.ones(1), row_place=np.zeros(1), row_weight=np.ones(1), channel=np.ones(1))
 
 
 def refusal(array: Array, direction: np.ndarray, wavelength: float) -> str:
@@ -101,11 +101,11 @@ def _columns(array: Array, axis: np.ndarray, normal: np.ndarray) -> dict[str, np
     if table is None or len(table[1]) == 1:
         place = (array.position - array.position.mean(0)) @ axis
         return {"place": place, "weight": array.weight.astype(float), "row_place": np.zeros(1),
-                "row_weight": np.ones(1), "channel": None if array.flawless else array.channel}
+                "row_weight": np.ones(1), "channel": array.channel}
     columns, rows, weight, channel = table
     peak = np.unravel_index(np.abs(weight).argmax(), weight.shape)
     return {"place": columns, "weight": weight[peak[0]], "row_place": rows,
-            "row_weight": weight[:, peak[1]] / weight[peak], "channel": None if array.flawless else channel[0]}
+            "row_weight": weight[:, peak[1]] / weight[peak], "channel": channel[0]}
 
 
 def _table(array: Array, axis: np.ndarray,
