@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from mitsonar.io.scene_files import scenes
 
-from .arguments import Commands, add_scene, check_output, check_picture, parameters, set_up, whole
+from .arguments import Commands, add_gain, add_scene, check_output, check_picture, gain, parameters, set_up, whole
 from .completion import add_file
 from .progress import Progress, long_run
 from .words import announce, leave_if_interrupted, warn
@@ -33,6 +33,7 @@ def add(commands: Commands) -> None:
     add_scene(render, sensors=", or all, each to a file of its own, OUT_ID.exr")
     add_file(render, "-o", "--output", required=True, metavar="OUT.exr", help="sonar image")
     add_file(render, "--preview", metavar="OUT.png", help="also write a picture with axes and scale")
+    add_gain(render, "recorder", "display gain over range of the preview")
     render.add_argument("--each-ping", action="store_true",
                         help="write each ping of a fan of beams to a file of its own, OUT_0000.exr and so on")
     render.set_defaults(run=_render)
@@ -63,8 +64,11 @@ def _render(arguments):
     if arguments.each_ping:
         _render_pings(arguments)
     else:
+        if arguments.preview is None and arguments.tvg != "recorder":
+            raise ValueError(f"--tvg {arguments.tvg} is for a preview, and none is asked for; add --preview OUT.png, "
+                             "or leave it out.")
         _render_to(scenes.find(arguments.scene), parameters(arguments), arguments.seed, arguments.output,
-                   arguments.preview, arguments.threads, arguments.sensor)
+                   arguments.preview, arguments.threads, arguments.sensor, gain(arguments))
 
 
 def _signals(arguments):
@@ -139,14 +143,20 @@ def _with_estimate(pings: Iterator[xr.Dataset], start: int, count: int) -> Itera
         yield ping
 
 
-def _render_to(path, values, seed, output, preview, threads, sensor=0):
+def _render_to(path, values, seed, output, preview, threads, sensor=0, tvg="recorder"):
     _check_outputs(output, preview)
     from mitsonar import load_file, render
     from mitsonar.io.records import exr
+    from mitsonar.verbs.images import opened
 
     set_up(threads)
     scene = load_file(path, **values)
-    for which, suffix in _sensors(scene, sensor):
+    asked = list(_sensors(scene, sensor))
+    for which, _ in asked if preview and tvg == "counts" else ():
+        if opened(scene, which)[1].recorder is None:
+            raise ValueError("a preview of counts is asked for, and the sonar has no recorder; give it one, or another "
+                             "--tvg.")
+    for which, suffix in asked:
         image, picture = _with_suffix(output, suffix), preview and _with_suffix(preview, suffix)
         with Progress() as progress:
             dataset = render(scene, seed=seed, sensor=which, progress=progress, say=warn)
@@ -155,7 +165,7 @@ def _render_to(path, values, seed, output, preview, threads, sensor=0):
         if picture is not None:
             from mitsonar import plots
 
-            plots.preview(dataset, picture)
+            plots.preview(dataset, picture, tvg=tvg)
             announce(picture)
 
 

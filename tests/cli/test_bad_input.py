@@ -253,6 +253,7 @@ COMMANDS = {
     "output not UTF-8": (["render", "scene.xml", "-o", "\udcff.exr"], "not UTF-8; give another name"),
     "preview of no known kind": ([*RENDER, "--preview", "p.xyz"],
                                  "must end in .png, .pdf or .svg"),
+    "gain without a preview": ([*RENDER, "--tvg", "counts"], "--tvg counts is for a preview"),
     "folder of the preview missing": ([*RENDER, "--preview", "no/p.png"], "make it first"),
     "plot of nothing": (["plot", "no.exr"], "cannot read no.exr: there is no such file"),
     "plot of a folder": (["plot", "."], "it is a folder"),

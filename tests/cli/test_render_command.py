@@ -31,6 +31,16 @@ def test_files_and_their_names(folder, accepted):
     assert accepted("plot", "o.exr", "--what", "mean") == ["o_mean.png"]
 
 
+def test_a_preview_may_show_counts(folder, accepted, capfd):
+    for tvg in ("recorder", "counts"):
+        accepted("render", "scene.xml", "-o", "o.exr", "--preview", f"{tvg}.png", "--tvg", tvg)
+    assert (folder / "recorder.png").read_bytes() != (folder / "counts.png").read_bytes()
+    text = (folder / "scene.xml").read_text()
+    (folder / "scene.xml").write_text(text.replace("</sensor>", '<string name="recorder" value="none"/></sensor>'))
+    assert cli.main(["render", "scene.xml", "-o", "n.exr", "--preview", "n.png", "--tvg", "counts"]) == 2
+    assert "the sonar has no recorder" in capfd.readouterr().err and not [*folder.glob("n.*")]
+
+
 def test_a_point_target_needs_no_id(folder, accepted):
     text = (folder / "scene.xml").read_text()
     target = '<shape type="point_target"><point name="position" x="20" y="0" z="-20"/></shape></scene>'
