@@ -1,11 +1,15 @@
-"""Quality of scores: how well they part objects from the rest, and how near they come to probabilities.
+"""Quality of scores: how well they part objects from the rest, and how to make them probabilities.
 
     AUC  = P(s+ > s-) + P(s+ = s-) / 2                 scores of objects and of the rest; by chance 0.5
     AP   = mean over objects of the precision down to their score              by chance their share
     ECE  = sum over classes of |sum (p - y)| / N       p in classes of a tenth, y 1 for objects, else 0
+    p    = 1 / (1 + exp(-(a s + b)))                   a, b of the greatest likelihood
 
-s -> ``scores``, p -> ``probability``, y -> ``wanted``. ECE is the expected calibration error of Naeini et al. (2015).
+s -> ``scores``, p -> ``probability``, y -> ``wanted``. ECE is the expected calibration error of Naeini et al. (2015), p
+the sigmoid of Platt (1999).
 """
+from collections.abc import Callable
+
 import numpy as np
 
 CLASSES = 10                       # of probability
@@ -56,6 +60,27 @@ def calibration_error(probability: np.ndarray, wanted: np.ndarray) -> float:
         raise ValueError(f"probabilities go from {probability.min():g} to {probability.max():g}; give 0 to 1.")
     number = np.minimum((CLASSES * probability).astype(int), CLASSES - 1)
     return float(np.abs(np.bincount(number, probability - wanted, CLASSES)).sum() / wanted.size)
+
+
+def calibration(scores: np.ndarray, wanted: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the probability of an object as a function of scores, fitted to scores (N,) of known items.
+
+    Objects must have the share among these items that they have elsewhere. For arguments and errors see `auc`.
+    """
+    from scipy import optimize, special
+
+    scores, wanted = _checked(scores, wanted)
+    middle, spread = scores.mean(), max(scores.std(), 1e-300)
+    signed, sign = (scores - middle) / spread, np.where(wanted, -1.0, 1.0)
+
+    def cost(numbers: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return the mean of -log p of what is there, and its gradient."""
+        against = sign * (numbers[0] * signed + numbers[1])
+        slope = sign * special.expit(against)
+        return float(np.logaddexp(0, against).mean()), np.array([(slope * signed).mean(), slope.mean()])
+
+    a, b = optimize.minimize(cost, (1.0, 0.0), jac=True).x
+    return lambda values: special.expit(a * (np.asarray(values, float) - middle) / spread + b)
 
 
 def _checked(scores, wanted):

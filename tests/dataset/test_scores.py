@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mitsonar.dataset.scores import auc, average_precision, calibration_error
+from mitsonar.dataset.scores import auc, average_precision, calibration, calibration_error
 
 COUNT, APART = 20_000, 1.5
 wanted = np.arange(2 * COUNT) < COUNT
@@ -38,6 +38,13 @@ def test_true_probabilities_have_no_calibration_error():
     probability = 1 / (1 + np.exp(APART ** 2 / 2 - APART * scores))
     assert calibration_error(probability, wanted) < 0.01
     assert calibration_error(np.full(wanted.size, 0.7), wanted) == pytest.approx(0.2)
+
+
+def test_calibration_finds_the_true_probabilities():
+    """Also of scores that were scaled and moved; the tolerance is three standard errors of a and b."""
+    true = 1 / (1 + np.exp(APART ** 2 / 2 - APART * scores))
+    fitted = calibration(30 * scores - 400, wanted)(30 * scores - 400)
+    assert np.abs(fitted - true).max() < 0.02 and calibration_error(fitted, wanted) < 0.01
 
 
 @pytest.mark.parametrize(("values", "labels", "said"), [
