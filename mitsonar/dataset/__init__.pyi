@@ -1,2 +1,2 @@
-from . import labels as labels
+from . import labels as labels, scores as scores
 from .images import Images as Images, open as open

@@ -7,7 +7,8 @@ regression with a ridge. Both draw or weigh the two sets alike, so that unequal 
 of items that were not learned from: whole runs of pings are left out together, because neighbours are alike.
 """
 import numpy as np
-from scipy import stats
+
+from mitsonar.dataset.scores import auc as area_under
 
 TREES, LEAF = 80, 3
 RIDGE = 3.0                        # of standardised clues, against a sum over items
@@ -20,8 +21,7 @@ def auc(real, rendered):
     real, rendered = (np.asarray(values, float)[np.isfinite(values)] for values in (real, rendered))
     if min(real.size, rendered.size) < 4:
         return np.nan
-    ranks = stats.rankdata(np.concatenate((real, rendered)))[:real.size]
-    return float((ranks.sum() - real.size * (real.size + 1) / 2) / (real.size * rendered.size))
+    return area_under(np.concatenate((real, rendered)), np.arange(real.size + rendered.size) < real.size)
 
 
 def folded(value):
