@@ -28,12 +28,13 @@ folder = Path(tempfile.mkdtemp(prefix="array_to_beams_"))
 # ## One buoy
 #
 # `forward_looking` comes with mitsonar: a sonar 4 m above a rippled bed, a box, a pipe and a buoy. We make the bed
-# silent, switch the noise off, and let the record end before the box, so that only the buoy is left: a point target
-# of -15 dB, 2 m to starboard of the sonar, 12 m ahead and 1 m deeper. The vehicle runs north at 3 knots.
+# silent, switch the noise and the errors of the receivers off, and let the record end before the box, so that only the
+# buoy is left: a point target of -15 dB, 2 m to starboard of the sonar, 12 m ahead and 1 m deeper. The vehicle runs
+# north at 3 knots.
 
 # %%
 scene = mitsonar.load_file("forward_looking", elements=ELEMENTS, cell=1.0, range=14, range_min=10, mu_db=-150,
-                           noise=False, shading="boxcar")
+                           noise=False, shading="boxcar", receive_flaws=0)
 signals = mitsonar.element_signals(scene)
 signals
 

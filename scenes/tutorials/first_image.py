@@ -36,7 +36,8 @@ folder = Path(tempfile.mkdtemp(prefix="first_image_"))
 # %%
 along = 0.5 * 0.05 * PINGS - 1                             # [m]: a ping every 5 cm, and objects a metre from the ends
 small = {"pings": PINGS, "rays": RAYS, "range": RANGE, "bins": BINS, "bed_spacing": 0.2, "motion": "none"}
-field = {"area": f"-20, {-along}, 20, {along}", "count": 3, "clutter_count": 3, "burial": 0, "target_seed": 4}
+field = {"area": f"-20, {-along}, 20, {along}", "count": 3, "clutter_count": 3, "burial": 0, "target_seed": 4,
+         "clutter_species": "anchor, boulder, clump, crate, drum, lobster_pot, tyre"}
 scene = mitsonar.load_file("minefield", **small, **field)
 image = mitsonar.render(scene, seed=1)
 image

@@ -25,7 +25,7 @@ PINGS = {"ping": "1", "ping_time": "s", "x": "m", "y": "m", "z": "m", "roll": "r
 ATTRIBUTES = {"sonar", "sound_speed", "seed", "frequency", "source_level_db", "bin_width", "labels", "classes",
               "objects"}
 # what instruments measure, by names that no truth has; places also have the word before their names
-MEASURED = {"level", "mean_level", "image", "phase", "coherence", "angle", "valid", "uncertainty", "error",
+MEASURED = {"level", "recorded", "mean_level", "image", "phase", "coherence", "angle", "valid", "uncertainty", "error",
             "target_strength", "volume_strength"}
 COARSE = {"frequency_khz": 100.0, "noise": False}
 AHEAD = {**COARSE, "receive_elements": 16, "beams": 31}
