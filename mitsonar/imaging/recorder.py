@@ -205,7 +205,6 @@ class Recorder:
     detector: Detector = field(default_factory=Detector)
     electronics: Electronics = field(default_factory=Electronics)
     faults: PingFaults = field(default_factory=PingFaults)
-    of_cells: bool = False  # a sample of a sidescan is one resolution cell of its bin, not the mean of all
     interpolation: int = 1  # one of so many rows is formed, and those between are interpolated
     serial: int = 0  # number of the instrument: draws the gains of its rows and samples
 

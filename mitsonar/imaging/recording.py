@@ -42,15 +42,14 @@ class PingRecorder:
         """Return a picture with the variable ``recorded`` over the dimensions of ``level``, and how to return."""
         recorder = self._recorder
         dims = tuple(str(dim) for dim in image["level"].dims)
-        level = image["cell_level" if "cell_level" in image else "level"].values
+        level = image["level"].values
         counts = self._run(recorder, level.reshape(len(level), -1, level.shape[-1]), image)
         about = {"units": "1", "long_name": "counts that the instrument writes"}
         back = {**asdict(recorder.converter), **asdict(recorder.gain), "law": recorder.detector.law,
                 "range_db": recorder.detector.range_db}
         back = {name: (list(value) if isinstance(value, tuple) else None if value == np.inf else value)
                 for name, value in back.items()}
-        return image.drop_vars("cell_level", errors="ignore").assign(
-            recorded=(dims, counts.reshape(level.shape), about)).assign_attrs(recorder=back)
+        return image.assign(recorded=(dims, counts.reshape(level.shape), about)).assign_attrs(recorder=back)
 
     def _run(self, recorder: Recorder, level: np.ndarray, image: xr.Dataset) -> np.ndarray:
         """Return the counts of levels (P, B, S)."""

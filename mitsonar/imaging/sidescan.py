@@ -58,43 +58,35 @@ def mean_intensity(intensity: np.ndarray, shares: np.ndarray) -> np.ndarray:
 
 def realisation(intensity: np.ndarray, shares: np.ndarray, speckle: np.ndarray, noise: float,
                 random: np.random.Generator, coherent: np.ndarray | None = None,
-                coherent_intensity: np.ndarray | float = 0.0, leakage: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+                coherent_intensity: np.ndarray | float = 0.0, leakage: float = 0.0) -> np.ndarray:
     """Draw received intensities (..., bins) [µPa²] from mean ones, speckle (..., gates) and noise [µPa²].
 
     ``coherent`` (..., bins, cells) [µPa] and ``coherent_intensity`` (..., bins) [µPa²] are echoes with a known phase.
-    Returned are the means over the cells of a bin, and the intensities of the first cells; both with the mean of the
-    coherent echoes, so that none is missed between two samples.
     """
     if len(shares) == 1:
         cells = speckle.shape[-1] // intensity.shape[-1]
         amplitude = np.sqrt(shares[0] * intensity)
         speckle = speckle.reshape(*intensity.shape, cells)
-        echo, first = np.zeros(intensity.shape), np.zeros(0)
+        echo = np.zeros(intensity.shape)
         for cell in range(cells):
             z = leaked_pressure(amplitude * speckle[..., cell], leakage)
             if noise:
                 z += np.sqrt(noise) * _gaussian(random, intensity.shape)
-            of_cell = np.abs(z) ** 2 + _crossed(z, coherent, cell)
-            echo += of_cell
-            first = of_cell if cell == 0 else first
-        return np.maximum(echo / cells + coherent_intensity, 0), np.maximum(first + coherent_intensity, 0)
+            echo += np.abs(z) ** 2 + _crossed(z, coherent, cell)
+        return np.maximum(echo / cells + coherent_intensity, 0)
     z = leaked_pressure(_gate(np.sqrt(np.repeat(0.5 * intensity, 2, -1)) * speckle, np.sqrt(shares)), leakage)
     if noise:
         # noise has the band of the pulse; drawn beyond both ends, it keeps its level there
         drawn = _gaussian(random, (*speckle.shape[:-1], speckle.shape[-1] + len(shares) - 2))
         z += np.sqrt(noise / shares.sum()) * _sums(drawn, np.sqrt(shares))
-    drawn = np.maximum(np.abs(z) ** 2 + _crossed(z, coherent, 0) + coherent_intensity, 0)
-    return drawn, drawn
+    return np.maximum(np.abs(z) ** 2 + _crossed(z, coherent, 0) + coherent_intensity, 0)
 
 
 def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: np.ndarray, window: tuple[float, float],
           labels: Mapping[int, str], class_of: Mapping[int, int], noise_db: float | None,
           speckle: Callable[[np.ndarray], np.ndarray] | None, seed: int, absorption_db: float,
-          paths: Sequence[str] = ("b",), leakage: float = 0.0, of_cells: bool = False) -> xarray.Dataset:
-    """Return the image of a run over a time ``window`` [s]; ``noise_db`` [dB re 1 µPa], ``absorption_db`` [dB/m].
-
-    It has the levels of single cells, ``cell_level``, if they are asked for by ``of_cells`` and bins hold several.
-    """
+          paths: Sequence[str] = ("b",), leakage: float = 0.0) -> xarray.Dataset:
+    """Return the image of a run over a time ``window`` [s]; ``noise_db`` [dB re 1 µPa], ``absorption_db`` [dB/m]."""
     pings, _, bins = record.intensity.shape
     bin_length = (window[1] - window[0]) / bins
     time = window[0] + (np.arange(bins) + 0.5) * bin_length
@@ -102,8 +94,6 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
     noise = 0.0 if noise_db is None else float(power_from_db(noise_db))
     level = np.empty((pings, 2, bins), np.float32)
     mean_level = np.empty_like(level)
-    cell_level = (np.empty_like(level) if of_cells and speckle is not None
-                  and pulse_cells(bin_length, sonar.pulse_length) > 1 else None)
     in_beam, coherent = record.echoes_in_beam, _coherent_arrays(record)
     depth = record.depth if coherent is None else record.depth.copy()
     # bounds the float64 work space for long surveys and many cells per bin
@@ -122,11 +112,9 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
         mean_level[block] = picture.levels(mean)
         if speckle is not None:
             random = np.random.default_rng([abs(int(seed)), start])
-            drawn, first = realisation(energy, shares, speckle(np.arange(pings)[block]), noise, random, *with_phase,
+            drawn = realisation(energy, shares, speckle(np.arange(pings)[block]), noise, random, *with_phase,
                                 leakage=leakage)
             level[block] = picture.levels(drawn)
-            if cell_level is not None:
-                cell_level[block] = picture.levels(first)
         else:
             level[block] = picture.levels(mean + noise)
     beam_width, vertical_beam_width = sonar.transmit.beam_widths(sonar.wavelength)
@@ -144,8 +132,6 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
                "absorption_db": float(absorption_db),
                "noise_db": None if noise_db is None else float(noise_db),
                "bin_width": axis.width, "speckle": speckle is not None})
-    if cell_level is not None:
-        dataset["cell_level"] = picture.entry(DIMS, cell_level, "dB re 1 µPa", "echo level of the first cell of a bin")
     if record.path_intensity is not None:
         dataset = dataset.assign(_by_path(record.path_intensity, record.coherent, shares)).assign_coords(
             path_name=("path_name", list(paths), {"long_name": "bounces: b seabed or object, s sea surface, v water"}))

@@ -28,7 +28,6 @@ from ..attributes import Attribute, Attributes, Boolean, Choice, FromTable, Grou
 from ..sensors.sonar_sensor import HIGHEST_DB, LOWEST_DB, power_of
 
 CLASS = FromTable(table=recorders(), by="recorder")
-SAMPLES = "mean", "cell"
 SPEED, BED_DB = 1500.0, -40.0      # [m/s], [dB]: of the bed that the default full scale is set for
 SHARE_DB = {"default": CLASS, "minimum": LOWEST_DB, "maximum": 20, "unit": "dB re full scale"}
 
@@ -42,9 +41,6 @@ RECORDER = Group(title="Recorder", module="films.recorder_attributes", attribute
     Integer("recorder_bits", default=CLASS, minimum=0, maximum=MOST_BITS, formerly="adc_bits",
             text="bits of a count; 0: no recorder"),
     Boolean("recorder_dither", default=CLASS, text="noise of one step before the conversion"),
-    Choice("recorder_sample", default=CLASS, choices=SAMPLES,
-           text="what a sample of a sidescan is, where its bin holds several pulse lengths: the echo of one `cell`, as "
-                "of a recorder that takes every n-th value, or the `mean` of the bin"),
     Choice("recorder_detector", default=CLASS, choices=LAWS,
            text="law by which counts grow with the amplitude; imaging sonars show the root, some heads the logarithm"),
     Number("recorder_log_range_db", default=CLASS, above=0, unit="dB",
@@ -143,7 +139,6 @@ def read_recorder(attributes: Attributes, *, source_level_db: float, width: floa
             faults=PingFaults(gain_db=attributes.recorder_ping_gain_db, lost=attributes.recorder_lost,
                               repeated=attributes.recorder_repeated, bright=attributes.recorder_bright,
                               bright_db=attributes.recorder_bright_db),
-            of_cells=attributes.recorder_sample == "cell", interpolation=attributes.recorder_interpolation,
-            serial=attributes.recorder_serial)
+            interpolation=attributes.recorder_interpolation, serial=attributes.recorder_serial)
     except ValueError as error:
         raise attributes.error(error) from None
