@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     import mitsuba as mi
     import xarray as xr
 
+    from mitsonar.imaging.gain import Tvg
+
 EVERY = "all"                      # value of --sensor for all sonars
 DEMO = {"rays": 60_000}            # in a ping, 32 in a bin: their noise is a fourteenth of the speckle
 OF_ARRAYS = (("--ping", "ping", None), ("--response", "response", False), ("--kernel", "kernel", "band_limited"),
@@ -143,7 +145,7 @@ def _with_estimate(pings: Iterator[xr.Dataset], start: int, count: int) -> Itera
         yield ping
 
 
-def _render_to(path, values, seed, output, preview, threads, sensor=0, tvg="recorder"):
+def _render_to(path, values, seed, output, preview, threads, sensor=0, tvg: Tvg = "recorder"):
     _check_outputs(output, preview)
     from mitsonar import load_file, render
     from mitsonar.io.records import exr
