@@ -184,7 +184,7 @@ def plank(from_y, to_y, side, top, *, length, beam, depth, thick=0.14):
 
 
 def hull_section(y, girth, side, length, beam, depth):
-    """Give points (N, 3) of a hull's skin at the distance y from midships; girth 0 at the keel, 1 at the gunwale."""
+    """Return points (N, 3) of a hull's skin at the distance y from midships; girth 0 at the keel, 1 at the gunwale."""
     along = 2 * y / length
     half = beam / 2 * (1 - np.abs(along) ** (2.6 if along > 0 else 4.0)) + 0.2
     lift = 1.3 * max(along - 0.55, 0) + 0.9 * max(-along - 0.7, 0)

@@ -141,7 +141,7 @@ class Converter:
 
 @dataclass(frozen=True, kw_only=True)
 class Electronics:
-    """What the electronics add; powers are shares of full scale."""
+    """Noise, line of the transmission, stripes and interference; powers are shares of full scale."""
 
     noise: float = 0.0  # of each row
     common_noise: float = 0.0  # of all rows alike

@@ -1,4 +1,4 @@
-"""What an instrument's receiver and recorder make of the levels: the counts in its file, variable `recorded`.
+"""Recorder of an instrument: it makes the counts in the instrument's file, variable `recorded`, of the levels.
 
 `level` stays that of the sonar equation. The recorder adds the instrument's gain, noise, stripes and faults, detects,
 smooths and converts to whole counts; `mitsonar.imaging.recorded_levels` converts counts to levels. Pictures are drawn

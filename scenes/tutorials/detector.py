@@ -118,12 +118,12 @@ print(f"{len(learned)} fields to learn from, {len(asked)} to be asked about; "
 
 
 def per_cell(spacing):
-    """Give the number of samples in a cell."""
+    """Return the number of samples in a cell."""
     return max(1, round(CELL / spacing))
 
 
 def prepared(amplitude, spacing, bed=None):
-    """Give decibels over the bed's median (pings, cells), clipped and scaled, and what is bed."""
+    """Return decibels over the bed's median (pings, cells), clipped and scaled, and what is bed."""
     count = per_cell(spacing)
     cells = amplitude.shape[1] // count
     power = (amplitude[:, :cells * count] ** 2).reshape(len(amplitude), cells, count).mean(2)
@@ -138,7 +138,7 @@ def prepared(amplitude, spacing, bed=None):
 
 
 def rendered_line(image):
-    """Give for both sides: picture, bed, and the number of the object that a cell shows or that hides it (0: none)."""
+    """Return for both sides: picture, bed, and the number of the object that a cell shows or that hides it (0: none)."""
     own = np.array([int(number) for number in image.attrs["objects"]])
     for side in range(2):
         picture, bed = prepared(image["recorded"].values[:, side].astype(float), image.attrs["bin_width"])
@@ -189,7 +189,7 @@ MARKED = {                                                 # side, first and las
 
 
 def real_line(path, marks):
-    """Give both sides of a recorded line with its marks."""
+    """Return both sides of a recorded line with its marks."""
     record = read_amplitudes(path).isel(ping=slice(marks["pings"]))
     spacing = float(record["range"].diff("range").mean())
     for name in ("port", "starboard"):
@@ -205,7 +205,7 @@ def real_line(path, marks):
 
 
 def labelled_line(folder):
-    """Give the pictures of a folder, a cell for each element; black rows and columns are no bed."""
+    """Return the pictures of a folder, a cell for each element; black rows and columns are no bed."""
     for one in mitsonar.dataset.labels.read(folder):
         turn = -1 if one.path.name.lower().startswith(("left", "port")) else 1
         grey, number = one.grey[:, ::turn].astype(float), one.number[:, ::turn]
@@ -233,7 +233,7 @@ if not real:
 
 
 def local_contrast(picture, bed):
-    """Give a score for every cell."""
+    """Return a score for every cell."""
     def mean(size):
         return ndimage.uniform_filter(np.where(bed, 10 ** picture, 0), size) / np.maximum(
             ndimage.uniform_filter(bed.astype(float), size), 1e-3)
@@ -273,7 +273,7 @@ class Detector(nn.Module):
         self.last = nn.Conv2d(widths[0], 1, 1)
 
     def forward(self, picture):
-        """Give a logit for each cell; sides are multiples of 8."""
+        """Return a logit for each cell; sides are multiples of 8."""
         kept = []
         for stage, layers in enumerate(self.down):
             picture = layers(picture if stage == 0 else nn.functional.max_pool2d(picture, 2))
@@ -330,7 +330,7 @@ def learn(words, *sources):
 
 
 def logits(network, picture):
-    """Give the logarithm of the odds of an object for every cell."""
+    """Return the logarithm of the odds of an object for every cell."""
     pad = [(0, -size % 8) for size in picture.shape]
     with torch.no_grad():
         scores = network(torch.from_numpy(np.pad(picture, pad))[None, None])
@@ -352,7 +352,7 @@ of_rendered = learn("rendered fields", known)
 
 
 def cells(lines, scored):
-    """Give scores of all cells of bed, by a function of picture and bed, and which show objects."""
+    """Return scores of all cells of bed, by a function of picture and bed, and which show objects."""
     scores = [scored(picture, bed)[bed] for line in lines for picture, bed, _ in line]
     return np.concatenate(scores), np.concatenate([number[bed] > 0 for line in lines for _, bed, number in line])
 
@@ -404,12 +404,12 @@ THRESHOLD = 0.7
 
 
 def of_line(scores):
-    """Give logits relative to those of their line, of which objects take a small share."""
+    """Return logits relative to those of their line, of which objects take a small share."""
     return scores - np.quantile(scores, 0.84)
 
 
 def scored(lines, relative=np.array):
-    """Give logits, relative to their line, and which cells show objects."""
+    """Return logits, relative to their line, and which cells show objects."""
     each = [cells([line], lambda picture, bed: logits(of_rendered, picture)) for line in lines]
     return np.concatenate([relative(scores) for scores, _ in each]), np.concatenate([wanted for _, wanted in each])
 

@@ -58,7 +58,7 @@ def main(argv=None):
 
 
 def reference(path):
-    """Give the profiles and the cases (N, time, ...) of each, from a file."""
+    """Return the profiles and the cases (N, time, ...) of each, from a file."""
     with open(path, encoding="utf-8") as file:
         content = json.load(file)
     profiles = {name: SoundSpeedProfile(entry["depth"], entry["c"]) for name, entry in content["profiles"].items()}

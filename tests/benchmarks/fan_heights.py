@@ -72,7 +72,7 @@ def opened(folder, kind, given, relief, **parameters):
 
 
 def fitted(name, given, folder):
-    """Give a row of the table."""
+    """Return a row of the table."""
     import mitsonar  # noqa: F401  isort: skip: it comes before Mitsuba
     import mitsuba as mi
 

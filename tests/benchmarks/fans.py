@@ -49,7 +49,7 @@ def main(argv=None):
 
 
 def made(**parameters):
-    """Give the frames of the scene."""
+    """Return the frames of the scene."""
     import mitsonar
     from mitsonar.imaging import fan
     from mitsonar.survey.beam_domain.frames import Frames

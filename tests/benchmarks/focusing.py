@@ -52,7 +52,7 @@ def main(argv=None):
 
 
 def strip(side, receivers, spacing, profile):
-    """Give what focuses a strip, and the number of its readings."""
+    """Return what focuses a strip, and the number of its readings."""
     from mitsonar.sonar.pulses.pulses import lfm
     from mitsonar.synthetic_aperture.focusing.back_projection import TILE, BackProjection
     from mitsonar.synthetic_aperture.focusing.focusing import Focuser

@@ -50,7 +50,7 @@ def main(argv=None):
 
 def planned(shapes, *, depth=16.0, film=None, water=None, integrator=None, beams=41, width=80.0, steps="sine",
             **sensor):
-    """Give the survey of a line's pings, and angles and directions of its beams."""
+    """Return the survey of a line's pings, and angles and directions of its beams."""
     from mitsonar.survey.pressure.signals import LEAD
     from mitsonar.verbs.images import opened
 
@@ -150,7 +150,7 @@ def decibels(amplitude):
 # ---- a level bed
 
 def level_bed(start=(0.0, 0.0), **more):
-    """Give survey and directions of a line 4 m above a level bed, and the expected powers (B, S) [µPa²]."""
+    """Return survey and directions of a line 4 m above a level bed, and the expected powers (B, S) [µPa²]."""
     import brute_force_beams
 
     more = {"film": {"range": 12.0, "range_min": 8.0}, "integrator": {"cell": 0.03}, **more}

@@ -111,7 +111,7 @@ def looked(scene, looks):
 
 
 def fitted(name, looks, given, folder):
-    """Give a row of the table."""
+    """Return a row of the table."""
     fit, truth, seen, seconds = (heights if name in HEIGHTS else sediments)(name, looks, given, folder)
     parameter = "height" if name in HEIGHTS else "strength_db"
     answer, start, deviation, resolved = (fit[f"{parameter}{part}"].values

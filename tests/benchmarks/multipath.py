@@ -56,7 +56,7 @@ def run(depth, pings, given):
 
 
 def noise(made, seeds, seconds):
-    """Give the columns of noise."""
+    """Return the columns of noise."""
     powers = []
     for seed in range(seeds):
         rows, names, echoes = made(seed)

@@ -111,7 +111,7 @@ def opened(folder, name, kind, given, **parameters):
 
 
 def fitted(name, looks, given, folder):
-    """Give a row of the table."""
+    """Return a row of the table."""
     import mitsonar  # noqa: F401  isort: skip: it comes before Mitsuba
     import mitsuba as mi
 

@@ -58,7 +58,7 @@ def main(argv=None):
 
 
 def simulated(name, path, shallowest, deepest, **options):
-    """Give the rows of a cast; options are of `surveyed`."""
+    """Return the rows of a cast; options are of `surveyed`."""
     from mitsonar.inversion.profile.profile import fit_profile
     from mitsonar.inversion.profile.profile_problem import ProfilePrior
     from mitsonar.io import casts
@@ -75,7 +75,7 @@ def simulated(name, path, shallowest, deepest, **options):
 
 
 def depths(beams, bed, cast, start, fit):
-    """Give the root mean square error of depths by the water, before and after [m]."""
+    """Return the root mean square error of depths by the water, before and after [m]."""
     from mitsonar.gradients.soundings.sounding_times import SoundingTimes
     from mitsonar.hydrography.reduction.legs import Starts
     from mitsonar.water import SoundSpeedProfile
@@ -87,7 +87,7 @@ def depths(beams, bed, cast, start, fit):
 
 
 def worded(fit, cast, noise, seconds, errors):
-    """Give the columns of a fit."""
+    """Return the columns of a fit."""
     truth, below = cast.at(fit.depth), fit.depth > fit.head_depth + 0.5
     some = fit.told & below if fit.is_profile else below & (fit.depth < fit.bed_depths[-1])
     before, after = (np.abs(speed - truth)[some] for speed in (fit.start, fit.speed))
@@ -105,7 +105,7 @@ def worded(fit, cast, noise, seconds, errors):
 
 
 def real(path):
-    """Give the rows of a line: bed unknown, and bed known."""
+    """Return the rows of a line: bed unknown, and bed known."""
     from mitsonar.gradients.soundings.sounding_bed import BedGrid
     from mitsonar.hydrography.detection.sounding_beams import beams_of
     from mitsonar.hydrography.reduction.resounding import profile_of
@@ -143,7 +143,7 @@ def real(path):
 
 
 def three_numbers(fit, wrong, stale):
-    """Give what the soundings say of three numbers (3,) about a start, and deviations.
+    """Return what the soundings say of three numbers (3,) about a start, and deviations.
 
     The fit's answer m is where T (m - ĉ) + P (m - start) = 0, with P = (U Uᵀ)⁻¹, T = (U S⁻² Uᵀ)⁻¹ of its patterns U and
     singular values S, and ĉ what the soundings alone say: they weigh three numbers as they weigh the nodes.

@@ -109,7 +109,7 @@ def places(line):
 
 
 def swath(line):
-    """Give mean strengths (ping, side, bin), their range [m], how many looks they have, and pings."""
+    """Return mean strengths (ping, side, bin), their range [m], how many looks they have, and pings."""
     speed, angle = line["head_sound_speed"].values, line["angle"].values
     valid = line["valid"].values & np.isfinite(line["backscatter_db"].values)
     whole = [ping for ping in range(line.sizes["ping"]) if valid[ping].any()
@@ -146,7 +146,7 @@ def opened(folder, strengths, rays, tilt=0.0):
 
 
 def rendered(strengths, rays, tilt):
-    """Give the strengths that an even bed of a tilt would have, with speckle of as many looks."""
+    """Return the strengths that an even bed of a tilt would have, with speckle of as many looks."""
     import mitsonar
 
     with tempfile.TemporaryDirectory() as folder:
@@ -183,7 +183,7 @@ def fitted(strengths, rays):
 
 
 def sounded(line, pings):
-    """Give the slope to port of the line's own soundings, and their height at places to port, from the sonar on."""
+    """Return the slope to port of the line's own soundings, and their height at places to port, from the sonar on."""
     valid = line["valid"].values[pings]
     across, depth = (line[name].values[pings][valid] for name in ("across_track", "depth"))
     sonar = np.mean(line["ping_depth"].values[pings]) + line["receive_offset"].values[2]

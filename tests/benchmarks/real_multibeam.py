@@ -48,7 +48,7 @@ def rows_of(path):
 
 
 def pings_of(path, held, node=True):
-    """Give residuals of times, bare and fitted, and of places (depth, across, along), ping by ping."""
+    """Return residuals of times, bare and fitted, and of places (depth, across, along), ping by ping."""
     from mitsonar.io.survey_lines import reading
     from mitsonar.planning.instrument_rules import time_residuals
 
@@ -84,7 +84,7 @@ def anew(one, held, node):
 
 
 def rms(values):
-    """Give the root mean square of what is a number."""
+    """Return the root mean square of what is a number."""
     return float(np.sqrt(np.nanmean(np.square(values))))
 
 

@@ -53,7 +53,7 @@ def main(argv=None):
 
 
 def recorded(path):
-    """Give amplitudes (ping, side, sample) and their spacing [m]."""
+    """Return amplitudes (ping, side, sample) and their spacing [m]."""
     from mitsonar.io.xtf.amplitudes import read_amplitudes
 
     record = read_amplitudes(path)
@@ -74,7 +74,7 @@ def ours(real, folder, parameters, seed):
 
 
 def along(real, folder):
-    """Give parameters of the scene that make it the record's: track, bed, range, samples."""
+    """Return parameters of the scene that make it the record's: track, bed, range, samples."""
     from scipy.signal import savgol_filter
 
     from mitsonar.imaging.picture_statistics import first_return
@@ -101,7 +101,7 @@ def along(real, folder):
 
 
 def columns_of(columns):
-    """Give the table's columns, names of rows first."""
+    """Return the table's columns, names of rows first."""
     from mitsonar.imaging.picture_statistics import measure
 
     def numbers(values, digits=2):

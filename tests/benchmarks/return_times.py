@@ -72,7 +72,7 @@ def main(argv=None):
 # -------------------------------------------------------------------------------------------------------- profiles
 
 def profiles(arguments):
-    """Give the profiles by name."""
+    """Return the profiles by name."""
     depth = np.arange(0.0, 61.0)
     found = {"constant": SoundSpeedProfile([0, 60], [1500, 1500]),
              "gradient 0.1 1/s": SoundSpeedProfile([0, 60], [1500, 1506]),
@@ -109,7 +109,7 @@ DIRECTIONS = {"vertical": slice(0, 2), "horizontal": slice(2, 4), "cross": slice
 
 
 def measured(profile, count):
-    """Give the errors (H, 6) of each method at each offset, and the share of times that are eigenrays."""
+    """Return the errors (H, 6) of each method at each offset, and the share of times that are eigenrays."""
     rng = np.random.default_rng(1)
     bottom = max(min(profile.depth[-1], 120.0), 10.0)
     depth = 0.2 * bottom

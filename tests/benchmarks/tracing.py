@@ -64,7 +64,7 @@ def main(argv=None):
 
 
 def directions(rays, flattest_deg):
-    """Give unit directions and their number: a grid over azimuth and grazing angle, in tiles."""
+    """Return unit directions and their number: a grid over azimuth and grazing angle, in tiles."""
     side = max(TILE, TILE * round(np.sqrt(rays) / TILE))
     place = (np.arange(side) + 0.5) / side
     azimuth, grazing = np.meshgrid(2 * np.pi * place, np.radians(flattest_deg + (STEEPEST_DEG - flattest_deg) * place))
@@ -77,7 +77,7 @@ def directions(rays, flattest_deg):
 
 
 def straight(scene, direction):
-    """Give the two straight candidates."""
+    """Return the two straight candidates."""
     origin = mi.Point3f(0, 0, -SOURCE_DEPTH)
     dr.make_opaque(origin)
 
@@ -93,7 +93,7 @@ def straight(scene, direction):
 
 
 def refracted(scene, direction, name, profile):
-    """Give the candidates of one profile: hits alone, hits with what a sonar needs, and all that a hit tells."""
+    """Return the candidates of one profile: hits alone, hits with what a sonar needs, and all that a hit tells."""
     lib = arrays_of(mi.Float)
     tracer = Tracer(scene, DeviceWater(profile), max_range=300.0)
     sources = tracer.sources(SOURCE_DEPTH)

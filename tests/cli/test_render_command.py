@@ -145,7 +145,7 @@ class Terminal(io.StringIO):
 
 @pytest.fixture
 def shown(monkeypatch):
-    """Give what is shown of a run that reports (seconds, pings done of 100)."""
+    """Return what is shown of a run that reports (seconds, pings done of 100)."""
     def run(reports, terminal, **options):
         clock = iter([0.0, *(seconds for seconds, _ in reports)])
         monkeypatch.setattr(progress, "time", types.SimpleNamespace(monotonic=lambda: next(clock)))

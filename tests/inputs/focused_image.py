@@ -7,7 +7,7 @@ from mitsonar.synthetic_aperture.record import check_image
 
 def focused_image(rows: int = 20, columns: int = 30, *, banks: int = 2, heading: float = 0.3, spacing: float = 0.05,
                   seed: int = 0) -> xr.Dataset:
-    """Give an image whose grid begins 10 m abeam, with its truth, and the interferogram of two banks."""
+    """Return an image whose grid begins 10 m abeam, with its truth, and the interferogram of two banks."""
     rng = np.random.default_rng(seed)
     along, across = spacing * np.arange(rows), 10 + spacing * np.arange(columns)
     image = rng.normal(size=(banks, rows, columns)) + 1j * rng.normal(size=(banks, rows, columns))

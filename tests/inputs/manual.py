@@ -47,7 +47,7 @@ class Block:
 
 
 def blocks(text: str) -> list[Block]:
-    """Give the blocks of a page in order."""
+    """Return the blocks of a page in order."""
     found = []
     for block in BLOCK.finditer(text):
         said = {block["mark"]: block["said"]}
@@ -57,7 +57,7 @@ def blocks(text: str) -> list[Block]:
 
 
 def commands(text: str) -> list[list[str]]:
-    """Give what a block of commands has mitsonar do: the words after its name.
+    """Return what a block of commands has mitsonar do: the words after its name.
 
     Raises
     ------
@@ -75,14 +75,14 @@ def commands(text: str) -> list[list[str]]:
 
 
 def anchors(text: str) -> set[str]:
-    """Give the names that links within a page may use, as GitHub makes them of its headings."""
+    """Return the names that links within a page may use, as GitHub makes them of its headings."""
     headings = re.findall(r"^#+ +(.+?) *$", re.sub(r"^```.*?^```$", "", text, flags=re.M | re.S), re.M)
     return {re.sub(r"[^\w\- ]", "", re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading)).strip().lower().replace(" ", "-")
             for heading in headings}
 
 
 def links(text: str) -> list[str]:
-    """Give the targets of a page's links and pictures."""
+    """Return the targets of a page's links and pictures."""
     prose = re.sub(r"`[^`\n]*`", "`", re.sub(r"^```.*?^```$", "", text, flags=re.M | re.S))
     return re.findall(r"\]\(([^)\s]+)\)", prose)
 

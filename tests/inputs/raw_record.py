@@ -10,7 +10,7 @@ PULSE = {"kind": "lfm", "frequency": 1e5, "bandwidth": 2e4, "duration": 1e-3}
 
 
 def raw_record(pings: int = 5, receivers: int = 4, samples: int = 50, seed: int = 0) -> xr.Dataset:
-    """Give noise as raw echoes of a straight track, with two targets."""
+    """Return noise as raw echoes of a straight track, with two targets."""
     rng = np.random.default_rng(seed)
     shape = (pings, receivers, samples)
     signal = (rng.normal(size=shape) + 1j * rng.normal(size=shape)).astype(np.complex64)
@@ -38,7 +38,7 @@ def raw_record(pings: int = 5, receivers: int = 4, samples: int = 50, seed: int 
 
 
 def one_by_one(record: xr.Dataset, end: int | None = None) -> Callable[[int], Iterator[xr.Dataset]]:
-    """Give the pings of a record from a number on, as a maker of raw echoes does; some end before the last."""
+    """Return the pings of a record from a number on, as a maker of raw echoes does; some end before the last."""
     def pings_from(start: int) -> Iterator[xr.Dataset]:
         for number in range(start, record.sizes["ping"] if end is None else end):
             yield record.isel(ping=slice(number, number + 1))

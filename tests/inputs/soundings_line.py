@@ -88,7 +88,7 @@ def soundings_line(pings: int = 4, beams: int = 24, *, sectors: int = 3, depth: 
 
 
 def blocks_of(line: xr.Dataset, most: int = 2) -> Iterator[xr.Dataset]:
-    """Give the line's pings block by block, as a survey makes them."""
+    """Return the line's pings block by block, as a survey makes them."""
     for start in range(0, line.sizes["ping"], most):
         yield line.isel(ping=slice(start, start + most))
 

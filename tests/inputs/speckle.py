@@ -7,13 +7,13 @@ FINER = 4                          # times the sampling rate, of pictures that a
 
 
 def second_moment(frames: list[np.ndarray], mean: np.ndarray) -> float:
-    """Give <I²>/<I>² of frames (B, S), about a known mean intensity (B, S): 2 (1 + 1/N) of N scatterers a cell."""
+    """Return <I²>/<I>² of frames (B, S), about a known mean intensity (B, S): 2 (1 + 1/N) of N scatterers a cell."""
     intensity = np.array([np.abs(frame) ** 2 / mean for frame in frames])
     return float((intensity ** 2).mean() / intensity.mean() ** 2)
 
 
 def correlation(frames: list[np.ndarray], mean: np.ndarray, lags: tuple[int, ...], axis: int) -> list[float]:
-    """Give how far intensities are alike some beams (axis 0) or samples (1) on, as the root of their correlation.
+    """Return how far intensities are alike some beams (axis 0) or samples (1) on, as the root of their correlation.
 
     Of Gaussian pressures it is the absolute value of the pressures' own correlation.
     """
@@ -35,7 +35,7 @@ def correlation_of_pulse(compressed: np.ndarray, lags: np.ndarray) -> np.ndarray
 
 def coherence(first: np.ndarray, second: np.ndarray, *, moved: np.ndarray, distance: np.ndarray, sines: np.ndarray,
               altitude: float, wavenumber: float) -> float:
-    """Give the coherence of two frames of a level bed, the second of them of a sonar that has moved.
+    """Return the coherence of two frames of a level bed, the second of them of a sonar that has moved.
 
     The second is read where the ground of the first lies in it, and turned by how much nearer that is:
 

@@ -19,7 +19,7 @@ SAMPLES = {"number": ("<H", 0), "slant_range": ("<f", 4), "ground_range": ("<f",
 
 
 def fields(layout, data, start):
-    """Give the fields of a structure that begins at a byte."""
+    """Return the fields of a structure that begins at a byte."""
     found = {}
     for name, (form, at) in layout.items():
         values = struct.unpack_from(form, data, start + at)
@@ -28,7 +28,7 @@ def fields(layout, data, start):
 
 
 def read(path):
-    """Give the file's header, its channels, its notes, and its pings, each with the list of its channels' samples."""
+    """Return the file's header, its channels, its notes, and its pings, each with the list of its channels' samples."""
     data = path.read_bytes()
     header = fields(FILE, data, 0)
     channels = [fields(CHANNEL, data, 256 + 128 * number) for number in range(header["channels"])]
@@ -46,7 +46,7 @@ def read(path):
 
 
 def ping(data, at, length, channels):
-    """Give one sonar packet; what is behind its last channel must be zeros."""
+    """Return one sonar packet; what is behind its last channel must be zeros."""
     found, start = fields(PING, data, at), at + 256
     found["sides"] = []
     for _ in range(found["channels"]):

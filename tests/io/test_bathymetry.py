@@ -44,7 +44,7 @@ def make(path, placed=UPRIGHT, crs="EPSG:32632", surface=plane, hole=None, shape
 
 
 def error(grid, surface=plane, edge=0):
-    """Give the largest difference from the surface, leaving out ``edge`` nodes all round."""
+    """Return the largest difference from the surface, leaving out ``edge`` nodes all round."""
     assert (np.diff(grid.x) > 0).all() and (np.diff(grid.y) > 0).all()
     assert grid.heights.shape == (grid.y.size, grid.x.size) and grid.heights.dtype == np.float32
     east, north = np.meshgrid(grid.x + grid.local_origin[0], grid.y + grid.local_origin[1])

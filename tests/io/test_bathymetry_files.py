@@ -29,7 +29,7 @@ def plane(east, north):
 
 
 def error(grid, surface=plane):
-    """Give the largest difference from the surface."""
+    """Return the largest difference from the surface."""
     assert (np.diff(grid.x) > 0).all() and (np.diff(grid.y) > 0).all()
     east, north = np.meshgrid(grid.x + grid.local_origin[0], grid.y + grid.local_origin[1])
     return np.nanmax(np.abs(grid.heights - surface(east, north)))

@@ -16,7 +16,7 @@ VARIANTS, OF_REAL = 200, 60
 
 
 def damaged(raw, chance):
-    """Give the bytes of a file after one of five accidents."""
+    """Return the bytes of a file after one of five accidents."""
     raw, kind = raw.copy(), int(chance.integers(5))
     if kind == 0:
         return raw[:chance.integers(raw.size)]
@@ -34,7 +34,7 @@ def damaged(raw, chance):
 
 
 def sources(name):
-    """Give the bytes of a file, and of the one that must stand beside it."""
+    """Return the bytes of a file, and of the one that must stand beside it."""
     if name == "line.all":
         return np.frombuffer(all_file(3), np.uint8), {}
     if name == "line.wcd":

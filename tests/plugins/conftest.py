@@ -12,7 +12,7 @@ def make(variant):
 
 @pytest.fixture
 def refusal(make):
-    """Give the sentence about attributes that must be refused; it names the plugin."""
+    """Return the sentence about attributes that must be refused; it names the plugin."""
     from mitsonar.scene.errors import plain
 
     def run(kind, **attributes):

@@ -28,7 +28,7 @@ def read(variant):
 
 @pytest.fixture
 def refused(read):
-    """Give the sentence about attributes that must be refused; it names the plugin."""
+    """Return the sentence about attributes that must be refused; it names the plugin."""
     def run(**written):
         with pytest.raises(ValueError) as caught:
             read(**written)

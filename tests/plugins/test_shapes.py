@@ -28,7 +28,7 @@ def seabed(**attributes):
 
 
 def drop(shape, x, y):
-    """Give what rays falling from z = 100 m meet."""
+    """Return what rays falling from z = 100 m meet."""
     scene = mi.load_dict({"type": "scene", "bed": shape}, optimize=False)
     x, y = np.broadcast_arrays(np.asarray(x, np.float32), np.asarray(y, np.float32))
     origin = mi.Point3f(mi.Float(x.ravel()), mi.Float(y.ravel()), 100.0)
@@ -164,7 +164,7 @@ def survey(tmp_path):
 
 
 def surface(x, y):
-    """Give the heights of `survey` at local points, about its local origin 400040, 6000030."""
+    """Return the heights of `survey` at local points, about its local origin 400040, 6000030."""
     return -30 - 0.1 * ((x + 40) / 2 - 0.5) - ((30 - y) / 2 - 0.5)
 
 

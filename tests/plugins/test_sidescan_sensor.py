@@ -28,7 +28,7 @@ def sidescan(make):
 
 @pytest.fixture
 def refused(refusal):
-    """Give the sentence about attributes that must be refused."""
+    """Return the sentence about attributes that must be refused."""
     def run(**attributes):
         return refusal("sidescan", **{"medium": {"type": "seawater"}, "film": {"type": "sonar_film"}, **attributes})
     return run

@@ -39,7 +39,7 @@ def bed(**attributes):
 
 @pytest.fixture
 def strewn(variant):
-    """Give a scene's targets and seabed."""
+    """Return a scene's targets and seabed."""
     import mitsuba as mi
 
     def run(ground=None, **attributes):

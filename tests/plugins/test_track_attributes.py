@@ -21,7 +21,7 @@ def sensor(make):
 
 @pytest.fixture
 def refused(refusal):
-    """Give the sentence about attributes that must be refused."""
+    """Return the sentence about attributes that must be refused."""
     return lambda **attributes: refusal("sidescan", medium={"type": "seawater"}, film={"type": "sonar_film"},
                                         **attributes)
 

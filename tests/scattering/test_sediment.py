@@ -195,7 +195,7 @@ def test_reciprocal_finite_and_positive(sediment):
 
 
 def scattered_share(sediment, grazing, khz):
-    """Give ∫ σ dΩ / sin θ_i of the surface, over the shift of the transverse wavenumber about the specular one.
+    """Return ∫ σ dΩ / sin θ_i of the surface, over the shift of the transverse wavenumber about the specular one.
 
     Polar about it, ln r = ln r_end - v² with r_end at the horizon: dense towards r = 0, where the lobe peaks, and
     smooth at the horizon, where σ / sin θ_s has a square root. Midpoint rule in v and the direction.

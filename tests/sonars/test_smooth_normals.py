@@ -21,7 +21,7 @@ def wavy(spacing, smooth, length=120.0):
 
 @pytest.fixture(scope="module")
 def levels():
-    """Give mean levels (side, bin) [dB] of a bed by its node distance and whether it is smooth, once each."""
+    """Return mean levels (side, bin) [dB] of a bed by its node distance and whether it is smooth, once each."""
     known = {}
 
     def run(spacing, smooth):
