@@ -54,7 +54,7 @@ def pytest_collection_finish():
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_teardown(item, nextitem):
-    """Return back the memory that Dr.Jit holds for arrays to come, and the pictures that a file keeps for its own tests.
+    """Release the memory that Dr.Jit holds for arrays to come, and the pictures that a file keeps for its own tests.
 
     Without, a process of the suite grows beyond 3 GB. Kernels take no part in it: without them 2 MB less.
     """

@@ -138,7 +138,7 @@ def prepared(amplitude, spacing, bed=None):
 
 
 def rendered_line(image):
-    """Return for both sides: picture, bed, and the number of the object that a cell shows or that hides it (0: none)."""
+    """Return for both sides: picture, bed, and the number of the object that a cell shows or is hidden by (0: none)."""
     own = np.array([int(number) for number in image.attrs["objects"]])
     for side in range(2):
         picture, bed = prepared(image["recorded"].values[:, side].astype(float), image.attrs["bin_width"])

@@ -41,7 +41,7 @@ def main(argv=None):
 
 
 def made(**parameters):
-    """Return the stages of a picture, each to be called: echoes and signals by beams, the truth, signals by elements."""
+    """Return the stages of a picture, to be called: echoes and signals by beams, the truth, signals by elements."""
     import mitsonar
     from mitsonar.survey.energy import energy
     from mitsonar.survey.pressure.pressure import PressureRecord
