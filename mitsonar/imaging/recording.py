@@ -21,7 +21,7 @@ from mitsonar.device.chance import Salt, ping_key
 from mitsonar.units import NOTHING_DB, db_from_power
 
 from .gain import Tvg
-from .recorder import Converter, Detector, Recorder, TimeVariedGain, formed_rows, gains, interpolated
+from .recorder import Converter, Detector, Electronics, Recorder, TimeVariedGain, formed_rows, gains, interpolated
 
 LOG2_10 = np.float32(np.log2(10))
 
@@ -43,7 +43,7 @@ class PingRecorder:
         recorder = self._recorder
         dims = tuple(str(dim) for dim in image["level"].dims)
         level = image["level"].values
-        counts = self._run(recorder, level.reshape(len(level), -1, level.shape[-1]), image)
+        counts = self._run(level.reshape(len(level), -1, level.shape[-1]), image)
         about = {"units": "1", "long_name": "counts that the instrument writes"}
         back = {**asdict(recorder.converter), **asdict(recorder.gain), "law": recorder.detector.law,
                 "range_db": recorder.detector.range_db}
@@ -51,8 +51,9 @@ class PingRecorder:
                 for name, value in back.items()}
         return image.assign(recorded=(dims, counts.reshape(level.shape), about)).assign_attrs(recorder=back)
 
-    def _run(self, recorder: Recorder, level: np.ndarray, image: xr.Dataset) -> np.ndarray:
+    def _run(self, level: np.ndarray, image: xr.Dataset) -> np.ndarray:
         """Return the counts of levels (P, B, S)."""
+        recorder = self._recorder
         converter, electronics = recorder.converter, recorder.electronics
         rows, samples = level.shape[1:]
         slant_range, time = (image[name].values.astype(float) for name in ("range", "time"))
@@ -69,21 +70,21 @@ class PingRecorder:
             random = np.random.default_rng([ping_key(self._seed, int(number)), Salt.RECORDER])
             fault, gain_db = random.random(), recorder.faults.gain_db * random.standard_normal()
             amplitude = np.exp2(levels[formed] * (LOG2_10 / 20)) * factor
-            into[:] = self._ping(recorder, amplitude, formed, line, electronics.interfering(start + time), fault,
-                                 gain_db, random)
+            into[:] = self._ping(amplitude, formed, line, electronics.interfering(start + time), fault, gain_db, random)
         return counts
 
-    def _ping(self, recorder: Recorder, amplitude: np.ndarray, formed: np.ndarray, line: np.ndarray,
-              interference: np.ndarray, fault: float, gain_db: float, random: np.random.Generator) -> np.ndarray:
+    def _ping(self, amplitude: np.ndarray, formed: np.ndarray, line: np.ndarray, interference: np.ndarray,
+              fault: float, gain_db: float, random: np.random.Generator) -> np.ndarray:
         """Return the counts (B, S) of the amplitudes (F, S) of a ping's formed rows (F,).
 
         They are 1 at full scale, and `fault` is uniform in [0, 1).
         """
+        recorder = self._recorder
         faults = recorder.faults
         bright = faults.lost + faults.repeated <= fault < faults.lost + faults.repeated + faults.bright
         if gain_db or bright:
             amplitude *= gains([gain_db + faults.bright_db * bright])[0]
-        power = _with_noise(recorder, np.nan_to_num(amplitude, copy=False), interference, random)
+        power = _with_noise(recorder.electronics, np.nan_to_num(amplitude, copy=False), interference, random)
         detected = recorder.detector.smoothed(recorder.detector.detected(power + line))
         if (share := np.float32(recorder.detector.along_track)) and self._detected is not None:
             detected = (1 - share) * detected + share * self._detected
@@ -172,10 +173,9 @@ def _gain(settings: Mapping[str, Any]) -> TimeVariedGain:
         end=np.inf if end is None else end, step_db=settings["step_db"], sectors_db=tuple(settings["sectors_db"]))
 
 
-def _with_noise(recorder: Recorder, amplitude: np.ndarray, interference: np.ndarray,
+def _with_noise(electronics: Electronics, amplitude: np.ndarray, interference: np.ndarray,
                 random: np.random.Generator) -> np.ndarray:
     """Return the powers (B, S) of amplitudes with the noise of rows, crosstalk, and what all rows have in common."""
-    electronics = recorder.electronics
     common = np.sqrt(0.5 * (electronics.common_noise + interference)).astype(np.float32)                # (S,)
     own = np.full(amplitude.shape[1], electronics.noise, np.float32)
     if electronics.crosstalk:

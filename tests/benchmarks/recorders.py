@@ -1,4 +1,4 @@
-"""What a recorder costs: a sidescan's ping, a fan's frame, a rotating head's ping.
+"""Measure what a recorder costs: a sidescan's ping, a fan's frame, a rotating head's ping.
 
     python tests/benchmarks/recorders.py                              milliseconds of CPU a ping, and their share
 

@@ -1,4 +1,4 @@
-"""How well two sets of items can be told apart: by one clue, by all of them, and by what other lines taught.
+"""Measure how well two sets of items are told apart: by one clue, by all, and by what other lines taught.
 
     AUC = P(real > rendered) + P(real = rendered) / 2          one clue; 0.5: none, 0 and 1: always told apart
 

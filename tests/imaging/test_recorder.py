@@ -64,7 +64,7 @@ def test_a_low_pass_ties_the_correlation_of_neighbours_to_the_spread(k):
 
 @pytest.mark.parametrize("law, spread", [("linear", 0.5227), ("square", 1.0), ("root", 0.2809)])
 def test_detectors_have_the_spread_of_their_law(law, spread):
-    """Of an exponential power p: CV² of p^a is Γ(1 + 2a) / Γ(1 + a)² - 1, with a of 1/2, 1 and 1/4.
+    """The CV² of p^a, of an exponential power p, is Γ(1 + 2a) / Γ(1 + a)² - 1, with a of 1/2, 1 and 1/4.
 
     60,000 samples leave 0.3 % of CV, 0.7 % for the square: 4 of these."""
     amplitude = recorded(speckled(), detector=Detector(law=law))
@@ -171,7 +171,7 @@ def test_gains_of_rows_and_samples_are_the_instruments_own(name, axis):
 
 
 def test_pings_are_lost_repeated_and_brighter_as_often_as_asked():
-    """Of 2000 pings, shares of 0.1 scatter by 0.007: 4 of these."""
+    """Shares of 0.1 of 2000 pings scatter by 0.007: 4 of these."""
     level = speckled(shape=(2000, 1, 40))
     faults = PingFaults(lost=0.1, repeated=0.1, bright=0.1, bright_db=6.0)
     with_faults, without = recorded(level, faults=faults), recorded(level)
