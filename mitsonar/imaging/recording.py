@@ -99,15 +99,27 @@ class PingRecorder:
 
 
 def recorded_levels(image: xr.Dataset) -> xr.DataArray:
-    """Return the levels [dB re 1 µPa] of a picture's counts, over the dimensions of ``recorded``.
+    """Return the levels of a picture's counts, without the recorder's gain.
 
-    Noise, stripes, crosstalk and the low pass stay in them. Counts of 0 have the level `units.NOTHING_DB`, counts at
-    full scale at least theirs.
+    Parameters
+    ----------
+    image : xarray.Dataset
+        Picture with ``recorded``, of a sonar with a recorder.
+
+    Returns
+    -------
+    xarray.DataArray
+        Levels [dB re 1 µPa] over the dimensions of ``recorded``. Noise, stripes, crosstalk and the low pass stay in
+        them. Counts of 0 have the level `units.NOTHING_DB`; where a count is the highest, the true level may be higher.
 
     Raises
     ------
     ValueError
         If the picture has no ``recorded``, because its sonar has no recorder.
+
+    Examples
+    --------
+    ``mitsonar.imaging.recorded_levels(mitsonar.read("wreck.exr"))``
     """
     settings = settings_of(image)
     counts = image["recorded"]
