@@ -1,6 +1,7 @@
 """Recorder of an instrument: what stands behind its receivers, from the echo level to the counts in its file.
 
     a   = 10^((L + G(R) - A) / 20) g_b g_p s_j                        amplitude, as a share of full scale
+    a  <- max a  within w samples                                     peak detector
     u²  = |a + √(N_b + x <a²>) n_b + √(N + I) n|² + e²                noise, crosstalk, interference, transmission
     d   = u², u, √u or 1 + 20 log u / D                               detector
     d_j = k d_(j-1) + (1 - 2k) d_j + k d_(j+1)                        its low pass along range
@@ -9,9 +10,9 @@
 
     G(R) = k_s log R + 2 α R,  R held within the limits of the gain, in whole steps
 
-L -> ``level``, A -> ``full_scale_db``, B -> ``bits``, D -> ``range_db``, k -> ``low_pass``, m -> ``along_track``,
-k_s -> ``spreading``; g_b the gains of rows and sectors, g_p of pings, s_j of samples; n complex Gaussian of unit
-variance, n_b of each row and n of all rows alike; N_b -> ``noise``, N -> ``common_noise``, x -> ``crosstalk``, I
+L -> ``level``, A -> ``full_scale_db``, B -> ``bits``, D -> ``range_db``, k -> ``low_pass``, m -> ``along_track``, w ->
+``peak``, k_s -> ``spreading``; g_b the gains of rows and sectors, g_p of pings, s_j of samples; n complex Gaussian of
+unit variance, n_b of each row and n of all rows alike; N_b -> ``noise``, N -> ``common_noise``, x -> ``crosstalk``, I
 interference, e the line of the transmission, δ dither, uniform within half a step. `recording.recorded_levels` is the
 way back.
 
@@ -30,6 +31,7 @@ DECAY = np.log(1e6)                # of a power over the ringing: 60 dB
 LAWS = ("linear", "square", "root", "log")
 MOST_BITS = 24                     # what float32 resolves
 MOST_TAP = 1 / 3                   # three equal taps
+MOST_SAMPLES = 16                  # of a peak detector's window
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +68,7 @@ class Detector:
 
     law: str = "linear"  # one of `LAWS`
     range_db: float = 60.0  # [dB]: below full scale, where a log detector gives 0
+    peak: float = 0.0  # [samples]: window in which the highest amplitude is taken; 0: the sample's own
     low_pass: float = 0.0  # share k of each neighbour in range
     along_track: float = 0.0  # share m of the ping before
     decimation: int = 1  # one of so many samples is kept and repeated
@@ -74,10 +77,11 @@ class Detector:
         if self.law not in LAWS:
             raise ValueError(f"the detector is {self.law!r}; it is one of {', '.join(LAWS)}.")
         if not (0 <= self.low_pass <= MOST_TAP and 0 <= self.along_track < 1 and self.decimation >= 1
-                and 0 < self.range_db < np.inf):
+                and 0 < self.range_db < np.inf and 0 <= self.peak <= MOST_SAMPLES):
             raise ValueError(f"the detector has a low pass of {self.low_pass:g}, {self.along_track:g} along the track, "
-                             f"a decimation of {self.decimation} and a range of {self.range_db:g} dB; give at most "
-                             f"{MOST_TAP:.3g}, less than 1, 1 or more, and a range above 0.")
+                             f"a decimation of {self.decimation}, a range of {self.range_db:g} dB and a window of "
+                             f"{self.peak:g} samples; give at most {MOST_TAP:.3g}, less than 1, 1 or more, a range "
+                             f"above 0, and 0 to {MOST_SAMPLES} samples.")
 
     def detected(self, power: np.ndarray) -> np.ndarray:
         """Return the output for powers u², 1 at full scale."""

@@ -18,6 +18,7 @@ import numpy as np
 import xarray as xr
 
 from mitsonar.device.chance import Salt, ping_key
+from mitsonar.signal.gates import highest
 from mitsonar.units import NOTHING_DB, db_from_power
 
 from .gain import Tvg
@@ -39,10 +40,15 @@ class PingRecorder:
         self._counts: np.ndarray | None = None             # of the ping before, for repeated ones
 
     def added(self, image: xr.Dataset) -> xr.Dataset:
-        """Return a picture with the variable ``recorded`` over the dimensions of ``level``, and how to return."""
+        """Return a picture with the variable ``recorded`` over the dimensions of ``level``, and how to return.
+
+        What a peak detector works on is ``peak_level``, where a picture has samples finer than its bins.
+        """
         recorder = self._recorder
         dims = tuple(str(dim) for dim in image["level"].dims)
-        level = image["level"].values
+        level = (image["peak_level"].values if "peak_level" in image else
+                 highest(image["level"].values, recorder.detector.peak))
+        image = image.drop_vars("peak_level", errors="ignore")
         counts = self._run(level.reshape(len(level), -1, level.shape[-1]), image)
         about = {"units": "1", "long_name": "counts that the instrument writes"}
         back = {**asdict(recorder.converter), **asdict(recorder.gain), "law": recorder.detector.law,
@@ -110,7 +116,8 @@ def recorded_levels(image: xr.Dataset) -> xr.DataArray:
     -------
     xarray.DataArray
         Levels [dB re 1 µPa] over the dimensions of ``recorded``. Noise, stripes, crosstalk and the low pass stay in
-        them. Counts of 0 have the level `units.NOTHING_DB`; where a count is the highest, the true level may be higher.
+        them, and those of a peak detector lie 2 to 3 dB above the mean echo of a bin. Counts of 0 have the level
+        `units.NOTHING_DB`; where a count is the highest, the true level may be higher.
 
     Raises
     ------

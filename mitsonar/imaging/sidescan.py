@@ -9,6 +9,12 @@ ch. 16), which stay in place from ping to ping (`echoes.ground_speckle`). A bin 
 cells, whose intensities are averaged. Coherent echoes z_c of point targets and smooth surfaces add before squaring: to
 the mean <|z_c|²>, and to a realisation <|z + z_c|²> over each cell, with one number z per cell. Amplitudes are then
 Rice distributed (S. O. Rice, 1945).
+
+A recorder with a peak detector writes the highest intensity of a window in place of that of a bin:
+
+    p²_peak(t) = max |z(t')|²,      |t' - t| < W Δt / 2
+
+W -> ``peak_window`` [bins]. Cells that begin between those of a bin have sums of the scatterers of both.
 """
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -16,6 +22,7 @@ from dataclasses import replace
 import numpy as np
 import xarray
 
+from mitsonar.signal.gates import between, envelope_steps, highest, pulse_shares, speckle_gates
 from mitsonar.sonar.faces.sidescan import Sidescan
 from mitsonar.sonar.motion.track import Track
 from mitsonar.units import power_from_db
@@ -27,26 +34,6 @@ from .leakage import leaked, leaked_pressure
 DIMS = ("ping", "side", "range")
 WORK = 1 << 18                     # bins drawn at a time
 FEW_CELLS = 64                     # fewer bins if they have more cells than this
-
-
-def pulse_shares(bin_length: float, pulse_length: float) -> np.ndarray:
-    """Return the overlap of a pulse, centred on a bin, with that bin or with the half bins that it covers."""
-    ratio = pulse_length / bin_length
-    if ratio <= 1:
-        return np.array([ratio])
-    reach = int(np.ceil(ratio))
-    start = np.arange(-reach, reach)
-    return np.clip(np.minimum(start + 1, ratio) - np.maximum(start, -ratio), 0, 1)
-
-
-def pulse_cells(bin_length: float, pulse_length: float) -> int:
-    """Return the number of pulse lengths in a bin: the cells whose intensities are averaged."""
-    return max(1, round(bin_length / pulse_length))
-
-
-def speckle_gates(bin_length: float, pulse_length: float) -> int:
-    """Return the number of gates with independent speckle in a bin: its cells, or 2 for a longer pulse."""
-    return pulse_cells(bin_length, pulse_length) if pulse_length <= bin_length else 2
 
 
 def mean_intensity(intensity: np.ndarray, shares: np.ndarray) -> np.ndarray:
@@ -82,11 +69,48 @@ def realisation(intensity: np.ndarray, shares: np.ndarray, speckle: np.ndarray, 
     return np.maximum(np.abs(z) ** 2 + _crossed(z, coherent, 0) + coherent_intensity, 0)
 
 
+def peaks(intensity: np.ndarray, shares: np.ndarray, speckle: np.ndarray, noise: float, random: np.random.Generator,
+          window: float, coherent: np.ndarray | None = None, coherent_intensity: np.ndarray | None = None,
+          leakage: float = 0.0) -> np.ndarray:
+    """Draw the highest intensities (..., bins) [µPa²] of windows of so many bins about each.
+
+    Arguments are those of `realisation`, with ``speckle`` (..., gates, steps); from a generator in the same state, the
+    noise is the same.
+    """
+    bins = intensity.shape[-1]
+    if len(shares) == 1:
+        cells, steps = speckle.shape[-2] // bins, speckle.shape[-1]
+        mean = between(np.repeat(shares[0] * intensity, cells, -1), steps)
+        z = leaked_pressure(np.sqrt(mean) * speckle, leakage)
+        if noise:
+            drawn = np.stack([_gaussian(random, intensity.shape) for _ in range(cells)], -1)
+            z += np.sqrt(noise) * between(drawn.reshape(*intensity.shape[:-1], -1), steps, np.sqrt)
+    else:
+        cells, steps = 1, 2
+        root = np.sqrt(shares)
+        z = leaked_pressure(_gate(np.sqrt(np.repeat(0.5 * intensity, 2, -1)) * speckle[..., 0], root, 1), leakage)
+        if noise:
+            drawn = _gaussian(random, (*speckle.shape[:-2], speckle.shape[-2] + len(shares) - 2))
+            z += np.sqrt(noise / shares.sum()) * _sums(drawn, root, 1)
+        # the last bin ends with its middle
+        z = np.concatenate([z, z[..., -1:]], -1).reshape(*intensity.shape, steps)
+    power = np.abs(z) ** 2
+    if coherent is not None and coherent_intensity is not None:
+        beside = between(coherent.reshape(*intensity.shape[:-1], -1), steps)
+        power += 2 * np.real(z * np.conj(beside)) + between(np.repeat(coherent_intensity, cells, -1), steps)
+    power = np.maximum(power.reshape(*intensity.shape[:-1], -1), 0)
+    return highest(power, window, cells * steps)
+
+
 def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: np.ndarray, window: tuple[float, float],
           labels: Mapping[int, str], class_of: Mapping[int, int], noise_db: float | None,
-          speckle: Callable[[np.ndarray], np.ndarray] | None, seed: int, absorption_db: float,
-          paths: Sequence[str] = ("b",), leakage: float = 0.0) -> xarray.Dataset:
-    """Return the image of a run over a time ``window`` [s]; ``noise_db`` [dB re 1 µPa], ``absorption_db`` [dB/m]."""
+          speckle: Callable[[np.ndarray, int], np.ndarray] | None, seed: int, absorption_db: float,
+          paths: Sequence[str] = ("b",), leakage: float = 0.0, peak_window: float = 0.0) -> xarray.Dataset:
+    """Return the image of a run over a time ``window`` [s]; ``noise_db`` [dB re 1 µPa], ``absorption_db`` [dB/m].
+
+    ``speckle`` is given the numbers of pings (B,) and of steps, and returns (B, side, gates, steps). With a
+    ``peak_window`` [bins], the image has ``peak_level``, what a peak detector makes of the same echoes and noise.
+    """
     pings, _, bins = record.intensity.shape
     bin_length = (window[1] - window[0]) / bins
     time = window[0] + (np.arange(bins) + 0.5) * bin_length
@@ -94,6 +118,8 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
     noise = 0.0 if noise_db is None else float(power_from_db(noise_db))
     level = np.empty((pings, 2, bins), np.float32)
     mean_level = np.empty_like(level)
+    peak_level = np.empty_like(level) if peak_window else None
+    steps = envelope_steps(bin_length, sonar.pulse_length) if peak_window else 1
     in_beam, coherent = record.echoes_in_beam, _coherent_arrays(record)
     depth = record.depth if coherent is None else record.depth.copy()
     # bounds the float64 work space for long surveys and many cells per bin
@@ -111,12 +137,18 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
             mean = mean + with_phase[1]
         mean_level[block] = picture.levels(mean)
         if speckle is not None:
-            random = np.random.default_rng([abs(int(seed)), start])
-            drawn = realisation(energy, shares, speckle(np.arange(pings)[block]), noise, random, *with_phase,
-                                leakage=leakage)
+            of_gates = speckle(np.arange(pings)[block], steps)
+            drawn = realisation(energy, shares, of_gates[..., 0], noise, np.random.default_rng([abs(int(seed)), start]),
+                                *with_phase, leakage=leakage)
             level[block] = picture.levels(drawn)
+            if peak_level is not None:
+                peak_level[block] = picture.levels(peaks(
+                    energy, shares, of_gates, noise, np.random.default_rng([abs(int(seed)), start]), peak_window,
+                    *with_phase, leakage=leakage))
         else:
             level[block] = picture.levels(mean + noise)
+            if peak_level is not None:
+                peak_level[block] = level[block]
     beam_width, vertical_beam_width = sonar.transmit.beam_widths(sonar.wavelength)
     axis = picture.PictureBins(time=time, length=bin_length, sound_speed=sonar.sound_speed,
                                pulse_length=sonar.pulse_length)
@@ -132,6 +164,9 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
                "absorption_db": float(absorption_db),
                "noise_db": None if noise_db is None else float(noise_db),
                "bin_width": axis.width, "speckle": speckle is not None})
+    if peak_level is not None:
+        dataset = dataset.assign(peak_level=picture.entry(DIMS, peak_level, "dB re 1 µPa",
+                                                          "highest echo level about each bin"))
     if record.path_intensity is not None:
         dataset = dataset.assign(_by_path(record.path_intensity, record.coherent, shares)).assign_coords(
             path_name=("path_name", list(paths), {"long_name": "bounces: b seabed or object, s sea surface, v water"}))
@@ -182,18 +217,18 @@ def _crossed(z, coherent, cell):
     return 0.0 if coherent is None else 2 * (z * np.conj(coherent[..., cell])).real
 
 
-def _gate(half_bins: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Return weighted sums of the half bins around the centre of every bin."""
+def _gate(half_bins: np.ndarray, weights: np.ndarray, every: int = 2) -> np.ndarray:
+    """Return weighted sums of the half bins around the centre of every bin, or around the end of every half bin."""
     reach = len(weights) // 2
     edge = np.zeros((*half_bins.shape[:-1], reach - 1), half_bins.dtype)
-    return _sums(np.concatenate([edge, half_bins, edge], -1), weights)
+    return _sums(np.concatenate([edge, half_bins, edge], -1), weights, every)
 
 
-def _sums(padded: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    bins = (padded.shape[-1] - len(weights) + 2) // 2
-    total: np.ndarray = weights[0] * padded[..., 0:2 * bins:2]
+def _sums(padded: np.ndarray, weights: np.ndarray, every: int = 2) -> np.ndarray:
+    last = padded.shape[-1] - len(weights) + 1
+    total: np.ndarray = weights[0] * padded[..., 0:last:every]
     for j, weight in enumerate(weights[1:], 1):
-        total = total + weight * padded[..., j:j + 2 * bins:2]
+        total = total + weight * padded[..., j:j + last:every]
     return total
 
 

@@ -3,7 +3,7 @@ import os
 
 import numpy as np
 
-from mitsonar.imaging.sidescan import speckle_gates
+from mitsonar.signal.gates import speckle_gates
 
 from .energy.sidescan_survey import SidescanSurvey
 from .pressure.array_survey import ArraySurvey

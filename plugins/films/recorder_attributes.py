@@ -2,7 +2,7 @@
 
 `level` stays that of the sonar equation. The recorder adds the instrument's gain, noise, stripes and faults, detects,
 smooths and converts to whole counts; `mitsonar.imaging.recorded_levels` converts counts to levels. Pictures are drawn
-from counts where they are asked for: `--recorded` of `plot`, `labels` and `xtf`. `recorder` names a class of
+from counts where they are asked for: `--tvg counts` of `plot`, `labels` and `convert`. `recorder` names a class of
 instruments, which has a value for every attribute here; each can be overridden.
 """
 from collections.abc import Mapping
@@ -13,6 +13,7 @@ import numpy as np
 from mitsonar.imaging.recorder import (
     LAWS,
     MOST_BITS,
+    MOST_SAMPLES,
     MOST_TAP,
     Converter,
     Detector,
@@ -45,6 +46,10 @@ RECORDER = Group(title="Recorder", module="films.recorder_attributes", attribute
            text="law by which counts grow with the amplitude; imaging sonars show the root, some heads the logarithm"),
     Number("recorder_log_range_db", default=CLASS, above=0, unit="dB",
            text="range below full scale of a `log` detector, whose counts are even steps of level"),
+    Number("recorder_peak", default=CLASS, minimum=0, maximum=MOST_SAMPLES, unit="samples",
+           text="window of a detector that takes the highest amplitude in place of the bin's mean: 1 for the bin, more "
+                "for windows that overlap and repeat it, 0 for the mean; sonars other than `sidescan` round it to "
+                "whole samples"),
     Number("recorder_low_pass", default=CLASS, minimum=0, maximum=MOST_TAP,
            text="low pass behind the detector: share of each neighbour in range; 0.05 to 0.17 in sidescans"),
     Number("recorder_along_track", default=CLASS, minimum=0, below=1,
@@ -129,6 +134,7 @@ def read_recorder(attributes: Attributes, *, source_level_db: float, width: floa
                 end=float("inf") if end is None else end, step_db=attributes.recorder_tvg_step_db,
                 sectors_db=tuple(map(float, attributes.recorder_sectors_db))),
             detector=Detector(law=attributes.recorder_detector, range_db=attributes.recorder_log_range_db,
+                              peak=attributes.recorder_peak,
                               low_pass=attributes.recorder_low_pass, along_track=attributes.recorder_along_track,
                               decimation=attributes.recorder_decimation),
             electronics=Electronics(

@@ -58,7 +58,7 @@ def intensity_of_gates(per_cell=5.0, **variation):
     power, du = np.abs(lobe) ** 2, beam.edge[int(beam.nearest(np.array(67.5)))] / (len(lobe) - 1)
     width = 2 * np.trapezoid(power, dx=du) ** 2 / np.trapezoid(power ** 2, dx=du)
     area = R * width * step / np.sqrt(1 - (HEIGHT / R) ** 2)
-    return np.abs(speckle.of(np.arange(PINGS))[..., first:]) ** 2, area
+    return np.abs(speckle.of(np.arange(PINGS))[..., first:, 0]) ** 2, area
 
 
 @pytest.mark.parametrize("per_area, share, per_cell", [(20.0, 0.5, 5.0), (100.0, 1.0, 5.0), (20.0, 0.5, 40.0)])

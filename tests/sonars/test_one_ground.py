@@ -73,7 +73,7 @@ def coherence(shape=None, water=None, widths=(3.0, 3.0), per_cell=20.0, bins=100
     shape = shape or bed_of(40.0, size=500.0)
     sidescan = sidescan_survey(shape, water, widths[0], per_cell, bins, far)
     speckle = SideSpeckle(sidescan)
-    g, gate = speckle.of(np.arange(PINGS)), (sidescan.window[1] - sidescan.window[0]) / speckle.gates
+    g, gate = speckle.of(np.arange(PINGS))[..., 0], (sidescan.window[1] - sidescan.window[0]) / speckle.gates
     survey = interferometric_survey(shape, water, widths[1], far)
     pulse, rate = survey.sides[0].pulse, survey.sides[0].sampling_rate
     # as many scatterers over the same ground: 1 / 2B against half a gate

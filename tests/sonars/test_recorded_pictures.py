@@ -45,14 +45,16 @@ def test_every_preset_has_a_recorder_that_leaves_levels_alone(kind):
 def test_counts_of_every_kind_follow_the_levels(kind):
     """Where an echo is clear of noise, line and floor, and below full scale, its count leads back to its level.
 
-    The low pass of a sidescan and beams between formed ones mix neighbours: medians lie within 1 dB.
+    Beams between formed ones mix neighbours: medians lie within 1 dB. A sidescan's peak detector writes the highest
+    power of some 2 to 4 independent samples of a bin, 10 log(1 + 1/2 + ... 1/n) = 1.8 to 3.2 dB above the mean.
     """
     picture = rendered(kind)
     settings, counts = picture.attrs["recorder"], picture["recorded"].values.astype(float)
     clear = (counts > counts.max() / 10) & (counts < 2 ** settings["bits"] - 1) & (picture["time"].values > 2e-3)
     assert clear.sum() > 20
     error = (recorded_levels(picture) - picture["level"]).values[clear]
-    assert abs(np.median(error)) < 1.0
+    above = 2.5 if kind == "sidescan" else 0.0
+    assert np.median(error) == pytest.approx(above, abs=1.0)
 
 
 @pytest.mark.parametrize("kind", FANS)

@@ -8,8 +8,8 @@ from track_files import write_track
 
 import mitsonar
 import mitsonar.scene.loading
-from mitsonar.imaging.sidescan import pulse_shares
 from mitsonar.io.records import exr
+from mitsonar.signal.gates import pulse_shares
 from mitsonar.survey.sidescan.kind import sonar_at
 from mitsonar.validation.scenes import bed, lambert, sidescan
 

@@ -6,8 +6,9 @@ import pytest
 
 from mitsonar.echoes.sums.origin_sums import runs
 from mitsonar.imaging import truth
-from mitsonar.imaging.sidescan import mean_intensity, pulse_shares
+from mitsonar.imaging.sidescan import mean_intensity
 from mitsonar.scene.labels import ShapeLabels, classes_of, fingerprint
+from mitsonar.signal.gates import pulse_shares
 
 GATES = {"shorter than a bin": pulse_shares(1.0, 0.7), "of three bins": pulse_shares(1.0, 3.0)}
 

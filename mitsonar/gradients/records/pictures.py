@@ -14,8 +14,9 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.imaging.leakage import leaked
-from mitsonar.imaging.sidescan import mean_intensity, pulse_shares
+from mitsonar.imaging.sidescan import mean_intensity
 from mitsonar.scene.protocols import is_smooth
+from mitsonar.signal.gates import pulse_shares
 from mitsonar.survey.energy import energy
 from mitsonar.survey.energy.rows import Rows
 from mitsonar.survey.energy.sides import Sides

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitsonar.imaging.energy_record import CoherentRecord, CoherentSums, joined, powers
-from mitsonar.imaging.sidescan import pulse_cells
+from mitsonar.signal.gates import pulse_cells
 
 from .sidescan_survey import SidescanSurvey
 

@@ -25,9 +25,10 @@ from mitsonar.echoes.bounces.multipath import Bounces
 from mitsonar.echoes.bounces.volume import WaterEchoes
 from mitsonar.echoes.sums.energy_sums import EchoSums
 from mitsonar.echoes.sums.origin_sums import PLACE, WORDS
-from mitsonar.imaging.sidescan import mean_intensity, pulse_shares
+from mitsonar.imaging.sidescan import mean_intensity
 from mitsonar.scene.tracing.hits import Hits
 from mitsonar.scene.tracing.launch import CELLS, refined
+from mitsonar.signal.gates import pulse_shares
 
 from ..motion.places import Place
 from ..motion.underway import Underway

@@ -27,8 +27,9 @@ from mitsonar.device.chance import Salt
 from mitsonar.device.types import Vector
 from mitsonar.echoes.paths import Paths
 from mitsonar.echoes.sums.origin_sums import WORDS
-from mitsonar.imaging.sidescan import mean_intensity, pulse_shares
+from mitsonar.imaging.sidescan import mean_intensity
 from mitsonar.scene.tracing.launch import CELLS, along_quantiles, draw, first_quantiles, refine_quantiles
+from mitsonar.signal.gates import pulse_shares
 from mitsonar.signal.matched_filtering import compression
 from mitsonar.sonar.faces.beam_shapes import BeamShape
 from mitsonar.sonar.faces.directivity import Aperture

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitsonar.device.chance import Salt, ping_key
+from mitsonar.signal.gates import between
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,14 +38,14 @@ class Jitter:
         return rotation @ turn
 
     def mixed(self, speckle: np.ndarray, ping: np.ndarray, seed: int) -> np.ndarray:
-        """Return speckle (B, 2, gates) of pings (B,) with what comes by diffuse side lobes, see (3)."""
+        """Return speckle (B, 2, gates, steps) of pings (B,) with what comes by diffuse side lobes, see (3)."""
         if not self.phase:
             return speckle
-        own = np.stack([_random(seed, one, Salt.PHASE_JITTER).standard_normal((*speckle.shape[1:], 2), np.float32)
+        own = np.stack([_random(seed, one, Salt.PHASE_JITTER).standard_normal((*speckle.shape[1:3], 2), np.float32)
                         for one in ping])
         kept = np.exp(-self.phase ** 2)
         drawn = own.view(np.complex64)[..., 0] * np.float32(np.sqrt(0.5 * (1 - kept ** 2)))
-        return np.float32(kept) * speckle + drawn
+        return np.float32(kept) * speckle + between(drawn, speckle.shape[-1], np.sqrt)
 
 
 STEADY = Jitter()

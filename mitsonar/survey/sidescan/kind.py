@@ -93,7 +93,8 @@ def picture(survey: SidescanSurvey, sensor: SidescanSensor, seed: int,
         record, sonar=sonar, track=track, depth_below=survey.depth_below, window=survey.window, labels=survey.labels,
         class_of=class_of, paths=survey.paths.names, noise_db=noise_db(sensor, sonar),
         speckle=speckle_of(survey, sensor.jitter, seed) if sensor.speckle else None, seed=seed,
-        absorption_db=float(survey.waters.first.absorption.at(head_depth)), leakage=sensor.leakage)
+        absorption_db=float(survey.waters.first.absorption.at(head_depth)), leakage=sensor.leakage,
+        peak_window=sensor.recorder.detector.peak if sensor.recorder else 0.0)
     return objects.annotated(image, classes, class_of, survey.world.still, survey.track.position)
 
 

@@ -47,9 +47,9 @@ from mitsonar.echoes.scatterers.scatterers import Scatterers
 from mitsonar.echoes.scatterers.thinned_scatterers import ACROSS
 from mitsonar.echoes.sights.eigenray_table import EigenrayTable
 from mitsonar.echoes.sums.energy_sums import sum_size
-from mitsonar.imaging.sidescan import speckle_gates
 from mitsonar.propagation.returns.moved_ends import detour
 from mitsonar.scene.tracing.connection import Connector
+from mitsonar.signal.gates import speckle_gates
 
 from ..energy.sidescan_survey import SidescanSurvey
 from ..motion.places import PingPoses
@@ -90,13 +90,13 @@ class Triangles:
 
 
 def speckle_of(survey: SidescanSurvey, jitter: Jitter = STEADY,
-               seed: int = 0) -> Callable[[np.ndarray], np.ndarray]:
+               seed: int = 0) -> Callable[[np.ndarray, int], np.ndarray]:
     """Return a function that returns the speckle of pings (B,), see `SideSpeckle.of`; `seed` draws the jitter."""
     around = PerSurroundings(survey, lambda part: SideSpeckle(part, jitter, seed))
 
-    def speckle(ping: np.ndarray) -> np.ndarray:
+    def speckle(ping: np.ndarray, steps: int) -> np.ndarray:
         changes = np.flatnonzero(np.diff(survey.surroundings_number[ping])) + 1
-        return np.concatenate([around.at(part[0]).of(part) for part in np.split(ping, changes)])
+        return np.concatenate([around.at(part[0]).of(part, steps) for part in np.split(ping, changes)])
 
     return speckle
 
@@ -152,28 +152,41 @@ class SideSpeckle:
                                                  upload(mi.UInt32, number))
         dr.eval(self._block, self._ball, self._number)
 
-    def of(self, ping: np.ndarray) -> np.ndarray:
-        """Return the speckle of pings (B,) as complex64 (B, 2, gates): port, starboard."""
-        most = max(1, min(TESTED // max(self._blocks, 1), THREADS_OWN // (8 * self.gates)))
-        return np.concatenate([self._of(ping[first:first + most]) for first in range(0, len(ping), most)])
+    def of(self, ping: np.ndarray, steps: int = 1) -> np.ndarray:
+        """Return the speckle of pings (B,) as complex64 (B, 2, gates, steps): port, starboard.
 
-    def _of(self, ping: np.ndarray) -> np.ndarray:
+        The first step is the speckle of the gates, the others that of gates which begin later, in steps of a gate.
+        """
+        most = max(1, min(TESTED // max(self._blocks, 1), THREADS_OWN // (8 * self.gates * steps)))
+        return np.concatenate([self._of(ping[first:first + most], steps) for first in range(0, len(ping), most)])
+
+    def _of(self, ping: np.ndarray, steps: int) -> np.ndarray:
         """Return the speckle of a block of pings."""
         track, rows = self._survey.track, 2 * len(ping)
         rotation = self._jitter.turned(track.rotation()[ping], ping, self._seed)
         poses, motion = PingPoses(track.position[ping], rotation), self._underway.motion(ping)
-        sums = dr.zeros(mi.UInt32, sum_size(4 * rows * self.gates))
+        sums = dr.zeros(mi.UInt32, sum_size(4 * rows * self.gates * steps))
         for triangles in self._met(poses, motion, len(ping)):
-            self._add(sums, poses, motion, triangles)
+            self._add(sums, poses, motion, triangles, dr.opaque(mi.UInt32, steps))
         dr.eval(sums)
         thread = dr.arange(mi.UInt32, rows * self.gates)
-        words = dr.gather(self._lib.Array4u, sums, thread)
-        real, imaginary = (mi.Float(mi.Int32(word)) / SCALE for word in (words.x, words.y))
-        real, imaginary = self._water.added(ping, poses, self._beam, thread, self._count,
-                                            (real, imaginary, mi.Float(words.z) / SCALE))
-        dr.eval(real, imaginary)
-        speckle = (real.numpy() + np.complex64(1j) * imaginary.numpy()).reshape(len(ping), 2, self.gates)
+        speckle = np.empty((len(ping), 2, self.gates, steps), np.complex64)
+        for step in range(steps):
+            later = dr.opaque(mi.UInt32, step)
+            parts = self._in_gates(sums, thread, later, steps)
+            real, imaginary = self._water.added(ping, poses, self._beam, thread, self._count, parts, later)
+            dr.eval(real, imaginary)
+            speckle[..., step] = (real.numpy() + np.complex64(1j) * imaginary.numpy()).reshape(speckle.shape[:3])
         return self._jitter.mixed(speckle, ping, self._seed)
+
+    def _in_gates(self, sums: mi.UInt32, thread: mi.UInt32, later: mi.UInt32,
+                  steps: int) -> tuple[mi.Float, mi.Float, mi.Float]:
+        """Return Σ w a e and Σ |w|² of gates that begin by so many steps `later`, from the sums of the steps."""
+        last = thread % self._count + 1 == self._count
+        words = dr.zeros(self._lib.Array4u, dr.width(thread))
+        for part in range(steps):
+            words += dr.gather(self._lib.Array4u, sums, thread * steps + later + part, ~last | (later + part < steps))
+        return (mi.Float(mi.Int32(words.x)) / SCALE, mi.Float(mi.Int32(words.y)) / SCALE, mi.Float(words.z) / SCALE)
 
     # ---- the ground that the main lobe meets
 
@@ -276,8 +289,9 @@ class SideSpeckle:
 
     # ---- its scatterers
 
-    def _add(self, sums: mi.UInt32, poses: PingPoses, motion: PingMotion | None, triangles: Triangles) -> None:
-        """Add the scatterers of triangles to the sums of their gates.
+    def _add(self, sums: mi.UInt32, poses: PingPoses, motion: PingMotion | None, triangles: Triangles,
+             steps: mi.UInt32) -> None:
+        """Add the scatterers of triangles to the sums of the steps of their gates.
 
         What is long is computed once for the middle of a triangle, in double precision: the scatterers' ways differ
         from it by small numbers.
@@ -302,7 +316,7 @@ class SideSpeckle:
         offset, far, across = mi.Vector3f(offset), mi.Float(far), dr.cross(axis, normal)
         towards = offset / far
         starboard = poses.body(ping, offset).y > 0
-        row = (2 * ping + dr.select(starboard, mi.UInt32(1), 0)) * self._count
+        row = (2 * ping + dr.select(starboard, mi.UInt32(1), 0)) * self._count * steps
         gate = mi.UInt32(held(place, 0, self._gates - 1))
         lobe, density = self._beam.lobe(gate), self._beam.density(gate) * 0.5 * twice
 
@@ -319,7 +333,7 @@ class SideSpeckle:
             gate = place + longer * self._gates_per_metre
             m = dr.minimum(density * seen * per_metre, MOST_OF_A_FACET)
             inside = exists(k, threshold, m) & (gate >= 0) & (gate < self._gates)
-            gate = mi.UInt32(dr.select(inside, gate, 0))
+            gate = mi.UInt32(dr.select(inside, gate * mi.Float(steps), 0))
             b_real, b_imaginary = self._beam.pressure(lobe, dr.dot(way, axis) * per_metre, inside)
             weight = SCALE * abs(dr.dot(way, normal)) * per_metre * dr.rsqrt(dr.maximum(seen, LEVEL_SEEN))
             # the phase falls with the time

@@ -7,7 +7,7 @@ import numpy as np
 
 from mitsonar.device.arrays import arrays_of, looped, upload
 from mitsonar.device.chance import Salt, gaussian, hashed, hashed_pair, uniform
-from mitsonar.imaging.sidescan import speckle_gates
+from mitsonar.signal.gates import speckle_gates
 
 from ..energy.sidescan_survey import SidescanSurvey
 from ..motion.places import PingPoses
@@ -45,8 +45,11 @@ class WaterCells:
         self._speed, self._twice = dr.opaque(mi.Float, speed), dr.opaque(mi.Float, 4 * np.pi / survey.sonar.wavelength)
 
     def added(self, ping: np.ndarray, poses: PingPoses, beam: GateBeam, thread: mi.UInt32, count: mi.UInt32,
-              sums: tuple[mi.Float, mi.Float, mi.Float]) -> tuple[mi.Float, mi.Float]:
-        """Return g of gates (R,) from their sums Σ w a e and Σ |w|², with the water's where there is no ground."""
+              sums: tuple[mi.Float, mi.Float, mi.Float], later: mi.UInt32) -> tuple[mi.Float, mi.Float]:
+        """Return g of gates (R,) from their sums Σ w a e and Σ |w|², with the water's where there is no ground.
+
+        Gates that begin by so many steps `later` have scatterers of the water of their own.
+        """
         row = thread // count
         gate, which = thread - row * count, row >> 1
         table = upload(mi.Float64, self._rows[ping])
@@ -67,6 +70,7 @@ class WaterCells:
         first, last = (dr.floor((place + mi.Float64(abeam + end)) / length) for end in (-half, half))
         key = hashed(self._lib, self._seed ^ mi.UInt32(Salt.WATER_SPECKLE), mi.UInt32(high[1]),
                      mi.UInt32(mi.Int32(power)), gate, dr.select(starboard > 0, mi.UInt32(1), 0))
+        key = dr.select(later == 0, key, hashed(self._lib, key, later))
         empty, lobe = sums[2] < EMPTY, beam.lobe(gate)
 
         def step(cell: mi.Float64, last: mi.Float64, real: mi.Float, imaginary: mi.Float,
