@@ -1,7 +1,7 @@
 """Attributes of moving shapes: what cannot be is refused in one sentence, which says what to do."""
 import numpy as np
 import pytest
-from inputs.sonar_scenes import bed, forward_looking, lambert, point_target
+from inputs.sonar_scenes import bed, forward_looking, lambert, point_target, sidescan, synthetic_aperture
 
 import mitsonar
 from mitsonar.sonar.motion.trajectory import Steered
@@ -74,3 +74,35 @@ def test_the_scene_stays_as_it_was_loaded(variant):
     assert first.identical(second)
     alone = mitsonar.render(scene, seed=1)["level"].values[1]
     assert np.array_equal(list(mitsonar.frames(scene, seed=1))[1]["level"].values[0], alone)
+
+
+def test_frames_of_moving_objects_compile_nothing_anew(variant):
+    import drjit as dr
+
+    scene = forward_looking({"bed": bed(13.0), "fish": {"type": "moving", "shape": BALL, **COURSE}}, sensor={
+        "beams": 24, "receive_elements": 16, "bandwidth_khz": 8.0, "pings": 6, "ping_rate_hz": 1.0},
+        film={"range": 15.0})
+    frames = mitsonar.frames(scene)
+    for _ in range(3):
+        next(frames)
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history()
+        next(frames)
+        kernels = [each for each in dr.kernel_history() if "cache_hit" in each]
+    assert kernels and all(each["cache_hit"] for each in kernels)
+
+
+def test_a_round_shape_keeps_its_size_and_centre(variant):
+    ball = {"type": "sphere", "radius": 0.4, "center": [0.0, 1.0, 0.0], "bsdf": lambert()}
+    entry = rendered({"shape": ball, **COURSE, "speed": 0.0})[0].attrs["objects"]["2"]
+    assert np.allclose(entry["lower"], [-0.4, 8.6, -10.4], atol=1e-3)
+    assert np.allclose(entry["upper"], [0.4, 9.4, -9.6], atol=1e-3)
+
+
+def test_gradients_and_focused_images_need_a_scene_that_stands_still(variant):
+    fish = {"fish": {"type": "moving", "shape": BALL, **COURSE}}
+    with pytest.raises(ValueError, match="focused image has truth for a scene that stands still, and the shape"):
+        mitsonar.render(synthetic_aperture({"bed": bed(20.0), **fish}))
+    scene = sidescan({"bed": bed(20.0), **fish}, depth=10.0, film={"range": 30.0, "bins": 60}, rays=1000)
+    with pytest.raises(ValueError, match="gradients need a scene that stands still"):
+        mitsonar.gradient(scene, ["bed.bsdf.strength"], np.ones_like)
