@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from mitsonar.gradients.records import pictures
-    from mitsonar.scene import protocols
+    from mitsonar.scene import moving, protocols
     from mitsonar.survey.echo_sounder.kind import EchoSounderSensor
     from mitsonar.survey.integrator import SoundIntegrator
     from mitsonar.survey.interferometric.plan import InterferometricSensor
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from .sensors.sidescan import Sidescan
     from .sensors.synthetic_aperture import SyntheticAperture
     from .shapes.bathymetry import Bathymetry
+    from .shapes.moving import Moving
     from .shapes.point_target import PointTarget
     from .shapes.sea_surface import SeaSurface
     from .shapes.seabed import Seabed
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
     located: tuple[type[protocols.LocatedShape], ...] = (Bathymetry,)
     surfaces: tuple[type[protocols.SeaSurfaceShape], ...] = (SeaSurface,)
     targets: tuple[type[protocols.TargetShape], ...] = (PointTarget,)
+    movers: tuple[type[moving.MovingShape], ...] = (Moving,)
     strewn: tuple[type[protocols.StrewnShape], ...] = (Targets,)
     waters: tuple[type[pictures.MovingWater], ...] = (Seawater,)
     films: tuple[type[Film], ...] = (SonarFilm,)

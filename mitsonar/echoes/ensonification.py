@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import drjit as dr
 import mitsuba as mi
@@ -28,6 +29,7 @@ from mitsonar.scene.tracing.launch import Strata
 from mitsonar.scene.tracing.tracer import Sources, Tracer
 from mitsonar.scene.tracing.water import DeviceWater
 
+from .body_motion import BodyMotion
 from .bounces.surface_ghosts import ArrayGhosts
 from .point_targets import PointTargets
 from .record import Echoes, EchoLeg
@@ -58,7 +60,8 @@ class Ensonification:
         self.method, self.beams = method, beams or None
         self.side_lobes = SideLobes(below=thin_below) if thin_below and beams else None
         geometry = scatterers.geometry
-        self.targets = PointTargets(geometry.targets(), band or ReceivedBand.about(frequency), water.profile)
+        self.motion = BodyMotion.of(geometry)
+        self.targets = PointTargets.of(geometry, band or ReceivedBand.about(frequency), water.profile)
         self.nearest = 0.5 * window[0] * water.slowest - margin
         self.farthest = 0.5 * window[1] * water.fastest + margin
         self.lib = arrays_of(mi.Float)
@@ -229,7 +232,13 @@ class Ensonification:
         root = dr.sqrt(dr.maximum(energy, 0))
         reached &= (root > 0) & dr.isfinite(root)
         leg = EchoLeg.along(way, origin, cells.point)
-        yield from Echoes(out=leg, back=leg, between=dr.zeros(mi.Float64, dr.width(reached)), energy=energy, path=path,
+        back, between, shift = leg, dr.zeros(mi.Float64, dr.width(reached)), None
+        if self.motion is not None:
+            arrival = way.arrival_direction
+            shift = self.motion.shift(cells.label, cells.point, arrival, arrival, mi.Float(way.sound_speed))
+            # a copy is not `single`: there is a time between the legs
+            back, between = replace(leg), self.motion.later(cells.label, shift, way.travel_time)
+        yield from Echoes(out=leg, back=back, between=between, energy=energy, path=path, shift=shift,
                           amplitude=(root * cells.amplitude[0], root * cells.amplitude[1])).where(reached)
         if path == "b":
             yield from self.ghosts.of_cells(sources, origin, way, cells, area)

@@ -17,11 +17,12 @@ import numpy as np
 
 from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.scattering.bodies.echo_taps import EchoTaps, ReceivedBand
-from mitsonar.scene.geometry import Target
+from mitsonar.scene.geometry import Geometry, Target
 from mitsonar.scene.tracing.connection import Connection
 from mitsonar.scene.tracing.tracer import Sources
 from mitsonar.water.profile import SoundSpeedProfile
 
+from .body_motion import BodyMotion
 from .record import Echoes
 from .sights.sight import complex_product, path_of, product
 from .sights.sights import Sights
@@ -45,6 +46,9 @@ class PointTargets:
     def __init__(self, targets: Sequence[tuple], band: ReceivedBand | None = None,
                  profile: SoundSpeedProfile | None = None, *, resolved: bool = True):
         self.lib, self._rows = arrays_of(mi.Float), []
+        self._geometry: Geometry | None = None
+        self._motion: BodyMotion | None = None
+        self._taps_of: list[int] = []
         position, pressure, label, count = [], [], [], 0
         for target in (Target(*fields) for fields in targets):
             own = np.array([10 ** (target.strength_db / 20)])
@@ -60,16 +64,38 @@ class PointTargets:
                 else:
                     own = 10 ** (np.array([target.strength_at(band.frequency, speed)]) / 20)
             count += len(own)
+            self._taps_of.append(len(own))
             position.append(np.broadcast_to(target.position, (len(own), 3)))
             pressure.append(own)
             label.append(np.full(len(own), target.label, np.uint32))
         self.count = count
         if not count:
             return
-        self._position = [upload(mi.Float64, np.ascontiguousarray(axis, float))
-                          for axis in np.concatenate(position).T]
+        self._place(np.concatenate(position))
         self._pressure = upload(mi.Float, np.concatenate(pressure).astype(np.float32))
         self._label = upload(mi.UInt32, np.concatenate(label))
+
+    @classmethod
+    def of(cls, geometry: Geometry, band: ReceivedBand, profile: SoundSpeedProfile, *,
+           resolved: bool = True) -> PointTargets:
+        """Return the targets of a geometry, which stay where its moving objects stand."""
+        targets = cls(geometry.targets(), band, profile, resolved=resolved)
+        targets._geometry, targets._motion = geometry, BodyMotion.of(geometry)
+        geometry.follow(targets._moved)
+        return targets
+
+    def _place(self, position: np.ndarray) -> None:
+        """Keep the positions (N, 3) [m] of all taps on the device."""
+        self._position = [upload(mi.Float64, np.ascontiguousarray(axis, float)) for axis in position.T]
+
+    def _moved(self) -> None:
+        """Move targets to where they stand."""
+        if self._geometry is None or not self.count:
+            return
+        targets = self._geometry.targets()
+        self._place(np.repeat(np.array([target.position for target in targets]), self._taps_of, axis=0))
+        turned = [target.rotation for target in targets if target.scattering is not None]
+        self._rows = [row if turn is None else replace(row, rotation=turn) for row, turn in zip(self._rows, turned)]
 
     def __len__(self) -> int:
         return self.count
@@ -108,9 +134,11 @@ class PointTargets:
             unit = pressure_along_legs(sign, out.gain, home.gain)
             free = out.way.free & home.way.free & dr.isfinite(unit)
             real, imaginary = (dr.select(free, unit * part, 0) for part in (real, imaginary))
+            shift, later = self._moving(which, point, out.way, home.way)
+            delay = delay + later
             # a copy is not `single`: there is a time between the legs
-            back_leg = replace(home.leg) if self._rows else home.leg
-            yield Echoes(out=out.leg, back=back_leg, between=delay,
+            back_leg = replace(home.leg) if self._rows or shift is not None else home.leg
+            yield Echoes(out=out.leg, back=back_leg, between=delay, shift=shift,
                          energy=dr.fma(real, real, dr.square(imaginary)), amplitude=(real, imaginary),
                          path=("b", "bs", "sbs")[there + back]), free
         if mirrored and sights.bed is not None:
@@ -136,11 +164,23 @@ class PointTargets:
             pressure = pressure_along_legs(strength, out.gain, home.gain) * (-1.0 if "s" in there + back else 1.0)
             free = out.way.free & home.way.free & dr.isfinite(pressure)
             amplitude = dr.select(free, pressure * real, 0), dr.select(free, pressure * imaginary, 0)
+            shift, delay = self._moving(which, point, out.way, home.way)
+            later = later + delay
             # a copy is not `single`: the time between the legs counts
             leg = home.leg if there != back and not self._rows else replace(home.leg)
             energy = dr.square(amplitude[0]) + dr.square(amplitude[1])
-            yield Echoes(out=out.leg, back=leg, between=later, energy=energy, amplitude=amplitude,
+            yield Echoes(out=out.leg, back=leg, between=later, energy=energy, amplitude=amplitude, shift=shift,
                          path=path_of(there, back)), free
+
+    def _moving(self, which: mi.UInt32, point: dr.ArrayBase, out: Connection,
+                home: Connection) -> tuple[mi.Float | None, mi.Float64 | float]:
+        """Return the Doppler shift of moving targets, and their change of the delay [s]; None and 0 if none moves."""
+        if self._motion is None:
+            return None, 0.0
+        label = self.label(which)
+        shift = self._motion.shift(label, point, out.arrival_direction, home.arrival_direction,
+                                   mi.Float(out.sound_speed))
+        return shift, self._motion.later(label, shift, out.travel_time)
 
     def _taps(self, which: mi.UInt32, out: Connection,
               home: Connection) -> tuple[tuple[mi.Float, mi.Float], mi.Float64]:

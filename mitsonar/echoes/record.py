@@ -76,6 +76,7 @@ class Echoes:
     energy: Float  # (R,): |e|² [-], averaged over the random amplitudes of cells
     amplitude: tuple[Float, Float]  # (Float, Float): real and imaginary part of e [-]
     path: str = "b"  # the bounces, see `paths`
+    shift: Float | None = None  # (R,): Doppler factor of the scatterers' own motion minus 1; None: nothing moves
 
     @property
     def single(self) -> bool:

@@ -8,8 +8,9 @@ Mitsuba computes the same, but adds on all cores in any order, so that the last 
 """
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+import weakref
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple, cast
 
 import drjit as dr
 import mitsuba as mi
@@ -20,6 +21,7 @@ from mitsonar.device.types import ArrayTypes
 from mitsonar.scattering.bodies.scattering_functions import ScatteringFunction
 
 from .labels import ShapeLabels
+from .moving import Movements, MovingShape, Stand, moving_shape
 from .protocols import (
     LocatedShape,
     has_smooth_normals,
@@ -28,6 +30,7 @@ from .protocols import (
     sound_material,
     target_shape,
 )
+from .two_scenes import MovingScene, TwoScenes, asked_together
 
 
 def vertex_normals(vertices: np.ndarray,    # (V, 3) [m]
@@ -65,10 +68,21 @@ class Target(NamedTuple):
         return float(10 * np.log10(np.mean(np.abs(form) ** 2)))
 
 
+class MovingBody(NamedTuple):
+    """A moving object: its shape in the scene, and the copy that moves."""
+
+    shape: MovingShape
+    label: int
+    copy: mi.Mesh | None           # None: a point target, which rays pass
+    first_vertex: int
+    normals: np.ndarray | None     # (V, 3): at rest, if it scatters by normals of its vertices
+
+
 class Geometry:
     """Facets of a scene, gathered once so that hit points can be rebuilt without a call for each shape.
 
     Has `labels` {number: name}, `depth_range` [m], `horizontal_bounds` [m] and `local_origin` (2,) [m] or None.
+    `still` is the scene of what never moves, `scene` all of it; moving objects stand where `stand` has put them last.
     """
 
     def __init__(self, scene: mi.Scene, *, smooth_beds: bool = False):
@@ -77,12 +91,21 @@ class Geometry:
             raise ValueError("the scene has no shape to hit; add a seabed, e.g. <shape type=\"seabed\"/>")
         _check_extents(shapes)
         _check_merged(shapes)
-        self.scene = scene
+        self.loaded, self.scene, self.still = scene, scene, scene
         self.named = ShapeLabels(shapes)
         self.labels = self.named.names
         pointers: Any = scene.shapes_dr()
         numbers: Any = dr.reinterpret_array(mi.UInt32, pointers)
-        registry = numbers.numpy()
+        registry, copies = numbers.numpy(), {}
+        self.moving_scene: MovingScene | None = None
+        if movers := [shape for shape in shapes if moving_shape(shape) is not None]:
+            registry, copies = self._moved_apart(scene, movers, registry)
+        self.bodies: list[MovingBody] = []
+        self.stands: list[Stand] = []
+        self.deepest_moving = -np.inf                                  # [m]: depth of the lowest moving point
+        self.body_samples: tuple[np.ndarray, ...] | None = None        # made by `shadows.exposure`
+        self.moment: tuple[Movements, int] | None = None               # ping that the moving objects stand as at
+        self._followers: list[weakref.WeakMethod] = []
         # Mitsuba's own materials may read textures; mitsonar's have an attribute for it
         self.textured = any((own := sound_material(shape.bsdf())) is None or own.textured for shape in shapes)
         # columns: label, first face, is a mesh, has texture coordinates
@@ -110,6 +133,9 @@ class Geometry:
             faces.append(np.concatenate([face + np.uint32(first_vertex), label[:, None]], 1, dtype=np.uint32))
             self.meshes.append((int(index), shape, first_face, len(face)))
             self.first_vertices.append(first_vertex)
+            if (moving := moving_shape(shape)) is not None:
+                self.bodies.append(MovingBody(moving, self.named.of(shape), copies.get(shape.id()), first_vertex,
+                                        vertex_normals(moving.rest, face) if self.is_smooth(shape) else None))
             first_vertex, first_face = first_vertex + len(vertex), first_face + len(face)
         self.only_meshes = len(faces) == len(shapes)
         self.rows, self.kinds = upload(mi.UInt32, rows), upload(mi.UInt32, self.named.label_kinds()[rows[:, 0]])
@@ -142,6 +168,91 @@ class Geometry:
         lowest, highest = int(faces.min()), int(faces.max())
         return self.vertices.numpy().reshape(-1, 4)[lowest:highest + 1, :3], faces - np.uint32(lowest)
 
+    def _moved_apart(self, scene: mi.Scene, movers: list, registry: np.ndarray) -> tuple[np.ndarray, dict]:
+        """Put copies of moving shapes into a scene of their own; return registry indices and copies by id."""
+        copies = {shape.id(): _copy_of(shape) for shape in movers if target_shape(shape) is None}
+        if not copies:
+            return registry, copies
+        self.moving_scene = MovingScene(list(copies.values()))
+        index = dict(zip(copies, self.moving_scene.registry))
+        shapes = scene.shapes()
+        self.scene = asked_together(scene, [shape for shape in shapes if shape.id() not in copies], self.moving_scene)
+        self.still = cast(TwoScenes, self.scene).still
+        return np.array([index.get(shape.id(), own) for shape, own in zip(shapes, registry)], np.uint32), copies
+
+    def refuse_bodies(self, why: str) -> None:
+        """Raise `ValueError` if objects move; `why` names who needs a scene that stands still."""
+        if self.bodies:
+            raise ValueError(f'{why} a scene that stands still, and the shape "{self.bodies[0].shape.id()}" moves; '
+                             "take the nested shape out of its <shape type=\"moving\">")
+
+    def stand(self, stands: list[Stand]) -> None:
+        """Put the moving objects, in the order of `bodies`, where they stand; who follows is told."""
+        self.stands, self.moment = stands, None
+        places, rows, turned = [], [], []
+        for body, stand in zip(self.bodies, stands):
+            vertices = stand.placed(body.shape.rest).astype(np.float32)
+            places.append(vertices)
+            rows.append(body.first_vertex + np.arange(len(vertices), dtype=np.uint32))
+            if self.normals is not None:
+                normals = np.zeros_like(vertices) if body.normals is None else body.normals @ stand.rotation.T
+                turned.append(normals.astype(np.float32))
+        if self.moving_scene is not None:
+            self.moving_scene.move([own for body, own in zip(self.bodies, places) if body.copy is not None])
+        self.moved_rows, self.moved_places = np.concatenate(rows), np.concatenate(places)
+        self.vertices = self.with_moved(self.vertices, self.moved_places)
+        if self.normals is not None:
+            self.moved_normals = np.concatenate(turned)
+            self.normals = self.with_moved(self.normals, self.moved_normals)
+        for follower in self._followers:
+            if (moved := follower()) is not None:
+                moved()
+
+    def carried(self, number: np.ndarray, points: np.ndarray, *, turned_only: bool = False) -> np.ndarray:
+        """Return points or directions (N, 3) of the own frames of `bodies` with these rising numbers (N,), moved."""
+        moved, ends = np.empty(points.shape), np.searchsorted(number, np.arange(len(self.stands) + 1))
+        for stand, first, end in zip(self.stands, ends, ends[1:]):
+            own = points[first:end]
+            moved[first:end] = own @ stand.rotation.T if turned_only else stand.placed(own)
+        return moved
+
+    def at_rest(self, vertices: np.ndarray) -> np.ndarray:
+        """Return vertices (V, 4) with those of moving objects in the objects' own frames."""
+        vertices = vertices.copy() if self.bodies else vertices
+        for body in self.bodies:
+            vertices[body.first_vertex:body.first_vertex + len(body.shape.rest), :3] = body.shape.rest
+        return vertices
+
+    def body_numbers(self, label: np.ndarray) -> np.ndarray:
+        """Return the numbers in `bodies` of labels (N,), -1 of what stands still."""
+        numbers = np.full(len(self.named) + 1, -1)
+        numbers[[body.label for body in self.bodies]] = np.arange(len(self.bodies))
+        return numbers[label]
+
+    def with_moved(self, table: mi.Float, places: np.ndarray) -> mi.Float:
+        """Return a table, four wide, in which the rows of moving vertices hold other places (M, 3)."""
+        return scattered_rows(table, self.moved_rows, places, 4)
+
+    def body_boxes(self) -> Iterator[tuple[MovingBody, np.ndarray, np.ndarray]]:
+        """Yield the moving objects and the corners (3,) [m] of their boxes, where they stand."""
+        first = 0
+        for body in self.bodies:
+            own = self.moved_places[first:first + len(body.shape.rest)]
+            first += len(own)
+            yield body, own.min(0).astype(float), own.max(0).astype(float)
+
+    def follow(self, moved: Callable[[], None]) -> None:
+        """Call a method after every `stand`, and at once if the objects stand; nothing happens in a still scene."""
+        if self.bodies:
+            self._followers.append(weakref.WeakMethod(moved))
+            if self.stands:
+                moved()
+
+    def widen(self, depths: tuple[float, float]) -> None:
+        """Widen the range of depths [m] to hold other depths, those of moving objects."""
+        self.depth_range = min(self.depth_range[0], depths[0]), max(self.depth_range[1], depths[1])
+        self.deepest_moving = depths[1]
+
     def moving(self) -> list[int]:
         """Return the indices in `meshes` of those whose vertices carry gradients."""
         return [number for number, (_, shape, *_) in enumerate(self.meshes)
@@ -152,10 +263,18 @@ class Geometry:
         return has_smooth_normals(shape) or self.smooth_beds and self.named.of(shape) in self.named.seabed
 
     def targets(self) -> list[Target]:
-        """Return the point targets."""
-        return [Target(np.asarray(target.position, float), float(target.target_strength_db), self.named.of(shape),
-                       target.scattering, target.rotation)
-                for _, shape, *_ in self.meshes if (target := target_shape(shape)) is not None]
+        """Return the point targets, moving ones where they stand."""
+        stands = {body.label: stand for body, stand in zip(self.bodies, self.stands)}
+        targets = []
+        for _, shape, *_ in self.meshes:
+            if (target := target_shape(shape)) is not None:
+                place, rotation = np.asarray(target.position, float), target.rotation
+                if (stand := stands.get(self.named.of(shape))) is not None:
+                    place = stand.placed(place)
+                    rotation = None if rotation is None else stand.rotation @ rotation
+                targets.append(Target(place, float(target.target_strength_db), self.named.of(shape),
+                                      target.scattering, rotation))
+        return targets
 
 
 def interpolated(lib: ArrayTypes, normals: mi.Float, face: Any, u: mi.Float, v: mi.Float,
@@ -169,6 +288,28 @@ def between_corners(normals: list[mi.Vector3f], u: mi.Float, v: mi.Float) -> mi.
     """Return Σ λ_i n_i, Vector3f (R,), from normals at three corners, at barycentric (u, v)."""
     a, b, c = normals
     return a * (1 - u - v) + b * u + c * v
+
+
+def scattered_rows(table: mi.Float, rows: np.ndarray, values: np.ndarray, width: int) -> mi.Float:
+    """Return a table of rows of a `width` in which these rows (M,) begin with other values (M, K)."""
+    index = width * rows.astype(np.uint32)[:, None] + np.arange(values.shape[1], dtype=np.uint32)
+    # not evaluated here: each launch of a small kernel keeps all threads awake for a while
+    dr.scatter(table, upload(mi.Float, values.astype(np.float32)), upload(mi.UInt32, index))
+    return table
+
+
+def _copy_of(shape):
+    """Return a copy of a moving shape's mesh that can be moved while the shape stays as it was loaded."""
+    properties, parameters = mi.Properties(), mi.traverse(shape)
+    properties["bsdf"] = shape.bsdf()
+    copy = mi.Mesh(shape.id(), shape.vertex_count(), shape.face_count(), props=properties,
+                   has_vertex_texcoords=shape.has_vertex_texcoords())
+    filled = mi.traverse(copy)
+    for name in ("vertex_positions", "faces", *(["vertex_texcoords"] if shape.has_vertex_texcoords() else [])):
+        filled[name] = type(filled[name])(parameters[name])
+    filled.update()
+    copy.set_id(shape.id())
+    return copy
 
 
 def _check_merged(shapes):

@@ -2,8 +2,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
-from typing import cast
+from collections.abc import Mapping
+from typing import Any
 
 import mitsuba as mi
 import numpy as np
@@ -11,20 +11,9 @@ import xarray as xr
 
 from .geometry import Geometry
 from .labels import class_name, fingerprint
+from .moving import moving_shape
 from .protocols import strewn_shape
-from .shadows.exposure import exposed_shares
-
-
-def scene_of(shapes: Sequence[mi.Shape]) -> mi.Scene:
-    """Return a scene of these shapes alone, which keep their ids, to trace rays against them."""
-    names = [shape.id() for shape in shapes]
-    scene = mi.load_dict({"type": "scene", **{f"part{number}": shape for number, shape in enumerate(shapes)}},
-                         optimize=False)
-    # Mitsuba has renamed the shapes after their keys
-    for shape, name in zip(shapes, names):
-        shape.set_id(name)
-    return cast(mi.Scene, scene)
-
+from .shadows.exposure import bodies_exposed, exposed_shares
 
 MOST_NAMES = 5                     # in the warning about objects that no ping sees
 
@@ -49,6 +38,10 @@ def described(geometry: Geometry, places: np.ndarray) -> dict[str, object]:
     boxes, placed, beds = {}, {}, []
     for _, shape, first, count in geometry.meshes:
         labels = named.of_faces(shape, count)
+        if (moving := moving_shape(shape)) is not None:
+            if geometry.moment is not None and geometry.moment[0].shapes:
+                _widen(boxes, int(labels[0]), *geometry.moment[0].box(moving))
+            continue
         if (strewn := strewn_shape(shape)) is not None:
             placed.update(strewn.placed)
         elif int(labels[0]) in named.seabed:
@@ -66,13 +59,30 @@ def described(geometry: Geometry, places: np.ndarray) -> dict[str, object]:
         if label in named.seabed:
             beds.append(_fingerprint_of(shape))
         _widen(boxes, label, shape.bbox())
-    shown = exposed_shares(geometry, [label for label in boxes if label in named.objects], places)
+    moving = {body.label for body in geometry.bodies}
+    shown = exposed_shares(geometry, [label for label in boxes if label in named.objects and label not in moving],
+                           places)
     objects = {str(label): {"class": class_name(named.names[label]),
                             "lower": [round(float(v), 4) for v in low], "upper": [round(float(v), 4) for v in high],
                             **({"exposed": shown[label]} if label in shown else {}),
                             **placed.get(named.names[label], {})}
                for label, (low, high) in sorted(boxes.items()) if label in named.objects}
     return {"objects": objects, "seabed": fingerprint(beds) if beds else ""}
+
+
+def standing(known: Mapping[str, Any], geometry: Geometry, place: np.ndarray) -> dict[str, Any]:
+    """Return the attributes of a scene at one ping, with the boxes, places and velocities of its moving objects."""
+    # place (3,) [m]: the sonar's
+    if not geometry.bodies:
+        return dict(known)
+    shown = bodies_exposed(geometry, place)
+    objects = dict(known["objects"])
+    for (body, low, high), stand in zip(geometry.body_boxes(), geometry.stands):
+        numbers = {"lower": low, "upper": high, "position": stand.position, "velocity": stand.velocity}
+        rounded = {name: [round(float(v), 4) for v in value] for name, value in numbers.items()}
+        exposed = {"exposed": shown[body.label]} if body.label in shown else {}
+        objects[str(body.label)] = {**objects[str(body.label)], **rounded, **exposed}
+    return {**known, "objects": objects}
 
 
 def unseen(image: xr.Dataset, *, warn: bool = True) -> list[str]:

@@ -21,7 +21,7 @@ PLUGINS = ("media.seawater", "films.sonar_film", "bsdfs.lambert", "bsdfs.sedimen
            "sensors.interferometric", "sensors.synthetic_aperture", "sensors.echo_sounder",
            "integrators.sonar_path", "shapes.seabed",
            "shapes.bathymetry", "shapes.capped_cylinder", "shapes.point_target", "shapes.sea_surface",
-           "shapes.targets")
+           "shapes.targets", "shapes.moving")
 MODULES = (*BASES, *PLUGINS)
 
 _installed = False

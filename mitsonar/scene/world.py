@@ -5,21 +5,44 @@ origins and the bed below a track are the same for all pings and are asked of th
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mitsonar.sonar.motion.track import Track
+from mitsonar.water.waters import Waters
+
 from .geometry import Geometry
 from .labels import ShapeLabels
+from .moving import Movements
+from .shadows.bed_cover import bed_height
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class World:
     """Scene of a survey's pings: one geometry for all of them."""
 
-    still: Geometry  # what no ping moves: the bed, the surface, and today everything else
+    still: Geometry  # the bed, the surface and all objects; moving ones stand as at the ping that `at` was asked for
     seed: int = 0  # of the scatterers of all surfaces, the same for all pings, passes and kinds of sonar
+    movements: Movements | None = None  # of the moving objects; None: nothing moves
+
+    @classmethod
+    def of(cls, geometry: Geometry, seed: int, track: Track, waters: Waters) -> World:
+        """Return the scene of the pings of a track; raise `ValueError` if an object cannot move as it should."""
+        if not geometry.bodies:
+            return cls(still=geometry, seed=seed)
+        movements = Movements(shapes=tuple(body.shape for body in geometry.bodies), track=track, waters=waters)
+        movements.check()
+        geometry.widen(movements.depth_range())
+        geometry.stand(movements.at(0))
+        _check_above(geometry)
+        return cls(still=geometry, seed=seed, movements=movements)
+
+    @property
+    def moves(self) -> bool:
+        """Return True if anything in the scene moves."""
+        return self.movements is not None
 
     @property
     def geometries(self) -> list[Geometry]:
@@ -31,8 +54,21 @@ class World:
         return np.zeros(np.shape(ping), int)
 
     def at(self, ping: int) -> Geometry:
-        """Return the geometry of a ping."""
-        return self.geometries[int(self.number(ping))]
+        """Return the geometry of a ping, in which moving objects stand as its sound meets them."""
+        geometry = self.geometries[int(self.number(ping))]
+        if self.movements is not None and geometry.moment != (self.movements, ping):
+            geometry.stand(self.movements.at(ping))
+            geometry.moment = self.movements, int(ping)
+        return geometry
+
+    def fastest(self, ping: int) -> float:
+        """Return the largest speed of any point of a moving object at a ping [m/s]; 0 if nothing moves."""
+        if self.movements is None:
+            return 0.0
+        geometry = self.at(ping)
+        return max(float(np.linalg.norm(stand.velocity) + np.linalg.norm(stand.turn_rate)
+                         * np.linalg.norm(body.shape.rest, axis=1).max())
+                   for body, stand in zip(geometry.bodies, geometry.stands))
 
     def within(self, ping: int) -> World:
         """Return the geometry of a ping as that of all pings."""
@@ -48,7 +84,8 @@ class World:
 
     def smoothed(self) -> World:
         """Return the world with beds that scatter by normals interpolated between their nodes."""
-        return World(still=Geometry(self.still.scene, smooth_beds=True), seed=self.seed)
+        geometry = Geometry(self.still.loaded, smooth_beds=True)
+        return replace(self, still=geometry)
 
     @property
     def named(self) -> ShapeLabels:
@@ -84,3 +121,13 @@ class World:
     def crs(self) -> str | None:
         """Return the name of the coordinates that the local origin is in; None if the scene has none."""
         return self.still.crs
+
+
+def _check_above(geometry: Geometry) -> None:
+    """Raise `ValueError` if an object starts under the bed or over the surface of the sea."""
+    for body, stand in zip(geometry.bodies, geometry.stands):
+        x, y, z = stand.position
+        bed = bed_height(geometry, np.array([x]), np.array([y]))[0]
+        if z < bed:
+            raise ValueError(f'the moving shape "{body.shape.id()}" starts at z = {z:.4g} m, under the bed, which lies '
+                             f"at z = {bed:.4g} m there; start it higher or elsewhere")

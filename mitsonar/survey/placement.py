@@ -42,7 +42,7 @@ def _distance(geometry: Geometry, x: np.ndarray, y: np.ndarray, z: np.ndarray, *
 def _hit_distance(geometry: Geometry, x: np.ndarray, y: np.ndarray, z: np.ndarray, up: bool) -> np.ndarray:
     point = (upload(mi.Float, np.ravel(v).astype(np.float32)) for v in (x, y, z))
     ray = mi.Ray3f(mi.Point3f(*point), mi.Vector3f(0, 0, 1 if up else -1))
-    pi = geometry.scene.ray_intersect_preliminary(ray, coherent=mi.Bool(True))
+    pi = geometry.still.ray_intersect_preliminary(ray, coherent=mi.Bool(True))
     hit = pi.is_valid()
     if up:
         hit &= dr.gather(mi.UInt32, geometry.rows, 4 * registry_index(pi), hit) != geometry.surface_label

@@ -95,6 +95,8 @@ class Survey:
     def stretches(self) -> list[np.ndarray]:
         """Return the numbers of the pings, in parts in which consecutive pings share their surroundings."""
         changes = np.flatnonzero(np.diff(self.surroundings_number)) + 1
+        if self.world.moves:
+            changes = np.arange(1, self.track.pings)
         return np.split(np.arange(self.track.pings), changes)
 
     @cached_property
@@ -142,8 +144,10 @@ class PerSurroundings(Generic[SurveyOf, _Made]):
         self._latest: tuple[int, _Made] | None = None
 
     def at(self, ping: int) -> _Made:
-        """Return what is made for the surroundings of a ping."""
+        """Return what is made for the surroundings of a ping, in which moving objects stand as at that ping."""
         number = int(self._survey.surroundings_number[ping])
+        if self._survey.world.moves:
+            self._survey.world.at(ping)
         if self._latest is None or self._latest[0] != number:
             self._latest = number, self._make(self._survey.within(ping))
         return self._latest[1]

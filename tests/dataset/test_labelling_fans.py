@@ -52,6 +52,23 @@ def test_boxes_lie_at_their_true_places_to_an_element(tmp_path, step):
         assert not each["truncated"]
 
 
+def test_pings_of_a_fan_are_a_video_in_which_objects_keep_their_tracks(tmp_path):
+    told = written(fan(beams=256, bins=300, pings=3), tmp_path, form="cartesian", cell=CELL)
+    assert told["videos"] == [{"id": 1, "name": "fan"}]
+    assert [(image["video_id"], image["frame_id"]) for image in told["images"]] == [(1, 0), (1, 1), (1, 2)]
+    objects = {}
+    for each in told["annotations"]:
+        objects.setdefault(each["track_id"], []).append((each["category_id"], each["instance"], each["image_id"]))
+    # box.1, box.2 and their shadows: one annotation a frame, always of the same object and category
+    assert len(objects) == 4 and all(len({row[:2] for row in rows}) == 1 for rows in objects.values())
+    assert all([row[2] for row in rows] == [1, 2, 3] for rows in objects.values())
+
+
+def test_a_single_ping_is_no_video(tmp_path):
+    told = written(fan(beams=256, bins=300), tmp_path)
+    assert "videos" not in told and not any("track_id" in each for each in told["annotations"])
+
+
 def test_a_shadow_lies_behind_its_box_and_masks_and_outlines_say_the_same(tmp_path):
     told = written(fan(), tmp_path, form="cartesian", cell=CELL)
     image, = told["images"]

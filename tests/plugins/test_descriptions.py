@@ -30,6 +30,7 @@ GIVEN = {
     "point_target": ({"position": [0.0, 1.5, -5.0], "target_strength_db": -7.0}, "-7 dB at 0, 1.5, -5"),
     "capped_cylinder": ({"radius": 0.25, "p0": [0.0, 0.0, -5.0], "p1": [0.0, 2.0, -5.0]}, "0.25 m"),
     "sea_surface": ({"size": 300.0}, "300 m"),
+    "moving": ({"start": [0.0, 9.0, -5.0], "shape": {"type": "sphere"}}, "0, 9, -5"),
     "targets": ({"meshes": str(SCENES / "targets"), "species": "crate", "count": "1", "bed": BED}, "crate.targets.1"),
 }
 NAMES = [name.partition(".")[::2] for name in PLUGINS]                     # folder and plugin

@@ -29,18 +29,21 @@ def kind_of(name: str) -> str:
     return next((kind for kind in (WHOLE, SHADOW) if name.endswith(ENDINGS[kind])), HIGHLIGHT)
 
 
-def entry(annotation: Annotation, number: int, image: int, numbers: Mapping[str, int]) -> dict[str, object]:
-    """Return the JSON entry of an annotation."""
+def entry(annotation: Annotation, number: int, image: int, numbers: Mapping[str, int],
+          track: int | None = None) -> dict[str, object]:
+    """Return the JSON entry of an annotation; `track` is the number of its object in a video."""
     rings = [ring + [annotation.column, annotation.row] for ring in polygons(annotation.mask)]
     return {"id": number, "image_id": image, "category_id": numbers[annotation.category], "bbox": list(annotation.box),
             "segmentation": [ring.ravel().tolist() for ring in rings], "area": annotation.bins, "iscrowd": 0,
             "instance": annotation.name, "side": annotation.side, "truncated": annotation.truncated,
             "visible": round(annotation.visible, 4),
-            **({} if annotation.exposed is None else {"exposed": annotation.exposed})}
+            **({} if annotation.exposed is None else {"exposed": annotation.exposed}),
+            **({} if track is None else {"track_id": track})}
 
 
 def document(images: list[dict[str, Any]], entries: list[dict[str, Any]], numbers: Mapping[str, int],
-             info: Mapping[str, object]) -> dict[str, object]:
-    """Return the JSON document of images, their annotations, the category numbers and general information."""
+             info: Mapping[str, object], videos: list[dict[str, Any]] | None = None) -> dict[str, object]:
+    """Return the JSON document of images, their annotations, the category numbers, general information, and videos."""
     known = [{"id": number, "name": name, "supercategory": kind_of(name)} for name, number in numbers.items()]
-    return {"info": info, "licenses": [], "images": images, "annotations": entries, "categories": known}
+    return {"info": info, "licenses": [], "images": images, "annotations": entries, "categories": known,
+            **({"videos": videos} if videos else {})}

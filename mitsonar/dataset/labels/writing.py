@@ -34,6 +34,7 @@ MASKS = ("instance", "class", "shadow", "bed_shadow")
 
 @dataclass(kw_only=True)
 class _Subset:
+    videos: list = field(default_factory=list)
     images: list = field(default_factory=list)
     entries: list = field(default_factory=list)
 
@@ -154,6 +155,7 @@ class _Writer:
         self.folder, self.labels, self.numbers = folder, labels, numbers
         self.subsets = {name: _Subset() for name in labels.split or ["train"]}
         self.names, self.annotated, self.note = {}, 0, ""
+        self.tracks: dict[tuple[int, str, str], int] = {}              # of videos, by video, category and object
         self.counts = {"highlights": 0, "shadows": 0, **({"wholes": 0} if labels.whole else {}), "invisible": 0,
                        "empty": 0}
         for kind in ("images", *["labels"] * bool(self.labels.yolo),
@@ -175,7 +177,10 @@ class _Writer:
                        "grey": f"{shown.words} [{shown.unit}]"}
         if is_focused(dataset):
             description |= {name: dataset.attrs[name] for name in PLACE if dataset.attrs.get(name) is not None}
-        for frame, pieces in zip(pictures, annotated, strict=True):
+        # pictures of pings in a row are a video, unless each is cut into tiles
+        in_a_row = len({frame.ping for frame in pictures}) == len(pictures) > 1
+        video = self._video(source.name, subset) if in_a_row and self.labels.tile is None else None
+        for number, (frame, pieces) in enumerate(zip(pictures, annotated, strict=True)):
             picture = shown.draw(frame)
             shadow = np.zeros(picture.shape, bool) if dark is None else frame.lay(dark)
             seen = [piece for piece in pieces if not is_invisible(piece, picture)]
@@ -186,9 +191,22 @@ class _Writer:
                 inside = [piece for piece in (clipped(whole, tile, self.labels.smallest) for whole in seen)
                           if piece and piece.shown >= self.labels.min_visible]
                 where = {"ping": frame.ping, "row": tile.row, "column": tile.column, **description,
-                         **frame.metres(tile.row, tile.column)}
+                         **frame.metres(tile.row, tile.column),
+                         **({} if video is None else {"video_id": video, "frame_id": number})}
                 part = np.s_[tile.row:tile.row + tile.height, tile.column:tile.column + tile.width]
                 self._tile(name, picture[part], shadow[part], inside, where, subset)
+
+    def _video(self, name, subset):
+        """Return the number of a new video."""
+        number = 1 + sum(len(each.videos) for each in self.subsets.values())
+        subset.videos.append({"id": number, "name": name})
+        return number
+
+    def _track(self, description, piece):
+        """Return the number of an object's track through a video, one for each category; None without a video."""
+        if "video_id" not in description:
+            return None
+        return self.tracks.setdefault((description["video_id"], piece.category, piece.name), len(self.tracks) + 1)
 
     def _tile(self, name, picture, shadow, pieces, description, subset):
         if name in self.names:
@@ -211,7 +229,8 @@ class _Writer:
         if self.labels.coco:
             for piece in pieces:
                 self.annotated += 1
-                subset.entries.append(coco.entry(piece, self.annotated, number, self.numbers))
+                subset.entries.append(coco.entry(piece, self.annotated, number, self.numbers,
+                                                 self._track(description, piece)))
 
     def _masks(self, name, shadow, pieces):
         masks = {kind: np.zeros(shadow.shape, np.uint16) for kind in MASKS}
@@ -240,7 +259,7 @@ class _Writer:
         for name, subset in self.subsets.items():
             if self.labels.coco:
                 description = {"description": "sonar images", "subset": name if split else "all", **self.labels.rules}
-                text = coco.document(subset.images, subset.entries, self.numbers, description)
+                text = coco.document(subset.images, subset.entries, self.numbers, description, subset.videos)
                 files[f"annotations_{name}.json" if split else "annotations.json"] = text
         if split:
             files["split.json"] = {

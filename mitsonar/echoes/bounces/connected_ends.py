@@ -49,8 +49,8 @@ class ConnectedEnds:
         geometry = connector.geometry
         self._connector, self._water, self._lib = connector, connector.water, connector.lib
         self._frequency, self._max_depth = frequency, max_depth
-        self.targets = PointTargets(geometry.targets(), ReceivedBand.about(frequency), connector.water.profile,
-                                    resolved=False)
+        self.targets = PointTargets.of(geometry, ReceivedBand.about(frequency), connector.water.profile,
+                                       resolved=False)
         self._mirror = geometry.surface_mirrors
         self._beds = upload(mi.Bool, geometry.named.label_kinds() == SEABED) if reflects(geometry) else None
 

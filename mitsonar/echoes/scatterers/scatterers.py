@@ -113,7 +113,7 @@ class Scatterers:
         self.lib = arrays_of(mi.Float)
         self.amplitudes = Amplitudes(geometry, pass_number)
         self.geometry = geometry
-        vertices = geometry.vertices.numpy().reshape(-1, 4)
+        vertices = geometry.at_rest(geometry.vertices.numpy().reshape(-1, 4))
         faces = geometry.faces.numpy().reshape(-1, 4).copy()
         named = faces[:, 3].copy()
         grids = [(index, shape, grid_of(shape)) for index, shape in geometry.others]
@@ -172,6 +172,21 @@ class Scatterers:
             own = geometry.normals.numpy()
             self._normals = upload(mi.Float, np.concatenate([own, np.zeros(4 * len(vertices) - len(own), np.float32)]))
         dr.eval(self._vertices, self._faces, self._facts, self._rows, self._labels)
+        self.moving = np.isin(self.label, [body.label for body in geometry.bodies])
+        # facets that move, their bodies' numbers, and their corners and centres in the bodies' own frames
+        facet = np.flatnonzero(self.moving).astype(np.uint32)
+        self._carried = facet, geometry.body_numbers(self.label[facet]), self.corners(facet), self.centre[facet]
+        geometry.follow(self._moved)
+
+    def _moved(self) -> None:
+        """Move the facets of moving objects; their longest sides and radii stay."""
+        geometry = self.geometry
+        self.__dict__.pop("_on_host", None)    # a second owner would make a copy of the tables
+        self._vertices = geometry.with_moved(self._vertices, geometry.moved_places)
+        if self._normals is not None:
+            self._normals = geometry.with_moved(self._normals, geometry.moved_normals)
+        facet, body, _, centre = self._carried
+        self.centre[facet] = geometry.carried(body, centre)
 
     def _measured(self, facets: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return longest sides (F,), centres (F, 3) and radii (F,) of all facets [m]."""
@@ -191,10 +206,12 @@ class Scatterers:
                               & (distance + self.radius > nearest)).astype(np.uint32)
 
     def near(self, places: np.ndarray, farthest: float) -> np.ndarray:
-        """Return True (F,) for facets that scatter and come nearer than `farthest` [m] to the box of places (N, 3)."""
+        """Return True (F,) for facets that scatter, and come nearer than `farthest` [m] to the box of places or move.
+        """
+        # places (N, 3) [m]
         low, high = places.min(0).astype(np.float32), places.max(0).astype(np.float32)
         square = sum(np.square(np.clip(column, a, b) - column) for column, a, b in zip(self.centre.T, low, high))
-        return self.scattering & (np.sqrt(square) - self.radius < farthest)
+        return self.scattering & ((np.sqrt(square) - self.radius < farthest) | self.moving)
 
     @cached_property
     def _on_host(self) -> tuple[np.ndarray, np.ndarray]:
@@ -206,9 +223,15 @@ class Scatterers:
         """Return h of every facet, float32 (F,), see `nested_points`."""
         return self._threshold.numpy()
 
-    def triangles(self, facet: np.ndarray, k: np.ndarray, level: np.ndarray) -> np.ndarray:
-        """Return the corners (K, 3, 3) [m] of the triangles of levels (K,) in which scatterers (K,) of facets lie."""
-        corner = self.corners(facet)
+    def triangles(self, facet: np.ndarray, k: np.ndarray, level: np.ndarray, *, at_rest: bool = False) -> np.ndarray:
+        """Return the corners (K, 3, 3) [m] of the triangles of levels (K,) in which scatterers (K,) of facets lie.
+
+        With `at_rest`, those of moving facets are in the frames of their bodies.
+        """
+        corner, (moving, _, resting, _) = self.corners(facet), self._carried
+        if at_rest and len(moving):
+            own = self.moving[facet]
+            corner[own] = resting[np.searchsorted(moving, facet[own])]
         u, v, side = triangle_of(scrambled(k.astype(np.uint32), self._seed.numpy()[facet]), level)
         e, f = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
         first = corner[:, 0] + u[:, None] * e + v[:, None] * f

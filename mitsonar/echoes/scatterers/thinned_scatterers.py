@@ -28,6 +28,7 @@ import mitsuba as mi
 import numpy as np
 
 from mitsonar.device.arrays import arrays_of, opaque_vector, upload
+from mitsonar.scene.geometry import scattered_rows
 
 from .cells import divisions
 from .nested_points import LEVELS, MOST_OF_A_FACET
@@ -81,7 +82,7 @@ class ThinnedScatterers:
         self._facet = np.repeat(np.arange(len(count), dtype=np.uint32), count)
         first = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)).astype(np.uint32)
         level = level[self._facet].astype(np.uint32)
-        corner = facets.triangles(self._facet, first, level).astype(np.float32)                  # (P, 3, 3)
+        corner = facets.triangles(self._facet, first, level, at_rest=True).astype(np.float32)    # (P, 3, 3)
         centre = corner.mean(1)
         cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
         twice = np.linalg.norm(cross, axis=1)
@@ -95,6 +96,29 @@ class ThinnedScatterers:
         self._patches = upload(mi.UInt32, facts)
         dr.eval(self._table, self._patches)
         self._blocks = _balls(centre, radius)
+        moving = np.flatnonzero(facets.moving[self._facet])
+        self._moving = moving, facets.geometry.body_numbers(facets.label[self._facet[moving]])
+        self._at_rest = table[moving, :3], table[moving, 4:7]          # centres and normals in the bodies' frames
+        # blocks that hold moving patches, with all of their patches
+        self._moving_blocks = np.unique(moving // BLOCK)
+        self._beside = np.concatenate([np.zeros(0, int), *(
+            np.arange(b * BLOCK, min((b + 1) * BLOCK, len(table))) for b in self._moving_blocks)])
+        self._rows, self._row = table[self._beside], np.searchsorted(self._beside, moving)
+        facets.geometry.follow(self._moved)
+
+    def _moved(self) -> None:
+        """Move the patches of moving objects, and the balls of their blocks."""
+        patch, body = self._moving
+        if not len(patch):
+            return
+        geometry, rows, (centre, normal) = self._facets.geometry, self._rows[self._row], self._at_rest
+        rows[:, :3] = geometry.carried(body, centre)
+        rows[:, 4:7] = geometry.carried(body, normal, turned_only=True)
+        self._table = scattered_rows(self._table, patch, rows, 8)
+        self._rows[self._row] = rows
+        centre, radius = self._blocks
+        # the blocks are taken whole and in order, so that only the last one may have fewer patches
+        centre[self._moving_blocks], radius[self._moving_blocks] = _balls(self._rows[:, :3], self._rows[:, 7])
 
     @property
     def patches(self) -> int:

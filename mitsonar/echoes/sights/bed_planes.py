@@ -38,8 +38,21 @@ class BedPlanes:
     """Planes under the point targets and the smooth shapes of a scene."""
 
     def __init__(self, geometry: Geometry):
-        self.table = np.zeros((len(geometry.named) + 1, 5))
+        self.table, self._geometry = np.zeros((len(geometry.named) + 1, 5)), geometry
         targets = _targets(geometry) if reflects(geometry) else {}
+        self._moving = [body.label for body in geometry.bodies if body.label in targets]
+        self._fit(targets)
+        geometry.follow(self._moved)
+
+    def _moved(self) -> None:
+        """Fit the planes under the targets that move."""
+        if self._moving:
+            self.table[self._moving] = 0
+            self._fit({label: ball for label, ball in _targets(self._geometry).items() if label in self._moving})
+
+    def _fit(self, targets: dict) -> None:
+        """Fit the planes under targets."""
+        geometry = self._geometry
         if targets:
             middle = np.array([middle for middle, _ in targets.values()])
             radius = np.array([radius for _, radius in targets.values()])
@@ -52,7 +65,7 @@ class BedPlanes:
         dr.eval(self._device)
 
     def __bool__(self) -> bool:
-        return bool(self.table[:, 4].any())
+        return bool(self._moving) or bool(self.table[:, 4].any())
 
     def of(self, label: mi.UInt32) -> Planes:
         """Return the planes under targets with these labels, UInt32 (R,)."""

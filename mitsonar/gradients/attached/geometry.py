@@ -25,6 +25,7 @@ class AttachedGeometry:
     """Hold a scene's facets with gradients."""
 
     def __init__(self, geometry: Geometry):
+        geometry.refuse_bodies("gradients need")
         self.vertices: Any = geometry.vertices
         self.normals: Any = geometry.normals
         self.texcoords: Any = geometry.texcoords

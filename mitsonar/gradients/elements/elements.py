@@ -94,6 +94,7 @@ class ElementModel:
             self._survey = integrator.array_survey(scene, sonar, LEAD, seed)
         except RuntimeError as error:
             raise as_exception(error) from error
+        self._survey.world.still.refuse_bodies("gradients need")
         count = self._survey.track.pings
         for ping in pings:
             if not 0 <= ping < count:

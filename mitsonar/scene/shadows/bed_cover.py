@@ -23,7 +23,7 @@ def bed_height(geometry: Geometry, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return found
     for _ in range(SURFACES):
         point = mi.Point3f(*(upload(mi.Float, column.astype(np.float32)) for column in (x, y, start)))
-        pi = geometry.scene.ray_intersect_preliminary(mi.Ray3f(point, mi.Vector3f(0, 0, -1)), coherent=mi.Bool(False))
+        pi = geometry.still.ray_intersect_preliminary(mi.Ray3f(point, mi.Vector3f(0, 0, -1)), coherent=mi.Bool(False))
         kind = dr.gather(mi.UInt32, geometry.kinds, registry_index(pi), pi.is_valid())
         distance, met = pi.t.numpy().astype(float), pi.is_valid().numpy()
         height = start - distance
@@ -40,7 +40,7 @@ def covered(geometry: Geometry, point: mi.Point3f, active: mi.Bool) -> mi.Bool:
     """Return True for points (R,) that the bed lies over."""
     up, start, found = mi.Vector3f(0, 0, dr.opaque(mi.Float, 1.0)), mi.Point3f(point), mi.Bool(False)
     for _ in range(2):
-        pi = geometry.scene.ray_intersect_preliminary(mi.Ray3f(start, up), coherent=mi.Bool(False), active=active)
+        pi = geometry.still.ray_intersect_preliminary(mi.Ray3f(start, up), coherent=mi.Bool(False), active=active)
         active = active & pi.is_valid()
         bed = active & (dr.gather(mi.UInt32, geometry.kinds, registry_index(pi), active) == SEABED)
         found, active = found | bed, active & ~bed

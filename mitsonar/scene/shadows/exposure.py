@@ -39,6 +39,36 @@ def exposed_shares(geometry: Geometry, objects: Sequence[int],
             for label, lit, front in zip(samples, np.split(seen, ends), np.split(faces, ends))}
 
 
+def bodies_exposed(geometry: Geometry, place: np.ndarray) -> dict[int, float]:    # place (3,) [m]
+    """Compute the same share of every moving object's surface where it stands, seen from a place."""
+    if geometry.body_samples is None:
+        samples = {number: surface for number, surface in _at_rest(geometry) if len(surface[0])}
+        geometry.body_samples = (np.repeat(list(samples), POINTS), *(np.concatenate(
+            [surface[k] for surface in samples.values()] or [np.zeros((0, 3))]) for k in range(2)))
+    number, points, normals = geometry.body_samples
+    if not len(number):
+        return {}
+    points, normals = geometry.carried(number, points), geometry.carried(number, normals, turned_only=True)
+    away = place - points
+    away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
+    faces = np.sum(away * normals, axis=1) > 0
+    seen = faces & ~_blocked(geometry.scene, points + CLEAR * away, np.broadcast_to(place, points.shape))
+    lit, front = (part.reshape(-1, POINTS).sum(1) for part in (seen, faces))
+    return {geometry.bodies[body].label: round(float(a / max(1, b)), 3)
+            for body, a, b in zip(number[::POINTS], lit, front)}
+
+
+def _at_rest(geometry: Geometry):
+    """Yield the numbers of moving objects with points (N, 3) on their surfaces and normals there, in their own frames.
+    """
+    faces = geometry.faces.numpy().reshape(-1, 4)
+    first_faces = {shape.id(): slice(first, first + count) for _, shape, first, count in geometry.meshes}
+    for number, body in enumerate(geometry.bodies):
+        if body.copy is not None:
+            own = faces[first_faces[body.shape.id()], :3] - np.uint32(body.first_vertex)
+            yield number, _on_facets(body.shape.rest[own], body.label)
+
+
 def _surfaces(geometry: Geometry, wanted: set[int]):
     """Yield labels with points (N, 3) on their surface and the normals there, outward on closed meshes."""
     for _, shape, first, count in geometry.meshes:

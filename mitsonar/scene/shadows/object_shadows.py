@@ -15,10 +15,11 @@ from mitsonar.device.arrays import arrays_of, held, upload
 
 from ..geometry import Geometry
 from ..labels import OBJECT
-from ..objects import scene_of
+from ..moving import moving_shape
 from ..protocols import target_shape
 from ..tracing.tracer import Sources, Tracer, angles
 from ..tracing.water import DeviceWater
+from ..two_scenes import asked_together
 from .occlusion import LIFT, LIFT_PER_RANGE, TOLERANCE, along_fan
 
 SECTORS = 1024                     # of azimuth
@@ -49,11 +50,20 @@ class ObjectShadows:
                          and target_shape(shape) is None]
         self.exist = bool(self._objects)
         if self.exist:
-            self._scene = scene_of(self._objects)
+            still = [shape for shape in self._objects if moving_shape(shape) is None]
+            self._scene = asked_together(geometry.loaded, still, geometry.moving_scene)
             self._tracer = Tracer(geometry, water, max_range=farthest, tolerance=TOLERANCE)
             boxes = [shape.bbox() for shape in self._objects]
             self._low, self._high = (np.array([np.array(end(box), float)[:2] for box in boxes])
                                      for end in (lambda box: box.min, lambda box: box.max))
+            self._row = {shape.id(): row for row, shape in enumerate(self._objects)}
+            geometry.follow(self._moved)
+
+    def _moved(self) -> None:
+        """Move the boxes of moving objects."""
+        for body, low, high in self.geometry.body_boxes():
+            if (row := self._row.get(body.shape.id())) is not None:
+                self._low[row], self._high[row] = low[:2], high[:2]
 
     def sources(self, depth: float) -> Sources:
         """Prepare the chords of rays that leave a depth [m]."""

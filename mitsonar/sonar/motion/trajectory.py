@@ -128,6 +128,25 @@ class Circled(Lead):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Steered(Lead):
+    """A course from a start at one speed, rate of climb and rate of turn, at a fixed roll and pitch."""
+
+    start: np.ndarray  # (3,) [m]: at time 0
+    attitude: np.ndarray  # (3,) [rad]: roll, pitch and heading at time 0; it swims along its heading
+    speed: float  # [m/s], over the ground
+    climb: float = 0.0  # [m/s], upwards
+    turn_rate: float = 0.0  # [rad/s], clockwise
+
+    def at(self, times: np.ndarray, since: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        times = np.asarray(times, float)
+        half = 0.5 * self.turn_rate * times
+        chord, bearing = self.speed * times * np.sinc(half / np.pi), self.attitude[2] + half
+        moved = np.stack([chord * np.sin(bearing), chord * np.cos(bearing), self.climb * times], -1)
+        turned = np.multiply.outer(2 * half, [0.0, 0.0, 1.0])
+        return self.start + moved, self.attitude + turned
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PingTravel:
     """Motion of a sonar while the echoes of its pings come in."""
 

@@ -110,4 +110,8 @@ class FanPictures:
             attrs={**ping_attributes(survey, pings), "seed": self._seed, "source_level_db": survey.source_level_db})
         image = fan.image(about, level, *self._directions, depth_below=survey.depth_below[list(pings)],
                           labels=survey.labels, class_of=classes_of(survey.labels)[1], record=record)
-        return image.assign_attrs(picture=self.way, **self._known)
+        known = self._known
+        if survey.world.moves and len(pings) == 1:
+            ping = pings[0]
+            known = objects.standing(known, survey.world.at(ping), survey.track.position[ping])
+        return image.assign_attrs(picture=self.way, **known)

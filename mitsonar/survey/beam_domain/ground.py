@@ -133,19 +133,21 @@ class Ground:
         """Return a flag for every label, True for an object that reaches below the bed; None if there are none."""
         geometry, facets = self._facets.geometry, self._facets
         kinds = geometry.named.label_kinds()
+        buried = np.zeros(len(kinds), bool)
         of_objects = np.flatnonzero(facets.scattering & (kinds[facets.label] == OBJECT)).astype(np.uint32)
         if not of_objects.size or not self._horizon.exists:
             return None
+        # objects that move may come to lie under a crest of the bed at another ping
+        if -geometry.deepest_moving < self._horizon.highest:
+            buried[[body.label for body in geometry.bodies]] = True
         corners = facets.corners(of_objects).reshape(-1, 3)
         # buried corners lie below the highest point of the bed, so few corners of tall objects remain
         low = np.flatnonzero(corners[:, 2] < self._horizon.highest)
-        if not low.size:
-            return None
-        # a facet has three corners, and a corner many facets, of which one is enough
-        corners, number = np.unique(corners[low], axis=0, return_index=True)
-        below = corners[:, 2] < bed_height(geometry, *corners[:, :2].T.astype(float)) - DEEP
-        buried = np.zeros(len(kinds), bool)
-        buried[facets.label[of_objects[low[number[below]] // 3]]] = True
+        if low.size:
+            # a facet has three corners, and a corner many facets, of which one is enough
+            corners, number = np.unique(corners[low], axis=0, return_index=True)
+            below = corners[:, 2] < bed_height(geometry, *corners[:, :2].T.astype(float)) - DEEP
+            buried[facets.label[of_objects[low[number[below]] // 3]]] = True
         return upload(mi.Bool, buried) if buried.any() else None
 
     def _state(self, scatterers: Cells, legs: TableLegs, table: EigenrayTable, origin: np.ndarray,

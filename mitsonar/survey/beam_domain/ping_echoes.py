@@ -53,11 +53,12 @@ class PlacedEchoes:
     imaginary: mi.Float  # (R,), amplitude over the root of the energy
     state: mi.UInt32  # (R,), as of `GridEchoes`
     label: mi.UInt32  # (R,), as of `GridEchoes`
+    shift: mi.Float | None = None  # (R,), Doppler factor of the scatterers' own motion minus 1; None: nothing moves
     folded: tuple[bool, bool] = (False, False)  # True if the way out, the way back is by way of the surface
 
     def chosen(self, index: mi.UInt32) -> PlacedEchoes:
         """Return the echoes at an index."""
-        columns = {name: value for name, value in vars(self).items() if name != "folded"}
+        columns = {name: value for name, value in vars(self).items() if name != "folded" and value is not None}
         # columns that share an array also share the result
         taken = {id(value): dr.gather(type(value), value, index) if dr.width(value) > 1 else value
                  for value in columns.values()}
@@ -142,8 +143,14 @@ class PingEchoes:
         if lit is None:
             return None
         legs, (real, imaginary) = lit.legs, lit.scatterers.amplitude
+        shift, out_time = None, legs.travel_time
+        if (motion := self.ground.ensonification.motion) is not None:
+            label, arrival = lit.scatterers.label, legs.arrival_direction
+            shift = motion.shift(label, lit.scatterers.point, arrival, arrival,
+                                 dr.opaque(mi.Float, self.ground.table(ping).sound_speed))
+            out_time = out_time + motion.later(label, shift, legs.travel_time)
         return PlacedEchoes(sent=legs.launch_direction, towards=legs.launch_direction, out_distance=legs.distance,
-                            back_distance=legs.distance, out_time=legs.travel_time, back_time=legs.travel_time,
+                            back_distance=legs.distance, out_time=out_time, shift=shift, back_time=legs.travel_time,
                             out_offset=lit.offset, back_offset=lit.offset, energy=lit.energy,
                             real=real, imaginary=imaginary, state=lit.state, label=lit.scatterers.label)
 
@@ -294,8 +301,11 @@ class PingEchoes:
                                                                     survey.start))
         delay = arrival.delay + dr.opaque(mi.Float64, self.patterns.drive_delay)
         later, turned = mi.Float(0), mi.Float(0)
+        shift = arrival.doppler
+        if placed.shift is not None:
+            shift, row = shift + placed.shift * (1 + shift), mi.Float(0) if row is None else row
         if row is not None:
-            later, turned = self._residual.shift(arrival.doppler, row)
+            later, turned = self._residual.shift(shift, row)
         cycles = delay * frequency
         sine, cosine = dr.sincos((mi.Float(cycles - dr.round(cycles)) - turned) * float(2 * np.pi))
         real, imaginary = factor
@@ -329,7 +339,7 @@ def _placed(echoes: Echoes) -> PlacedEchoes:
         sent=mi.Vector3f(out.sent_towards), towards=mi.Vector3f(back.sent_towards),
         out_distance=mi.Float(dr.norm(out.offset)), back_distance=mi.Float(dr.norm(back.offset)),
         out_time=echoes.arrival, back_time=back.travel_time, out_offset=out.offset, back_offset=back.offset,
-        energy=echoes.energy, real=real, imaginary=imaginary, state=nothing, label=nothing,
+        energy=echoes.energy, real=real, imaginary=imaginary, state=nothing, label=nothing, shift=echoes.shift,
         folded=(out.folded, back.folded))
 
 

@@ -61,7 +61,7 @@ class PhasedEchoes:
     def __init__(self, sound: SoundPaths, *, frequency: float, band: ReceivedBand, resolution: float, farthest: float,
                  drift: float, mirrored: bool):
         self.sights, self._mirrored = sound.sights, mirrored
-        self._targets = PointTargets(sound.geometry.targets(), band, sound.water.profile)
+        self._targets = PointTargets.of(sound.geometry, band, sound.water.profile)
         self._smooth = SmoothTargets(sound.sights, frequency=frequency, resolution=resolution, reach=0.0, drift=drift,
                                      farthest=farthest)
         self._frequency = dr.opaque(mi.Float64, frequency)

@@ -98,7 +98,11 @@ class _SwathPictures:
         image = fan.image(about, np.stack(levels), self._angle, self._direction,
                           depth_below=survey.depth_below[list(pings)], labels=survey.labels,
                           class_of=classes_of(survey.labels)[1], record=record)
-        return self._with_beams(image, pings).assign_attrs(self._known, sonar="multibeam", preset=survey.preset)
+        known = self._known
+        if survey.world.moves and len(pings) == 1:
+            ping = pings[0]
+            known = objects.standing(known, survey.world.at(ping), survey.track.position[ping])
+        return self._with_beams(image, pings).assign_attrs(known, sonar="multibeam", preset=survey.preset)
 
     def _with_beams(self, image: xr.Dataset, pings: Sequence[int]) -> xr.Dataset:
         """Add the direction, sector and frequency of every beam."""

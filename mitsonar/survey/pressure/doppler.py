@@ -1,6 +1,7 @@
 """Doppler of echoes between a moving array's elements: their time scale, and groups of receivers that share one.
 
 At a moment of the pulse the factor is that of `signal.doppler`, from the velocities of both elements towards the echo.
+The scatterer's own motion multiplies it (`echoes.body_motion`).
 It changes while the platform passes: the part of the pulse sent at t arrives t/η̄ after the beginning of the
 echo, with η̄ the mean over [0, t]. The bend grows with the speed across and with 1 / range.
 """
@@ -49,7 +50,11 @@ def time_scale(source: PingSource, echoes: Echoes, back: ReturnPaths, *, sender:
                 across = dr.maximum(dr.squared_norm(velocity) - dr.square(closing[-1]), 0)
                 bend += across / dr.maximum(distance, SHORTEST_WAY) / speed
         slower.append(1 / two_way_doppler(closing[0], speed, closing[1]))
-    return 1 / (slower[1] + bend * sent), (slower[0] + 0.5 * bend * sent) * sent
+    factor, when = 1 / (slower[1] + bend * sent), (slower[0] + 0.5 * bend * sent) * sent
+    if echoes.shift is None:
+        return factor, when
+    own = 1 + mi.Float64(echoes.shift)
+    return factor * own, when / own
 
 
 def receiver_groups(source: PingSource, echoes: Echoes, position: np.ndarray,

@@ -39,6 +39,9 @@ class EigenrayDelays(ElementDelays):
             first, towards = exact_return(way_out.layers, lib, dr.opaque(lib.Float64, way_out.depth), echoes.out.offset,
                                           lib.Float64(0), offset, REST, first)
             factor = factor * lib.Float(echoes.out.travel_time / first)
+            if echoes.shift is not None:                                         # as in `echoes.body_motion`
+                reached = echoes.out.travel_time
+                first = reached + (first - reached) / (1 + lib.Float64(echoes.shift))
         if not omni(transmit):
             factor *= way_out.pattern(transmit, element, towards, self.wavelength)
         # ---- back to the source; that ray is the first guess for each receive element

@@ -58,7 +58,7 @@ class EnsonifiedPing:
     def _stands_as(self, other: "EnsonifiedPing") -> bool:
         """Return True if pose and water are those of another ping, and scatterers are found without random rays."""
         track = self.survey.track
-        return (self.survey.ensonification == "scatterers"
+        return (self.survey.ensonification == "scatterers" and not self.survey.world.moves
                 and self.ensonification.tracer is other.ensonification.tracer
                 and np.array_equal(self._rotation, other._rotation)
                 and np.array_equal(track.position[self.ping], track.position[other.ping]))
@@ -82,6 +82,8 @@ class EnsonifiedPing:
         if number in self._kept:
             yield from self._kept[number]
             return
+        if self.survey.world.moves:
+            self.survey.world.at(self.ping)
         room = KEPT_ECHOES - sum(block.count for blocks in self._kept.values() for block in blocks)
         kept = []
         for block in self._made(number, progress):

@@ -47,8 +47,9 @@ def survey_of(geometry: Geometry, sensor: Sensor, settings: RunSettings, passage
                          "bins, a longer range or a shorter pulse")
     extra = int(np.ceil(lead * pulse.duration * rate))
     return ArraySurvey(
-        world=World(still=geometry, seed=settings.seed), waters=waters, passage=passage, rays=settings.rays,
-        max_depth=settings.max_depth, pulse=pulse, source_level_db=source_level_db, transmit=transmit, receive=receive,
+        world=World.of(geometry, settings.seed, passage.voyage.track, waters), waters=waters, passage=passage,
+        rays=settings.rays, max_depth=settings.max_depth, pulse=pulse, source_level_db=source_level_db,
+        transmit=transmit, receive=receive,
         start=start - extra / rate, sampling_rate=rate, samples=samples + extra, lead=extra,
         ensonification=settings.ensonification,
         cell_size=settings.cell_size or _cell_size(sound_speed, pulse, passage),

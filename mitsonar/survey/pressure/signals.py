@@ -9,7 +9,7 @@ squares, without a factor √2.
 
 The Doppler factors of a ping's echoes are bounded by the closing speed u of elements and echoes:
 
-    -v <= u <= v                                                v -> speed of the fastest element
+    -v <= u <= v                                                v -> speed of the fastest element, and of objects
     min, max of v·d over directions d of the beams, ± v β       if side lobes are thinned
 
 The beams are all directions in which `ElementBeams.bound` exceeds the intensity below which cells are thinned. They are
@@ -160,7 +160,9 @@ def sent_pieces(survey: ArraySurvey, ping: int) -> list[SentPiece]:
     fastest, acceleration = _fastest(survey, ping)
     nearest = _nearest(survey, ping)
     pieces = survey.pulse.pieces(pieces_of(survey.pulse, fastest, speed, nearest, acceleration))
-    closing = closing_speeds(survey, ping, fastest=fastest, acceleration=acceleration, nearest=nearest)
+    low, high = closing_speeds(survey, ping, fastest=fastest, acceleration=acceleration, nearest=nearest)
+    object_speed = survey.world.fastest(ping)
+    closing = low - object_speed, high + object_speed
     return [SentPiece(begin, piece, _doppler_factors(piece, closing, speed,
                                                      glide_of(piece) if len(pieces) == 1 else None))
             for begin, piece in pieces]

@@ -53,6 +53,8 @@ class VectorDelays(ElementDelays):
         view, off = source.view(echoes.back), self.stands_off(element)
         way_out = source.way_out(echoes) if off else None
         farther = self._transmit_delay(echoes, element, way_out) if way_out is not None else None
+        if farther is not None and echoes.shift is not None:
+            farther = farther / (1 + lib.Float64(echoes.shift))                  # as in `echoes.body_motion`
         # ---- return to the source at its place then; sound from an element farther off reaches the scatterer later
         met = None if farther is None else echoes.arrival + farther
         known = some.back if met is None and self.method == "vector" else None

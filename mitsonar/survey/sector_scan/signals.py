@@ -47,6 +47,7 @@ class StepSignals:
         # columns: bearing 0, aside, and the axis that the head turns about
         frame = rotation_matrix(*np.moveaxis(attitude, -1, 0)) @ trajectory.head.mounted
         fixed = all(float(np.ptp(part, axis=0).max()) < STILL for part in (survey.track.position, frame))
+        fixed = fixed and not survey.world.moves
         self._survey = survey
         self._kept: dict[tuple[int, bool], list[PlacedEchoes]] | None = {} if fixed else None
         line = LineArray.of_element(receive)

@@ -53,9 +53,9 @@ def plan(scene: mi.Scene, sensor: SidescanSensor, settings: RunSettings) -> Side
     window, bins = sensor.film().window(sonar.sound_speed)
     waters = planned_waters(sensor, geometry, passage, sonar.frequency)
     survey = SidescanSurvey(
-        world=World(still=geometry, seed=settings.seed), waters=waters, passage=passage, rays=settings.rays,
-        max_depth=settings.max_depth, sonar=sonar, window=window, bins=bins, first_pass=settings.first_pass,
-        per_cell=settings.scatterers_per_cell, pass_number=sensor.pass_number)
+        world=World.of(geometry, settings.seed, passage.voyage.track, waters), waters=waters, passage=passage,
+        rays=settings.rays, max_depth=settings.max_depth, sonar=sonar, window=window, bins=bins,
+        first_pass=settings.first_pass, per_cell=settings.scatterers_per_cell, pass_number=sensor.pass_number)
     limits.check_sidescan(survey)
     return survey
 

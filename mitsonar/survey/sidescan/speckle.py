@@ -139,6 +139,19 @@ class SideSpeckle:
         facets = self._facets
         number = np.flatnonzero(facets.near(self._survey.track.position, farthest)).astype(np.uint32)
         number = number[np.argsort(_along_a_curve(facets.centre[number]), kind="stable")]
+        moving = facets.moving[number]
+        number = np.concatenate([number[~moving], number[moving]])     # those that move have blocks of their own
+        ball, blocks = self._balls(number)
+        self._last = number[(len(number) - int(moving.sum())) // BLOCK * BLOCK:] if moving.any() else number[:0]
+        self._blocks, self._facet_count = len(blocks), dr.opaque(mi.UInt32, len(number))
+        self._block, self._ball, self._number = (upload(mi.Float, blocks), upload(mi.Float, ball),
+                                                 upload(mi.UInt32, number))
+        dr.eval(self._block, self._ball, self._number)
+        facets.geometry.follow(self._moved)
+
+    def _balls(self, number: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return middles and radii [m] of the balls around facets (F,), and around each block of them."""
+        facets = self._facets
         ball = np.empty((len(number), 4), np.float32)
         ball[:, :3], ball[:, 3] = facets.centre[number], facets.radius[number]
         starts = np.arange(0, len(number), BLOCK)
@@ -147,10 +160,15 @@ class SideSpeckle:
             low, high = (np.stack([least.reduceat(ball[:, axis] + sign * ball[:, 3], starts) for axis in range(3)], 1)
                          for least, sign in ((np.minimum, -1), (np.maximum, 1)))
             blocks[:, :3], blocks[:, 3] = 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
-        self._blocks, self._facet_count = len(starts), dr.opaque(mi.UInt32, len(number))
-        self._block, self._ball, self._number = (upload(mi.Float, blocks), upload(mi.Float, ball),
-                                                 upload(mi.UInt32, number))
-        dr.eval(self._block, self._ball, self._number)
+        return ball, blocks
+
+    def _moved(self) -> None:
+        """Move the balls of moving facets, which are the last ones."""
+        if len(self._last):
+            for table, rows in zip((self._ball, self._block), self._balls(self._last)):
+                first = dr.width(table) - rows.size
+                dr.scatter(table, upload(mi.Float, rows), first + dr.arange(mi.UInt32, rows.size))
+            dr.eval(self._ball, self._block)
 
     def of(self, ping: np.ndarray, steps: int = 1) -> np.ndarray:
         """Return the speckle of pings (B,) as complex64 (B, 2, gates, steps): port, starboard.

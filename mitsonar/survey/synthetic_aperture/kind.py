@@ -32,6 +32,7 @@ def picture(survey: StripSurvey, sensor: StripSensor, seed: int,
             progress: Callable[[float, float], None] | None = None,
             say: Callable[[str], None] | None = None) -> xr.Dataset:
     """Return the focused image with its truth; see `mitsonar.render`."""
+    survey.world.still.refuse_bodies("a focused image has truth for")
     return strip_image(survey, seed, progress, say)
 
 

@@ -1,0 +1,139 @@
+"""Moving objects: what stands where at a ping.
+
+An object stands where the sound of the ping meets it, at the time t1 after the transmission,
+
+    t1 = T(|P(t + t1) - P_0|),      T(R) = R <1/c>
+
+P -> the object's position, P_0 the sonar's at the transmission, <1/c> the mean slowness between their depths. The
+straight way errs by g² R³ / 24 c³ (Fermat): a tenth of a microsecond at 100 m in a gradient g of 0.1 1/s, in which an
+object of 3 m/s moves by 0.4 µm. A vertex v of the object's own frame (x starboard, y ahead, z up) stands at
+
+    P + R E v,      R of roll, pitch and heading as in `device.rotations`, E its change of axes.
+
+Sound meets other points of the body a little earlier or later, which echoes correct to first order (`echo_shift`).
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+
+from mitsonar.device.rotations import NORTH_EAST_DOWN, rotation_matrix
+from mitsonar.sonar.motion.track import Track
+from mitsonar.water.profile import SoundSpeedProfile
+from mitsonar.water.waters import Waters
+
+STEPS = 3                          # iterations of t1; each multiplies its error by the ratio of speeds, 1/500
+DEPTHS = 17                        # at which the slowness between two depths is averaged
+
+
+class Mover(Protocol):
+    """Course of a moving object; `sonar.motion.trajectory.Trajectory` is one."""
+
+    def pose(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return position (..., 3) [m], z up, and attitude (..., 3) [rad], roll, pitch, heading, at times (...) [s]."""
+        ...
+
+    def rates(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return velocity (P, 3) [m/s] and angular velocity (P, 3) [rad/s], scene frame, at times (P,) [s]."""
+        ...
+
+
+@runtime_checkable
+class MovingShape(Protocol):
+    """Shape that moves."""
+
+    known: tuple[float, float]  # [s]: first and last time of the mover
+    begin: float | None  # [s]: time of the mover at the first ping; None: the mover keeps the time of the sonar's track
+    rest: np.ndarray  # (V, 3) [m]: vertices in the object's own frame
+
+    @property
+    def mover(self) -> Mover:
+        """Return the course of the shape."""
+        ...
+
+    def id(self) -> str:
+        """Return the name of the shape."""
+        ...
+
+
+def moving_shape(shape: object) -> MovingShape | None:
+    """Return a shape that moves; None for others."""
+    return shape if isinstance(shape, MovingShape) else None
+
+
+class Stand(NamedTuple):
+    """Place and motion of an object as the sound of a ping meets it, scene frame."""
+
+    position: np.ndarray           # (3,) [m]
+    rotation: np.ndarray           # (3, 3): from the object's own frame
+    velocity: np.ndarray           # (3,) [m/s]
+    turn_rate: np.ndarray          # (3,) [rad/s]
+    met: float                     # [s] after the transmission
+
+    def placed(self, points: np.ndarray) -> np.ndarray:
+        """Return points (N, 3) [m] of the object's own frame in the scene."""
+        return points @ self.rotation.T + self.position
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Movements:
+    """Stands of a scene's moving objects at the pings of a track."""
+
+    shapes: tuple[MovingShape, ...]
+    track: Track
+    waters: Waters
+
+    def at(self, ping: int) -> list[Stand]:
+        """Return the stands of all objects at a ping."""
+        profile, sonar = self.waters.at(ping).profile, self.track.position[ping]
+        return [_stand(shape.mover, float(self.time(shape)[ping]), sonar, profile) for shape in self.shapes]
+
+    def time(self, shape: MovingShape) -> np.ndarray:
+        """Return the times (P,) [s] of an object's mover at the pings."""
+        return self.track.time if shape.begin is None else shape.begin + (self.track.time - self.track.time[0])
+
+    def check(self) -> None:
+        """Raise `ValueError` if an object's track does not cover all pings."""
+        for shape in self.shapes:
+            time, (first, last) = self.time(shape), shape.known
+            for ping, what in ((0, "begins after the first"), (-1, "ends before the last")):
+                if not first - 1e-9 <= time[ping] <= last + 1e-9:
+                    raise ValueError(f'the track of the moving shape "{shape.id()}" {what} ping: it lasts from '
+                                     f"{first:g} to {last:g} s, and that ping is at {time[ping]:g} s. Give a longer "
+                                     "track or fewer pings, or set begin, the track's time at the first ping")
+
+    def box(self, shape: MovingShape) -> tuple[np.ndarray, np.ndarray]:
+        """Return the corners (3,) [m] of a box that holds an object at all pings, as it stands at the transmissions."""
+        position, attitude = shape.mover.pose(self.time(shape))
+        low, high = shape.rest.min(0), shape.rest.max(0)
+        corner = np.array([[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]]
+                           for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+        turn = rotation_matrix(*np.moveaxis(attitude, -1, 0)) @ NORTH_EAST_DOWN
+        points = (np.einsum("pij,kj->pki", turn, corner) + position[:, None]).reshape(-1, 3)
+        return points.min(0), points.max(0)
+
+    def depth_range(self) -> tuple[float, float]:
+        """Return the least and the greatest depth that any point of an object reaches at any ping [m]."""
+        spans = []
+        for shape in self.shapes:
+            depth = -shape.mover.pose(self.time(shape))[0][..., 2]
+            reach = float(np.linalg.norm(shape.rest, axis=1).max(initial=0))
+            spans.append((float(depth.min()) - reach, float(depth.max()) + reach))
+        return min(low for low, _ in spans), max(high for _, high in spans)
+
+
+def _stand(mover: Mover, time: float, sonar: np.ndarray, profile: SoundSpeedProfile) -> Stand:
+    """Return the stand of one object for sound that leaves a sonar (3,) [m] at a time [s] of its mover."""
+    position, attitude = mover.pose(np.array(time))
+    # the mean slowness hardly changes with the millimetres that the object sinks meanwhile
+    slowness = float(np.mean(1 / profile.at(-np.linspace(sonar[2], position[2], DEPTHS))))
+    met = 0.0
+    for _ in range(STEPS):
+        met = float(np.linalg.norm(position - sonar)) * slowness
+        position, attitude = mover.pose(np.array(time + met))
+    velocity, turn_rate = mover.rates(np.array([time + met]))
+    return Stand(position=position, rotation=rotation_matrix(*attitude) @ NORTH_EAST_DOWN, velocity=velocity[0],
+                 turn_rate=turn_rate[0], met=met)
+
