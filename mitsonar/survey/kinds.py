@@ -77,14 +77,15 @@ KINDS: Mapping[str, Kind[Survey, Sensor]] = _KindFiles(
 
 
 class FrameKind(Kind[SurveyT, SensorT], Protocol):
-    """Kind of sonar with a picture for every ping."""
+    """Kind of sonar that can render the picture of one ping."""
 
-    def frames(self, survey: SurveyT, sensor: SensorT, seed: int) -> Iterator[xr.Dataset]:
-        """Yield the pictures of pings one by one."""
+    def frame(self, survey: SurveyT, sensor: SensorT, seed: int) -> Callable[[int], xr.Dataset]:
+        """Return the function that renders the picture of a ping, by its number."""
         ...
 
 
 FRAMES: Mapping[str, FrameKind[Survey, Sensor]] = _KindFiles("array", "forward_looking", "multibeam")
+STEPPED: Mapping[str, FrameKind[Survey, Sensor]] = _KindFiles("array", "forward_looking")
 
 
 class SounderKind(Kind[SurveyT, SensorT], Protocol):
@@ -135,6 +136,14 @@ def frame_kind_of(sensor: Sensor) -> FrameKind[Survey, Sensor]:
         raise ValueError(f"a {sensor.kind} has no picture of a single ping; render all pings as one picture. Sonars "
                          f"with a picture for every ping are {', '.join(FRAMES)}")
     return FRAMES[sensor.kind]
+
+
+def stepped_kind_of(sensor: Sensor) -> FrameKind[Survey, Sensor]:
+    """Return the sensor's kind of sonar, whose pings can be asked for one by one."""
+    if sensor.kind not in STEPPED:
+        raise ValueError(f"a {sensor.kind} cannot be stepped, because its record is made of all pings together; sonars "
+                         f"that can be are {', '.join(STEPPED)}")
+    return STEPPED[sensor.kind]
 
 
 def kind_of(sensor: mi.Sensor | Sensor) -> Kind[Survey, Sensor]:

@@ -22,7 +22,7 @@ from mitsonar.sonar.motion.track import Track
 from mitsonar.sonar.motion.trajectory import Voyage
 from mitsonar.water.waters import Waters
 
-from .voyage import Passage
+from .voyage import Passage, Stepping
 
 
 class Surroundings(NamedTuple):
@@ -48,13 +48,41 @@ class Survey:
 
     @property
     def voyage(self) -> Voyage:
-        """Return the pings' track, and the trajectory it lies on."""
+        """Return the pings' track, and the trajectory it lies on; of a sonar that is stepped, its latest ping's."""
+        return self.passage.now
+
+    @property
+    def planned(self) -> Voyage:
+        """Return the planned voyage, for what is made for all pings, whenever it is made."""
         return self.passage.voyage
 
     @property
     def depth_below(self) -> np.ndarray:
         """Return the depth of the seabed below the sonar (P,) [m]."""
-        return self.passage.depth_below
+        return self.passage.below
+
+    @cached_property
+    def planned_depth(self) -> float:
+        """Return the mean depth of the sonar on the planned track [m], for what all pings share."""
+        return float(np.mean(-self.planned.track.position[:, 2]))
+
+    @cached_property
+    def planned_rates(self) -> tuple[float, float]:
+        """Return the greatest speed [m/s] and turn rate [rad/s] at the planned transmissions."""
+        speed, turn = (float(np.linalg.norm(rate, axis=1).max())
+                       for rate in (self.planned.velocity, self.planned.turn_rate))
+        return speed, turn
+
+    @property
+    def turn_rate(self) -> float:
+        """Return the greatest turn rate [rad/s] at the planned transmissions and at the latest stepped ping."""
+        latest = self.passage.latest
+        own = 0.0 if latest is None else latest.turn_rate
+        return max(self.planned_rates[1], own)
+
+    def stepped(self: SurveyOf, stepping: Stepping) -> SurveyOf:
+        """Return the survey of a sonar that is stepped, with this one as its plan."""
+        return replace(self, passage=replace(self.passage, stepping=stepping))
 
     @property
     def track(self) -> Track:
@@ -64,9 +92,13 @@ class Survey:
     @cached_property
     def surroundings_number(self) -> np.ndarray:
         """Return the numbers (P,) of the pings' surroundings; pings with one number share them."""
-        ping = np.arange(self.track.pings)
+        ping = np.arange(self.planned.track.pings)
         pairs = np.stack([self.waters.number(ping), self.world.number(ping)])
         return np.unique(pairs, axis=1, return_inverse=True)[1].reshape(-1)
+
+    def surroundings_of(self, ping: int) -> int:
+        """Return the number of a ping's surroundings; all stepped pings have those of the first planned one."""
+        return int(self.surroundings_number[0 if self.passage.latest is not None else ping])
 
     @property
     def changes(self) -> bool:
@@ -105,7 +137,7 @@ class Survey:
     def device_water(self, below: float = 0.0) -> DeviceWater:
         """Return the water of all pings on the device, with tables that end `below` [m] under the lowest bed."""
         column = self.waters.only
-        deepest = max(self.world.depth_range[1], -float(self.track.position[:, 2].min())) + below
+        deepest = max(self.world.depth_range[1], -float(self.planned.track.position[:, 2].min())) + below
         return DeviceWater(column.profile, column.absorption, column.volume, deepest=deepest)
 
     @cached_property
@@ -130,8 +162,8 @@ class Survey:
 
     @property
     def planned_speed(self) -> float:
-        """Return the sound speed at the sonar at the first ping [m/s], for what all pings share."""
-        return self.sound_speed(0)
+        """Return the sound speed at the sonar at the first planned ping [m/s], for what all pings share."""
+        return self.waters.sound_speed(0, -self.planned.track.position[0, 2])
 
 
 class PerSurroundings(Generic[SurveyOf, _Made]):
@@ -143,7 +175,7 @@ class PerSurroundings(Generic[SurveyOf, _Made]):
 
     def at(self, ping: int) -> _Made:
         """Return what is made for the surroundings of a ping."""
-        number = int(self._survey.surroundings_number[ping])
+        number = self._survey.surroundings_of(ping)
         if self._latest is None or self._latest[0] != number:
             self._latest = number, self._make(self._survey.within(ping))
         return self._latest[1]

@@ -116,11 +116,11 @@ def frames(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
     scene, sonar, integrator = opened(scene, sensor, parameters)
     try:
         survey = integrator.survey(scene, sonar, seed)
-        images = integrator.frames(survey, sonar, seed)
+        frame = integrator.frame(survey, sonar, seed)
     except RuntimeError as error:
         raise as_exception(error) from error
     origin = provenance(scene, sonar, survey)
-    return (SonarImage.of(not_all_nan(image).assign_attrs(origin)) for image in images)
+    return (SonarImage.of(not_all_nan(frame(ping)).assign_attrs(origin)) for ping in range(survey.track.pings))
 
 
 @one_at_a_time

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -260,15 +260,20 @@ class Voyage:
         """Sample a trajectory at the times (P,) [s] of the pings."""
         return cls(track=trajectory.track(times), trajectory=trajectory)
 
+    @cached_property
+    def rates(self) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity [m/s] and angular velocity [rad/s] at the transmissions, (P, 3) each, scene frame."""
+        return self.trajectory.rates(self.track.time)
+
     @property
     def velocity(self) -> np.ndarray:
         """At the transmissions, (P, 3) [m/s], scene frame."""
-        return self.trajectory.rates(self.track.time)[0]
+        return self.rates[0]
 
     @property
     def turn_rate(self) -> np.ndarray:
         """Angular velocity at the transmissions, (P, 3) [rad/s], scene frame."""
-        return self.trajectory.rates(self.track.time)[1]
+        return self.rates[1]
 
 
 @cache

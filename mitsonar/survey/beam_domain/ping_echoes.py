@@ -108,8 +108,7 @@ class PingEchoes:
         self._from_origin = beams_from_origin
         self.lib, self.patterns = arrays_of(mi.Float), Patterns(survey, line)
         self.ground = Ground(survey, None if beside is None else beside.ground)
-        turned = float(np.linalg.norm(survey.voyage.turn_rate, axis=1).max()) * survey.time[-1]
-        self._beams = ElementBeams(survey.transmit, survey.receive, survey.wavelength, turned) or None
+        self._beams = ElementBeams(survey.transmit, survey.receive, survey.wavelength) or None
         self._residual = _on_device(residual_doppler(survey.pulse))
         self._reception: tuple[int, Reception] | None = None
         self._row_doppler: tuple[int, _RowDoppler] | None = None
@@ -212,6 +211,8 @@ class PingEchoes:
     def useful(self, ping: int, least: float = NEGLIGIBLE) -> Callable[[mi.Vector3f, mi.Float], mi.Bool]:
         """Return a test of scene directions at distances: True if the two-way intensity exceeds `least`."""
         beams, rotation = self._beams, self.reception(ping).rotation
+        if beams is not None:
+            beams = beams.turning(self.survey.turn_rate * self.survey.time[-1])
 
         def useful(direction: mi.Vector3f, distance: mi.Float) -> mi.Bool:
             return mi.Bool(True) if beams is None else beams.bound(direction, distance, rotation) > least

@@ -58,7 +58,7 @@ def picture(survey: InterferometricSurvey, sensor: InterferometricSensor, seed: 
         attrs={"seed": int(seed), "preset": survey.preset, "frequency": float(side.frequency),
                "pulse": side.pulse.numbers, "source_level_db": float(side.source_level_db),
                "rows": (survey.rows.place - survey.rows.place[0]).tolist(), "tilt": float(sensor.tilt),
-               "absorption_db": float(survey.waters.first.absorption.at(float(np.mean(-survey.track.position[:, 2]))))})
+               "absorption_db": float(survey.waters.first.absorption.at(survey.planned_depth))})
     return objects.annotated(image, classes, class_of, survey.world.still, survey.track.position)
 
 

@@ -28,6 +28,8 @@ from mitsonar.propagation.returns.moved_ends import detour
 from mitsonar.propagation.returns.travel import evaluated
 from mitsonar.sonar.motion.trajectory import NEGLIGIBLE, PingTravel, polynomials
 
+from ..survey import Survey
+
 SHORTEST = 1e-9                    # [s]: least travel time
 TIMES, DEPRESSIONS = (0.125, 0.375, 0.625, 0.875, 1.0), (0.0, 0.5, 1.0)
 GROUP_WIDTH, MOST_GROUPS = 0.25, 32    # beam widths by which mean shifts within a group differ; number of groups
@@ -46,12 +48,17 @@ class PingReception:
 class Underway:
     """Motion within the pings of a survey."""
 
-    def __init__(self, travel: PingTravel):
-        travel = travel.trimmed()
+    def __init__(self, travel: PingTravel, survey: Survey | None = None):
+        travel, self._survey = travel.trimmed(), survey
         self._duration = travel.duration
         # without turns, as on a straight course, the device needs no look-up
         self._displacement, self._turn = (powers if (travel.reach(powers) > NEGLIGIBLE).any() else powers[:, :0]
                                         for powers in (travel.displacement, travel.turn))
+
+    @classmethod
+    def of(cls, survey: Survey, duration: float) -> Underway:
+        """Return the motion of a survey's pings for a duration [s]; of a sonar that is stepped, as planned at first."""
+        return cls(survey.planned.trajectory.during(survey.planned.track.time, duration), survey)
 
     @property
     def moves(self) -> bool:
@@ -60,7 +67,22 @@ class Underway:
 
     def motion(self, ping: np.ndarray) -> PingMotion | None:
         """Return the motion of a block of pings (B,) on the device, None if the sonar stands still."""
-        return PingMotion(self._displacement[ping], self._turn[ping], self._duration) if self.moves else None
+        if self._survey is None or self._survey.passage.latest is None:
+            displacement, turn = self._displacement[ping], self._turn[ping]
+        else:
+            displacement, turn = self._latest(ping)
+        if not displacement.shape[1] + turn.shape[1]:
+            return None
+        return PingMotion(displacement, turn, self._duration)
+
+    def _latest(self, ping: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the powers of the latest stepped ping; kernels stay if it needs no more of them than the plan."""
+        assert self._survey is not None
+        voyage = self._survey.voyage
+        own = Underway(voyage.trajectory.during(voyage.track.time[ping], self._duration))
+        displacement, turn = (np.pad(powers, [(0, 0), (0, max(planned.shape[1] - powers.shape[1], 0)), (0, 0)])
+                              for powers, planned in ((own._displacement, self._displacement), (own._turn, self._turn)))
+        return displacement, turn
 
     def drift(self, sound_speed: float) -> float:
         """Return the largest distance [m] that the sonar moves while sound travels one metre out and back [-]."""

@@ -51,12 +51,15 @@ def picture(survey: SwathSurvey, sensor: MultibeamSensor, seed: int,
     return image.assign_attrs(unseen=objects.unseen(image))
 
 
-def frames(survey: SwathSurvey, sensor: MultibeamSensor, seed: int) -> Iterator[xr.Dataset]:
-    """Yield the pictures of pings one by one; see `mitsonar.frames`."""
+def frame(survey: SwathSurvey, sensor: MultibeamSensor, seed: int) -> Callable[[int], xr.Dataset]:
+    """Return the function that renders the picture of one ping; see `mitsonar.frames`."""
     pictures = _SwathPictures(survey, seed)
-    for ping in range(survey.track.pings):
+
+    def of(ping: int) -> xr.Dataset:
         image = pictures.of([ping], None)
-        yield image.assign_attrs(unseen=objects.unseen(image, warn=False))
+        return image.assign_attrs(unseen=objects.unseen(image, warn=False))
+
+    return of
 
 
 def rows(level: np.ndarray) -> np.ndarray:
@@ -123,4 +126,4 @@ class _SwathPictures:
     @cached_property
     def _known(self) -> dict[str, object]:
         return objects.known(*classes_of(self._survey.labels), self._survey.world.still,
-                             self._survey.track.position)
+                             self._survey.planned.track.position)

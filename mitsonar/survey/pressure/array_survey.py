@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -56,7 +55,7 @@ class ArraySurvey(Survey):
     sending: np.ndarray | None = None  # (P,), number of the transmit element that sends alone at a ping
     thin_below: float = 0.0  # two-way intensity of the beams below which cells are thinned
 
-    @cached_property
+    @property
     def velocity(self) -> np.ndarray:
         """Return the velocity at the transmissions, (P, 3) [m/s], scene frame."""
         return self.voyage.velocity

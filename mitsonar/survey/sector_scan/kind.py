@@ -100,7 +100,7 @@ def picture(survey: ArraySurvey, sensor: SectorScanSensor, seed: int,
         labels=survey.labels, class_of=class_of,
         attrs={"seed": int(seed), "picture": way, "frequency": float(survey.frequency), "pulse": survey.pulse.numbers,
                "source_level_db": float(survey.source_level_db), "noise_db": _noise_db(survey, sensor, speed),
-               "absorption_db": float(survey.waters.first.absorption.at(float(np.mean(-survey.track.position[:, 2]))))})
+               "absorption_db": float(survey.waters.first.absorption.at(survey.planned_depth))})
     return objects.annotated(image, classes, class_of, survey.world.still, survey.track.position)
 
 

@@ -79,7 +79,7 @@ class StepSignals:
         if self._kept is None:
             yield from self._around(ping, seed is not None)
         else:
-            which = int(self._survey.surroundings_number[ping]), seed is None
+            which = self._survey.surroundings_of(ping), seed is None
             around = self._kept.get(which)
             if around is None:
                 around = self._kept[which] = [*self._around(ping, seed is not None, everywhere=True)]

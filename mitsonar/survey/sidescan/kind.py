@@ -87,13 +87,12 @@ def picture(survey: SidescanSurvey, sensor: SidescanSensor, seed: int,
             say: Callable[[str], None] | None = None) -> xr.Dataset:
     """Render the image, with its truth; see `mitsonar.render`."""
     record, sonar, track = energy.record(survey, Sides(survey), seed, progress), survey.sonar, survey.track
-    head_depth = float(np.mean(-track.position[:, 2]))
     classes, class_of = classes_of(survey.labels)
     image = imaging.image(
         record, sonar=sonar, track=track, depth_below=survey.depth_below, window=survey.window, labels=survey.labels,
         class_of=class_of, paths=survey.paths.names, noise_db=noise_db(sensor, sonar),
         speckle=speckle_of(survey, sensor.jitter, seed) if sensor.speckle else None, seed=seed,
-        absorption_db=float(survey.waters.first.absorption.at(head_depth)), leakage=sensor.leakage)
+        absorption_db=float(survey.waters.first.absorption.at(survey.planned_depth)), leakage=sensor.leakage)
     return objects.annotated(image, classes, class_of, survey.world.still, survey.track.position)
 
 

@@ -115,11 +115,11 @@ class SideSpeckle:
                               per_width=ACROSS * survey.per_cell / (to_range * gate))
         self._start, self._per_gate = (dr.opaque(mi.Float64, value) for value in (start, 1 / gate))
         self._count, self._speed = dr.opaque(mi.UInt32, self.gates), dr.opaque(mi.Float, sonar.sound_speed)
-        self._underway = Underway(survey.voyage.trajectory.during(survey.track.time, end))
+        self._underway = Underway.of(survey, end)
         reach, (geometry, water) = 0.5 * end * survey.waters.fastest, survey.surroundings
         self._facets = Scatterers(geometry, np.inf, survey.pass_number, survey.world.seed)
         self._table = EigenrayTable(Connector(geometry, water),
-                                    depth=-float(survey.track.position[:, 2].mean()), farthest=reach)
+                                    depth=survey.planned_depth, farthest=reach)
         # cycles, seconds and gates per metre of the way out and back
         speed, self._bends = self._table.sound_speed, bool(np.ptp(water.profile.sound_speed))
         self._per_metre, self._seconds = (dr.opaque(mi.Float64, value)
@@ -137,7 +137,7 @@ class SideSpeckle:
     def _sort(self, farthest: float) -> None:
         """Sort the facets that scatter within `farthest` [m] of the track into blocks of neighbours, each in a ball."""
         facets = self._facets
-        number = np.flatnonzero(facets.near(self._survey.track.position, farthest)).astype(np.uint32)
+        number = np.flatnonzero(facets.near(self._survey.planned.track.position, farthest)).astype(np.uint32)
         number = number[np.argsort(_along_a_curve(facets.centre[number]), kind="stable")]
         ball = np.empty((len(number), 4), np.float32)
         ball[:, :3], ball[:, 3] = facets.centre[number], facets.radius[number]

@@ -1,0 +1,226 @@
+"""A sonar that is stepped gives the bytes of planned pings, whatever else happens, and compiles nothing for a step.
+
+Scenes of `numbered_scenes` have a bed, a box in it and a point target in layered water; the sonar moves and sways.
+"""
+import gc
+import weakref
+
+import drjit as dr
+import numpy as np
+import pytest
+import sonar_scenes as scenes
+from numbered_scenes import numbered
+
+import mitsonar
+
+FANS = "forward_looking", "array_sonar"
+SEED = 7
+
+
+def poses(scene):
+    """The poses of a scene's planned track, as arguments of a step."""
+    survey = scene.integrator().survey(scene, scene.sensors()[0], SEED)
+    track, voyage = survey.track, survey.voyage
+    return [dict(position=track.position[ping], attitude=(track.roll[ping], track.pitch[ping], track.heading[ping]),
+                 velocity=voyage.velocity[ping], turn_rate=voyage.turn_rate[ping], time=track.time[ping])
+            for ping in range(track.pings)]
+
+
+def small(**sensor):
+    """A forward-looking sonar of few elements that goes north at 2 m/s, 4 m over a rough bed."""
+    sensor = {"frequency_khz": 200.0, "receive_elements": 8, "beams": 9, "element_spacing": 0.5, "pulse_ms": 0.2,
+              "pings": 3, "speed_knots": 4.0, "noise": True, **sensor}
+    return scenes.forward_looking({"seabed": scenes.bed(12.0, size=40.0)}, depth=8.0, sensor=sensor,
+                                  film={"range": 8.0, "range_min": 4.0}, integrator={"cell": 0.2})
+
+
+def same(one, other):
+    """Both records have the same bytes, axes and attributes."""
+    assert set(one.variables) == set(other.variables)
+    for name in one.variables:
+        assert one[name].dtype == other[name].dtype, name
+        np.testing.assert_array_equal(one[name].values, other[name].values, err_msg=name)
+    assert {name: str(value) for name, value in one.attrs.items()} == {
+        name: str(value) for name, value in other.attrs.items()}
+
+
+def kernels(work):
+    """The hashes of the kernels that some work launches."""
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        work()
+        return {entry["hash"] for entry in dr.kernel_history([dr.KernelType.JIT])}
+
+
+@pytest.mark.parametrize("kind", FANS)
+def test_the_poses_of_a_planned_track_give_the_bytes_of_its_frames(exact, rng, kind):
+    """The sonar sways while echoes arrive, so that the plan's accelerations count, too."""
+    scene = numbered(kind, rng, pings=3)
+    with mitsonar.Sonar(scene, SEED) as sonar:
+        for pose, frame in zip(poses(scene), mitsonar.frames(scene, SEED), strict=True):
+            same(sonar.ping(**pose), frame)
+
+
+def test_pictures_of_elements_signals_are_those_of_frames(exact):
+    scene = small(picture="elements", pings=2)
+    with mitsonar.Sonar(scene, SEED) as sonar:
+        for pose, frame in zip(poses(scene), mitsonar.frames(scene, SEED), strict=True):
+            same(sonar.ping(**pose), frame)
+
+
+def test_signals_are_those_of_the_elements(exact, rng):
+    """At the last ping, and at the next one: a picture is not needed for it."""
+    scene = numbered("array_sonar", rng, pings=3)
+    planned = [mitsonar.element_signals(scene, ping, seed=SEED) for ping in range(3)]
+    with mitsonar.Sonar(scene, SEED) as sonar:
+        first, second, third = poses(scene)
+        sonar.ping(**first)
+        for found, wanted in ((sonar.signals(), planned[0]), (sonar.signals(**second), planned[1]),
+                              (sonar.signals(**third), planned[2]), (sonar.signals(), planned[2])):
+            np.testing.assert_array_equal(found.values, wanted.values)
+            assert found.attrs["lost_arrivals"] == wanted.attrs["lost_arrivals"]
+        assert sonar.pings == 3
+
+
+def test_a_step_away_from_the_plan_is_a_scene_planned_there(exact):
+    """The slope of absorption over the band is that at the planned depth, here 8 and 7 m: 2e-5 of the strongest echo.
+
+    Sums of the same scatterers in another order differ by 1e-6 of it.
+    """
+    there, heading = np.array([3.0, -5.0, -7.0]), 1.0
+    planned = mitsonar.render(small(pings=1, start=there, heading_deg=np.rad2deg(heading), noise=False), SEED)
+    with mitsonar.Sonar(small(noise=False), SEED) as sonar:
+        velocity = poses(small())[0]["velocity"][1] * np.array([np.sin(heading), np.cos(heading), 0])
+        stepped = sonar.ping(position=there, attitude=(0, 0, heading), velocity=velocity)
+    found, wanted = (10 ** (image["level"].values / 20) for image in (stepped, planned))
+    assert np.abs(found - wanted).max() < 1e-4 * wanted.max()
+    assert np.mean(stepped["label"].values == planned["label"].values) > 0.999
+    assert stepped["altitude"].values == pytest.approx(planned["altitude"].values)
+
+
+def test_steady_poses_are_those_of_the_plan_to_rounding(exact):
+    """A pose 1 nm off the plan moves on at its own velocity, here the plan's: the pictures differ as the places do.
+
+    Phases change by 4 pi 1e-8 m / 7.5 mm = 2e-5 at most.
+    """
+    scene = small(noise=False)
+    pose = poses(scene)[1]
+    with mitsonar.Sonar(scene, SEED) as on, mitsonar.Sonar(scene, SEED) as beside:
+        one, other = on.ping(**pose), beside.ping(**{**pose, "position": pose["position"] + 1e-8})
+    found, wanted = (10 ** (image["level"].values / 20) for image in (other, one))
+    assert 0 < np.abs(found - wanted).max() < 1e-4 * wanted.max()
+
+
+def test_a_turn_moves_echoes_as_far_as_the_sonar_turns_meanwhile(exact):
+    """A target ahead at R appears ω 2R/c to port of its bearing when the sonar turns to starboard at ω.
+
+    0.5 rad/s over 12 m and back: 8 mrad, in beams 20 mrad apart that are 1.2 degrees wide: the centre of its energy
+    is found to a tenth of a beam.
+    """
+    sensor = {"frequency_khz": 400.0, "receive_elements": 96, "element_spacing": 0.5, "beams": 181, "fan_deg": 60.0,
+              "pulse_ms": 0.1, "pings": 1, "speed_knots": 0.0, "ping_rate_hz": 10.0, "tilt_deg": 0.0, "noise": False}
+    target = scenes.point_target([0.0, 12.0, -8.0], 0.0)
+    scene = scenes.forward_looking({"seabed": scenes.bed(60.0, size=80.0), "target": target}, depth=8.0, sensor=sensor,
+                                   film={"range": 14.0, "range_min": 10.0})
+
+    def bearing(image):
+        energy = (10 ** (image["level"].values[0] / 10)).max(1)
+        near = energy > 0.1 * energy.max()
+        return float(np.sum((energy * image["bearing"].values)[near]) / np.sum(energy[near]))
+
+    with mitsonar.Sonar(scene) as sonar:
+        at_rest = bearing(sonar.ping(position=(0, 0, -8)))
+        turning = bearing(sonar.ping(position=(0, 0, -8), turn_rate=(0, 0, -0.5)))
+    assert turning - at_rest == pytest.approx(-0.5 * 2 * 12.0 / 1500.0, rel=0.1)
+
+
+def test_two_sonars_in_turn_are_each_by_itself(exact):
+    scene = small()
+    ways = [[dict(position=(0, y, -8), velocity=(0, 1, 0), attitude=(0, 0, 0.3 * y)) for y in (0.0, 0.4, 0.9)],
+            [dict(position=(x, 0, -7), attitude=(0.1, 0, 2.0)) for x in (1.0, 1.5, 2.0)]]
+
+    def alone(way, seed):
+        with mitsonar.Sonar(scene, seed) as sonar:
+            return [sonar.ping(**pose) for pose in way]
+
+    with mitsonar.Sonar(scene, 1) as one, mitsonar.Sonar(scene, 2) as other:
+        in_turn = [(one.ping(**first), other.ping(**second)) for first, second in zip(*ways)]
+    for number, way in enumerate(ways):
+        for found, wanted in zip(in_turn, alone(way, number + 1)):
+            same(found[number], wanted)
+
+
+def test_a_step_compiles_nothing_that_the_first_one_has_not():
+    """Depth, place, heading, speed and rate of turn change. At rest, under way and in a turn, kernels differ."""
+    with mitsonar.Sonar(small(), SEED) as sonar:
+        known = kernels(lambda: [sonar.ping(position=(0, 0, -8), velocity=(0, 1, 0), turn_rate=(0, 0, 0.1)),
+                                 sonar.ping(position=(0, 1, -8), velocity=(0, 1, 0)),
+                                 sonar.ping(position=(0, 2, -8))])
+        later = kernels(lambda: [sonar.ping(position=(y, y, -7 - 0.3 * y), attitude=(0.1 * y, 0.05, y),
+                                            velocity=(0, 0.3 * y, 0.1), turn_rate=(0, 0.01 * y, 0.2 * y))
+                                 for y in (0.0, 0.7, 1.1, 2.3)])
+        assert len(later - known) == 0
+
+
+def test_a_sonar_left_alone_is_freed():
+    sonar = mitsonar.Sonar(small(), SEED)
+    sonar.ping(position=(0, 0, -8))
+    left = weakref.ref(sonar)
+    del sonar
+    gc.collect()
+    assert left() is None
+
+
+def test_what_is_left_out_and_what_it_says():
+    with mitsonar.Sonar(small(), SEED) as sonar:
+        interval = poses(small())[1]["time"]
+        frames = [sonar.ping(position=(0, 0, -8)), sonar.ping(position=(0, 0, -8), time=3.0),
+                  sonar.ping(position=(0, 0, -8))]
+        assert [float(frame["ping_time"].values[0]) for frame in frames] == pytest.approx([0, 3.0, 3.0 + interval])
+        assert [int(frame["ping"].values[0]) for frame in frames] == [0, 1, 2]
+        assert all(frames[0][name].values[0] == 0 for name in ("roll", "pitch", "heading"))
+        assert repr(sonar).startswith('Sonar(forward_looking "') and "3 pings" in repr(sonar)
+    assert "closed" in repr(sonar)
+    with pytest.raises(ValueError, match="closed"):
+        sonar.ping(position=(0, 0, -8))
+
+
+BAD = [
+    (dict(position=(0, 0, -8), time=0.5), "last ping was sent at 1 s"),
+    (dict(position=(0, 0, -8), time=1.001), "echoes from the range of the film take"),
+    (dict(position=(0, 0, -8), time=np.nan), "time is nan"),
+    (dict(position=(0, 0, -8), time="noon"), "number of seconds"),
+    (dict(position=(0, np.nan, -8)), "position is .* finite"),
+    (dict(position=(0, 0)), r"shape \(2,\); give three numbers"),
+    (dict(position="here"), "give three numbers"),
+    (dict(position=(0, 0, -8), attitude=(0, 2.0, 0)), "pitch"),
+    (dict(position=(0, 0, 0.5)), "ping 1: the sonar is 0.50 m above the sea surface"),
+    (dict(position=(0, 0, -13)), "below the seabed: at ping 1"),
+    (dict(position=(500, 0, -8)), "outside the bathymetry: ping 1"),
+    (dict(position=(0, 0, -8), velocity=(3, 0, 0)), "3 m/s, and the scene's route .* 2.058 m/s"),
+    (dict(position=(0, 0, -8), turn_rate=(0, 0, 400)), "turns by"),
+]
+
+
+def test_bad_poses_are_refused_in_a_sentence_and_leave_the_sonar_where_it_is(exact):
+    with mitsonar.Sonar(small(), SEED) as sonar, mitsonar.Sonar(small(), SEED) as other:
+        for each in (sonar, other):
+            each.ping(position=(0, 0, -8), time=1.0)
+        for pose, words in BAD:
+            with pytest.raises(ValueError, match=words):
+                sonar.ping(**pose)
+            assert sonar.pings == 1
+        same(sonar.ping(position=(0, 0.5, -8)), other.ping(position=(0, 0.5, -8)))
+
+
+def test_signals_ask_for_a_ping():
+    with mitsonar.Sonar(small(), SEED) as sonar:
+        with pytest.raises(ValueError, match="has sent none"):
+            sonar.signals()
+        with pytest.raises(ValueError, match="without a position"):
+            sonar.signals(time=4.0)
+
+
+def test_a_strip_cannot_be_stepped():
+    with pytest.raises(ValueError, match="synthetic_aperture cannot be stepped"):
+        mitsonar.Sonar(scenes.synthetic_aperture({"seabed": scenes.bed(20.0)}))
