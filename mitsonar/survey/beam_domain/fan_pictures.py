@@ -23,7 +23,7 @@ from ..fan.beams import Beams
 from ..pressure.array_survey import ArraySurvey
 from ..pressure.pressure import PressureRecord
 from ..pressure.signals import ping_attributes, ping_coordinates, received_signals
-from ..survey import PerSurroundings
+from ..survey import PerSurroundings, Survey
 from .frames import Frames, why_not
 
 Progress = Callable[[float, float], None]
@@ -70,7 +70,7 @@ class FanPictures:
         return image.assign_attrs(unseen=objects.unseen(image, warn=False))
 
     @cached_property
-    def _block(self) -> PerSurroundings[ArraySurvey, energy.EnergyBlock] | None:
+    def _block(self) -> PerSurroundings[Survey, energy.EnergyBlock] | None:
         """Return the source of the truth of single pings; None in the beam domain, which makes it of its own echoes."""
         return None if self._beams is None else energy.energy_blocks(self._survey, self._beams, self._seed)
 
