@@ -85,7 +85,7 @@ class FrameKind(Kind[SurveyT, SensorT], Protocol):
 
 
 FRAMES: Mapping[str, FrameKind[Survey, Sensor]] = _KindFiles("array", "forward_looking", "multibeam")
-STEPPED: Mapping[str, FrameKind[Survey, Sensor]] = _KindFiles("array", "forward_looking")
+STEPPED: Mapping[str, FrameKind[Survey, Sensor]] = _KindFiles("array", "forward_looking", "multibeam")
 
 
 class SounderKind(Kind[SurveyT, SensorT], Protocol):

@@ -127,7 +127,7 @@ class Survey:
     def stretches(self) -> list[np.ndarray]:
         """Return the numbers of the pings, in parts in which consecutive pings share their surroundings."""
         changes = np.flatnonzero(np.diff(self.surroundings_number)) + 1
-        return np.split(np.arange(self.track.pings), changes)
+        return np.split(np.arange(self.planned.track.pings), changes)
 
     @cached_property
     def surroundings(self) -> Surroundings:
@@ -156,8 +156,8 @@ class Survey:
 
     @property
     def sound_speeds(self) -> np.ndarray:
-        """Return the sound speeds at the sonar at all pings, (P,) [m/s]."""
-        depth = -self.track.position[:, 2]
+        """Return the sound speeds at the sonar at all planned pings, (P,) [m/s]."""
+        depth = -self.planned.track.position[:, 2]
         return np.concatenate([self.waters.at(part[0]).profile.at(depth[part]) for part in self.stretches()])
 
     @property

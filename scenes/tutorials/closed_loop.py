@@ -99,7 +99,7 @@ plt.tight_layout()
 plt.show()
 
 # %% [markdown]
-# The pipe is the bright line that begins ahead and leaves to port. To find it, we divide the energy of each range by its
+# The pipe is the bright line that begins ahead and leaves to port. We divide the energy of each range by its
 # median over all beams, which leaves what is brighter than the bed, and average over the ranges about a look-ahead of
 # 7 m. The bearing of the brightest beam is the answer, and its height over the others says how sure it is.
 

@@ -89,9 +89,10 @@ class SteppedPing:
         return self._voyages[make]
 
 
-def voyage_of(ping: SteppedPing) -> StepVoyage:
-    """Return the voyage of the sonar itself."""
-    return StepVoyage(track=RepeatedTrack(ping.track, ping.ping), trajectory=ping.trajectory)
+def voyage_of(ping: SteppedPing, later: float = 0.0) -> StepVoyage:
+    """Return the voyage of the sonar itself, or of one at its place that sends `later` [s]."""
+    track = ping.trajectory.track(ping.track.time + later) if later else ping.track
+    return StepVoyage(track=RepeatedTrack(track, ping.ping), trajectory=ping.trajectory)
 
 
 def planned_row(voyage: Voyage, *, time: float, position: np.ndarray, attitude: np.ndarray, velocity: np.ndarray,

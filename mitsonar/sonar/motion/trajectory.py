@@ -26,7 +26,7 @@ import numpy as np
 from mitsonar.device.rotations import rotation_matrix, rotation_vector
 
 from .motion import RandomMotion
-from .track import Track
+from .track import FIELDS, Track
 from .waypoints import Course
 
 POWERS = 6
@@ -259,6 +259,12 @@ class Voyage:
     def of(cls, trajectory: Trajectory, times: np.ndarray) -> Voyage:
         """Sample a trajectory at the times (P,) [s] of the pings."""
         return cls(track=trajectory.track(times), trajectory=trajectory)
+
+    @property
+    def single(self) -> Voyage:
+        """Return the voyage of the last ping alone."""
+        rows = {name: getattr(self.track, name)[-1:] for name in FIELDS}
+        return Voyage(track=Track(**rows), trajectory=self.trajectory)
 
     @cached_property
     def rates(self) -> tuple[np.ndarray, np.ndarray]:
