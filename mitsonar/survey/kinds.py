@@ -15,10 +15,8 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-    from mitsonar.water.profile import SoundSpeedProfile
-
     from .pressure.array_survey import ArraySurvey
-    from .soundings.line import SoundingLine
+    from .soundings.line import Instrument
     from .survey import Survey
 
 FILES = {"array": "fan.kind", "forward_looking": "fan.forward_looking"}        # of kinds without a folder of their name
@@ -91,9 +89,9 @@ STEPPED: Mapping[str, FrameKind[Survey, Sensor]] = _KindFiles("array", "forward_
 class SounderKind(Kind[SurveyT, SensorT], Protocol):
     """Kind of sonar that makes soundings."""
 
-    def sounding_line(self, survey: SurveyT, seed: int, *, profile: SoundSpeedProfile | None, column: bool,
-                      snippets: int) -> SoundingLine[Any]:      # of any measurement
-        """Make the soundings of a line; arguments are those of `mitsonar.soundings`."""
+    def instrument(self, survey: SurveyT, seed: int, *, column: bool,
+                   snippets: int) -> Instrument[Any]:           # of any measurement
+        """Make the instrument that measures the pings; arguments are those of `mitsonar.soundings`."""
         ...
 
 

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
+from typing import Any, cast
 
 import mitsuba as mi
 import numpy as np
@@ -12,12 +13,16 @@ from numpy.typing import ArrayLike
 from mitsonar.sonar.motion.stepping import Steady, SteppedPing, planned_row
 from mitsonar.sonar.motion.track import FIELDS, Track
 from mitsonar.sonar.motion.trajectory import Trajectory
+from mitsonar.water.profile import SoundSpeedProfile
 
 from . import placement
 from .integrator import SoundIntegrator
+from .kinds import sounder_kind_of
 from .pressure.pressure import PressureRecord
 from .pressure.signals import LEAD
 from .sensor import Sensor, slowest_speed
+from .soundings.line import Instrument, SoundingLine
+from .soundings.survey import SoundedSurvey
 from .survey import Survey
 from .voyage import Stepping
 
@@ -50,6 +55,22 @@ class SteppedRun:
         passage = self.survey.passage
         return float(passage.voyage.track.time[0]) if self.latest is None else self.latest.time + passage.interval
 
+    def sounded(self, profile: SoundSpeedProfile | None, *, column: bool, snippets: int) -> xr.Dataset:
+        """Return the soundings of the latest ping; arguments as of `mitsonar.soundings`."""
+        assert self.latest is not None
+        if (column, snippets) not in self._instruments:
+            self._instruments[column, snippets] = sounder_kind_of(self._sensor).instrument(
+                self.survey, self._sensor.own_seed(self._seed), column=column, snippets=snippets)
+        instrument = self._instruments[column, snippets]
+        survey = cast(SoundedSurvey, self.survey)
+        line = SoundingLine(survey, instrument, self._sensor.own_seed(self._seed), profile=profile)
+        return next(line.pings([self.latest.ping]))
+
+    @cached_property
+    def _instruments(self) -> dict[tuple[bool, int], Instrument[Any]]:
+        """Return the instruments of soundings by what they keep."""
+        return {}
+
     def record(self) -> PressureRecord:
         """Return the record of the elements' signals, whose counts begin at 0."""
         made = self._record
@@ -81,7 +102,12 @@ class SteppedRun:
             return SteppedPing(ping=number, track=track, trajectory=passage.voyage.trajectory, turn_rate=turn_rate,
                                depth_below=float(passage.depth_below[row]))
         below = placement.check(self.survey.world.still, track, number)
-        return SteppedPing(ping=number, track=track, trajectory=Trajectory(lead=Steady(time=when, **pose)),
+        # the trajectory is that of the reference point, as soundings are of it
+        offset = passage.voyage.trajectory.offset
+        arm = track.rotation()[0] @ offset
+        lead = Steady(time=when, position=place - arm, attitude=vectors[1], turn_rate=vectors[3],
+                      velocity=vectors[2] - np.cross(vectors[3], arm))
+        return SteppedPing(ping=number, track=track, trajectory=Trajectory(lead=lead, offset=offset),
                            turn_rate=turn_rate, depth_below=float(below[0]))
 
     def _checked(self, time: float) -> float:

@@ -16,8 +16,9 @@ from mitsonar.scene.errors import as_exception
 from mitsonar.survey.kinds import stepped_kind_of
 from mitsonar.survey.pressure.signals import received_signals
 from mitsonar.survey.stepping import SteppedRun
+from mitsonar.water.profile import SoundSpeedProfile
 
-from .images import checked_seed, opened, provenance
+from .images import checked_seed, checked_snippets, opened, provenance, read_profile
 
 ZERO = (0.0, 0.0, 0.0)
 
@@ -124,6 +125,34 @@ class Sonar:
             array = received_signals(record, [ping])
             return SonarSignals.of(not_all_nan(array).assign_attrs(
                 seed=self._seed, kernel=record.kernel, return_path=record.return_path, **self._origin))
+
+    def soundings(self, profile: SoundSpeedProfile | FilePath | None = None, *, column: bool = False,
+                  snippets: int = 0, position: ArrayLike | None = None, attitude: ArrayLike = ZERO,
+                  velocity: ArrayLike = ZERO, turn_rate: ArrayLike = ZERO, time: float | None = None) -> SonarImage:
+        """Return the soundings of a multibeam at the last ping or, with a position, at the next one.
+
+        Parameters
+        ----------
+        profile, column, snippets
+            As in `mitsonar.soundings`.
+        position, attitude, velocity, turn_rate, time
+            As in `ping`, for the next ping. Without them: the last ping, also one whose picture was asked for.
+
+        Returns
+        -------
+        SonarImage
+            Soundings of one ping, as from `mitsonar.soundings`, with the motion about this ping.
+
+        Raises
+        ------
+        ValueError
+            As in `ping` and `mitsonar.soundings`, or if the last ping was asked for and there was none.
+        """
+        samples, cast = checked_snippets(snippets), read_profile(profile)
+        with self._sent(position, attitude, velocity, turn_rate, time) as (run, _):
+            image = run.sounded(cast, column=column, snippets=samples)
+            origin = {**self._origin, "seed": self._seed}
+            return SonarImage.of(image.assign_attrs({**origin, **image.attrs, "seed": self._seed}))
 
     @contextmanager
     def _sent(self, position: ArrayLike | None, attitude: ArrayLike, velocity: ArrayLike, turn_rate: ArrayLike,

@@ -13,7 +13,7 @@ from numbered_scenes import numbered
 
 import mitsonar
 
-FANS = "forward_looking", "array_sonar"
+FANS = "forward_looking", "array_sonar", "multibeam"
 SEED = 7
 
 
@@ -80,6 +80,44 @@ def test_signals_are_those_of_the_elements(exact, rng):
             np.testing.assert_array_equal(found.values, wanted.values)
             assert found.attrs["lost_arrivals"] == wanted.attrs["lost_arrivals"]
         assert sonar.pings == 3
+
+
+SECTORS = {"frequency_khz": "200, 240", "pulse_ms": "0.3, 0.3", "bandwidth_khz": "20, 20", "pulse": "lfm", "beams": 24,
+           "source_level_db": "210, 210", "sector_delay_ms": "0, 2", "receive_beam_width_deg": 4.0, "pings": 3,
+           "transmit_beam_width_deg": 4.0, "sector_edges_deg": "0", "swaths": 1, "motion": "hull", "swath_deg": 90.0}
+
+
+def swath():
+    """A multibeam of two sectors on a launch, 10 m over a bed."""
+    return scenes.multibeam({"seabed": scenes.bed(12.0, size=60.0)}, depth=2.0, film={"range": 20.0},
+                            sensor={**SECTORS, "speed_knots": 4.0, "noise": True})
+
+
+def test_a_swath_of_several_sectors_is_that_of_frames_and_soundings(exact):
+    """Soundings interpolate the motion sensors' record, whose samples lie elsewhere for a single ping: 1e-8 m."""
+    scene = swath()
+    line = mitsonar.soundings(scene, SEED)
+    with mitsonar.Sonar(scene, SEED) as sonar:
+        for ping, (pose, frame) in enumerate(zip(poses(scene), mitsonar.frames(scene, SEED), strict=True)):
+            same(sonar.ping(**pose), frame)
+            found, wanted = sonar.soundings(), line.isel(ping=[ping])
+            assert set(found.variables) == set(wanted.variables)
+            for name in ("travel_time", "valid", "backscatter_db", "true_depth"):
+                np.testing.assert_array_equal(found[name].values, wanted[name].values, err_msg=name)
+            for name in ("x", "y", "depth", "error"):
+                np.testing.assert_allclose(found[name].values, wanted[name].values, rtol=0, atol=1e-8, err_msg=name)
+
+
+def test_soundings_of_a_swath_that_is_rolled_and_turned_lie_on_the_bed(exact):
+    """On a level bed 12 m deep, to 1 % of the depth (rms) of the beams within 45 degrees."""
+    with mitsonar.Sonar(swath(), SEED) as sonar:
+        found = sonar.soundings(position=(4.0, -3.0, -2.5), attitude=(0.2, 0.03, 2.0), velocity=(1.0, -1.0, 0.0),
+                                turn_rate=(0.02, 0.03, -0.1))
+    depth = found["depth"].values[0][found["valid"].values[0]]
+    assert found["valid"].values.mean() > 0.8
+    assert np.sqrt(np.mean((depth - 12.0) ** 2)) < 0.12
+    bearing = np.arctan2(np.diff(found["x"].values[0]), np.diff(found["y"].values[0]))
+    assert np.nanmedian(bearing) == pytest.approx(2.0 + np.pi / 2 - 2 * np.pi, abs=0.1)   # to starboard of the heading
 
 
 def test_a_step_away_from_the_plan_is_a_scene_planned_there(exact):
@@ -219,6 +257,15 @@ def test_signals_ask_for_a_ping():
             sonar.signals()
         with pytest.raises(ValueError, match="without a position"):
             sonar.signals(time=4.0)
+
+
+def test_only_a_multibeam_makes_soundings():
+    with mitsonar.Sonar(small(), SEED) as sonar:
+        with pytest.raises(ValueError, match="makes soundings"):
+            sonar.soundings(position=(0, 0, -8))
+        with pytest.raises(ValueError, match="snippets is -1"):
+            sonar.soundings(snippets=-1)
+        assert sonar.pings == 0
 
 
 def test_a_strip_cannot_be_stepped():
