@@ -85,8 +85,11 @@ def realisation(intensity: np.ndarray, shares: np.ndarray, speckle: np.ndarray, 
 def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: np.ndarray, window: tuple[float, float],
           labels: Mapping[int, str], class_of: Mapping[int, int], noise_db: float | None,
           speckle: Callable[[np.ndarray], np.ndarray] | None, seed: int, absorption_db: float,
-          paths: Sequence[str] = ("b",), leakage: float = 0.0) -> xarray.Dataset:
-    """Return the image of a run over a time ``window`` [s]; ``noise_db`` [dB re 1 µPa], ``absorption_db`` [dB/m]."""
+          paths: Sequence[str] = ("b",), leakage: float = 0.0, first: int = 0) -> xarray.Dataset:
+    """Return the image of a run over a time ``window`` [s], whose first ping has a number.
+
+    ``noise_db`` [dB re 1 µPa], ``absorption_db`` [dB/m].
+    """
     pings, _, bins = record.intensity.shape
     bin_length = (window[1] - window[0]) / bins
     time = window[0] + (np.arange(bins) + 0.5) * bin_length
@@ -111,8 +114,8 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
             mean = mean + with_phase[1]
         mean_level[block] = picture.levels(mean)
         if speckle is not None:
-            random = np.random.default_rng([abs(int(seed)), start])
-            drawn = realisation(energy, shares, speckle(np.arange(pings)[block]), noise, random, *with_phase,
+            random = np.random.default_rng([abs(int(seed)), first + start])
+            drawn = realisation(energy, shares, speckle(first + np.arange(pings)[block]), noise, random, *with_phase,
                                 leakage=leakage)
             level[block] = picture.levels(drawn)
         else:
@@ -124,7 +127,7 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
         "sidescan", DIMS,
         {"level": picture.entry(DIMS, level, "dB re 1 µPa", "echo level"),
          "mean_level": picture.entry(DIMS, mean_level, "dB re 1 µPa", "echo level without speckle and noise")},
-        replace(record, depth=depth), bins=axis, pings=picture.pings_of(track, depth_below),
+        replace(record, depth=depth), bins=axis, pings=picture.pings_of(track, depth_below, first),
         rows={"side": picture.SIDES}, labels=labels, class_of=class_of,
         attrs={"seed": int(seed), "frequency": float(sonar.frequency), "source_level_db": float(sonar.source_level_db),
                "pulse_length": float(sonar.pulse_length), "beam_width": beam_width,

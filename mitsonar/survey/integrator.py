@@ -35,7 +35,7 @@ class SoundIntegrator(Protocol):
         ...
 
     def frame(self, survey: Survey, sensor: Sensor, seed: int = 0) -> Callable[[int], xr.Dataset]:
-        """Return the function that renders the picture of one ping of a planned run; see `mitsonar.frames`."""
+        """Return the function that renders the picture of one ping; see `mitsonar.frames` and `mitsonar.Sonar`."""
         ...
 
 

@@ -82,8 +82,8 @@ class FrameKind(Kind[SurveyT, SensorT], Protocol):
         ...
 
 
-FRAMES: Mapping[str, FrameKind[Survey, Sensor]] = _KindFiles("array", "forward_looking", "multibeam")
-STEPPED: Mapping[str, FrameKind[Survey, Sensor]] = _KindFiles("array", "forward_looking", "multibeam")
+FRAMES = "array", "forward_looking", "multibeam"                               # each ping is a picture by itself
+STEPPED: Mapping[str, FrameKind[Survey, Sensor]] = _KindFiles(*FRAMES, "sidescan")
 
 
 class SounderKind(Kind[SurveyT, SensorT], Protocol):
@@ -108,7 +108,7 @@ if TYPE_CHECKING:                   # every module against its protocol
     from .soundings.survey import SwathSurvey
     from .synthetic_aperture import kind as synthetic_aperture
 
-    _SIDESCAN: Kind[SidescanSurvey, sidescan.SidescanSensor] = sidescan
+    _SIDESCAN: FrameKind[SidescanSurvey, sidescan.SidescanSensor] = sidescan
     _ARRAY: FrameKind[ArraySurvey, fan.ArraySensor] = fan
     _FORWARD_LOOKING: FrameKind[ArraySurvey, forward_looking.ForwardLookingSensor] = forward_looking
     _SECTOR_SCAN: Kind[ArraySurvey, sector_scan.SectorScanSensor] = sector_scan
@@ -128,12 +128,11 @@ def sounder_kind_of(sensor: Sensor) -> SounderKind[Survey, Sensor]:
     return SOUNDERS[sensor.kind]
 
 
-def frame_kind_of(sensor: Sensor) -> FrameKind[Survey, Sensor]:
-    """Return the sensor's kind of sonar, which must have a picture for every ping."""
+def check_frames(sensor: Sensor) -> None:
+    """Raise `ValueError` unless the sensor's kind of sonar has a picture for every ping."""
     if sensor.kind not in FRAMES:
         raise ValueError(f"a {sensor.kind} has no picture of a single ping; render all pings as one picture. Sonars "
                          f"with a picture for every ping are {', '.join(FRAMES)}")
-    return FRAMES[sensor.kind]
 
 
 def stepped_kind_of(sensor: Sensor) -> FrameKind[Survey, Sensor]:

@@ -23,7 +23,7 @@ from mitsonar.scene.errors import as_exception
 from mitsonar.scene.loading import load_file, prepare
 from mitsonar.signal.impulses import KERNELS, make_kernel
 from mitsonar.survey.integrator import SoundIntegrator, integrator_of
-from mitsonar.survey.kinds import sounder_kind_of
+from mitsonar.survey.kinds import check_frames, sounder_kind_of
 from mitsonar.survey.pressure.array_survey import ArraySurvey
 from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.survey.pressure.signals import LEAD, pair_responses, received_signals
@@ -115,6 +115,7 @@ def frames(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
     """
     seed = checked_seed(seed)
     scene, sonar, integrator = opened(scene, sensor, parameters)
+    check_frames(sonar)
     try:
         survey = integrator.survey(scene, sonar, seed)
         frame = integrator.frame(survey, sonar, seed)

@@ -90,7 +90,7 @@ class Sonar:
         Returns
         -------
         SonarImage
-            Picture of the ping, as from `mitsonar.frames`.
+            Picture of the ping: a frame as from `mitsonar.frames`, or the row of a sidescan's record.
 
         Raises
         ------

@@ -116,10 +116,10 @@ class SonarPath(mi.SamplingIntegrator):
         return image if sensor.leader is None else image.assign_attrs(seed=int(seed))
 
     def frame(self, survey: Survey, sensor: Sensor, seed: int = 0) -> Callable[[int], xr.Dataset]:
-        """Return the function that renders the picture of one ping of a planned run; see `mitsonar.frames`."""
-        from mitsonar.survey.kinds import frame_kind_of
+        """Return the function that renders the picture of one ping; see `mitsonar.frames` and `mitsonar.Sonar`."""
+        from mitsonar.survey.kinds import stepped_kind_of
 
-        render = frame_kind_of(sensor).frame(survey, sensor, sensor.own_seed(seed))
+        render = stepped_kind_of(sensor).frame(survey, sensor, sensor.own_seed(seed))
         recording = None if sensor.recorder is None else _recording(survey, sensor, seed)
 
         def of(ping: int) -> xr.Dataset:

@@ -6,6 +6,7 @@ import gc
 import weakref
 
 import drjit as dr
+import mitsuba as mi
 import numpy as np
 import pytest
 import sonar_scenes as scenes
@@ -120,6 +121,47 @@ def test_soundings_of_a_swath_that_is_rolled_and_turned_lie_on_the_bed(exact):
     assert np.nanmedian(bearing) == pytest.approx(2.0 + np.pi / 2 - 2 * np.pi, abs=0.1)   # to starboard of the heading
 
 
+def strip(first_pass=0.0, **sensor):
+    """A sidescan of 100 kHz that is towed north at 3 knots, 8 m over a bed with a box."""
+    box = {"type": "cube", "to_world": mi.ScalarTransform4f().translate([8, 0, -19.5]), "bsdf": scenes.lambert(-10)}
+    sensor = {"pings": 4, "speed_knots": 3.0, "motion": "tow", "start": [0.0, -1.0, -12.0], "speckle": True, **sensor}
+    return scenes.sidescan({"seabed": scenes.bed(20.0, size=80.0), "box": box}, sensor=sensor,
+                           film={"range": 30.0, "bins": 200}, integrator={"rays": 20000, "first_pass": first_pass})
+
+
+def test_rows_of_a_sidescan_are_those_of_its_record(exact):
+    """Noise is drawn for blocks of pings together, and first passes are shared by four: both are left out here."""
+    scene = strip()
+    whole = mitsonar.render(scene, SEED)
+    with mitsonar.Sonar(scene, SEED) as sonar:
+        for ping, pose in enumerate(poses(scene)):
+            row, planned = sonar.ping(**pose), whole.isel(ping=[ping])
+            for name in planned.variables:
+                np.testing.assert_array_equal(row[name].values, planned[name].values, err_msg=name)
+
+
+def test_a_step_of_a_sidescan_finds_its_rays_by_itself(exact):
+    """It is its own scout, as the third of four planned pings is; with noise, of a record of one ping."""
+    scene = strip(first_pass=0.15, noise=True)
+    whole = mitsonar.render(scene, SEED)["mean_level"].values
+    with mitsonar.Sonar(scene, SEED) as sonar:
+        rows = [sonar.ping(**pose) for pose in poses(scene)]
+    np.testing.assert_array_equal(rows[2]["mean_level"].values[0], whole[2])
+    noisy = abs(np.array([row["mean_level"].values[0] for row in rows]) - whole)
+    assert 0 < noisy.max() and np.median(noisy[noisy > 0]) < 0.3                        # [dB], of 10,000 rays a side
+    assert len({row["level"].values.tobytes() for row in rows}) == len(rows)
+
+
+def test_a_sidescan_that_turns_and_dives_sees_the_bed_it_is_over(exact):
+    """The first echo of the bed is at the altitude, whatever the heading; a bin is 15 cm, the bed level."""
+    with mitsonar.Sonar(strip(), SEED) as sonar:
+        for number in range(3):
+            row = sonar.ping(position=(3.0 * number, 2.0, -13.0 - number), attitude=(0.02, 0.0, 1.5 * number),
+                             velocity=(1.0, 0.5, 0.0), turn_rate=(0, 0, 0.3 * number))
+            first = row["range"].values[(row["label"].values[0] > 0).any(0)][0]
+            assert first == pytest.approx(20.0 - 13.0 - number, abs=0.3)
+
+
 def test_a_step_away_from_the_plan_is_a_scene_planned_there(exact):
     """The slope of absorption over the band is that at the planned depth, here 8 and 7 m: 2e-5 of the strongest echo.
 
@@ -188,15 +230,16 @@ def test_two_sonars_in_turn_are_each_by_itself(exact):
             same(found[number], wanted)
 
 
-def test_a_step_compiles_nothing_that_the_first_one_has_not():
+@pytest.mark.parametrize("made", [small, swath, strip])
+def test_a_step_compiles_nothing_that_the_first_one_has_not(made):
     """Depth, place, heading, speed and rate of turn change. At rest, under way and in a turn, kernels differ."""
-    with mitsonar.Sonar(small(), SEED) as sonar:
-        known = kernels(lambda: [sonar.ping(position=(0, 0, -8), velocity=(0, 1, 0), turn_rate=(0, 0, 0.1)),
-                                 sonar.ping(position=(0, 1, -8), velocity=(0, 1, 0)),
-                                 sonar.ping(position=(0, 2, -8))])
-        later = kernels(lambda: [sonar.ping(position=(y, y, -7 - 0.3 * y), attitude=(0.1 * y, 0.05, y),
-                                            velocity=(0, 0.3 * y, 0.1), turn_rate=(0, 0.01 * y, 0.2 * y))
-                                 for y in (0.0, 0.7, 1.1, 2.3)])
+    def send(y, moves, turns):
+        sonar.ping(position=(y, y, -5 - 0.3 * y), attitude=(0.1 * y, 0.05, y),
+                   velocity=(0, 0.3 + 0.3 * y if moves else 0, 0), turn_rate=(0, 0, 0.1 + 0.1 * y if turns else 0))
+
+    with mitsonar.Sonar(made(), SEED) as sonar:
+        known = kernels(lambda: [send(0.0, *ways) for ways in ((True, True), (True, False), (False, False))])
+        later = kernels(lambda: [send(y, *ways) for y in (0.7, 1.1) for ways in ((True, True), (False, False))])
         assert len(later - known) == 0
 
 

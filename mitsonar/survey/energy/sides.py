@@ -140,7 +140,7 @@ class Sides:
         self._beams = FaceBeams(sonar)
         self._launch = SideLaunch(survey, self.underway, self._beams.depression, shadows=shadows)
         self._first_grid, self._second_grid = self._launch.grids()
-        self._scouts = scouts(survey.track, survey.surroundings_number, self.bins.farthest,
+        self._scouts = scouts(survey.planned.track, survey.surroundings_number, self.bins.farthest,
                               sonar.wavelength / sonar.longest)
         self._scouted: dict[tuple[int, int], list[np.ndarray]] = {}
         self._shares = pulse_shares(survey.bin_length, sonar.pulse_length)
@@ -182,7 +182,8 @@ class Sides:
 
     def _scouted_tables(self, place, grid, seed, bins_of):
         """Return tables that send more rays into bins which few rays of the pings' scouts reach."""
-        scout = self._scouts[place.ping]
+        # a step cannot know the pings after it, so it is its own scout
+        scout = self._scouts[place.ping] if self._survey.passage.stepping is None else place.ping
         known = self._scouted
         new = np.array([ping for ping in np.unique(scout) if (seed, ping) not in known], int)
         if len(new):

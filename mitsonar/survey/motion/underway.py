@@ -111,13 +111,7 @@ class Underway:
         # rotation (P, 3, 3); sound_speed [m/s]; width of the beam in u [-]
         if not self.moves:
             return np.zeros((len(rotation), 2), np.uint32), [np.zeros(1)]
-        time, moved, turned = self._in_body(rotation)
-        side, depression = np.array([-1.0, 1.0])[:, None], np.array(DEPRESSIONS)
-        aside, down = side * np.cos(depression), np.sin(depression) + 0 * side
-        # (ping, time, side, depression)
-        shift = (turned[..., 2, None, None] * aside - turned[..., 1, None, None] * down
-                 - (moved[..., 0] / (0.5 * sound_speed * time))[..., None, None])
-        mean = shift.mean((1, 3))
+        shift, mean = self._along(rotation, sound_speed)
         step = max(GROUP_WIDTH * width, np.ptp(mean) / (MOST_GROUPS - 1))
         _, group = np.unique(np.round(mean / step), return_inverse=True)
         group = group.reshape(mean.shape).astype(np.uint32)
@@ -126,6 +120,29 @@ class Underway:
             shifts = np.quantile(np.moveaxis(shift, 2, 1)[group == number], np.linspace(0, 1, SHIFTS))
             groups.append(shifts[np.r_[True, np.diff(np.round(shifts / (APART * width))) > 0]])
         return group, groups
+
+    def groups_of(self, ping: np.ndarray, rotation: np.ndarray, sound_speed: float, width: float) -> np.ndarray:
+        """Return the groups (B, 2) of a stepped ping: those of the planned pings and sides of about its shifts."""
+        # ping (B,); rotation (B, 3, 3); the rest as of `along_shifts`
+        assert self._survey is not None
+        planned = self._survey.planned.track.rotation()
+        group, _ = self.along_shifts(planned, sound_speed, width)
+        displacement, turn = self._latest(ping)
+        own = Underway(PingTravel(displacement=displacement, turn=turn, duration=self._duration))
+        mean = own._along(rotation, sound_speed)[1] if own.moves else np.zeros((len(ping), 2))
+        known = self._along(planned, sound_speed)[1].ravel() if self.moves else np.zeros(group.size)
+        return group.ravel()[np.argmin(abs(mean[..., None] - known), axis=-1)]
+
+    def _along(self, rotation: np.ndarray, sound_speed: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the shifts of u (P, time, side, depression) between transmission and reception; their means (P, side).
+        """
+        time, moved, turned = self._in_body(rotation)
+        side, depression = np.array([-1.0, 1.0])[:, None], np.array(DEPRESSIONS)
+        aside, down = side * np.cos(depression), np.sin(depression) + 0 * side
+        # (ping, time, side, depression)
+        shift = (turned[..., 2, None, None] * aside - turned[..., 1, None, None] * down
+                 - (moved[..., 0] / (0.5 * sound_speed * time))[..., None, None])
+        return shift, shift.mean((1, 3))
 
     def aside_shifts(self, rotation: np.ndarray, sound_speed: float, depressions: Sequence[float]) -> np.ndarray:
         """Return the shifts of the athwart cosine of directions ahead between transmission and reception."""
