@@ -83,7 +83,7 @@ class FrameKind(Kind[SurveyT, SensorT], Protocol):
 
 
 FRAMES = "array", "forward_looking", "multibeam"                               # each ping is a picture by itself
-STEPPED: Mapping[str, FrameKind[Survey, Sensor]] = _KindFiles(*FRAMES, "sidescan")
+STEPPED: Mapping[str, FrameKind[Survey, Sensor]] = _KindFiles(*FRAMES, "sidescan", "sector_scan")
 
 
 class SounderKind(Kind[SurveyT, SensorT], Protocol):
@@ -111,7 +111,7 @@ if TYPE_CHECKING:                   # every module against its protocol
     _SIDESCAN: FrameKind[SidescanSurvey, sidescan.SidescanSensor] = sidescan
     _ARRAY: FrameKind[ArraySurvey, fan.ArraySensor] = fan
     _FORWARD_LOOKING: FrameKind[ArraySurvey, forward_looking.ForwardLookingSensor] = forward_looking
-    _SECTOR_SCAN: Kind[ArraySurvey, sector_scan.SectorScanSensor] = sector_scan
+    _SECTOR_SCAN: FrameKind[ArraySurvey, sector_scan.SectorScanSensor] = sector_scan
     _MULTIBEAM: FrameKind[SwathSurvey, multibeam.MultibeamSensor] = multibeam
     _SWATH: SounderKind[SwathSurvey, multibeam.MultibeamSensor] = multibeam
     _INTERFEROMETRIC: SounderKind[interferometric.InterferometricSurvey,

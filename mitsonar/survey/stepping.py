@@ -96,14 +96,14 @@ class SteppedRun:
                              f"{fastest:.4g} m/s at most, which the record is made for; give the sensor a higher "
                              "speed_knots")
         pose, passage, turn_rate = dict(zip(POSE, vectors)), self.survey.passage, float(np.linalg.norm(vectors[3]))
-        if (row := planned_row(passage.voyage, time=when, **pose)) is not None:
-            planned = passage.voyage.track
-            track = Track(**{name: getattr(planned, name)[row:row + 1] for name in FIELDS})
-            return SteppedPing(ping=number, track=track, trajectory=passage.voyage.trajectory, turn_rate=turn_rate,
+        planned = passage.platform or passage.voyage
+        if (row := planned_row(planned, time=when, **pose)) is not None:
+            track = Track(**{name: getattr(planned.track, name)[row:row + 1] for name in FIELDS})
+            return SteppedPing(ping=number, track=track, trajectory=planned.trajectory, turn_rate=turn_rate, row=row,
                                depth_below=float(passage.depth_below[row]))
         below = placement.check(self.survey.world.still, track, number)
         # the trajectory is that of the reference point, as soundings are of it
-        offset = passage.voyage.trajectory.offset
+        offset = planned.trajectory.offset
         arm = track.rotation()[0] @ offset
         lead = Steady(time=when, position=place - arm, attitude=vectors[1], turn_rate=vectors[3],
                       velocity=vectors[2] - np.cross(vectors[3], arm))

@@ -76,9 +76,11 @@ class Survey:
     @property
     def turn_rate(self) -> float:
         """Return the greatest turn rate [rad/s] at the planned transmissions and at the latest stepped ping."""
-        latest = self.passage.latest
-        own = 0.0 if latest is None else latest.turn_rate
-        return max(self.planned_rates[1], own)
+        latest, planned = self.passage.latest, self.planned_rates[1]
+        if latest is None or latest.row is not None:
+            return planned
+        # a head turns on its platform
+        return max(planned, latest.turn_rate + (0.0 if self.passage.platform is None else planned))
 
     def stepped(self: SurveyOf, stepping: Stepping) -> SurveyOf:
         """Return the survey of a sonar that is stepped, with this one as its plan."""

@@ -44,6 +44,7 @@ class Passage:
     of_ping: Callable[[SteppedPing], Voyage] = voyage_of  # makes this sonar's voyage of a stepped ping
     frame: Frame | None = None  # place of the scene on Earth, if only the track has it
     sailed: float | None = None  # [m]: length of the course or recorded track that the pings cover
+    platform: Voyage | None = None  # of the platform, where `voyage` is that of a head that turns on it
     planned: float | None = None  # [m]: full length of the course or recorded track
 
     @property

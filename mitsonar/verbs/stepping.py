@@ -77,7 +77,7 @@ class Sonar:
         position : (3,) [m]
             Place of the sonar at the transmission, in the scene's frame: x east, y north, z up from the sea surface.
         attitude : (3,) [rad]
-            Roll, pitch and heading. If left out: level, towards north.
+            Roll, pitch and heading, of a rotating head those of its platform. If left out: level, towards north.
         velocity : (3,) [m/s]
             Velocity in the scene's frame, constant while echoes arrive. If left out: at rest.
         turn_rate : (3,) [rad/s]
@@ -90,7 +90,8 @@ class Sonar:
         Returns
         -------
         SonarImage
-            Picture of the ping: a frame as from `mitsonar.frames`, or the row of a sidescan's record.
+            Picture of the ping: a frame as from `mitsonar.frames`, the row of a sidescan, the step of a rotating
+            head.
 
         Raises
         ------

@@ -21,7 +21,8 @@ SEED = 7
 def poses(scene):
     """The poses of a scene's planned track, as arguments of a step."""
     survey = scene.integrator().survey(scene, scene.sensors()[0], SEED)
-    track, voyage = survey.track, survey.voyage
+    voyage = survey.passage.platform or survey.voyage
+    track = voyage.track
     return [dict(position=track.position[ping], attitude=(track.roll[ping], track.pitch[ping], track.heading[ping]),
                  velocity=voyage.velocity[ping], turn_rate=voyage.turn_rate[ping], time=track.time[ping])
             for ping in range(track.pings)]
@@ -152,6 +153,43 @@ def test_a_step_of_a_sidescan_finds_its_rays_by_itself(exact):
     assert len({row["level"].values.tobytes() for row in rows}) == len(rows)
 
 
+def head(**sensor):
+    """A rotating head of 750 kHz, 4 m over a bed."""
+    sensor = {"pings": 4, "step_deg": 7.2, "noise": True, "start": [0.0, 0.0, -8.0], **sensor}
+    return scenes.sector_scan({"seabed": scenes.bed(12.0, size=40.0), "ball": scenes.point_target([2, 6, -10], -10)},
+                              sensor=sensor, film={"range": 12.0, "bins": 200}, integrator={"rays": 4000, "cell": 0.2})
+
+
+@pytest.mark.parametrize("sensor", [{"speed_knots": 0.0, "ping_rate_hz": 10.0}, {"speed_knots": 2.0, "motion": "auv"},
+                                    {"speed_knots": 2.0, "picture": "elements"}], ids=["rest", "sways", "elements"])
+def test_steps_of_a_rotating_head_are_those_of_its_picture(exact, sensor):
+    """At rest, echoes are made once for all bearings; the attitude of a pose is the platform's."""
+    scene = head(**sensor)
+    whole = mitsonar.render(scene, SEED)
+    with mitsonar.Sonar(scene, SEED) as sonar:
+        for ping, pose in enumerate(poses(scene)):
+            step, planned = sonar.ping(**pose), whole.isel(ping=[ping])
+            for name in planned.variables:
+                np.testing.assert_array_equal(step[name].values, planned[name].values, err_msg=name)
+
+
+def test_a_head_on_a_platform_that_turns_looks_where_bearing_and_heading_say(exact):
+    """The platform turns so that the head, at the bearing of its ping, looks at the ball, and then a radian aside.
+
+    Beside it, side lobes of -26 dB two-way and less see it.
+    """
+    azimuth = np.arctan2(2, 6)
+    with mitsonar.Sonar(head(sector_deg=1.0, step_deg=0.5, noise=False), SEED) as sonar:
+        first = sonar.ping(position=(0, 0, -8))
+        levels = []
+        for aside in (0.0, 1.0):
+            heading = azimuth + aside - float(first["bearing"].values[0])
+            step = sonar.ping(position=(0, 0, -8), attitude=(0, 0, heading))
+            assert abs(float(step["bearing"].values[0] - first["bearing"].values[0])) < 0.02
+            levels.append(float(step["level"].max()))
+    assert levels[0] - levels[1] > 26
+
+
 def test_a_sidescan_that_turns_and_dives_sees_the_bed_it_is_over(exact):
     """The first echo of the bed is at the altitude, whatever the heading; a bin is 15 cm, the bed level."""
     with mitsonar.Sonar(strip(), SEED) as sonar:
@@ -230,14 +268,14 @@ def test_two_sonars_in_turn_are_each_by_itself(exact):
             same(found[number], wanted)
 
 
-@pytest.mark.parametrize("made", [small, swath, strip])
+@pytest.mark.parametrize("made", [small, swath, strip, head])
 def test_a_step_compiles_nothing_that_the_first_one_has_not(made):
     """Depth, place, heading, speed and rate of turn change. At rest, under way and in a turn, kernels differ."""
     def send(y, moves, turns):
         sonar.ping(position=(y, y, -5 - 0.3 * y), attitude=(0.1 * y, 0.05, y),
                    velocity=(0, 0.3 + 0.3 * y if moves else 0, 0), turn_rate=(0, 0, 0.1 + 0.1 * y if turns else 0))
 
-    with mitsonar.Sonar(made(), SEED) as sonar:
+    with mitsonar.Sonar(made(**({"speed_knots": 3.0} if made is head else {})), SEED) as sonar:
         known = kernels(lambda: [send(0.0, *ways) for ways in ((True, True), (True, False), (False, False))])
         later = kernels(lambda: [send(y, *ways) for y in (0.7, 1.1) for ways in ((True, True), (False, False))])
         assert len(later - known) == 0

@@ -75,6 +75,7 @@ class SteppedPing:
     trajectory: Trajectory  # while its echoes arrive
     turn_rate: float  # [rad/s]
     depth_below: float  # [m]: seabed below the sonar
+    row: int | None = None  # number of the planned ping that has this pose
     _voyages: dict = field(default_factory=dict)
 
     @property

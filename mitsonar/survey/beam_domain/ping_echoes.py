@@ -29,7 +29,7 @@ from mitsonar.sonar.faces.directivity import sinc
 
 from ..energy.face_beams import BEAM_EDGE
 from ..motion.reception import EndArrival, Reception
-from ..pressure.array_survey import ArraySurvey
+from ..pressure.array_survey import ArraySurvey, Steering
 from .ground import FREE, HIDDEN_BY_OBJECT, Ground
 from .line import LineArray
 from .lobe_rays import LobeRays
@@ -98,11 +98,12 @@ SINK = 0.15                        # sine below the horizon that the rows' facto
 
 class PingEchoes:
     """Echoes of a survey's pings."""
-    # lobe: axis (3,), cell [-] and finer of a lobe across the line; turning: axes (P, 3) and cell [-] of a turning head
+    # lobe: axis (3,), cell [-] and finer of a lobe across the line
+    # turning: axes (3,) by ping, and cell [-], of a turning head
 
     def __init__(self, survey: ArraySurvey, line: LineArray, *, per_cell: float, beams_from_origin: bool = True,
                  beside: PingEchoes | None = None, lobe: tuple[np.ndarray, float, float] | None = None,
-                 turning: tuple[np.ndarray, float] | None = None, negligible: float = NEGLIGIBLE):
+                 turning: tuple[Steering, float] | None = None, negligible: float = NEGLIGIBLE):
         self._long, self._turning, self._negligible = lobe, turning, negligible
         self.survey, self.line, self.per_cell = survey, line, float(per_cell)
         self._from_origin = beams_from_origin

@@ -31,7 +31,7 @@ class Sampling:
 
 
 class Steering(Protocol):
-    """Directions (3,) that a transmit array is steered to, by the number of a ping."""
+    """Directions (3,) by the number of a ping, such as those that a transmit array is steered to."""
 
     def __getitem__(self, ping: int, /) -> np.ndarray: ...
 
