@@ -36,6 +36,7 @@ from .verbs.images import (
     render as render,
     soundings as soundings,
 )
+from .verbs.stepping import Sonar as Sonar
 from .verbs.strips import focus as focus, raw_echoes as raw_echoes
 
 __version__: str

@@ -80,6 +80,14 @@ class Ensonification:
         other.targets = targets
         return other
 
+    def turning(self, turn: float) -> Ensonification:
+        """Return the same ensonification for arrays that turn by another angle [rad] during reception."""
+        if self.beams is None or self.beams.turning(turn) is self.beams:
+            return self
+        other = copy.copy(self)
+        other.beams = self.beams.turning(turn)
+        return other
+
     @property
     def pattern(self) -> Callable | None:
         """Two-way intensity of the beams as a function of directions and a rotation, or None if it is uniform."""

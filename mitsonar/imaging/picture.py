@@ -67,9 +67,9 @@ def bins_of(time: np.ndarray, sound_speed: float, pulse: dict[str, Any] | None) 
                        pulse_length=pulse_of(pulse).compressed_length() if pulse else 0.0)
 
 
-def pings_of(track: Track, depth_below: np.ndarray) -> dict[str, np.ndarray]:
-    """Return numbers, times, positions, attitudes and heights above the seabed [m] of a track's pings."""
-    return {"ping": np.arange(track.pings), "ping_time": np.array(track.time),
+def pings_of(track: Track, depth_below: np.ndarray, first: int = 0) -> dict[str, np.ndarray]:
+    """Return numbers from the first on, times, positions, attitudes and heights over the bed [m] of a track's pings."""
+    return {"ping": first + np.arange(track.pings), "ping_time": np.array(track.time),
             **{axis: np.array(column) for axis, column in zip("xyz", track.position.T)},
             **{name: np.array(getattr(track, name)) for name in ("roll", "pitch", "heading")},
             "altitude": np.array(depth_below, float)}

@@ -39,15 +39,15 @@ def mean_power(compressed: np.ndarray, bins: int) -> np.ndarray:
 
 def image(power: np.ndarray, record: EnergyRecord, expected: np.ndarray, *, turns: Turns, time: np.ndarray,
           sound_speed: float, depth_below: np.ndarray, labels: Mapping[int, str], class_of: Mapping[int, int],
-          attrs: Mapping[str, Any]) -> xr.Dataset:
-    """Return the image of a run from drawn and expected powers (P, bins) [µPa²]."""
+          attrs: Mapping[str, Any], first: int = 0) -> xr.Dataset:
+    """Return the image of a run from drawn and expected powers (P, bins) [µPa²] of pings from the first number on."""
     return picture.picture(
         "sector_scan", DIMS,
         {"level": picture.entry(DIMS, picture.levels(power), "dB re 1 µPa", "echo level"),
          "mean_level": picture.entry(DIMS, picture.levels(expected), "dB re 1 µPa",
                                      "echo level without speckle and noise")},
         record, bins=picture.bins_of(time, sound_speed, attrs.get("pulse")),
-        pings=picture.pings_of(turns.platform, depth_below), whose=" of the platform",
+        pings=picture.pings_of(turns.platform, depth_below, first), whose=" of the platform",
         rows={"bearing": picture.entry("ping", turns.bearing, "rad", _CLOCKWISE[turns.mount == "forward"]),
               "turn": picture.entry("ping", turns.turn, "1", "turn of the head, or sweep across its sector")},
         labels=labels, class_of=class_of,

@@ -105,11 +105,13 @@ def peaks(intensity: np.ndarray, shares: np.ndarray, speckle: np.ndarray, noise:
 def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: np.ndarray, window: tuple[float, float],
           labels: Mapping[int, str], class_of: Mapping[int, int], noise_db: float | None,
           speckle: Callable[[np.ndarray, int], np.ndarray] | None, seed: int, absorption_db: float,
-          paths: Sequence[str] = ("b",), leakage: float = 0.0, peak_window: float = 0.0) -> xarray.Dataset:
-    """Return the image of a run over a time ``window`` [s]; ``noise_db`` [dB re 1 µPa], ``absorption_db`` [dB/m].
+          paths: Sequence[str] = ("b",), leakage: float = 0.0, peak_window: float = 0.0,
+          first: int = 0) -> xarray.Dataset:
+    """Return the image of a run over a time ``window`` [s], whose first ping has a number.
 
-    ``speckle`` is given the numbers of pings (B,) and of steps, and returns (B, side, gates, steps). With a
-    ``peak_window`` [bins], the image has ``peak_level``, what a peak detector makes of the same echoes and noise.
+    ``noise_db`` [dB re 1 µPa], ``absorption_db`` [dB/m]. ``speckle`` is given the numbers of pings (B,) and of steps,
+    and returns (B, side, gates, steps). With a ``peak_window`` [bins], the image has ``peak_level``, what a peak
+    detector makes of the same echoes and noise.
     """
     pings, _, bins = record.intensity.shape
     bin_length = (window[1] - window[0]) / bins
@@ -137,14 +139,13 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
             mean = mean + with_phase[1]
         mean_level[block] = picture.levels(mean)
         if speckle is not None:
-            of_gates = speckle(np.arange(pings)[block], steps)
-            drawn = realisation(energy, shares, of_gates[..., 0], noise, np.random.default_rng([abs(int(seed)), start]),
-                                *with_phase, leakage=leakage)
+            of_gates, key = speckle(first + np.arange(pings)[block], steps), [abs(int(seed)), first + start]
+            drawn = realisation(energy, shares, of_gates[..., 0], noise, np.random.default_rng(key), *with_phase,
+                                leakage=leakage)
             level[block] = picture.levels(drawn)
             if peak_level is not None:
-                peak_level[block] = picture.levels(peaks(
-                    energy, shares, of_gates, noise, np.random.default_rng([abs(int(seed)), start]), peak_window,
-                    *with_phase, leakage=leakage))
+                peak_level[block] = picture.levels(peaks(energy, shares, of_gates, noise, np.random.default_rng(key),
+                                                         peak_window, *with_phase, leakage=leakage))
         else:
             level[block] = picture.levels(mean + noise)
             if peak_level is not None:
@@ -156,7 +157,7 @@ def image(record: EnergyRecord, *, sonar: Sidescan, track: Track, depth_below: n
         "sidescan", DIMS,
         {"level": picture.entry(DIMS, level, "dB re 1 µPa", "echo level"),
          "mean_level": picture.entry(DIMS, mean_level, "dB re 1 µPa", "echo level without speckle and noise")},
-        replace(record, depth=depth), bins=axis, pings=picture.pings_of(track, depth_below),
+        replace(record, depth=depth), bins=axis, pings=picture.pings_of(track, depth_below, first),
         rows={"side": picture.SIDES}, labels=labels, class_of=class_of,
         attrs={"seed": int(seed), "frequency": float(sonar.frequency), "source_level_db": float(sonar.source_level_db),
                "pulse_length": float(sonar.pulse_length), "beam_width": beam_width,

@@ -1,7 +1,7 @@
 """Protocol of the integrator that renders sound; see `plugins.integrators.sonar_path`."""
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from .sensor import RunSettings, Sensor
@@ -34,8 +34,8 @@ class SoundIntegrator(Protocol):
         """Render a planned run; see `mitsonar.render`."""
         ...
 
-    def frames(self, survey: Survey, sensor: Sensor, seed: int = 0) -> Iterator[xr.Dataset]:
-        """Yield the pictures of a planned run ping by ping; see `mitsonar.frames`."""
+    def frame(self, survey: Survey, sensor: Sensor, seed: int = 0) -> Callable[[int], xr.Dataset]:
+        """Return the function that renders the picture of one ping; see `mitsonar.frames` and `mitsonar.Sonar`."""
         ...
 
 

@@ -15,10 +15,8 @@ if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
 
-    from mitsonar.water.profile import SoundSpeedProfile
-
     from .pressure.array_survey import ArraySurvey
-    from .soundings.line import SoundingLine
+    from .soundings.line import Instrument
     from .survey import Survey
 
 FILES = {"array": "fan.kind", "forward_looking": "fan.forward_looking"}        # of kinds without a folder of their name
@@ -77,22 +75,23 @@ KINDS: Mapping[str, Kind[Survey, Sensor]] = _KindFiles(
 
 
 class FrameKind(Kind[SurveyT, SensorT], Protocol):
-    """Kind of sonar with a picture for every ping."""
+    """Kind of sonar that can render the picture of one ping."""
 
-    def frames(self, survey: SurveyT, sensor: SensorT, seed: int) -> Iterator[xr.Dataset]:
-        """Yield the pictures of pings one by one."""
+    def frame(self, survey: SurveyT, sensor: SensorT, seed: int) -> Callable[[int], xr.Dataset]:
+        """Return the function that renders the picture of a ping, by its number."""
         ...
 
 
-FRAMES: Mapping[str, FrameKind[Survey, Sensor]] = _KindFiles("array", "forward_looking", "multibeam")
+FRAMES = "array", "forward_looking", "multibeam"                               # each ping is a picture by itself
+STEPPED: Mapping[str, FrameKind[Survey, Sensor]] = _KindFiles(*FRAMES, "sidescan", "sector_scan")
 
 
 class SounderKind(Kind[SurveyT, SensorT], Protocol):
     """Kind of sonar that makes soundings."""
 
-    def sounding_line(self, survey: SurveyT, seed: int, *, profile: SoundSpeedProfile | None, column: bool,
-                      snippets: int) -> SoundingLine[Any]:      # of any measurement
-        """Make the soundings of a line; arguments are those of `mitsonar.soundings`."""
+    def instrument(self, survey: SurveyT, seed: int, *, column: bool,
+                   snippets: int) -> Instrument[Any]:           # of any measurement
+        """Make the instrument that measures the pings; arguments are those of `mitsonar.soundings`."""
         ...
 
 
@@ -109,10 +108,10 @@ if TYPE_CHECKING:                   # every module against its protocol
     from .soundings.survey import SwathSurvey
     from .synthetic_aperture import kind as synthetic_aperture
 
-    _SIDESCAN: Kind[SidescanSurvey, sidescan.SidescanSensor] = sidescan
+    _SIDESCAN: FrameKind[SidescanSurvey, sidescan.SidescanSensor] = sidescan
     _ARRAY: FrameKind[ArraySurvey, fan.ArraySensor] = fan
     _FORWARD_LOOKING: FrameKind[ArraySurvey, forward_looking.ForwardLookingSensor] = forward_looking
-    _SECTOR_SCAN: Kind[ArraySurvey, sector_scan.SectorScanSensor] = sector_scan
+    _SECTOR_SCAN: FrameKind[ArraySurvey, sector_scan.SectorScanSensor] = sector_scan
     _MULTIBEAM: FrameKind[SwathSurvey, multibeam.MultibeamSensor] = multibeam
     _SWATH: SounderKind[SwathSurvey, multibeam.MultibeamSensor] = multibeam
     _INTERFEROMETRIC: SounderKind[interferometric.InterferometricSurvey,
@@ -129,12 +128,19 @@ def sounder_kind_of(sensor: Sensor) -> SounderKind[Survey, Sensor]:
     return SOUNDERS[sensor.kind]
 
 
-def frame_kind_of(sensor: Sensor) -> FrameKind[Survey, Sensor]:
-    """Return the sensor's kind of sonar, which must have a picture for every ping."""
+def check_frames(sensor: Sensor) -> None:
+    """Raise `ValueError` unless the sensor's kind of sonar has a picture for every ping."""
     if sensor.kind not in FRAMES:
         raise ValueError(f"a {sensor.kind} has no picture of a single ping; render all pings as one picture. Sonars "
                          f"with a picture for every ping are {', '.join(FRAMES)}")
-    return FRAMES[sensor.kind]
+
+
+def stepped_kind_of(sensor: Sensor) -> FrameKind[Survey, Sensor]:
+    """Return the sensor's kind of sonar, whose pings can be asked for one by one."""
+    if sensor.kind not in STEPPED:
+        raise ValueError(f"a {sensor.kind} cannot be stepped, because its record is made of all pings together; sonars "
+                         f"that can be are {', '.join(STEPPED)}")
+    return STEPPED[sensor.kind]
 
 
 def kind_of(sensor: mi.Sensor | Sensor) -> Kind[Survey, Sensor]:

@@ -157,26 +157,29 @@ def _away(geometry: Geometry, position: np.ndarray) -> np.ndarray:
     return np.hypot(*np.maximum(np.maximum(low - position, position - high), 0).T)
 
 
-def check(geometry: Geometry, track: Track) -> np.ndarray:
-    """Return the depth of the seabed below the sonar at every ping [m], (P,); refuse a track that leaves the water."""
+def check(geometry: Geometry, track: Track, first: int = 0) -> np.ndarray:
+    """Return the depth of the seabed below the sonar at every ping [m], (P,); refuse a track that leaves the water.
+
+    `first` is the number of the track's first ping, for messages.
+    """
     x, y, z = track.position.T
     if np.any(z > 0):
         ping = int(np.argmax(z > 0))
-        raise ValueError(f"ping {ping}: the sonar is {z[ping]:.2f} m above the sea surface (z = 0); z is negative "
-                         "under water")
+        raise ValueError(f"ping {first + ping}: the sonar is {z[ping]:.2f} m above the sea surface (z = 0); z is "
+                         "negative under water")
     depth = soundings(geometry, x, y)
     if np.any(np.isnan(depth)):
         ping = int(np.argmax(np.isnan(depth)))
         (x0, y0), (x1, y1) = geometry.horizontal_bounds
-        raise ValueError(f"track outside the bathymetry: ping {ping} is at x = {x[ping]:.1f} m, y = {y[ping]:.1f} m, "
-                         f"where no seabed lies below (the scene spans x {x0:.1f}..{x1:.1f}, y {y0:.1f}..{y1:.1f} m); "
-                         "move the track or crop it")
+        raise ValueError(f"track outside the bathymetry: ping {first + ping} is at x = {x[ping]:.1f} m, "
+                         f"y = {y[ping]:.1f} m, where no seabed lies below (the scene spans x {x0:.1f}..{x1:.1f}, "
+                         f"y {y0:.1f}..{y1:.1f} m); move the track or crop it")
     below = _distance(geometry, x, y, z, up=False)
     if np.any(np.isnan(below)):
         ping = int(np.argmax(np.isnan(below)))
         if depth[ping] < 0:
-            raise ValueError(f"at ping {ping} {_dry(depth[ping])}")
-        raise ValueError(f"sonar below the seabed: at ping {ping} it is {-z[ping]:.2f} m deep, the seabed "
+            raise ValueError(f"at ping {first + ping} {_dry(depth[ping])}")
+        raise ValueError(f"sonar below the seabed: at ping {first + ping} it is {-z[ping]:.2f} m deep, the seabed "
                          f"{depth[ping]:.2f} m; raise the track or the altitude")
     return below
 

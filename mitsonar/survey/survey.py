@@ -22,7 +22,7 @@ from mitsonar.sonar.motion.track import Track
 from mitsonar.sonar.motion.trajectory import Voyage
 from mitsonar.water.waters import Waters
 
-from .voyage import Passage
+from .voyage import Passage, Stepping
 
 
 class Surroundings(NamedTuple):
@@ -48,13 +48,43 @@ class Survey:
 
     @property
     def voyage(self) -> Voyage:
-        """Return the pings' track, and the trajectory it lies on."""
+        """Return the pings' track, and the trajectory it lies on; of a sonar that is stepped, its latest ping's."""
+        return self.passage.now
+
+    @property
+    def planned(self) -> Voyage:
+        """Return the planned voyage, for what is made for all pings, whenever it is made."""
         return self.passage.voyage
 
     @property
     def depth_below(self) -> np.ndarray:
         """Return the depth of the seabed below the sonar (P,) [m]."""
-        return self.passage.depth_below
+        return self.passage.below
+
+    @cached_property
+    def planned_depth(self) -> float:
+        """Return the mean depth of the sonar on the planned track [m], for what all pings share."""
+        return float(np.mean(-self.planned.track.position[:, 2]))
+
+    @cached_property
+    def planned_rates(self) -> tuple[float, float]:
+        """Return the greatest speed [m/s] and turn rate [rad/s] at the planned transmissions."""
+        speed, turn = (float(np.linalg.norm(rate, axis=1).max())
+                       for rate in (self.planned.velocity, self.planned.turn_rate))
+        return speed, turn
+
+    @property
+    def turn_rate(self) -> float:
+        """Return the greatest turn rate [rad/s] at the planned transmissions and at the latest stepped ping."""
+        latest, planned = self.passage.latest, self.planned_rates[1]
+        if latest is None or latest.row is not None:
+            return planned
+        # a head turns on its platform
+        return max(planned, latest.turn_rate + (0.0 if self.passage.platform is None else planned))
+
+    def stepped(self: SurveyOf, stepping: Stepping) -> SurveyOf:
+        """Return the survey of a sonar that is stepped, with this one as its plan."""
+        return replace(self, passage=replace(self.passage, stepping=stepping))
 
     @property
     def track(self) -> Track:
@@ -64,9 +94,13 @@ class Survey:
     @cached_property
     def surroundings_number(self) -> np.ndarray:
         """Return the numbers (P,) of the pings' surroundings; pings with one number share them."""
-        ping = np.arange(self.track.pings)
+        ping = np.arange(self.planned.track.pings)
         pairs = np.stack([self.waters.number(ping), self.world.number(ping)])
         return np.unique(pairs, axis=1, return_inverse=True)[1].reshape(-1)
+
+    def surroundings_of(self, ping: int) -> int:
+        """Return the number of a ping's surroundings; all stepped pings have those of the first planned one."""
+        return int(self.surroundings_number[0 if self.passage.latest is not None else ping])
 
     @property
     def changes(self) -> bool:
@@ -96,8 +130,8 @@ class Survey:
         """Return the numbers of the pings, in parts in which consecutive pings share their surroundings."""
         changes = np.flatnonzero(np.diff(self.surroundings_number)) + 1
         if self.world.moves:
-            changes = np.arange(1, self.track.pings)
-        return np.split(np.arange(self.track.pings), changes)
+            changes = np.arange(1, self.planned.track.pings)
+        return np.split(np.arange(self.planned.track.pings), changes)
 
     @cached_property
     def surroundings(self) -> Surroundings:
@@ -107,7 +141,7 @@ class Survey:
     def device_water(self, below: float = 0.0) -> DeviceWater:
         """Return the water of all pings on the device, with tables that end `below` [m] under the lowest bed."""
         column = self.waters.only
-        deepest = max(self.world.depth_range[1], -float(self.track.position[:, 2].min())) + below
+        deepest = max(self.world.depth_range[1], -float(self.planned.track.position[:, 2].min())) + below
         return DeviceWater(column.profile, column.absorption, column.volume, deepest=deepest)
 
     @cached_property
@@ -126,14 +160,14 @@ class Survey:
 
     @property
     def sound_speeds(self) -> np.ndarray:
-        """Return the sound speeds at the sonar at all pings, (P,) [m/s]."""
-        depth = -self.track.position[:, 2]
+        """Return the sound speeds at the sonar at all planned pings, (P,) [m/s]."""
+        depth = -self.planned.track.position[:, 2]
         return np.concatenate([self.waters.at(part[0]).profile.at(depth[part]) for part in self.stretches()])
 
     @property
     def planned_speed(self) -> float:
-        """Return the sound speed at the sonar at the first ping [m/s], for what all pings share."""
-        return self.sound_speed(0)
+        """Return the sound speed at the sonar at the first planned ping [m/s], for what all pings share."""
+        return self.waters.sound_speed(0, -self.planned.track.position[0, 2])
 
 
 class PerSurroundings(Generic[SurveyOf, _Made]):
@@ -145,7 +179,7 @@ class PerSurroundings(Generic[SurveyOf, _Made]):
 
     def at(self, ping: int) -> _Made:
         """Return what is made for the surroundings of a ping, in which moving objects stand as at that ping."""
-        number = int(self._survey.surroundings_number[ping])
+        number = self._survey.surroundings_of(ping)
         if self._survey.world.moves:
             self._survey.world.at(ping)
         if self._latest is None or self._latest[0] != number:

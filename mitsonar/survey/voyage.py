@@ -1,6 +1,7 @@
 """Routes as a scene describes them, laid over its seabed."""
 import logging
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,6 +9,7 @@ import numpy as np
 from mitsonar.io.tracks.navigation import Frame, Navigation, Waypoints
 from mitsonar.scene.geometry import Geometry
 from mitsonar.sonar.motion.motion import RandomMotion
+from mitsonar.sonar.motion.stepping import SteppedPing, voyage_of
 from mitsonar.sonar.motion.track import Track
 from mitsonar.sonar.motion.trajectory import Circled, Recorded, Sailed, SmoothCurve, Trajectory, Voyage
 from mitsonar.sonar.motion.waypoints import Course
@@ -20,16 +22,46 @@ MOST_PINGS = 1_000_000             # more than a day at ten pings a second; layi
 _log = logging.getLogger(__name__)
 
 
+class Stepping:
+    """Latest ping of a sonar that is stepped, which all surveys of the sonar share; None before the first one."""
+
+    def __init__(self) -> None:
+        self.latest: SteppedPing | None = None
+
+
 @dataclass(frozen=True, kw_only=True)
 class Passage:
-    """Route laid over a scene."""
+    """Route laid over a scene.
+
+    For a sonar that is stepped, it is the plan from which everything follows that all pings share.
+    """
 
     voyage: Voyage  # pings' track, and the trajectory it lies on
     depth_below: np.ndarray  # (P,) [m]: seabed below the sonar
     depth: np.ndarray  # (P,) [m]: of the sonar on the route, without `Route.position_error`
+    interval: float = 0.0  # [s]: between pings
+    stepping: Stepping | None = None  # of a sonar that is stepped
+    of_ping: Callable[[SteppedPing], Voyage] = voyage_of  # makes this sonar's voyage of a stepped ping
     frame: Frame | None = None  # place of the scene on Earth, if only the track has it
     sailed: float | None = None  # [m]: length of the course or recorded track that the pings cover
+    platform: Voyage | None = None  # of the platform, where `voyage` is that of a head that turns on it
     planned: float | None = None  # [m]: full length of the course or recorded track
+
+    @property
+    def latest(self) -> SteppedPing | None:
+        """Return the latest ping of a sonar that is stepped; None before the first one, and along a planned route."""
+        return None if self.stepping is None else self.stepping.latest
+
+    @property
+    def now(self) -> Voyage:
+        """Return the voyage of the pings: that of the latest stepped ping, or the planned one."""
+        return self.voyage if self.latest is None else self.latest.voyage(self.of_ping)
+
+    @property
+    def below(self) -> np.ndarray:
+        """Return the seabed's depth below the sonar at the pings, (P,) [m]: at the latest step, or as planned."""
+        latest = self.latest
+        return self.depth_below if latest is None else np.broadcast_to(latest.depth_below, latest.ping + 1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +108,7 @@ class Route:
                                                                                  self.attitude_error))
             voyage = Voyage(track=voyage.track.moved(*errors), trajectory=voyage.trajectory)
         return Passage(voyage=voyage, depth_below=placement.check(geometry, voyage.track), depth=depth,
-                       frame=self.frame, sailed=lengths[0], planned=lengths[1])
+                       interval=interval, frame=self.frame, sailed=lengths[0], planned=lengths[1])
 
     def _straight(self, geometry, interval):
         if self.start is not None:

@@ -23,11 +23,12 @@ from mitsonar.scene.errors import as_exception
 from mitsonar.scene.loading import load_file, prepare
 from mitsonar.signal.impulses import KERNELS, make_kernel
 from mitsonar.survey.integrator import SoundIntegrator, integrator_of
-from mitsonar.survey.kinds import sounder_kind_of
+from mitsonar.survey.kinds import check_frames, sounder_kind_of
 from mitsonar.survey.pressure.array_survey import ArraySurvey
 from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.survey.pressure.signals import LEAD, pair_responses, received_signals
 from mitsonar.survey.sensor import Sensor, sonar_of
+from mitsonar.survey.soundings.line import SoundingLine
 from mitsonar.survey.survey import Survey
 from mitsonar.version import __version__
 from mitsonar.water.profile import SoundSpeedProfile
@@ -114,13 +115,14 @@ def frames(scene: mi.Scene | FilePath, seed: int = 0, *, sensor: int | str = 0,
     """
     seed = checked_seed(seed)
     scene, sonar, integrator = opened(scene, sensor, parameters)
+    check_frames(sonar)
     try:
         survey = integrator.survey(scene, sonar, seed)
-        images = integrator.frames(survey, sonar, seed)
+        frame = integrator.frame(survey, sonar, seed)
     except RuntimeError as error:
         raise as_exception(error) from error
     origin = provenance(scene, sonar, survey)
-    return (SonarImage.of(not_all_nan(image).assign_attrs(origin)) for image in images)
+    return (SonarImage.of(not_all_nan(frame(ping)).assign_attrs(origin)) for ping in range(survey.track.pings))
 
 
 @one_at_a_time
@@ -273,16 +275,13 @@ def sounded_pings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeed
                   count: Callable[[int], object] | None = None) -> Iterator[SonarImage]:
     """Yield the soundings of one ping after the other, so that memory does not grow with their number."""
     seed = checked_seed(seed)
-    samples = operator.index(snippets)
-    if not 0 <= samples <= MOST_SNIPPETS:
-        raise ValueError(f"snippets is {samples}; give a number of samples from 0, for none, to {MOST_SNIPPETS}")
-    if profile is not None and not isinstance(profile, SoundSpeedProfile):
-        profile = casts.read(profile).profile
+    samples, profile = checked_snippets(snippets), read_profile(profile)
     scene, sonar, integrator = opened(scene, sensor)
     kind = sounder_kind_of(sonar)
     try:
         survey = integrator.survey(scene, sonar, seed)
-        line = kind.sounding_line(survey, sonar.own_seed(seed), profile=profile, column=column, snippets=samples)
+        own = sonar.own_seed(seed)
+        line = SoundingLine(survey, kind.instrument(survey, own, column=column, snippets=samples), own, profile=profile)
     except RuntimeError as error:
         raise as_exception(error) from error
     if count is not None:
@@ -324,6 +323,19 @@ def opened(scene: mi.Scene | FilePath, sensor: int | str = 0,
         raise ValueError(f"sensor {sensor} was asked for, but the scene has {len(sensors)}, counted from 0")
     integrator = integrator_of(scene)
     return scene, sonar_of(sensors[sensor]), integrator
+
+
+def checked_snippets(snippets: int) -> int:
+    """Return a number of samples as an int; raise ValueError if it is out of range."""
+    samples = operator.index(snippets)
+    if not 0 <= samples <= MOST_SNIPPETS:
+        raise ValueError(f"snippets is {samples}; give a number of samples from 0, for none, to {MOST_SNIPPETS}")
+    return samples
+
+
+def read_profile(profile: SoundSpeedProfile | FilePath | None) -> SoundSpeedProfile | None:
+    """Return a profile, read if it is the file of a cast."""
+    return profile if profile is None or isinstance(profile, SoundSpeedProfile) else casts.read(profile).profile
 
 
 def checked_seed(seed: int) -> int:

@@ -13,7 +13,7 @@ Meshes and rectangles carry scatterers.
 """
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -115,14 +115,18 @@ class SonarPath(mi.SamplingIntegrator):
             image = _recording(survey, sensor, seed).added(image)
         return image if sensor.leader is None else image.assign_attrs(seed=int(seed))
 
-    def frames(self, survey: Survey, sensor: Sensor, seed: int = 0) -> Iterator[xr.Dataset]:
-        """Yield the pictures of a planned run ping by ping; see `mitsonar.frames`."""
-        from mitsonar.survey.kinds import frame_kind_of
+    def frame(self, survey: Survey, sensor: Sensor, seed: int = 0) -> Callable[[int], xr.Dataset]:
+        """Return the function that renders the picture of one ping; see `mitsonar.frames` and `mitsonar.Sonar`."""
+        from mitsonar.survey.kinds import stepped_kind_of
 
-        images = frame_kind_of(sensor).frames(survey, sensor, sensor.own_seed(seed))
-        if sensor.recorder is not None:
-            images = map(_recording(survey, sensor, seed).added, images)
-        return images if sensor.leader is None else (image.assign_attrs(seed=int(seed)) for image in images)
+        render = stepped_kind_of(sensor).frame(survey, sensor, sensor.own_seed(seed))
+        recording = None if sensor.recorder is None else _recording(survey, sensor, seed)
+
+        def of(ping: int) -> xr.Dataset:
+            image = render(ping) if recording is None else recording.added(render(ping))
+            return image if sensor.leader is None else image.assign_attrs(seed=int(seed))
+
+        return of
 
     @one_at_a_time
     def render(self, scene: mi.Scene, sensor: mi.Sensor | int = 0, seed: int = 0, spp: int = 0, develop: bool = True,
@@ -183,9 +187,8 @@ def _recording(survey: Survey, sensor: Sensor, seed: int) -> PingRecorder:
     from mitsonar.imaging.recording import PingRecorder
 
     assert sensor.recorder is not None
-    depth = float(np.mean(-survey.track.position[:, 2]))
     return PingRecorder(sensor.recorder, sensor.own_seed(seed),
-                     absorption_db=float(survey.waters.first.absorption.at(depth)))
+                     absorption_db=float(survey.waters.first.absorption.at(survey.planned_depth)))
 
 
 mi.register_integrator("sonar_path", SonarPath)

@@ -28,6 +28,7 @@ RUNS = {
                    "law alone, two directions"),
     "fans": (["fans.py", "-Drange=10", "-Delements=16", "--beams", "20", "--rounds", "1", "--memory", "2"],
              "echoes and shadows"),
+    "steps": (["steps.py", "--scenes", "small", "--rounds", "1", "--memory", "4"], "a step that turns"),
     "turns": (["turns.py", "-Drange=8", "-Drays=1000", "-Dcell=0.3", "--pings", "2", "--rounds", "1",
                "--elements", "1"], "1 pings by elements"),
     "multipath": (["multipath.py", "-Drays=4000", "-Dbins=80", "--pings", "2", "--rounds", "1", "--seeds", "2"],

@@ -12,6 +12,7 @@ from mitsonar.scene.geometry import Geometry
 from mitsonar.survey.kinds import SOUNDERS, kind_of
 from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.survey.pressure.signals import LEAD, received_signals
+from mitsonar.survey.soundings.line import SoundingLine
 from mitsonar.survey.synthetic_aperture.image import raw_pings
 from mitsonar.verbs.images import opened
 from mitsonar.water import SoundSpeedProfile
@@ -119,6 +120,6 @@ def test_every_ping_of_soundings_has_its_own_water(variant, kind):
     scene, sensor, integrator = opened(SCENES[kind]())
 
     def line(run):
-        return list(SOUNDERS[kind].sounding_line(run, 3, profile=None, column=False, snippets=0).pings())
+        return list(SoundingLine(run, SOUNDERS[kind].instrument(run, 3, column=False, snippets=0), 3).pings())
 
     check(line, integrator.survey(scene, sensor), "travel_time")

@@ -30,6 +30,10 @@ class ElementBeams:
         self.faces = [array.faces() for array in self.arrays]
         self.turns = 0.0, float(turn)
 
+    def turning(self, turn: float) -> ElementBeams:
+        """Return the same beams with another rotation during reception [rad]."""
+        return self if turn == self.turns[1] else ElementBeams(*self.arrays, self.wavelength, turn)
+
     def __bool__(self) -> bool:
         """Return True if the beams distinguish directions and have few enough faces to be evaluated one by one."""
         return not all(omni(array) for array in self.arrays) and max(map(len, self.faces)) <= FACES_AIMED_BY

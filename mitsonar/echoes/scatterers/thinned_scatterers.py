@@ -42,7 +42,8 @@ SHARE = 1 / 64                     # greatest length of a patch, relative to the
 ACROSS = 1.4                       # scatterers per equivalent width of a long face's two-way beam, over q
 LOBE = 1.0, 2.0                    # cells from the axis at which the main lobe begins and ends to fall off
 BESIDE = 0.5, 1 / 32               # share of scatterers one cell outside the lobe, falling as 1 / distance; least share
-BLOCK = 1024                       # patches that are tested together when those of a ping are chosen
+BLOCK, SMALL_BLOCK = 1024, 64      # patches that are tested together when those of a ping are chosen
+ROUNDING = 0.01                    # [m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,12 +73,17 @@ class Density:
 
 
 class ThinnedScatterers:
-    """The patches of a scene, and the scatterers that a ping needs of them."""
+    """The patches of a scene, and the scatterers that a ping needs of them.
+
+    With `everywhere`, pings may also come from other places than the given ones.
+    """
     # farthest [m]; places (P, 3) [m]
 
-    def __init__(self, facets: Scatterers, *, farthest: float, places: np.ndarray):
-        self.lib, self._facets = arrays_of(mi.Float), facets
-        level = _levels(facets, farthest, places)
+    def __init__(self, facets: Scatterers, *, farthest: float, places: np.ndarray, everywhere: bool = False):
+        self.lib, self._facets, self._farthest = arrays_of(mi.Float), facets, farthest
+        near = facets.near(places, farthest)
+        self._planned = near if everywhere else None
+        level = _levels(facets, farthest, facets.scattering if everywhere else near)
         count = np.where(level < 0, 0, 4 ** np.maximum(level, 0))
         self._facet = np.repeat(np.arange(len(count), dtype=np.uint32), count)
         first = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)).astype(np.uint32)
@@ -95,14 +101,16 @@ class ThinnedScatterers:
         facts = np.stack([self._facet, first, 2 * level, np.zeros_like(level)], 1)
         self._patches = upload(mi.UInt32, facts)
         dr.eval(self._table, self._patches)
-        self._blocks = _balls(centre, radius)
+        # facets of a whole scene are many more than a ping reaches
+        self._block = SMALL_BLOCK if everywhere else BLOCK
+        self._blocks = _balls(centre, radius, self._block)
         moving = np.flatnonzero(facets.moving[self._facet])
         self._moving = moving, facets.geometry.body_numbers(facets.label[self._facet[moving]])
         self._at_rest = table[moving, :3], table[moving, 4:7]          # centres and normals in the bodies' frames
         # blocks that hold moving patches, with all of their patches
-        self._moving_blocks = np.unique(moving // BLOCK)
+        self._moving_blocks = np.unique(moving // self._block)
         self._beside = np.concatenate([np.zeros(0, int), *(
-            np.arange(b * BLOCK, min((b + 1) * BLOCK, len(table))) for b in self._moving_blocks)])
+            np.arange(b * self._block, min((b + 1) * self._block, len(table))) for b in self._moving_blocks)])
         self._rows, self._row = table[self._beside], np.searchsorted(self._beside, moving)
         facets.geometry.follow(self._moved)
 
@@ -118,7 +126,8 @@ class ThinnedScatterers:
         self._rows[self._row] = rows
         centre, radius = self._blocks
         # the blocks are taken whole and in order, so that only the last one may have fewer patches
-        centre[self._moving_blocks], radius[self._moving_blocks] = _balls(self._rows[:, :3], self._rows[:, 7])
+        centre[self._moving_blocks], radius[self._moving_blocks] = _balls(
+            self._rows[:, :3], self._rows[:, 7], self._block)
 
     @property
     def patches(self) -> int:
@@ -165,8 +174,14 @@ class ThinnedScatterers:
         centre, radius = self._blocks
         distance = np.linalg.norm(centre - density.origin, axis=1)
         blocks = np.flatnonzero((distance - radius < density.farthest) & (distance + radius > density.nearest))
-        patches = (blocks[:, None] * BLOCK + np.arange(BLOCK)).ravel()
-        return patches[patches < len(self._facet)].astype(np.uint32)
+        patches = blocks[:, None] * self._block + np.arange(self._block)
+        exist = patches < len(self._facet)
+        if self._planned is not None:
+            # what is beyond the reach of a ping counts only where it counts for pings at the given places
+            beyond = np.flatnonzero(distance[blocks] + radius[blocks] > self._farthest - ROUNDING)
+            facet = self._facet[np.where(exist[beyond], patches[beyond], 0)]
+            exist[beyond] &= self._planned[facet] | self._facets.near(density.origin[None], self._farthest, facet)
+        return patches[exist].astype(np.uint32)
 
     def _patch(self, patch):
         """Return centre, area, normal and radius of patches."""
@@ -185,12 +200,11 @@ class ThinnedScatterers:
         return (mi.Float(first) + self._facets.threshold_of(facet)) / mi.Float(mi.UInt32(1) << twice_level)
 
 
-def _levels(facets: Scatterers, farthest: float, places: np.ndarray) -> np.ndarray:
-    """Return the level of the patches of each facet, int64 (F,); -1 where it has none.
+def _levels(facets: Scatterers, farthest: float, wanted: np.ndarray) -> np.ndarray:
+    """Return the level of the patches of each facet, int64 (F,); -1 where it has none, because it is not wanted.
 
     Patches are at most a share of the reach long, or longer where there would be too many.
     """
-    wanted = facets.near(places, farthest)
     side = facets.longest_side
     area = float(np.sum(side[wanted] ** 2))
     longest = max(farthest * SHARE, np.sqrt(area / MOST_PATCHES))
@@ -198,9 +212,9 @@ def _levels(facets: Scatterers, farthest: float, places: np.ndarray) -> np.ndarr
     return np.where(wanted, np.minimum(level, LEVELS - 1), -1)
 
 
-def _balls(centre: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return middles (B, 3) and radii (B,) of balls that contain the patches of blocks."""
-    starts = np.arange(0, len(centre), BLOCK)
+def _balls(centre: np.ndarray, radius: np.ndarray, block: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return middles (B, 3) and radii (B,) of balls that contain the patches of blocks of a length."""
+    starts = np.arange(0, len(centre), block)
     if not len(starts):
         return np.zeros((0, 3)), np.zeros(0)
     low = np.minimum.reduceat(centre - radius[:, None], starts).astype(float)

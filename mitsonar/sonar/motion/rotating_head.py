@@ -18,7 +18,8 @@ import numpy as np
 
 from mitsonar.device.rotations import attitude_of, rotation_matrix
 
-from .track import Track
+from .stepping import RepeatedTrack, SteppedPing, StepVoyage
+from .track import FIELDS, Track
 from .trajectory import Trajectory, Voyage
 
 # name -> columns forward (bearing 0), aside and axis, body frame; and the sign of a turn about that axis
@@ -104,6 +105,7 @@ class HeadTrajectory(Trajectory):
     head: RotatingHead
     times: np.ndarray  # (P,) [s]: of the pings' transmissions
     interval: float  # [s]: from the last ping to the one that would follow
+    first: int = 0  # number of the first ping
     reach: np.ndarray = field(default_factory=lambda: np.zeros(3))  # (3,) [m]
 
     @property
@@ -114,11 +116,12 @@ class HeadTrajectory(Trajectory):
     def carried(self, offset: np.ndarray) -> HeadTrajectory:
         """Return the track of another point of the head, `offset` (3,) [m] along the beam, aside, and across."""
         return HeadTrajectory(lead=self.lead, motion=self.motion, offset=self.offset, head=self.head,
-                              times=self.times, interval=self.interval, reach=self.reach + np.asarray(offset, float))
+                              times=self.times, interval=self.interval, first=self.first,
+                              reach=self.reach + np.asarray(offset, float))
 
     def bearing(self, times: np.ndarray, since: np.ndarray) -> np.ndarray:
         """Return the bearings [rad] at times (...) [s] after the transmissions `since` (...) [s]."""
-        ping, sweep = np.arange(len(self.times)), self.head.sweep
+        ping, sweep = self.first + np.arange(len(self.times)), self.head.sweep
         middle = 0.5 * (self.times[1:] + self.times[:-1])
         number = np.searchsorted(middle, since)
         rate = np.zeros(len(ping))
@@ -135,14 +138,23 @@ class HeadTrajectory(Trajectory):
         return position + rotation @ self.reach, attitude_of(rotation)
 
 
-def turned_voyage(voyage: Voyage, head: RotatingHead, interval: float) -> Voyage:
+def turned_voyage(voyage: Voyage, head: RotatingHead, interval: float, first: int = 0) -> Voyage:
     """Return the voyage of a head on a platform, whose pings are the platform's, by rule an interval [s] apart.
 
-    Its track has the attitude of the beam at each transmission.
+    Its track has the attitude of the beam at each transmission; `first` is the number of its first ping.
     """
     platform, times = voyage.trajectory, voyage.track.time
     trajectory = HeadTrajectory(lead=platform.lead, motion=platform.motion, offset=platform.offset, head=head,
-                                times=times, interval=interval)
+                                times=times, interval=interval, first=first)
     roll, pitch, heading = np.moveaxis(trajectory.pose(times)[1], -1, 0)
     return Voyage(trajectory=trajectory, track=Track(time=times, position=voyage.track.position, roll=roll, pitch=pitch,
                                                      heading=heading))
+
+
+def stepped_voyage(ping: SteppedPing, *, planned: Voyage, head: RotatingHead, interval: float) -> StepVoyage:
+    """Return the voyage of a head at a stepped ping, whose number sets its bearing; the planned one at its poses."""
+    if ping.row == ping.ping:
+        track = Track(**{name: getattr(planned.track, name)[ping.ping:ping.ping + 1] for name in FIELDS})
+        return StepVoyage(track=RepeatedTrack(track, ping.ping), trajectory=planned.trajectory)
+    turned = turned_voyage(Voyage(track=ping.track, trajectory=ping.trajectory), head, interval, ping.ping)
+    return StepVoyage(track=RepeatedTrack(turned.track, ping.ping), trajectory=turned.trajectory)

@@ -134,16 +134,21 @@ class Track:
         course = np.array([np.sin(heading), np.cos(heading), 0.0])
         return cls(time=time, position=start + speed * time[:, None] * course, roll=roll, pitch=pitch, heading=heading)
 
-    def rotation(self) -> np.ndarray:
+    def rotation(self, ping: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Return the rotation from body to scene at every ping.
+
+        Parameters
+        ----------
+        ping : array (B,) or slice
+            Numbers of pings. Default: all.
 
         Returns
         -------
-        array (P, 3, 3)
+        array (P, 3, 3) or (B, 3, 3)
             Its columns are the forward, starboard and down directions of the body in the scene; both frames are
             right-handed, so its determinant is 1.
         """
-        return rotation_matrix(self.roll, self.pitch, self.heading)
+        return rotation_matrix(self.roll[ping], self.pitch[ping], self.heading[ping])
 
     def motion(self) -> tuple[np.ndarray, np.ndarray]:
         """Differentiate the track.

@@ -19,14 +19,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 
 from mitsonar.device.rotations import rotation_matrix, rotation_vector
 
 from .motion import RandomMotion
-from .track import Track
+from .track import FIELDS, Track
 from .waypoints import Course
 
 POWERS = 6
@@ -280,14 +280,25 @@ class Voyage:
         return cls(track=trajectory.track(times), trajectory=trajectory)
 
     @property
+    def single(self) -> Voyage:
+        """Return the voyage of the last ping alone."""
+        rows = {name: getattr(self.track, name)[-1:] for name in FIELDS}
+        return Voyage(track=Track(**rows), trajectory=self.trajectory)
+
+    @cached_property
+    def rates(self) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity [m/s] and angular velocity [rad/s] at the transmissions, (P, 3) each, scene frame."""
+        return self.trajectory.rates(self.track.time)
+
+    @property
     def velocity(self) -> np.ndarray:
         """At the transmissions, (P, 3) [m/s], scene frame."""
-        return self.trajectory.rates(self.track.time)[0]
+        return self.rates[0]
 
     @property
     def turn_rate(self) -> np.ndarray:
         """Angular velocity at the transmissions, (P, 3) [rad/s], scene frame."""
-        return self.trajectory.rates(self.track.time)[1]
+        return self.rates[1]
 
 
 @cache

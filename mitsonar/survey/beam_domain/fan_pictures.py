@@ -23,7 +23,7 @@ from ..fan.beams import Beams
 from ..pressure.array_survey import ArraySurvey
 from ..pressure.pressure import PressureRecord
 from ..pressure.signals import ping_attributes, ping_coordinates, received_signals
-from ..survey import PerSurroundings
+from ..survey import PerSurroundings, Survey
 from .frames import Frames, why_not
 
 Progress = Callable[[float, float], None]
@@ -59,18 +59,20 @@ class FanPictures:
         image = self._image(pings, level, record)
         return image.assign_attrs(unseen=objects.unseen(image))
 
-    def one_by_one(self) -> Iterator[xr.Dataset]:
-        """Yield the images of the pings one after the other; memory does not grow with their number."""
-        survey = self._survey
-        block = None if self._beams is None else energy.energy_blocks(survey, self._beams, self._seed)
-        for ping in range(survey.track.pings):
-            if block is None:
-                level, record = self._framed(self._frames, [ping], None)
-            else:
-                level = self._of_elements([ping], None, None)
-                record = gathered([block.at(ping).echoes(np.array([ping]))], pings=1, rows=level.shape[1])
-            image = self._image([ping], level, record)
-            yield image.assign_attrs(unseen=objects.unseen(image, warn=False))
+    def of(self, ping: int) -> xr.Dataset:
+        """Return the image of one ping; memory does not grow with the number of pings."""
+        if self._block is None:
+            level, record = self._framed(self._frames, [ping], None)
+        else:
+            level = self._of_elements([ping], None, None)
+            record = gathered([self._block.at(ping).echoes(np.array([ping]))], pings=1, rows=level.shape[1])
+        image = self._image([ping], level, record)
+        return image.assign_attrs(unseen=objects.unseen(image, warn=False))
+
+    @cached_property
+    def _block(self) -> PerSurroundings[Survey, energy.EnergyBlock] | None:
+        """Return the source of the truth of single pings; None in the beam domain, which makes it of its own echoes."""
+        return None if self._beams is None else energy.energy_blocks(self._survey, self._beams, self._seed)
 
     def _framed(self, frames: PerSurroundings[ArraySurvey, Frames], pings: Sequence[int],
                 progress: Progress | None) -> tuple[np.ndarray, EnergyRecord]:
@@ -100,7 +102,8 @@ class FanPictures:
     @cached_property
     def _known(self) -> dict[str, Any]:
         """Return the attributes of the scene, which all images share."""
-        return objects.known(*classes_of(self._survey.labels), self._survey.world.still, self._survey.track.position)
+        return objects.known(*classes_of(self._survey.labels), self._survey.world.still,
+                             self._survey.planned.track.position)
 
     def _image(self, pings: Sequence[int], level: np.ndarray, record: EnergyRecord) -> xr.Dataset:
         """Return the image of pings from its levels and its truth."""

@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain
 
 import mitsuba as mi
@@ -67,17 +68,28 @@ class LineFrames:
 
     def __init__(self, survey: ArraySurvey, echoes: PingEchoes, weight: np.ndarray, sines: np.ndarray):
         self.survey, self.echoes, self.line = survey, echoes, echoes.line
-        self._beams = line_beams(survey, echoes.line.place, weight, sines)
+        self._beams, self._ends = line_beams(survey, echoes.line.place, weight, sines), (sines.min(), sines.max())
+        self._weight = weight
         rows = (tuple(part.tolist()) for part in (self.line.row_place / survey.wavelength, self.line.row_weight))
         self._noise = NoiseDensity.of(survey.noise, survey.source_level_db, *rows)
 
     def formed(self, ping: int, seed: int, sines: np.ndarray | None = None) -> tuple[np.ndarray, LaidPing]:
         """Form the beams (apertures, B, samples) of a ping for a source level of 0 dB, at other sines (B,) if given."""
-        grid = self._beams.grid()
+        line = self._beams if sines is None else self._beams_of(sines)
+        grid = line.grid()
         laid = lay(self.echoes, grid, ping, seed)
-        beams = self._beams.form_each(grid, doppler=self.echoes.doppler(ping), noise=self._noise,
+        beams = line.form_each(grid, doppler=self.echoes.doppler(ping), noise=self._noise,
                                       key=ping_key(seed, ping), sines=sines)
         return beams, laid
+
+    def _beams_of(self, sines: np.ndarray) -> LineBeams:
+        """Return the beamformer for sines (B,): the planned one or, where a step looks farther, that of all sines."""
+        return self._beams if self._ends[0] <= sines.min() and sines.max() <= self._ends[1] else self._wide
+
+    @cached_property
+    def _wide(self) -> LineBeams:
+        """Return the beamformer for all sines."""
+        return line_beams(self.survey, self.line.place, self._weight, np.array([-1.0, 1.0]))
 
     def truth(self, ping: int, laid: LaidPing, truth: FrameTruth) -> EnergyRecord:
         """Return the truth of a ping, arrays (B, ..., bins)."""

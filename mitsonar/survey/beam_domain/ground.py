@@ -62,7 +62,8 @@ class Ground:
         self.nearest, self.farthest = self.ensonification.nearest, self.ensonification.farthest
         self._facets = facets
         self._scatterers = beside._scatterers if beside is not None else ThinnedScatterers(
-            facets, farthest=reach, places=survey.track.position)
+            facets, farthest=reach, places=survey.planned.track.position,
+            everywhere=survey.passage.stepping is not None)
         self._horizon = BedHorizon(geometry, self.farthest)
         self._objects = ObjectShadows(geometry, water, self.farthest)
         self._kinds = upload(mi.UInt32, geometry.named.label_kinds())

@@ -29,7 +29,7 @@ from mitsonar.sonar.faces.directivity import sinc
 
 from ..energy.face_beams import BEAM_EDGE
 from ..motion.reception import EndArrival, Reception
-from ..pressure.array_survey import ArraySurvey
+from ..pressure.array_survey import ArraySurvey, Steering
 from .ground import FREE, HIDDEN_BY_OBJECT, Ground
 from .line import LineArray
 from .lobe_rays import LobeRays
@@ -99,18 +99,18 @@ SINK = 0.15                        # sine below the horizon that the rows' facto
 
 class PingEchoes:
     """Echoes of a survey's pings."""
-    # lobe: axis (3,), cell [-] and finer of a lobe across the line; turning: axes (P, 3) and cell [-] of a turning head
+    # lobe: axis (3,), cell [-] and finer of a lobe across the line
+    # turning: axes (3,) by ping, and cell [-], of a turning head
 
     def __init__(self, survey: ArraySurvey, line: LineArray, *, per_cell: float, beams_from_origin: bool = True,
                  beside: PingEchoes | None = None, lobe: tuple[np.ndarray, float, float] | None = None,
-                 turning: tuple[np.ndarray, float] | None = None, negligible: float = NEGLIGIBLE):
+                 turning: tuple[Steering, float] | None = None, negligible: float = NEGLIGIBLE):
         self._long, self._turning, self._negligible = lobe, turning, negligible
         self.survey, self.line, self.per_cell = survey, line, float(per_cell)
         self._from_origin = beams_from_origin
         self.lib, self.patterns = arrays_of(mi.Float), Patterns(survey, line)
         self.ground = Ground(survey, None if beside is None else beside.ground)
-        turned = float(np.linalg.norm(survey.voyage.turn_rate, axis=1).max()) * survey.time[-1]
-        self._beams = ElementBeams(survey.transmit, survey.receive, survey.wavelength, turned) or None
+        self._beams = ElementBeams(survey.transmit, survey.receive, survey.wavelength) or None
         self._residual = _on_device(residual_doppler(survey.pulse))
         self._reception: tuple[int, Reception] | None = None
         self._row_doppler: tuple[int, _RowDoppler] | None = None
@@ -219,6 +219,8 @@ class PingEchoes:
     def useful(self, ping: int, least: float = NEGLIGIBLE) -> Callable[[mi.Vector3f, mi.Float], mi.Bool]:
         """Return a test of scene directions at distances: True if the two-way intensity exceeds `least`."""
         beams, rotation = self._beams, self.reception(ping).rotation
+        if beams is not None:
+            beams = beams.turning(self.survey.turn_rate * self.survey.time[-1])
 
         def useful(direction: mi.Vector3f, distance: mi.Float) -> mi.Bool:
             return mi.Bool(True) if beams is None else beams.bound(direction, distance, rotation) > least

@@ -104,9 +104,9 @@ class SideLaunch:
         # depression [rad]
         sonar = survey.sonar
         self._survey, self._lib, self._depression = survey, arrays_of(mi.Float), depression
-        self._group, shifts = underway.along_shifts(survey.track.rotation(), sonar.sound_speed,
+        self._group, shifts = underway.along_shifts(survey.planned.track.rotation(), sonar.sound_speed,
                                                    sonar.wavelength / sonar.longest)
-        self._shifts = shifts
+        self._shifts, self._underway = shifts, underway
         self.largest_shift = max(float(np.abs(group).max()) for group in shifts)
         tables = np.stack([along_quantiles(sonar, group) for group in shifts])
         self._along = upload(mi.Float, tables.astype(np.float32))
@@ -240,7 +240,13 @@ class SideLaunch:
         """Return the number of the table of u that rays of a row are drawn through."""
         if place.still:
             return mi.UInt32(0)
-        return dr.gather(mi.UInt32, upload(mi.UInt32, self._group[place.ping]), row)
+        if self._survey.passage.latest is None:
+            group = self._group[place.ping]
+        else:
+            sonar = self._survey.sonar
+            group = self._underway.groups_of(place.ping, place.rotation, sonar.sound_speed,
+                                             sonar.wavelength / sonar.longest)
+        return dr.gather(mi.UInt32, upload(mi.UInt32, group), row)
 
 
 def _straight(profile: SoundSpeedProfile, depression: np.ndarray, depth: np.ndarray, below: np.ndarray,

@@ -137,12 +137,11 @@ class Sides:
         self.bins = EnergyBins(
             start=survey.window[0], length=survey.bin_length, count=survey.bins, sound_speed=sonar.sound_speed,
             beam=sonar.solid_angle(), absorption_db=survey.waters.least_absorption_db)
-        self.underway = Underway(
-            survey.voyage.trajectory.during(survey.track.time, survey.window[1] + sonar.pulse_length))
+        self.underway = Underway.of(survey, survey.window[1] + sonar.pulse_length)
         self._beams = FaceBeams(sonar)
         self._launch = SideLaunch(survey, self.underway, self._beams.depression, shadows=shadows)
         self._first_grid, self._second_grid = self._launch.grids()
-        self._scouts = scouts(survey.track, survey.surroundings_number, self.bins.farthest,
+        self._scouts = scouts(survey.planned.track, survey.surroundings_number, self.bins.farthest,
                               sonar.wavelength / sonar.longest)
         self._scouted: dict[tuple[int, int], list[np.ndarray]] = {}
         self._shares = pulse_shares(survey.bin_length, sonar.pulse_length)
@@ -159,7 +158,7 @@ class Sides:
         rays = min(RAYS_PER_BLOCK, WATER_PER_BLOCK if survey.waters.scatter else RAYS_PER_BLOCK,
                    RAYS_PER_BLOCK if survey.max_depth == 1 else BOUNCES_PER_BLOCK)
         by_rays = rays // (2 * sum(grid[0] * grid[1] for grid in (self._first_grid, self._second_grid) if grid))
-        level = len(np.unique(survey.track.position[:, 2])) == 1
+        level = len(np.unique(survey.planned.track.position[:, 2])) == 1
         by_copies = THREADS_OWN // (2 * survey.bins * PLACE)
         most = max(1, min(by_rays, by_copies, SUMS_PER_BLOCK // sums, pings if level else TABLES_PER_BLOCK, pings))
         return most if most < GROUP else most // GROUP * GROUP
@@ -184,7 +183,8 @@ class Sides:
 
     def _scouted_tables(self, place, grid, seed, bins_of):
         """Return tables that send more rays into bins which few rays of the pings' scouts reach."""
-        scout = self._scouts[place.ping]
+        # a step cannot know the pings after it, so it is its own scout
+        scout = self._scouts[place.ping] if self._survey.passage.stepping is None else place.ping
         known = self._scouted
         new = np.array([ping for ping in np.unique(scout) if (seed, ping) not in known], int)
         if len(new):

@@ -39,8 +39,7 @@ class ArrayBeams:
         even = np.linspace(self._angle[0], self._angle[-1], self.count)
         self._by_sine = self.count > 2 and not np.allclose(self._angle, even, rtol=0, atol=1e-7)
         self._wavelength = survey.wavelength
-        turned = float(np.linalg.norm(survey.voyage.turn_rate, axis=1).max()) * survey.time[-1]
-        elements = ElementBeams(survey.transmit, survey.receive, self._wavelength, turned)
+        elements = ElementBeams(survey.transmit, survey.receive, self._wavelength)
         self.pattern: Callable | None = elements.intensity if elements else None
         self._axis, self._normal = _axes(self._angle, np.asarray(direction, float))
         off = survey.receive.position - np.outer(survey.receive.position @ self._axis, self._axis)

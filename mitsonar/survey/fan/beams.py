@@ -54,7 +54,7 @@ class Beams:
         self.bins = EnergyBins(start=survey.time[survey.lead] - 0.5 / survey.sampling_rate,
                                length=1 / survey.sampling_rate, count=bins, sound_speed=survey.planned_speed,
                                beam=BEAM, absorption_db=survey.waters.least_absorption_db)
-        self.underway = Underway(survey.voyage.trajectory.during(survey.track.time, survey.time[-1]))
+        self.underway = Underway.of(survey, survey.time[-1])
         self._beams = ArrayBeams(survey, angle, direction)
         wanted = max(RAYS_PER_BIN * self.per_ping * bins, FEWEST_RAYS)
         self._passes = min(-(-wanted // MOST_RAYS), MOST_PASSES)

@@ -4,7 +4,7 @@ The run is planned as for any sonar with arrays (`fan.kind`). Beams have equal s
 """
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -36,10 +36,10 @@ def picture(survey: ArraySurvey, sensor: ForwardLookingSensor, seed: int,
     return _with_bearings(_pictures(survey, sensor, seed).whole(progress, say), survey)
 
 
-def frames(survey: ArraySurvey, sensor: ForwardLookingSensor, seed: int) -> Iterator[xr.Dataset]:
-    """Yield the pictures of pings one by one; see `mitsonar.frames`."""
-    for image in _pictures(survey, sensor, seed).one_by_one():
-        yield _with_bearings(image, survey)
+def frame(survey: ArraySurvey, sensor: ForwardLookingSensor, seed: int) -> Callable[[int], xr.Dataset]:
+    """Return the function that renders the picture of one ping; see `mitsonar.frames`."""
+    pictures = _pictures(survey, sensor, seed)
+    return lambda ping: _with_bearings(pictures.of(ping), survey)
 
 
 def _pictures(survey: ArraySurvey, sensor: ForwardLookingSensor, seed: int) -> FanPictures:
@@ -52,7 +52,6 @@ def directions(survey: ArraySurvey, sensor: ForwardLookingSensor) -> tuple[np.nd
 
 
 def _with_bearings(image: xr.Dataset, survey: ArraySurvey) -> xr.Dataset:
-    head_depth = float(np.mean(-survey.track.position[:, 2]))
     words = {"units": "rad", "long_name": "angle from the middle of the fan, positive to starboard"}
     return image.assign_coords(bearing=("beam", image["beam"].values, words)).assign_attrs(
-        sonar="forward_looking", absorption_db=float(survey.waters.first.absorption.at(head_depth)))
+        sonar="forward_looking", absorption_db=float(survey.waters.first.absorption.at(survey.planned_depth)))

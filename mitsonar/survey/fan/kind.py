@@ -1,5 +1,5 @@
 """Sonar with arrays: its run over a scene, and the picture of its fan of beams."""
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Protocol
 
@@ -84,9 +84,9 @@ def picture(survey: ArraySurvey, sensor: ArraySensor, seed: int, progress: Calla
     return FanPictures(survey, directions(survey, sensor), seed=seed, way=sensor.picture).whole(progress, say)
 
 
-def frames(survey: ArraySurvey, sensor: ArraySensor, seed: int) -> Iterator[xr.Dataset]:
-    """Yield the pictures of pings one by one; see `mitsonar.frames`."""
-    return FanPictures(survey, directions(survey, sensor), seed=seed, way=sensor.picture).one_by_one()
+def frame(survey: ArraySurvey, sensor: ArraySensor, seed: int) -> Callable[[int], xr.Dataset]:
+    """Return the function that renders the picture of one ping; see `mitsonar.frames`."""
+    return FanPictures(survey, directions(survey, sensor), seed=seed, way=sensor.picture).of
 
 
 def directions(survey: ArraySurvey, sensor: ArraySensor) -> tuple[np.ndarray, np.ndarray]:

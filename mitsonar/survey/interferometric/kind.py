@@ -16,10 +16,9 @@ from mitsonar.imaging import interferometric as imaging
 from mitsonar.imaging.energy_record import EnergyRecord, gathered, joined
 from mitsonar.scene import objects
 from mitsonar.scene.labels import classes_of
-from mitsonar.water.profile import SoundSpeedProfile
 
 from .. import limits
-from ..soundings.line import SoundingLine
+from ..soundings.line import Instrument, SoundingLine
 from .instrument import Interferometer, RowMeasurement, measured_rows
 from .plan import InterferometricSensor, InterferometricSurvey, plan as plan, plan_elements as plan_elements
 
@@ -58,7 +57,7 @@ def picture(survey: InterferometricSurvey, sensor: InterferometricSensor, seed: 
         attrs={"seed": int(seed), "preset": survey.preset, "frequency": float(side.frequency),
                "pulse": side.pulse.numbers, "source_level_db": float(side.source_level_db),
                "rows": (survey.rows.place - survey.rows.place[0]).tolist(), "tilt": float(sensor.tilt),
-               "absorption_db": float(survey.waters.first.absorption.at(float(np.mean(-survey.track.position[:, 2]))))})
+               "absorption_db": float(survey.waters.first.absorption.at(survey.planned_depth))})
     return objects.annotated(image, classes, class_of, survey.world.still, survey.track.position)
 
 
@@ -67,14 +66,13 @@ def rows(level: np.ndarray) -> np.ndarray:
     return np.concatenate([level[:, 0, ::-1], level[:, 1]], -1)
 
 
-def sounding_line(survey: InterferometricSurvey, seed: int, *, profile: SoundSpeedProfile | None, column: bool,
-                  snippets: int) -> SoundingLine[RowMeasurement]:
-    """Return the soundings of a line; arguments as of `mitsonar.soundings`."""
+def instrument(survey: InterferometricSurvey, seed: int, *, column: bool, snippets: int) -> Instrument[RowMeasurement]:
+    """Make the instrument that measures the pings; arguments as of `mitsonar.soundings`."""
     if column or snippets:
         raise ValueError("an interferometric sidescan has no beams, whose water column or snippets could be kept; "
                          "leave that out, or render its picture")
     limits.check_rows(survey.sides[0], 2 * survey.bins, pings=1)
-    return SoundingLine(survey, Interferometer(survey, seed), seed, profile=profile)
+    return Interferometer(survey, seed)
 
 
 def _depression(found: xr.Dataset) -> np.ndarray:

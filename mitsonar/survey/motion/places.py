@@ -55,13 +55,13 @@ class Places:
 
     def __init__(self, survey: Survey, tracer: Tracer, underway: Underway, per_ping: int):
         self._survey, self._tracer, self._underway, self._per_ping = survey, tracer, underway, per_ping
-        self._rotation = survey.track.rotation()
 
     def of(self, ping: np.ndarray) -> Place:
         """Return the place of pings, given by their numbers (B,)."""
         position = self._survey.track.position[ping]
+        rotation = self._survey.track.rotation(ping)
         depths, source = np.unique(-position[:, 2], return_inverse=True)
-        return Place(ping=ping, per_ping=self._per_ping, position=position, rotation=self._rotation[ping],
+        return Place(ping=ping, per_ping=self._per_ping, position=position, rotation=rotation,
                      source=source.astype(np.uint32), sources=self._tracer.sources(depths),
                      profile=self._tracer.water.profile, depth_below=self._survey.depth_below[ping],
                      underway=self._underway, others=self.of)

@@ -28,6 +28,8 @@ from mitsonar.propagation.returns.moved_ends import detour
 from mitsonar.propagation.returns.travel import evaluated
 from mitsonar.sonar.motion.trajectory import NEGLIGIBLE, PingTravel, polynomials
 
+from ..survey import Survey
+
 SHORTEST = 1e-9                    # [s]: least travel time
 TIMES, DEPRESSIONS = (0.125, 0.375, 0.625, 0.875, 1.0), (0.0, 0.5, 1.0)
 GROUP_WIDTH, MOST_GROUPS = 0.25, 32    # beam widths by which mean shifts within a group differ; number of groups
@@ -46,12 +48,17 @@ class PingReception:
 class Underway:
     """Motion within the pings of a survey."""
 
-    def __init__(self, travel: PingTravel):
-        travel = travel.trimmed()
+    def __init__(self, travel: PingTravel, survey: Survey | None = None):
+        travel, self._survey = travel.trimmed(), survey
         self._duration = travel.duration
         # without turns, as on a straight course, the device needs no look-up
         self._displacement, self._turn = (powers if (travel.reach(powers) > NEGLIGIBLE).any() else powers[:, :0]
                                         for powers in (travel.displacement, travel.turn))
+
+    @classmethod
+    def of(cls, survey: Survey, duration: float) -> Underway:
+        """Return the motion of a survey's pings for a duration [s]; of a sonar that is stepped, as planned at first."""
+        return cls(survey.planned.trajectory.during(survey.planned.track.time, duration), survey)
 
     @property
     def moves(self) -> bool:
@@ -60,7 +67,22 @@ class Underway:
 
     def motion(self, ping: np.ndarray) -> PingMotion | None:
         """Return the motion of a block of pings (B,) on the device, None if the sonar stands still."""
-        return PingMotion(self._displacement[ping], self._turn[ping], self._duration) if self.moves else None
+        if self._survey is None or self._survey.passage.latest is None:
+            displacement, turn = self._displacement[ping], self._turn[ping]
+        else:
+            displacement, turn = self._latest(ping)
+        if not displacement.shape[1] + turn.shape[1]:
+            return None
+        return PingMotion(displacement, turn, self._duration)
+
+    def _latest(self, ping: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the powers of the latest stepped ping; kernels stay if it needs no more of them than the plan."""
+        assert self._survey is not None
+        voyage = self._survey.voyage
+        own = Underway(voyage.trajectory.during(voyage.track.time[ping], self._duration))
+        displacement, turn = (np.pad(powers, [(0, 0), (0, max(planned.shape[1] - powers.shape[1], 0)), (0, 0)])
+                              for powers, planned in ((own._displacement, self._displacement), (own._turn, self._turn)))
+        return displacement, turn
 
     def drift(self, sound_speed: float) -> float:
         """Return the largest distance [m] that the sonar moves while sound travels one metre out and back [-]."""
@@ -89,13 +111,7 @@ class Underway:
         # rotation (P, 3, 3); sound_speed [m/s]; width of the beam in u [-]
         if not self.moves:
             return np.zeros((len(rotation), 2), np.uint32), [np.zeros(1)]
-        time, moved, turned = self._in_body(rotation)
-        side, depression = np.array([-1.0, 1.0])[:, None], np.array(DEPRESSIONS)
-        aside, down = side * np.cos(depression), np.sin(depression) + 0 * side
-        # (ping, time, side, depression)
-        shift = (turned[..., 2, None, None] * aside - turned[..., 1, None, None] * down
-                 - (moved[..., 0] / (0.5 * sound_speed * time))[..., None, None])
-        mean = shift.mean((1, 3))
+        shift, mean = self._along(rotation, sound_speed)
         step = max(GROUP_WIDTH * width, np.ptp(mean) / (MOST_GROUPS - 1))
         _, group = np.unique(np.round(mean / step), return_inverse=True)
         group = group.reshape(mean.shape).astype(np.uint32)
@@ -104,6 +120,29 @@ class Underway:
             shifts = np.quantile(np.moveaxis(shift, 2, 1)[group == number], np.linspace(0, 1, SHIFTS))
             groups.append(shifts[np.r_[True, np.diff(np.round(shifts / (APART * width))) > 0]])
         return group, groups
+
+    def groups_of(self, ping: np.ndarray, rotation: np.ndarray, sound_speed: float, width: float) -> np.ndarray:
+        """Return the groups (B, 2) of a stepped ping: those of the planned pings and sides of about its shifts."""
+        # ping (B,); rotation (B, 3, 3); the rest as of `along_shifts`
+        assert self._survey is not None
+        planned = self._survey.planned.track.rotation()
+        group, _ = self.along_shifts(planned, sound_speed, width)
+        displacement, turn = self._latest(ping)
+        own = Underway(PingTravel(displacement=displacement, turn=turn, duration=self._duration))
+        mean = own._along(rotation, sound_speed)[1] if own.moves else np.zeros((len(ping), 2))
+        known = self._along(planned, sound_speed)[1].ravel() if self.moves else np.zeros(group.size)
+        return group.ravel()[np.argmin(abs(mean[..., None] - known), axis=-1)]
+
+    def _along(self, rotation: np.ndarray, sound_speed: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the shifts of u (P, time, side, depression) between transmission and reception; their means (P, side).
+        """
+        time, moved, turned = self._in_body(rotation)
+        side, depression = np.array([-1.0, 1.0])[:, None], np.array(DEPRESSIONS)
+        aside, down = side * np.cos(depression), np.sin(depression) + 0 * side
+        # (ping, time, side, depression)
+        shift = (turned[..., 2, None, None] * aside - turned[..., 1, None, None] * down
+                 - (moved[..., 0] / (0.5 * sound_speed * time))[..., None, None])
+        return shift, shift.mean((1, 3))
 
     def aside_shifts(self, rotation: np.ndarray, sound_speed: float, depressions: Sequence[float]) -> np.ndarray:
         """Return the shifts of the athwart cosine of directions ahead between transmission and reception."""

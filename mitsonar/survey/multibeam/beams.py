@@ -56,7 +56,7 @@ class SectorBeams(LineFrames):
         received = flawed(halves, flaws)
         super().__init__(survey, PingEchoes(survey, line, per_cell=survey.per_cell, beams_from_origin=False,
                                             beside=None if beside is None else beside.echoes),
-                         received, np.array([run.sines.min(), run.sines.max()]))
+                         received, np.array([run.aim.planned.sines.min(), run.aim.planned.sines.max()]))
         # beams are relative to the sum of the magnitudes of their weights, and must be right on their axes
         self._gain = np.abs(received).sum(1) / np.abs(halves).sum(1)
         #: distance of the phase centres of the halves [wavelengths]

@@ -17,13 +17,12 @@ from mitsonar.imaging import fan
 from mitsonar.imaging.energy_record import EnergyRecord, gathered, joined
 from mitsonar.scene import objects
 from mitsonar.scene.labels import classes_of
-from mitsonar.water.profile import SoundSpeedProfile
 
 from .. import limits
 from ..pressure.array_survey import ArraySurvey
 from ..pressure.signals import ping_attributes, ping_coordinates
 from ..sensor import RunSettings
-from ..soundings.line import SoundingLine
+from ..soundings.line import Instrument
 from ..soundings.survey import SwathSurvey
 from ..survey import PerSurroundings
 from .beams import sector_beams
@@ -51,12 +50,15 @@ def picture(survey: SwathSurvey, sensor: MultibeamSensor, seed: int,
     return image.assign_attrs(unseen=objects.unseen(image))
 
 
-def frames(survey: SwathSurvey, sensor: MultibeamSensor, seed: int) -> Iterator[xr.Dataset]:
-    """Yield the pictures of pings one by one; see `mitsonar.frames`."""
+def frame(survey: SwathSurvey, sensor: MultibeamSensor, seed: int) -> Callable[[int], xr.Dataset]:
+    """Return the function that renders the picture of one ping; see `mitsonar.frames`."""
     pictures = _SwathPictures(survey, seed)
-    for ping in range(survey.track.pings):
+
+    def of(ping: int) -> xr.Dataset:
         image = pictures.of([ping], None)
-        yield image.assign_attrs(unseen=objects.unseen(image, warn=False))
+        return image.assign_attrs(unseen=objects.unseen(image, warn=False))
+
+    return of
 
 
 def rows(level: np.ndarray) -> np.ndarray:
@@ -64,11 +66,9 @@ def rows(level: np.ndarray) -> np.ndarray:
     return level.reshape(-1, level.shape[-1])
 
 
-def sounding_line(survey: SwathSurvey, seed: int, *, profile: SoundSpeedProfile | None, column: bool,
-                  snippets: int) -> SoundingLine[BeamMeasurement]:
-    """Make the soundings of a line; arguments as of `mitsonar.soundings`."""
-    return SoundingLine(survey, MultibeamInstrument(survey, seed, column=column, snippets=snippets), seed,
-                        profile=profile)
+def instrument(survey: SwathSurvey, seed: int, *, column: bool, snippets: int) -> Instrument[BeamMeasurement]:
+    """Make the instrument that measures the pings; arguments as of `mitsonar.soundings`."""
+    return MultibeamInstrument(survey, seed, column=column, snippets=snippets)
 
 
 class _SwathPictures:
@@ -127,4 +127,4 @@ class _SwathPictures:
     @cached_property
     def _known(self) -> dict[str, object]:
         return objects.known(*classes_of(self._survey.labels), self._survey.world.still,
-                             self._survey.track.position)
+                             self._survey.planned.track.position)

@@ -13,6 +13,7 @@ compensation transmissions keep their tilt from the head's own plane.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol
 
 import mitsuba as mi
@@ -22,13 +23,14 @@ from mitsonar.device.rotations import mounting_matrix, rotation_matrix
 from mitsonar.scene.geometry import Geometry
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.sectors import Sector
+from mitsonar.sonar.motion.stepping import voyage_of
 from mitsonar.sonar.motion.trajectory import Trajectory, Voyage
 
 from ..pressure.array_survey import ArraySurvey
 from ..pressure.planning import survey_of
 from ..pressure.signals import LEAD
 from ..sensor import RunSettings, head_speed, slowest_speed
-from ..soundings.survey import SectorRun, SoundingSensor, SwathSurvey, shared
+from ..soundings.survey import Aim, SectorAim, SectorRun, SoundingSensor, SwathSurvey, shared
 from ..voyage import Passage
 
 COURSE = np.linspace(-10, 10, 9)   # [s] times about a ping over which headings are averaged
@@ -121,10 +123,10 @@ def plan(scene: mi.Scene, sensor: MultibeamSensor, settings: RunSettings, lead: 
     speed = head_speed(sensor, passage.depth)
     runs = _alike([_of_a_sector(geometry, sensor, settings, passage, speed, k, lead, middle)
                    for k in range(len(sensor.sectors))], lead)
-    swath = Swath(trajectory=passage.voyage.trajectory, mounting=sensor.mounting, stabilised=sensor.stabilised)
     sectors, first = [], 0
     for sector, array, survey in zip(sensor.sectors, sensor.transmit, runs):
-        sectors.append(_steered(sector, array, survey, swath, sensor, speed, first))
+        aim = SectorAim(survey=survey, find=partial(_aim, sector, sensor, speed), along=array.along[0])
+        sectors.append(SectorRun(sector=sector, survey=replace(survey, steering=aim), aim=aim, first=first))
         first += len(sector.beams)
     return SwathSurvey(**shared(sectors[0].survey, passage, sensor, settings), sectors=tuple(sectors),
                        mounting=sensor.mounting, receive_flaws=sensor.receive_flaws)
@@ -135,7 +137,8 @@ def _of_a_sector(geometry: Geometry, sensor: MultibeamSensor, settings: RunSetti
     """Return the survey of a sector's arrays before steering; its track is that of `middle` (3,) [m], body frame."""
     sector, later, voyage = sensor.sectors[number], passage, passage.voyage
     if sector.delay:
-        later = replace(passage, voyage=Voyage.of(voyage.trajectory, voyage.track.time + sector.delay))
+        later = replace(passage, voyage=Voyage.of(voyage.trajectory, voyage.track.time + sector.delay),
+                        of_ping=partial(voyage_of, later=sector.delay))
     # an instrument's receiver passes the main lobe of a pulse's spectrum, not its skirts
     rate = min(SAMPLES * sector.pulse.bandwidth, sector.pulse.suggested_sampling_rate)
     return survey_of(geometry, sensor, settings, later, lead=lead, sound_speed=speed,
@@ -158,15 +161,12 @@ def _alike(runs: list[ArraySurvey], longest: float) -> list[ArraySurvey]:
     return alike
 
 
-def _steered(sector: Sector, array: Array, survey: ArraySurvey, swath: Swath, sensor: MultibeamSensor, speed: float,
-             first: int) -> SectorRun:
-    """Return a sector's run with its steering; `first` is the number of its first beam."""
-    times = survey.track.time
-    there = survey.sound_speeds
+def _aim(sector: Sector, sensor: MultibeamSensor, speed: float, voyage: Voyage, below: np.ndarray,
+         there: np.ndarray) -> Aim:
+    """Return the aim of a sector, in beams of a sound speed [m/s], where the sonar is; arguments as of `SectorAim`."""
+    swath = Swath(trajectory=voyage.trajectory, mounting=sensor.mounting, stabilised=sensor.stabilised)
+    times = voyage.track.time
     # steering delays use the head's sound speed; the true sound speed decides where the beams look
     astray = there / (there + sensor.head_speed_error)
-    sines = swath.receive_sines(sector, times, survey.depth_below, speed) * astray[:, None]
-    sent = swath.transmit_sines(sector, times) * astray
-    along = array.along[0]
-    return SectorRun(sector=sector, survey=replace(survey, steering=sent[:, None] * along), sines=sines,
-                     said=1 / astray, transmit_sines=sent, first=first)
+    return Aim(sines=swath.receive_sines(sector, times, below, speed) * astray[:, None], said=1 / astray,
+               transmit_sines=swath.transmit_sines(sector, times) * astray)

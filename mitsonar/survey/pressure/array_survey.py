@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
@@ -30,6 +30,12 @@ class Sampling:
         return centre(delay, start=self.start, frequency=self.frequency, sampling_rate=self.sampling_rate)
 
 
+class Steering(Protocol):
+    """Directions (3,) by the number of a ping, such as those that a transmit array is steered to."""
+
+    def __getitem__(self, ping: int, /) -> np.ndarray: ...
+
+
 @dataclass(frozen=True, kw_only=True)
 class ArraySurvey(Survey):
     """Run of a sonar with arrays.
@@ -52,11 +58,11 @@ class ArraySurvey(Survey):
     sources: RaySources  # places where rays start
     pass_number: int = 0  # number of the pass over the ground
     noise: ElementNoise | None = None
-    steering: np.ndarray | None = None  # (P, 3) [-], direction that the transmit array is steered to
+    steering: Steering | None = None  # (P, 3) [-], direction that the transmit array is steered to
     sending: np.ndarray | None = None  # (P,), number of the transmit element that sends alone at a ping
     thin_below: float = 0.0  # two-way intensity of the beams below which cells are thinned
 
-    @cached_property
+    @property
     def velocity(self) -> np.ndarray:
         """Return the velocity at the transmissions, (P, 3) [m/s], scene frame."""
         return self.voyage.velocity

@@ -31,8 +31,7 @@ BY_CHANCE = -1                     # number of the source of random echoes
 def ensonification_of(survey: ArraySurvey, scatterers: Scatterers | None = None) -> Ensonification:
     """Return the ensonification of the scatterers, or of given ones, of a survey within one ping's surroundings."""
     end, (geometry, water) = survey.time[-1], survey.surroundings
-    moved, turned = (float(np.linalg.norm(rate, axis=1).max()) * end
-                     for rate in (survey.velocity, survey.voyage.turn_rate))
+    moved, turned = (rate * end for rate in survey.planned_rates)
     return Ensonification(
         scatterers or Scatterers(geometry, survey.cell_size, survey.pass_number, survey.world.seed), water,
         frequency=survey.frequency,

@@ -45,11 +45,11 @@ class PressureRecord:
         self.survey, self.seed = survey, int(seed)
         self.kernel, self.return_path, self.paths = kernel, return_path, paths
         self.counts = ArrivalCounts(radius=survey.radius, guard=GUARD)
-        self._ensonification = ensonification or PerSurroundings(survey, ensonification_of).at
+        self.found = ensonification or PerSurroundings(survey, ensonification_of).at
 
     def ensonification(self, ping: int) -> Ensonification:
         """Return the ensonification of the scatterers around a ping, as given or made at first use."""
-        return self._ensonification(ping)
+        return self.found(ping).turning(self.survey.turn_rate * self.survey.time[-1])
 
     def at(self, ping: int, before: PingPressure | None = None) -> PingPressure:
         """Return one ping; a platform at rest reuses the echoes of the ping `before`."""

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol
+from functools import partial
+from typing import Any, Protocol
 
 import mitsuba as mi
 import numpy as np
@@ -16,7 +17,7 @@ import xarray as xr
 
 from mitsonar.device.progress import counted, part_of, shares
 from mitsonar.imaging import sector_scan as imaging
-from mitsonar.imaging.energy_record import EnergyRecord, only_row
+from mitsonar.imaging.energy_record import gathered, only_row
 from mitsonar.scene import objects
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.labels import classes_of
@@ -25,7 +26,8 @@ from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.array_makers import element_array
 from mitsonar.sonar.arrays.beam_patterns import element_directivity_index_db
 from mitsonar.sonar.faces.directivity import length_for_beam_width
-from mitsonar.sonar.motion.rotating_head import HeadTrajectory, RotatingHead, turned_voyage
+from mitsonar.sonar.motion.rotating_head import HeadTrajectory, RotatingHead, stepped_voyage, turned_voyage
+from mitsonar.sonar.motion.trajectory import Voyage
 from mitsonar.sonar.pulses.pulses import Pulse
 from mitsonar.units import db_from_power, power_from_db
 
@@ -65,7 +67,9 @@ def plan_elements(scene: mi.Scene, sensor: SectorScanSensor, settings: RunSettin
     shortest = sensor.film().window(slowest_speed(sensor))[0][1]
     passage = sensor.route.lay(geometry, shortest)
     interval = 1 / sensor.route.ping_rate if sensor.route.ping_rate else shortest
-    passage = replace(passage, voyage=turned_voyage(passage.voyage, sensor.head, interval))
+    turned = turned_voyage(passage.voyage, sensor.head, interval)
+    passage = replace(passage, voyage=turned, platform=passage.voyage, of_ping=partial(
+        stepped_voyage, planned=turned, head=sensor.head, interval=interval))
     speed = head_speed(sensor, passage.depth)
     face = _face(sensor, speed)
     return survey_of(geometry, sensor, settings, passage, lead=lead, sound_speed=speed, transmit=face, receive=face,
@@ -77,31 +81,74 @@ def picture(survey: ArraySurvey, sensor: SectorScanSensor, seed: int,
             progress: Callable[[float, float], None] | None = None,
             say: Callable[[str], None] | None = None) -> xr.Dataset:
     """Render the picture of the head's pings, with its truth; see `mitsonar.render`."""
-    speed, steps = head_speed(sensor, survey.passage.depth), steps_of(survey, sensor)
-    window, bins = sensor.film().window(speed)
-    way = sensor.picture or ("beams" if survey.ensonification == "scatterers" else "elements")
-    signals, before = StepSignals(survey), SIGNALS if way == "beams" else ELEMENT_SIGNALS
+    steps, signals, way = steps_of(survey, sensor), StepSignals(survey), _way(survey, sensor)
+    before = SIGNALS if way == "beams" else ELEMENT_SIGNALS
     whole = shares(progress, survey.track.pings)
     progress_before = counted(part_of(whole, 0.0, before))
     if way == "elements":
         received = received_signals(PressureRecord(survey, seed=seed), range(survey.track.pings),
                                     progress=progress_before, say=say)
-        power = imaging.mean_power(matched_filter(received.values[:, 0, 0], survey.pulse, survey.sampling_rate), bins)
-    elif survey.ensonification == "scatterers":
-        power = signals.power(bins, seed, progress_before)
+        power = _received_power(received, survey, steps)
     else:
+        power = signals.power(steps.bins.count, seed, progress_before)
+    record = only_row(energy.record(survey, steps, seed, counted(part_of(whole, before, 1.0))))
+    expected = steps.shown(record.intensity.astype(float))
+    if record.coherent is not None:
+        expected = expected + signals.power(steps.bins.count, None)
+    image = imaging.image(power, record, expected, turns=_turns(sensor, 0, survey.planned),
+                          depth_below=survey.depth_below, **_shared(survey, sensor, seed))
+    return objects.annotated(image, *classes_of(survey.labels), survey.world.still, survey.track.position)
+
+
+def frame(survey: ArraySurvey, sensor: SectorScanSensor, seed: int) -> Callable[[int], xr.Dataset]:
+    """Return the function that renders one ping of a sonar that is stepped; see `mitsonar.Sonar`."""
+    steps, signals, way = steps_of(survey, sensor), StepSignals(survey), _way(survey, sensor)
+    blocks, pressure = energy.energy_blocks(survey, steps, seed), PressureRecord(survey, seed=seed)
+    known = objects.known(*classes_of(survey.labels), survey.world.still, survey.planned.track.position)
+    shared = _shared(survey, sensor, seed)
+
+    def of(ping: int) -> xr.Dataset:
+        if way == "elements":
+            power = _received_power(received_signals(pressure, [ping]), survey, steps)
+        else:
+            power = signals.of(ping, steps.bins.count, seed)[None]
+        record = only_row(gathered([blocks.at(ping).echoes(np.array([ping]))], pings=1, rows=1))
+        expected = steps.shown(record.intensity.astype(float))
+        if record.coherent is not None:
+            expected = expected + signals.of(ping, steps.bins.count, None)
+        image = imaging.image(power, record, expected, turns=_turns(sensor, ping, survey.voyage.single),
+                              depth_below=survey.depth_below[-1:], first=ping, **shared).assign_attrs(known)
+        return image.assign_attrs(unseen=objects.unseen(image, warn=False))
+
+    return of
+
+
+def _way(survey: ArraySurvey, sensor: SectorScanSensor) -> str:
+    """Return the method by which the picture is made: beams or elements."""
+    way = sensor.picture or ("beams" if survey.ensonification == "scatterers" else "elements")
+    if way == "beams" and survey.ensonification != "scatterers":
         raise ValueError("picture is beams, but rays are to find the scatterers (ensonification); leave one of them "
                          "out, or set picture to elements")
-    record = only_row(energy.record(survey, steps, seed, counted(part_of(whole, before, 1.0))))
-    classes, class_of = classes_of(survey.labels)
-    image = imaging.image(
-        power, record, _mean_power(record, steps, signals), turns=_turns(survey, sensor), sound_speed=speed,
-        time=window[0] + (np.arange(bins) + 0.5) * (window[1] - window[0]) / bins, depth_below=survey.depth_below,
-        labels=survey.labels, class_of=class_of,
-        attrs={"seed": int(seed), "picture": way, "frequency": float(survey.frequency), "pulse": survey.pulse.numbers,
-               "source_level_db": float(survey.source_level_db), "noise_db": _noise_db(survey, sensor, speed),
-               "absorption_db": float(survey.waters.first.absorption.at(float(np.mean(-survey.track.position[:, 2]))))})
-    return objects.annotated(image, classes, class_of, survey.world.still, survey.track.position)
+    return way
+
+
+def _received_power(received: xr.DataArray, survey: ArraySurvey, steps: Steps) -> np.ndarray:
+    """Return the mean power (P, bins) [µPa²] of the element's signals."""
+    compressed = matched_filter(received.values[:, 0, 0], survey.pulse, survey.sampling_rate)
+    return imaging.mean_power(compressed, steps.bins.count)
+
+
+def _shared(survey: ArraySurvey, sensor: SectorScanSensor, seed: int) -> dict[str, Any]:
+    """Return what the images of all pings have in common, as arguments."""
+    speed = head_speed(sensor, survey.passage.depth)
+    window, bins = sensor.film().window(speed)
+    return dict(
+        sound_speed=speed, time=window[0] + (np.arange(bins) + 0.5) * (window[1] - window[0]) / bins,
+        labels=survey.labels, class_of=classes_of(survey.labels)[1],
+        attrs={"seed": int(seed), "picture": _way(survey, sensor), "frequency": float(survey.frequency),
+               "pulse": survey.pulse.numbers, "source_level_db": float(survey.source_level_db),
+               "noise_db": _noise_db(survey, sensor, speed),
+               "absorption_db": float(survey.waters.first.absorption.at(survey.planned_depth))})
 
 
 def steps_of(survey: ArraySurvey, sensor: SectorScanSensor) -> Steps:
@@ -123,22 +170,16 @@ def _face(sensor: SectorScanSensor, sound_speed: float) -> Array:
                          floor=sensor.vertical_floor if height else 0.0, pattern="rectangular", baffle="hard")
 
 
-def _turns(survey: ArraySurvey, sensor: SectorScanSensor) -> imaging.Turns:
-    """Return the directions of the head at its pings."""
-    head, trajectory, time = sensor.head, survey.voyage.trajectory, survey.track.time
+def _turns(sensor: SectorScanSensor, first: int, voyage: Voyage) -> imaging.Turns:
+    """Return the directions of the head at the pings of a voyage, numbered from the first on."""
+    head, trajectory, time = sensor.head, voyage.trajectory, voyage.track.time
     if not isinstance(trajectory, HeadTrajectory):
         raise ValueError("a sector scan needs the voyage of a rotating head; make the survey by the sensor's own plan")
-    ping = np.arange(len(time))
+    ping = first + np.arange(len(time))
     bearing = np.angle(np.exp(1j * head.sweep.bearing(ping)))
     return imaging.Turns(bearing=np.where(bearing > np.pi - 1e-9, bearing - 2 * np.pi, bearing),
                          turn=head.sweep.turn(ping), platform=trajectory.platform.track(time), mount=head.mount,
                          tilt=head.tilt, sector=head.sweep.sector)
-
-
-def _mean_power(record: EnergyRecord, steps: Steps, signals: StepSignals) -> np.ndarray:
-    """Return the mean over speckle and noise, (P, bins) [µPa²]: rays' energies and coherent signals."""
-    mean = steps.shown(record.intensity.astype(float))
-    return mean if record.coherent is None else mean + signals.power(steps.bins.count, None)
 
 
 def _noise_db(survey: ArraySurvey, sensor: SectorScanSensor, sound_speed: float) -> float | None:

@@ -22,6 +22,8 @@ from mitsonar.device.rotations import rotation_matrix
 from mitsonar.imaging.sector_scan import mean_power
 from mitsonar.signal.beam_grid import NoiseDensity
 from mitsonar.sonar.motion.rotating_head import HeadTrajectory
+from mitsonar.sonar.motion.stepping import SteppedPing
+from mitsonar.sonar.motion.trajectory import Voyage
 from mitsonar.units import power_from_db
 
 from ..beam_domain.frames import add, line_beams
@@ -39,21 +41,18 @@ class StepSignals:
     """Compressed signals of a survey's pings."""
 
     def __init__(self, survey: ArraySurvey):
-        trajectory, receive = survey.voyage.trajectory, survey.receive
-        if not isinstance(trajectory, HeadTrajectory):
-            raise ValueError("a sector scan needs the voyage of a rotating head; make the survey by the sensor's own "
-                             "plan")
-        attitude = trajectory.platform.pose(survey.track.time)[1]
-        # columns: bearing 0, aside, and the axis that the head turns about
-        frame = rotation_matrix(*np.moveaxis(attitude, -1, 0)) @ trajectory.head.mounted
-        fixed = all(float(np.ptp(part, axis=0).max()) < STILL for part in (survey.track.position, frame))
-        fixed = fixed and not survey.world.moves
+        receive = survey.receive
+        frame = _frames(survey.planned)
+        self._fixed = not survey.world.moves and all(
+            float(np.ptp(part, axis=0).max()) < STILL for part in (survey.planned.track.position, frame))
         self._survey = survey
-        self._kept: dict[tuple[int, bool], list[PlacedEchoes]] | None = {} if fixed else None
+        self._kept: dict[tuple[int, bool], list[PlacedEchoes]] = {}
+        self._kept_at: SteppedPing | None = None
         line = LineArray.of_element(receive)
+        axes = _Axes(survey, frame[:, :, 2])
         self._echoes = PerSurroundings(survey, lambda part: PingEchoes(
             part, line, per_cell=part.per_cell, negligible=FAINTEST,
-            turning=(frame[:, :, 2], part.wavelength / receive.length)))
+            turning=(axes, part.wavelength / receive.length)))
         self._beams = PerSurroundings(survey, lambda part: line_beams(part, line.place, line.weight, np.zeros(1)))
 
     def power(self, bins: int, seed: int | None, progress: Callable[[float, float], None] | None = None) -> np.ndarray:
@@ -61,26 +60,44 @@ class StepSignals:
 
         A `seed` draws scatterers, other random echoes and noise. With None there are only coherent echoes.
         """
-        survey, total, rows = self._survey, self._survey.track.pings, []
-        noise = None if seed is None else NoiseDensity.of(survey.noise, survey.source_level_db)
+        total, rows = self._survey.track.pings, []
         for ping in range(total):
-            beams, echoes = self._beams.at(ping), self._echoes.at(ping)
-            grid = beams.grid()
-            for placed in self._received(ping, seed):
-                add(grid, echoes.received(ping, placed))
-            signal = beams.form(grid, doppler=echoes.doppler(ping), noise=noise,
-                                key=0 if seed is None else ping_key(seed, ping))
-            rows.append(mean_power(signal[0], bins))
+            rows.append(self.of(ping, bins, seed))
             if progress is not None:               # echoes of large smooth surfaces take minutes a ping
                 progress(ping + 1, total)
-        return np.stack(rows) * power_from_db(survey.source_level_db)
+        return np.stack(rows)
+
+    def of(self, ping: int, bins: int, seed: int | None) -> np.ndarray:
+        """Return the mean power of one ping over bins, (bins,) [µPa²]; `seed` as of `power`."""
+        survey, beams, echoes = self._survey, self._beams.at(ping), self._echoes.at(ping)
+        noise = None if seed is None else NoiseDensity.of(survey.noise, survey.source_level_db)
+        grid = beams.grid()
+        for placed in self._received(ping, seed):
+            add(grid, echoes.received(ping, placed))
+        signal = beams.form(grid, doppler=echoes.doppler(ping), noise=noise,
+                            key=0 if seed is None else ping_key(seed, ping))
+        return mean_power(signal[0], bins) * power_from_db(survey.source_level_db)
+
+    def _stands(self) -> bool:
+        """Return True if the platform stands still, so that its echoes are kept; forget those of another place."""
+        latest = self._survey.passage.latest
+        if latest is None or latest.row is not None and self._fixed:
+            stands = self._fixed
+        else:
+            stands = not (self._survey.velocity[-1].any() or latest.turn_rate)
+        known = self._kept_at
+        if latest is not None and (known is None or not all(np.array_equal(getattr(latest.track, name), getattr(
+                known.track, name)) for name in ("position", "roll", "pitch", "heading"))):
+            self._kept.clear()
+            self._kept_at = latest
+        return stands
 
     def _received(self, ping: int, seed: int | None) -> Iterator[PlacedEchoes]:
         """Yield the echoes that the head receives of a ping."""
-        if self._kept is None:
+        if not self._stands():
             yield from self._around(ping, seed is not None)
         else:
-            which = int(self._survey.surroundings_number[ping]), seed is None
+            which = self._survey.surroundings_of(ping), seed is None
             around = self._kept.get(which)
             if around is None:
                 around = self._kept[which] = [*self._around(ping, seed is not None, everywhere=True)]
@@ -104,6 +121,27 @@ class StepSignals:
             yield from self._echoes.at(ping).mirrored(ping, everywhere)
         for _, echoes in self._echoes.at(ping).targets(ping):
             yield echoes
+
+
+def _frames(voyage: Voyage) -> np.ndarray:
+    """Return the frames (P, 3, 3) in which a head turns; columns: bearing 0, aside, and the axis it turns about."""
+    trajectory = voyage.trajectory
+    if not isinstance(trajectory, HeadTrajectory):
+        raise ValueError("a sector scan needs the voyage of a rotating head; make the survey by the sensor's own plan")
+    attitude = trajectory.platform.pose(voyage.track.time)[1]
+    return rotation_matrix(*np.moveaxis(attitude, -1, 0)) @ trajectory.head.mounted
+
+
+class _Axes:
+    """Axes (3,) that a head turns about, by the number of a ping."""
+
+    def __init__(self, survey: ArraySurvey, planned: np.ndarray):
+        self._survey, self._planned = survey, planned
+
+    def __getitem__(self, ping: int) -> np.ndarray:
+        if self._survey.passage.latest is None:
+            return self._planned[ping]
+        return _frames(self._survey.voyage.single)[0, :, 2]
 
 
 def _those(placed: PlacedEchoes, wanted: mi.Bool) -> Iterator[PlacedEchoes]:

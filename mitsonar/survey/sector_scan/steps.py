@@ -101,7 +101,7 @@ class StepLaunch:
     def __init__(self, survey: ArraySurvey, face: Sidescan, underway: Underway, window: tuple[float, float]):
         # window [s]
         self._survey, self._face, self._window, self._lib = survey, face, window, arrays_of(mi.Float)
-        shifts = underway.aside_shifts(survey.track.rotation(), face.sound_speed, WAYS)
+        shifts = underway.aside_shifts(survey.planned.track.rotation(), face.sound_speed, WAYS)
         table = along_quantiles(face, np.unique(np.quantile(shifts, np.linspace(0, 1, SHIFTS))))
         self._along = upload(mi.Float, table.astype(np.float32))
         dr.eval(self._along)
@@ -142,7 +142,7 @@ class Steps:
         face, length = face_of(survey), (window[1] - window[0]) / count
         self.bins = EnergyBins(start=window[0], length=length, count=count, sound_speed=face.sound_speed,
                                beam=face.solid_angle(), absorption_db=survey.waters.least_absorption_db)
-        self.underway = Underway(survey.voyage.trajectory.during(survey.track.time, survey.time[-1]))
+        self.underway = Underway.of(survey, survey.time[-1])
         self.face, self.beam = face, StepBeam(face, length)
         self._launch = StepLaunch(survey, face, self.underway, window)
         first = round(FIRST_PASS * survey.rays)
@@ -151,10 +151,10 @@ class Steps:
 
     def _pings_per_block(self) -> int:
         """Return the number of pings in a block, bounded by rays and by the memory of sums and tables."""
-        survey, pings = self._survey, self._survey.track.pings
+        survey, pings = self._survey, self._survey.planned.track.pings
         sums = self.bins.count * (self.labels * (2 if survey.world.named.hides else 1) + WORDS)
         rays = sum(grid[0] * grid[1] for grid in self._grids)
-        level = len(np.unique(survey.track.position[:, 2])) == 1
+        level = len(np.unique(survey.planned.track.position[:, 2])) == 1
         return max(1, min(RAYS_PER_BLOCK // rays, SUMS_PER_BLOCK // sums, pings if level else TABLES_PER_BLOCK, pings,
                           COHERENT_PER_BLOCK))
 

@@ -2,13 +2,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol
 
 import mitsuba as mi
 import numpy as np
 import xarray as xr
 
 from mitsonar.imaging import sidescan as imaging
+from mitsonar.imaging.energy_record import gathered
 from mitsonar.scene import objects
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.labels import classes_of
@@ -86,16 +87,33 @@ def picture(survey: SidescanSurvey, sensor: SidescanSensor, seed: int,
             progress: Callable[[int, int], None] | None = None,
             say: Callable[[str], None] | None = None) -> xr.Dataset:
     """Render the image, with its truth; see `mitsonar.render`."""
-    record, sonar, track = energy.record(survey, Sides(survey), seed, progress), survey.sonar, survey.track
-    head_depth = float(np.mean(-track.position[:, 2]))
-    classes, class_of = classes_of(survey.labels)
-    image = imaging.image(
-        record, sonar=sonar, track=track, depth_below=survey.depth_below, window=survey.window, labels=survey.labels,
-        class_of=class_of, paths=survey.paths.names, noise_db=noise_db(sensor, sonar),
+    record, classes = energy.record(survey, Sides(survey), seed, progress), classes_of(survey.labels)
+    image = imaging.image(record, track=survey.track, depth_below=survey.depth_below, **_shared(survey, sensor, seed))
+    return objects.annotated(image, *classes, survey.world.still, survey.track.position)
+
+
+def frame(survey: SidescanSurvey, sensor: SidescanSensor, seed: int) -> Callable[[int], xr.Dataset]:
+    """Return the function that renders the row of one ping of a sonar that is stepped; see `mitsonar.Sonar`."""
+    blocks, shared = energy.energy_blocks(survey, Sides(survey), seed), _shared(survey, sensor, seed)
+    known = objects.known(*classes_of(survey.labels), survey.world.still, survey.planned.track.position)
+
+    def of(ping: int) -> xr.Dataset:
+        record = gathered([blocks.at(ping).echoes(np.array([ping]))], pings=1, rows=2)
+        image = imaging.image(record, track=survey.voyage.single.track, depth_below=survey.depth_below[-1:],
+                              first=ping, **shared).assign_attrs(known)
+        return image.assign_attrs(unseen=objects.unseen(image, warn=False))
+
+    return of
+
+
+def _shared(survey: SidescanSurvey, sensor: SidescanSensor, seed: int) -> dict[str, Any]:
+    """Return what the images of all pings have in common, as arguments."""
+    return dict(
+        sonar=survey.sonar, window=survey.window, labels=survey.labels, class_of=classes_of(survey.labels)[1],
+        paths=survey.paths.names, noise_db=noise_db(sensor, survey.sonar),
         speckle=speckle_of(survey, sensor.jitter, seed) if sensor.speckle else None, seed=seed,
-        absorption_db=float(survey.waters.first.absorption.at(head_depth)), leakage=sensor.leakage,
+        absorption_db=float(survey.waters.first.absorption.at(survey.planned_depth)), leakage=sensor.leakage,
         peak_window=sensor.recorder.detector.peak if sensor.recorder else 0.0)
-    return objects.annotated(image, classes, class_of, survey.world.still, survey.track.position)
 
 
 def rows(level: np.ndarray) -> np.ndarray:

@@ -95,7 +95,7 @@ def speckle_of(survey: SidescanSurvey, jitter: Jitter = STEADY,
     around = PerSurroundings(survey, lambda part: SideSpeckle(part, jitter, seed))
 
     def speckle(ping: np.ndarray, steps: int) -> np.ndarray:
-        changes = np.flatnonzero(np.diff(survey.surroundings_number[ping])) + 1
+        changes = np.flatnonzero(np.diff([survey.surroundings_of(number) for number in ping])) + 1
         return np.concatenate([around.at(part[0]).of(part, steps) for part in np.split(ping, changes)])
 
     return speckle
@@ -115,11 +115,11 @@ class SideSpeckle:
                               per_width=ACROSS * survey.per_cell / (to_range * gate))
         self._start, self._per_gate = (dr.opaque(mi.Float64, value) for value in (start, 1 / gate))
         self._count, self._speed = dr.opaque(mi.UInt32, self.gates), dr.opaque(mi.Float, sonar.sound_speed)
-        self._underway = Underway(survey.voyage.trajectory.during(survey.track.time, end))
+        self._underway = Underway.of(survey, end)
         reach, (geometry, water) = 0.5 * end * survey.waters.fastest, survey.surroundings
         self._facets = Scatterers(geometry, np.inf, survey.pass_number, survey.world.seed)
         self._table = EigenrayTable(Connector(geometry, water),
-                                    depth=-float(survey.track.position[:, 2].mean()), farthest=reach)
+                                    depth=survey.planned_depth, farthest=reach)
         # cycles, seconds and gates per metre of the way out and back
         speed, self._bends = self._table.sound_speed, bool(np.ptp(water.profile.sound_speed))
         self._per_metre, self._seconds = (dr.opaque(mi.Float64, value)
@@ -128,7 +128,7 @@ class SideSpeckle:
             sonar.frequency / speed, 1 / (speed * gate), self.gates))
         # across a ball, the axis turns and the sonar moves by this share of its radius
         drift = self._underway.drift(sonar.sound_speed)
-        self._slack = dr.opaque(mi.Float, 1 + drift + self._underway.largest_turn)
+        self._drift, self._end = drift, end
         self._near, self._far = (dr.opaque(mi.Float, value) for value in (
             0.5 * start * survey.waters.slowest * (1 - drift), reach * (1 + drift)))
         self._water = WaterCells(survey)
@@ -137,7 +137,10 @@ class SideSpeckle:
     def _sort(self, farthest: float) -> None:
         """Sort the facets that scatter within `farthest` [m] of the track into blocks of neighbours, each in a ball."""
         facets = self._facets
-        number = np.flatnonzero(facets.near(self._survey.track.position, farthest)).astype(np.uint32)
+        reached = facets.scattering
+        if self._survey.passage.stepping is None:
+            reached = facets.near(self._survey.track.position, farthest)
+        number = np.flatnonzero(reached).astype(np.uint32)
         number = number[np.argsort(_along_a_curve(facets.centre[number]), kind="stable")]
         moving = facets.moving[number]
         number = np.concatenate([number[~moving], number[moving]])     # those that move have blocks of their own
@@ -183,6 +186,10 @@ class SideSpeckle:
         track, rows = self._survey.track, 2 * len(ping)
         rotation = self._jitter.turned(track.rotation()[ping], ping, self._seed)
         poses, motion = PingPoses(track.position[ping], rotation), self._underway.motion(ping)
+        turned = self._underway.largest_turn
+        if self._survey.passage.latest is not None:
+            turned = max(turned, self._survey.turn_rate * self._end)
+        self._slack = dr.opaque(mi.Float, 1 + self._drift + turned)
         sums = dr.zeros(mi.UInt32, sum_size(4 * rows * self.gates * steps))
         for triangles in self._met(poses, motion, len(ping)):
             self._add(sums, poses, motion, triangles, dr.opaque(mi.UInt32, steps))

@@ -26,23 +26,27 @@ class WaterCells:
     COURSES = 16
 
     def __init__(self, survey: SidescanSurvey):
-        self._lib, track, velocity = arrays_of(mi.Float), survey.track, survey.voyage.velocity
-        forward, window = track.rotation()[:, :2, 0], survey.window
-        moving = np.linalg.norm(velocity[:, :2], axis=1) > 1e-3
-        course = np.where(moving, np.arctan2(velocity[:, 1], velocity[:, 0]), np.arctan2(forward[:, 1], forward[:, 0]))
-        number = np.round(course / (np.pi / self.COURSES)).astype(int) % self.COURSES
-        ahead = np.stack([np.cos(number * np.pi / self.COURSES), np.sin(number * np.pi / self.COURSES)], -1)
-        # to starboard of the rounded course, or to port of it where the sonar goes the other way
-        turned = np.where(np.sum(forward * ahead, 1) > 0, 1.0, -1.0)
-        self._rows = np.concatenate([
-            np.sum(track.position[:, :2] * ahead, 1)[:, None], np.sum(velocity[:, :2] * ahead, 1)[:, None], ahead,
-            turned[:, None], number[:, None], np.zeros((len(ahead), 2))], 1)
+        self._lib, self._survey, window = arrays_of(mi.Float), survey, survey.window
         self._seed = dr.opaque(mi.UInt32, survey.world.seed & 0xFFFFFFFF)
         speed, pulse_length = survey.sonar.sound_speed, survey.sonar.pulse_length
         gates = survey.bins * speckle_gates(survey.bin_length, pulse_length)
         self._begin, self._step = (dr.opaque(mi.Float, 0.5 * speed * value)
                                    for value in (window[0], (window[1] - window[0]) / gates))
         self._speed, self._twice = dr.opaque(mi.Float, speed), dr.opaque(mi.Float, 4 * np.pi / survey.sonar.wavelength)
+
+    def _rows(self, ping: np.ndarray) -> np.ndarray:
+        """Return place and speed along the rounded course, this course, and what else a row needs, of pings (B, 8)."""
+        track, velocity = self._survey.track, self._survey.voyage.velocity[ping]
+        forward = track.rotation(ping)[:, :2, 0]
+        moving = np.linalg.norm(velocity[:, :2], axis=1) > 1e-3
+        course = np.where(moving, np.arctan2(velocity[:, 1], velocity[:, 0]), np.arctan2(forward[:, 1], forward[:, 0]))
+        number = np.round(course / (np.pi / self.COURSES)).astype(int) % self.COURSES
+        ahead = np.stack([np.cos(number * np.pi / self.COURSES), np.sin(number * np.pi / self.COURSES)], -1)
+        # to starboard of the rounded course, or to port of it where the sonar goes the other way
+        turned = np.where(np.sum(forward * ahead, 1) > 0, 1.0, -1.0)
+        return np.concatenate([
+            np.sum(track.position[ping, :2] * ahead, 1)[:, None], np.sum(velocity[:, :2] * ahead, 1)[:, None], ahead,
+            turned[:, None], number[:, None], np.zeros((len(ahead), 2))], 1)
 
     def added(self, ping: np.ndarray, poses: PingPoses, beam: GateBeam, thread: mi.UInt32, count: mi.UInt32,
               sums: tuple[mi.Float, mi.Float, mi.Float], later: mi.UInt32) -> tuple[mi.Float, mi.Float]:
@@ -52,7 +56,7 @@ class WaterCells:
         """
         row = thread // count
         gate, which = thread - row * count, row >> 1
-        table = upload(mi.Float64, self._rows[ping])
+        table = upload(mi.Float64, self._rows(ping))
         low, high = (dr.gather(self._lib.Array4f64, table, 2 * which + half) for half in (0, 1))
         near = dr.maximum(self._begin + mi.Float(gate) * self._step, 0)
         R = dr.maximum(near + 0.5 * self._step, NEAREST)

@@ -28,7 +28,7 @@ class PingMeasurement:
 
 def absorption_to_bed(survey: SoundedSurvey, absorption: AbsorptionColumn) -> float:
     """Return the mean absorption [dB/m] from the sonar down to the lowest bed."""
-    top = -float(survey.track.position[:, 2].mean())
+    top = survey.planned_depth
     return float(mean_absorption(absorption, top, max(survey.world.depth_range[1], top + 1)))
 
 

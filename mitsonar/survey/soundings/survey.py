@@ -2,19 +2,22 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
 from mitsonar.hydrography.reduction.motion_errors import MotionErrors
 from mitsonar.sonar.arrays.sectors import Sector
+from mitsonar.sonar.motion.stepping import SteppedPing
+from mitsonar.sonar.motion.trajectory import Voyage
 
 from ..pressure.array_survey import ArraySurvey
 from ..sensor import RunSettings, Sensor
 from ..survey import Survey
-from ..voyage import Passage
+from ..voyage import Passage, Stepping
 
 
 class SoundingSensor(Sensor, Protocol):
@@ -61,20 +64,83 @@ class SoundedSurvey(Survey, ABC):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Aim:
+    """Directions of a sector's beams and transmissions at pings."""
+
+    sines: np.ndarray  # (P, B) [-], true sines of the beams along the receiving line
+    said: np.ndarray  # (P,) [-], ratio of the sines that the instrument assumes to the true sines
+    transmit_sines: np.ndarray  # (P,) [-], true sines of the transmissions along the transmitting line
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SectorAim:
+    """Aim of a sector at the pings of a survey; its items are the steering of the transmitting line."""
+
+    survey: ArraySurvey  # of the transmissions, without steering
+    find: Callable[[Voyage, np.ndarray, np.ndarray], Aim]  # of a voyage, depths below (P,) [m], sound speeds (P,) [m/s]
+    along: np.ndarray  # (3,) [-], of the transmitting line
+
+    @cached_property
+    def planned(self) -> Aim:
+        """Return the aim at the planned pings."""
+        return self.find(self.survey.planned, self.survey.passage.depth_below, self.survey.sound_speeds)
+
+    @property
+    def now(self) -> Aim:
+        """Return the aim at the planned pings, or at the latest stepped one."""
+        survey, latest = self.survey, self.survey.passage.latest
+        if latest is None:
+            return self.planned
+        if latest not in self._found:
+            self._found.clear()
+            speed = np.array([survey.sound_speed(latest.ping)])
+            aim = self.find(survey.voyage.single, survey.depth_below[-1:], speed)
+            self._found[latest] = Aim(**{name: np.broadcast_to(values[0], (latest.ping + 1, *values.shape[1:]))
+                                         for name, values in vars(aim).items()})
+        return self._found[latest]
+
+    @cached_property
+    def _found(self) -> dict[SteppedPing, Aim]:
+        """Return the aim at the latest stepped ping, by this ping."""
+        return {}
+
+    def __getitem__(self, ping: int) -> np.ndarray:
+        return self.now.transmit_sines[ping] * self.along
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class SectorRun:
     """Transmissions of one sector at all pings."""
 
     sector: Sector
     survey: ArraySurvey  # of the transmissions of this sector
-    sines: np.ndarray  # (P, B) [-], true sines of the beams along the receiving line
-    said: np.ndarray  # (P,) [-], ratio of the sines that the instrument assumes to the true sines
-    transmit_sines: np.ndarray  # (P,) [-], true sines of the transmissions along the transmitting line
+    aim: SectorAim
     first: int  # number of the first beam of this sector among all beams
+
+    @property
+    def sines(self) -> np.ndarray:
+        """Return the true sines of the beams along the receiving line (P, B) [-]."""
+        return self.aim.now.sines
+
+    @property
+    def said(self) -> np.ndarray:
+        """Return the ratio of the sines that the instrument assumes to the true sines (P,) [-]."""
+        return self.aim.now.said
+
+    @property
+    def transmit_sines(self) -> np.ndarray:
+        """Return the true sines of the transmissions along the transmitting line (P,) [-]."""
+        return self.aim.now.transmit_sines
 
     @property
     def beams(self) -> slice:
         """Return the beams of this sector among all beams."""
-        return slice(self.first, self.first + self.sines.shape[1])
+        return slice(self.first, self.first + len(self.sector.beams))
+
+    def stepped(self, stepping: Stepping) -> SectorRun:
+        """Return the run of a sonar that is stepped."""
+        aim = replace(self.aim, survey=self.aim.survey.stepped(stepping))
+        return replace(self, survey=replace(self.survey.stepped(stepping), steering=aim), aim=aim)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,10 +156,14 @@ class SwathSurvey(SoundedSurvey):
         return replace(super()._made_within(ping),
                        sectors=[replace(run, survey=run.survey.within(ping)) for run in self.sectors])
 
+    def stepped(self, stepping: Stepping) -> SwathSurvey:
+        """Return the survey of a sonar that is stepped, with this one as its plan."""
+        return replace(super().stepped(stepping), sectors=[run.stepped(stepping) for run in self.sectors])
+
     @property
     def beams(self) -> int:
         """Return the number of beams of all sectors."""
-        return sum(run.sines.shape[1] for run in self.sectors)
+        return sum(len(run.sector.beams) for run in self.sectors)
 
     @property
     def frequency(self) -> float:
