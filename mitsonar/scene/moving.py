@@ -20,6 +20,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 from mitsonar.device.rotations import NORTH_EAST_DOWN, rotation_matrix
+from mitsonar.sonar.motion.stepping import Stepping
 from mitsonar.sonar.motion.track import Track
 from mitsonar.water.profile import SoundSpeedProfile
 from mitsonar.water.waters import Waters
@@ -82,13 +83,35 @@ class Movements:
     """Stands of a scene's moving objects at the pings of a track."""
 
     shapes: tuple[MovingShape, ...]
-    track: Track
+    track: Track  # planned
     waters: Waters
+    stepping: Stepping | None = None  # of a sonar that is stepped
+
+    def key(self, ping: int) -> tuple[object, ...]:
+        """Return what the stands at a ping follow from, for comparisons."""
+        stepping = self.stepping
+        return (self, ping) if stepping is None else (self, ping, stepping.latest, *stepping.moved.values())
 
     def at(self, ping: int) -> list[Stand]:
-        """Return the stands of all objects at a ping."""
-        profile, sonar = self.waters.at(ping).profile, self.track.position[ping]
-        return [_stand(shape.mover, float(self.time(shape)[ping]), sonar, profile) for shape in self.shapes]
+        """Return the stands of all objects at a ping; raise `ValueError` if it is beyond the track of one."""
+        stepping = self.stepping
+        if stepping is None or stepping.latest is None:
+            profile, sonar = self.waters.at(ping).profile, self.track.position[ping]
+            return [_stand(shape.mover, float(self.time(shape)[ping]), sonar, profile) for shape in self.shapes]
+        latest, profile = stepping.latest, self.waters.at(0).profile
+        stands = []
+        for shape in self.shapes:
+            mover, time = stepping.moved.get(shape.id()), latest.time
+            if mover is None:
+                mover, (first, last) = shape.mover, shape.known
+                if shape.begin is not None:
+                    time = shape.begin + (time - self.track.time[0])
+                if not first - 1e-9 <= time <= last + 1e-9:
+                    raise ValueError(f'the track of the moving shape "{shape.id()}" lasts from {first:g} to {last:g} '
+                                     f"s, and this ping is at {time:g} s of it; move the object yourself, or give it "
+                                     "a longer track")
+            stands.append(_stand(mover, float(time), latest.track.position[0], profile))
+        return stands
 
     def time(self, shape: MovingShape) -> np.ndarray:
         """Return the times (P,) [s] of an object's mover at the pings."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mitsonar.sonar.motion.stepping import Stepping
 from mitsonar.sonar.motion.track import Track
 from mitsonar.water.waters import Waters
 
@@ -34,7 +35,8 @@ class World:
             return cls(still=geometry, seed=seed)
         movements = Movements(shapes=tuple(body.shape for body in geometry.bodies), track=track, waters=waters)
         movements.check()
-        geometry.widen(movements.depth_range())
+        least, greatest = movements.depth_range()
+        geometry.widen((min(least, 0.0), greatest))           # a sonar that is stepped may move objects anywhere
         geometry.stand(movements.at(0))
         _check_above(geometry)
         return cls(still=geometry, seed=seed, movements=movements)
@@ -56,10 +58,27 @@ class World:
     def at(self, ping: int) -> Geometry:
         """Return the geometry of a ping, in which moving objects stand as its sound meets them."""
         geometry = self.geometries[int(self.number(ping))]
-        if self.movements is not None and geometry.moment != (self.movements, ping):
+        if self.movements is not None and geometry.moment != (moment := self.movements.key(int(ping))):
             geometry.stand(self.movements.at(ping))
-            geometry.moment = self.movements, int(ping)
+            geometry.moment = moment
         return geometry
+
+    def stepped(self, stepping: Stepping) -> World:
+        """Return the scene of a sonar that is stepped."""
+        return self if self.movements is None else replace(self, movements=replace(self.movements, stepping=stepping))
+
+    def check_move(self, name: str, position: np.ndarray) -> None:
+        """Raise `ValueError` unless an object of a name moves, and can stand at a position (3,) [m]."""
+        names = [] if self.movements is None else [shape.id() for shape in self.movements.shapes]
+        if name not in names:
+            raise ValueError(f'"{name}" was to be moved, and the scene has '
+                             + (f"the moving shapes {', '.join(names)}" if names else "no moving shapes")
+                             + '; give one of them, or put <shape type="moving"> around the shape in the scene')
+        x, y, z = position
+        bed = float(bed_height(self.still, np.array([x]), np.array([y]))[0])
+        if not bed <= z <= 0:
+            raise ValueError(f'"{name}" was to be moved to z = {z:.4g} m, and the water there lies between z = '
+                             f"{bed:.4g} m and 0; give a place within it")
 
     def fastest(self, ping: int) -> float:
         """Return the largest speed of any point of a moving object at a ping [m/s]; 0 if nothing moves."""

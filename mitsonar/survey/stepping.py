@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from mitsonar.sonar.motion.stepping import Steady, SteppedPing, planned_row
+from mitsonar.sonar.motion.stepping import Steady, SteppedPing, Stepping, planned_row
 from mitsonar.sonar.motion.track import FIELDS, Track
 from mitsonar.sonar.motion.trajectory import Trajectory
 from mitsonar.water.profile import SoundSpeedProfile
@@ -24,7 +24,6 @@ from .sensor import Sensor, slowest_speed
 from .soundings.line import Instrument, SoundingLine
 from .soundings.survey import SoundedSurvey
 from .survey import Survey
-from .voyage import Stepping
 
 FASTER = 1e-6                      # share by which a ping may be faster than planned, for rounding
 POSE = "position", "attitude", "velocity", "turn_rate"
@@ -38,6 +37,7 @@ class SteppedRun:
         self._stepping = Stepping()
         self.survey: Survey = integrator.survey(scene, sensor, seed).stepped(self._stepping)
         self.frame: Callable[[int], xr.Dataset] = integrator.frame(self.survey, sensor, seed)
+        self._moves: dict[str, tuple[dict[str, np.ndarray], float | None]] = {}   # since the latest ping
         self._shortest = sensor.film().window(slowest_speed(sensor))[0][1]
 
     @property
@@ -46,7 +46,11 @@ class SteppedRun:
         return self._stepping.latest
 
     def go(self, ping: SteppedPing | None) -> None:
-        """Go to a ping."""
+        """Go to a ping; if it is the next one, objects go where they were moved to."""
+        if ping is not None and (self.latest is None or ping.ping > self.latest.ping):
+            for name, (pose, time) in self._moves.items():
+                self._stepping.moved[name] = Trajectory(lead=Steady(time=ping.time if time is None else time, **pose))
+            self._moves.clear()
         self._stepping.latest = ping
 
     @property
@@ -110,14 +114,18 @@ class SteppedRun:
         return SteppedPing(ping=number, track=track, trajectory=Trajectory(lead=lead, offset=offset),
                            turn_rate=turn_rate, depth_below=float(below[0]))
 
+    def move(self, name: str, position: ArrayLike, attitude: ArrayLike, velocity: ArrayLike, turn_rate: ArrayLike,
+             time: float | None) -> None:
+        """Move an object of the scene to a pose, from which it goes on at constant rates; see `mitsonar.Sonar.move`."""
+        vectors = dict(zip(POSE, (_vector(name, value)
+                                  for name, value in zip(POSE, (position, attitude, velocity, turn_rate)))))
+        when = None if time is None else _seconds(time)
+        self.survey.world.check_move(name, vectors["position"])
+        self._moves[name] = vectors, when
+
     def _checked(self, time: float) -> float:
         """Return the time of a ping [s]; refuse one before the last ping's echoes have arrived."""
-        try:
-            when = float(time)
-        except (TypeError, ValueError):
-            raise ValueError(f"time is {time!r}; give a number of seconds, or leave it out") from None
-        if not np.isfinite(when):
-            raise ValueError(f"time is {when}; give a finite number of seconds, or leave it out")
+        when = _seconds(time)
         last = None if self.latest is None else self.latest.time
         if last is not None and when <= last:
             raise ValueError(f"time is {when:.6g} s, and the last ping was sent at {last:.6g} s; give a later time, or "
@@ -127,6 +135,17 @@ class SteppedRun:
                              f"range of the film take {self._shortest:.4f} s; wait for them, or give the film a "
                              "shorter range")
         return when
+
+
+def _seconds(time: float) -> float:
+    """Return a finite time [s]."""
+    try:
+        when = float(time)
+    except (TypeError, ValueError):
+        raise ValueError(f"time is {time!r}; give a number of seconds, or leave it out") from None
+    if not np.isfinite(when):
+        raise ValueError(f"time is {when}; give a finite number of seconds, or leave it out")
+    return when
 
 
 def _vector(name: str, value: ArrayLike) -> np.ndarray:

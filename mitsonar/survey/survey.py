@@ -18,11 +18,12 @@ from mitsonar.echoes.paths import Paths
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.tracing.water import DeviceWater
 from mitsonar.scene.world import World
+from mitsonar.sonar.motion.stepping import Stepping
 from mitsonar.sonar.motion.track import Track
 from mitsonar.sonar.motion.trajectory import Voyage
 from mitsonar.water.waters import Waters
 
-from .voyage import Passage, Stepping
+from .voyage import Passage
 
 
 class Surroundings(NamedTuple):
@@ -84,7 +85,7 @@ class Survey:
 
     def stepped(self: SurveyOf, stepping: Stepping) -> SurveyOf:
         """Return the survey of a sonar that is stepped, with this one as its plan."""
-        return replace(self, passage=replace(self.passage, stepping=stepping))
+        return replace(self, passage=replace(self.passage, stepping=stepping), world=self.world.stepped(stepping))
 
     @property
     def track(self) -> Track:

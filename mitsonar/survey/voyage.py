@@ -9,7 +9,7 @@ import numpy as np
 from mitsonar.io.tracks.navigation import Frame, Navigation, Waypoints
 from mitsonar.scene.geometry import Geometry
 from mitsonar.sonar.motion.motion import RandomMotion
-from mitsonar.sonar.motion.stepping import SteppedPing, voyage_of
+from mitsonar.sonar.motion.stepping import SteppedPing, Stepping, voyage_of
 from mitsonar.sonar.motion.track import Track
 from mitsonar.sonar.motion.trajectory import Circled, Recorded, Sailed, SmoothCurve, Trajectory, Voyage
 from mitsonar.sonar.motion.waypoints import Course
@@ -20,13 +20,6 @@ ALTITUDE = 20.0                    # [m] of a straight line over the seabed, unl
 MOST_PINGS = 1_000_000             # more than a day at ten pings a second; laying such a track takes ten seconds
 
 _log = logging.getLogger(__name__)
-
-
-class Stepping:
-    """Latest ping of a sonar that is stepped, which all surveys of the sonar share; None before the first one."""
-
-    def __init__(self) -> None:
-        self.latest: SteppedPing | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

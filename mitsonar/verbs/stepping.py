@@ -155,6 +155,36 @@ class Sonar:
             origin = {**self._origin, "seed": self._seed}
             return SonarImage.of(image.assign_attrs({**origin, **image.attrs, "seed": self._seed}))
 
+    def move(self, name: str, *, position: ArrayLike, attitude: ArrayLike = ZERO, velocity: ArrayLike = ZERO,
+             turn_rate: ArrayLike = ZERO, time: float | None = None) -> None:
+        """Move an object of the scene for the next ping; it goes on from there at constant rates until moved again.
+
+        Parameters
+        ----------
+        name : str
+            The ``id`` of a shape ``moving``.
+        position : (3,) [m]
+            Place of the object's origin, in the scene's frame.
+        attitude : (3,) [rad]
+            Roll, pitch and heading. If left out: level, towards north.
+        velocity : (3,) [m/s]
+            Velocity in the scene's frame. If left out: at rest.
+        turn_rate : (3,) [rad/s]
+            Angular velocity about the axes of the scene's frame. If left out: none.
+        time : float [s]
+            Time at which the object is there. If left out: that of the next ping.
+
+        Raises
+        ------
+        ValueError
+            If no shape of this name moves, a number is not finite or a shape is wrong, or the place is not in the
+            water.
+        """
+        with TURN:
+            if self._run is None:
+                raise ValueError("this sonar is closed; make another one to move objects")
+            self._run.move(name, position, attitude, velocity, turn_rate, time)
+
     @contextmanager
     def _sent(self, position: ArrayLike | None, attitude: ArrayLike, velocity: ArrayLike, turn_rate: ArrayLike,
               time: float | None) -> Generator[tuple[SteppedRun, int], None, None]:

@@ -90,6 +90,14 @@ class SteppedPing:
         return self._voyages[make]
 
 
+class Stepping:
+    """Latest ping of a sonar that is stepped, and the objects that were moved; all surveys of the sonar share it."""
+
+    def __init__(self) -> None:
+        self.latest: SteppedPing | None = None             # None before the first one
+        self.moved: dict[str, Trajectory] = {}             # by the names of the objects
+
+
 def voyage_of(ping: SteppedPing, later: float = 0.0) -> StepVoyage:
     """Return the voyage of the sonar itself, or of one at its place that sends `later` [s]."""
     track = ping.trajectory.track(ping.track.time + later) if later else ping.track

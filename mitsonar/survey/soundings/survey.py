@@ -11,13 +11,13 @@ import numpy as np
 
 from mitsonar.hydrography.reduction.motion_errors import MotionErrors
 from mitsonar.sonar.arrays.sectors import Sector
-from mitsonar.sonar.motion.stepping import SteppedPing
+from mitsonar.sonar.motion.stepping import SteppedPing, Stepping
 from mitsonar.sonar.motion.trajectory import Voyage
 
 from ..pressure.array_survey import ArraySurvey
 from ..sensor import RunSettings, Sensor
 from ..survey import Survey
-from ..voyage import Passage, Stepping
+from ..voyage import Passage
 
 
 class SoundingSensor(Sensor, Protocol):
