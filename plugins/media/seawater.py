@@ -1,11 +1,16 @@
 """Seawater (`seawater`): sound speed against depth, absorption, ambient noise, volume scattering.
 
-Sound speed comes from ``profile``, ``cast`` or ``sound_speed``; without any of them, a formula computes it from
-``temperature`` and ``salinity``.
+Sound speed comes from ``profile``, ``cast``, ``casts`` or ``sound_speed``; without any of them, a formula computes it
+from ``temperature`` and ``salinity``.
 
 A profile is linear between its depths and constant beyond them. A cast is a file that `mitsonar.io.casts` reads; its
 temperature and salinity, if present, set the absorption. A formula is used down to 6000 m or to its limit of validity;
 below, the sound speed is constant.
+
+Water that changes along the line has several ``casts``: a folder of files, a file that holds several, a recorded line
+(.all, .kmall, .gsf), or a list: a CSV file with the column ``file``, and ``time``, ``x`` and ``y`` [m] in the scene, or
+``latitude`` and ``longitude`` [degrees]. Each ping has the water of the nearest cast, or water mixed from two. Slant
+ranges are converted to times with the first cast, unless the sonar has a ``sound_speed``.
 
 `mi.traverse` lists the sound speeds at the profile's nodes (``sound_speed``), ``absorption_offset`` [dB/m] and
 ``absorption_scale``. The offset is added to the absorption at the profile's nodes and is linear between them; it is 0
@@ -22,7 +27,8 @@ and below.
         <float name="ph" value="8.1"/>
     </medium>
 """
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import drjit as dr
 import mitsuba as mi
@@ -30,7 +36,8 @@ import numpy as np
 
 from mitsonar.device.arrays import upload
 from mitsonar.io import casts
-from mitsonar.water import absorption, seawater
+from mitsonar.io.casts.series import PlacedCast, read_series
+from mitsonar.water import absorption, along_line, seawater
 from mitsonar.water.absorption import absorption_db
 from mitsonar.water.column import AbsorptionColumn
 from mitsonar.water.noise import ambient_noise_db
@@ -39,7 +46,7 @@ from mitsonar.water.ranges import RANGES, SOUND_SPEED_RANGES
 from mitsonar.water.seawater import sound_speed
 from mitsonar.water.volume import Layer, VolumeScattering
 
-from ..attributes import Attributes, Choice, File, Number, NumberOrTable, Table, Text
+from ..attributes import Attributes, Choice, File, FileOrFolder, Number, NumberOrTable, Table, Text
 
 COLUMN = np.concatenate([np.arange(0, 100, 5.0), np.arange(100, 1000, 50.0), np.arange(1000, 6001, 250.0)])
 
@@ -47,13 +54,24 @@ ATTRIBUTES = (
     Table("profile", default=None, unit="m : m/s",
           text="depth : sound speed, increasing depths; or write `cast` or `sound_speed`"),
     File("cast", default=None, text="file of a cast"),
+    FileOrFolder("casts", default=None,
+                 text="several casts with times or places: a folder, a file that holds several, a recorded line, or a "
+                      "CSV list of files"),
+    Choice("casts_by", default=None, choices=tuple(along_line.BY),
+           otherwise="place, or time if a cast has no place", text="how pings find their casts"),
+    Choice("casts_rule", default="nearest", choices=tuple(along_line.RULES),
+           text="water of a ping: that of the nearest cast; that of the last one before, in time; or interpolated, in "
+                "time or along the track"),
+    Number("casts_step", default=0.5, minimum=0, unit="m/s",
+           text="interpolated water changes in steps of at most this sound speed, because every new water takes time "
+                "to prepare; 0: at every ping"),
     Number("sound_speed", default=None, above=SLOWEST, below=FASTEST, unit="m/s",
            text="sound speed at all depths; without any of these three, it is computed from temperature and salinity"),
     Choice("cast_sound_speed", default="file", choices=tuple(casts.SOUND_SPEEDS),
-           text="source of the sound speed of a cast: the file's own column, or a formula of its temperature and "
+           text="source of the sound speed of casts: the file's own column, or a formula of its temperature and "
                 "salinity"),
     Choice("cast_extension", default="constant", choices=tuple(casts.EXTENSIONS),
-           text="sound speed below the cast: its last value, or the gradient of mixed water under rising pressure, "
+           text="sound speed below casts: its last value, or the gradient of mixed water under rising pressure, "
                 "about 0.0164 1/s"),
     Choice("sound_speed_formula", default="teos-10", choices=tuple(seawater.FORMULAS),
            text="formula that computes sound speed; `medwin` is valid to 1000 m"),
@@ -93,36 +111,42 @@ class Seawater(mi.Medium):
             _check_depths(attributes, name)
         self.given_absorption = _given_absorption(attributes)
         self.volume = _volume(attributes)
-        self.cast, water = _cast_and_profile(attributes)
+        self.casts = _casts(attributes)
+        self.casts_by, self.casts_rule = attributes.casts_by, attributes.casts_rule
+        self.casts_step = attributes.casts_step
+        self.cast, water = _cast_and_profile(attributes, self.casts)
         self.profile = self.loaded_profile = _with_head(attributes, water)
         self.speeds = upload(mi.Float64, self.profile.sound_speed)
         self.absorption_scale = upload(mi.Float64, np.ones(1))
         self.absorption_offset = upload(mi.Float64, np.zeros(len(self.profile.depth)))
         try:
-            self.absorption_column(100e3)          # refuse water outside the formula's range now, not at the first ping
+            # refuse water outside the formula's range now, not at the first ping
+            for cast in [one.cast for one in self.casts] or [self.cast]:
+                self.absorption_column(100e3, cast)
         except ValueError as error:
             raise attributes.error(error) from None
         super().__init__(props)
 
-    def absorption_column(self, frequency: float) -> AbsorptionColumn:
-        """Return the absorption against depth at one frequency [Hz]."""
-        column, scale = self._column(frequency), float(dr.detach(self.absorption_scale).numpy()[0])
+    def absorption_column(self, frequency: float, cast: casts.Cast | None = None) -> AbsorptionColumn:
+        """Return the absorption against depth at one frequency [Hz], in the water of one of several casts."""
+        column, scale = self._column(frequency, cast or self.cast), float(dr.detach(self.absorption_scale).numpy()[0])
         offset = dr.detach(self.absorption_offset).numpy()
         if np.any(offset):
             column = column.added(self.profile.depth, offset)
         return column if scale == 1 else AbsorptionColumn(column.depth, scale * column.absorption_db)
 
-    def _column(self, frequency):
+    def _column(self, frequency, cast):
         if self.given_absorption is not None:
             return self.given_absorption
-        if self.cast is not None and self.cast.temperature is not None and self.cast.salinity is not None:
-            depth = self.cast.profile.depth
-            return AbsorptionColumn(depth, absorption_db(frequency, self.cast.temperature, self.cast.salinity,
+        if cast is not None and cast.temperature is not None and cast.salinity is not None:
+            depth = cast.profile.depth
+            return AbsorptionColumn(depth, absorption_db(frequency, cast.temperature, cast.salinity,
                                                          np.maximum(depth, 0), self.ph, self.absorption_formula))
         return AbsorptionColumn(COLUMN, absorption_db(frequency, self.temperature, self.salinity, COLUMN, self.ph,
                                                       self.absorption_formula))
 
-    def mean_absorption(self, top: float, bottom: float) -> Callable[[np.ndarray], np.ndarray] | None:
+    def mean_absorption(self, top: float, bottom: float,
+                        cast: casts.Cast | None = None) -> Callable[[np.ndarray], np.ndarray] | None:
         """Absorption [dB/m] between two depths [m] as a function of frequencies [Hz]; None where it is one for all."""
         if self.given_absorption is not None:
             return None
@@ -130,7 +154,7 @@ class Seawater(mi.Medium):
 
         def absorption_db(frequency: np.ndarray) -> np.ndarray:
             grid = np.linspace(frequency.min(), frequency.max(), 33)
-            column = [float(np.mean(self.absorption_column(f).at(depth))) for f in np.maximum(grid, 1.0)]
+            column = [float(np.mean(self.absorption_column(f, cast).at(depth))) for f in np.maximum(grid, 1.0)]
             return np.interp(frequency, grid, column)
 
         return absorption_db
@@ -140,9 +164,11 @@ class Seawater(mi.Medium):
         return float(ambient_noise_db(frequency, self.wind_speed, self.shipping))
 
     def traverse(self, callback: mi.TraversalCallback) -> None:
-        callback.put("sound_speed", self.speeds, mi.ParamFlags.Differentiable)
+        if not self.casts:             # several casts have no common nodes
+            callback.put("sound_speed", self.speeds, mi.ParamFlags.Differentiable)
         callback.put("absorption_scale", self.absorption_scale, mi.ParamFlags.Differentiable)
-        callback.put("absorption_offset", self.absorption_offset, mi.ParamFlags.Differentiable)
+        if not self.casts:
+            callback.put("absorption_offset", self.absorption_offset, mi.ParamFlags.Differentiable)
 
     def parameters_changed(self, keys: list[str]) -> None:
         speeds, scale = (dr.detach(value).numpy() for value in (self.speeds, self.absorption_scale))
@@ -194,12 +220,30 @@ def _given_absorption(attributes):
         raise attributes.error(f"absorption_db_per_km: {error}; write numbers of 0 or more.") from None
 
 
-def _cast_and_profile(attributes: Attributes) -> tuple[casts.Cast | None, SoundSpeedProfile]:
-    """Return the cast, or None, and the sound speed profile."""
-    attributes.only_one("profile", "cast", "sound_speed", "sound_speed_formula")
+def _casts(attributes: Attributes) -> tuple[PlacedCast, ...]:
+    """Return the casts of water that changes along the line; none without `casts`."""
+    if attributes.casts is None:
+        if details := attributes.given("casts_by", "casts_rule", "casts_step"):
+            raise attributes.error(f"{details[0]} is given without casts; give casts too.")
+        return ()
+    if attributes.casts_rule != "interpolated" and attributes.given("casts_step"):
+        raise attributes.error('casts_step is given, but it only counts with casts_rule "interpolated"; leave it out.')
+    try:
+        return read_series(attributes.casts, partial(casts.read, sound_speed=attributes.cast_sound_speed,
+                                                     extension=attributes.cast_extension))
+    except ValueError as error:
+        raise attributes.error(error) from None
+
+
+def _cast_and_profile(attributes: Attributes,
+                      several: Sequence[PlacedCast]) -> tuple[casts.Cast | None, SoundSpeedProfile]:
+    """Return the cast, the first of several, or None; and the sound speed profile."""
+    attributes.only_one("profile", "cast", "casts", "sound_speed", "sound_speed_formula")
     details = attributes.given("cast_sound_speed", "cast_extension")
-    if attributes.cast is None and details:
+    if attributes.cast is None and not several and details:
         raise attributes.error(f"{details[0]} is given without a cast; give cast too.")
+    if several:
+        return several[0].cast, several[0].cast.profile
     try:
         if attributes.profile is not None:
             return None, SoundSpeedProfile(*attributes.profile)
@@ -225,6 +269,8 @@ def _with_head(attributes: Attributes, profile: SoundSpeedProfile) -> SoundSpeed
         raise attributes.error(f"{given[0]} is given without {other}; give both.")
     if not given:
         return profile
+    if attributes.casts is not None:
+        raise attributes.error("head_sound_speed is given, but casts change along the line; leave the head's out.")
     if attributes.sound_speed is not None:
         raise attributes.error("head_sound_speed is given, but sound_speed is the same at all depths; give a profile "
                                "or a cast, or leave the head's out.")
