@@ -4,7 +4,7 @@ Plugins are recognised by the members of these protocols; see `scene.protocols`.
 """
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
@@ -17,6 +17,7 @@ from mitsonar.scene import materials
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.protocols import SceneSonar
 from mitsonar.water.column import AbsorptionColumn
+from mitsonar.water.fields import SoundSpeedField
 from mitsonar.water.profile import SoundSpeedProfile
 from mitsonar.water.volume import VolumeScattering
 from mitsonar.water.waters import WaterColumn, Waters
@@ -35,10 +36,12 @@ class Water(Protocol):
     profile: SoundSpeedProfile
     loaded_profile: SoundSpeedProfile  # as the scene was loaded, before any change by `mi.traverse`
     volume: VolumeScattering | None
-    casts: Sequence[PlacedCast]  # of water that changes along the line; none of other water
+    casts: tuple[PlacedCast, ...]  # of water that changes along the line; none of other water
     casts_by: str | None
     casts_rule: str
     casts_step: float
+    field: SoundSpeedField | None  # sound speed that changes across, beside the profile
+    field_bending: float  # [s]: bending above which a warning is given
 
     def absorption_column(self, frequency: float, cast: Cast | None = None) -> AbsorptionColumn:
         """Return the absorption against depth at one frequency [Hz], in the water of one of the casts."""
@@ -171,4 +174,5 @@ def planned_waters(sensor: Sensor, geometry: Geometry, passage: Passage, frequen
         for cast in [one.cast for one in water.casts] or [None]]
     for column in columns:
         materials.check(geometry, column.profile, frequency)
-    return waters_along(water, columns, geometry, passage) if water.casts else Waters.constant(columns[0])
+    waters = waters_along(water, columns, geometry, passage) if water.casts else Waters.constant(columns[0])
+    return waters if water.field is None else waters.with_field(water.field, passage.voyage.track.time)

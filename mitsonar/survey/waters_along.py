@@ -21,7 +21,7 @@ DATED = 1e8                        # [s] above which times count from 1970
 class ChangingWater(Protocol):
     """Casts of a medium, and the rule by which pings find theirs."""
 
-    casts: Sequence[PlacedCast]
+    casts: tuple[PlacedCast, ...]
     casts_by: str | None  # "place" or "time"; None: place, or time if a cast has no place
     casts_rule: str  # "nearest", "latest" or "interpolated"
     casts_step: float  # [m/s]

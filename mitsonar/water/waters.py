@@ -5,14 +5,16 @@ windows, ranges and units, which all pings share, ask for the extremes of all co
 """
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .column import AbsorptionColumn
+from .fields import SoundSpeedField
 from .profile import SoundSpeedProfile
 from .volume import VolumeScattering
 
@@ -26,6 +28,7 @@ class WaterColumn:
     volume: VolumeScattering | None = None  # None: the water itself scatters nothing back
     #: absorption [dB/m] against frequency [Hz], mean from the sonar to the lowest bed; None where it is constant
     mean_absorption_db: Callable[[np.ndarray], np.ndarray] | None = None
+    field: SoundSpeedField | None = None  # sound speed that changes across, beside the profile
 
     def mixed(self, other: WaterColumn, share: float) -> WaterColumn:
         """Return the column between this one, share 0, and another, share 1; volume scattering is this one's."""
@@ -48,12 +51,21 @@ class Waters:
 
     columns: Sequence[WaterColumn]  # the different columns
     numbers: np.ndarray | None = None  # (P,) int: columns of the pings; None: the first one for all
-    attributes: Mapping[str, object] = field(default_factory=dict)  # what a record states about the pings' columns
+    #: what a record states about the pings' columns
+    attributes: Mapping[str, object] = dataclasses.field(default_factory=dict)
 
     @classmethod
     def constant(cls, column: WaterColumn) -> Waters:
         """Return one column for all pings."""
         return cls(columns=[column])
+
+    def with_field(self, field: SoundSpeedField, time: np.ndarray) -> Waters:
+        """Return the waters with a field beside their profiles, as it is at the pings' times (P,) [s]."""
+        start = float(time[0])
+        if not field.moves:
+            return replace(self, columns=[replace(one, field=field.at(start, start)) for one in self.columns])
+        columns = [replace(self.at(ping), field=field.at(float(now), start)) for ping, now in enumerate(time)]
+        return replace(self, columns=columns, numbers=np.arange(len(time)))
 
     def number(self, ping: ArrayLike) -> np.ndarray:
         """Return the numbers of the columns of pings, of any shape."""

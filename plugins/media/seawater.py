@@ -40,16 +40,18 @@ from mitsonar.io.casts.series import PlacedCast, read_series
 from mitsonar.water import absorption, along_line, seawater
 from mitsonar.water.absorption import absorption_db
 from mitsonar.water.column import AbsorptionColumn
+from mitsonar.water.fields import FIELDS, SoundSpeedField
 from mitsonar.water.noise import ambient_noise_db
 from mitsonar.water.profile import FASTEST, SLOWEST, SoundSpeedProfile
 from mitsonar.water.ranges import RANGES, SOUND_SPEED_RANGES
 from mitsonar.water.seawater import sound_speed
 from mitsonar.water.volume import Layer, VolumeScattering
 
-from ..attributes import Attributes, Choice, File, FileOrFolder, Number, NumberOrTable, Table, Text
+from ..attributes import Angle, Attributes, Choice, File, FileOrFolder, Number, NumberOrTable, Table, Text
 
 COLUMN = np.concatenate([np.arange(0, 100, 5.0), np.arange(100, 1000, 50.0), np.arange(1000, 6001, 250.0)])
 
+ACROSS = ("field", tuple(FIELDS))
 ATTRIBUTES = (
     Table("profile", default=None, unit="m : m/s",
           text="depth : sound speed, increasing depths; or write `cast` or `sound_speed`"),
@@ -65,6 +67,26 @@ ATTRIBUTES = (
     Number("casts_step", default=0.5, minimum=0, unit="m/s",
            text="interpolated water changes in steps of at most this sound speed, because every new water takes time "
                 "to prepare; 0: at every ping"),
+    Choice("field", default="none", choices=("none", *FIELDS),
+           text="sound speed that changes across, beside the profile: a front, an even gradient, or a solitary "
+                "internal wave on the profile's thermocline"),
+    Number("field_x", default=0.0, unit="m", only=ACROSS,
+           text="a place of the front or the crest, or where the gradient's change is 0, at the first ping"),
+    Number("field_y", default=0.0, unit="m", only=ACROSS, text="the same, north"),
+    Angle("field_heading_deg", default=90.0, only=ACROSS,
+          text="direction along which the sound speed changes, clockwise from north"),
+    Number("field_speed", default=0.0, unit="m/s", only=ACROSS, text="speed of the field along its heading"),
+    Number("field_change", default=2.0, unit="m/s", only=("field", ("front",)),
+           text="sound speed ahead of the front minus that behind it"),
+    Number("field_width", default=60.0, above=0, unit="m", only=("field", ("front",)), text="width of the front"),
+    Number("field_gradient", default=0.01, unit="1/s", only=("field", ("gradient",)), text="m/s per metre"),
+    Number("field_height", default=2.0, unit="m", only=("field", ("internal_wave",)),
+           text="height of the internal wave, positive down"),
+    Number("field_length", default=30.0, above=0, unit="m", only=("field", ("internal_wave",)),
+           text="length of the internal wave: it is down to 0.42 of its height at this distance from the crest"),
+    Number("field_bending_ns", default=100.0, above=0, unit="ns", only=ACROSS,
+           text="a warning is given if a field bends rays so much that they arrive earlier by more than this; times "
+                "are then off by up to half of it"),
     Number("sound_speed", default=None, above=SLOWEST, below=FASTEST, unit="m/s",
            text="sound speed at all depths; without any of these three, it is computed from temperature and salinity"),
     Choice("cast_sound_speed", default="file", choices=tuple(casts.SOUND_SPEEDS),
@@ -115,6 +137,8 @@ class Seawater(mi.Medium):
         self.casts_by, self.casts_rule = attributes.casts_by, attributes.casts_rule
         self.casts_step = attributes.casts_step
         self.cast, water = _cast_and_profile(attributes, self.casts)
+        self.field: SoundSpeedField | None = _field(attributes)
+        self.field_bending = 1e-9 * float(attributes.field_bending_ns or 0.0)
         self.profile = self.loaded_profile = _with_head(attributes, water)
         self.speeds = upload(mi.Float64, self.profile.sound_speed)
         self.absorption_scale = upload(mi.Float64, np.ones(1))
@@ -233,6 +257,19 @@ def _casts(attributes: Attributes) -> tuple[PlacedCast, ...]:
                                                      extension=attributes.cast_extension))
     except ValueError as error:
         raise attributes.error(error) from None
+
+
+def _field(attributes: Attributes) -> SoundSpeedField | None:
+    """Return the sound speed that changes across, or None."""
+    if attributes.field == "none":
+        return None
+    heading = attributes.field_heading_deg
+    own = {"front": {"change_of_speed": attributes.field_change, "width": attributes.field_width},
+           "gradient": {"gradient": attributes.field_gradient},
+           "internal_wave": {"height": attributes.field_height, "length": attributes.field_length}}
+    return FIELDS[attributes.field](x=attributes.field_x, y=attributes.field_y, sine=float(np.sin(heading)),
+                                    cosine=float(np.cos(heading)), speed=attributes.field_speed,
+                                    **own[attributes.field])
 
 
 def _cast_and_profile(attributes: Attributes,
