@@ -17,13 +17,13 @@ from mitsonar.scene import materials
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.protocols import SceneSonar
 from mitsonar.water.column import AbsorptionColumn
-from mitsonar.water.fields import SoundSpeedField
+from mitsonar.water.fields import UnplacedField
 from mitsonar.water.profile import SoundSpeedProfile
 from mitsonar.water.volume import VolumeScattering
 from mitsonar.water.waters import WaterColumn, Waters
 
 from .voyage import Passage, Route
-from .waters_along import waters_along
+from .waters_along import frame_of, waters_along
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -40,7 +40,7 @@ class Water(Protocol):
     casts_by: str | None
     casts_rule: str
     casts_step: float
-    field: SoundSpeedField | None  # sound speed that changes across, beside the profile
+    field: UnplacedField | None  # sound speed that changes across, beside the profile
     field_bending: float  # [s]: bending above which a warning is given
 
     def absorption_column(self, frequency: float, cast: Cast | None = None) -> AbsorptionColumn:
@@ -175,4 +175,8 @@ def planned_waters(sensor: Sensor, geometry: Geometry, passage: Passage, frequen
     for column in columns:
         materials.check(geometry, column.profile, frequency)
     waters = waters_along(water, columns, geometry, passage) if water.casts else Waters.constant(columns[0])
-    return waters if water.field is None else waters.with_field(water.field, passage.voyage.track.time)
+    if water.field is None:
+        return waters
+    track = passage.voyage.track
+    field = water.field.placed(frame_of(geometry, passage), track.position[:, :2], float(track.time[0]))
+    return waters.with_field(field, track.time)

@@ -60,19 +60,24 @@ def waters_along(water: ChangingWater, columns: Sequence[WaterColumn], geometry:
     return Waters(columns=used, numbers=numbers, attributes=stated)
 
 
+def frame_of(geometry: Geometry, passage: Passage) -> Frame | None:
+    """Return the place of a scene on Earth, by its bathymetry or its track; None if neither has one."""
+    if geometry.local_origin is None:
+        return passage.frame
+    easting, northing = geometry.local_origin[:2]
+    return Frame(crs=geometry.crs or "", origin=(float(easting), float(northing)))
+
+
 def _places(casts: Sequence[PlacedCast], geometry: Geometry, passage: Passage) -> np.ndarray:
     """Return the places of casts in the scene (C, 2) [m]."""
     without = [one.name for one in casts if one.place is None]
     if without:
         raise ValueError(f"the cast {without[0]} has no place; write casts_by time, or a list of casts with x and y, "
                          "or latitude and longitude.")
-    places, track = np.array([one.place for one in casts], float), passage.voyage.track.position[:, :2]
+    places, track = np.array([one.place or (np.nan, np.nan) for one in casts]), passage.voyage.track.position[:, :2]
     degrees = np.array([one.geographic for one in casts])
     if degrees.any():
-        frame = passage.frame
-        if geometry.local_origin is not None:
-            frame = Frame(crs=geometry.crs or "", origin=(float(geometry.local_origin[0]),
-                                                          float(geometry.local_origin[1])))
+        frame = frame_of(geometry, passage)
         if frame is None:
             raise ValueError(f"the cast {casts[int(np.argmax(degrees))].name} is given by latitude and longitude, but "
                              "the scene has no place on Earth; give the sonar an origin, or the casts x and y.")
@@ -80,8 +85,7 @@ def _places(casts: Sequence[PlacedCast], geometry: Geometry, passage: Passage) -
     for one, place in zip(casts, places):
         away = np.hypot(*(track - place).T).min()
         if not away <= FAR:
-            where = "{:.4f} N, {:.4f} E".format(*one.place) if one.geographic else "x = {:.0f} m, y = {:.0f} m".format(
-                *one.place)
+            where = ("{:.4f} N, {:.4f} E" if one.geographic else "x = {:.0f} m, y = {:.0f} m").format(*one.place or ())
             raise ValueError(f"the cast {one.name}, at {where}, is {away / 1000:.0f} km from the track, in another "
                              "sea; leave it out, or check its latitude and longitude.")
     return places

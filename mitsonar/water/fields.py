@@ -2,6 +2,7 @@
 
     front            dc = A/2 (1 + tanh(2 s / L))                  A m/s over the width L, along the heading
     gradient         dc = G s                                       G m/s per metre
+    grid             c itself, linear between the nodes of a grid
     internal_wave    dc = c_0(z - η) - c_0(z),  η = a sech²(s/L)    a solitary wave: η displaces the water, + down
 
 with s = (x - x_0) sin h + (y - y_0) cos h - v t along the heading h, from a place that moves with the speed v. The form
@@ -18,6 +19,8 @@ from typing import ClassVar, NamedTuple, Protocol, TypeVar
 import drjit as dr
 import numpy as np
 
+from mitsonar.device.arrays import upload
+from mitsonar.device.earth import Frame
 from mitsonar.device.types import Numbers
 
 SpeedAt = Callable[[Numbers], tuple[Numbers, Numbers]]     # of the profile: sound speed [m/s] and dc/dz [1/s] by depth
@@ -33,7 +36,15 @@ class SpeedChange(NamedTuple):
     down: Numbers
 
 
-class SoundSpeedField(Protocol):
+class UnplacedField(Protocol):
+    """Sound speed beside a profile, which may still have to be placed in the scene."""
+
+    def placed(self, frame: Frame | None, track: np.ndarray, start: float) -> SoundSpeedField:
+        """Return the field around a track (P, 2) [m] that begins at `start` [s]."""
+        ...
+
+
+class SoundSpeedField(UnplacedField, Protocol):
     """Sound speed beside a profile."""
 
     @property
@@ -74,6 +85,10 @@ class Along:
         """Return the field as it is at a time [s] of a track that begins at `start` [s]."""
         way = self.speed * (time - start)
         return replace(self, x=self.x + way * self.sine, y=self.y + way * self.cosine, speed=0.0)
+
+    def placed(self: FieldOf, frame: Frame | None, track: np.ndarray, start: float) -> FieldOf:
+        """Return the field itself, which has its place."""
+        return self
 
     def on_device(self: FieldOf, kind: type) -> FieldOf:
         """Return the field with opaque numbers."""
@@ -129,8 +144,78 @@ class InternalWave(Along):
         return self._change(there - here, slope * displaced * 2 * step / self.length, slope - own)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GridField:
+    """Sound speed on an even grid, linear between its nodes; beyond them its difference from the profile is held."""
+
+    corner: tuple[Numbers, ...]  # x, y and depth of the first node [m]
+    step: tuple[Numbers, ...]  # [m]
+    speed: np.ndarray  # (T, X, Y, Z) [m/s], two or more nodes along each
+    time: np.ndarray | None = None  # (T,) [s]: since 1970; None for one time
+    table: Numbers | None = None  # on the device: (X Y Z,)
+
+    @property
+    def moves(self) -> bool:
+        """Return True if the field changes with time."""
+        return len(self.speed) > 1
+
+    def at(self, time: float, start: float) -> GridField:
+        """Return the field as it is at a time [s]."""
+        if not self.moves or self.time is None:
+            return self
+        place = float(np.interp(time, self.time, np.arange(len(self.time))))
+        first = min(int(place), len(self.time) - 2)
+        share = place - first
+        speed = (1 - share) * self.speed[first] + share * self.speed[first + 1]
+        return replace(self, speed=speed[None], time=None)
+
+    def placed(self, frame: Frame | None, track: np.ndarray, start: float) -> GridField:
+        """Return the field itself, which has its place."""
+        return self
+
+    def on_device(self, kind: type) -> GridField:
+        """Return the field with its numbers on the device."""
+        corner, step = (tuple(dr.opaque(kind, one) for one in part) for part in (self.corner, self.step))
+        return replace(self, corner=corner, step=step, table=upload(kind, self.speed[0].ravel()))
+
+    def change(self, x: Numbers, y: Numbers, depth: Numbers, speed_at: SpeedAt) -> SpeedChange:
+        """Return the change of sound speed at places [m]."""
+        xp, sizes = _library(x), self.speed.shape[1:]
+        index, shares, inside, held = 0, [], [], depth
+        for k, (place, size) in enumerate(zip((x, y, depth), sizes)):
+            at = (place - self.corner[k]) / self.step[k]
+            kept = xp.minimum(xp.maximum(at, 0.0), size - 1.0)
+            node = xp.minimum(xp.floor(kept), size - 2.0)
+            index = index * size + node
+            shares.append(kept - node)
+            inside.append(select(kept == at, 1 / self.step[k] + 0 * at, 0 * at))
+            held = self.corner[k] + kept * self.step[k]
+        cells = [self._node(index + (i * sizes[1] + j) * sizes[2] + k) for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+        u, v, w = shares
+        along = [low + (high - low) * w for low, high in zip(cells[::2], cells[1::2])]
+        down = [high - low for low, high in zip(cells[::2], cells[1::2])]
+        west, east = (low + (high - low) * v for low, high in (along[:2], along[2:]))
+        fall = [low + (high - low) * v for low, high in (down[:2], down[2:])]
+        north = [high - low for low, high in (along[:2], along[2:])]
+        here, own = speed_at(held)
+        below = inside[2] * (fall[0] + (fall[1] - fall[0]) * u)
+        return SpeedChange(west + (east - west) * u - here, inside[0] * (east - west),
+                           inside[1] * (north[0] + (north[1] - north[0]) * u),
+                           select(inside[2] > 0, below - own, 0 * below))
+
+    def _node(self, number: Numbers) -> Numbers:
+        if self.table is None:
+            return self.speed[0].ravel()[np.asarray(number, int)]
+        return dr.gather(type(number), self.table, dr.uint32_array_t(type(number))(number))
+
+
 FIELDS = {one.NAME: one for one in (Front, Gradient, InternalWave)}
 
 
 def _library(array: Numbers):
     return np if isinstance(array, (np.ndarray, float)) else dr
+
+
+def select(condition: Numbers, yes: Numbers, no: Numbers) -> Numbers:
+    """Return yes where the condition holds, else no."""
+    return np.where(condition, yes, no) if isinstance(condition, np.ndarray) else dr.select(condition, yes, no)

@@ -40,7 +40,7 @@ from mitsonar.io.casts.series import PlacedCast, read_series
 from mitsonar.water import absorption, along_line, seawater
 from mitsonar.water.absorption import absorption_db
 from mitsonar.water.column import AbsorptionColumn
-from mitsonar.water.fields import FIELDS, SoundSpeedField
+from mitsonar.water.fields import FIELDS, UnplacedField
 from mitsonar.water.noise import ambient_noise_db
 from mitsonar.water.profile import FASTEST, SLOWEST, SoundSpeedProfile
 from mitsonar.water.ranges import RANGES, SOUND_SPEED_RANGES
@@ -67,9 +67,12 @@ ATTRIBUTES = (
     Number("casts_step", default=0.5, minimum=0, unit="m/s",
            text="interpolated water changes in steps of at most this sound speed, because every new water takes time "
                 "to prepare; 0: at every ping"),
-    Choice("field", default="none", choices=("none", *FIELDS),
-           text="sound speed that changes across, beside the profile: a front, an even gradient, or a solitary "
-                "internal wave on the profile's thermocline"),
+    Choice("field", default="none", choices=("none", *FIELDS, "grid"),
+           text="sound speed that changes across, beside the profile: a front, an even gradient, a solitary "
+                "internal wave on the profile's thermocline, or the grid of a netCDF file"),
+    File("field_file", default=None, only=("field", ("grid",)),
+         text="netCDF-4 file with a grid of sound speed, or of temperature and salinity, by CF standard names; its "
+              "mean profile is that of the water unless another one is given"),
     Number("field_x", default=0.0, unit="m", only=ACROSS,
            text="a place of the front or the crest, or where the gradient's change is 0, at the first ping"),
     Number("field_y", default=0.0, unit="m", only=ACROSS, text="the same, north"),
@@ -84,7 +87,7 @@ ATTRIBUTES = (
            text="height of the internal wave, positive down"),
     Number("field_length", default=30.0, above=0, unit="m", only=("field", ("internal_wave",)),
            text="length of the internal wave: it is down to 0.42 of its height at this distance from the crest"),
-    Number("field_bending_ns", default=100.0, above=0, unit="ns", only=ACROSS,
+    Number("field_bending_ns", default=100.0, above=0, unit="ns", only=("field", (*FIELDS, "grid")),
            text="a warning is given if a field bends rays so much that they arrive earlier by more than this; times "
                 "are then off by up to half of it"),
     Number("sound_speed", default=None, above=SLOWEST, below=FASTEST, unit="m/s",
@@ -136,8 +139,12 @@ class Seawater(mi.Medium):
         self.casts = _casts(attributes)
         self.casts_by, self.casts_rule = attributes.casts_by, attributes.casts_rule
         self.casts_step = attributes.casts_step
+        self.field = _field(attributes)
         self.cast, water = _cast_and_profile(attributes, self.casts)
-        self.field: SoundSpeedField | None = _field(attributes)
+        mean = getattr(self.field, "profile", None)            # of a grid
+        if mean is not None and not attributes.given("profile", "cast", "casts", "sound_speed", "sound_speed_formula",
+                                                     "temperature", "salinity"):
+            water = mean
         self.field_bending = 1e-9 * float(attributes.field_bending_ns or 0.0)
         self.profile = self.loaded_profile = _with_head(attributes, water)
         self.speeds = upload(mi.Float64, self.profile.sound_speed)
@@ -259,10 +266,19 @@ def _casts(attributes: Attributes) -> tuple[PlacedCast, ...]:
         raise attributes.error(error) from None
 
 
-def _field(attributes: Attributes) -> SoundSpeedField | None:
+def _field(attributes: Attributes) -> UnplacedField | None:
     """Return the sound speed that changes across, or None."""
     if attributes.field == "none":
         return None
+    if attributes.field == "grid":
+        if attributes.field_file is None:
+            raise attributes.error("field is a grid, but field_file is missing; name the netCDF file.")
+        from mitsonar.io.grids import speed_grid  # xarray takes its time, and few scenes need it
+
+        try:
+            return speed_grid.read(attributes.field_file)
+        except ValueError as error:
+            raise attributes.error(error) from None
     heading = attributes.field_heading_deg
     own = {"front": {"change_of_speed": attributes.field_change, "width": attributes.field_width},
            "gradient": {"gradient": attributes.field_gradient},

@@ -20,7 +20,6 @@ from mitsonar.device.files import FilePath, check_readable
 from mitsonar.water.profile import SoundSpeedProfile
 
 from ..scene_files import tables
-from ..survey_lines import reading
 from .records import Cast
 
 MOST = 10_000                      # casts of a series
@@ -58,6 +57,8 @@ def read_series(path: FilePath, read: Callable[..., Cast]) -> tuple[PlacedCast, 
 
 def _of_file(path: Path, read: Callable[..., Cast]) -> list[PlacedCast]:
     """Return the casts of one file."""
+    from ..survey_lines import reading  # which takes its time, and few scenes need it
+
     with open(path, "rb") as stream:
         if reading.recognised(stream.read(8)) is not None:
             return _of_line(path)
@@ -75,6 +76,8 @@ def _placed(name, cast):
 
 def _of_line(path: Path) -> list[PlacedCast]:
     """Return the casts of a recorded line."""
+    from ..survey_lines import reading
+
     casts = reading.line_casts(path)
     if not casts:
         raise ValueError(f"the line {path} holds no cast; give the casts themselves.")
