@@ -28,6 +28,7 @@ and below.
     </medium>
 """
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import drjit as dr
@@ -146,7 +147,7 @@ class Seawater(mi.Medium):
                                                      "temperature", "salinity"):
             water = mean
         self.field_bending = 1e-9 * float(attributes.field_bending_ns or 0.0)
-        self.profile = self.loaded_profile = _with_head(attributes, water)
+        self.profile = self.loaded_profile = water if self.casts else _with_head(attributes, water)
         self.speeds = upload(mi.Float64, self.profile.sound_speed)
         self.absorption_scale = upload(mi.Float64, np.ones(1))
         self.absorption_offset = upload(mi.Float64, np.zeros(len(self.profile.depth)))
@@ -260,8 +261,9 @@ def _casts(attributes: Attributes) -> tuple[PlacedCast, ...]:
     if attributes.casts_rule != "interpolated" and attributes.given("casts_step"):
         raise attributes.error('casts_step is given, but it only counts with casts_rule "interpolated"; leave it out.')
     try:
-        return read_series(attributes.casts, partial(casts.read, sound_speed=attributes.cast_sound_speed,
-                                                     extension=attributes.cast_extension))
+        series = read_series(attributes.casts, partial(casts.read, sound_speed=attributes.cast_sound_speed,
+                                                       extension=attributes.cast_extension))
+        return tuple(replace(one, cast=_headed(attributes, one.cast)) for one in series)
     except ValueError as error:
         raise attributes.error(error) from None
 
@@ -286,6 +288,15 @@ def _field(attributes: Attributes) -> UnplacedField | None:
     return FIELDS[attributes.field](x=attributes.field_x, y=attributes.field_y, sine=float(np.sin(heading)),
                                     cosine=float(np.cos(heading)), speed=attributes.field_speed,
                                     **own[attributes.field])
+
+
+def _headed(attributes: Attributes, cast: casts.Cast) -> casts.Cast:
+    """Return one of several casts with the node of the head's own sensor, if there is one."""
+    profile = _with_head(attributes, cast.profile)
+    temperature, salinity = (None if column is None else np.interp(profile.depth, cast.profile.depth, column)
+                             for column in (cast.temperature, cast.salinity))
+    return cast if profile is cast.profile else replace(cast, profile=profile, temperature=temperature,
+                                                        salinity=salinity)
 
 
 def _cast_and_profile(attributes: Attributes,
@@ -322,8 +333,6 @@ def _with_head(attributes: Attributes, profile: SoundSpeedProfile) -> SoundSpeed
         raise attributes.error(f"{given[0]} is given without {other}; give both.")
     if not given:
         return profile
-    if attributes.casts is not None:
-        raise attributes.error("head_sound_speed is given, but casts change along the line; leave the head's out.")
     if attributes.sound_speed is not None:
         raise attributes.error("head_sound_speed is given, but sound_speed is the same at all depths; give a profile "
                                "or a cast, or leave the head's out.")

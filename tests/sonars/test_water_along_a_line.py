@@ -148,3 +148,11 @@ def test_pings_that_share_a_cast_have_one_water(variant, folder):
     assert not survey.changes and survey.waters.only.profile.sound_speed[2] == 1500
 
 
+
+
+def test_the_head_s_sound_speed_is_a_node_of_every_cast(variant, folder):
+    scene = KINDS["sidescan"]({**halves(folder[1]), "head_sound_speed": 1503.0, "head_depth": 1.5})
+    survey = scene.integrator().survey(scene, scene.sensors()[0])
+    for ping, cast in ((0, SOUTH), (5, NORTH)):
+        profile = survey.waters.at(ping).profile
+        assert profile.at(1.5) == 1503.0 and profile.at(20.0) == np.interp(20.0, list(cast), list(cast.values()))
