@@ -45,6 +45,8 @@ class EchoLeg:
     spreading_area: Float  # (R,) [m²/sr]: on the way from the source
     launch_direction: Vector  # (R,): unit, at the source
     folded: bool = False  # by way of the flat sea surface: the source is its image
+    later: Float64 | None = None  # (R,) [s]: share of the time that the field of the water adds
+    slope: Vector64 | None = None  # (R,) [s/m]: its change with the place of the source
 
     @classmethod
     def along(cls, way: Connection | Hits, origin: dr.ArrayBase, point: dr.ArrayBase, folded: bool = False) -> EchoLeg:
@@ -53,7 +55,8 @@ class EchoLeg:
         if folded:
             launch = type(launch)(launch.x, launch.y, -launch.z)
         return cls(offset=point - origin, travel_time=way.travel_time, ray_parameter=way.ray_parameter,
-                   spreading_area=way.spreading_area, launch_direction=launch, folded=folded)
+                   spreading_area=way.spreading_area, launch_direction=launch, folded=folded,
+                   later=getattr(way, "later", None), slope=getattr(way, "slope", None))
 
     @property
     def sent_towards(self) -> Vector:

@@ -2,6 +2,9 @@
 
     line.all  ->  scene.xml, scene_track.csv, scene_cast.csv, scene_bed.tif, scene_backscatter.csv
 
+Of several casts, each is a file, scene_cast_2.csv and so on, and scene_casts.csv is their list: a ping has the latest
+one, as the sounder had.
+
 The bed is the mean depth of the soundings in a cell, interpolated over empty cells and continued level beyond the edges
 of the swath as far as a beam may reach. The track is the recorded motion, smoothed by least-squares splines with a knot
 every half second (`survey_lines.motion.smoothed`), with the dates of the line. The water takes the head's sound speed
@@ -14,7 +17,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Sequence
-from datetime import datetime, timedelta
+from datetime import datetime, timedelta, timezone
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -24,6 +27,7 @@ from mitsonar.device.files import FilePath, check_writable, replacing_all
 from mitsonar.hydrography.gridding import gridded
 from mitsonar.io.records import geotiff
 from mitsonar.io.survey_lines import reading
+from mitsonar.io.survey_lines.assembly import LineCast
 from mitsonar.io.survey_lines.motion import smoothed
 from mitsonar.io.survey_lines.places import across_and_along, levelled
 from mitsonar.sonar.preset_tables import presets
@@ -65,9 +69,19 @@ def like(line: FilePath, scene: FilePath, *, cell: float | None = None,     # [m
     names = {"track": f"{stem}_track.csv", "cast": f"{stem}_cast.csv", "bed": f"{stem}_bed.tif"}
     if strengths is not None:
         names["backscatter"] = f"{stem}_backscatter.csv"
+    several = _several_casts(line)
+    if several:
+        names |= {f"cast_{k}": f"{stem}_cast_{k}.csv" for k in range(2, len(several) + 1)}
+        names["casts"] = f"{stem}_casts.csv"
     inside = {name: os.path.basename(path) for name, path in names.items()}
     texts = {"track": track, "cast": _table("depth,sound speed", soundings["cast_depth"].values,
                                             soundings["cast_sound_speed"].values)}
+    if several:
+        kinds = ["cast", *(f"cast_{k}" for k in range(2, len(several) + 1))]
+        texts |= {kind: _table("depth,sound speed", *one.nodes.T) for kind, one in zip(kinds, several)}
+        texts["casts"] = "file,time\n" + "".join(
+            f"{inside[kind]},{datetime.fromtimestamp(one.time, timezone.utc):%Y-%m-%dT%H:%M:%S.%f}Z\n"
+            for kind, one in zip(kinds, several))
     if strengths is not None:
         texts["backscatter"] = _table("grazing angle,strength", *strengths)
     with replacing_all((scene, *names.values())) as (scene_file, *rest):
@@ -81,6 +95,17 @@ def like(line: FilePath, scene: FilePath, *, cell: float | None = None,     # [m
         for text in words:
             say(text)
     return (os.fspath(scene), *names.values())
+
+
+def _several_casts(line: FilePath) -> list[LineCast]:
+    """Return the casts of a line in the order of time, if it has several different ones; none if it has one."""
+    kept: list[LineCast] = []
+    for one in sorted(reading.line_casts(line), key=lambda cast: cast.time):
+        if kept and kept[-1].time == one.time:
+            kept.pop()
+        if not kept or not np.array_equal(kept[-1].nodes, one.nodes):
+            kept.append(one)
+    return kept if len(kept) > 1 else []
 
 
 def _check(soundings, line):
@@ -186,11 +211,16 @@ def _scene(soundings: xr.Dataset, settings: Settings, files: dict[str, str], lin
     longest = float(np.nanmax(soundings["travel_time"].values))
     reach = 0.5 * speed * max(min(REACH * longest, 0.98 / settings.ping_rate), 1.01 * longest)
     bsdf = _element("string", "filename", "$backscatter") if "backscatter" in files else _element("float", "mu_db", -24)
-    defaults = [*files.items(), ("pings", settings.pings), ("range", f"{reach:.5g}"), ("preset", settings.preset)]
+    inputs = [(name, file) for name, file in files.items()
+              if not (name.startswith("cast") and "casts" in files) or name == "casts"]
+    defaults = [*inputs, ("pings", settings.pings), ("range", f"{reach:.5g}"), ("preset", settings.preset)]
     sensor = [_element("string", "preset", "$preset"), *(_element(*row) for row in settings.rows),
               _element("string", "track", "$track"), _element("integer", "pings", "$pings"),
               _element("float", "ping_rate_hz", f"{settings.ping_rate:.6g}")]
     water = [_element("string", "cast", "$cast")]
+    if "casts" in files:
+        water = [_element("string", "casts", "$casts"), _element("string", "casts_by", "time"),
+                 _element("string", "casts_rule", "latest")]
     if node:
         water += [_element("float", "head_sound_speed", f"{speed:.6g}"),
                   _element("float", "head_depth", f"{max(depth, 0.0):.5g}")]

@@ -39,7 +39,7 @@ def warn_of_window(survey: Survey, sensor: Sensor) -> None:
 
 def _warn_of_short(survey: Survey, farthest: float, pings: np.ndarray) -> None:
     """Warn that the record of these pings ends before the echo of the seabed, unless an object is within the range."""
-    places, below = survey.track.position[_few(pings)], survey.depth_below
+    places, below = survey.track.position[few(pings)], survey.depth_below
     number = np.arange(PROBES) + 0.5
     height, around = 1 - 2 * number / PROBES, np.pi * (1 + np.sqrt(5)) * number
     probes = np.stack([*(np.sqrt(1 - height ** 2) * trig(around) for trig in (np.cos, np.sin)), height], -1)
@@ -57,7 +57,7 @@ def _warn_of_short(survey: Survey, farthest: float, pings: np.ndarray) -> None:
 def _warn_of_edge(survey: Survey, sensor: Sensor, farthest: float) -> None:
     """Warn that the bed ends within the range, in the directions that the sonar looks into."""
     track, geometry = survey.track, survey.world.still
-    pings = _few(np.flatnonzero(survey.depth_below < farthest))
+    pings = few(np.flatnonzero(survey.depth_below < farthest))
     position, below = track.position[pings], survey.depth_below[pings]
     looks, down = sensor.look_directions()
     if down is None:
@@ -100,6 +100,6 @@ def _hit(geometry: Geometry, origin: np.ndarray, direction: np.ndarray, farthest
     return (pi.is_valid() & (label != geometry.surface_label)).numpy()
 
 
-def _few(pings: np.ndarray) -> np.ndarray:
+def few(pings: np.ndarray) -> np.ndarray:
     """Return a few of the pings, from the first to the last."""
     return pings[np.unique(np.linspace(0, len(pings) - 1, PINGS).astype(int))]

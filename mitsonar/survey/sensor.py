@@ -11,15 +11,19 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 import numpy as np
 
 from mitsonar.imaging.recorder import Recorder
+from mitsonar.io.casts import Cast
+from mitsonar.io.casts.series import PlacedCast
 from mitsonar.scene import materials
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.protocols import SceneSonar
 from mitsonar.water.column import AbsorptionColumn
+from mitsonar.water.fields import UnplacedField
 from mitsonar.water.profile import SoundSpeedProfile
 from mitsonar.water.volume import VolumeScattering
 from mitsonar.water.waters import WaterColumn, Waters
 
 from .voyage import Passage, Route
+from .waters_along import frame_of, waters_along
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -32,12 +36,19 @@ class Water(Protocol):
     profile: SoundSpeedProfile
     loaded_profile: SoundSpeedProfile  # as the scene was loaded, before any change by `mi.traverse`
     volume: VolumeScattering | None
+    casts: tuple[PlacedCast, ...]  # of water that changes along the line; none of other water
+    casts_by: str | None
+    casts_rule: str
+    casts_step: float
+    field: UnplacedField | None  # sound speed that changes across, beside the profile
+    field_bending: float  # [s]: bending above which a warning is given
 
-    def absorption_column(self, frequency: float) -> AbsorptionColumn:
-        """Return the absorption against depth at one frequency [Hz]."""
+    def absorption_column(self, frequency: float, cast: Cast | None = None) -> AbsorptionColumn:
+        """Return the absorption against depth at one frequency [Hz], in the water of one of the casts."""
         ...
 
-    def mean_absorption(self, top: float, bottom: float) -> Callable[[np.ndarray], np.ndarray] | None:
+    def mean_absorption(self, top: float, bottom: float,
+                        cast: Cast | None = None) -> Callable[[np.ndarray], np.ndarray] | None:
         """Return absorption [dB/m] between two depths [m] as a function of frequency [Hz]; None if it is constant."""
         ...
 
@@ -157,7 +168,15 @@ def slowest_speed(sensor: Sensor) -> float:
 def planned_waters(sensor: Sensor, geometry: Geometry, passage: Passage, frequency: float) -> Waters:
     """Return the water of a run's pings at a frequency [Hz]; raise `ValueError` if a material does not suit it."""
     water, mean_depth = sensor.water, -float(passage.voyage.track.position[:, 2].mean())
-    materials.check(geometry, water.profile, frequency)
-    return Waters.constant(WaterColumn(
-        profile=water.profile, absorption=water.absorption_column(frequency), volume=water.volume,
-        mean_absorption_db=water.mean_absorption(mean_depth, geometry.depth_range[1])))
+    columns = [WaterColumn(
+        profile=water.profile if cast is None else cast.profile, absorption=water.absorption_column(frequency, cast),
+        volume=water.volume, mean_absorption_db=water.mean_absorption(mean_depth, geometry.depth_range[1], cast))
+        for cast in [one.cast for one in water.casts] or [None]]
+    for column in columns:
+        materials.check(geometry, column.profile, frequency)
+    waters = waters_along(water, columns, geometry, passage) if water.casts else Waters.constant(columns[0])
+    if water.field is None:
+        return waters
+    track = passage.voyage.track
+    field = water.field.placed(frame_of(geometry, passage), track.position[:, :2], float(track.time[0]))
+    return waters.with_field(field, track.time)

@@ -142,8 +142,18 @@ class Survey:
     def device_water(self, below: float = 0.0) -> DeviceWater:
         """Return the water of all pings on the device, with tables that end `below` [m] under the lowest bed."""
         column = self.waters.only
+        if column.field is not None and (self.max_depth > 1 or column.volume is not None
+                                         or self.world.surface_mirrors):
+            raise ValueError("the water has a field, which paths of several bounces, mirrored paths and echoes of the "
+                             "water itself do not see yet; write max_depth 1, leave out volume_strength_db and layers, "
+                             "and give the sea surface a rough material")
         deepest = max(self.world.depth_range[1], -float(self.planned.track.position[:, 2].min())) + below
-        return DeviceWater(column.profile, column.absorption, column.volume, deepest=deepest)
+        return DeviceWater(column.profile, column.absorption, column.volume, deepest=deepest, field=column.field)
+
+    def refuse_field(self, what: str) -> None:
+        """Raise `ValueError` if the water has a field, which `what` do not see."""
+        if any(column.field is not None for column in self.waters.columns):
+            raise ValueError(f"the water has a field, which {what} do not see yet; write field none")
 
     @cached_property
     def paths(self) -> Paths:

@@ -57,7 +57,7 @@ def loaded(shapes: Mapping[str, object], kind: Attributes, still: Attributes, se
 
     sensor, water = sensor or {}, water or {}
     place = {} if "track" in sensor else still
-    speed = {} if {"profile", "cast"} & set(water) else {"sound_speed": 1500.0}
+    speed = {} if {"profile", "cast", "casts", "field_file"} & set(water) else {"sound_speed": 1500.0}
     # the value None leaves an attribute out
     written = {name: value for name, value in {**kind, "noise": False, **place, **sensor}.items() if value is not None}
     return mi.load_dict({

@@ -357,7 +357,8 @@ def provenance(scene: mi.Scene, sensor: Sensor, survey: Survey) -> dict[str, obj
     lengths = {} if passage.planned is None else {"course_sailed": passage.sailed, "course_planned": passage.planned}
     instruction_set = "CUDA" if str(mi.variant()).startswith("cuda") else llvm.instruction_set()
     versions = {name: importlib.metadata.version(name) for name in ("mitsuba", "drjit", "numpy")}
-    return {**known, **lengths, "altered": None if sensor.loaded is None else altered(scene, sensor.loaded),
+    return {**known, **lengths, **survey.waters.attributes,
+            "altered": None if sensor.loaded is None else altered(scene, sensor.loaded),
             "versions": {"mitsonar": __version__, **versions}, "instruction_set": instruction_set,
             "local_origin": None if origin is None else [float(v) for v in origin], "crs": crs}
 

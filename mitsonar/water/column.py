@@ -48,6 +48,11 @@ class AbsorptionColumn:
         nodes = np.union1d(self.depth, depth)
         return type(self)(nodes, self.at(nodes) + np.interp(nodes, depth, offset))
 
+    def mixed(self, other: AbsorptionColumn, share: float) -> AbsorptionColumn:
+        """Return the column between this one, share 0, and another, share 1, at the nodes of both."""
+        nodes = np.union1d(self.depth, other.depth)
+        return type(self)(nodes, (1 - share) * self.at(nodes) + share * other.at(nodes))
+
     def at(self, depth: Values) -> Values:
         """Return the absorption [dB/m] at depths [m]."""
         return cast(Values, np.interp(depth, self.depth, self.absorption_db))

@@ -94,6 +94,11 @@ class SoundSpeedProfile:
         return type(self)(np.insert(self.depth[kept], place, depth),
                           np.insert(self.sound_speed[kept], place, sound_speed))
 
+    def mixed(self, other: SoundSpeedProfile, share: float) -> SoundSpeedProfile:
+        """Return the profile between this one, share 0, and another, share 1, at the nodes of both."""
+        nodes = np.union1d(self.depth, other.depth)
+        return type(self)(nodes, (1 - share) * self.at(nodes) + share * other.at(nodes))
+
     def at(self, depth: Values) -> Values:
         """Return the sound speed [m/s] at ``depth`` [m], any shape."""
         return cast(Values, np.interp(depth, self.depth, self.sound_speed))

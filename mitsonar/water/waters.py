@@ -5,13 +5,16 @@ windows, ranges and units, which all pings share, ask for the extremes of all co
 """
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .column import AbsorptionColumn
+from .fields import SoundSpeedField
 from .profile import SoundSpeedProfile
 from .volume import VolumeScattering
 
@@ -25,27 +28,48 @@ class WaterColumn:
     volume: VolumeScattering | None = None  # None: the water itself scatters nothing back
     #: absorption [dB/m] against frequency [Hz], mean from the sonar to the lowest bed; None where it is constant
     mean_absorption_db: Callable[[np.ndarray], np.ndarray] | None = None
+    field: SoundSpeedField | None = None  # sound speed that changes across, beside the profile
+
+    def mixed(self, other: WaterColumn, share: float) -> WaterColumn:
+        """Return the column between this one, share 0, and another, share 1; volume scattering is this one's."""
+        if share in (0.0, 1.0):
+            return other if share else self
+        means = self.mean_absorption_db, other.mean_absorption_db
+        return replace(self, profile=self.profile.mixed(other.profile, share),
+                       absorption=self.absorption.mixed(other.absorption, share),
+                       mean_absorption_db=None if None in means else partial(_mixed_means, means, share))
+
+
+def _mixed_means(means, share, frequency):
+    """Return mean absorptions [dB/m] of two columns, mixed."""
+    return (1 - share) * means[0](frequency) + share * means[1](frequency)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Waters:
-    """Water of a survey's pings: one column for all of them."""
+    """Water of a survey's pings."""
 
-    column: WaterColumn
+    columns: Sequence[WaterColumn]  # the different columns
+    numbers: np.ndarray | None = None  # (P,) int: columns of the pings; None: the first one for all
+    #: what a record states about the pings' columns
+    attributes: Mapping[str, object] = dataclasses.field(default_factory=dict)
 
     @classmethod
     def constant(cls, column: WaterColumn) -> Waters:
         """Return one column for all pings."""
-        return Waters(column=column)
+        return cls(columns=[column])
 
-    @property
-    def columns(self) -> list[WaterColumn]:
-        """Return the different columns."""
-        return [self.column]
+    def with_field(self, field: SoundSpeedField, time: np.ndarray) -> Waters:
+        """Return the waters with a field beside their profiles, as it is at the pings' times (P,) [s]."""
+        start = float(time[0])
+        if not field.moves:
+            return replace(self, columns=[replace(one, field=field.at(start, start)) for one in self.columns])
+        columns = [replace(self.at(ping), field=field.at(float(now), start)) for ping, now in enumerate(time)]
+        return replace(self, columns=columns, numbers=np.arange(len(time)))
 
     def number(self, ping: ArrayLike) -> np.ndarray:
         """Return the numbers of the columns of pings, of any shape."""
-        return np.zeros(np.shape(ping), int)
+        return np.zeros(np.shape(ping), int) if self.numbers is None else self.numbers[np.asarray(ping)]
 
     def at(self, ping: int) -> WaterColumn:
         """Return the water of a ping."""
@@ -63,8 +87,8 @@ class Waters:
     def only(self) -> WaterColumn:
         """Return the column that all pings share; raise `ValueError` if they differ."""
         if len(self.columns) > 1:
-            raise ValueError(f"one water was asked for, but the survey's pings have {len(self.columns)}; ask for that "
-                             "of a ping, or go through the survey in parts that share one")
+            raise ValueError(f"one water was asked for, but the survey's pings have {len(self.columns)}; write `cast` "
+                             "in place of `casts`, or give pings that share a cast")
         return self.columns[0]
 
     @property

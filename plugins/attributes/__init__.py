@@ -16,8 +16,8 @@ from .groups import Group, flat
 from .numbers import Angle, Integer, Number, Numbers, Point, Range, Transform
 from .reading import Attributes
 from .tables import NumberOrTable, NumberOrTexture, Table
-from .words import Boolean, Choice, File, Files, Preset, Text, TextOrFile
+from .words import Boolean, Choice, File, FileOrFolder, Files, Preset, Text, TextOrFile
 
-__all__ = ["REQUIRED", "Angle", "Attribute", "Attributes", "Boolean", "Choice", "File", "Files", "FromTable", "Group",
-           "Integer", "Nested", "Number", "NumberOrTable", "NumberOrTexture", "Numbers", "Point", "Preset", "Range",
-           "SameAs", "Table", "Text", "TextOrFile", "Transform", "Unfit", "flat"]
+__all__ = ["REQUIRED", "Angle", "Attribute", "Attributes", "Boolean", "Choice", "File", "FileOrFolder", "Files",
+           "FromTable", "Group", "Integer", "Nested", "Number", "NumberOrTable", "NumberOrTexture", "Numbers", "Point",
+           "Preset", "Range", "SameAs", "Table", "Text", "TextOrFile", "Transform", "Unfit", "flat"]

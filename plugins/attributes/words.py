@@ -1,4 +1,5 @@
 """Declare attributes that are words: true or false, text, names of files."""
+import os
 from dataclasses import dataclass
 from typing import Any
 
@@ -6,7 +7,7 @@ from mitsonar.device.spelling import meant
 from mitsonar.sonar.preset_tables import TABLES, presets
 
 from .declaration import REQUIRED, Attribute, Unfit
-from .input_files import found_file
+from .input_files import found_file, resolved
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,18 @@ class File(Text):
     def names_of_files(self, value: str) -> tuple[str, ...]:
         """Return the names of input files in a written value."""
         return (value,) if value else ()
+
+
+@dataclass(frozen=True)
+class FileOrFolder(File):
+    """Declare the name of a file or a folder, looked for as a `File`; the plugin gets its path. Empty: not given."""
+
+    @property
+    def expected(self) -> str:
+        return "the name of a file or a folder"
+
+    def read(self, value: Any, written_as: str) -> str | None:
+        return path if value and os.path.isdir(path := resolved(value)) else super().read(value, written_as)
 
 
 @dataclass(frozen=True)

@@ -84,20 +84,24 @@ class SonarPath(mi.SamplingIntegrator):
 
     def survey(self, scene: mi.Scene, sensor: Sensor, seed: int = 0) -> Survey:
         """Plan a run of a sonar over a scene, whose scatterers are drawn by the seed."""
+        from mitsonar.survey.bending import warn_of_bending
         from mitsonar.survey.coverage import warn_of_window
         from mitsonar.survey.kinds import kind_of
 
         survey = kind_of(sensor).plan(scene, sensor, self._settings(seed))
         warn_of_window(survey, sensor)
+        warn_of_bending(survey, sensor)
         return survey
 
     def array_survey(self, scene: mi.Scene, sensor: Sensor, lead: float = 0.0, seed: int = 0) -> ArraySurvey:
         """Plan the same run for the signals of the sonar's elements."""
+        from mitsonar.survey.bending import warn_of_bending
         from mitsonar.survey.coverage import warn_of_window
         from mitsonar.survey.kinds import kind_of
 
         survey = kind_of(sensor).plan_elements(scene, sensor, self._settings(seed), lead)
         warn_of_window(survey, sensor)
+        warn_of_bending(survey, sensor)
         return survey
 
     def _settings(self, seed: int) -> RunSettings:

@@ -1,11 +1,16 @@
 """Seawater (`seawater`): sound speed against depth, absorption, ambient noise, volume scattering.
 
-Sound speed comes from ``profile``, ``cast`` or ``sound_speed``; without any of them, a formula computes it from
-``temperature`` and ``salinity``.
+Sound speed comes from ``profile``, ``cast``, ``casts`` or ``sound_speed``; without any of them, a formula computes it
+from ``temperature`` and ``salinity``.
 
 A profile is linear between its depths and constant beyond them. A cast is a file that `mitsonar.io.casts` reads; its
 temperature and salinity, if present, set the absorption. A formula is used down to 6000 m or to its limit of validity;
 below, the sound speed is constant.
+
+Water that changes along the line has several ``casts``: a folder of files, a file that holds several, a recorded line
+(.all, .kmall, .gsf), or a list: a CSV file with the column ``file``, and ``time``, ``x`` and ``y`` [m] in the scene, or
+``latitude`` and ``longitude`` [degrees]. Each ping has the water of the nearest cast, or water mixed from two. Slant
+ranges are converted to times with the first cast, unless the sonar has a ``sound_speed``.
 
 `mi.traverse` lists the sound speeds at the profile's nodes (``sound_speed``), ``absorption_offset`` [dB/m] and
 ``absorption_scale``. The offset is added to the absorption at the profile's nodes and is linear between them; it is 0
@@ -22,7 +27,9 @@ and below.
         <float name="ph" value="8.1"/>
     </medium>
 """
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 
 import drjit as dr
 import mitsuba as mi
@@ -30,30 +37,67 @@ import numpy as np
 
 from mitsonar.device.arrays import upload
 from mitsonar.io import casts
-from mitsonar.water import absorption, seawater
+from mitsonar.io.casts.series import PlacedCast, read_series
+from mitsonar.water import absorption, along_line, seawater
 from mitsonar.water.absorption import absorption_db
 from mitsonar.water.column import AbsorptionColumn
+from mitsonar.water.fields import FIELDS, UnplacedField
 from mitsonar.water.noise import ambient_noise_db
 from mitsonar.water.profile import FASTEST, SLOWEST, SoundSpeedProfile
 from mitsonar.water.ranges import RANGES, SOUND_SPEED_RANGES
 from mitsonar.water.seawater import sound_speed
 from mitsonar.water.volume import Layer, VolumeScattering
 
-from ..attributes import Attributes, Choice, File, Number, NumberOrTable, Table, Text
+from ..attributes import Angle, Attributes, Choice, File, FileOrFolder, Number, NumberOrTable, Table, Text
 
 COLUMN = np.concatenate([np.arange(0, 100, 5.0), np.arange(100, 1000, 50.0), np.arange(1000, 6001, 250.0)])
 
+ACROSS = ("field", tuple(FIELDS))
 ATTRIBUTES = (
     Table("profile", default=None, unit="m : m/s",
           text="depth : sound speed, increasing depths; or write `cast` or `sound_speed`"),
     File("cast", default=None, text="file of a cast"),
+    FileOrFolder("casts", default=None,
+                 text="several casts with times or places: a folder, a file that holds several, a recorded line, or a "
+                      "CSV list of files"),
+    Choice("casts_by", default=None, choices=tuple(along_line.BY),
+           otherwise="place, or time if a cast has no place", text="how pings find their casts"),
+    Choice("casts_rule", default="nearest", choices=tuple(along_line.RULES),
+           text="water of a ping: that of the nearest cast; that of the last one before, in time; or interpolated, in "
+                "time or along the track"),
+    Number("casts_step", default=0.5, minimum=0, unit="m/s",
+           text="interpolated water changes in steps of at most this sound speed, because every new water takes time "
+                "to prepare; 0: at every ping"),
+    Choice("field", default="none", choices=("none", *FIELDS, "grid"),
+           text="sound speed that changes across, beside the profile: a front, an even gradient, a solitary "
+                "internal wave on the profile's thermocline, or the grid of a netCDF file"),
+    File("field_file", default=None, only=("field", ("grid",)),
+         text="netCDF-4 file with a grid of sound speed, or of temperature and salinity, by CF standard names; its "
+              "mean profile is that of the water unless another one is given"),
+    Number("field_x", default=0.0, unit="m", only=ACROSS,
+           text="a place of the front or the crest, or where the gradient's change is 0, at the first ping"),
+    Number("field_y", default=0.0, unit="m", only=ACROSS, text="the same, north"),
+    Angle("field_heading_deg", default=90.0, only=ACROSS,
+          text="direction along which the sound speed changes, clockwise from north"),
+    Number("field_speed", default=0.0, unit="m/s", only=ACROSS, text="speed of the field along its heading"),
+    Number("field_change", default=2.0, unit="m/s", only=("field", ("front",)),
+           text="sound speed ahead of the front minus that behind it"),
+    Number("field_width", default=60.0, above=0, unit="m", only=("field", ("front",)), text="width of the front"),
+    Number("field_gradient", default=0.01, unit="1/s", only=("field", ("gradient",)), text="m/s per metre"),
+    Number("field_height", default=2.0, unit="m", only=("field", ("internal_wave",)),
+           text="height of the internal wave, positive down"),
+    Number("field_length", default=30.0, above=0, unit="m", only=("field", ("internal_wave",)),
+           text="length of the internal wave: it is down to 0.42 of its height at this distance from the crest"),
+    Number("field_bending_ns", default=100.0, above=0, unit="ns", only=("field", (*FIELDS, "grid")),
+           text="a warning is given if a field bends rays so much that they arrive earlier by more than this; times "
+                "are then off by up to half of it"),
     Number("sound_speed", default=None, above=SLOWEST, below=FASTEST, unit="m/s",
            text="sound speed at all depths; without any of these three, it is computed from temperature and salinity"),
     Choice("cast_sound_speed", default="file", choices=tuple(casts.SOUND_SPEEDS),
-           text="source of the sound speed of a cast: the file's own column, or a formula of its temperature and "
+           text="source of the sound speed of casts: the file's own column, or a formula of its temperature and "
                 "salinity"),
     Choice("cast_extension", default="constant", choices=tuple(casts.EXTENSIONS),
-           text="sound speed below the cast: its last value, or the gradient of mixed water under rising pressure, "
+           text="sound speed below casts: its last value, or the gradient of mixed water under rising pressure, "
                 "about 0.0164 1/s"),
     Choice("sound_speed_formula", default="teos-10", choices=tuple(seawater.FORMULAS),
            text="formula that computes sound speed; `medwin` is valid to 1000 m"),
@@ -93,36 +137,48 @@ class Seawater(mi.Medium):
             _check_depths(attributes, name)
         self.given_absorption = _given_absorption(attributes)
         self.volume = _volume(attributes)
-        self.cast, water = _cast_and_profile(attributes)
-        self.profile = self.loaded_profile = _with_head(attributes, water)
+        self.casts = _casts(attributes)
+        self.casts_by, self.casts_rule = attributes.casts_by, attributes.casts_rule
+        self.casts_step = attributes.casts_step
+        self.field = _field(attributes)
+        self.cast, water = _cast_and_profile(attributes, self.casts)
+        mean = getattr(self.field, "profile", None)            # of a grid
+        if mean is not None and not attributes.given("profile", "cast", "casts", "sound_speed", "sound_speed_formula",
+                                                     "temperature", "salinity"):
+            water = mean
+        self.field_bending = 1e-9 * float(attributes.field_bending_ns or 0.0)
+        self.profile = self.loaded_profile = water if self.casts else _with_head(attributes, water)
         self.speeds = upload(mi.Float64, self.profile.sound_speed)
         self.absorption_scale = upload(mi.Float64, np.ones(1))
         self.absorption_offset = upload(mi.Float64, np.zeros(len(self.profile.depth)))
         try:
-            self.absorption_column(100e3)          # refuse water outside the formula's range now, not at the first ping
+            # refuse water outside the formula's range now, not at the first ping
+            for cast in [one.cast for one in self.casts] or [self.cast]:
+                self.absorption_column(100e3, cast)
         except ValueError as error:
             raise attributes.error(error) from None
         super().__init__(props)
 
-    def absorption_column(self, frequency: float) -> AbsorptionColumn:
-        """Return the absorption against depth at one frequency [Hz]."""
-        column, scale = self._column(frequency), float(dr.detach(self.absorption_scale).numpy()[0])
+    def absorption_column(self, frequency: float, cast: casts.Cast | None = None) -> AbsorptionColumn:
+        """Return the absorption against depth at one frequency [Hz], in the water of one of several casts."""
+        column, scale = self._column(frequency, cast or self.cast), float(dr.detach(self.absorption_scale).numpy()[0])
         offset = dr.detach(self.absorption_offset).numpy()
         if np.any(offset):
             column = column.added(self.profile.depth, offset)
         return column if scale == 1 else AbsorptionColumn(column.depth, scale * column.absorption_db)
 
-    def _column(self, frequency):
+    def _column(self, frequency, cast):
         if self.given_absorption is not None:
             return self.given_absorption
-        if self.cast is not None and self.cast.temperature is not None and self.cast.salinity is not None:
-            depth = self.cast.profile.depth
-            return AbsorptionColumn(depth, absorption_db(frequency, self.cast.temperature, self.cast.salinity,
+        if cast is not None and cast.temperature is not None and cast.salinity is not None:
+            depth = cast.profile.depth
+            return AbsorptionColumn(depth, absorption_db(frequency, cast.temperature, cast.salinity,
                                                          np.maximum(depth, 0), self.ph, self.absorption_formula))
         return AbsorptionColumn(COLUMN, absorption_db(frequency, self.temperature, self.salinity, COLUMN, self.ph,
                                                       self.absorption_formula))
 
-    def mean_absorption(self, top: float, bottom: float) -> Callable[[np.ndarray], np.ndarray] | None:
+    def mean_absorption(self, top: float, bottom: float,
+                        cast: casts.Cast | None = None) -> Callable[[np.ndarray], np.ndarray] | None:
         """Absorption [dB/m] between two depths [m] as a function of frequencies [Hz]; None where it is one for all."""
         if self.given_absorption is not None:
             return None
@@ -130,7 +186,7 @@ class Seawater(mi.Medium):
 
         def absorption_db(frequency: np.ndarray) -> np.ndarray:
             grid = np.linspace(frequency.min(), frequency.max(), 33)
-            column = [float(np.mean(self.absorption_column(f).at(depth))) for f in np.maximum(grid, 1.0)]
+            column = [float(np.mean(self.absorption_column(f, cast).at(depth))) for f in np.maximum(grid, 1.0)]
             return np.interp(frequency, grid, column)
 
         return absorption_db
@@ -140,9 +196,11 @@ class Seawater(mi.Medium):
         return float(ambient_noise_db(frequency, self.wind_speed, self.shipping))
 
     def traverse(self, callback: mi.TraversalCallback) -> None:
-        callback.put("sound_speed", self.speeds, mi.ParamFlags.Differentiable)
+        if not self.casts:             # several casts have no common nodes
+            callback.put("sound_speed", self.speeds, mi.ParamFlags.Differentiable)
         callback.put("absorption_scale", self.absorption_scale, mi.ParamFlags.Differentiable)
-        callback.put("absorption_offset", self.absorption_offset, mi.ParamFlags.Differentiable)
+        if not self.casts:
+            callback.put("absorption_offset", self.absorption_offset, mi.ParamFlags.Differentiable)
 
     def parameters_changed(self, keys: list[str]) -> None:
         speeds, scale = (dr.detach(value).numpy() for value in (self.speeds, self.absorption_scale))
@@ -194,12 +252,62 @@ def _given_absorption(attributes):
         raise attributes.error(f"absorption_db_per_km: {error}; write numbers of 0 or more.") from None
 
 
-def _cast_and_profile(attributes: Attributes) -> tuple[casts.Cast | None, SoundSpeedProfile]:
-    """Return the cast, or None, and the sound speed profile."""
-    attributes.only_one("profile", "cast", "sound_speed", "sound_speed_formula")
+def _casts(attributes: Attributes) -> tuple[PlacedCast, ...]:
+    """Return the casts of water that changes along the line; none without `casts`."""
+    if attributes.casts is None:
+        if details := attributes.given("casts_by", "casts_rule", "casts_step"):
+            raise attributes.error(f"{details[0]} is given without casts; give casts too.")
+        return ()
+    if attributes.casts_rule != "interpolated" and attributes.given("casts_step"):
+        raise attributes.error('casts_step is given, but it only counts with casts_rule "interpolated"; leave it out.')
+    try:
+        series = read_series(attributes.casts, partial(casts.read, sound_speed=attributes.cast_sound_speed,
+                                                       extension=attributes.cast_extension))
+        return tuple(replace(one, cast=_headed(attributes, one.cast)) for one in series)
+    except ValueError as error:
+        raise attributes.error(error) from None
+
+
+def _field(attributes: Attributes) -> UnplacedField | None:
+    """Return the sound speed that changes across, or None."""
+    if attributes.field == "none":
+        return None
+    if attributes.field == "grid":
+        if attributes.field_file is None:
+            raise attributes.error("field is a grid, but field_file is missing; name the netCDF file.")
+        from mitsonar.io.grids import speed_grid  # xarray takes its time, and few scenes need it
+
+        try:
+            return speed_grid.read(attributes.field_file)
+        except ValueError as error:
+            raise attributes.error(error) from None
+    heading = attributes.field_heading_deg
+    own = {"front": {"change_of_speed": attributes.field_change, "width": attributes.field_width},
+           "gradient": {"gradient": attributes.field_gradient},
+           "internal_wave": {"height": attributes.field_height, "length": attributes.field_length}}
+    return FIELDS[attributes.field](x=attributes.field_x, y=attributes.field_y, sine=float(np.sin(heading)),
+                                    cosine=float(np.cos(heading)), speed=attributes.field_speed,
+                                    **own[attributes.field])
+
+
+def _headed(attributes: Attributes, cast: casts.Cast) -> casts.Cast:
+    """Return one of several casts with the node of the head's own sensor, if there is one."""
+    profile = _with_head(attributes, cast.profile)
+    temperature, salinity = (None if column is None else np.interp(profile.depth, cast.profile.depth, column)
+                             for column in (cast.temperature, cast.salinity))
+    return cast if profile is cast.profile else replace(cast, profile=profile, temperature=temperature,
+                                                        salinity=salinity)
+
+
+def _cast_and_profile(attributes: Attributes,
+                      several: Sequence[PlacedCast]) -> tuple[casts.Cast | None, SoundSpeedProfile]:
+    """Return the cast, the first of several, or None; and the sound speed profile."""
+    attributes.only_one("profile", "cast", "casts", "sound_speed", "sound_speed_formula")
     details = attributes.given("cast_sound_speed", "cast_extension")
-    if attributes.cast is None and details:
+    if attributes.cast is None and not several and details:
         raise attributes.error(f"{details[0]} is given without a cast; give cast too.")
+    if several:
+        return several[0].cast, several[0].cast.profile
     try:
         if attributes.profile is not None:
             return None, SoundSpeedProfile(*attributes.profile)

@@ -7,26 +7,14 @@ from numpy.typing import ArrayLike
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.world import World
 from mitsonar.water.volume import VolumeScattering
-from mitsonar.water.waters import WaterColumn, Waters
+from mitsonar.water.waters import Waters
 
 STRONG = VolumeScattering([0.0], [-40.0])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TwoWaters(Waters):
-    """One column before the ping `change`, another from it on."""
-
-    other: WaterColumn
-    change: int
-
-    @property
-    def columns(self) -> list[WaterColumn]:
-        """Return both columns."""
-        return [self.column, self.other]
-
-    def number(self, ping: ArrayLike) -> np.ndarray:
-        """Return 0 before the change, 1 from it on."""
-        return np.asarray(np.asarray(ping) >= self.change, int)
+def two_waters(column, other, change, pings):
+    """Return one column before the ping `change`, another from it on."""
+    return Waters(columns=[column, other], numbers=(np.arange(pings) >= change).astype(int))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,11 +36,11 @@ class TwoWorlds(World):
 
 def in_waters(survey, profile, change):
     """Return a planned survey whose water has another profile, and scatters more, from the ping `change` on."""
-    def changed(waters):
+    def changed(waters, pings):
         other = replace(waters.only, profile=profile, volume=waters.only.volume and STRONG)
-        return TwoWaters(column=waters.only, other=other, change=change) if change else Waters.constant(other)
+        return two_waters(waters.only, other, change, pings) if change else Waters.constant(other)
 
-    return with_all(survey, lambda part: replace(part, waters=changed(part.waters)))
+    return with_all(survey, lambda part: replace(part, waters=changed(part.waters, part.track.pings)))
 
 
 def in_worlds(survey, other, change):

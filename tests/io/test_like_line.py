@@ -155,3 +155,22 @@ def test_extra_detections_of_a_kmall_line_are_counted(tmp_path):
     (tmp_path / "line.kmall").write_bytes(data)
     words = made_like(tmp_path, None, write_line=False)[0]
     assert f"{found} extra detections in the water column are left out" in words
+
+
+def test_a_line_of_several_casts_makes_a_scene_of_them(tmp_path):
+    """Two files one after the other, the second of later pings with another cast: pings have the latest one."""
+    line = soundings_line(pings=6, beams=120, column=False, snippets=False)
+    write(line, tmp_path / "line.kmall")
+    first = (tmp_path / "line.kmall").read_bytes()
+    later = line.assign(cast_sound_speed=line["cast_sound_speed"] + 5.0,
+                        **{name: line[name] + 3.0 for name in ("ping_time", "motion_time")})
+    write(later, tmp_path / "line.kmall")
+    (tmp_path / "line.kmall").write_bytes(first + (tmp_path / "line.kmall").read_bytes())
+    paths = like(tmp_path / "line.kmall", tmp_path / "scene.xml")
+    assert {"scene_casts.csv", "scene_cast.csv", "scene_cast_2.csv"} < {Path(path).name for path in paths}
+    scene = mitsonar.load_file(tmp_path / "scene.xml")
+    survey = scene.integrator().survey(scene, scene.sensors()[0])
+    number = survey.waters.attributes["cast_of_ping"]
+    assert set(number) == {0, 1} and sorted(number) == number
+    apart = [survey.waters.at(ping).profile.at(20.0) for ping in (0, len(number) - 1)]
+    assert apart[1] - apart[0] == pytest.approx(5.0, abs=1e-3)

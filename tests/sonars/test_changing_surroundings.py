@@ -1,9 +1,9 @@
 """A water or a scene that changes on the way: every ping is that of a run in its own surroundings alone.
 
 Geometry: a level bed, two targets, 4 pings of which the last 2 have another profile, or other places of the targets; of
-sidescans 8 and 4, because each 4 share a scout. The runs share their plan, made in the first surroundings: windows,
-sampling, and what the instrument takes its sound speed to be. Everything else must be the same to the last bit, because
-a block, a table or a tracer belongs to one of the surroundings.
+sidescans 6 and 3, so that the change divides pings that share a scout. The runs share their plan, made in the first
+surroundings: windows, sampling, and what the instrument takes its sound speed to be. Everything else must be the same
+to the last bit, because a block, a table or a tracer belongs to one of the surroundings.
 """
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ SCATTERING, SEA = {"volume_strength_db": -60.0}, {"type": "sea_surface"}
 MOVING = {"pings": 4, "speed_knots": 2.0}
 SCENES = {
     "sidescan": lambda: sidescan(SHAPES, depth=10.0, water=FIRST, rays=4000, film={"range": 30.0, "bins": 100},
-                                 sensor={**MOVING, "pings": 8, "noise": True}, integrator={"cell": 0.5}),
+                                 sensor={**MOVING, "pings": 6, "noise": True}, integrator={"cell": 0.5}),
     "array": lambda: array_sonar(SHAPES, water=FIRST, film={"range": 20.0}, integrator={"cell": 0.4}, sensor={
         **MOVING, "receive": "line", "receive_elements": 12, "beams": 8, "pulse": "lfm", "pulse_ms": 0.5,
         "bandwidth_khz": 10.0}),
@@ -47,7 +47,7 @@ SCENES = {
             **MOVING, "picture": "elements", "receive": "line", "receive_elements": 6, "beams": 4},
         integrator={"cell": 0.5, "max_depth": 2, "rays": 2000}),
     "sidescan with bounces": lambda: sidescan(
-        {**SHAPES, "sea": SEA}, depth=10.0, water={**FIRST, **SCATTERING}, rays=2000, sensor={**MOVING, "pings": 8},
+        {**SHAPES, "sea": SEA}, depth=10.0, water={**FIRST, **SCATTERING}, rays=2000, sensor={**MOVING, "pings": 6},
         film={"range": 30.0, "bins": 100}, integrator={"max_depth": 3}),
     "forward_looking": lambda: forward_looking(SHAPES, water=FIRST, sensor={**MOVING, "beams": 16},
                                                film={"range": 11.0}),

@@ -11,7 +11,8 @@ SEED, SPEED = 3, (1.0, -0.5, 0.0)
 
 def ball(**course):
     """A scattering ball that moves; where it starts, and how, unless its course is given."""
-    course = {"start": [2.0, 6.0, -9.0], "heading_deg": float(np.degrees(np.arctan2(*SPEED[:2]))), "speed": float(np.hypot(*SPEED[:2])), **course}
+    course = {"start": [2.0, 6.0, -9.0], "heading_deg": float(np.degrees(np.arctan2(*SPEED[:2]))),
+              "speed": float(np.hypot(*SPEED[:2])), **course}
     return {"type": "moving", **course, "shape": {"type": "sphere", "radius": 0.4, "bsdf": {"type": "lambert"}}}
 
 

@@ -22,6 +22,7 @@ FIRST = {
     "mitsonar/survey/synthetic_aperture/truth.py": "truth of an image that is focused with the record's cast"}
 #: files that read the water of a sensor, which may be changed after planning
 OF_SENSOR = {
+    "mitsonar/survey/bending.py": "bound of a warning",
     "mitsonar/survey/sensor.py": "where surveys get their water, and the times of their windows",
     "mitsonar/gradients/attached/scene.py": "the altered water, which is set for all pings",
     "mitsonar/inversion/problems.py": "the water that an array is calibrated in"}

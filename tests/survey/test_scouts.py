@@ -10,7 +10,6 @@ from mitsonar.survey.energy.sides import Sides
 from mitsonar.validation.scenes import bed, lambert, sidescan
 
 BEAM, FARTHEST = 0.02, 50.0        # [rad], [m]: 1 m wide at the end of the record
-ALIKE = np.zeros(10, int)          # one water and one geometry for all pings
 
 
 def track(pings, step=0.1, turn=0.0):
@@ -21,18 +20,13 @@ def track(pings, step=0.1, turn=0.0):
 
 
 def test_pings_of_a_group_ask_one_of_them_whatever_their_roll():
-    np.testing.assert_array_equal(scouts(track(10), ALIKE[:10], FARTHEST, BEAM), [2, 2, 2, 2, 6, 6, 6, 6, 9, 9])
-
-
-def test_pings_of_a_group_ask_none_in_another_water():
-    around = np.repeat([0, 1], [3, 7])
-    np.testing.assert_array_equal(scouts(track(10), around, FARTHEST, BEAM), [2, 2, 2, 3, 6, 6, 6, 6, 9, 9])
+    np.testing.assert_array_equal(scouts(track(10), FARTHEST, BEAM), [2, 2, 2, 2, 6, 6, 6, 6, 9, 9])
 
 
 @pytest.mark.parametrize("step, turn, expected", [(1.5, 0.0, [0, 1, 2, 3]), (0.7, 0.0, [0, 2, 2, 2]),
                                                   (0.1, 0.03, [0, 1, 2, 3]), (0.1, 0.01, [0, 2, 2, 2])])
 def test_pings_that_see_other_ground_are_scouts_themselves(step, turn, expected):
-    np.testing.assert_array_equal(scouts(track(4, step, turn), ALIKE[:4], FARTHEST, BEAM), expected)
+    np.testing.assert_array_equal(scouts(track(4, step, turn), FARTHEST, BEAM), expected)
 
 
 def survey_of(pings):

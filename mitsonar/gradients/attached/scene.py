@@ -97,6 +97,7 @@ class AttachedScene:
     """Read the scene of a sonar's record."""
 
     def __init__(self, picture: Picture, survey: Survey):
+        survey.refuse_field("gradients")
         self._sensor, self._survey, self._frequency = picture.sensor, survey, picture.rows.frequency
         self._start = self._offsets()
         self._checked = survey.track.position, survey.world.only.vertices.numpy()

@@ -110,6 +110,7 @@ class ElementModel:
                      np.broadcast_to(offsets[1], (count, 3))[list(pings)]))
         self._seed, self._pings = sonar.own_seed(seed), [int(ping) for ping in pings]
         self.start, self.units = self._parameters.start, self._parameters.units
+        self._survey.refuse_field("gradients")
         self._ensonifications = PerSurroundings(self._survey, ensonification_of)
         self.shape = len(pings), self._survey.receive.elements, self._survey.samples - self._survey.lead, 2
 

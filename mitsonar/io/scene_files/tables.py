@@ -4,12 +4,16 @@ Commas, semicolons or tabs divide the fields; empty lines and those starting wit
 the file and, if possible, the line.
 """
 import csv
+import datetime
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from mitsonar.device.files import FilePath, check_readable
+
+INSTANT = re.compile(r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)([.,]\d+)?\s*(Z|[+-]\d\d:?\d\d)?", re.IGNORECASE)
 
 
 def records(path: FilePath, what: str) -> tuple[list[str], list[int], list[list[str]]]:
@@ -53,6 +57,26 @@ def floats(path: FilePath, lines: Sequence[int], name: str, column: Sequence[str
         raise ValueError(f"{path}, line {lines[first]}: {name} is {column[first].strip() or 'empty'!r}, which is not "
                          "a finite number; repair the line or remove it.")
     return values
+
+
+def times(path: FilePath, lines: Sequence[int], name: str, column: Sequence[str]) -> np.ndarray:
+    """Return seconds (R,), from a column that holds seconds or ISO 8601 in all records."""
+    if not INSTANT.fullmatch(column[0]):
+        return floats(path, lines, name, column)
+    seconds = np.empty(len(column))
+    for k, (number, text) in enumerate(zip(lines, column, strict=True)):
+        try:
+            found = INSTANT.fullmatch(text)
+            if found is None:
+                raise ValueError
+            day, clock, fraction, offset = found.groups()
+            offset = "+00:00" if offset in (None, "Z", "z") else f"{offset[:3]}:{offset[-2:]}"
+            whole = datetime.datetime.fromisoformat(f"{day}T{clock}{offset}").timestamp()
+        except ValueError:
+            raise ValueError(f"{path}, line {number}: {name} is {text!r}, but the first record has an ISO 8601 time "
+                             f"({column[0]}); write all alike, such as 2012-08-21T10:11:12.5Z.") from None
+        seconds[k] = whole + float((fraction or ".0").replace(",", "."))
+    return seconds
 
 
 def _number(text):

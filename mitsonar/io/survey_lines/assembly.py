@@ -23,6 +23,21 @@ POSE = ("time", "x", "y", "depth", "roll", "pitch", "heading")
 SECTOR = ("frequency", "delay", "angle", "pulse_length", "bandwidth", "source_level_db", "absorption_db")
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LineCast:
+    """Cast in the file of a line."""
+
+    time: float  # [s]: since 1970, UTC, from which on the line uses the cast
+    place: tuple[float, float] | None  # latitude and longitude [degrees]; None if the file states none
+    nodes: np.ndarray  # (K, 2) [m], [m/s]: in any order
+
+    @classmethod
+    def at(cls, time: float, latitude: float, longitude: float, nodes: np.ndarray) -> LineCast:
+        """Return a cast; latitude and longitude may be no place on Earth, or both 0 for none."""
+        on_earth = abs(latitude) <= 90 and abs(longitude) <= 360 and (latitude, longitude) != (0.0, 0.0)
+        return cls(time=time, place=(latitude, longitude) if on_earth else None, nodes=nodes)
+
+
 def cast_of(nodes: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
     """Return increasing depths and sound speeds of nodes (K, 2) [m], [m/s] in any order."""
     if nodes is None:

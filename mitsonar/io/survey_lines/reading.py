@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -15,7 +16,7 @@ import xarray as xr
 from mitsonar.device import files
 from mitsonar.device.files import FilePath
 
-from .assembly import dataset
+from .assembly import LineCast, cast_of, dataset
 from .gsf.read_gsf import GsfFile
 from .kongsberg.read_all import AllFile
 from .kongsberg.read_kmall import KmallFile
@@ -59,6 +60,16 @@ def blocks(path: FilePath, *, pings: slice | None = None, water_column: bool = T
                 held = []
         if held:
             yield dataset(line, held)
+    except ValueError as error:
+        raise ValueError(f"cannot read {path}: {error}") from None
+
+
+def line_casts(path: FilePath) -> tuple[LineCast, ...]:
+    """Return the casts of a line, in the order of its file, with increasing depths."""
+    main, _ = _pair(path)
+    try:
+        casts = READERS[_format(main)](main, None, water_column=False).casts
+        return tuple(replace(one, nodes=np.stack(cast_of(one.nodes), -1)) for one in casts)
     except ValueError as error:
         raise ValueError(f"cannot read {path}: {error}") from None
 

@@ -16,7 +16,6 @@ Without ``time`` the lines are way points: x and y, or latitude and longitude, a
 
 XTF files are recognised by their first bytes, see `io.xtf.navigation`.
 """
-import datetime
 import os
 import re
 
@@ -34,7 +33,6 @@ ANGLES = ("roll", "pitch", "heading")
 DEGREES = {"lat": "latitude", "lon": "longitude", "long": "longitude"}
 METRES = {"easting": "x", "eastings": "x", "east": "x", "northing": "y", "northings": "y", "north": "y"}
 LARGEST_DEG = {"roll": 180, "pitch": 90, "latitude": 90, "longitude": 360}
-INSTANT = re.compile(r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)([.,]\d+)?\s*(Z|[+-]\d\d:?\d\d)?", re.IGNORECASE)
 POINT = re.compile(r"([\d.]+)\s*([NS])[\s]+([\d.]+)\s*([EW])(?:\s+(\S+))?", re.IGNORECASE)
 FARTHEST = {"x": 1e8, "y": 1e8, "z": 1e5, "depth": 1e5, "heave": 1e5}      # [m]
 LATEST = 1e11                      # [s] from 1970, three thousand years
@@ -117,7 +115,7 @@ def load(path: FilePath) -> Navigation | Waypoints:
         x = np.unwrap(x, period=360)
     if "time" not in columns:
         return Waypoints(x=x, y=y, z=z, geographic=geographic)
-    time = _times(path, numbers, columns["time"])
+    time = tables.times(path, numbers, "time", columns["time"])
     _refuse(path, numbers, columns, "time", np.abs(time) > LATEST,
             f"s, and no time lies beyond +-{LATEST:g} s; check the columns and units.")
     late = np.flatnonzero(np.diff(time) <= 0)
@@ -210,23 +208,3 @@ def _columns(path):
         raise ValueError(f"cannot read the track {path}: it has both z and depth; keep one of the two.")
     wanted += [name for name in (*ANGLES, "heave") if name in names]
     return numbers, {name: [record[names.index(name)].strip() for record in records] for name in wanted}
-
-
-def _times(path, numbers, column):
-    """Return seconds, from a column that holds seconds or ISO 8601 in all records."""
-    if not INSTANT.fullmatch(column[0]):
-        return tables.floats(path, numbers, "time", column)
-    seconds = np.empty(len(column))
-    for k, (number, text) in enumerate(zip(numbers, column, strict=True)):
-        try:
-            found = INSTANT.fullmatch(text)
-            if found is None:
-                raise ValueError
-            day, clock, fraction, offset = found.groups()
-            offset = "+00:00" if offset in (None, "Z", "z") else f"{offset[:3]}:{offset[-2:]}"
-            whole = datetime.datetime.fromisoformat(f"{day}T{clock}{offset}").timestamp()
-        except ValueError:
-            raise ValueError(f"{path}, line {number}: time is {text!r}, but the first record has an ISO 8601 time "
-                             f"({column[0]}); write all alike, such as 2012-08-21T10:11:12.5Z.") from None
-        seconds[k] = whole + float((fraction or ".0").replace(",", "."))
-    return seconds

@@ -75,6 +75,11 @@ class LayerTable(Record):
         height = dr.minimum(abs(depth - other), self.radius)
         return dr.maximum(known, lib.Float(SAFE * dr.sqrt(height * (2 * self.radius - height))))
 
+    def speed(self, depth: Float64) -> tuple[Float64, Float64]:
+        """Return the sound speed [m/s] and its gradient [1/s] at each depth."""
+        z_k, c_k, gradient, _ = self.shape(self.find(depth))
+        return dr.fma(gradient, depth - z_k, c_k), gradient
+
     def at(self, depth: Float64) -> tuple[Float64, list[Float64]]:
         """Return the sound speed [m/s] and the four moments M_n at each depth."""
         k = self.find(dr.detach(depth))             # which layer it is has no gradient

@@ -20,12 +20,13 @@ from typing import Literal
 import drjit as dr
 import numpy as np
 
+from mitsonar.device.rotations import rotated
 from mitsonar.device.types import Bool, Float, Float64, Record, UInt32, Vector64
 
 from ..device_rays.layer_table import LayerTable
 from ..device_rays.two_point import LEVEL, SERIES_LIMIT, PointState, SourceState
 from ..numpy_rays.paper_approximation import paper_centre_return
-from .straight_vectors import hit_fields
+from .straight_vectors import dot, hit_fields
 from .travel import Travel
 from .vector_approximation import expected_error
 from .vector_legs import centre_return, matched_leg
@@ -55,7 +56,7 @@ class ReturnPaths(Record):
 def return_paths(table: LayerTable, source: SourceState | PointState, source_index: UInt32, displacement: Vector64,
                  travel_time: Float64, ray_parameter: Float64, spreading_area: Float, launch_sine: Float, *,
                  travel: Travel, method: Literal["vector", "paper"] = "vector",
-                 elapsed: Float64 | None = None) -> ReturnPaths:
+                 elapsed: Float64 | None = None, slope: Vector64 | None = None) -> ReturnPaths:
     """Carry the echoes of traced hits back to the centre of the moving, turning array."""
     # source_index (H,); displacement (H,) [m]; travel_time (H,) [s]; ray_parameter (H,) [s/m];
     # spreading_area (H,) [m²/sr]; launch_sine (H,); elapsed (H,) [s]
@@ -83,7 +84,12 @@ def return_paths(table: LayerTable, source: SourceState | PointState, source_ind
             travel_time, (-displacement.x, -displacement.y, -displacement.z), travel, lambda h: table.at(z0 - h)[0],
             elapsed)
         direction = vector
+    if slope is not None:
+        time += dot(slope, travel.moved(elapsed + time))
     fields = hit_fields(leg, vector, rise, elapsed + time, travel, c0)
+    if slope is not None:            # the delay of an element at d is n·d / (c - v·n), so that n carries the slope
+        turned = rotated([part * fields[8] for part in slope], travel.turned(elapsed + time), back=True)
+        fields[:3] = [part + more for part, more in zip(fields[:3], turned)]
     return ReturnPaths(return_time=time, hit_fields=[F(field) for field in fields],
                        direction=tuple(F(component) for component in direction), rough=rough)
 

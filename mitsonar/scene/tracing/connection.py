@@ -39,6 +39,8 @@ class Connection:
     arrival_direction: mi.Vector3f  # (R,): unit, along the travel, at the point
     ray_parameter: mi.Float64  # (R,) [s/m]
     sound_speed: mi.Float64  # (R,) [m/s]: at the point
+    later: mi.Float64 | None = None  # (R,) [s]: share of the time that the field of the water adds
+    slope: dr.ArrayBase | None = None  # (R,) [s/m]: its change with the place of the start
 
 
 class Connector:
@@ -54,18 +56,31 @@ class Connector:
         """Connect each point (R,) to a source (R,) at `origin`, and stop `short` [m] of the point."""
         x, heading = _seen_from(origin, point)
         way, (cosine, _) = self._eigenray(self.water.layers(), sources.state, source, x, heading, -point.z, active)
+        through = self._through_field(way, origin, heading, point)
         if not occlusion:
-            return way
+            return through
         end, nearer = _end(way, point, normal, heading, short)
         fans = sources.shadow_fans if coarse else sources.ray_fans
         blocked = along_fan(self.geometry.scene, fans, mi.Point3f(origin), source,
                             dr.atan2(-way.launch_direction.z, cosine), heading, end, mi.Float(x) + nearer, way.exists)
-        return replace(way, free=way.exists & ~blocked)
+        return replace(through, free=way.exists & ~blocked)
+
+    def _through_field(self, way: Connection, origin: dr.ArrayBase, heading: mi.Vector2f,
+                       point: dr.ArrayBase) -> Connection:
+        """Return ways with what the water's field adds to their times, and turns their waves by at the start."""
+        if self.water.field is None:
+            return way
+        launch = way.launch_direction
+        ray = self.water.through_field(origin, heading, way.horizontal_range, -point.z, way.arc_length,
+                                       way.ray_parameter, -launch.z)
+        slope = ray.slope_upwards(self.lib.Array3f64)
+        return replace(way, travel_time=way.travel_time + ray.later, later=ray.later, slope=slope,
+                       launch_direction=turned(launch, slope, self.water.layers().at(-origin.z)[0]))
 
     def join(self, start: dr.ArrayBase, start_normal: mi.Vector3f, end: dr.ArrayBase, end_normal: mi.Vector3f,
              active: mi.Bool | bool = True, *, folded: bool = False, occlusion: bool = True,
              short: float = 0.0) -> Connection:
-        """Connect each start point (R,) to an end point (R,), anywhere in the water."""
+        """Connect each start point (R,) to an end point (R,), anywhere in the water, without the water's field."""
         table = self.water.medium(folded).layers
         z0 = start.z if folded else -start.z
         x, heading = _seen_from(start, end)
@@ -108,6 +123,11 @@ class Connector:
                          launch_direction=mi.Vector3f(heading.x * cosine0, heading.y * cosine0, -sine0),
                          arrival_direction=mi.Vector3f(heading.x * cosine, heading.y * cosine, -ray.arrival_sine))
         return way, (cosine0, cast(mi.Float64, dr.copysign(dr.sqrt(square), ray.launch_sine)))
+
+
+def turned(launch: mi.Vector3f, slope: dr.ArrayBase, speed: mi.Float64) -> mi.Vector3f:
+    """Return launch directions of waves whose times change with the start's place by a slope [s/m], too."""
+    return dr.normalize(launch - mi.Vector3f(slope * speed))
 
 
 def _seen_from(origin, point):

@@ -120,6 +120,8 @@ class Tracer:
         launch = mi.Vector3f(along.x * cosine0, along.y * cosine0, dr.copysign(sine0, direction.z))
         arrival = mi.Vector3f(along.x * cosine, along.y * cosine, -sine)
         normal = dr.select(dr.dot(facet_normal, arrival) > 0, -facet_normal, facet_normal)
+        if self.water.field is not None:
+            time += self.water.through_field(origin, along, x, -point.z, arc, p, -launch.z).later
         return Hits(valid=valid, point=point, normal=normal, shape=shape, primitive=pi.prim_index, uv=uv,
                     label=label, travel_time=time, arc_length=arc, spreading_area=area, ray_parameter=p, sound_speed=c,
                     launch_direction=launch, smooth=towards_sound(smooth, normal, arrival), arrival_direction=arrival)

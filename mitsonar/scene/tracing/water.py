@@ -2,6 +2,7 @@
 
     layers        sound speed by depth, in layers that rays are exact in         `device_rays.layer_table`
     absorption    two-way loss along bent rays                                   `water.absorption_table`
+    field         sound speed that changes across                                `water.fields`
     volume        backscatter of the water itself                                `water.volume_table`
 
 A flat surface mirrors. Above it, imagine the same water upside down: a reflected ray runs on there as if the surface
@@ -21,8 +22,10 @@ import numpy as np
 
 from mitsonar.propagation.device_rays.layer_table import LayerTable, layer_table
 from mitsonar.propagation.device_rays.two_point import SourceState, source_state
+from mitsonar.propagation.returns.frozen_ray import FrozenLeg, FrozenRay, frozen_ray
 from mitsonar.water.absorption_table import Absorption
 from mitsonar.water.column import AbsorptionColumn
+from mitsonar.water.fields import SoundSpeedField
 from mitsonar.water.profile import SoundSpeedProfile
 from mitsonar.water.volume import VolumeScattering
 from mitsonar.water.volume_table import VolumeTable, volume_table
@@ -76,8 +79,10 @@ class DeviceWater:
     """Sound speed, absorption and scattering of the water, down to `deepest` [m]."""
 
     def __init__(self, profile: SoundSpeedProfile, absorption: AbsorptionColumn | None = None,
-                 volume: VolumeScattering | None = None, *, deepest: float = 0.0):
+                 volume: VolumeScattering | None = None, *, deepest: float = 0.0,
+                 field: SoundSpeedField | None = None):
         self.profile = profile
+        self.field = None if field is None else field.on_device(mi.Float64)
         self._absorption, self._volume, self._deepest = absorption, volume, max(float(deepest), 1.0)
 
     @cached_property
@@ -107,6 +112,16 @@ class DeviceWater:
     def one_way_db(self, start: dr.ArrayBase, end: dr.ArrayBase, way: Way, folded: bool = False) -> mi.Float:
         """Return the one-way absorption [dB] (R,) along ways between points; arguments as in `loss_db`."""
         return 0.5 * self.loss_db(start, end, way, folded)
+
+    def through_field(self, origin: dr.ArrayBase, heading: mi.Vector2f, horizontal_range: mi.Float64, depth: mi.Float64,
+                      arc_length: mi.Float, ray_parameter: mi.Float64, launch_sine: mi.Float) -> FrozenRay:
+        """Return what the field adds to eigenrays from `origin` (R,) [m] to a depth; `launch_sine` is positive down."""
+        if self.field is None:
+            raise ValueError("this water has no field")
+        wide = mi.Float64
+        leg = FrozenLeg((wide(origin.x), wide(origin.y), -wide(origin.z)), (wide(heading.x), wide(heading.y)),
+                  wide(horizontal_range), wide(depth), wide(arc_length), ray_parameter, wide(launch_sine))
+        return frozen_ray(leg, self.field, self.direct.layers.speed)
 
     @property
     def slowest(self) -> float:

@@ -10,7 +10,7 @@ Only the list of candidates is evaluated here; all the rest becomes part of the 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import drjit as dr
@@ -27,6 +27,7 @@ from mitsonar.scene.materials import scattering_strength
 from mitsonar.scene.shadows.bed_cover import bed_height, covered
 from mitsonar.scene.shadows.bed_horizon import BedHorizon
 from mitsonar.scene.shadows.object_shadows import ObjectShadows
+from mitsonar.scene.tracing.connection import turned
 from mitsonar.scene.tracing.hits import Hits
 
 from ..pressure.array_survey import ArraySurvey
@@ -79,10 +80,24 @@ class Ground:
         table = self._table_of(-float(density.origin[2]))
         scatterers, exist = self._scatterers.at(patch, number, density)
         offset = scatterers.point - opaque_vector(self._lib.Array3f64, density.origin)
-        legs = table.legs(offset)
+        legs = self._through_field(table.legs(offset), offset, density.origin, table)
         energy = self._energy(scatterers, exist & legs.exists, legs, table)
         return LitScatterers(scatterers=scatterers, offset=offset, legs=legs, energy=energy,
                              state=self._state(scatterers, legs, table, density.origin, energy > 0))
+
+    def _through_field(self, legs: TableLegs, offset: dr.ArrayBase, origin: np.ndarray,
+                       table: EigenrayTable) -> TableLegs:
+        """Return legs with what the water's field adds to their times, and turns their waves by at the sonar."""
+        water = self.ensonification.water
+        if water.field is None:
+            return legs
+        launch, speed = legs.launch_direction, dr.opaque(mi.Float64, table.sound_speed)
+        level = dr.sqrt(dr.maximum(1 - dr.square(launch.z), 1e-12))
+        heading, start = mi.Vector2f(launch.x, launch.y) / level, opaque_vector(self._lib.Array3f64, origin)
+        ray = water.through_field(start, heading, mi.Float64(legs.horizontal_range), -(start.z + offset.z),
+                                  legs.distance, mi.Float64(level) / speed, -launch.z)
+        slope = ray.slope_upwards(self._lib.Array3f64)
+        return replace(legs, travel_time=legs.travel_time + ray.later, launch_direction=turned(launch, slope, speed))
 
     def hiding(self, origin: np.ndarray, hidden: mi.UInt32, offset: tuple[mi.Float, mi.Float],
                launch_sine: mi.Float) -> mi.UInt32:

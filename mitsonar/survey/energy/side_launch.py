@@ -64,15 +64,15 @@ MANY_ASIDE, WAYS = 0.15, 8         # above this share of rays aside, a tile send
 FIRST_ASIDE = 0.25                 # share aside in a first pass, which must find the ground that side lobes alone see
 
 
-def scouts(track: Track, around: np.ndarray, farthest: float, width: float) -> np.ndarray:
-    """Return the number of the scout of each ping, (P,) int, which has the same surroundings."""
-    # around (P,), `Survey.surroundings_number`; farthest [m]; width [rad]
+def scouts(track: Track, farthest: float, width: float) -> np.ndarray:
+    """Return the number of the scout of each ping, (P,) int; its rays are traced in the surroundings of that ping."""
+    # farthest [m]; width [rad]
     ping = np.arange(track.pings)
     scout = np.minimum(ping // GROUP * GROUP + GROUP // 2, track.pings - 1)
     position, forward = track.position, track.rotation()[..., 0]
     apart = np.linalg.norm(position - position[scout], axis=-1)
     apart += farthest * np.linalg.norm(forward - forward[scout], axis=-1)
-    return np.where((apart < width * farthest) & (around == around[scout]), scout, ping)
+    return np.where(apart < width * farthest, scout, ping)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ echo (`echoes.multipath`, `echoes.volume`).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
 from typing import final
 
 import drjit as dr
@@ -141,9 +142,8 @@ class Sides:
         self._beams = FaceBeams(sonar)
         self._launch = SideLaunch(survey, self.underway, self._beams.depression, shadows=shadows)
         self._first_grid, self._second_grid = self._launch.grids()
-        self._scouts = scouts(survey.planned.track, survey.surroundings_number, self.bins.farthest,
-                              sonar.wavelength / sonar.longest)
-        self._scouted: dict[tuple[int, int], list[np.ndarray]] = {}
+        self._scouts = scouts(survey.planned.track, self.bins.farthest, sonar.wavelength / sonar.longest)
+        self._scouted: dict[tuple[int, int, int], list[np.ndarray]] = {}
         self._shares = pulse_shares(survey.bin_length, sonar.pulse_length)
         self.pings_per_block = self._pings_per_block()
 
@@ -184,10 +184,13 @@ class Sides:
     def _scouted_tables(self, place, grid, seed, bins_of):
         """Return tables that send more rays into bins which few rays of the pings' scouts reach."""
         # a step cannot know the pings after it, so it is its own scout
-        scout = self._scouts[place.ping] if self._survey.passage.stepping is None else place.ping
-        known = self._scouted
-        new = np.array([ping for ping in np.unique(scout) if (seed, ping) not in known], int)
-        if len(new):
+        alone, around = self._survey.passage.stepping is not None, self._survey.surroundings_of(place.ping[0])
+        scout = place.ping if alone else self._scouts[place.ping]
+        # the need of one scout depends on those that are traced with it: they are those of a run in one water
+        together, known = self._traced_together, self._scouted
+        for new in [np.unique(scout)] if alone else (np.flatnonzero(together == n) for n in np.unique(together[scout])):
+            if (seed, around, new[0]) in known:
+                continue
             ahead, wanted = place.of(new), self._launch.aside
             first = self._even(ahead, self._launch.first_aside)
             rays = self._launch.drawn(ahead, first, grid, seed, Salt.FIRST_PASS)
@@ -199,12 +202,22 @@ class Sides:
             if not self._launch.shadows:
                 tables = tables[0], np.full_like(tables[1], wanted)
             by_ping = (rows.reshape(len(new), self.per_ping, -1) for rows in tables)
-            known = known | {(seed, ping): rows for ping, *rows in zip(new, *by_ping)}
-        # the next block may use the scouts of this one; a group has at most as many scouts as pings
-        self._scouted = {(seed, ping): known[seed, ping] for ping in np.unique(scout)[-GROUP:]}
-        phi, aside = (np.stack(rows) for rows in zip(*(known[seed, ping] for ping in scout)))
+            known = known | {(seed, around, ping): rows for ping, *rows in zip(new, *by_ping)}
+        # the next block of pings may use the scouts of this one
+        self._scouted = {} if alone else {
+            key: rows for key, rows in known.items()
+            if key[:2] == (seed, around) and together[key[2]] >= together[scout].min()}
+        phi, aside = (np.stack(rows) for rows in zip(*(known[seed, around, ping] for ping in scout)))
         phi = self._launch.carried(phi, scout, place.ping)
         return Tables(phi.reshape(place.rows, -1), aside.reshape(place.rows, -1))
+
+    @cached_property
+    def _traced_together(self) -> np.ndarray:
+        """Return the number of the block of pings that first asks for each scout, (P,) int; -1 for other pings."""
+        first = np.full(len(self._scouts), -1)
+        scout, ping = np.unique(self._scouts, return_index=True)
+        first[scout] = ping // self.pings_per_block
+        return first
 
     def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float) -> SideRays:
         """Return rays in given directions, each of the side that it leaves by."""

@@ -10,10 +10,12 @@ import numpy as np
 
 from mitsonar.device.arrays import arrays_of
 from mitsonar.device.rotations import rotated
-from mitsonar.device.types import UInt32
+from mitsonar.device.types import Float64, Triple, UInt32
+from mitsonar.echoes.record import EchoLeg
 from mitsonar.echoes.scatterers.element_beams import omni
 from mitsonar.propagation.numpy_rays.exact_returns import exact_return
-from mitsonar.propagation.returns.travel import REST
+from mitsonar.propagation.returns.straight_vectors import dot
+from mitsonar.propagation.returns.travel import REST, Travel
 from mitsonar.signal.accumulation import ImpulseResponses
 
 from .delays import ALL_ROWS, ElementDelays
@@ -38,6 +40,7 @@ class EigenrayDelays(ElementDelays):
             offset = opaque64(way_out.offsets(transmit)[element])
             first, towards = exact_return(way_out.layers, lib, dr.opaque(lib.Float64, way_out.depth), echoes.out.offset,
                                           lib.Float64(0), offset, REST, first)
+            first = _through_field(first, echoes.out, REST, lib.Float64(0), offset)
             factor = factor * lib.Float(echoes.out.travel_time / first)
             if echoes.shift is not None:                                         # as in `echoes.body_motion`
                 reached = echoes.out.travel_time
@@ -49,15 +52,18 @@ class EigenrayDelays(ElementDelays):
         real, imaginary = (part * factor for part in echoes.amplitude)
         centre = opaque64(np.zeros(3))
         middle, _ = exact_return(view.layers, lib, depth, place, out, centre, travel, echoes.back.travel_time)
+        middle = _through_field(middle, echoes.back, travel, out, centre)
         met, arrival, then = out, out + middle, middle
         moment = self.moment(some, rows)
         if moment:
             met = out + dr.opaque(lib.Float64, moment)
             then, _ = exact_return(view.layers, lib, depth, place, met, centre, travel, middle)
+            then = _through_field(then, echoes.back, travel, met, centre)
         dr.eval(met, arrival, real, imaginary, then)
         for row in range(receive.elements)[rows]:
             offset = opaque64(view.offsets(receive)[row])
             back, towards = exact_return(view.layers, lib, depth, place, met, offset, travel, then)
+            back = _through_field(back, echoes.back, travel, met, offset)
             self.counts.count(echoes.count, lost=int(cast(UInt32, dr.count(dr.isnan(met + back)))[0]))
             phase, sample, fraction = self.placed(some, arrival + (back - then))
             spread = lib.Float(then / back)
@@ -67,3 +73,12 @@ class EigenrayDelays(ElementDelays):
             responses.add(amplitude=(real * spread, imaginary * spread), phase=phase, sample=sample,
                           fraction=fraction, hit_fields=[], element_fields=[np.zeros(1)],
                           difference=lambda hit, at: at[0], rows=[row], sheet=some.sheet)
+
+
+def _through_field(time: Float64, leg: EchoLeg, travel: Travel, met: Float64, offset: Triple) -> Float64:
+    """Return times [s] of eigenrays from elements at `offset` [m] with what the field of the water adds to them."""
+    if leg.slope is None or leg.later is None:
+        return time
+    passed = met + time
+    place = [part + d for part, d in zip(rotated(offset, travel.turned(passed)), travel.moved(passed))]
+    return time + leg.later + dot(leg.slope, place)

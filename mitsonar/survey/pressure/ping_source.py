@@ -80,7 +80,7 @@ class View:
         only_source = arrays_of(mi.Float).UInt32(0)
         return return_paths(self.layers, self.state, only_source, leg.offset, leg.travel_time, leg.ray_parameter,
                             leg.spreading_area, -leg.launch_direction.z, travel=travel, method=method,
-                            elapsed=elapsed)
+                            elapsed=elapsed, slope=leg.slope)
 
 
 class PingSource:

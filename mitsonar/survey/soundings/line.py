@@ -35,6 +35,7 @@ from mitsonar.scene.tracing.tracer import registry_index
 from mitsonar.units import db_from_power
 from mitsonar.water.profile import SoundSpeedProfile
 
+from .field_effect import without_field
 from .instrument import PingMeasurement
 from .survey import SoundedSurvey
 
@@ -174,8 +175,10 @@ class SoundingLine(Generic[MeasurementT]):
         used = Reduction(motion=self._sensed, installation=self._installation, profile=self._profile or water)
         above = -float(survey.track.position[ping, 2])
         closing = self._closing(truly, true)
+        at_rest = instrument.measured(ping, made, true_speed, closing)
+        at_rest = without_field(at_rest, true.located(at_rest), survey.waters.at(ping), self._true, self._installation)
         final, causes = errors(measured, true, used, lambda x, y: bed_depth(geometry, x, y, above=above),
-                               at_rest=instrument.measured(ping, made, true_speed, closing),
+                               at_rest=at_rest,
                                refracted=instrument.measured(ping, made, head_speed, closing))
         bed, finding = self._bed(ping, final), instrument.finding(ping, made, final)
         values = {

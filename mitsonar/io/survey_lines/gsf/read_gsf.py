@@ -25,7 +25,7 @@ import numpy as np
 
 from mitsonar.device.rotations import mounting_matrix
 
-from ..assembly import FASTEST, SECTOR, SLOWEST, AssembledLine, Ping, cast_of, check_counts
+from ..assembly import FASTEST, SECTOR, SLOWEST, AssembledLine, LineCast, Ping, cast_of, check_counts
 from ..motion import motion_of
 from ..places import across_and_along, levelled
 
@@ -84,8 +84,11 @@ class GsfFile:
         self._start = float(self._positions[0, 0])
         self._parameters: dict[str, str] = next((record["Parameters"] for record in self._records(PARAMETERS)), {})
         self._ours = any(OURS in (record["Comment"] or "") for record in self._records(COMMENT))
-        self._cast = next((np.column_stack([record["Depth_m"], record["SoundSpeed_mPerSec"]])
-                           for record in self._records(CAST)), None)
+        self.casts = [LineCast.at(
+            datetime.fromisoformat(record["ApplicationTime"]).timestamp(), record["Latitude_deg"],
+            record["Longitude_deg"], np.column_stack([record["Depth_m"], record["SoundSpeed_mPerSec"]]))
+            for record in self._records(CAST)]
+        self._cast = self.casts[0].nodes if self.casts else None
         self._draught = _numbers(self._parameters.get("APPLIED_DRAFT"))[0]
         self._motion = self._moved()
         self._sectors, heads_named = 1, True

@@ -10,7 +10,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from ..assembly import AssembledLine, LineColumn, Ping, cast_of, check_counts
+from ..assembly import AssembledLine, LineCast, LineColumn, Ping, cast_of, check_counts
 from ..motion import MotionSamples
 from .kongsberg_install import KongsbergInstallation
 
@@ -20,7 +20,7 @@ class KongsbergRecords:
     """Contents of a file, and the places of its pings, after the first pass through it."""
 
     text: str = ""                                      # installation parameters
-    cast: np.ndarray | None = None                      # (K, 2) [m], [m/s]
+    casts: list[LineCast] = field(default_factory=list)
     model: int = 0
     soundings: dict = field(default_factory=dict)       # key -> place; of .all: key -> letter -> place
     column: dict = field(default_factory=dict)          # key -> place; of .all: key -> places
@@ -74,10 +74,15 @@ class KongsbergFile(ABC):
         return len(self._keys)
 
     @property
+    def casts(self) -> Sequence[LineCast]:
+        """Return the casts of the file, in its order."""
+        return self._found.casts
+
+    @property
     def line(self) -> AssembledLine:
         """Content that the pings share."""
         found, installed, motion = self._found, self._installation, self._motion
-        depth, speed = cast_of(found.cast)
+        depth, speed = cast_of(found.casts[0].nodes if found.casts else None)
         kinds = sorted(kind for kind in found.passed - {self.COLUMN_KIND} if kind.isprintable())
         return AssembledLine(
             sonar=f"EM {found.model}", title=os.path.basename(self._paths[0]), start=self._start, crs=motion.frame.crs,

@@ -17,7 +17,7 @@ import numpy as np
 
 from mitsonar.hydrography.record import BY_AMPLITUDE, BY_PHASE, NOT_DETECTED
 
-from ..assembly import LineColumn, Ping
+from ..assembly import LineCast, LineColumn, Ping
 from ..motion import motion_of
 from ..places import across_and_along, levelled
 from .all_datagrams import (
@@ -165,10 +165,12 @@ def _note(found: KongsbergRecords, datagram: AllDatagram, number: int) -> None:
         table: Any = _column_beams(datagram)[0]
         found.note_column(datagram.key[1], max(int(datagram.head["all_beams"]), table.size),
                           int(table["samples"].max(initial=0)))
-    elif kind == "U" and found.cast is None:
-        table = datagram.table(CAST_NODE, int(datagram.head["entries"]))
-        found.cast = np.column_stack([table["depth"] * (0.01 * float(datagram.head["resolution"])),
-                                      0.1 * table["speed"]])
+    elif kind == "U":
+        head = datagram.head
+        table = datagram.table(CAST_NODE, int(head["entries"]))
+        found.casts.append(LineCast(
+            time=datagram.time, place=None,
+            nodes=np.column_stack([table["depth"] * (0.01 * float(head["resolution"])), 0.1 * table["speed"]])))
     elif kind == "P" and int(datagram.head["system"]) & 0x80:
         head = datagram.head
         found.positions.append((datagram.time, 1e-7 * int(head["longitude"]), int(head["latitude"]) / 2e7))

@@ -12,7 +12,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from ..assembly import LineColumn, Ping
+from ..assembly import LineCast, LineColumn, Ping
 from ..motion import motion_of
 from ..places import across_and_along
 from .kmall_datagrams import KmallDatagram, at, beams_of, column_of, datagrams, decoded, position_of
@@ -125,9 +125,12 @@ def _note(found: KongsbergRecords, datagram: KmallDatagram, number: int) -> None
         found.column[datagram.key] = where
     elif datagram.kind == "IIP" and not found.text:
         found.text = datagram.raw[26:-4].decode("utf-8", "replace")
-    elif datagram.kind == "SVP" and found.cast is None:
-        nodes = decoded(datagram)["sensorData"]
-        found.cast = np.column_stack([nodes["depth_m"], nodes["soundVelocity_mPerSec"]]) if nodes else None
+    elif datagram.kind == "SVP":
+        content = decoded(datagram)
+        if nodes := content["sensorData"]:
+            found.casts.append(LineCast.at(
+                datagram.time, float(content["latitude_deg"]), float(content["longitude_deg"]),
+                np.column_stack([nodes["depth_m"], nodes["soundVelocity_mPerSec"]])))
     elif datagram.kind == "SKM":
         content = decoded(datagram)
         if samples := content["sample"]["KMdefault"]:
