@@ -5,6 +5,7 @@ import importlib.metadata
 import operator
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import cast
 
 import mitsuba as mi
 import numpy as np
@@ -29,6 +30,7 @@ from mitsonar.survey.pressure.pressure import PressureRecord
 from mitsonar.survey.pressure.signals import LEAD, pair_responses, received_signals
 from mitsonar.survey.sensor import Sensor, sonar_of
 from mitsonar.survey.soundings.line import SoundingLine
+from mitsonar.survey.soundings.survey import SoundedSurvey
 from mitsonar.survey.survey import Survey
 from mitsonar.version import __version__
 from mitsonar.water.profile import SoundSpeedProfile
@@ -281,7 +283,8 @@ def sounded_pings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeed
     try:
         survey = integrator.survey(scene, sonar, seed)
         own = sonar.own_seed(seed)
-        line = SoundingLine(survey, kind.instrument(survey, own, column=column, snippets=samples), own, profile=profile)
+        instrument = kind.instrument(survey, own, column=column, snippets=samples)
+        line = SoundingLine(cast(SoundedSurvey, survey), instrument, own, profile=profile)
     except RuntimeError as error:
         raise as_exception(error) from error
     if count is not None:

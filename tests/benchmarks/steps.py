@@ -4,11 +4,13 @@
     python tests/benchmarks/steps.py --memory 2000        and the memory over so many steps
 
 Frames and steps of the same planned poses are timed by turns in one run, ping by ping: CPU seconds of all threads over
-their number, medians of all rounds but the first, which compiles. Two more steps are beside the plan: at a depth of
-their own, whose table of rays is made for them, and turning.
+their number, medians of all rounds but the first, which compiles. On a track that heaves, every frame and every step
+makes a table of rays for its depth. One more step on that track turns, beside the plan.
 """
 import argparse
 import resource
+from dataclasses import replace
+from functools import partial
 
 import measuring
 import numpy as np
@@ -34,30 +36,36 @@ def main(argv=None):
 
 
 def timed(parameters, arguments):
-    """Return rows of a table: a frame, and steps."""
+    """Return rows of a table: frames and steps, on a level track and on one that heaves, and steps that turn."""
     import mitsonar
+    from mitsonar.sonar.motion.motion import RandomMotion
 
-    pings = arguments.rounds + 2
-    scene = mitsonar.load_file(ROOT, pings=pings, **{**{"speed_knots": 1}, **parameters})
-    voyage = scene.integrator().survey(scene, scene.sensors()[0]).voyage
-    track, frames = voyage.track, mitsonar.frames(scene)
-    planned, deeper, turning = (mitsonar.Sonar(scene) for _ in range(3))
-    number = {planned: 0, deeper: 0, turning: 0}
-
-    def step(sonar, lower=0.0, turn=0.0):
-        ping = number[sonar]
-        number[sonar] = ping + 1
-        sonar.ping(position=track.position[ping] - [0, 0, lower * (ping % 7)], velocity=voyage.velocity[ping],
-                   attitude=(track.roll[ping], track.pitch[ping], track.heading[ping]), time=track.time[ping],
-                   turn_rate=voyage.turn_rate[ping] + [0, 0, turn])
-
-    cost = measuring.rounds({
-        "a frame": lambda: next(frames), "a step": lambda: step(planned),
-        "a step at another depth": lambda: step(deeper, lower=0.01),
-        "a step that turns": lambda: step(turning, turn=0.2)}, arguments.rounds)
-    by_frame = np.median(cost["a frame"].cpu)
+    work, ratios = {}, []
+    for name, heave in (("", 0.0), (", at other depths", 0.05)):
+        scene = mitsonar.load_file(ROOT, pings=arguments.rounds + 1, **parameters)
+        route = scene.sensors()[0].route
+        scene.sensors()[0].route = replace(route, random_motion=RandomMotion(heave=heave, seed=1))
+        voyage = scene.integrator().survey(scene, scene.sensors()[0]).voyage
+        frames, sonar = mitsonar.frames(scene), mitsonar.Sonar(scene)
+        work["a frame" + name], work["a step" + name] = partial(next, frames), stepper(sonar, voyage)
+        ratios += ["a frame" + name] * 2
+    work["a step that turns"] = stepper(mitsonar.Sonar(scene), voyage, turn=0.2)
+    cost = measuring.rounds(work, arguments.rounds)
     return [[name, *(f"{1000 * np.median(clock):.1f}" for clock in (seconds.cpu, seconds.wall)),
-             f"{np.median(seconds.cpu) / by_frame:.3f}"] for name, seconds in cost.items()]
+             f"{np.median(seconds.cpu) / np.median(cost[frame].cpu):.3f}"]
+            for (name, seconds), frame in zip(cost.items(), [*ratios, ratios[-1]])]
+
+
+def stepper(sonar, voyage, turn=0.0):
+    """Return a function that steps a sonar along a planned voyage, where it turns [rad/s] more."""
+    numbers, track = iter(range(voyage.track.pings)), voyage.track
+
+    def step():
+        ping = next(numbers)
+        sonar.ping(position=track.position[ping], velocity=voyage.velocity[ping], time=track.time[ping],
+                   attitude=(track.roll[ping], track.pitch[ping], track.heading[ping]),
+                   turn_rate=voyage.turn_rate[ping] + [0, 0, turn])
+    return step
 
 
 def memory(steps):

@@ -205,14 +205,13 @@ class Scatterers:
         return np.flatnonzero(self.scattering & (distance - self.radius < farthest)
                               & (distance + self.radius > nearest)).astype(np.uint32)
 
-    def near(self, places: np.ndarray, farthest: float, facet: np.ndarray | slice = slice(None)) -> np.ndarray:
+    def near(self, places: np.ndarray, farthest: float) -> np.ndarray:
         """Return True (F,) for facets that scatter, and come nearer than `farthest` [m] to the box of places or move.
         """
         # places (N, 3) [m]
         low, high = places.min(0).astype(np.float32), places.max(0).astype(np.float32)
-        square = sum(np.square(np.clip(column, a, b) - column)
-                     for column, a, b in zip(np.moveaxis(self.centre[facet], -1, 0), low, high))
-        return self.scattering[facet] & ((np.sqrt(square) - self.radius[facet] < farthest) | self.moving[facet])
+        square = sum(np.square(np.clip(column, a, b) - column) for column, a, b in zip(self.centre.T, low, high))
+        return self.scattering & ((np.sqrt(square) - self.radius < farthest) | self.moving)
 
     @cached_property
     def _on_host(self) -> tuple[np.ndarray, np.ndarray]:

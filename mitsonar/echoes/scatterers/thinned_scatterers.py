@@ -43,7 +43,6 @@ ACROSS = 1.4                       # scatterers per equivalent width of a long f
 LOBE = 1.0, 2.0                    # cells from the axis at which the main lobe begins and ends to fall off
 BESIDE = 0.5, 1 / 32               # share of scatterers one cell outside the lobe, falling as 1 / distance; least share
 BLOCK, SMALL_BLOCK = 1024, 64      # patches that are tested together when those of a ping are chosen
-ROUNDING = 0.01                    # [m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +67,7 @@ class Density:
     sine_cell: float  # Δs [-]
     nearest: float  # [m]: limits of the distances that matter
     farthest: float
+    planned: bool = True  # True for a ping from one of the places that patches were made for
     around: bool = False  # True if the image is one over range and the bearing about the axis
     lobes: tuple[TransmitLobe, ...] = ()  # of lines that send or receive across the line
 
@@ -80,12 +80,12 @@ class ThinnedScatterers:
     # farthest [m]; places (P, 3) [m]
 
     def __init__(self, facets: Scatterers, *, farthest: float, places: np.ndarray, everywhere: bool = False):
-        self.lib, self._facets, self._farthest = arrays_of(mi.Float), facets, farthest
+        self.lib, self._facets = arrays_of(mi.Float), facets
         near = facets.near(places, farthest)
-        self._planned = near if everywhere else None
         level = _levels(facets, farthest, facets.scattering if everywhere else near)
         count = np.where(level < 0, 0, 4 ** np.maximum(level, 0))
         self._facet = np.repeat(np.arange(len(count), dtype=np.uint32), count)
+        self._planned = near[self._facet] if everywhere else None
         first = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)).astype(np.uint32)
         level = level[self._facet].astype(np.uint32)
         corner = facets.triangles(self._facet, first, level, at_rest=True).astype(np.float32)    # (P, 3, 3)
@@ -174,14 +174,10 @@ class ThinnedScatterers:
         centre, radius = self._blocks
         distance = np.linalg.norm(centre - density.origin, axis=1)
         blocks = np.flatnonzero((distance - radius < density.farthest) & (distance + radius > density.nearest))
-        patches = blocks[:, None] * self._block + np.arange(self._block)
-        exist = patches < len(self._facet)
-        if self._planned is not None:
-            # what is beyond the reach of a ping counts only where it counts for pings at the given places
-            beyond = np.flatnonzero(distance[blocks] + radius[blocks] > self._farthest - ROUNDING)
-            facet = self._facet[np.where(exist[beyond], patches[beyond], 0)]
-            exist[beyond] &= self._planned[facet] | self._facets.near(density.origin[None], self._farthest, facet)
-        return patches[exist].astype(np.uint32)
+        patches = (blocks[:, None] * self._block + np.arange(self._block)).ravel()
+        patches = patches[patches < len(self._facet)].astype(np.uint32)
+        # the margin beyond the reach has facets that count only for other pings: planned pings leave them out
+        return patches[self._planned[patches]] if density.planned and self._planned is not None else patches
 
     def _patch(self, patch):
         """Return centre, area, normal and radius of patches."""

@@ -166,7 +166,7 @@ class PingEchoes:
 
     def _density(self, ping: int) -> Density:
         """Return the density of scatterers for a ping."""
-        survey, reception = self.survey, self.reception(ping)
+        survey, reception, latest = self.survey, self.reception(ping), self.survey.passage.latest
         if self._turning is None:
             axis, cell = reception.rotation @ self.line.axis, survey.wavelength / self.line.length
         else:
@@ -174,7 +174,7 @@ class PingEchoes:
         return Density(origin=survey.track.position[ping], axis=axis, per_cell=self.per_cell,
                        range_cell=survey.sound_speed(ping) / (2 * survey.pulse.bandwidth), sine_cell=cell,
                        nearest=self.ground.nearest, farthest=self.ground.farthest, lobes=self._lobes(reception),
-                       around=self._turning is not None)
+                       around=self._turning is not None, planned=latest is None or latest.row is not None)
 
     def _lobes(self, reception: Reception) -> tuple[TransmitLobe, ...]:
         """Return the narrow lobes of transmitting lines or long elements; empty if there are none."""
