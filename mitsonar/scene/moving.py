@@ -14,7 +14,8 @@ Sound meets other points of the body a little earlier or later, which echoes cor
 """
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -84,19 +85,34 @@ class Movements:
     shapes: tuple[MovingShape, ...]
     track: Track
     waters: Waters
+    instead: Mapping[str, Mover] = field(default_factory=dict)  # by the ids of shapes, at the times of the track
 
     def at(self, ping: int) -> list[Stand]:
         """Return the stands of all objects at a ping."""
         profile, sonar = self.waters.at(ping).profile, self.track.position[ping]
-        return [_stand(shape.mover, float(self.time(shape)[ping]), sonar, profile) for shape in self.shapes]
+        return [_stand(self.mover(shape), float(self.time(shape)[ping]), sonar, profile) for shape in self.shapes]
+
+    def mover(self, shape: MovingShape) -> Mover:
+        """Return the mover of an object: its own, or the one given instead."""
+        return self.instead.get(shape.id(), shape.mover)
+
+    def moved(self, name: str, mover: Mover) -> Movements:
+        """Return the movements with another mover of the shape with an id, which keeps the time of the track."""
+        known = [shape.id() for shape in self.shapes]
+        if name not in known:
+            raise ValueError(f'the shape "{name}" was to be moved, but only shapes within <shape type="moving"> move: '
+                             f"{', '.join(known)}; name one of these")
+        return replace(self, instead={**self.instead, name: mover})
 
     def time(self, shape: MovingShape) -> np.ndarray:
         """Return the times (P,) [s] of an object's mover at the pings."""
-        return self.track.time if shape.begin is None else shape.begin + (self.track.time - self.track.time[0])
+        if shape.begin is None or shape.id() in self.instead:
+            return self.track.time
+        return shape.begin + (self.track.time - self.track.time[0])
 
     def check(self) -> None:
         """Raise `ValueError` if an object's track does not cover all pings."""
-        for shape in self.shapes:
+        for shape in (shape for shape in self.shapes if shape.id() not in self.instead):
             time, (first, last) = self.time(shape), shape.known
             for ping, what in ((0, "begins after the first"), (-1, "ends before the last")):
                 if not first - 1e-9 <= time[ping] <= last + 1e-9:
@@ -106,7 +122,7 @@ class Movements:
 
     def box(self, shape: MovingShape) -> tuple[np.ndarray, np.ndarray]:
         """Return the corners (3,) [m] of a box that holds an object at all pings, as it stands at the transmissions."""
-        position, attitude = shape.mover.pose(self.time(shape))
+        position, attitude = self.mover(shape).pose(self.time(shape))
         low, high = shape.rest.min(0), shape.rest.max(0)
         corner = np.array([[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]]
                            for i in (0, 1) for j in (0, 1) for k in (0, 1)])
@@ -118,7 +134,7 @@ class Movements:
         """Return the least and the greatest depth that any point of an object reaches at any ping [m]."""
         spans = []
         for shape in self.shapes:
-            depth = -shape.mover.pose(self.time(shape))[0][..., 2]
+            depth = -self.mover(shape).pose(self.time(shape))[0][..., 2]
             reach = float(np.linalg.norm(shape.rest, axis=1).max(initial=0))
             spans.append((float(depth.min()) - reach, float(depth.max()) + reach))
         return min(low for low, _ in spans), max(high for _, high in spans)

@@ -15,7 +15,7 @@ from mitsonar.water.waters import Waters
 
 from .geometry import Geometry
 from .labels import ShapeLabels
-from .moving import Movements
+from .moving import Movements, Mover
 from .shadows.bed_cover import bed_height
 
 
@@ -38,6 +38,14 @@ class World:
         geometry.stand(movements.at(0))
         _check_above(geometry)
         return cls(still=geometry, seed=seed, movements=movements)
+
+    def moved(self, name: str, mover: Mover) -> World:
+        """Return the world in which the moving shape with an id has another mover; raise `ValueError` as `Movements`.
+        """
+        if self.movements is None:
+            raise ValueError(f'the shape "{name}" was to be moved, but nothing in the scene moves; put '
+                             '<shape type="moving"> around it')
+        return replace(self, movements=self.movements.moved(name, mover))
 
     @property
     def moves(self) -> bool:

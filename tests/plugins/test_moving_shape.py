@@ -1,10 +1,12 @@
 """Attributes of moving shapes: what cannot be is refused in one sentence, which says what to do."""
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from inputs.sonar_scenes import bed, forward_looking, lambert, point_target, sidescan, synthetic_aperture
 
 import mitsonar
-from mitsonar.sonar.motion.trajectory import Steered
+from mitsonar.sonar.motion.trajectory import Drifting, Steered, Trajectory
 
 BALL = {"type": "sphere", "radius": 0.3, "bsdf": lambert()}
 COURSE = {"start": [0.0, 8.0, -10.0], "speed": 1.0}
@@ -106,3 +108,28 @@ def test_gradients_and_focused_images_need_a_scene_that_stands_still(variant):
     scene = sidescan({"bed": bed(20.0), **fish}, depth=10.0, film={"range": 30.0, "bins": 60}, rays=1000)
     with pytest.raises(ValueError, match="gradients need a scene that stands still"):
         mitsonar.gradient(scene, ["bed.bsdf.strength"], np.ones_like)
+
+
+def test_another_mover_takes_the_place_of_a_shapes_own(variant):
+    """What steps a sonar may say where an object is: a mover at the times of the track, in place of the scene's."""
+    import mitsuba as mi
+
+    from mitsonar.scene.geometry import Geometry
+    from mitsonar.scene.world import World
+    from mitsonar.sonar.motion.track import Track
+    from mitsonar.water.profile import SoundSpeedProfile
+    from mitsonar.water.waters import Waters
+
+    scene = mi.load_dict({"type": "scene", "bed": bed(13.0), "fish": {"type": "moving", "shape": BALL, **COURSE}})
+    track = Track(time=[100.0, 101.0], position=[[0, 0, -10.0]] * 2, roll=0.0, pitch=0.0, heading=0.0)
+    column = SimpleNamespace(profile=SoundSpeedProfile.constant(1500.0))
+    world = World.of(Geometry(scene), 0, track, Waters(column=column))
+    drifting = Trajectory(lead=Drifting(position=np.array([0, 15.0, -10]), attitude=np.array([0, 0, np.pi / 2]),
+                                        velocity=np.array([1.0, 0, 0.5]), time=101.0))
+    for ping, z in ((0, -10.5), (1, -10.0)):
+        stand, = world.moved("fish", drifting).at(ping).stands
+        assert np.allclose(stand.position, [ping - 1 + 0.01, 15, z + 0.005], atol=1e-4)      # sound takes 10 ms
+        assert np.allclose(stand.velocity, [1, 0, 0.5]) and np.allclose(stand.rotation @ [0, 1, 0], [1, 0, 0])
+        assert np.allclose(world.at(ping).stands[0].position, [0, 8 + ping + 0.0053 + ping / 1500, -10], atol=1e-3)
+    with pytest.raises(ValueError, match='the shape "crab" was to be moved, but only shapes within'):
+        world.moved("crab", drifting)

@@ -147,6 +147,22 @@ class Steered(Lead):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Drifting(Lead):
+    """A place that drifts at a velocity and turns at a rate of heading, whatever its attitude."""
+
+    position: np.ndarray  # (3,) [m]: at `time`
+    attitude: np.ndarray  # (3,) [rad]: roll, pitch and heading, likewise
+    velocity: np.ndarray = field(default_factory=lambda: np.zeros(3))  # (3,) [m/s]
+    turn_rate: float = 0.0  # [rad/s], clockwise
+    time: float = 0.0  # [s]
+
+    def at(self, times: np.ndarray, since: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        later = np.asarray(times, float) - self.time
+        return (self.position + np.multiply.outer(later, self.velocity),
+                self.attitude + np.multiply.outer(later, [0.0, 0.0, self.turn_rate]))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PingTravel:
     """Motion of a sonar while the echoes of its pings come in."""
 
