@@ -133,3 +133,13 @@ def test_another_mover_takes_the_place_of_a_shapes_own(variant):
         assert np.allclose(world.at(ping).stands[0].position, [0, 8 + ping + 0.0053 + ping / 1500, -10], atol=1e-3)
     with pytest.raises(ValueError, match='the shape "crab" was to be moved, but only shapes within'):
         world.moved("crab", drifting)
+
+
+def test_vertices_that_follow_from_a_course_cannot_be_changed(variant):
+    import mitsuba as mi
+
+    scene = mi.load_dict({"type": "scene", "fish": {"type": "moving", "shape": BALL, **COURSE}})
+    parameters = mi.traverse(scene)
+    parameters["fish.vertex_positions"] = parameters["fish.vertex_positions"] + mi.Float(1)
+    with pytest.raises(ValueError, match='vertices of "fish" were changed, and they follow from its course'):
+        parameters.update()
