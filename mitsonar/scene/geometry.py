@@ -170,6 +170,13 @@ class Geometry:
 
     def _moved_apart(self, scene: mi.Scene, movers: list, registry: np.ndarray) -> tuple[np.ndarray, dict]:
         """Put copies of moving shapes into a scene of their own; return registry indices and copies by id."""
+        if dr.backend_v(mi.Float) != dr.JitBackend.LLVM:
+            # OptiX leaves out what a kernel traces in a second scene
+            raise ValueError("moving shapes need an LLVM variant of Mitsuba, such as llvm_ad_mono, and this is "
+                             f"{mi.variant()}; set that variant")
+        names = [shape.id() for shape in movers]
+        if len(set(names)) < len(names):
+            raise ValueError(f'two moving shapes are named "{max(names, key=names.count)}"; give each an id of its own')
         copies = {shape.id(): _copy_of(shape) for shape in movers if target_shape(shape) is None}
         if not copies:
             return registry, copies

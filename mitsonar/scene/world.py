@@ -143,7 +143,7 @@ class World:
 
 
 def _check_above(geometry: Geometry) -> None:
-    """Raise `ValueError` if an object starts under the bed or over the surface of the sea."""
+    """Raise `ValueError` if an object starts under the bed."""
     for body, stand in zip(geometry.bodies, geometry.stands):
         x, y, z = stand.position
         bed = bed_height(geometry, np.array([x]), np.array([y]))[0]

@@ -77,7 +77,14 @@ class Moving(mi.Mesh):
         position, attitude = trajectory.pose(np.array(max(self.known[0], self.begin or 0.0)))
         turn = rotation_matrix(*attitude) @ NORTH_EAST_DOWN
         fill(self, mesh._replace(vertices=(self.rest @ turn.T + position).astype(np.float32)))
+        self._filled = True
         self._description = f"Moving[{shape.class_name()} from {', '.join(f'{v:.3g}' for v in position)}]"
+
+    def parameters_changed(self, keys: list[str]) -> None:
+        if getattr(self, "_filled", False) and {"vertex_positions", "faces"} & {*keys}:
+            raise ValueError(f'moving: the vertices of "{self.id()}" were changed, and they follow from its course; '
+                             "change the file of the nested shape, or the course.")
+        super().parameters_changed(keys)
 
     def to_string(self) -> str:
         return self._description

@@ -106,3 +106,13 @@ def test_gradients_and_focused_images_need_a_scene_that_stands_still(variant):
     scene = sidescan({"bed": bed(20.0), **fish}, depth=10.0, film={"range": 30.0, "bins": 60}, rays=1000)
     with pytest.raises(ValueError, match="gradients need a scene that stands still"):
         mitsonar.gradient(scene, ["bed.bsdf.strength"], np.ones_like)
+
+
+def test_vertices_that_follow_from_a_course_cannot_be_changed(variant):
+    import mitsuba as mi
+
+    scene = mi.load_dict({"type": "scene", "fish": {"type": "moving", "shape": BALL, **COURSE}})
+    parameters = mi.traverse(scene)
+    parameters["fish.vertex_positions"] = parameters["fish.vertex_positions"] + mi.Float(1)
+    with pytest.raises(ValueError, match='vertices of "fish" were changed, and they follow from its course'):
+        parameters.update()

@@ -92,3 +92,25 @@ def test_truth_is_that_of_the_object_at_rest_where_sound_meets_it(variant, kind)
             assert b.sum() > (5 if name == "label" else 0) and (a != b).sum() <= 0.02 * b.sum() + 1, (name, ping)
         share = [image["share"].values[number - 1, ping] for image in (moving, still)]
         assert np.abs(share[0] - share[1]).sum() <= 0.02 * share[1].sum() + 1.01
+
+
+def test_a_moving_shape_at_speed_0_is_that_shape_at_rest_bit_by_bit(variant):
+    """Labels, levels, echoes by way of the bed and of a mirroring surface: the second scene changes nothing."""
+    from inputs.sonar_scenes import point_target, sediment
+
+    shape = box(0.41, 0.63, 0.29)
+    ball = {**point_target([0, 0, 0]), "target_strength_db": -20.0}
+    sea = {"type": "sea_surface", "wind_speed": 0.0}
+
+    def levels(fish, buoy):
+        scene = forward_looking(
+            {"bed": {**bed(13.0), "bsdf": sediment("fine sand")}, "sea": sea, "fish": fish, "buoy": buoy},
+            film={"range": 12.0}, integrator={"cell": 0.1, "max_depth": 3}, sensor={
+                "beams": 16, "receive_elements": 8, "bandwidth_khz": 8.0, "pings": 2})
+        return mitsonar.render(scene, seed=2)
+
+    moving = levels({"type": "moving", "shape": shape, "start": [0.5, 7.0, -12.0]},
+                    {"type": "moving", "shape": ball, "start": [-1.0, 8.0, -11.0]})
+    still = levels(standing(shape, [0.5, 7.0, -12.0], np.eye(3)), {**ball, "position": [-1.0, 8.0, -11.0]})
+    for name in ("level", "label", "share", "object_shadow"):
+        assert np.array_equal(moving[name].values, still[name].values), name
