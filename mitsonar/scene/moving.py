@@ -90,7 +90,7 @@ class Movements:
     def at(self, ping: int) -> list[Stand]:
         """Return the stands of all objects at a ping."""
         profile, sonar = self.waters.at(ping).profile, self.track.position[ping]
-        return [_stand(self.mover(shape), float(self.time(shape)[ping]), sonar, profile) for shape in self.shapes]
+        return [_stand(self.mover(shape), float(self.time(shape, ping)), sonar, profile) for shape in self.shapes]
 
     def mover(self, shape: MovingShape) -> Mover:
         """Return the mover of an object: its own, or the one given instead."""
@@ -104,11 +104,11 @@ class Movements:
                              f"{', '.join(known)}; name one of these")
         return replace(self, instead={**self.instead, name: mover})
 
-    def time(self, shape: MovingShape) -> np.ndarray:
-        """Return the times (P,) [s] of an object's mover at the pings."""
+    def time(self, shape: MovingShape, ping: int | slice = slice(None)) -> np.ndarray:
+        """Return the times [s] of an object's mover at a ping, or at all pings (P,)."""
         if shape.begin is None or shape.id() in self.instead:
-            return self.track.time
-        return shape.begin + (self.track.time - self.track.time[0])
+            return self.track.time[ping]
+        return shape.begin + (self.track.time[ping] - self.track.time[0])
 
     def check(self) -> None:
         """Raise `ValueError` if an object's track does not cover all pings."""
