@@ -30,7 +30,7 @@ from .protocols import (
     sound_material,
     target_shape,
 )
-from .two_scenes import MovingScene, TwoScenes, asked_together
+from .two_scenes import MovingScene, TwoScenes, scene_of
 
 
 def vertex_normals(vertices: np.ndarray,    # (V, 3) [m]
@@ -183,8 +183,8 @@ class Geometry:
         self.moving_scene = MovingScene(list(copies.values()))
         index = dict(zip(copies, self.moving_scene.registry))
         shapes = scene.shapes()
-        self.scene = asked_together(scene, [shape for shape in shapes if shape.id() not in copies], self.moving_scene)
-        self.still = cast(TwoScenes, self.scene).still
+        self.still = scene_of([shape for shape in shapes if shape.id() not in copies])
+        self.scene = cast(mi.Scene, TwoScenes(scene, self.still, self.moving_scene))
         return np.array([index.get(shape.id(), own) for shape, own in zip(shapes, registry)], np.uint32), copies
 
     def refuse_bodies(self, why: str) -> None:

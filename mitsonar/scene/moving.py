@@ -97,7 +97,7 @@ class Movements:
         stepping = self.stepping
         if stepping is None or stepping.latest is None:
             profile, sonar = self.waters.at(ping).profile, self.track.position[ping]
-            return [_stand(shape.mover, float(self.time(shape)[ping]), sonar, profile) for shape in self.shapes]
+            return [_stand(shape.mover, float(self.time(shape, ping)), sonar, profile) for shape in self.shapes]
         latest, profile = stepping.latest, self.waters.at(0).profile
         stands = []
         for shape in self.shapes:
@@ -113,9 +113,10 @@ class Movements:
             stands.append(_stand(mover, float(time), latest.track.position[0], profile))
         return stands
 
-    def time(self, shape: MovingShape) -> np.ndarray:
-        """Return the times (P,) [s] of an object's mover at the pings."""
-        return self.track.time if shape.begin is None else shape.begin + (self.track.time - self.track.time[0])
+    def time(self, shape: MovingShape, ping: int | slice = slice(None)) -> np.ndarray:
+        """Return the times [s] of an object's mover at a ping, or at all pings (P,)."""
+        time = self.track.time[ping]
+        return time if shape.begin is None else shape.begin + (time - self.track.time[0])
 
     def check(self) -> None:
         """Raise `ValueError` if an object's track does not cover all pings."""

@@ -53,7 +53,12 @@ class MovingScene:
             self._parameters[key] = upload(mi.Float, places)
         self._parameters.update()
 
-    def ray_intersect_preliminary(self, ray: mi.Ray3f, coherent: Any, active: Any) -> mi.PreliminaryIntersection3f:
+    def ray_test(self, ray: mi.Ray3f, coherent: Any = False, active: Any = True) -> mi.Bool:
+        """Return True for rays that meet anything, as `mi.Scene` does."""
+        return self.scene.ray_test(ray, coherent=coherent, active=active)
+
+    def ray_intersect_preliminary(self, ray: mi.Ray3f, coherent: Any = False,
+                                  active: Any = True) -> mi.PreliminaryIntersection3f:
         """Return the hits, on meshes as if they were in no group."""
         found = self.scene.ray_intersect_preliminary(ray, coherent=coherent, active=active)
         row = dr.gather(mi.UInt32, self._registry, found.shape_index, found.is_valid())
@@ -88,10 +93,11 @@ class TwoScenes:
     def ray_test(self, ray: mi.Ray3f, coherent: Any = False, active: Any = True) -> mi.Bool:
         """Return True for rays that meet anything in either scene, as `mi.Scene` does."""
         return (self.still.ray_test(ray, coherent=coherent, active=active)
-                | self.moving.scene.ray_test(ray, coherent=coherent, active=active))
+                | self.moving.ray_test(ray, coherent=coherent, active=active))
 
 
 def asked_together(whole: mi.Scene, still: Sequence[mi.Shape], moving: MovingScene | None) -> mi.Scene:
     """Return a scene of shapes that stand still, with a moving scene beside it if there is one."""
-    scene = scene_of(still)
-    return scene if moving is None else cast(mi.Scene, TwoScenes(whole, scene, moving))
+    if moving is None:
+        return scene_of(still)
+    return cast(mi.Scene, TwoScenes(whole, scene_of(still), moving) if still else moving)
