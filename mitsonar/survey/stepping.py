@@ -35,7 +35,11 @@ class SteppedRun:
     def __init__(self, scene: mi.Scene, sensor: Sensor, integrator: SoundIntegrator, seed: int):
         self._scene, self._sensor, self._integrator, self._seed = scene, sensor, integrator, seed
         self._stepping = Stepping()
-        self.survey: Survey = integrator.survey(scene, sensor, seed).stepped(self._stepping)
+        planned = integrator.survey(scene, sensor, seed)
+        if planned.changes:
+            raise ValueError("the water changes along the route of this scene, and a stepped sonar has one water "
+                             "for all pings; give the water one cast, or a field that does not move")
+        self.survey: Survey = planned.stepped(self._stepping)
         self.frame: Callable[[int], xr.Dataset] = integrator.frame(self.survey, sensor, seed)
         self._moves: dict[str, tuple[dict[str, np.ndarray], float | None]] = {}   # since the latest ping
         self._shortest = sensor.film().window(slowest_speed(sensor))[0][1]
