@@ -21,7 +21,7 @@ from mitsonar.device.types import ArrayTypes
 from mitsonar.scattering.bodies.scattering_functions import ScatteringFunction
 
 from .labels import ShapeLabels
-from .moving import MovingShape, Stand, moving_shape
+from .moving import Movements, MovingShape, Stand, moving_shape
 from .protocols import (
     LocatedShape,
     has_smooth_normals,
@@ -104,7 +104,8 @@ class Geometry:
         self.stands: list[Stand] = []
         self.deepest_moving = -np.inf                                  # [m]: depth of the lowest moving point
         self.body_samples: tuple[np.ndarray, ...] | None = None        # made by `shadows.exposure`
-        self.moment: tuple[object, ...] | None = None               # ping that the moving objects stand as at
+        # what the places of moving objects follow from: the movements, and a ping of theirs
+        self.moment: tuple[Movements, tuple[object, ...]] | None = None
         self._followers: list[weakref.WeakMethod] = []
         # Mitsuba's own materials may read textures; mitsonar's have an attribute for it
         self.textured = any((own := sound_material(shape.bsdf())) is None or own.textured for shape in shapes)

@@ -90,7 +90,7 @@ class Movements:
     def key(self, ping: int) -> tuple[object, ...]:
         """Return what the stands at a ping follow from, for comparisons."""
         stepping = self.stepping
-        return (self, ping) if stepping is None else (self, ping, stepping.latest, *stepping.moved.values())
+        return (ping,) if stepping is None else (ping, stepping.latest, *stepping.moved.values())
 
     def at(self, ping: int) -> list[Stand]:
         """Return the stands of all objects at a ping; raise `ValueError` if it is beyond the track of one."""
@@ -98,7 +98,7 @@ class Movements:
         if stepping is None or stepping.latest is None:
             profile, sonar = self.waters.at(ping).profile, self.track.position[ping]
             return [_stand(shape.mover, float(self.time(shape, ping)), sonar, profile) for shape in self.shapes]
-        latest, profile = stepping.latest, self.waters.at(0).profile
+        latest, profile = stepping.latest, self.waters.only.profile
         stands = []
         for shape in self.shapes:
             mover, time = stepping.moved.get(shape.id()), latest.time

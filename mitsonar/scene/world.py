@@ -58,9 +58,11 @@ class World:
     def at(self, ping: int) -> Geometry:
         """Return the geometry of a ping, in which moving objects stand as its sound meets them."""
         geometry = self.geometries[int(self.number(ping))]
-        if self.movements is not None and geometry.moment != (moment := self.movements.key(int(ping))):
-            geometry.stand(self.movements.at(ping))
-            geometry.moment = moment
+        if self.movements is not None:
+            moment = self.movements, self.movements.key(int(ping))
+            if geometry.moment != moment:
+                geometry.stand(self.movements.at(ping))
+                geometry.moment = moment
         return geometry
 
     def stepped(self, stepping: Stepping) -> World:
@@ -76,6 +78,9 @@ class World:
                              + '; give one of them, or put <shape type="moving"> around the shape in the scene')
         x, y, z = position
         bed = float(bed_height(self.still, np.array([x]), np.array([y]))[0])
+        if np.isnan(bed):
+            raise ValueError(f'"{name}" was to be moved to x = {x:.4g} m, y = {y:.4g} m, beyond the bed; give a '
+                             "place over it")
         if not bed <= z <= 0:
             raise ValueError(f'"{name}" was to be moved to z = {z:.4g} m, and the water there lies between z = '
                              f"{bed:.4g} m and 0; give a place within it")

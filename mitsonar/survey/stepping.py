@@ -27,6 +27,8 @@ from .survey import Survey
 
 FASTER = 1e-6                      # share by which a ping may be faster than planned, for rounding
 POSE = "position", "attitude", "velocity", "turn_rate"
+Moves = dict[str, tuple[dict[str, np.ndarray], float | None]]      # poses of objects, and times [s] unless the ping's
+FASTEST, FASTEST_TURN = 50.0, 2 * np.pi    # [m/s], [rad/s]: of objects
 
 
 class SteppedRun:
@@ -41,7 +43,8 @@ class SteppedRun:
                              "for all pings; give the water one cast, or a field that does not move")
         self.survey: Survey = planned.stepped(self._stepping)
         self.frame: Callable[[int], xr.Dataset] = integrator.frame(self.survey, sensor, seed)
-        self._moves: dict[str, tuple[dict[str, np.ndarray], float | None]] = {}   # since the latest ping
+        self._moves: Moves = {}                            # since the latest ping
+        self._before = self._stepping.moved, self._moves   # what a ping that fails goes back to
         self._shortest = sensor.film().window(slowest_speed(sensor))[0][1]
 
     @property
@@ -50,12 +53,17 @@ class SteppedRun:
         return self._stepping.latest
 
     def go(self, ping: SteppedPing | None) -> None:
-        """Go to a ping; if it is the next one, objects go where they were moved to."""
-        if ping is not None and (self.latest is None or ping.ping > self.latest.ping):
-            for name, (pose, time) in self._moves.items():
-                self._stepping.moved[name] = Trajectory(lead=Steady(time=ping.time if time is None else time, **pose))
-            self._moves.clear()
-        self._stepping.latest = ping
+        """Go to a ping: to the next one with the objects where they were moved to, or back to the one before."""
+        stepping, number = self._stepping, -1 if self.latest is None else self.latest.ping
+        if ping is not None and ping.ping > number:
+            self._before = stepping.moved, self._moves
+            stepping.moved = stepping.moved | {
+                name: Trajectory(lead=Steady(time=ping.time if time is None else time, **pose))
+                for name, (pose, time) in self._moves.items()}
+            self._moves = {}
+        elif ping is not stepping.latest:
+            stepping.moved, self._moves = self._before
+        stepping.latest = ping
 
     @property
     def next_time(self) -> float:
@@ -121,10 +129,13 @@ class SteppedRun:
     def move(self, name: str, position: ArrayLike, attitude: ArrayLike, velocity: ArrayLike, turn_rate: ArrayLike,
              time: float | None) -> None:
         """Move an object of the scene to a pose, from which it goes on at constant rates; see `mitsonar.Sonar.move`."""
-        vectors = dict(zip(POSE, (_vector(name, value)
-                                  for name, value in zip(POSE, (position, attitude, velocity, turn_rate)))))
+        given: dict[str, ArrayLike] = dict(zip(POSE, (position, attitude, velocity, turn_rate)))
+        vectors = {one: _vector(one, value) for one, value in given.items()}
         when = None if time is None else _seconds(time)
         self.survey.world.check_move(name, vectors["position"])
+        for what, most, unit in (("velocity", FASTEST, "m/s"), ("turn_rate", FASTEST_TURN, "rad/s")):
+            if (size := float(np.linalg.norm(vectors[what]))) > most * (1 + FASTER):
+                raise ValueError(f'the {what} of "{name}" is {size:.4g} {unit}; give at most {most:.3g} {unit}')
         self._moves[name] = vectors, when
 
     def _checked(self, time: float) -> float:

@@ -16,7 +16,7 @@ BED = {"type": "seabed", "depth": 10.0, "spacing": 50.0}
 NEEDED = {"sidescan": SONAR, "array_sonar": SONAR, "forward_looking": SONAR, "sector_scan": SONAR, "seabed": BED,
           "point_target": {"position": [0.0, 0.0, -5.0]},
           "capped_cylinder": {"radius": 1.0, "p0": [0.0, 0.0, -5.0], "p1": [0.0, 1.0, -5.0]},
-          "impedance": {"density": 1100.0, "sound_speed": 1600.0},
+          "impedance": {"density": 1100.0, "sound_speed": 1600.0}, "moving": {"shape": {"type": "sphere"}},
           "targets": {"meshes": str(FOLDER.parent / "scenes" / "targets"), "count": 1, "bed": BED}}
 
 

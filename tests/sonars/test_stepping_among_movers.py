@@ -69,6 +69,20 @@ def test_a_move_waits_for_the_next_ping():
         assert second.attrs["objects"][label]["position"] == pytest.approx((0, 7, -9), abs=1e-3)
 
 
+def test_a_ping_that_fails_leaves_objects_where_they_were_and_moves_waiting():
+    """The last ping's signals stay, and a waiting move begins at the ping that is sent."""
+    with mitsonar.Sonar(fan(), seed=SEED) as sonar:
+        sonar.ping(position=(0, 0, -8), time=0.0)
+        before = sonar.signals()
+        sonar.move("ball", position=(0, 7, -9), velocity=(0.5, 0, 0))
+        with pytest.raises(ValueError, match="turns"):
+            sonar.ping(position=(0, 0, -8), turn_rate=(0, 0, 500.0))
+        assert np.array_equal(sonar.signals().values, before.values)
+        after = sonar.ping(position=(0, 0, -8), time=8.0)
+        assert after.attrs["objects"][next(iter(after.attrs["objects"]))]["position"] == pytest.approx(
+            (0, 7, -9), abs=0.01)
+
+
 @pytest.mark.parametrize("name, given, match", [
     ("seabed", {"position": (0, 6, -9)}, "moving shapes ball"),
     ("ball", {"position": (0, 6, 2)}, "between"),
@@ -76,6 +90,9 @@ def test_a_move_waits_for_the_next_ping():
     ("ball", {"position": (0, np.nan, -9)}, "finite"),
     ("ball", {"position": (0, 6)}, "shape"),
     ("ball", {"position": (0, 6, -9), "time": "soon"}, "seconds"),
+    ("ball", {"position": (0, 900, -9)}, "beyond the bed"),
+    ("ball", {"position": (0, 6, -9), "velocity": (0, 2000, 0)}, "most 50 m/s"),
+    ("ball", {"position": (0, 6, -9), "turn_rate": (0, 0, 1e4)}, "most 6.28 rad/s"),
 ])
 def test_moves_that_cannot_be_are_refused(name, given, match):
     with mitsonar.Sonar(fan(), seed=SEED) as sonar, pytest.raises(ValueError, match=match):
