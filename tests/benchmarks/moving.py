@@ -1,4 +1,4 @@
-"""What moving objects cost: frames with ten objects that move against the same objects at rest.
+"""Cost of moving objects: frames with ten objects that move, against the same objects at rest.
 
     python tests/benchmarks/moving.py                     CPU of a forward-looking sonar's frame, in turn
     python tests/benchmarks/moving.py --objects 20        with another number of divers, of 1,000 triangles each

@@ -1,4 +1,4 @@
-"""What a step of `mitsonar.Sonar` costs beside a frame of `mitsonar.frames`, and whether steps gather memory.
+"""Cost of a step of `mitsonar.Sonar` beside a frame of `mitsonar.frames`, and the memory after many steps.
 
     python tests/benchmarks/steps.py                      forward_looking.xml as shipped, and small
     python tests/benchmarks/steps.py --memory 2000        and the memory over so many steps

@@ -69,7 +69,7 @@ def exact(kind, x0, z0, x1, z1):
 
 
 def frozen(kind, distance, z0, z1):
-    """What the field adds, by the frozen ray."""
+    """Return what the field adds, by the frozen ray."""
     ray = eigenray(PROFILE, float(z0), float(z1), np.array([float(distance)]))
     one = np.ones(1)
     return frozen_ray(FrozenLeg((0 * one, 0 * one, z0 * one), (one, 0 * one), distance * one, z1 * one, ray.arc_length,

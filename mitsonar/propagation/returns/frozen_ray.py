@@ -49,7 +49,7 @@ class FrozenLeg(NamedTuple):
 
 
 class FrozenRay(NamedTuple):
-    """What a field adds to an eigenray; every field (R,)."""
+    """Hold what a field adds to an eigenray; every field is (R,)."""
 
     later: Numbers  # F - b [s]
     slope: tuple[Numbers, Numbers, Numbers]  # ∇F with the start: x, y and depth [s/m]

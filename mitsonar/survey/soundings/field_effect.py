@@ -1,4 +1,4 @@
-"""What the field of the water does to soundings: their times and angles as they were without it.
+"""Effect of a field of the water on soundings: times and angles without the field, and their differences.
 
 The field adds F to the time of each leg, and turns the waves at an array by its change with the array's place, ∇F
 (`propagation.returns.frozen_ray`). Along an axis a, the slowness a·q of the ray in layered water is that measured plus
