@@ -29,6 +29,7 @@ import numpy as np
 
 from mitsonar.device.arrays import arrays_of, opaque_vector, upload
 from mitsonar.scene.geometry import scattered_rows
+from mitsonar.scene.sea import TILTED
 
 from .cells import divisions
 from .nested_points import LEVELS, MOST_OF_A_FACET
@@ -93,6 +94,8 @@ class ThinnedScatterers:
         cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
         twice = np.linalg.norm(cross, axis=1)
         radius = np.linalg.norm(corner - centre[:, None], axis=-1).max(1)
+        if facets.geometry.sea is not None:
+            radius[facets.at_surface[self._facet]] *= TILTED
         table = np.zeros((len(centre), 8), np.float32)
         table[:, :3], table[:, 3] = centre, 0.5 * twice
         table[:, 4:7], table[:, 7] = cross / np.maximum(twice, 1e-30)[:, None], radius
@@ -121,7 +124,7 @@ class ThinnedScatterers:
             return
         geometry, rows, (centre, normal) = self._facets.geometry, self._rows[self._row], self._at_rest
         rows[:, :3] = geometry.carried(body, centre)
-        rows[:, 4:7] = geometry.carried(body, normal, turned_only=True)
+        rows[:, 4:7] = geometry.carried(body, centre, normal)
         self._table = scattered_rows(self._table, patch, rows, 8)
         self._rows[self._row] = rows
         centre, radius = self._blocks
