@@ -126,8 +126,8 @@ def read_route(attributes: Attributes) -> Route:
     random_motion = RandomMotion(**{} if recorded else _rocking(attributes), **_strum(attributes, speed, recorded),
                                  seed=attributes.motion_seed)
     route = Route(
-        pings=attributes.pings, hull=_hull(attributes, recorded), bounded=bool(attributes.given("pings")), ping_rate=attributes.ping_rate_hz,
-        speed=speed, start=attributes.start,
+        pings=attributes.pings, bounded=bool(attributes.given("pings")), ping_rate=attributes.ping_rate_hz,
+        speed=speed, start=attributes.start, hull=_hull(attributes, recorded),
         heading=attributes.heading_deg, altitude=attributes.altitude, depth=attributes.depth,
         georeferenced=attributes.georeferenced, turn_radius=attributes.turn_radius, origin=origin,
         offset=attributes.offset, random_motion=random_motion, record=record, frame=None,

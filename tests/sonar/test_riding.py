@@ -80,7 +80,8 @@ def test_a_sonar_under_a_hull_rides_with_it(variant):
     sea = {"type": "sea_surface", "waves": "jonswap", "wave_height": 0.5, "wave_period": 4.0, "wind_speed": 5.0}
     signals = mitsonar.element_signals(array_sonar(
         {"bed": buried_bed(40.0), "sea": sea}, film={"range": 5.0}, integrator={"cell": 0.2},
-        sensor={"ride_waves": "0.01, 0.01", "pings": 3, "ping_rate_hz": 1.0, "start": [0.0, 0.0, -2.0]}), ping=[0, 1, 2])
+        sensor={"ride_waves": "0.01, 0.01", "pings": 3, "ping_rate_hz": 1.0, "start": [0.0, 0.0, -2.0]}),
+        ping=[0, 1, 2])
     import mitsuba as mi
 
     waves = mi.load_dict(sea).waves

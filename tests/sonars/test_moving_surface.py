@@ -13,10 +13,11 @@ named.
 """
 import numpy as np
 import pytest
+import sonar_scenes
 from summer import SUMMER
 
 import mitsonar
-from mitsonar.validation.scenes import array_sonar, buried_bed, point_target, sidescan
+from mitsonar.validation.scenes import array_sonar, bed, buried_bed, point_target, sidescan
 from mitsonar.water import SoundSpeedProfile
 
 SOUND = 1500.0
@@ -235,3 +236,66 @@ def test_a_sonar_out_of_the_waves_is_refused(variant, start, message):
                         sensor={"start": start, "pings": 20, "ping_rate_hz": 1.0})
     with pytest.raises(ValueError, match=message):
         mitsonar.impulse_response(scene)
+
+
+# ---- all kinds of sonar
+
+SEA = {**JONSWAP, "wind_speed": 5.0, "wave_height": 0.3, "wave_period": 3.0, "size": 70.0}
+FLOOR = {"bed": bed(14.0, size=60.0), "ball": point_target([4.0, 3.0, -9.0], 0.0)}
+PINGS = {"pings": 2, "speed_knots": 2.0}
+KINDS = {
+    "sidescan": lambda sea: sonar_scenes.sidescan({**FLOOR, "sea": sea}, depth=6.0, rays=4000, sensor=PINGS,
+                                                  film={"range": 25.0, "bins": 100}, integrator={"max_depth": 2}),
+    "array_sonar": lambda sea: sonar_scenes.array_sonar({**FLOOR, "sea": sea}, depth=6.0, film={"range": 12.0}, sensor={
+        **PINGS, "receive": "line", "receive_elements": 8, "beams": 8}, integrator={"cell": 0.3}),
+    "array_sonar by rays": lambda sea: sonar_scenes.array_sonar(
+        {**FLOOR, "sea": sea}, depth=6.0, film={"range": 12.0}, integrator={"cell": 0.3, "max_depth": 2, "rays": 2000},
+        sensor={**PINGS, "picture": "elements", "receive": "line", "receive_elements": 4, "beams": 4}),
+    "forward_looking": lambda sea: sonar_scenes.forward_looking({**FLOOR, "sea": sea}, depth=6.0, film={"range": 11.0},
+                                                                sensor={**PINGS, "beams": 16}),
+    "multibeam": lambda sea: sonar_scenes.multibeam({**FLOOR, "sea": sea}, depth=6.0, film={"range": 20.0},
+                                                    sensor={**PINGS, "beams": 32}),
+    "interferometric": lambda sea: sonar_scenes.interferometric({**FLOOR, "sea": sea}, depth=6.0, sensor=PINGS,
+                                                                film={"range": 20.0, "bins": 200}),
+    "echo_sounder": lambda sea: sonar_scenes.echo_sounder({**FLOOR, "sea": sea}, depth=6.0, sensor=PINGS,
+                                                          film={"range": 20.0}, integrator={"max_depth": 3}),
+    "sector_scan": lambda sea: sonar_scenes.sector_scan({**FLOOR, "sea": sea}, depth=6.0, sensor={"pings": 2},
+                                                        integrator={"rays": 4000, "cell": 0.2, "max_depth": 2}),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_of_sonar_sees_waves(variant, kind):
+    first, other = (mitsonar.render(KINDS[kind]({**SEA, "wave_seed": seed}), seed=3)["level"].values for seed in (0, 1))
+    assert np.isfinite(first).all()
+    assert kind == "multibeam" or np.mean(first != other) > 0.02                 # which looks down alone
+
+
+@pytest.mark.parametrize("kind", ["sidescan", "array_sonar"])
+def test_a_scene_has_the_same_waves_again(variant, kind):
+    scene = KINDS[kind](SEA)
+    first = mitsonar.render(scene, seed=3)["level"].values
+    mitsonar.render(KINDS[kind]({**SEA, "wave_seed": 1}), seed=3)                # another sea in between
+    np.testing.assert_array_equal(mitsonar.render(scene, seed=3)["level"].values, first)
+
+
+@pytest.mark.parametrize("wind", [0.0, 5.0])
+def test_steps_of_planned_poses_have_the_waves_of_their_times(variant, wind):
+    scene = KINDS["forward_looking"]({**SEA, "wind_speed": wind, "size": 300.0})
+    frames = list(mitsonar.frames(scene, seed=3))
+    with mitsonar.Sonar(scene, seed=3) as sonar:
+        for frame in frames:
+            position, attitude = ([float(frame[name].values[0]) for name in names]
+                                  for names in (("x", "y", "z"), ("roll", "pitch", "heading")))
+            # planned velocity: 2 knots to the north
+            step = sonar.ping(position=position, attitude=attitude, time=float(frame["ping_time"].values[0]),
+                              velocity=(0, 2 * 1852 / 3600, 0))
+            np.testing.assert_array_equal(step["level"].values, frame["level"].values)
+
+
+def test_focused_images_and_gradients_refuse_waves(variant):
+    strip = sonar_scenes.synthetic_aperture({**FLOOR, "sea": SEA}, sensor={"pings": 4, "receivers": 4})
+    with pytest.raises(ValueError, match="the sea surface has waves; leave them out"):
+        mitsonar.render(strip)
+    with pytest.raises(ValueError, match="the sea surface has waves; leave them out"):
+        mitsonar.gradient(KINDS["sidescan"]({**SEA, "size": 60.0}), ["bed.bsdf.strength"], lambda level: level)
