@@ -137,9 +137,7 @@ class Movements:
         return time if shape.begin is None else shape.begin + (time - self.track.time[0])
 
     def check(self) -> None:
-        """Raise `ValueError` if an object's track does not cover all pings, or the sonar is not among the waves."""
-        if self.sea is not None:
-            self.sea.check(self.track.time, self.track.position)
+        """Raise `ValueError` if an object's track does not cover all pings."""
         for shape in self.shapes:
             time, (first, last) = self.time(shape), shape.known
             for ping, what in ((0, "begins after the first"), (-1, "ends before the last")):

@@ -174,16 +174,12 @@ class Sea:
         return SeaStand(nodes=self._nodes, border=self._inner[0].start, vertices=self._rest + ways, moved=ways,
                         velocity=speeds)
 
-    def check(self, times: np.ndarray, places: np.ndarray) -> None:
-        """Raise `ValueError` if a sonar leaves the waves, or the water, at times (P,) [s] and places (P, 3) [m]."""
-        beyond = np.flatnonzero(abs(places[:, :2]).max(1) > self.half)
-        if beyond.size:
-            x, y = places[beyond[0], :2]
+    def check(self, places: np.ndarray, first: int = 0) -> None:
+        """Raise `ValueError` if a sonar leaves the waves, at places (P, 2) [m] of pings from `first` on."""
+        away = abs(places).max(1)
+        if away.max() > self.half:
+            ping = int(np.argmax(away > self.half))
+            x, y = places[ping]
             raise ValueError(f"the waves of the sea surface reach {self.half:.4g} m from the origin to each side, and "
-                             f"the sonar is at x = {x:.4g}, y = {y:.4g} m at ping {beyond[0]}; give sea_surface a "
-                             f"size of {2.2 * abs(places[:, :2]).max():.0f} m or more")
-        above = places[:, 2] - self.waves.height(places[:, :2], times)
-        if above.max() > 0:
-            ping = int(np.argmax(above))
-            raise ValueError(f"the sonar is {above[ping]:.2g} m above a trough of the waves at ping {ping}, at z = "
-                             f"{places[ping, 2]:.3g} m; put it deeper, or give lower waves")
+                             f"the sonar is at x = {x:.4g}, y = {y:.4g} m at ping {first + ping}; give sea_surface a "
+                             f"size of {2.2 * away.max():.0f} m or more")
