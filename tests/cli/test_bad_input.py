@@ -260,6 +260,7 @@ COMMANDS = {
     "plot of a scene": (["plot", "scene.xml"], "is not an OpenEXR file"),
     "plot with a word for a ping": (["plot", "no.exr", "--ping", "x"], "--ping: 'x' is not a whole number"),
     "unknown gain": (["plot", "no.exr", "--tvg", "x"], "choose from"),
+    "demo into a picture": (["demo", "-o", "demo.png"], "must end in .exr; pictures are made by --preview"),
     "demo of something": (["demo", "x"], "unrecognized arguments: x"),
 }
 
