@@ -1,4 +1,4 @@
-"""The commands that write files for sidescan software and GIS: raster, convert, mosaic, grid."""
+"""The commands that write files for sidescan software, GIS and robots: raster, convert, mosaic, grid, bag."""
 import datetime
 import os
 
@@ -68,6 +68,16 @@ def add(commands: Commands) -> None:
     grid.set_defaults(run=_grid)
     for command in (mosaic, grid):
         add_file(command, "-o", "--output", metavar="OUT.tif", required=True, help="map")
+
+    bag = commands.add_parser("bag", help="write records as a bag of ROS 2")
+    add_file(bag, "records", metavar="RECORD", nargs="+",
+             help="images or soundings (.exr, .nc), or recorded lines (.all, .kmall, .gsf)")
+    add_file(bag, "-o", "--output", metavar="OUT.mcap", required=True, help="bag")
+    bag.add_argument("--start", metavar="DATE",
+                     help="date of time 0, such as 2026-05-01T10:00:00Z; default: that of the record, or 1970")
+    bag.add_argument("--cell", type=number, metavar="M",
+                     help="also draw fans of beams as pictures in metres with cells of this side")
+    bag.set_defaults(run=_bag)
 
 
 def _raster(arguments):
@@ -147,6 +157,16 @@ def _grid(arguments):
         raise ValueError(f"there is no {arguments.layer} without the rule weighted; give --rule weighted.")
     _write_map(chart[[arguments.layer]], arguments.output,
                "the lines name no coordinate system, so the map is in plain metres")
+
+
+def _bag(arguments):
+    from mitsonar.io.bags import bag
+
+    check_output(arguments.output, (bag.SUFFIX,))
+    start = None if arguments.start is None else _seconds(arguments.start)
+    written = bag.write_files(arguments.records, arguments.output, start=start, cell=arguments.cell)
+    announce(arguments.output)
+    warn("messages: " + ", ".join(f"{count} of {topic}" for topic, count in sorted(written.items())))
 
 
 def _write_map(chart, path, without_crs):
