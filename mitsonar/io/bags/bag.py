@@ -3,6 +3,7 @@
     messages      of a record or a stepped frame, as dictionaries
     serialised    the bytes of a message, which a publisher takes
     write         a bag of records or of frames as they come, in the memory of some pings
+    read_track, read_images      of a vehicle's own bag
 
 A record read from a netCDF file, and frames of a generator, are converted block by block.
 """
@@ -30,8 +31,9 @@ from .bag_messages import BagMessage, nanoseconds, serialised, typestore
 from .beams import beams_of
 from .pings import focused_messages, ping_messages
 from .poses import BagNames, BagPoses
+from .recorded import read_images, read_track
 
-__all__ = ["BagMessage", "BagNames", "messages", "serialised", "write", "write_files"]
+__all__ = ["BagMessage", "BagNames", "messages", "read_images", "read_track", "serialised", "write", "write_files"]
 
 SUFFIX = ".mcap"
 BLOCK_BYTES = 1 << 26              # of pings that are read at once
