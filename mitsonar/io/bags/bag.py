@@ -2,6 +2,7 @@
 
     messages      of a record or a stepped frame, as dictionaries
     serialised    the bytes of a message, which a publisher takes
+    pose_of       the pose of a ping, from odometry
     write         a bag of records or of frames as they come, in the memory of some pings
     read_track, read_images      of a vehicle's own bag
 
@@ -30,10 +31,11 @@ from . import poses
 from .bag_messages import BagMessage, nanoseconds, serialised, typestore
 from .beams import beams_of
 from .pings import focused_messages, ping_messages
-from .poses import BagNames, BagPoses
+from .poses import BagNames, BagPoses, pose_of
 from .recorded import read_images, read_track
 
-__all__ = ["BagMessage", "BagNames", "messages", "read_images", "read_track", "serialised", "write", "write_files"]
+__all__ = ["BagMessage", "BagNames", "messages", "pose_of", "read_images", "read_track", "serialised", "write",
+           "write_files"]
 
 SUFFIX = ".mcap"
 BLOCK_BYTES = 1 << 26              # of pings that are read at once
@@ -179,14 +181,14 @@ def of_parts(parts: Iterator[xr.Dataset], *, start: float | None, names: BagName
     """Yield the messages of a record's parts in the order of time; speeds follow from poses of neighbouring parts."""
     part, first = next(parts, None), True
     before: BagPoses | None = None
-    since = -np.inf                                    # [s] since 1970
+    since = -np.inf                                    # [s]
     while part is not None:
         following = next(parts, None)
         where, after = _poses(part, start, cell), None if following is None else _poses(following, start, cell)
         shown = np.arange(0 if where is None else where.time.size)
         if where is not None and where.by_sensors:
             # each part has the motion of the whole line
-            until = np.inf if following is None else float(following["ping_time"][0]) + _start_of(following, start)
+            until = np.inf if following is None else float(following["ping_time"][0])
             shown, since = np.flatnonzero((where.time > since) & (where.time <= until)), until
         elif where is not None:
             (where, shown), before = where.beside(before, after), where
@@ -233,13 +235,13 @@ def _of_part(record: xr.Dataset, where: BagPoses | None, shown: np.ndarray, *, s
     zero = _start_of(record, start)
     if is_focused(record):
         if still:
-            yield _about(record, names, nanoseconds(zero))
+            yield _about(record, names, nanoseconds(0.0, zero))
         yield from focused_messages(record, names, zero)
         return
     beams = beams_of(record)
     if still:
-        first = nanoseconds(min([float(record["ping_time"].values.min()) + zero,
-                                 *([] if where is None else [float(where.time.min())])]))
+        first = nanoseconds(min([float(record["ping_time"].values.min()),
+                                 *([] if where is None else [float(where.time.min())])]), zero)
         yield _about(record, names, first)
         yield poses.mounting(first, names, beams.frame, beams.offset)
     moving = iter(()) if where is None else poses.navigation(where, shown, names, record.attrs, velocity=velocity,

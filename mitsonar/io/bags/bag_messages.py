@@ -59,12 +59,13 @@ class BagMessage:
     fields: Mapping[str, Any]
 
 
-def nanoseconds(seconds: float) -> int:
-    """Return a time [s] since 1970 in nanoseconds; raise `ValueError` if a stamp cannot hold it."""
-    if not 0 <= seconds <= LATEST:
-        raise ValueError(f"a time of the record is {seconds:.10g} s since 1970, and stamps of ROS hold 0 to {LATEST}; "
-                         "give another date of time 0 (--start).")
-    return round(seconds * NANO)
+def nanoseconds(seconds: float, start: float = 0.0) -> int:
+    """Return a time [s] after a start [s] since 1970 in nanoseconds; raise `ValueError` if a stamp cannot hold it."""
+    if not 0 <= start + seconds <= LATEST:
+        raise ValueError(f"a time of the record is {start + seconds:.10g} s since 1970, and stamps of ROS hold 0 to "
+                         f"{LATEST}; give another date of time 0 (--start).")
+    # the sum of both has the spacing of float64 today, 2e-7 s
+    return round(start * NANO) + round(seconds * NANO)
 
 
 def header(stamp: int, frame: str) -> dict[str, Any]:

@@ -27,7 +27,7 @@ ENCODINGS = {"f4": "32FC1", "i4": "32SC1", "u2": "16UC1", "u1": "8UC1"}
 
 def ping_messages(ping: xr.Dataset, beams: SonarBeams, names: BagNames, start: float) -> Iterator[BagMessage]:
     """Yield the messages of a record of one ping, of its own or of its soundings."""
-    stamp = nanoseconds(float(ping["ping_time"].values[0]) + start)
+    stamp = nanoseconds(float(ping["ping_time"].values[0]), start)
     if "travel_time" in ping:
         yield from _sounded(ping, beams, names, stamp)
     elif {"x", "y"} <= set(ping["level"].dims):
@@ -38,7 +38,7 @@ def ping_messages(ping: xr.Dataset, beams: SonarBeams, names: BagNames, start: f
 
 def focused_messages(image: xr.Dataset, names: BagNames, start: float) -> Iterator[BagMessage]:
     """Yield the pictures of a focused image; the first row is the farthest along the track."""
-    stamp, picture = nanoseconds(start), image.isel({GROUND[0]: slice(None, None, -1)})
+    stamp, picture = nanoseconds(0.0, start), image.isel({GROUND[0]: slice(None, None, -1)})
     for bank in range(picture.sizes.get("bank", 1)):
         one = picture.isel(bank=bank, missing_dims="ignore")
         yield from _pictures(one if bank == 0 else one[["level"]], names, stamp, GROUND, f"_{bank}" if bank else "")

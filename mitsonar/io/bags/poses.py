@@ -36,25 +36,27 @@ class BagNames:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BagPoses:
-    """Poses of a platform: times (P,) [s] since 1970, positions (P, 3) [m], roll, pitch and heading (P, 3) [rad]."""
+    """Poses of a platform: times (P,) [s] after a start, positions (P, 3) [m], roll, pitch and heading (P, 3) [rad]."""
 
     time: np.ndarray
     position: np.ndarray
     attitude: np.ndarray
+    start: float  # [s] since 1970
     by_sensors: bool = False  # of motion sensors, which have a record of the whole line, rather than of pings
 
     def beside(self, before: BagPoses | None, after: BagPoses | None) -> tuple[BagPoses, np.ndarray]:
         """Return the poses with the last ones of a part before and the first of one after, and their own numbers."""
         parts = [*([] if before is None else [before.part(slice(-1, None))]), self,
                  *([] if after is None else [after.part(slice(0, 1))])]
-        joined = BagPoses(time=np.concatenate([part.time for part in parts]),
+        joined = BagPoses(start=self.start, time=np.concatenate([part.time for part in parts]),
                           position=np.concatenate([part.position for part in parts]),
                           attitude=np.concatenate([part.attitude for part in parts]))
         return joined, np.arange(self.time.size) + (before is not None)
 
     def part(self, which: slice) -> BagPoses:
         """Return some of the poses."""
-        return BagPoses(time=self.time[which], position=self.position[which], attitude=self.attitude[which])
+        return BagPoses(start=self.start, time=self.time[which], position=self.position[which],
+                        attitude=self.attitude[which])
 
 
 def poses_of(record: xr.Dataset, start: float) -> BagPoses | None:
@@ -70,7 +72,7 @@ def poses_of(record: xr.Dataset, start: float) -> BagPoses | None:
     columns = [np.asarray(record[name].values, float) if name in record.variables else None for name in names]
     time, x, y, z, *angles = (np.zeros_like(columns[0]) if column is None else column for column in columns)
     z = -z if names[3] == "motion_depth" else z
-    return BagPoses(time=time + start, position=np.stack([x, y, z], -1), attitude=np.stack(angles, -1),
+    return BagPoses(time=time, position=np.stack([x, y, z], -1), attitude=np.stack(angles, -1), start=start,
                     by_sensors=sensors)
 
 
@@ -94,7 +96,7 @@ def navigation(poses: BagPoses, shown: np.ndarray, names: BagNames, attrs: dict[
     rate_known, speed_known = known or turn_rate is not None, known or velocity is not None
     place = _on_earth(poses, attrs)
     for number in shown:
-        stamp = nanoseconds(float(poses.time[number]))
+        stamp = nanoseconds(float(poses.time[number]), poses.start)
         turn, where = dict(zip("xyzw", map(float, quaternion[number]))), vector(poses.position[number])
         yield BagMessage(topic="/tf", type="tf2_msgs/msg/TFMessage", stamp=stamp, fields={"transforms": [
             {"header": header(stamp, MAP), "child_frame_id": names.base,
@@ -114,6 +116,30 @@ def navigation(poses: BagPoses, shown: np.ndarray, names: BagNames, attrs: dict[
                 "header": header(stamp, names.base), "status": {"status": 0, "service": GPS},
                 "latitude": float(latitude[number]), "longitude": float(longitude[number]),
                 "altitude": float(poses.position[number, 2])})
+
+
+def pose_of(odometry: Any, start: float = 0.0) -> dict[str, Any]:
+    """Return the arguments of `mitsonar.Sonar.ping` from a message of odometry.
+
+    Parameters
+    ----------
+    odometry : nav_msgs/Odometry
+        Message of rclpy, or any object with the same fields. Its frame is the scene's: x east, y north, z up.
+    start : float [s]
+        Date of time 0, since 1970. Whole seconds near the run keep nanoseconds exact.
+
+    Returns
+    -------
+    dict
+        ``position``, ``attitude``, ``velocity``, ``turn_rate`` and ``time``.
+    """
+    pose, twist, stamp = odometry.pose.pose, odometry.twist.twist, odometry.header.stamp
+    quaternion = [getattr(pose.orientation, axis) for axis in "xyzw"]
+    turn = Rotation.from_quat(quaternion)
+    place, linear, angular = (np.array([getattr(value, axis) for axis in "xyz"])
+                              for value in (pose.position, twist.linear, twist.angular))
+    return {"position": place, "attitude": axes.attitudes(np.array([quaternion]))[0], "velocity": turn.apply(linear),
+            "turn_rate": turn.apply(angular), "time": stamp.sec - start + 1e-9 * stamp.nanosec}
 
 
 def mounting(stamp: int, names: BagNames, frame: np.ndarray, offset: np.ndarray) -> BagMessage:
