@@ -9,9 +9,10 @@ import numpy as np
 from mitsonar.io.tracks.navigation import Frame, Navigation, Waypoints
 from mitsonar.scene.geometry import Geometry
 from mitsonar.sonar.motion.motion import RandomMotion
+from mitsonar.sonar.motion.riding import Riding
 from mitsonar.sonar.motion.stepping import SteppedPing, Stepping, voyage_of
 from mitsonar.sonar.motion.track import Track
-from mitsonar.sonar.motion.trajectory import Circled, Recorded, Sailed, SmoothCurve, Trajectory, Voyage
+from mitsonar.sonar.motion.trajectory import Circled, Lead, Recorded, Sailed, SmoothCurve, Trajectory, Voyage
 from mitsonar.sonar.motion.waypoints import Course
 
 from . import placement
@@ -77,6 +78,7 @@ class Route:
     record: Navigation | Waypoints | None  # recorded track or course; None for a straight line
     frame: Frame | None  # origin from a record in degrees, for a scene without one of its own
     interval: float | None = None  # [s]: between pings, if another sonar on the same track sets it
+    hull: tuple[float, float] | None = None  # [m]: length and beam of a hull that rides on the waves
     circle: float | None = None  # [m]: radius of a circle about the start, sailed in place of a straight track
     position_error: np.ndarray | None = None  # (P, 3) [m]
     attitude_error: np.ndarray | None = None  # (P, 3) [rad]
@@ -92,8 +94,9 @@ class Route:
             voyage, lengths = self._sailed(self.record, geometry, interval)
         else:
             voyage, lengths = self._recorded(self.record, geometry, interval)
-        if self.random_motion.moves or np.any(self.offset):
-            trajectory = Trajectory(lead=voyage.trajectory.lead, motion=self.random_motion, offset=self.offset)
+        if self.random_motion.moves or np.any(self.offset) or self.hull is not None:
+            trajectory = Trajectory(lead=self._ridden(voyage.trajectory.lead, geometry), motion=self.random_motion,
+                                    offset=self.offset)
             voyage = Voyage.of(trajectory, voyage.track.time)
         depth = -voyage.track.position[:, 2]
         if self.position_error is not None or self.attitude_error is not None:
@@ -102,6 +105,15 @@ class Route:
             voyage = Voyage(track=voyage.track.moved(*errors), trajectory=voyage.trajectory)
         return Passage(voyage=voyage, depth_below=placement.check(geometry, voyage.track), depth=depth,
                        interval=interval, frame=self.frame, sailed=lengths[0], planned=lengths[1])
+
+    def _ridden(self, course: Lead, geometry: Geometry) -> Lead:
+        """Return a course with the motion of the waves, if a hull rides on them."""
+        if self.hull is None:
+            return course
+        if geometry.sea is None:
+            raise ValueError("ride_waves is given, and the scene has no waves; give its sea_surface waves, or leave "
+                             "ride_waves out")
+        return Riding(course=course, waves=geometry.sea.waves, length=self.hull[0], beam=self.hull[1])
 
     def _straight(self, geometry, interval):
         if self.start is not None:

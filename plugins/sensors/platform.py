@@ -98,6 +98,9 @@ ROUTE = Group(title="Track and motion", module="sensors.platform", attributes=(
            text="centre frequency of the strum; a cable may swing twice during the reception of a ping"),
     Number("cable_diameter", default=0.02, above=0, unit="m", text="diameter of the bare cable; usual: 0.008 to 0.025"),
     Integer("motion_seed", default=0, minimum=0, text="seed of the random motion"),
+    Numbers("ride_waves", default=None, count=2, unit="m",
+            text='"length, beam" of the waterline of a hull that rises, pitches and rolls with the waves of the '
+                 'scene\'s `sea_surface`; not with a recorded track'),
     Numbers("offset", default=(0.0, 0.0, 0.0), count=3, unit="m",
             text='"forward, starboard, down" of the sonar from the reference point of the track, turned by the '
                  'attitude'),
@@ -124,7 +127,7 @@ def read_route(attributes: Attributes) -> Route:
                                  seed=attributes.motion_seed)
     route = Route(
         pings=attributes.pings, bounded=bool(attributes.given("pings")), ping_rate=attributes.ping_rate_hz,
-        speed=speed, start=attributes.start,
+        speed=speed, start=attributes.start, hull=_hull(attributes, recorded),
         heading=attributes.heading_deg, altitude=attributes.altitude, depth=attributes.depth,
         georeferenced=attributes.georeferenced, turn_radius=attributes.turn_radius, origin=origin,
         offset=attributes.offset, random_motion=random_motion, record=record, frame=None,
@@ -142,6 +145,19 @@ def _rocking(attributes):
     return {"roll": attributes.roll_deg, "pitch": attributes.pitch_deg, "yaw": attributes.yaw_deg,
             "heave": attributes.heave, "surge": attributes.surge, "sway": attributes.sway,
             **{name: getattr(attributes, name) for name in PERIODS}, **one}
+
+
+def _hull(attributes, recorded):
+    """Return length and beam of a hull that rides on waves; None without one."""
+    hull = attributes.ride_waves
+    if hull is None:
+        return None
+    if recorded:
+        raise attributes.error("ride_waves and a recorded track are both given; a recorded track has its own motion, "
+                               "leave ride_waves out.")
+    if not min(hull) > 0:
+        raise attributes.error(f"ride_waves is {hull[0]:g}, {hull[1]:g}; give length and beam of the hull above 0 m.")
+    return float(hull[0]), float(hull[1])
 
 
 def _strum(attributes, speed, recorded):
