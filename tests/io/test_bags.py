@@ -317,3 +317,24 @@ def test_rosbags_and_the_bag_itself_agree_on_a_heads_steps(tmp_path):
             np.testing.assert_array_equal(message.image.data.view("<f4"), record["level"].values[number])
             other = one(messages, "/sonar/image", number)
             assert array(message.beam_directions[0]).tolist() == array(other.beam_directions[0]).tolist()
+
+
+def test_memory_holds_three_frames_at_most(tmp_path):
+    """Of frames as they come: the one that is written, the next for the speed, and the one that is being made."""
+    import weakref
+
+    frame, alive, most = moving_fan(pings=1), weakref.WeakSet(), []
+
+    class Counted(xr.Dataset):
+        __slots__ = ()
+        __hash__ = object.__hash__
+
+    def frames():
+        for number in range(40):
+            made = frame.assign_coords(ping_time=("ping", [1000.0 + 0.5 * number]))
+            made = Counted(made.data_vars, made.coords, made.attrs)
+            alive.add(made)
+            most.append(len(alive))
+            yield made
+    assert bag.write(frames(), tmp_path / "a.mcap")["/sonar/image"] == 40
+    assert max(most) <= 3
