@@ -18,6 +18,7 @@ from synthetic_sidescan import sidescan
 import mitsonar
 from mitsonar.device.rotations import rotation_matrix
 from mitsonar.io.bags import bag
+from mitsonar.io.bags.beams import beam_widths
 
 pytest.importorskip("rosbags", reason="rosbags is not installed")
 SONAR = np.array([120.0, -40.0, -12.0])
@@ -253,7 +254,8 @@ def test_fixes_are_those_of_the_projection(tmp_path):
 
 
 def test_a_sidescan_looks_to_both_sides_and_below(tmp_path):
-    record = sidescan(pings=3, bins=20).assign_attrs(depression_angle=0.3, beam_width=0.01)
+    scene = '<scene><sensor type="sidescan"><string name="preset" value="towed_100khz"/></sensor></scene>'
+    record = sidescan(pings=3, bins=20).assign_attrs(depression_angle=0.3, scene=scene)
     bag.write(record, tmp_path / "a.mcap")
     messages = read(tmp_path / "a.mcap")
     image = one(messages, "/sonar/image", 1)
@@ -262,7 +264,13 @@ def test_a_sidescan_looks_to_both_sides_and_below(tmp_path):
     for beam, port in enumerate((1, -1)):
         np.testing.assert_allclose(turned(turn, array(image.beam_directions[beam])),
                                    [0, port * np.cos(0.3), -np.sin(0.3)], atol=1e-12)
-    assert list(image.ping_info.rx_beamwidths) == [pytest.approx(0.01)]
+    # of the preset, but for what the scene itself says
+    assert list(image.ping_info.rx_beamwidths) == [pytest.approx(np.radians(1.0))]
+    assert list(image.ping_info.tx_beamwidths) == [pytest.approx(np.radians(50.0))]
+    wider = scene.replace("<string", '<float name="vertical_beam_width_deg" value="60"/><string')
+    assert beam_widths({"sonar": "sidescan", "scene": wider})["tx_beamwidths"] == [pytest.approx(np.radians(60.0))]
+    for unknown in ({}, {"sonar": "sidescan", "scene": "<scene"}, {"sonar": "array_sonar", "scene": scene}):
+        assert beam_widths(unknown) == {"tx_beamwidths": [], "rx_beamwidths": []}
 
 
 def test_a_multibeam_that_rolls_holds_its_beams_level(tmp_path):
