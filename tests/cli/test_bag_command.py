@@ -113,7 +113,8 @@ def test_images_of_a_bag_become_a_record(own_bag, folder, capfd):
     image = mitsonar.read("real.nc")
     np.testing.assert_array_equal(image["level"], own_bag["level"])
     np.testing.assert_allclose(image["y"], own_bag["y"], atol=1e-9)
-    assert cli.main(["bag", "run.mcap", "-o", "real.exr", "--topic", "/sonar/image"]) == 0
+    assert cli.main(["bag", "run.mcap", "-o", "real.exr", "--topic", "/sonar/image", "--pings", "1:3"]) == 0
+    np.testing.assert_array_equal(mitsonar.read("real.exr")["level"], own_bag["level"][1:3])
     assert cli.main(["raster", "real.exr", "-o", "real.png"]) == 0        # to lay beside a rendered one
 
 
@@ -123,6 +124,10 @@ def test_options_that_do_not_go_together_are_refused(own_bag, records, refusal, 
                               ("--topic reads a bag", "side.exr", "-o", "a.mcap", "--topic", "/a"),
                               ("--cell writes a bag", "run.mcap", "-o", "a.nc", "--cell", "1"),
                               ("--shift makes a scene", "run.mcap", "-o", "a.nc", "--shift", "0", "0", "0"),
+                              ("--pings is 'a'", "run.mcap", "-o", "a.nc", "--topic", "/sonar/image", "--pings", "a"),
+                              ("no such images", "run.mcap", "-o", "a.nc", "--topic", "/sonar/image", "--pings", "9:"),
+                              ("--pings reads images", "run.mcap", "--like", "scene.xml", "-o", "a.xml", "--pings",
+                               ":1"),
                               ("one is read at a time", "run.mcap", "run.mcap", "-o", "a.nc"),
                               ("above the sea surface", "run.mcap", "--like", "scene.xml", "-o", "a.xml", "--shift",
                                "0", "0", "9"),

@@ -18,6 +18,7 @@ from synthetic_sidescan import sidescan
 import mitsonar
 from mitsonar.device.rotations import rotation_matrix
 from mitsonar.io.bags import bag
+from mitsonar.io.bags.beams import beam_widths
 
 pytest.importorskip("rosbags", reason="rosbags is not installed")
 SONAR = np.array([120.0, -40.0, -12.0])
@@ -253,7 +254,8 @@ def test_fixes_are_those_of_the_projection(tmp_path):
 
 
 def test_a_sidescan_looks_to_both_sides_and_below(tmp_path):
-    record = sidescan(pings=3, bins=20).assign_attrs(depression_angle=0.3, beam_width=0.01)
+    scene = '<scene><sensor type="sidescan"><string name="preset" value="towed_100khz"/></sensor></scene>'
+    record = sidescan(pings=3, bins=20).assign_attrs(depression_angle=0.3, scene=scene)
     bag.write(record, tmp_path / "a.mcap")
     messages = read(tmp_path / "a.mcap")
     image = one(messages, "/sonar/image", 1)
@@ -262,7 +264,13 @@ def test_a_sidescan_looks_to_both_sides_and_below(tmp_path):
     for beam, port in enumerate((1, -1)):
         np.testing.assert_allclose(turned(turn, array(image.beam_directions[beam])),
                                    [0, port * np.cos(0.3), -np.sin(0.3)], atol=1e-12)
-    assert list(image.ping_info.rx_beamwidths) == [pytest.approx(0.01)]
+    # of the preset, but for what the scene itself says
+    assert list(image.ping_info.rx_beamwidths) == [pytest.approx(np.radians(1.0))]
+    assert list(image.ping_info.tx_beamwidths) == [pytest.approx(np.radians(50.0))]
+    wider = scene.replace("<string", '<float name="vertical_beam_width_deg" value="60"/><string')
+    assert beam_widths({"sonar": "sidescan", "scene": wider})["tx_beamwidths"] == [pytest.approx(np.radians(60.0))]
+    for unknown in ({}, {"sonar": "sidescan", "scene": "<scene"}, {"sonar": "array_sonar", "scene": scene}):
+        assert beam_widths(unknown) == {"tx_beamwidths": [], "rx_beamwidths": []}
 
 
 def test_a_multibeam_that_rolls_holds_its_beams_level(tmp_path):
@@ -317,3 +325,24 @@ def test_rosbags_and_the_bag_itself_agree_on_a_heads_steps(tmp_path):
             np.testing.assert_array_equal(message.image.data.view("<f4"), record["level"].values[number])
             other = one(messages, "/sonar/image", number)
             assert array(message.beam_directions[0]).tolist() == array(other.beam_directions[0]).tolist()
+
+
+def test_memory_holds_three_frames_at_most(tmp_path):
+    """Of frames as they come: the one that is written, the next for the speed, and the one that is being made."""
+    import weakref
+
+    frame, alive, most = moving_fan(pings=1), weakref.WeakSet(), []
+
+    class Counted(xr.Dataset):
+        __slots__ = ()
+        __hash__ = object.__hash__
+
+    def frames():
+        for number in range(40):
+            made = frame.assign_coords(ping_time=("ping", [1000.0 + 0.5 * number]))
+            made = Counted(made.data_vars, made.coords, made.attrs)
+            alive.add(made)
+            most.append(len(alive))
+            yield made
+    assert bag.write(frames(), tmp_path / "a.mcap")["/sonar/image"] == 40
+    assert max(most) <= 3

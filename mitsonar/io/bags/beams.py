@@ -8,16 +8,26 @@ A multibeam steadies its beams: their directions are those in a level body, and 
 """
 from __future__ import annotations
 
-from collections.abc import Callable
+import functools
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import xarray as xr
 
 from mitsonar.device.rotations import mounting_matrix, rotation_matrix
 from mitsonar.sonar.motion.rotating_head import MOUNTS
+from mitsonar.sonar.preset_tables import TABLES, presets
+from mitsonar.units import radians_from_deg
 
 from . import axes
+
+# attributes of a sensor: width of what it transmits, across the beams, and of what it receives, by kind of sonar
+WIDTHS = {"multibeam": ("transmit_beam_width_deg", "receive_beam_width_deg"),
+          "echo_sounder": ("beam_width_deg", "beam_width_deg")}
+OTHER_WIDTHS = "vertical_beam_width_deg", "beam_width_deg"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,6 +68,35 @@ def beams_of(record: xr.Dataset) -> SonarBeams:
         sides = np.array([[0.0, -np.cos(below), np.sin(below)], [0.0, np.cos(below), np.sin(below)]])
         return SonarBeams(frame=axes.BELOW, directions=lambda _: sides, offset=nowhere)
     return SonarBeams(frame=axes.BELOW, directions=lambda _: np.array([[0.0, 0.0, 1.0]]), offset=nowhere)
+
+
+def beam_widths(attrs: Mapping[str, Any]) -> dict[str, list[float]]:
+    """Return the beam widths [rad] of a record as fields of PingInfo, by its scene's sensor or preset; or none."""
+    kind = str(attrs.get("sonar", ""))
+    known = _widths(kind, str(attrs.get("scene", "")), str(attrs.get("preset", "")))
+    return {field: [] if width is None else [radians_from_deg(width)]
+            for field, width in zip(("tx_beamwidths", "rx_beamwidths"), known)}
+
+
+@functools.lru_cache(maxsize=8)
+def _widths(kind: str, scene: str, preset: str) -> tuple[float | None, float | None]:
+    """Return the widths [degrees] on transmission and reception that a scene's only sensor of a kind states."""
+    try:
+        sensors = [one for one in ElementTree.fromstring(scene).iter("sensor") if one.get("type") == kind]
+    except ElementTree.ParseError:
+        sensors = []
+    written = {child.get("name"): child.get("value", "") for child in sensors[0]} if len(sensors) == 1 else {}
+    table = presets(kind) if kind in TABLES else {}
+    values = {**table.get(written.get("preset", preset), {}), **written}
+    transmitted, received = WIDTHS.get(kind, OTHER_WIDTHS)
+    return _number(values.get(transmitted)), _number(values.get(received))
+
+
+def _number(value: object) -> float | None:
+    try:
+        return float(value)                            # pyright: ignore[reportArgumentType]  what is none raises
+    except (TypeError, ValueError):
+        return None
 
 
 def _fan_frame(direction: np.ndarray, angle: np.ndarray) -> np.ndarray:
