@@ -98,7 +98,7 @@ class Movements:
         if stepping is None or stepping.latest is None:
             profile, sonar = self.waters.at(ping).profile, self.track.position[ping]
             return [_stand(shape.mover, float(self.time(shape, ping)), sonar, profile) for shape in self.shapes]
-        latest, profile = stepping.latest, self.waters.only.profile
+        latest, profile = stepping.latest, self.waters.of_step(stepping.latest).column.profile
         stands = []
         for shape in self.shapes:
             mover, time = stepping.moved.get(shape.id()), latest.time
