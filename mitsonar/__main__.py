@@ -13,9 +13,15 @@ def main(argv: "list[str] | None" = None) -> int:
         return 2
     from mitsonar.cli.setup import bootstrap
     from mitsonar.device import llvm
+    from mitsonar.device.extras import MissingExtra
 
     try:
-        return _run(argv, bootstrap, llvm)
+        try:
+            return _run(argv, bootstrap, llvm)
+        except MissingExtra as error:
+            bootstrap.add_extra(error.extra, argv)
+            print(f"mitsonar: {error}", file=sys.stderr)
+            return 2
     except (bootstrap.SetupError, llvm.BackendError) as error:
         print(f"mitsonar: {error}", file=sys.stderr)
         return 2

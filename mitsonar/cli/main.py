@@ -9,6 +9,7 @@ import sys
 import warnings
 from collections.abc import Sequence
 
+from mitsonar.device.extras import MissingExtra
 from mitsonar.device.sentences import sentence
 from mitsonar.version import __version__
 
@@ -48,6 +49,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             # between Mitsuba and Python an interrupt may turn into any other exception
             if signals.received or isinstance(error, KeyboardInterrupt):
                 return signals.end()
+            if isinstance(error, MissingExtra):        # which `mitsonar.__main__` may mend
+                raise
             if not isinstance(error, (ValueError, OSError, MemoryError)):
                 raise
             print(f"mitsonar: {sentence(error)}", file=sys.stderr)

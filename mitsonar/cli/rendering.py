@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from mitsonar.imaging.gain import Tvg
 
 EVERY = "all"                      # value of --sensor for all sonars
-DEMO = {"rays": 60_000}            # in a ping, 32 in a bin: their noise is a fourteenth of the speckle
+# pings that pass all targets, and rays of which 13 reach a bin: their noise is a seventh of the speckle
+DEMO = {"pings": 560, "rays": 24_000}
 OF_ARRAYS = (("--ping", "ping", None), ("--response", "response", False), ("--kernel", "kernel", "band_limited"),
              ("--return-path", "return_path", "vector"), ("--path", "path", None))     # option, name, default
 
@@ -56,10 +57,13 @@ def add(commands: Commands) -> None:
              help="also write the scatterers behind the echoes of a synthetic aperture")
     signals.set_defaults(run=_signals)
 
-    demo = commands.add_parser("demo", help="render the demo scene into demo.exr and demo.png here")
+    demo = commands.add_parser("demo", help="render the demo scene into an EXR and a picture beside it")
+    add_file(demo, "-o", "--output", default="demo.exr", metavar="OUT.exr",
+             help="sonar image, and OUT.png beside it; default: demo.exr and demo.png here")
     demo.add_argument("--seed", type=whole, default=0, metavar="N", help="random seed; default: 0")
     demo.set_defaults(run=lambda arguments: _render_to(scenes.find("sidescan_targets"), DEMO, arguments.seed,
-                                                       "demo.exr", "demo.png", None))
+                                                       arguments.output,
+                                                       f"{os.path.splitext(arguments.output)[0]}.png", None))
 
 
 def _render(arguments):

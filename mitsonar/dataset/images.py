@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
+from mitsonar.device.extras import MissingExtra
 from mitsonar.device.files import FilePath
 from mitsonar.imaging.focused import bin_dims
 from mitsonar.imaging.maps.raster import bearings, cartesian
@@ -214,8 +215,8 @@ class Images:
             import dask.array
             from dask.delayed import delayed
         except ImportError:
-            raise ValueError('Dask, which reads images when they are used, is not installed: run pip install '
-                             '"mitsonar[cluster]", or read them into memory by stack()') from None
+            raise MissingExtra("Dask, which reads images when they are used, is not installed", "cluster",
+                               "read them into memory by stack()") from None
         import xarray
 
         first = self[0]

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from mitsonar.io.tracks.tides import Tide
 from mitsonar.sonar.motion.stepping import Steady, SteppedPing, Stepping, planned_row
 from mitsonar.sonar.motion.track import FIELDS, Track
 from mitsonar.sonar.motion.trajectory import Trajectory
@@ -71,7 +72,8 @@ class SteppedRun:
         passage = self.survey.passage
         return float(passage.voyage.track.time[0]) if self.latest is None else self.latest.time + passage.interval
 
-    def sounded(self, profile: SoundSpeedProfile | None, *, column: bool, snippets: int) -> xr.Dataset:
+    def sounded(self, profile: SoundSpeedProfile | None, tide: Tide | float | None = None, *, column: bool,
+                snippets: int) -> xr.Dataset:
         """Return the soundings of the latest ping; arguments as of `mitsonar.soundings`."""
         assert self.latest is not None
         if (column, snippets) not in self._instruments:
@@ -79,7 +81,7 @@ class SteppedRun:
                 self.survey, self._sensor.own_seed(self._seed), column=column, snippets=snippets)
         instrument = self._instruments[column, snippets]
         survey = cast(SoundedSurvey, self.survey)
-        line = SoundingLine(survey, instrument, self._sensor.own_seed(self._seed), profile=profile)
+        line = SoundingLine(survey, instrument, self._sensor.own_seed(self._seed), profile=profile, tide=tide)
         return next(line.pings([self.latest.ping]))
 
     @cached_property

@@ -148,7 +148,8 @@ class Survey:
                              "water itself do not see yet; write max_depth 1, leave out volume_strength_db and layers, "
                              "and give the sea surface a rough material")
         deepest = max(self.world.depth_range[1], -float(self.planned.track.position[:, 2].min())) + below
-        return DeviceWater(column.profile, column.absorption, column.volume, deepest=deepest, field=column.field)
+        return DeviceWater(column.profile, column.absorption, column.volume, deepest=deepest, field=column.field,
+                           level=column.level)
 
     def refuse_field(self, what: str) -> None:
         """Raise `ValueError` if the water has a field, which `what` do not see."""

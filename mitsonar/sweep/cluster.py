@@ -15,6 +15,8 @@ import signal
 import time
 from typing import TYPE_CHECKING, Any
 
+from mitsonar.device.extras import MissingExtra
+
 from .local import THREADS, Renderer, shares
 
 if TYPE_CHECKING:
@@ -35,8 +37,7 @@ class Cluster:
         try:
             import distributed
         except ImportError:
-            raise ValueError('Dask is not installed: run pip install "mitsonar[cluster]", or sweep without --workers '
-                             "and --scheduler") from None
+            raise MissingExtra("Dask is not installed", "cluster", "sweep without --workers and --scheduler") from None
 
         self.place, self.folder, self._log_levels = place, folder, _silence()
         self._own: Any = None                          # Dask lacks usable type annotations

@@ -18,6 +18,8 @@ from .fields import SoundSpeedField
 from .profile import SoundSpeedProfile
 from .volume import VolumeScattering
 
+TIDE_STEP = 0.02                   # [m]: profiles ride on the tide in steps, as every new water takes time to prepare
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WaterColumn:
@@ -29,6 +31,15 @@ class WaterColumn:
     #: absorption [dB/m] against frequency [Hz], mean from the sonar to the lowest bed; None where it is constant
     mean_absorption_db: Callable[[np.ndarray], np.ndarray] | None = None
     field: SoundSpeedField | None = None  # sound speed that changes across, beside the profile
+    level: float = 0.0  # [m]: of the water's surface above depth 0, from which depths of all above count
+
+    def lifted(self, height: float) -> WaterColumn:
+        """Return the column on a tide of a height [m]; itself if nothing changes."""
+        parts = {name: None if (own := getattr(self, name)) is None else own.lifted(height)
+                 for name in ("profile", "absorption", "volume", "field")}
+        if all(part is getattr(self, name) for name, part in parts.items()):
+            return self
+        return replace(self, **parts, level=self.level + height)
 
     def mixed(self, other: WaterColumn, share: float) -> WaterColumn:
         """Return the column between this one, share 0, and another, share 1; volume scattering is this one's."""
@@ -67,6 +78,16 @@ class Waters:
         columns = [replace(self.at(ping), field=field.at(float(now), start)) for ping, now in enumerate(time)]
         return replace(self, columns=columns, numbers=np.arange(len(time)))
 
+    def lifted(self, tide: np.ndarray) -> Waters:
+        """Return the waters on a tide, whose heights (P,) [m] at the pings are rounded to steps of `TIDE_STEP`."""
+        pairs = np.stack([self.number(np.arange(len(tide))), np.round(tide / TIDE_STEP).astype(int)])
+        pairs, numbers = np.unique(pairs, axis=1, return_inverse=True)
+        columns = [self.columns[number].lifted(step * TIDE_STEP) for number, step in pairs.T]
+        stated = {**self.attributes, "tide_of_ping": [round(float(height), 4) for height in tide]}
+        if all(column is self.columns[number] for column, number in zip(columns, pairs[0])):
+            return replace(self, attributes=stated)
+        return replace(self, columns=columns, numbers=numbers.reshape(-1), attributes=stated)
+
     def number(self, ping: ArrayLike) -> np.ndarray:
         """Return the numbers of the columns of pings, of any shape."""
         return np.zeros(np.shape(ping), int) if self.numbers is None else self.numbers[np.asarray(ping)]
@@ -88,7 +109,7 @@ class Waters:
         """Return the column that all pings share; raise `ValueError` if they differ."""
         if len(self.columns) > 1:
             raise ValueError(f"one water was asked for, but the survey's pings have {len(self.columns)}; write `cast` "
-                             "in place of `casts`, or give pings that share a cast")
+                             "in place of `casts`, leave out `tide`, or give pings that share a cast")
         return self.columns[0]
 
     @property

@@ -59,9 +59,9 @@ SCENES = {
     "written twice": ([sensor('<integer name="pings" value="3"/>')], "attribute pings is written twice"),
     "no value": ([sensor('<float name="speed_knots"/>')], 'missing required attribute "value" in <float>'),
     "unknown preset": ([sensor('<string name="preset" value="towed_40khz"/>')],
-                       '"auv_850khz", "auv_900khz" (did you mean "towed_400khz"?)'),
+                       '"auv_900khz", or the name of an instrument (did you mean "towed_400khz"?)'),
     "preset of another sonar": ([sensor('<string name="preset" value="multibeam_750khz"/>')],
-                                '"auv_900khz" ("multibeam_750khz" is a preset of forward_looking).'),
+                                'an instrument ("multibeam_750khz" is a preset of forward_looking).'),
     "integrator of light with rays": ([('"sonar_path"', '"path"')],
                                       'path: sonars need <integrator type="sonar_path">, which takes "rays"'),
     "film of light": ([('"sonar_film"', '"hdrfilm"')], 'hdrfilm: sonars need <film type="sonar_film">, which takes'),
@@ -260,6 +260,7 @@ COMMANDS = {
     "plot of a scene": (["plot", "scene.xml"], "is not an OpenEXR file"),
     "plot with a word for a ping": (["plot", "no.exr", "--ping", "x"], "--ping: 'x' is not a whole number"),
     "unknown gain": (["plot", "no.exr", "--tvg", "x"], "choose from"),
+    "demo into a picture": (["demo", "-o", "demo.png"], "must end in .exr; pictures are made by --preview"),
     "demo of something": (["demo", "x"], "unrecognized arguments: x"),
 }
 

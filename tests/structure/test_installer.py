@@ -66,6 +66,17 @@ def test_packages_elsewhere_do_not_count(tmp_path, monkeypatch):
     assert heard == ["WARNING False"]
 
 
+@pytest.mark.parametrize("line", [
+    "WARNING: Location 'file:///srv/wheels' is ignored: it is neither a file nor a directory.",
+    "WARNING: Url '/srv/wheels' is ignored. It is either a non-existing path or lacks a specific scheme.",
+    "WARNING: Skipping page http://wheels.example/simple/ because it has no links.",
+    'WARNING: The index url "wheels" seems invalid, please provide a scheme.'], ids=lambda line: line.split()[1])
+def test_warnings_about_places_that_pip_looks_at_are_not_passed_on(tmp_path, line):
+    heard = []
+    installer.run(str(tmp_path), heard.append, sys.executable, "-c", f"print({line!r}); print('WARNING: of another')")
+    assert heard == ["WARNING: of another"]
+
+
 @pytest.fixture
 def stranger():
     """The port of an HTTPS server with a certificate that it signed itself."""

@@ -22,7 +22,7 @@ def cluster(tmp_path_factory, dask_workers):
 
 def test_without_dask_a_sentence_names_the_extra(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(ValueError, match=r'Dask is not installed: run pip install "mitsonar\[cluster\]", or sweep'):
+    with pytest.raises(ValueError, match=r"Dask is not installed; run pip install 'mitsonar\[cluster\]', or sweep"):
         Cluster(2, str(tmp_path), str(tmp_path), workers=1)
 
 

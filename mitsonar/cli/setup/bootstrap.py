@@ -1,14 +1,17 @@
 """Set up the environment of a checkout, and restart the command in it. Standard library only.
 
 `enter` is called before every command. If the running interpreter has the packages, or mitsonar is installed without
-its checkout, only a libLLVM may be missing. Otherwise the packages are installed into ``.venv`` beside
-``pyproject.toml`` (or under the user's cache if the checkout is read-only), and the command restarts there.
+its checkout, only a libLLVM may be missing. Otherwise the packages that mitsonar itself needs are installed into
+``.venv`` beside ``pyproject.toml`` (or under the user's cache if the checkout is read-only), and the command restarts
+there. ``test`` adds the packages of the extra ``test`` to the same environment, and a command that meets a missing
+package of another extra adds that one (`add_extra`).
 
 A file in the environment holds its state. No file: somebody else made the environment; packages are added to it.
 "unfinished": a set-up was interrupted, and starts again. Otherwise the file holds the inputs of the environment, which
-is used while these stay the same. An environment to be replaced is renamed until the new one is complete, and gets its
-name back if that fails.
+is used while these stay the same, and its extras, which are brought up to date with the rest. An environment to be
+replaced is renamed until the new one is complete, and gets its name back if that fails.
 """
+import concurrent.futures
 import contextlib
 import hashlib
 import importlib.metadata
@@ -27,7 +30,8 @@ from .installer import SetupError
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))))
 PROJECT = os.path.join(ROOT, "pyproject.toml")
 MOVED = "MITSONAR_MOVED_INTO"  # set for the process that is started in the environment
-UNFINISHED, ADDED_TO = b"unfinished\n", b"added to\n"
+UNFINISHED, ADDED_TO, EXTRAS = b"unfinished\n", b"added to\n", b"extras:"
+SIZES = {"": "0.7 GB; a quarter of a minute on a fast line", "test": "1.2 GB; half a minute on a fast line"}
 # commands that need no library
 AT_ONCE = ("-h", "--help", "-v", "--version", "--print-completion", "scenes")
 
@@ -45,7 +49,7 @@ def enter(argv: Sequence[str]) -> None:
     if llvm.new_folder():
         say(f"the folder for caches cannot be written; {llvm.new_folder()} takes its place until the system clears it. "
             "Set XDG_CACHE_HOME to a folder that lasts.")
-    if argv and argv[0].partition("=")[0] not in AT_ONCE:
+    if _needs_library(argv):
         try:
             _have_library()
         except OSError as error:                       # other commands work without a library
@@ -53,12 +57,29 @@ def enter(argv: Sequence[str]) -> None:
                 f"{llvm.VARIABLE} to a library.")
 
 
+def add_extra(extra: str, argv: Sequence[str]) -> None:
+    """Install an extra into the environment of this checkout, and restart the command `argv` there.
+
+    Return if another environment is running, or if it has the extra already.
+    """
+    folder = environment()
+    if not (os.path.isfile(PROJECT) and _inside(folder)) or extra in _extras(_read(_state_file(folder))):
+        return
+    try:
+        with _alone(folder):
+            set_up(folder, [extra])
+    except OSError as error:
+        raise SetupError(f"The set-up failed: {error}.") from None
+    _restart(folder, argv, "new")
+
+
 def _move_in(argv):
     moved = os.environ.pop(MOVED, None)
     folder = environment()
     if _inside(folder):
         _forget_python_path(folder)
-    lacking = missing(with_tests=argv[:1] == ["test"])
+    extras = ["test"] if argv[:1] == ["test"] else []
+    lacking = missing(*extras)
     if not lacking:
         return
     if moved == "new":
@@ -66,13 +87,18 @@ def _move_in(argv):
                          "try again.")
     with _alone(folder):
         if moved or _inside(folder) or not _is_ready(folder):
-            set_up(folder)
+            set_up(folder, extras, library=_needs_library(argv))
             moved = "new"
+    _restart(folder, argv, moved or "old")
+
+
+def _restart(folder, argv, moved):
+    """Replace this process by the same command in an environment."""
     python = installer.python_of(folder)
     # With the locale "C", Python and Mitsuba do not agree on paths beyond ASCII.
     options = [] if sys.getfilesystemencoding() == "utf-8" else ["-X", "utf8"]
     variables = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    os.execve(python, [python, *options, "-m", "mitsonar", *argv], {**variables, MOVED: moved or "old"})
+    os.execve(python, [python, *options, "-m", "mitsonar", *argv], {**variables, MOVED: moved})
 
 
 def _forget_python_path(folder):
@@ -83,6 +109,10 @@ def _forget_python_path(folder):
     if foreign:
         del os.environ["PYTHONPATH"]
         sys.path[:] = [entry for entry in sys.path if os.path.realpath(entry) not in foreign]
+
+
+def _needs_library(argv):
+    return bool(argv) and argv[0].partition("=")[0] not in AT_ONCE
 
 
 def _have_library():
@@ -122,18 +152,10 @@ def environment() -> str:
     return os.path.join(llvm.cache_folder(), f"venv-{hashlib.sha256(os.fsencode(ROOT)).hexdigest()[:12]}")
 
 
-def missing(with_tests: bool = False) -> list[str]:
+def missing(*extras: str) -> list[str]:
     """Return the requirements of ``pyproject.toml`` that this interpreter does not meet, as ``name>=version``."""
-    with open(PROJECT, encoding="utf-8") as file:
-        text = file.read()
-    # The TOML reader came with Python 3.11; these two plain lists of strings need none.
-    keys = ["dependencies", "cluster", "test"] if with_tests else ["dependencies"]
-    text = "".join("".join(re.findall(rf"^{key} = \[\n(.*?)^\]", text, re.M | re.S)[:1]) for key in keys)
-    requirement = r'^ *"([\w.-]+(?:\[\w+\])?)(==|>=)([\d.]+)(?:; python_version < \'3\.(\d+)\')?"'
     unmet = []
-    for name, relation, version, before in re.findall(requirement, text, re.M):
-        if before and sys.version_info >= (3, int(before)):
-            continue
+    for name, relation, version in _requirements("dependencies", *extras):
         try:
             installed = importlib.metadata.version(name.partition("[")[0]) or "0"
         except importlib.metadata.PackageNotFoundError:
@@ -144,8 +166,28 @@ def missing(with_tests: bool = False) -> list[str]:
     return unmet
 
 
-def set_up(folder: str) -> None:
-    """Make or update the environment `folder`; the caller holds its lock."""
+def _requirements(*lists):
+    """Yield name, relation and version of the requirements in some lists of ``pyproject.toml``."""
+    with open(PROJECT, encoding="utf-8") as file:
+        text = file.read()
+    # The TOML reader came with Python 3.11; these plain lists of strings need none.
+    requirement = r'([\w.-]+(?:\[\w+\])?)(==|>=)([\d.]+)(?:; python_version (<|>=) \'3\.(\d+)\')?$'
+    for key in lists:
+        entries = "".join(re.findall(rf"^{key} = \[(.*?)\](?: *#[^\n]*)?$", text, re.M | re.S)[:1])
+        for entry in re.findall(r'"([^"\n]+)"', entries):
+            if entry.startswith("mitsonar["):          # other extras
+                yield from _requirements(*re.findall(r"\w+", entry)[1:])
+                continue
+            name, relation, version, side, minor = re.match(requirement, entry).groups()
+            if not side or (sys.version_info < (3, int(minor))) == (side == "<"):
+                yield name, relation, version
+
+
+def set_up(folder: str, extras: Sequence[str] = (), *, library: bool = False) -> None:
+    """Make or update the environment `folder`, with `extras` and those it has; the caller holds its lock.
+
+    With `library`, a missing libLLVM is fetched meanwhile.
+    """
     if os.name != "posix":
         raise SetupError("The automatic set-up works on Linux and macOS; elsewhere, run pip install -e .[test] first.")
     before, waiting = _read(_state_file(folder)), f"{folder}.old"
@@ -159,9 +201,14 @@ def set_up(folder: str) -> None:
             os.rename(folder, waiting)
     os.makedirs(folder, exist_ok=True)
     _write(_state_file(folder), UNFINISHED + (ADDED_TO if foreign else b""))
-    say(f"installing packages into {folder} (0.8 GB; half a minute on a fast line)")
+    extras = sorted({*extras, *_extras(before)})
+    names = [name.partition("[")[0] for name, _, _ in _requirements("dependencies", *extras)]
+    say(f"installing packages into {folder} ({SIZES.get('test' if 'test' in extras else '')})")
     try:
-        installer.install(folder, ROOT, say)
+        with concurrent.futures.ThreadPoolExecutor(1) as other:
+            if library:                # what fails is tried again by the command, which then says why
+                other.submit(_have_library)
+            installer.install(folder, ROOT, names, say)
     except BaseException as error:
         if not in_place:
             shutil.rmtree(folder)
@@ -173,7 +220,8 @@ def set_up(folder: str) -> None:
             else:
                 _write(_state_file(folder), before)
         raise
-    _write(_state_file(folder), _identity(folder) + _digest() + (ADDED_TO if foreign else b""))
+    content = _identity(folder) + _digest() + b" ".join([EXTRAS, *map(os.fsencode, extras)]) + b"\n"
+    _write(_state_file(folder), content + (ADDED_TO if foreign else b""))
     shutil.rmtree(waiting, ignore_errors=True)
 
 
@@ -229,6 +277,14 @@ def _digest():
         with open(path, "rb") as file:
             digest.update(file.read())
     return f"{digest.hexdigest()}\n".encode()
+
+
+def _extras(state):
+    """Return the extras of an environment's state; environments of older versions had the tests."""
+    if state is None or state.startswith(UNFINISHED):
+        return []
+    found = re.search(rb"^%s(.*)$" % EXTRAS, state, re.M)
+    return found[1].decode().split() if found else ["test"]
 
 
 def _state_file(folder):

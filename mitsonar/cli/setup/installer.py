@@ -1,7 +1,9 @@
 """Install mitsonar's packages into an environment, by uv if there is one, else by pip. Standard library only.
 
-Packages are those of ``requirements.lock`` with its hashes, without any build; then the checkout itself is installed,
-by the build tool in the lock. Messages of uv and pip about large downloads and errors are passed on.
+The named packages of ``requirements.lock``, and all that they need in turn by the lock's notes ``# via``, are installed
+with its hashes, without any build; then the checkout itself, by the build tool in the lock. Nothing is byte-compiled:
+Python compiles what is imported, which is a small part. Messages of uv and pip about large downloads and errors are
+passed on.
 """
 import collections
 import glob
@@ -10,15 +12,18 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 LOCK = os.path.join(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "requirements.lock")
-LOCKED = ("--require-hashes", "--only-binary", ":all:", "-r", LOCK)
+BUILD = ("hatchling", "editables")             # install the checkout
+LOCKED = ("--require-hashes", "--only-binary", ":all:", "--no-deps", "-r")     # the lock has all that a package needs
 CHECKOUT = ("--no-deps", "--no-build-isolation", "-e")
 SYSTEM_CERTIFICATES = "/etc/ssl/certs/ca-certificates.crt"  # the only ones of Debian's pip; a bare system has none
-SHOWN = re.compile(r"\s*(?:Downloading .*\([\d.]+ ?[MG]i?B\)|Installing collected|Building|Could not fetch|WARNING"
-                   r"|ERROR|error\b)")
+# the user cannot mend pip's warnings about the places where it looks for packages
+SHOWN = re.compile(r"\s*(?:Downloading .*\([\d.]+ ?[MG]i?B\)|Installing collected|Building|Could not fetch"
+                   r"|WARNING(?!: (?:Location|Url|Skipping|The index url)\b)|ERROR|error\b)")
 WIDEST, LONGEST = 160, 500  # most characters of a line that is passed on, and of a reason
 REASONS = 6  # most reasons in an error sentence
 CAUSE = re.compile(r"connection broken by '(.+?)': /|^ *Caused by: (.+)|^((?=.*(?:certificate|No space left)).+)"
@@ -30,10 +35,26 @@ class SetupError(Exception):
     """The environment cannot be made; the message is one sentence."""
 
 
-def install(folder: str, root: str, say: Callable[[str], object]) -> None:
-    """Make the environment `folder` if it is missing, and install all packages into it."""
-    if not (shutil.which("uv") and _by_uv(folder, root, say)):
-        _by_pip(folder, root, say)
+def install(folder: str, root: str, names: Iterable[str], say: Callable[[str], object]) -> None:
+    """Make the environment `folder` if it is missing, and install packages and the checkout `root` into it."""
+    with tempfile.NamedTemporaryFile("w", suffix=".txt", encoding="utf-8") as chosen:
+        chosen.write(locked([*names, *BUILD]))
+        chosen.flush()
+        if not (shutil.which("uv") and _by_uv(folder, root, chosen.name, say)):
+            _by_pip(folder, root, chosen.name, say)
+
+
+def locked(names: Iterable[str]) -> str:
+    """Return the part of the lock that holds packages and, by its notes ``# via``, what they need in turn."""
+    with open(LOCK, encoding="utf-8") as file:
+        entries = re.split(r"\n(?=\w)", file.read())[1:]
+    needed_by = [(entry.partition("==")[0], set(re.findall(r"[\w.-]+", entry.partition("# via")[2])))
+                 for entry in entries]
+    needed, before = {name.lower() for name in names}, 0
+    while before < len(needed):
+        before = len(needed)
+        needed |= {name for name, parents in needed_by if parents & needed}
+    return "\n".join(entry for entry, (name, _) in zip(entries, needed_by) if name in needed) + "\n"
 
 
 def python_of(folder: str) -> str:
@@ -41,11 +62,11 @@ def python_of(folder: str) -> str:
     return os.path.join(folder, "bin", "python")
 
 
-def _by_uv(folder, root, say):
+def _by_uv(folder, root, chosen, say):
     python = python_of(folder)
     try:
         run(folder, say, "uv", "venv", "--allow-existing", "--python", _base(), folder)
-        run(folder, say, "uv", "pip", "install", "--python", python, *LOCKED)
+        run(folder, say, "uv", "pip", "install", "--python", python, *LOCKED, chosen)
         run(folder, say, "uv", "pip", "install", "--python", python, *CHECKOUT, root)
     except SetupError as error:
         say(f"{error} Going on with pip.")
@@ -53,7 +74,7 @@ def _by_uv(folder, root, say):
     return True
 
 
-def _by_pip(folder, root, say):
+def _by_pip(folder, root, chosen, say):
     import venv
 
     try:
@@ -74,8 +95,8 @@ def _by_pip(folder, root, say):
         if not os.path.exists(SYSTEM_CERTIFICATES):
             certificates = zipfile.ZipFile(wheel).extract("pip/_vendor/certifi/cacert.pem", os.path.dirname(wheel))
             variables = {"PIP_CERT": certificates}
-    command = [python_of(folder), *pip, "install", "--disable-pip-version-check", "--no-input"]
-    run(folder, say, *command, *LOCKED, **variables)
+    command = [python_of(folder), *pip, "install", "--disable-pip-version-check", "--no-input", "--no-compile"]
+    run(folder, say, *command, *LOCKED, chosen, **variables)
     run(folder, say, *command, *CHECKOUT, root, **variables)
 
 

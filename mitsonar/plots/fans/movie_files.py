@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.colors import Colormap, to_rgb
 from PIL import GifImagePlugin, Image
 
+from mitsonar.device.extras import MissingExtra
 from mitsonar.device.files import FilePath, check_writable, checked_suffix, replacing
 
 from .. import canvas
@@ -147,6 +148,6 @@ def _video_packages(path: FilePath) -> tuple[Any, Any]:
 
         imageio_ffmpeg.get_ffmpeg_exe()
     except (ImportError, RuntimeError):
-        raise ValueError(f"cannot write {path}: MP4 files need the extra video; run pip install 'mitsonar[video]', or "
-                         "give a name that ends in .gif, or a folder for PNG files.") from None
+        raise MissingExtra(f"cannot write {path}: MP4 files need the extra video", "video",
+                           "give a name that ends in .gif, or a folder for PNG files") from None
     return imageio, imageio_ffmpeg
