@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike
 
 from mitsonar.device.files import FilePath, check_readable, check_writable, checked_suffix, described, replacing
 from mitsonar.imaging.focused import is_focused
+from mitsonar.version import __version__
 
 from . import poses
 from .bag_messages import BagMessage, nanoseconds, serialised, typestore
@@ -304,8 +305,7 @@ def _about(record, names, stamp) -> BagMessage:
     """Return what messages have no room for, as JSON."""
     attrs = record.attrs
     units = record["level"].attrs.get("units", "dB") if "level" in record else "dB"
-    said = {"software": "mitsonar " + str((attrs.get("versions") or {}).get("mitsonar", "")),
-            "units": {"image": units, "picture": units, **UNITS},
+    said = {"software": f"mitsonar {__version__}", "units": {"image": units, "picture": units, **UNITS},
             "image_order": "index = range * beam_count + beam",
             "frames": {"map": "x east, y north, z up; z = 0 is the still sea surface",
                        names.base: "x forward, y port, z up", names.sonar: "z along the middle of the beams"},

@@ -119,7 +119,17 @@ def _levelled(ping: xr.Dataset) -> np.ndarray:
 
 
 def _cones(ping: xr.Dataset) -> np.ndarray:
-    """Return the directions of soundings in the frame of their arrays, where both cones of a beam meet below."""
-    forward, starboard = np.sin(ping["transmit_angle"].values[0]), np.sin(ping["angle"].values[0])
-    down = np.sqrt(np.maximum(1 - forward ** 2 - starboard ** 2, 0))
-    return np.stack([forward, starboard, down], -1) @ mounting_matrix(*ping["transmit_mounting"].values).T
+    """Return the directions of soundings (B, 3) in the body, where the cones of both arrays meet.
+
+    l = α a_t + β a_r + γ a_t x a_r with sin(transmit_angle) = a_t·l, sin(angle) = a_r·l and |l| = 1.
+    """
+    mounting = ping["receive_mounting"].values
+    if "head" in ping:
+        mounting = ping["head_receive_mounting"].values[int(ping["head"].values.reshape(-1)[0])]
+    along = mounting_matrix(*ping["transmit_mounting"].values)[:, 0]
+    across = mounting_matrix(*mounting)[:, 1]
+    aside, below = float(along @ across), np.cross(along, across)
+    sines = np.stack([np.sin(ping[name].values[0]) for name in ("transmit_angle", "angle")])
+    flat = np.stack([along, across], -1) @ np.linalg.solve([[1.0, aside], [aside, 1.0]], sines)      # (3, B)
+    down = np.sqrt(np.maximum(1 - (flat ** 2).sum(0), 0) / (below @ below))
+    return (flat + below[:, None] * down).T

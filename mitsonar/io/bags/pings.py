@@ -125,14 +125,15 @@ def _sounded(ping, beams, names, stamp):
     if "true_depth" in one:
         yield _points("truth", names, stamp, **place, z=-one["true_depth"].values[valid], beam=beam,
                       **{name: one[name].values[valid] for name in ("error", "label") if name in one})
-    if "column_level_db" in one:
+    if "column_level_db" in one and np.isfinite(one["column_start"].values).any():
         yield _column(one, names, stamp, info)
 
 
 def _column(one, names, stamp, info):
     """Return the water column of a ping; beams that begin later have no numbers (NaN) before their first."""
-    rate = float(one["column_rate"].values[0])
-    first = np.round(one["column_start"].values * rate).astype(int)
+    rate, starts = float(np.nanmax(one["column_rate"].values)), one["column_start"].values
+    # beams that pad a ping have no start
+    first = np.round(np.where(np.isfinite(starts), starts, np.nanmin(starts)) * rate).astype(int)
     level = one["column_level_db"].values
     if np.ptp(first):
         late = first - first.min()
