@@ -236,6 +236,27 @@ def test_the_water_column_comes_back(tmp_path):
         assert np.isnan(level[:late, beam]).all()
 
 
+def test_records_that_hold_something_else_are_refused_in_one_sentence(tmp_path):
+    record = moving_fan(pings=2)
+    steps = head(steps=2, bins=4).assign_coords(ping_time=("ping", [0.0, 1.0]))
+    for words, odd in (("has no range", record.drop_vars("range")), ("has no ping_time", record.drop_vars("ping_time")),
+                       ("ping_time of the record is not finite", record.assign_coords(ping_time=("ping", [0, np.nan]))),
+                       ("x of the record is not finite", record.assign_coords(x=("ping", [0, np.nan]))),
+                       ("-5 s since 1970", record.assign_coords(ping_time=("ping", [-5.0, 0.0]))),
+                       ("no pings", record.isel(ping=slice(0, 0))), ("complex64", record.astype("c8")),
+                       ("mounted 'sideways'", steps.assign_attrs(mount="sideways")),
+                       ("'yesterday' is no date", record.assign_attrs(start="yesterday")),
+                       ("none that PROJ knows", record.assign_attrs(crs="EPSG:99999")),
+                       ("neither levels nor soundings", xr.Dataset()),
+                       ("lacks sector_delay", soundings_line(pings=1).drop_vars("sector_delay"))):
+        with pytest.raises(ValueError, match=words):
+            bag.write(odd, tmp_path / "a.mcap")
+        assert not list(tmp_path.iterdir())
+    half = record.assign(level=record["level"].astype(np.float16))
+    bag.write(half, tmp_path / "a.mcap")
+    np.testing.assert_array_equal(picture(one(read(tmp_path / "a.mcap"), "/sonar/image").image), half["level"][0].T)
+
+
 MEASURED = Path(__file__).resolve().parents[2] / "../shared/data/measured/multibeam"
 
 
@@ -296,6 +317,14 @@ def test_a_sidescan_looks_to_both_sides_and_below(tmp_path):
     assert beam_widths({"sonar": "sidescan", "scene": wider})["tx_beamwidths"] == [pytest.approx(np.radians(60.0))]
     for unknown in ({}, {"sonar": "sidescan", "scene": "<scene"}, {"sonar": "array_sonar", "scene": scene}):
         assert beam_widths(unknown) == {"tx_beamwidths": [], "rx_beamwidths": []}
+
+
+def test_a_fan_without_directions_lies_level_and_ahead(tmp_path):
+    record = moving_fan(pings=2)
+    plain = record.drop_vars(["beam_x", "beam_y", "beam_z"])
+    for name, one_record in (("whole", record), ("plain", plain)):
+        bag.write(one_record, tmp_path / f"{name}.mcap")
+    assert (tmp_path / "plain.mcap").read_bytes() == (tmp_path / "whole.mcap").read_bytes()
 
 
 def test_a_multibeam_that_rolls_holds_its_beams_level(tmp_path):

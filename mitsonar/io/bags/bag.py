@@ -25,6 +25,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from mitsonar.device.files import FilePath, check_readable, check_writable, checked_suffix, described, replacing
+from mitsonar.hydrography.record import check
 from mitsonar.imaging.focused import is_focused
 from mitsonar.version import __version__
 
@@ -225,7 +226,10 @@ def write_messages(stream: Iterable[BagMessage], path: FilePath) -> dict[str, in
 
 def seconds_of(date: str) -> float:
     """Return the seconds since 1970 of an ISO 8601 date; UTC if it names no other offset."""
-    found = datetime.datetime.fromisoformat(date.strip().removesuffix("Z"))
+    try:
+        found = datetime.datetime.fromisoformat(date.strip().removesuffix("Z"))
+    except ValueError:
+        raise ValueError(f"{date[:40]!r} is no date; give one such as 2026-05-01T10:00:00Z.") from None
     return (found if found.tzinfo else found.replace(tzinfo=datetime.timezone.utc)).timestamp()
 
 
@@ -273,6 +277,10 @@ def _check(record: object, cell: float | None) -> None:
         raise ValueError("the record holds neither levels nor soundings, and signals of elements have no message of "
                          "ROS; give an image as mitsonar render makes it, or soundings.")
     needed = () if is_focused(record) else ("ping_time",) if {"x", "y"} <= set(record.dims) else ("ping_time", "range")
+    if "travel_time" in record:
+        check(record, "the soundings")
+    if record.sizes.get("ping") == 0:
+        raise ValueError("the record has no pings; give one with at least one.")
     if "level" in record and (lacking := [name for name in needed if name not in record.variables]):
         raise ValueError(f"the record has no {lacking[0]}, which its messages need; give one as mitsonar wrote it.")
     if cell is not None and set(record["level"].dims if "level" in record else ()) != {"ping", "beam", "range"}:

@@ -45,16 +45,21 @@ def beams_of(record: xr.Dataset) -> SonarBeams:
     if "transmit_mounting" in record:
         frame = mounting_matrix(*record["transmit_mounting"].values) @ axes.BELOW
         return SonarBeams(frame=frame, directions=_cones, offset=np.asarray(record["transmit_offset"].values, float))
-    if "beam_x" in record.coords:
-        fixed = np.stack([np.asarray(record[f"beam_{axis}"].values, float) for axis in "xyz"], -1)
+    if "beam" in record.dims:
         angle = np.asarray(record["bearing" if "bearing" in record.coords else "beam"].values, float)
+        fixed = np.stack([np.cos(angle), np.sin(angle), 0 * angle], -1)      # of a fan that does not state its plane
+        if "beam_x" in record.coords:
+            fixed = np.stack([np.asarray(record[f"beam_{axis}"].values, float) for axis in "xyz"], -1)
         level = record.attrs.get("sonar") == "multibeam"
 
         def directions(ping: xr.Dataset) -> np.ndarray:
             return fixed @ _levelled(ping) if level else fixed
         return SonarBeams(frame=_fan_frame(fixed, angle), directions=directions, offset=nowhere)
     if "bearing" in record.coords:
-        columns, sign = MOUNTS[str(record.attrs.get("mount", "down"))]
+        mount = str(record.attrs.get("mount", "down"))
+        if mount not in MOUNTS:
+            raise ValueError(f"the record's head is mounted {mount!r}; known are {', '.join(MOUNTS)}.")
+        columns, sign = MOUNTS[mount]
         ahead, aside = columns[:, 0], sign * columns[:, 1]
         tilt = float(record.attrs.get("tilt", 0.0))
 

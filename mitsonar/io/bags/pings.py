@@ -72,7 +72,11 @@ def _projected(ping, beams, names, stamp):
 
 
 def _image(values: np.ndarray) -> dict[str, Any]:
-    """Return a SonarImageData of numbers (range, beam)."""
+    """Return a SonarImageData of numbers (range, beam); half precision becomes single, and bool a byte."""
+    values = values.astype({"f2": "f4", "b1": "u1"}.get(values.dtype.str[1:], values.dtype), copy=False)
+    if values.dtype.str[1:] not in IMAGE_TYPES:
+        raise ValueError(f"a variable of the record holds {values.dtype}, which no image of ROS does; cast it to "
+                         "float32.")
     plain = np.ascontiguousarray(values, values.dtype.newbyteorder("<"))
     return {"dtype": IMAGE_TYPES[plain.dtype.str[1:]], "beam_count": plain.shape[1], "data": plain.view(np.uint8)}
 
