@@ -45,16 +45,21 @@ def beams_of(record: xr.Dataset) -> SonarBeams:
     if "transmit_mounting" in record:
         frame = mounting_matrix(*record["transmit_mounting"].values) @ axes.BELOW
         return SonarBeams(frame=frame, directions=_cones, offset=np.asarray(record["transmit_offset"].values, float))
-    if "beam_x" in record.coords:
-        fixed = np.stack([np.asarray(record[f"beam_{axis}"].values, float) for axis in "xyz"], -1)
+    if "beam" in record.dims:
         angle = np.asarray(record["bearing" if "bearing" in record.coords else "beam"].values, float)
+        fixed = np.stack([np.cos(angle), np.sin(angle), 0 * angle], -1)      # of a fan that does not state its plane
+        if "beam_x" in record.coords:
+            fixed = np.stack([np.asarray(record[f"beam_{axis}"].values, float) for axis in "xyz"], -1)
         level = record.attrs.get("sonar") == "multibeam"
 
         def directions(ping: xr.Dataset) -> np.ndarray:
             return fixed @ _levelled(ping) if level else fixed
         return SonarBeams(frame=_fan_frame(fixed, angle), directions=directions, offset=nowhere)
     if "bearing" in record.coords:
-        columns, sign = MOUNTS[str(record.attrs.get("mount", "down"))]
+        mount = str(record.attrs.get("mount", "down"))
+        if mount not in MOUNTS:
+            raise ValueError(f"the record's head is mounted {mount!r}; known are {', '.join(MOUNTS)}.")
+        columns, sign = MOUNTS[mount]
         ahead, aside = columns[:, 0], sign * columns[:, 1]
         tilt = float(record.attrs.get("tilt", 0.0))
 
@@ -119,7 +124,17 @@ def _levelled(ping: xr.Dataset) -> np.ndarray:
 
 
 def _cones(ping: xr.Dataset) -> np.ndarray:
-    """Return the directions of soundings in the frame of their arrays, where both cones of a beam meet below."""
-    forward, starboard = np.sin(ping["transmit_angle"].values[0]), np.sin(ping["angle"].values[0])
-    down = np.sqrt(np.maximum(1 - forward ** 2 - starboard ** 2, 0))
-    return np.stack([forward, starboard, down], -1) @ mounting_matrix(*ping["transmit_mounting"].values).T
+    """Return the directions of soundings (B, 3) in the body, where the cones of both arrays meet.
+
+    l = α a_t + β a_r + γ a_t x a_r with sin(transmit_angle) = a_t·l, sin(angle) = a_r·l and |l| = 1.
+    """
+    mounting = ping["receive_mounting"].values
+    if "head" in ping:
+        mounting = ping["head_receive_mounting"].values[int(ping["head"].values.reshape(-1)[0])]
+    along = mounting_matrix(*ping["transmit_mounting"].values)[:, 0]
+    across = mounting_matrix(*mounting)[:, 1]
+    aside, below = float(along @ across), np.cross(along, across)
+    sines = np.stack([np.sin(ping[name].values[0]) for name in ("transmit_angle", "angle")])
+    flat = np.stack([along, across], -1) @ np.linalg.solve([[1.0, aside], [aside, 1.0]], sines)      # (3, B)
+    down = np.sqrt(np.maximum(1 - (flat ** 2).sum(0), 0) / (below @ below))
+    return (flat + below[:, None] * down).T

@@ -72,7 +72,11 @@ def _projected(ping, beams, names, stamp):
 
 
 def _image(values: np.ndarray) -> dict[str, Any]:
-    """Return a SonarImageData of numbers (range, beam)."""
+    """Return a SonarImageData of numbers (range, beam); half precision becomes single, and bool a byte."""
+    values = values.astype({"f2": "f4", "b1": "u1"}.get(values.dtype.str[1:], values.dtype), copy=False)
+    if values.dtype.str[1:] not in IMAGE_TYPES:
+        raise ValueError(f"a variable of the record holds {values.dtype}, which no image of ROS does; cast it to "
+                         "float32.")
     plain = np.ascontiguousarray(values, values.dtype.newbyteorder("<"))
     return {"dtype": IMAGE_TYPES[plain.dtype.str[1:]], "beam_count": plain.shape[1], "data": plain.view(np.uint8)}
 
@@ -125,14 +129,15 @@ def _sounded(ping, beams, names, stamp):
     if "true_depth" in one:
         yield _points("truth", names, stamp, **place, z=-one["true_depth"].values[valid], beam=beam,
                       **{name: one[name].values[valid] for name in ("error", "label") if name in one})
-    if "column_level_db" in one:
+    if "column_level_db" in one and np.isfinite(one["column_start"].values).any():
         yield _column(one, names, stamp, info)
 
 
 def _column(one, names, stamp, info):
     """Return the water column of a ping; beams that begin later have no numbers (NaN) before their first."""
-    rate = float(one["column_rate"].values[0])
-    first = np.round(one["column_start"].values * rate).astype(int)
+    rate, starts = float(np.nanmax(one["column_rate"].values)), one["column_start"].values
+    # beams that pad a ping have no start
+    first = np.round(np.where(np.isfinite(starts), starts, np.nanmin(starts)) * rate).astype(int)
     level = one["column_level_db"].values
     if np.ptp(first):
         late = first - first.min()
