@@ -19,6 +19,7 @@ from . import (
 )
 from .device.llvm import BackendError as BackendError
 from .io.reading import read as read, write as write
+from .plots.sheets.scene_sheet import show as show
 from .scene.loading import load_file as load_file
 from .verbs.gradients import (
     coherent_model as coherent_model,

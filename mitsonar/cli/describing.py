@@ -1,10 +1,11 @@
-"""The commands that describe scenes, plugins and presets: scenes, describe."""
+"""The commands that describe scenes, plugins and presets: scenes, describe, show."""
 import shutil
 import textwrap
+from pathlib import Path
 
 from mitsonar.verbs import guide
 
-from .arguments import Commands
+from .arguments import Commands, add_parameters, check_picture, parameters, set_up, whole
 from .completion import add_file
 from .words import announce
 
@@ -23,6 +24,17 @@ def add(commands: Commands) -> None:
     describe.add_argument("--markdown", action="store_true",
                           help="print the reference page of all plugins, or with the name instruments their page")
     describe.set_defaults(run=_describe)
+
+    show = commands.add_parser("show", help="draw plan and section of a scene, and what its sonar sees, without "
+                                            "rendering it")
+    add_file(show, "scene", shipped=True, help="Mitsuba XML file, or the name of a scene that comes with mitsonar")
+    add_file(show, "-o", "--output", metavar="OUT.png", help="picture; default: SCENE_plan.png here")
+    add_parameters(show)
+    show.add_argument("--sensor", default=0, metavar="ID",
+                      help="id of one of the scene's sonars; default: the first")
+    show.add_argument("--ping", type=whole, metavar="N",
+                      help="number of the ping of the section, from 0; default: the middle one")
+    show.set_defaults(run=_show)
 
 
 def _describe(arguments):
@@ -43,3 +55,17 @@ def _describe(arguments):
         for paragraph in text.split("\n"):
             for line in textwrap.wrap(paragraph, width, initial_indent="    ", subsequent_indent="    "):
                 announce(line)
+
+
+def _show(arguments):
+    from mitsonar.io.scene_files import scenes
+
+    path = scenes.find(arguments.scene)
+    output = arguments.output or f"{Path(path).stem}_plan.png"
+    check_picture(output)
+    from mitsonar import load_file
+    from mitsonar.plots.sheets.scene_sheet import show
+
+    set_up(None)
+    show(load_file(path, **parameters(arguments)), output, sensor=arguments.sensor, ping=arguments.ping)
+    announce(output)

@@ -1,6 +1,7 @@
 """The commands that write files for sidescan software, GIS and robots: raster, convert, mosaic, grid, bag."""
 import datetime
 import os
+import re
 
 from .arguments import GAINS, Commands, add_gain, check_output, gain, number, whole
 from .completion import add_file
@@ -81,6 +82,8 @@ def add(commands: Commands) -> None:
                      help="also draw fans of beams as pictures in metres with cells of this side")
     add_file(bag, "--like", metavar="SCENE", shipped=True, help="scene whose world and sonar the track is sailed in")
     bag.add_argument("--topic", metavar="NAME", help="topic of the track, or of the images, to read")
+    bag.add_argument("--pings", metavar="FIRST:END",
+                     help="images to read, by their numbers from 0, such as 0:500; default: all")
     bag.add_argument("--shift", nargs=3, type=number, metavar=("EAST", "NORTH", "UP"),
                      help="place of the track's origin in the scene [m]; default: 0 0 0")
     bag.set_defaults(run=_bag)
@@ -172,7 +175,7 @@ def _bag(arguments):
     if suffix != bag.SUFFIX:
         _read_bag(arguments, suffix)
         return
-    _refuse(arguments, ("like", "topic", "shift"), "reads a bag, and this writes one")
+    _refuse(arguments, ("like", "topic", "shift", "pings"), "reads a bag, and this writes one")
     start = None if arguments.start is None else _seconds(arguments.start)
     written = bag.write_files(arguments.records, arguments.output, start=start, cell=arguments.cell)
     announce(arguments.output)
@@ -192,13 +195,20 @@ def _read_bag(arguments, suffix):
     if suffix == ".xml":
         if arguments.like is None:
             raise ValueError("a track needs a world and a sonar; give --like SCENE.xml.")
+        _refuse(arguments, ("pings",), "reads images, and this reads a track")
         for written in like_bag(path, arguments.like, arguments.output, topic=arguments.topic,
                                 shift=arguments.shift or (0.0, 0.0, 0.0)):
             announce(written)
         return
     _refuse(arguments, ("like", "shift"), "makes a scene, and this reads images")
     stem = os.path.splitext(arguments.output)[0]
-    images = recorded.read_images(path, topic=arguments.topic, track=recorded.track_if_any(path))
+    pings = None
+    if arguments.pings is not None:
+        limits = re.fullmatch(r"(\d*):(\d*)", arguments.pings)
+        if limits is None:
+            raise ValueError(f"--pings is {arguments.pings!r}; give numbers such as 0:500, 500: or :500.")
+        pings = slice(*(int(limit) if limit else None for limit in limits.groups()))
+    images = recorded.read_images(path, topic=arguments.topic, track=recorded.track_if_any(path), pings=pings)
     for run, image in enumerate(images, 1):
         output = arguments.output if run == 1 else f"{stem}_{run}{suffix}"
         reading.write(image, output)

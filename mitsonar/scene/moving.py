@@ -111,7 +111,7 @@ class Movements:
             profile, sonar = self.waters.at(ping).profile, self.track.position[ping]
             return [*(_stand(shape.mover, float(self.time(shape, ping)), sonar, profile) for shape in self.shapes),
                     *self._sea_at(float(self.track.time[ping]), sonar, profile)]
-        latest, profile = stepping.latest, self.waters.only.profile
+        latest, profile = stepping.latest, self.waters.of_step(stepping.latest).column.profile
         stands: list[Stand | SeaStand] = []
         for shape in self.shapes:
             mover, time = stepping.moved.get(shape.id()), latest.time

@@ -187,4 +187,4 @@ def planned_waters(sensor: Sensor, geometry: Geometry, passage: Passage, frequen
     if geometry.surface_label and level.any():
         raise ValueError(f"the tide is up to {abs(level).max():.3g} m off z = 0, and the scene has a sea_surface, "
                          "which stays there; leave out one of the two")
-    return waters.lifted(level)
+    return waters.lifted(passage.level, track.time)

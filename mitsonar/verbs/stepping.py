@@ -100,7 +100,7 @@ class Sonar:
             bed or beyond the scene, or it is faster than the scene's route. The sonar then stays at its last ping.
         """
         with self._sent(position, attitude, velocity, turn_rate, time) as (run, ping):
-            return SonarImage.of(not_all_nan(run.frame(ping)).assign_attrs(self._origin))
+            return SonarImage.of(not_all_nan(run.frame(ping)).assign_attrs({**self._origin, **run.stated}))
 
     def signals(self, *, position: ArrayLike | None = None, attitude: ArrayLike = ZERO, velocity: ArrayLike = ZERO,
                 turn_rate: ArrayLike = ZERO, time: float | None = None) -> SonarSignals:
@@ -125,7 +125,8 @@ class Sonar:
             record = run.record()
             array = received_signals(record, [ping])
             return SonarSignals.of(not_all_nan(array).assign_attrs(
-                seed=self._seed, kernel=record.kernel, return_path=record.return_path, **self._origin))
+                seed=self._seed, kernel=record.kernel, return_path=record.return_path,
+                **{**self._origin, **run.stated}))
 
     def soundings(self, profile: SoundSpeedProfile | FilePath | None = None, *,
                   tide: float | FilePath | None = None, column: bool = False, snippets: int = 0,
@@ -153,7 +154,7 @@ class Sonar:
         samples, cast, level = checked_snippets(snippets), read_profile(profile), read_tide(tide)
         with self._sent(position, attitude, velocity, turn_rate, time) as (run, _):
             image = run.sounded(cast, level, column=column, snippets=samples)
-            origin = {**self._origin, "seed": self._seed}
+            origin = {**self._origin, **run.stated, "seed": self._seed}
             return SonarImage.of(image.assign_attrs({**origin, **image.attrs, "seed": self._seed}))
 
     def move(self, name: str, *, position: ArrayLike, attitude: ArrayLike = ZERO, velocity: ArrayLike = ZERO,

@@ -113,7 +113,8 @@ def test_images_of_a_bag_become_a_record(own_bag, folder, capfd):
     image = mitsonar.read("real.nc")
     np.testing.assert_array_equal(image["level"], own_bag["level"])
     np.testing.assert_allclose(image["y"], own_bag["y"], atol=1e-9)
-    assert cli.main(["bag", "run.mcap", "-o", "real.exr", "--topic", "/sonar/image"]) == 0
+    assert cli.main(["bag", "run.mcap", "-o", "real.exr", "--topic", "/sonar/image", "--pings", "1:3"]) == 0
+    np.testing.assert_array_equal(mitsonar.read("real.exr")["level"], own_bag["level"][1:3])
     assert cli.main(["raster", "real.exr", "-o", "real.png"]) == 0        # to lay beside a rendered one
 
 
@@ -123,6 +124,10 @@ def test_options_that_do_not_go_together_are_refused(own_bag, records, refusal, 
                               ("--topic reads a bag", "side.exr", "-o", "a.mcap", "--topic", "/a"),
                               ("--cell writes a bag", "run.mcap", "-o", "a.nc", "--cell", "1"),
                               ("--shift makes a scene", "run.mcap", "-o", "a.nc", "--shift", "0", "0", "0"),
+                              ("--pings is 'a'", "run.mcap", "-o", "a.nc", "--topic", "/sonar/image", "--pings", "a"),
+                              ("no such images", "run.mcap", "-o", "a.nc", "--topic", "/sonar/image", "--pings", "9:"),
+                              ("--pings reads images", "run.mcap", "--like", "scene.xml", "-o", "a.xml", "--pings",
+                               ":1"),
                               ("one is read at a time", "run.mcap", "run.mcap", "-o", "a.nc"),
                               ("above the sea surface", "run.mcap", "--like", "scene.xml", "-o", "a.xml", "--shift",
                                "0", "0", "9"),
@@ -131,3 +136,27 @@ def test_options_that_do_not_go_together_are_refused(own_bag, records, refusal, 
                               ("choose one by --topic", "run.mcap", "-o", "a.nc"),
                               ("the name of a bag ends in", "side.exr", "-o", "a.nc")):
         assert words in refusal("bag", *arguments)
+
+
+@pytest.mark.filterwarnings("ignore:the track is cut by pings")
+def test_fixes_without_depth_take_the_scenes_altitude_or_a_depth(folder, refusal):
+    def fix(number):
+        return bag.BagMessage(topic="/fix", type="sensor_msgs/msg/NavSatFix", stamp=10 ** 9 * (1 + number), fields={
+            "header": {"stamp": {"sec": 1 + number}, "frame_id": "gps"}, "latitude": 54.0 + 1e-5 * number,
+            "longitude": 8.0, "altitude": 41.0})
+    bag.write_messages(map(fix, range(8)), "run.mcap")
+    assert "do not say how deep" in refusal("bag", "run.mcap", "--like", "scene.xml", "-o", "a.xml")
+    assert "in latitude and longitude; give 0 0 UP" in refusal("bag", "run.mcap", "--like", "scene.xml", "-o", "a.xml",
+                                                               "--shift", "1", "0", "-5")
+    text = (folder / "scene.xml").read_text()
+    high = text.replace('<integer name="pings"', '<float name="altitude" value="12"/><integer name="pings"')
+    (folder / "high.xml").write_text(high)
+    for scene, shift, z in (("scene.xml", ["--shift", "0", "0", "-5"], -5.0), ("high.xml", [], -18.0)):
+        assert cli.main(["bag", "run.mcap", "--like", scene, "-o", "twin.xml", *shift]) == 0
+        image = mitsonar.render("twin.xml", pings=4, rays=500)          # pings still limits
+        assert image.sizes["ping"] == 4
+        np.testing.assert_allclose(image["z"], z, atol=1e-3)
+        np.testing.assert_allclose(image["heading"], 0, atol=1e-3)       # the course: there is no Imu
+        # a hundred-thousandth of a degree of latitude is 1.113 m; the fixes are a second apart
+        speed = np.diff(image["y"]) / np.diff(image["ping_time"])
+        np.testing.assert_allclose(speed, 1.113, rtol=2e-3)

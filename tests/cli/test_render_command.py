@@ -3,7 +3,6 @@ import io
 import re
 import sys
 import types
-from pathlib import Path
 
 import numpy as np
 import pytest

@@ -101,6 +101,26 @@ def test_bags_in_folders_of_sqlite_are_read_too(tmp_path):
     check(recorded.read_track(tmp_path / "run"))
 
 
+def test_bags_of_ros_1_are_read_too(tmp_path):
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    kinds = {name.rpartition("/")[2]: kind for name, kind in store.types.items()
+             if name.split("/")[0] in ("nav_msgs", "geometry_msgs", "builtin_interfaces") or name.endswith("/Header")}
+    with Writer(tmp_path / "a.bag") as writer:
+        place = writer.add_connection("/odometry", "nav_msgs/msg/Odometry", typestore=store)
+        for k in range(30):
+            stamp = round(TIME[k] * 1e9)
+            pose = kinds["Pose"](kinds["Point"](*PLACE[k]), kinds["Quaternion"](*FLU.as_quat()[k]))
+            twist = kinds["Twist"](kinds["Vector3"](0.0, 0.0, 0.0), kinds["Vector3"](0.0, 0.0, 0.0))
+            message = kinds["Odometry"](
+                kinds["Header"](k, kinds["Time"](*divmod(stamp, 10 ** 9)), "odom"), "base_link",
+                kinds["PoseWithCovariance"](pose, np.zeros(36)), kinds["TwistWithCovariance"](twist, np.zeros(36)))
+            writer.write(place, stamp, store.serialize_ros1(message, "nav_msgs/msg/Odometry"))
+    check(recorded.read_track(tmp_path / "a.bag"))
+
+
 def test_our_own_bag_gives_the_poses_of_its_soundings(tmp_path):
     line = soundings_line(pings=3)
     bag.write(line, tmp_path / "a.mcap")

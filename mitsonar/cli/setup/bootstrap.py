@@ -171,14 +171,14 @@ def _requirements(*lists):
     with open(PROJECT, encoding="utf-8") as file:
         text = file.read()
     # The TOML reader came with Python 3.11; these plain lists of strings need none.
-    requirement = r'([\w.-]+(?:\[\w+\])?)(==|>=)([\d.]+)(?:; python_version (<|>=) \'3\.(\d+)\')?$'
+    requirement = r'^([\w.-]+(?:\[\w+\])?)(==|>=)([\d.]+)(?:; python_version (<|>=) \'3\.(\d+)\')?$'
     for key in lists:
         entries = "".join(re.findall(rf"^{key} = \[(.*?)\](?: *#[^\n]*)?$", text, re.M | re.S)[:1])
         for entry in re.findall(r'"([^"\n]+)"', entries):
             if entry.startswith("mitsonar["):          # other extras
                 yield from _requirements(*re.findall(r"\w+", entry)[1:])
                 continue
-            name, relation, version, side, minor = re.match(requirement, entry).groups()
+            name, relation, version, side, minor = re.findall(requirement, entry)[0]
             if not side or (sys.version_info < (3, int(minor))) == (side == "<"):
                 yield name, relation, version
 

@@ -48,7 +48,7 @@ BLOCK, SMALL_BLOCK = 1024, 64      # patches that are tested together when those
 
 
 # True for directions and distances [m] that matter, or others up to an angle [rad] off
-Useful: TypeAlias = Callable[[mi.Vector3f, mi.Float, mi.Float | float], mi.Bool]
+Useful: TypeAlias = "Callable[[mi.Vector3f, mi.Float, mi.Float | float], mi.Bool]"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,7 +25,9 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from mitsonar.device.files import FilePath, check_readable, check_writable, checked_suffix, described, replacing
+from mitsonar.hydrography.record import check
 from mitsonar.imaging.focused import is_focused
+from mitsonar.version import __version__
 
 from . import poses
 from .bag_messages import BagMessage, nanoseconds, serialised, typestore
@@ -224,7 +226,10 @@ def write_messages(stream: Iterable[BagMessage], path: FilePath) -> dict[str, in
 
 def seconds_of(date: str) -> float:
     """Return the seconds since 1970 of an ISO 8601 date; UTC if it names no other offset."""
-    found = datetime.datetime.fromisoformat(date.strip().removesuffix("Z"))
+    try:
+        found = datetime.datetime.fromisoformat(date.strip().removesuffix("Z"))
+    except ValueError:
+        raise ValueError(f"{date[:40]!r} is no date; give one such as 2026-05-01T10:00:00Z.") from None
     return (found if found.tzinfo else found.replace(tzinfo=datetime.timezone.utc)).timestamp()
 
 
@@ -272,6 +277,10 @@ def _check(record: object, cell: float | None) -> None:
         raise ValueError("the record holds neither levels nor soundings, and signals of elements have no message of "
                          "ROS; give an image as mitsonar render makes it, or soundings.")
     needed = () if is_focused(record) else ("ping_time",) if {"x", "y"} <= set(record.dims) else ("ping_time", "range")
+    if "travel_time" in record:
+        check(record, "the soundings")
+    if record.sizes.get("ping") == 0:
+        raise ValueError("the record has no pings; give one with at least one.")
     if "level" in record and (lacking := [name for name in needed if name not in record.variables]):
         raise ValueError(f"the record has no {lacking[0]}, which its messages need; give one as mitsonar wrote it.")
     if cell is not None and set(record["level"].dims if "level" in record else ()) != {"ping", "beam", "range"}:
@@ -304,8 +313,7 @@ def _about(record, names, stamp) -> BagMessage:
     """Return what messages have no room for, as JSON."""
     attrs = record.attrs
     units = record["level"].attrs.get("units", "dB") if "level" in record else "dB"
-    said = {"software": "mitsonar " + str((attrs.get("versions") or {}).get("mitsonar", "")),
-            "units": {"image": units, "picture": units, **UNITS},
+    said = {"software": f"mitsonar {__version__}", "units": {"image": units, "picture": units, **UNITS},
             "image_order": "index = range * beam_count + beam",
             "frames": {"map": "x east, y north, z up; z = 0 is the still sea surface",
                        names.base: "x forward, y port, z up", names.sonar: "z along the middle of the beams"},

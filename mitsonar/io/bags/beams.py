@@ -8,16 +8,26 @@ A multibeam steadies its beams: their directions are those in a level body, and 
 """
 from __future__ import annotations
 
-from collections.abc import Callable
+import functools
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import xarray as xr
 
 from mitsonar.device.rotations import mounting_matrix, rotation_matrix
 from mitsonar.sonar.motion.rotating_head import MOUNTS
+from mitsonar.sonar.preset_tables import TABLES, presets
+from mitsonar.units import radians_from_deg
 
 from . import axes
+
+# attributes of a sensor: width of what it transmits, across the beams, and of what it receives, by kind of sonar
+WIDTHS = {"multibeam": ("transmit_beam_width_deg", "receive_beam_width_deg"),
+          "echo_sounder": ("beam_width_deg", "beam_width_deg")}
+OTHER_WIDTHS = "vertical_beam_width_deg", "beam_width_deg"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,16 +45,21 @@ def beams_of(record: xr.Dataset) -> SonarBeams:
     if "transmit_mounting" in record:
         frame = mounting_matrix(*record["transmit_mounting"].values) @ axes.BELOW
         return SonarBeams(frame=frame, directions=_cones, offset=np.asarray(record["transmit_offset"].values, float))
-    if "beam_x" in record.coords:
-        fixed = np.stack([np.asarray(record[f"beam_{axis}"].values, float) for axis in "xyz"], -1)
+    if "beam" in record.dims:
         angle = np.asarray(record["bearing" if "bearing" in record.coords else "beam"].values, float)
+        fixed = np.stack([np.cos(angle), np.sin(angle), 0 * angle], -1)      # of a fan that does not state its plane
+        if "beam_x" in record.coords:
+            fixed = np.stack([np.asarray(record[f"beam_{axis}"].values, float) for axis in "xyz"], -1)
         level = record.attrs.get("sonar") == "multibeam"
 
         def directions(ping: xr.Dataset) -> np.ndarray:
             return fixed @ _levelled(ping) if level else fixed
         return SonarBeams(frame=_fan_frame(fixed, angle), directions=directions, offset=nowhere)
     if "bearing" in record.coords:
-        columns, sign = MOUNTS[str(record.attrs.get("mount", "down"))]
+        mount = str(record.attrs.get("mount", "down"))
+        if mount not in MOUNTS:
+            raise ValueError(f"the record's head is mounted {mount!r}; known are {', '.join(MOUNTS)}.")
+        columns, sign = MOUNTS[mount]
         ahead, aside = columns[:, 0], sign * columns[:, 1]
         tilt = float(record.attrs.get("tilt", 0.0))
 
@@ -58,6 +73,35 @@ def beams_of(record: xr.Dataset) -> SonarBeams:
         sides = np.array([[0.0, -np.cos(below), np.sin(below)], [0.0, np.cos(below), np.sin(below)]])
         return SonarBeams(frame=axes.BELOW, directions=lambda _: sides, offset=nowhere)
     return SonarBeams(frame=axes.BELOW, directions=lambda _: np.array([[0.0, 0.0, 1.0]]), offset=nowhere)
+
+
+def beam_widths(attrs: Mapping[str, Any]) -> dict[str, list[float]]:
+    """Return the beam widths [rad] of a record as fields of PingInfo, by its scene's sensor or preset; or none."""
+    kind = str(attrs.get("sonar", ""))
+    known = _widths(kind, str(attrs.get("scene", "")), str(attrs.get("preset", "")))
+    return {field: [] if width is None else [radians_from_deg(width)]
+            for field, width in zip(("tx_beamwidths", "rx_beamwidths"), known)}
+
+
+@functools.lru_cache(maxsize=8)
+def _widths(kind: str, scene: str, preset: str) -> tuple[float | None, float | None]:
+    """Return the widths [degrees] on transmission and reception that a scene's only sensor of a kind states."""
+    try:
+        sensors = [one for one in ElementTree.fromstring(scene).iter("sensor") if one.get("type") == kind]
+    except ElementTree.ParseError:
+        sensors = []
+    written = {child.get("name"): child.get("value", "") for child in sensors[0]} if len(sensors) == 1 else {}
+    table = presets(kind) if kind in TABLES else {}
+    values = {**table.get(written.get("preset", preset), {}), **written}
+    transmitted, received = WIDTHS.get(kind, OTHER_WIDTHS)
+    return _number(values.get(transmitted)), _number(values.get(received))
+
+
+def _number(value: object) -> float | None:
+    try:
+        return float(value)                            # pyright: ignore[reportArgumentType]  what is none raises
+    except (TypeError, ValueError):
+        return None
 
 
 def _fan_frame(direction: np.ndarray, angle: np.ndarray) -> np.ndarray:
@@ -80,7 +124,17 @@ def _levelled(ping: xr.Dataset) -> np.ndarray:
 
 
 def _cones(ping: xr.Dataset) -> np.ndarray:
-    """Return the directions of soundings in the frame of their arrays, where both cones of a beam meet below."""
-    forward, starboard = np.sin(ping["transmit_angle"].values[0]), np.sin(ping["angle"].values[0])
-    down = np.sqrt(np.maximum(1 - forward ** 2 - starboard ** 2, 0))
-    return np.stack([forward, starboard, down], -1) @ mounting_matrix(*ping["transmit_mounting"].values).T
+    """Return the directions of soundings (B, 3) in the body, where the cones of both arrays meet.
+
+    l = α a_t + β a_r + γ a_t x a_r with sin(transmit_angle) = a_t·l, sin(angle) = a_r·l and |l| = 1.
+    """
+    mounting = ping["receive_mounting"].values
+    if "head" in ping:
+        mounting = ping["head_receive_mounting"].values[int(ping["head"].values.reshape(-1)[0])]
+    along = mounting_matrix(*ping["transmit_mounting"].values)[:, 0]
+    across = mounting_matrix(*mounting)[:, 1]
+    aside, below = float(along @ across), np.cross(along, across)
+    sines = np.stack([np.sin(ping[name].values[0]) for name in ("transmit_angle", "angle")])
+    flat = np.stack([along, across], -1) @ np.linalg.solve([[1.0, aside], [aside, 1.0]], sines)      # (3, B)
+    down = np.sqrt(np.maximum(1 - (flat ** 2).sum(0), 0) / (below @ below))
+    return (flat + below[:, None] * down).T

@@ -15,7 +15,7 @@ from mitsonar.imaging.focused import GROUND
 
 from . import axes
 from .bag_messages import BAD, IMAGE_TYPES, BagMessage, cloud, header, nanoseconds, vector
-from .beams import SonarBeams
+from .beams import SonarBeams, beam_widths
 from .poses import MAP, BagNames
 
 ACOUSTIC = "marine_acoustic_msgs/msg/"
@@ -52,7 +52,9 @@ def _projected(ping, beams, names, stamp):
     rows = [dim for dim in ping["level"].dims if dim != "range"]
     direction = axes.in_sonar(beams.directions(ping.expand_dims("ping")), beams.frame)
     about = {"header": header(stamp, names.sonar), "beam_directions": [vector(row) for row in direction],
-             "ranges": ping["range"].values, "ping_info": _info(ping)}
+             "ranges": ping["range"].values, "ping_info": {
+                 **{name: float(ping.attrs.get(name) or 0) for name in ("frequency", "sound_speed")},
+                 **beam_widths(ping.attrs)}}
     for name, topic in PROJECTED.items():
         if name in ping:
             values = ping[name].transpose("range", *rows).values.reshape(ping.sizes["range"], -1)
@@ -70,17 +72,13 @@ def _projected(ping, beams, names, stamp):
 
 
 def _image(values: np.ndarray) -> dict[str, Any]:
-    """Return a SonarImageData of numbers (range, beam)."""
+    """Return a SonarImageData of numbers (range, beam); half precision becomes single, and bool a byte."""
+    values = values.astype({"f2": "f4", "b1": "u1"}.get(values.dtype.str[1:], values.dtype), copy=False)
+    if values.dtype.str[1:] not in IMAGE_TYPES:
+        raise ValueError(f"a variable of the record holds {values.dtype}, which no image of ROS does; cast it to "
+                         "float32.")
     plain = np.ascontiguousarray(values, values.dtype.newbyteorder("<"))
     return {"dtype": IMAGE_TYPES[plain.dtype.str[1:]], "beam_count": plain.shape[1], "data": plain.view(np.uint8)}
-
-
-def _info(ping: xr.Dataset) -> dict[str, Any]:
-    """Return the PingInfo of an image."""
-    attrs = ping.attrs
-    return {"frequency": float(attrs.get("frequency") or 0), "sound_speed": float(attrs.get("sound_speed") or 0),
-            "tx_beamwidths": [attrs["vertical_beam_width"]] if "vertical_beam_width" in attrs else [],
-            "rx_beamwidths": [attrs["beam_width"]] if "beam_width" in attrs else []}
 
 
 def _pictures(picture, names, stamp, dims, suffix=""):
@@ -110,7 +108,8 @@ def _sounded(ping, beams, names, stamp):
     """Yield the soundings of a ping, their places, the places' truth, and the water column."""
     one, there = ping.isel(ping=0), header(stamp, names.sonar)
     speed, valid = float(one["head_sound_speed"]), one["valid"].values
-    info = {"frequency": float(np.nanmean(one["sector_frequency"])), "sound_speed": speed}
+    info = {"frequency": float(np.nanmean(one["sector_frequency"])), "sound_speed": speed,
+            **beam_widths(one.attrs)}
     delay = one["sector_delay"].values[one["sector"].values]
     strength = one["backscatter_db"].values if "backscatter_db" in one else np.zeros(0)
     flags = [{"flag": 0 if good else BAD} for good in valid]
@@ -130,14 +129,15 @@ def _sounded(ping, beams, names, stamp):
     if "true_depth" in one:
         yield _points("truth", names, stamp, **place, z=-one["true_depth"].values[valid], beam=beam,
                       **{name: one[name].values[valid] for name in ("error", "label") if name in one})
-    if "column_level_db" in one:
+    if "column_level_db" in one and np.isfinite(one["column_start"].values).any():
         yield _column(one, names, stamp, info)
 
 
 def _column(one, names, stamp, info):
     """Return the water column of a ping; beams that begin later have no numbers (NaN) before their first."""
-    rate = float(one["column_rate"].values[0])
-    first = np.round(one["column_start"].values * rate).astype(int)
+    rate, starts = float(np.nanmax(one["column_rate"].values)), one["column_start"].values
+    # beams that pad a ping have no start
+    first = np.round(np.where(np.isfinite(starts), starts, np.nanmin(starts)) * rate).astype(int)
     level = one["column_level_db"].values
     if np.ptp(first):
         late = first - first.min()

@@ -70,6 +70,9 @@ def poses_of(record: xr.Dataset, start: float) -> BagPoses | None:
     if "ping" not in record.dims or not set(names[:4]) <= set(record.variables):
         return None
     columns = [np.asarray(record[name].values, float) if name in record.variables else None for name in names]
+    for name, column in zip(names, columns):
+        if column is not None and not np.isfinite(column).all():
+            raise ValueError(f"{name} of the record is not finite at some pings; leave these pings out.")
     time, x, y, z, *angles = (np.zeros_like(columns[0]) if column is None else column for column in columns)
     z = -z if names[3] == "motion_depth" else z
     return BagPoses(time=time, position=np.stack([x, y, z], -1), attitude=np.stack(angles, -1), start=start,

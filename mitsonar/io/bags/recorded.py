@@ -8,6 +8,7 @@ ends in _ned has x north, y east, z down, and bodies in it x forward, y starboar
 from __future__ import annotations
 
 import contextlib
+import itertools
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -32,7 +33,8 @@ IMAGE = "marine_acoustic_msgs/msg/ProjectedSonarImage"
 BODY = "base_link"                 # end of the name of a vehicle's frame
 SUFFIXES = (".mcap", ".db3", ".bag")
 LEAST = 0.015                      # [s] between poses of a track: denser ones are thinned out
-MOST_BYTES = 2_000_000_000         # of a record of images
+MOST_BYTES = 4_000_000_000         # of the records of images
+BYTES_EACH = 8                     # of a number: in the bag, as a level, as counts
 SAME = 1e-5                        # tolerance of directions and, relatively, of ranges that stay
 
 
@@ -82,7 +84,8 @@ def read_track(path: FilePath, *, topic: str | None = None) -> Navigation:
                       pitch=pitch, heading=np.unwrap(heading))
 
 
-def read_images(path: FilePath, *, topic: str | None = None, track: Navigation | None = None) -> list[SonarImage]:
+def read_images(path: FilePath, *, topic: str | None = None, track: Navigation | None = None,
+                pings: slice | None = None) -> list[SonarImage]:
     """Read the images of a sonar's bag as records.
 
     Parameters
@@ -93,6 +96,8 @@ def read_images(path: FilePath, *, topic: str | None = None, track: Navigation |
         Topic of ProjectedSonarImage. None: the only one of the bag.
     track : Navigation or None
         Gives the records the poses of their pings. None: they have none.
+    pings : slice or None
+        Images to read, by their numbers in the order of the bag. None: all.
 
     Returns
     -------
@@ -113,17 +118,18 @@ def read_images(path: FilePath, *, topic: str | None = None, track: Navigation |
         _, topic = _chosen(reader, path, (IMAGE,), topic, "images of a sonar")
         runs: list[list[_Image]] = []
         size = 0
-        for stamp, message in _messages(reader, topic):
+        part = pings or slice(None)
+        for stamp, message in itertools.islice(_messages(reader, topic), part.start, part.stop, part.step):
             image = _Image(stamp, message, path, topic)
-            size += image.values.nbytes
+            size += image.values.size * BYTES_EACH
             if size > MOST_BYTES:
-                raise _Told(f"cannot read {path}: the images of {topic} take more than {MOST_BYTES / 1e9:g} GB; "
-                                 "cut the bag, as by ros2 bag convert.")
+                raise _Told(f"cannot read {path}: the images of {topic} take more than {MOST_BYTES / 1e9:g} GB; read "
+                            "some of them at a time, such as --pings 0:500.")
             if not runs or not image.like(runs[-1][0]):
                 runs.append([])
             runs[-1].append(image)
         if not runs:
-            raise _Told(f"cannot use {path}: {topic} has no messages; choose another topic.")
+            raise _Told(f"cannot use {path}: {topic} has no such images; choose another topic or other pings.")
         mounts = {image.frame: _mount(reader, image.frame) for run in runs for image in run[:1]}
     return [_record(run, mounts[run[0].frame], topic, track) for run in runs]
 
@@ -156,7 +162,7 @@ def _opened(path: FilePath) -> Iterator[Any]:
         check_readable(path, "the bag", "an .mcap, .db3 or .bag file")
         if target.suffix not in SUFFIXES:
             raise _Told(f"cannot read {path}: the name of a bag ends in {', '.join(SUFFIXES)}; rename it, or give "
-                             "another file.")
+                        "another file.")
     try:
         with highlevel.AnyReader([target], default_typestore=store) as reader:
             yield reader

@@ -22,11 +22,10 @@ from mitsonar.io.bags import recorded
 from mitsonar.io.scene_files import scenes
 from mitsonar.io.tracks.navigation import Navigation
 from mitsonar.plugins import reference
+from mitsonar.survey.voyage import MOST_PINGS
 from mitsonar.units import deg_from_radians
 
-# attributes of the route that the scene still gives where the bag does not
-DEPTHS, RATE = {"altitude", "depth"}, {"ping_rate_hz"}
-ROUTE = "Track and motion"         # title of the group of such attributes
+ROUTE = "Track and motion"         # title of the group of a sensor's attributes that a track replaces
 
 
 def like_bag(bag: FilePath, like: str, scene: FilePath, *, topic: str | None = None,
@@ -41,11 +40,10 @@ def like_bag(bag: FilePath, like: str, scene: FilePath, *, topic: str | None = N
     sensor = root.find("sensor")
     if sensor is None:
         raise ValueError(f"{like} has no sensor; give a scene with a sonar.")
-    track = recorded.read_track(bag, topic=topic)
-    if track.z is not None and not track.geographic:
-        track = _shifted(track, shift, bag)
-    elif any(shift):
-        raise ValueError("--shift moves tracks in metres, and this one is in latitude and longitude; leave it out.")
+    above = any(child.get("name") == "altitude" for child in sensor)
+    recorded_track = recorded.read_track(bag, topic=topic)
+    deep = recorded_track.z is not None
+    track = _shifted(recorded_track, shift, above, bag)
     pings, rate = recorded.image_times(bag), 0.0
     if pings.size > 1 and pings[-1] > pings[0]:
         # a little less, so that rounding makes no interval shorter than the echoes
@@ -56,9 +54,14 @@ def like_bag(bag: FilePath, like: str, scene: FilePath, *, topic: str | None = N
     if os.path.dirname(os.path.abspath(path)) != folder:
         root.insert(0, ElementTree.Element("path", {"value": os.path.relpath(os.path.dirname(os.path.abspath(path)),
                                                                              folder)}))
-    gone = _route(sensor) - (DEPTHS if track.z is None else set()) - (set() if rate else RATE)
+    gone = _route(sensor) - (set() if deep else {"altitude"}) - (set() if rate else {"ping_rate_hz"})
+    parameters = {f"${one.get('name')}": one for one in root.iter("default")}
     for child in [child for child in sensor if child.get("name") in gone]:
-        sensor.remove(child)
+        value = child.get("value", "")
+        if child.get("name") == "pings" and value in parameters:
+            parameters[value].set("value", str(MOST_PINGS))        # so that -D pings=N still limits them
+        else:
+            sensor.remove(child)
     ElementTree.SubElement(sensor, "string", {"name": "track", "value": os.path.basename(table)})
     if rate:
         ElementTree.SubElement(sensor, "float", {"name": "ping_rate_hz", "value": f"{rate:.6g}"})
@@ -81,10 +84,17 @@ def _route(sensor: ElementTree.Element) -> set[str]:
     return {"pings", *(one.name for one in reference.flat(tuple(groups)))} - {"offset"}
 
 
-def _shifted(track: Navigation, shift: Sequence[float], bag: FilePath) -> Navigation:
-    """Return a track in the scene; raise `ValueError` if it rises above the sea surface."""
-    assert track.z is not None
-    z = track.z + shift[2]
+def _shifted(track: Navigation, shift: Sequence[float], above: bool, bag: FilePath) -> Navigation:
+    """Return a track in the scene; raise `ValueError` if it is above the sea surface, or has no depth.
+
+    ``above`` is True for a scene that states the height above its bed, which replaces all depths.
+    """
+    if track.geographic and any(shift[:2]):
+        raise ValueError("--shift moves tracks in metres, and this one is in latitude and longitude; give 0 0 UP.")
+    if track.z is None and not above and not shift[2] < 0:
+        raise ValueError(f"the fixes of {bag} do not say how deep the sonar is; give --shift 0 0 -DEPTH, or a scene "
+                         "whose sensor has an altitude.")
+    z = (np.zeros(track.time.size) if track.z is None else track.z) + shift[2]
     if z.max() > 0:
         raise ValueError(f"the track of {bag} rises to z = {z.max():.3g} m, above the sea surface; give the place of "
                          "its origin, such as --shift 0 0 -20.")
@@ -107,8 +117,9 @@ def _between(track: Navigation, start: float, end: float, most: float) -> Naviga
 def _write(track: Navigation, path: Path) -> None:
     """Write a track as a table."""
     places = {"longitude": track.x, "latitude": track.y} if track.geographic else {"x": track.x, "y": track.y}
-    columns = {**places, **({} if track.z is None else {"z": track.z}),
-               "roll_deg": deg_from_radians(track.roll), "pitch_deg": deg_from_radians(track.pitch),
+    assert track.z is not None
+    columns = {**places, "z": track.z, "roll_deg": deg_from_radians(track.roll),
+               "pitch_deg": deg_from_radians(track.pitch),
                **({} if track.heading is None else {"heading_deg": deg_from_radians(track.heading)})}
     digits = {name: 9 if name in ("longitude", "latitude") else 5 for name in columns}
     rows = (",".join([f"{datetime.fromtimestamp(time, timezone.utc):%Y-%m-%dT%H:%M:%S.%f}Z",

@@ -175,7 +175,7 @@ class SoundingLine(Generic[MeasurementT]):
         head_speed = true_speed + survey.head_speed_error
         measured = instrument.measured(ping, made, head_speed)
         truly = instrument.measured(ping, made, true_speed) if survey.head_speed_error else measured
-        column, geometry = survey.waters.at(ping), survey.world.at(ping)
+        column, geometry = survey.water_at(ping), survey.world.at(ping)
         water = column.profile
         true = Reduction(motion=self._true, installation=self._installation, profile=water, node=False)
         used = Reduction(motion=self._sensed, installation=self._installation, profile=self._cast(ping, column.level))
@@ -201,7 +201,7 @@ class SoundingLine(Generic[MeasurementT]):
 
     def _cast(self, ping: int, level: float) -> SoundSpeedProfile:
         """Return the cast in use at a ping, below a water level [m]."""
-        column = self._survey.waters.at(ping)
+        column = self._survey.water_at(ping)
         return (self._profile or column.profile.lifted(-column.level)).lifted(level)
 
     def _tidal(self, ping: int, used: Reduction) -> Reduction | None:
@@ -238,7 +238,7 @@ class SoundingLine(Generic[MeasurementT]):
         arrival = np.concatenate([away * np.cos(places.grazing)[:, None], -np.sin(places.grazing)[:, None]], -1)
         depth = float(np.nanmean(places.depth)) if places.found.any() else -origin[2]
         parts = [bed_at(survey.world.at(ping), places.x[run.beams], places.y[run.beams], above=-float(origin[2]),
-                        arrival=arrival[run.beams], sound_speed=survey.waters.sound_speed(ping, depth),
+                        arrival=arrival[run.beams], sound_speed=float(survey.water_at(ping).profile.at(depth)),
                         frequency=run.survey.frequency) for run in self._transmissions]
         return BedPoints(label=np.concatenate([part.label for part in parts]),
                          strength=np.concatenate([part.strength for part in parts]))
