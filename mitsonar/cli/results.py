@@ -4,7 +4,7 @@ import importlib
 import os
 import sys
 
-from .arguments import Commands, add_gain, check_output, gain, number, set_up, whole
+from .arguments import Commands, add_gain, add_parameters, check_output, gain, number, parameters, set_up, whole
 from .completion import add_file
 from .progress import Progress
 from .words import announce
@@ -42,12 +42,15 @@ def add(commands: Commands) -> None:
         command.add_argument("--colours", default="copper", choices=("copper", "grey"),
                              help="colours of waterfalls, fans, water columns and focused images; default: copper")
 
-    view = commands.add_parser("view", help="show records in the browser, with a time line")
-    add_file(view, "shown", metavar="RECORD", nargs="+", help="images (.exr, .nc)")
+    view = commands.add_parser("view", help="show scenes and records in the browser, with a time line")
+    add_file(view, "shown", metavar="SCENE|RECORD", nargs="+", shipped=True,
+             help="scenes (.xml, or names of those that come with mitsonar), images (.exr, .nc)")
     add_file(view, "--save", metavar="RUN.rrd", help="write the page's contents to a file of rerun instead")
     add_gain(view, "recorder", "display gain over range of images")
     view.add_argument("--cell", type=number, metavar="M",
                       help="side of a cell of frames of fans; default: a bin, with at most 640 cells a side")
+    add_parameters(view)
+    view.add_argument("--sensor", default=0, metavar="ID", help="id of one of the scenes' sonars; default: the first")
     view.add_argument("--port", type=whole, default=0, metavar="N", help="port of the page; default: any that is free")
     view.add_argument("--no-browser", action="store_true", help="print the page's address only")
     view.set_defaults(run=_view)
@@ -146,11 +149,13 @@ def _video(arguments):
 def _view(arguments):
     from mitsonar.viewing import view
 
+    set_up(None)
     if arguments.save is not None:
         check_output(arguments.save, (".rrd",))
         if arguments.port or arguments.no_browser:
             raise ValueError("--port and --no-browser are for a page, and --save writes a file; leave them out.")
-    page = view(*arguments.shown, save=arguments.save, tvg=gain(arguments), cell=arguments.cell, port=arguments.port)
+    page = view(*arguments.shown, save=arguments.save, tvg=gain(arguments), cell=arguments.cell, port=arguments.port,
+                sensor=arguments.sensor, **parameters(arguments))
     if page is None:
         announce(arguments.save)
         return

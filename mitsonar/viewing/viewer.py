@@ -5,15 +5,19 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import chain, count
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import xarray as xr
 
 from mitsonar.device.files import FilePath, check_writable, checked_suffix, replacing
 from mitsonar.imaging.gain import Tvg
 from mitsonar.imaging.recording import shown as recorded
+from mitsonar.io import reading
+from mitsonar.io.scene_files import scenes
 from mitsonar.plots.fans.fans import is_scan, name_of
 
 from .fan_frames import log_fan
@@ -22,27 +26,45 @@ from .poses import log_poses
 from .view_log import ViewLog, sdk
 from .waterfalls import log_waterfall
 
+if TYPE_CHECKING:                       # a page of records needs no Mitsuba
+    import mitsuba as mi
+
 SUFFIX = ".rrd"
 
 
-def view(*shown: FilePath | xr.Dataset, save: FilePath | None = None, tvg: Tvg = "recorder",
-         cell: float | None = None, port: int = 0, browser: bool = False) -> ViewerPage | None:
-    """Show records in a page of the browser, with a time line, layers to switch and the sonar in space.
+@dataclass(frozen=True, kw_only=True)
+class _Options:
+    """How everything is shown."""
+
+    tvg: Tvg
+    cell: float | None
+    sensor: int | str
+    parameters: dict[str, object]
+
+
+def view(*shown: FilePath | xr.Dataset | mi.Scene, save: FilePath | None = None, tvg: Tvg = "recorder",
+         cell: float | None = None, sensor: int | str = 0, port: int = 0, browser: bool = False,
+         **parameters: object) -> ViewerPage | None:
+    """Show scenes and records in a page of the browser, with a time line, layers to switch and the sonar in space.
 
     Parameters
     ----------
-    *shown : str, path or xarray.Dataset
-        Images, or files of them.
+    *shown : str, path, xarray.Dataset or mitsuba.Scene
+        Scenes as in `mitsonar.render`, which are shown as before rendering; images, or files of them.
     save : str or path, optional
         File to write instead, ending in .rrd, which ``rerun FILE`` and the page of app.rerun.io open.
     tvg : {'seabed', 'target', 'recorder', 'counts', None}
         Gain over range of shown levels, as for `mitsonar.plots.plot`.
     cell : float or None [m]
         Side of a cell of frames of fans. None: a bin, with at most 640 cells along a side.
+    sensor : int or str
+        Number or id of one of the sensors of scenes.
     port : int
         Port of the page on this machine. 0: any.
     browser : bool
         If True, open the page in the browser. A notebook shows the page that is returned.
+    **parameters
+        Values for the ``$parameters`` of scenes.
 
     Returns
     -------
@@ -52,23 +74,27 @@ def view(*shown: FilePath | xr.Dataset, save: FilePath | None = None, tvg: Tvg =
     Raises
     ------
     ValueError
-        If there is nothing to show, a record has no picture, or rerun-sdk is not installed.
+        If there is nothing to show, a record has no picture, a scene cannot be rendered, parameters are given without
+        a scene, or rerun-sdk is not installed.
     FileNotFoundError, PermissionError, OSError
         If a file cannot be read or written.
     """
     if not shown:
-        raise ValueError("there is nothing to show; give one or more records.")
+        raise ValueError("there is nothing to show; give one or more scenes or records.")
+    options = _Options(tvg=tvg, cell=cell, sensor=sensor, parameters=parameters)
+    if parameters and not any(map(_is_scene, shown)):
+        raise ValueError(f"{', '.join(parameters)} would be of a scene, and only records are shown; leave it out.")
     if save is not None:
         checked_suffix(save, (SUFFIX,))
         check_writable(save)
         sdk()
         with replacing(save) as temporary:
-            _record(shown, temporary, tvg, cell)
+            _record(shown, temporary, options)
         return None
     sdk()
     folder = Path(tempfile.mkdtemp(prefix="mitsonar_view_"))
     try:
-        title = ", ".join(_record(shown, folder / RECORDING, tvg, cell))
+        title = ", ".join(_record(shown, folder / RECORDING, options))
         page = ViewerPage(folder, title, port)
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
@@ -78,32 +104,41 @@ def view(*shown: FilePath | xr.Dataset, save: FilePath | None = None, tvg: Tvg =
     return page
 
 
-def _record(shown, path: Path, tvg: Tvg, cell: float | None) -> list[str]:
-    """Write a recording of records; return their names."""
+def _record(shown: Sequence[FilePath | xr.Dataset | mi.Scene], path: Path, options: _Options) -> list[str]:
+    """Write a recording of scenes and records; return their names."""
     names: list[str] = []
     with ViewLog(path).ended() as log:
         for one in shown:
-            with _named(one) as (name, record):
-                name = next(choice for choice in (name, *(f"{name}_{number}" for number in range(2, len(shown) + 2)))
-                            if choice not in names)
-                names.append(name)
-                _log(log, name, record, tvg, cell)
+            name = _word(Path(one).stem if isinstance(one, (str, os.PathLike)) else
+                         name_of(one) if isinstance(one, xr.Dataset) else "scene")
+            names.append(next(choice for choice in chain([name], (f"{name}_{number}" for number in count(2)))
+                              if choice not in names))
+            if _is_scene(one):
+                from .scene_space import log_scene
+
+                log_scene(log, names[-1], scenes.find(one) if isinstance(one, str) else one, options.sensor,
+                          options.parameters)
+            elif isinstance(one, (str, os.PathLike)):
+                _log_file(log, names[-1], one, options)
+            else:
+                _log(log, names[-1], one, options)
     return names
 
 
-@contextmanager
-def _named(one: FilePath | xr.Dataset) -> Iterator[tuple[str, xr.Dataset]]:
-    """Open a record; errors name its file."""
-    from mitsonar.io import reading
+def _is_scene(one: object) -> bool:
+    """Return True for a loaded scene, and for a path that is one by its suffix, or the name of a shipped scene."""
+    if isinstance(one, (str, os.PathLike)):
+        return Path(one).suffix.lower() == ".xml" or str(one) in scenes.shipped() and not os.path.exists(one)
+    return not isinstance(one, (xr.Dataset, xr.DataArray))
 
-    if not isinstance(one, (str, os.PathLike)):
-        yield _word(name_of(one) if isinstance(one, xr.Dataset) else ""), one
-        return
+
+def _log_file(log: ViewLog, name: str, path: FilePath, options: _Options) -> None:
+    """Log the record in a file; errors name it."""
     try:
-        yield _word(Path(one).stem), reading.read(one)     # pyright: ignore[reportReturnType]  checked by `_log`
+        _log(log, name, reading.read(path), options)
     except ValueError as error:
         told = str(error)
-        raise ValueError(told if os.fspath(one) in told else f"cannot show {one}: {told}") from None
+        raise ValueError(told if os.fspath(path) in told else f"cannot show {path}: {told}") from None
 
 
 def _word(name: str) -> str:
@@ -111,18 +146,18 @@ def _word(name: str) -> str:
     return re.sub(r"[^\w.-]", "_", name) or "record"
 
 
-def _log(log: ViewLog, name: str, record: xr.Dataset, tvg: Tvg, cell: float | None) -> None:
+def _log(log: ViewLog, name: str, record: object, options: _Options) -> None:
     """Log a record by its kind."""
     if not isinstance(record, xr.Dataset) or not {"ping", "range"} <= set(record["level"].dims if "level" in record
                                                                            else ()):
         raise ValueError("it is no image with levels over pings and range, as mitsonar render makes it; give one.")
-    if cell is not None and not ("beam" in record.dims or is_scan(record)):
+    if options.cell is not None and not ("beam" in record.dims or is_scan(record)):
         raise ValueError("a cell is of fans of beams, and the record is none; leave it out.")
     if not all(record.sizes.values()):
         raise ValueError(f"there is nothing to show: the record has {dict(record.sizes)}.")
-    record, tvg = recorded(record, tvg)
+    record, tvg = recorded(record, options.tvg)
     if is_scan(record) or record.sizes.get("beam", 0) > 1:
-        log_fan(log, name, record, tvg, cell)
+        log_fan(log, name, record, tvg, options.cell)
     else:
         log_waterfall(log, name, record.isel(beam=0, drop=True) if "beam" in record.dims else record, tvg)
     log_poses(log, name, record)
