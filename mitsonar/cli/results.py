@@ -44,7 +44,7 @@ def add(commands: Commands) -> None:
 
     view = commands.add_parser("view", help="show scenes and records in the browser, with a time line")
     add_file(view, "shown", metavar="SCENE|RECORD", nargs="+", shipped=True,
-             help="scenes (.xml, or names of those that come with mitsonar), images (.exr, .nc)")
+             help="scenes (.xml, or names of those that come with mitsonar), images, or lines of soundings")
     add_file(view, "--save", metavar="RUN.rrd", help="write the page's contents to a file of rerun instead")
     add_gain(view, "recorder", "display gain over range of images")
     view.add_argument("--cell", type=number, metavar="M",
@@ -147,15 +147,16 @@ def _video(arguments):
 
 
 def _view(arguments):
-    from mitsonar.viewing import view
+    from mitsonar.viewing.viewer import ViewOptions, opened
 
     set_up(None)
     if arguments.save is not None:
         check_output(arguments.save, (".rrd",))
         if arguments.port or arguments.no_browser:
             raise ValueError("--port and --no-browser are for a page, and --save writes a file; leave them out.")
-    page = view(*arguments.shown, save=arguments.save, tvg=gain(arguments), cell=arguments.cell, port=arguments.port,
-                sensor=arguments.sensor, **parameters(arguments))
+    options = ViewOptions(tvg=gain(arguments), cell=arguments.cell, sensor=arguments.sensor,
+                          parameters=parameters(arguments))
+    page = opened(arguments.shown, options, save=arguments.save, port=arguments.port)
     if page is None:
         announce(arguments.save)
         return

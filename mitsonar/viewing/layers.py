@@ -22,7 +22,7 @@ SHADES: dict[str, tuple[tuple[float, float] | None, str]] = {
     "mean_level": (None, "inferno"), "recorded": (None, "grayscale"), "seabed_depth": (None, "viridis"),
     "depth": (None, "viridis"), "measured_depth": (None, "viridis"), "error": (None, "spectral"),
     "phase": ((-np.pi, np.pi), "twilight"), "coherence": ((0.0, 1.0), "plasma"), "hidden": ((0.0, 1.0), "magma"),
-    "layover": ((0.0, 3.0), "plasma"), SHARE: ((0.0, 1.0), "magma")}
+    "height": (None, "viridis"), "layover": ((0.0, 3.0), "plasma"), SHARE: ((0.0, 1.0), "magma")}
 LABELS = ("label", "class", "object_shadow")
 MASKS = ("shadow",)
 

@@ -13,6 +13,7 @@ from .view_log import ViewLog
 
 SHOWN_BEAMS = 33                   # most beams that are drawn
 TRACK, SONAR, BEAM = (255, 190, 60), (255, 255, 255), (90, 220, 255, 120)
+MOST_POSES = 4000                  # of motion sensors, which have far more of them than pings
 BODY = 1.0                         # [m]: length of the axes of the body
 
 
@@ -28,8 +29,11 @@ def log_poses(log: ViewLog, name: str, record: xr.Dataset) -> None:
     turn = Rotation.from_quat(axes.quaternions(poses.attitude)).as_matrix() * axes.FLIP    # from the body to the scene
     quaternion = axes.quaternions(poses.attitude)
     log.place(f"{name}/sonar", rr.TransformAxes3D(BODY), still=True)
-    for ping, time in enumerate(poses.time):
-        log.at(ping, time)
+    for ping in range(0, poses.time.size, poses.time.size // MOST_POSES + 1):
+        if poses.by_sensors:
+            log.at_time(float(poses.time[ping]))
+        else:
+            log.at(ping, float(poses.time[ping]))
         log.place(f"{name}/sonar", rr.Transform3D(translation=poses.position[ping], quaternion=quaternion[ping]))
         if far is None or poses.by_sensors:
             continue

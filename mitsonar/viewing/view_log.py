@@ -53,8 +53,13 @@ class ViewLog:
 
     def at(self, ping: int, time: float) -> None:
         """Set ping and time [s] of what is logged next."""
-        self.stream.set_time("time", duration=float(time))
-        self.stream.set_time("ping", sequence=int(ping))
+        self.stream.set_time("time", duration=time)
+        self.stream.set_time("ping", sequence=ping)
+
+    def at_time(self, time: float) -> None:
+        """Set the time [s] alone of what is logged next."""
+        self.stream.disable_timeline("ping")
+        self.stream.set_time("time", duration=time)
 
     def log(self, path: str, *what: Any, still: bool = False) -> None:
         """Log something in the plane of a view."""

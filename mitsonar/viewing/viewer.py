@@ -5,24 +5,28 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import chain, count
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import xarray as xr
 
 from mitsonar.device.files import FilePath, check_writable, checked_suffix, replacing
+from mitsonar.imaging.focused import is_focused
 from mitsonar.imaging.gain import Tvg
 from mitsonar.imaging.recording import shown as recorded
 from mitsonar.io import reading
 from mitsonar.io.scene_files import scenes
 from mitsonar.plots.fans.fans import is_scan, name_of
+from mitsonar.plots.lines.line_views import is_line
 
 from .fan_frames import log_fan
+from .focused_image import log_focused
 from .page import RECORDING, ViewerPage
 from .poses import log_poses
+from .sounded_line import log_line
 from .view_log import ViewLog, sdk
 from .waterfalls import log_waterfall
 
@@ -30,19 +34,20 @@ if TYPE_CHECKING:                       # a page of records needs no Mitsuba
     import mitsuba as mi
 
 SUFFIX = ".rrd"
+Shown: TypeAlias = "FilePath | xr.Dataset | mi.Scene"
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Options:
-    """How everything is shown."""
+class ViewOptions:
+    """How scenes and records are shown; the fields are arguments of `view`."""
 
-    tvg: Tvg
-    cell: float | None
-    sensor: int | str
-    parameters: dict[str, object]
+    tvg: Tvg = "recorder"
+    cell: float | None = None
+    sensor: int | str = 0
+    parameters: Mapping[str, object] = field(default_factory=dict)
 
 
-def view(*shown: FilePath | xr.Dataset | mi.Scene, save: FilePath | None = None, tvg: Tvg = "recorder",
+def view(*shown: Shown, save: FilePath | None = None, tvg: Tvg = "recorder",
          cell: float | None = None, sensor: int | str = 0, port: int = 0, browser: bool = False,
          **parameters: object) -> ViewerPage | None:
     """Show scenes and records in a page of the browser, with a time line, layers to switch and the sonar in space.
@@ -50,9 +55,10 @@ def view(*shown: FilePath | xr.Dataset | mi.Scene, save: FilePath | None = None,
     Parameters
     ----------
     *shown : str, path, xarray.Dataset or mitsuba.Scene
-        Scenes as in `mitsonar.render`, which are shown as before rendering; images, or files of them.
+        Scenes as in `mitsonar.render`, which are shown as before rendering; images and lines of soundings, or
+        files of them.
     save : str or path, optional
-        File to write instead, ending in .rrd, which ``rerun FILE`` and the page of app.rerun.io open.
+        File to write instead, ending in .rrd, which ``rerun FILE`` opens.
     tvg : {'seabed', 'target', 'recorder', 'counts', None}
         Gain over range of shown levels, as for `mitsonar.plots.plot`.
     cell : float or None [m]
@@ -79,11 +85,19 @@ def view(*shown: FilePath | xr.Dataset | mi.Scene, save: FilePath | None = None,
     FileNotFoundError, PermissionError, OSError
         If a file cannot be read or written.
     """
+    page = opened(shown, ViewOptions(tvg=tvg, cell=cell, sensor=sensor, parameters=parameters), save=save, port=port)
+    if browser and page is not None:
+        page.open()
+    return page
+
+
+def opened(shown: Sequence[Shown], options: ViewOptions, *, save: FilePath | None, port: int) -> ViewerPage | None:
+    """Write or serve a page; see `view`."""
     if not shown:
         raise ValueError("there is nothing to show; give one or more scenes or records.")
-    options = _Options(tvg=tvg, cell=cell, sensor=sensor, parameters=parameters)
-    if parameters and not any(map(_is_scene, shown)):
-        raise ValueError(f"{', '.join(parameters)} would be of a scene, and only records are shown; leave it out.")
+    if options.parameters and not any(map(_is_scene, shown)):
+        raise ValueError(f"{', '.join(options.parameters)} would be of a scene, and only records are shown; leave it "
+                         "out.")
     if save is not None:
         checked_suffix(save, (SUFFIX,))
         check_writable(save)
@@ -99,12 +113,10 @@ def view(*shown: FilePath | xr.Dataset | mi.Scene, save: FilePath | None = None,
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
-    if browser:
-        page.open()
     return page
 
 
-def _record(shown: Sequence[FilePath | xr.Dataset | mi.Scene], path: Path, options: _Options) -> list[str]:
+def _record(shown: Sequence[Shown], path: Path, options: ViewOptions) -> list[str]:
     """Write a recording of scenes and records; return their names."""
     names: list[str] = []
     with ViewLog(path).ended() as log:
@@ -132,7 +144,7 @@ def _is_scene(one: object) -> bool:
     return not isinstance(one, (xr.Dataset, xr.DataArray))
 
 
-def _log_file(log: ViewLog, name: str, path: FilePath, options: _Options) -> None:
+def _log_file(log: ViewLog, name: str, path: FilePath, options: ViewOptions) -> None:
     """Log the record in a file; errors name it."""
     try:
         _log(log, name, reading.read(path), options)
@@ -146,17 +158,24 @@ def _word(name: str) -> str:
     return re.sub(r"[^\w.-]", "_", name) or "record"
 
 
-def _log(log: ViewLog, name: str, record: object, options: _Options) -> None:
+def _log(log: ViewLog, name: str, record: object, options: ViewOptions) -> None:
     """Log a record by its kind."""
-    if not isinstance(record, xr.Dataset) or not {"ping", "range"} <= set(record["level"].dims if "level" in record
-                                                                           else ()):
-        raise ValueError("it is no image with levels over pings and range, as mitsonar render makes it; give one.")
-    if options.cell is not None and not ("beam" in record.dims or is_scan(record)):
-        raise ValueError("a cell is of fans of beams, and the record is none; leave it out.")
+    line = isinstance(record, xr.Dataset) and is_line(record)
+    if not isinstance(record, xr.Dataset) or not (line or is_focused(record) and "level" in record or "level" in record
+                                                  and {"ping", "range"} <= set(record["level"].dims)):
+        raise ValueError("it is no image with levels and no line of soundings; give a record of mitsonar render, "
+                         "soundings or focus.")
     if not all(record.sizes.values()):
         raise ValueError(f"there is nothing to show: the record has {dict(record.sizes)}.")
-    record, tvg = recorded(record, options.tvg)
-    if is_scan(record) or record.sizes.get("beam", 0) > 1:
+    record, tvg = (record, options.tvg) if line else recorded(record, options.tvg)
+    fan = not line and (is_scan(record) or record.sizes.get("beam", 0) > 1)
+    if options.cell is not None and not fan:
+        raise ValueError("a cell is of fans of beams, and the record is none; leave it out.")
+    if line:
+        log_line(log, name, record, tvg)
+    elif is_focused(record):
+        log_focused(log, name, record)
+    elif fan:
         log_fan(log, name, record, tvg, options.cell)
     else:
         log_waterfall(log, name, record.isel(beam=0, drop=True) if "beam" in record.dims else record, tvg)

@@ -56,6 +56,11 @@ def test_a_scene_and_its_record_stand_in_one_space(shown, tmp_path):
         np.testing.assert_allclose(*both, atol=1e-5)
 
 
+def test_a_parameter_may_have_the_name_of_an_option(tmp_path, variant):
+    """The scene forward_looking has a parameter `cell`, its bed's."""
+    assert cli.main(["view", "forward_looking", "-D", "cell=0.5", "--save", str(tmp_path / "run.rrd")]) == 0
+
+
 def test_parameters_and_scenes_are_checked(shown, tmp_path, monkeypatch, capfd):
     (tmp_path / "broken.xml").write_text("<scene", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
