@@ -5,6 +5,7 @@ from plugins import (
     PLUGINS as PLUGINS,
     attributes as attributes,
     install as install,
+    instruments as instruments,
     page as page,
     reference as reference,
 )

@@ -7,6 +7,8 @@ import inspect
 import re
 from collections.abc import Iterable, Iterator
 
+from mitsonar.sonar.preset_tables import TABLES, instruments
+
 from . import reference
 from .attributes import Attribute, Choice, FromTable, Group, flat
 from .attributes.declaration import shown
@@ -128,14 +130,18 @@ def _expected(one: Attribute) -> str:
 
 
 def _presets(own: list[Attribute]) -> Iterator[str]:
-    """Yield a table of the presets' values for every attribute that names a preset."""
+    """Yield a table of the presets' values, without instruments, for every attribute that names a preset."""
+    named = {name: kind for kind in TABLES for name in instruments(kind)}
     tables = {one.default.by: one.default.table for one in own if isinstance(one.default, FromTable)}
     for by, table in tables.items():
         names = [one.name for one in flat(tuple(own)) if isinstance(one.default, FromTable) and one.default.by == by]
         rows = [[by, *(f"`{name}`" for name in names)],
-                *([f"`{preset}`", *(shown(values[name]) for name in names)] for preset, values in table.items())]
+                *([f"`{preset}`", *(shown(values[name]) for name in names)] for preset, values in table.items()
+                  if preset not in named)]
         if len(names) > MOST_COLUMNS:
             rows = list(zip(*rows, strict=True))
         lines = [f"| {' | '.join(row)} |" for row in rows]
         lines.insert(1, "|---" * len(rows[0]) + "|")
         yield "\n".join(lines) + "\n"
+        if kind := next((named[preset] for preset in table if preset in named), None):
+            yield f"Instruments by name, with sources: [Instruments](../scenes/manual/instruments.md#{kind}).\n"

@@ -1,6 +1,7 @@
-"""The commands that write files for sidescan software and GIS: raster, convert, mosaic, grid."""
+"""The commands that write files for sidescan software, GIS and robots: raster, convert, mosaic, grid, bag."""
 import datetime
 import os
+import re
 
 from .arguments import GAINS, Commands, add_gain, check_output, gain, number, whole
 from .completion import add_file
@@ -68,6 +69,24 @@ def add(commands: Commands) -> None:
     grid.set_defaults(run=_grid)
     for command in (mosaic, grid):
         add_file(command, "-o", "--output", metavar="OUT.tif", required=True, help="map")
+
+    bag = commands.add_parser("bag", help="write records as a bag of ROS 2; or read a vehicle's bag: its track as that "
+                                          "of a scene, its sonar's images as records")
+    add_file(bag, "records", metavar="RECORD", nargs="+",
+             help="images or soundings (.exr, .nc), or recorded lines (.all, .kmall, .gsf); or one bag to read")
+    add_file(bag, "-o", "--output", metavar="OUT.mcap|xml|nc|exr", required=True,
+             help="bag; of a bag, a scene with its track (.xml, with --like) or its sonar's images (.nc, .exr)")
+    bag.add_argument("--start", metavar="DATE",
+                     help="date of time 0, such as 2026-05-01T10:00:00Z; default: that of the record, or 1970")
+    bag.add_argument("--cell", type=number, metavar="M",
+                     help="also draw fans of beams as pictures in metres with cells of this side")
+    add_file(bag, "--like", metavar="SCENE", shipped=True, help="scene whose world and sonar the track is sailed in")
+    bag.add_argument("--topic", metavar="NAME", help="topic of the track, or of the images, to read")
+    bag.add_argument("--pings", metavar="FIRST:END",
+                     help="images to read, by their numbers from 0, such as 0:500; default: all")
+    bag.add_argument("--shift", nargs=3, type=number, metavar=("EAST", "NORTH", "UP"),
+                     help="place of the track's origin in the scene [m]; default: 0 0 0")
+    bag.set_defaults(run=_bag)
 
 
 def _raster(arguments):
@@ -147,6 +166,60 @@ def _grid(arguments):
         raise ValueError(f"there is no {arguments.layer} without the rule weighted; give --rule weighted.")
     _write_map(chart[[arguments.layer]], arguments.output,
                "the lines name no coordinate system, so the map is in plain metres")
+
+
+def _bag(arguments):
+    from mitsonar.io.bags import bag
+
+    suffix = check_output(arguments.output, (bag.SUFFIX, ".xml", ".nc", ".exr"))
+    if suffix != bag.SUFFIX:
+        _read_bag(arguments, suffix)
+        return
+    _refuse(arguments, ("like", "topic", "shift", "pings"), "reads a bag, and this writes one")
+    start = None if arguments.start is None else _seconds(arguments.start)
+    written = bag.write_files(arguments.records, arguments.output, start=start, cell=arguments.cell)
+    announce(arguments.output)
+    warn("messages: " + ", ".join(f"{count} of {topic}" for topic, count in sorted(written.items())))
+
+
+def _read_bag(arguments, suffix):
+    """Write a scene with the track of a bag, or the images of its sonar."""
+    from mitsonar.io import reading
+    from mitsonar.io.bags import recorded
+    from mitsonar.planning.twins.like_bag import like_bag
+
+    if len(arguments.records) > 1:
+        raise ValueError(f"{len(arguments.records)} bags are given, and one is read at a time; give one.")
+    _refuse(arguments, ("start", "cell"), "writes a bag, and this reads one")
+    path, = arguments.records
+    if suffix == ".xml":
+        if arguments.like is None:
+            raise ValueError("a track needs a world and a sonar; give --like SCENE.xml.")
+        _refuse(arguments, ("pings",), "reads images, and this reads a track")
+        for written in like_bag(path, arguments.like, arguments.output, topic=arguments.topic,
+                                shift=arguments.shift or (0.0, 0.0, 0.0)):
+            announce(written)
+        return
+    _refuse(arguments, ("like", "shift"), "makes a scene, and this reads images")
+    stem = os.path.splitext(arguments.output)[0]
+    pings = None
+    if arguments.pings is not None:
+        limits = re.fullmatch(r"(\d*):(\d*)", arguments.pings)
+        if limits is None:
+            raise ValueError(f"--pings is {arguments.pings!r}; give numbers such as 0:500, 500: or :500.")
+        pings = slice(*(int(limit) if limit else None for limit in limits.groups()))
+    images = recorded.read_images(path, topic=arguments.topic, track=recorded.track_if_any(path), pings=pings)
+    for run, image in enumerate(images, 1):
+        output = arguments.output if run == 1 else f"{stem}_{run}{suffix}"
+        reading.write(image, output)
+        announce(output)
+
+
+def _refuse(arguments, names, why):
+    """Raise `ValueError` for an option that has no meaning here."""
+    for name in names:
+        if getattr(arguments, name) is not None:
+            raise ValueError(f"--{name} {why}; leave it out.")
 
 
 def _write_map(chart, path, without_crs):

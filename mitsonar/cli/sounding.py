@@ -26,6 +26,9 @@ def add(commands: Commands) -> None:
     add_file(command, "-o", "--output", required=True, metavar="OUT.nc|csv|gsf|kmall|las", help="soundings")
     add_file(command, "--profile", metavar="CAST",
              help="file of the cast that reduces the soundings; default: the water's own")
+    command.add_argument("--tide", metavar="FILE|M",
+                         help="tide that reduces soundings of a scene: a CSV file, or a water level [m], 0 for none; "
+                              "default: the water's own")
     command.add_argument("--head-speed", type=number, metavar="M/S",
                          help="another sound speed at the head, for a recorded line")
     command.add_argument("--column", action="store_true", help="keep the water column")
@@ -65,6 +68,14 @@ def _soundings(arguments):
     warn("; ".join((f"{written.soundings} soundings of {written.pings} pings", *written.words, *words, *kept)))
 
 
+def tide_of(text: str) -> float | str:
+    """Return the water level [m] that a text states, or the text, the name of a file."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
 def _is_recorded(path):
     """Return True if the file is a recorded line, not a scene, by its name or its first bytes."""
     if os.path.splitext(path)[1].lower() in LINES:
@@ -99,9 +110,10 @@ def _simulated(arguments, place, progress):
 
     def pings_from(number: int) -> Iterator[xr.Dataset]:
         began.append(number)
-        return sounded_pings(scene, arguments.seed, arguments.profile, sensor=arguments.sensor, column=arguments.column,
-                             snippets=arguments.snippets, start=number, count=total.append)
+        return sounded_pings(scene, arguments.seed, arguments.profile, tide=tide, sensor=arguments.sensor,
+                             column=arguments.column, snippets=arguments.snippets, start=number, count=total.append)
 
+    tide = None if arguments.tide is None else tide_of(arguments.tide)
     began: list[int] = []
     pings = pings_from(0)
     leave_if_interrupted(part)
@@ -121,7 +133,8 @@ def _recorded(arguments, words):
     """
     given = [option for option, value in (("-D", arguments.parameters), ("--seed", arguments.seed),
                                           ("--sensor", arguments.sensor), ("--snippets", arguments.snippets),
-                                          ("--threads", arguments.threads is not None)) if value]
+                                          ("--threads", arguments.threads is not None),
+                                          ("--tide", arguments.tide)) if value]
     if given:
         raise ValueError(f"{given[0]} applies to scenes only, and {arguments.scene} is a recorded line; leave it out.")
     from mitsonar.hydrography.reduction.resounding import resounded

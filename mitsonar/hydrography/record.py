@@ -4,9 +4,10 @@ Dimensions: ``ping``, ``beam`` (soundings of a ping, padded), ``transmission`` (
 of the motion sensors), ``node`` (of the cast), ``axis`` (forward, starboard, down) and, where present, ``true_node``
 (of the true sound speed profile), ``column_beam`` and ``column_sample`` of the water column and ``snippet_sample``.
 
-Scene frame: x east, y north of the origin, depth positive down from the surface. Body frame: x forward, y starboard,
-z down. Positions of the arrays are lever arms from the reference point, whose track is ``motion_x``, ``motion_y``,
-``motion_depth``. Across and along track distances are from the reference point at the transmission, along its heading.
+Scene frame: x east, y north of the origin, depth positive down from the surface, or from the datum of a ``tide``. Body
+frame: x forward, y starboard, z down. Positions of the arrays are lever arms from the reference point, whose track is
+``motion_x``, ``motion_y``, ``motion_depth``. Across and along track distances are from the reference point at the
+transmission, along its heading.
 
 A sounding is the intersection of two cones at a travel time:
 
@@ -45,7 +46,8 @@ VARIABLES = RecordTable([
           ("motion_time", "f8", "s", "after the line's start"),
           ("motion_x", "f8", "m", "reference point, east"),
           ("motion_y", "f8", "m", "reference point, north"),
-          ("motion_depth", "f8", "m", "reference point below the still surface: heave, and where it is mounted"),
+          ("motion_depth", "f8", "m", "reference point below the still surface: heave, and where it is mounted; below "
+                                      "the datum if the line has a tide"),
           ("motion_roll", "f8", "rad", "starboard down"),
           ("motion_pitch", "f8", "rad", "bow up"),
           ("motion_heading", "f8", "rad", "clockwise from north")),
@@ -58,6 +60,9 @@ VARIABLES = RecordTable([
           ("ping_pitch", "f8", "rad", "bow up"),
           ("ping_heading", "f8", "rad", "clockwise from north"),
           ("head_sound_speed", "f8", "m/s", "at the arrays, by the head's own sensor")),
+    *rows("ping", _PING, False,
+          ("tide", "f8", "m", "water level above the datum, by which depths below the surface were reduced"),
+          ("true_tide", "f8", "m", "water level above the datum, as the echoes met it")),
     *rows("ping", _PING, False, ("head", "i4", "1", "number of the receiving head where there are several")),
     *rows("sector", _SECTOR, True,
           ("sector_frequency", "f8", "Hz", "middle of the band"),
@@ -89,10 +94,11 @@ VARIABLES = RecordTable([
           ("grazing", "f4", "rad", "at the bed, were it level")),
     *rows("truth", _BEAM, False,
           ("true_depth", "f8", "m", "of the bed at x, y"),
-          ("error", "f8", "m", "depth - true_depth: the sum of the next three"),
+          ("error", "f8", "m", "depth - true_depth: the sum of its causes, the next ones"),
           ("error_detection", "f8", "m", "by the echo's time and the beam's footprint"),
           ("error_refraction", "f8", "m", "by the profile and the head's sound speed used"),
           ("error_motion", "f8", "m", "by what the motion sensors say and where arrays are said to be"),
+          ("error_tide", "f8", "m", "by the tide used"),
           ("footprint_across", "f4", "m", "of the beam, -3 dB, or of the pulse where that is shorter"),
           ("footprint_along", "f4", "m", "of the transmitted beam, -3 dB"),
           ("label", "u4", "1", "instance that most of the echo at the sounding is of; 0 none"),

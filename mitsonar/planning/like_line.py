@@ -30,7 +30,7 @@ from mitsonar.io.survey_lines import reading
 from mitsonar.io.survey_lines.assembly import LineCast
 from mitsonar.io.survey_lines.motion import smoothed
 from mitsonar.io.survey_lines.places import across_and_along, levelled
-from mitsonar.sonar.preset_tables import presets
+from mitsonar.sonar.preset_tables import classes
 from mitsonar.units import deg_from_radians
 
 from .instrument_rules import rules_of
@@ -61,7 +61,7 @@ def like(line: FilePath, scene: FilePath, *, cell: float | None = None,     # [m
     check_writable(scene)
     soundings = reading.read(line, pings=pings, water_column=False)
     _check(soundings, line)
-    settings = settings_of(soundings, presets("multibeam"))
+    settings = settings_of(soundings, classes("multibeam"))
     rules, strengths = rules_of(soundings), _strengths(soundings)
     track, smoothing = _track(soundings, settings.ping_rate)
     words = (*settings.words, *(text for text in (str(soundings.attrs.get("left_out", "")), smoothing) if text),

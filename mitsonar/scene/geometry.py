@@ -30,6 +30,7 @@ from .protocols import (
     sound_material,
     target_shape,
 )
+from .sea import Sea, SeaStand, WavySurface, wavy_surface
 from .two_scenes import MovingScene, TwoScenes, scene_of
 
 
@@ -69,9 +70,9 @@ class Target(NamedTuple):
 
 
 class MovingBody(NamedTuple):
-    """A moving object: its shape in the scene, and the copy that moves."""
+    """A moving object, or a sea surface with waves: its shape in the scene, and the copy that moves."""
 
-    shape: MovingShape
+    shape: MovingShape | WavySurface
     label: int
     copy: mi.Mesh | None           # None: a point target, which rays pass
     first_vertex: int
@@ -82,7 +83,8 @@ class Geometry:
     """Facets of a scene, gathered once so that hit points can be rebuilt without a call for each shape.
 
     Has `labels` {number: name}, `depth_range` [m], `horizontal_bounds` [m] and `local_origin` (2,) [m] or None.
-    `still` is the scene of what never moves, `scene` all of it; moving objects stand where `stand` has put them last.
+    `still` is the scene of what never moves, `scene` all of it. `bodies` are the moving objects, `movers` these and a
+    sea surface with waves; they stand where `stand` has put them last.
     """
 
     def __init__(self, scene: mi.Scene, *, smooth_beds: bool = False):
@@ -92,16 +94,20 @@ class Geometry:
         _check_extents(shapes)
         _check_merged(shapes)
         self.loaded, self.scene, self.still = scene, scene, scene
+        self._moving_scenes: list[tuple[MovingScene, set[str]]] = []   # with the ids of their shapes
         self.named = ShapeLabels(shapes)
         self.labels = self.named.names
         pointers: Any = scene.shapes_dr()
         numbers: Any = dr.reinterpret_array(mi.UInt32, pointers)
         registry, copies = numbers.numpy(), {}
-        self.moving_scene: MovingScene | None = None
-        if movers := [shape for shape in shapes if moving_shape(shape) is not None]:
-            registry, copies = self._moved_apart(scene, movers, registry)
+        self.moving_scene: MovingScene | None = None                   # of the objects alone
+        self.sea = next((Sea(wavy, self.named.of(shape)) for shape in shapes
+                         if (wavy := wavy_surface(shape)) is not None), None)
+        if self.sea is not None or any(moving_shape(shape) is not None for shape in shapes):
+            registry, copies = self._moved_apart(scene, registry)
         self.bodies: list[MovingBody] = []
-        self.stands: list[Stand] = []
+        wavy: list[MovingBody] = []
+        self.stands: list[Stand | SeaStand] = []
         self.deepest_moving = -np.inf                                  # [m]: depth of the lowest moving point
         self.body_samples: tuple[np.ndarray, ...] | None = None        # made by `shadows.exposure`
         # what the places of moving objects follow from: the movements, and a ping of theirs
@@ -137,7 +143,10 @@ class Geometry:
             if (moving := moving_shape(shape)) is not None:
                 self.bodies.append(MovingBody(moving, self.named.of(shape), copies.get(shape.id()), first_vertex,
                                         vertex_normals(moving.rest, face) if self.is_smooth(shape) else None))
+            elif (surface := wavy_surface(shape)) is not None and shape.id() in copies:
+                wavy.append(MovingBody(surface, self.named.of(shape), copies[shape.id()], first_vertex, None))
             first_vertex, first_face = first_vertex + len(vertex), first_face + len(face)
+        self.movers = self.bodies + wavy
         self.only_meshes = len(faces) == len(shapes)
         self.rows, self.kinds = upload(mi.UInt32, rows), upload(mi.UInt32, self.named.label_kinds()[rows[:, 0]])
         # four wide, so that a vertex is one aligned packet, and a face with its label another one
@@ -169,72 +178,93 @@ class Geometry:
         lowest, highest = int(faces.min()), int(faces.max())
         return self.vertices.numpy().reshape(-1, 4)[lowest:highest + 1, :3], faces - np.uint32(lowest)
 
-    def _moved_apart(self, scene: mi.Scene, movers: list, registry: np.ndarray) -> tuple[np.ndarray, dict]:
-        """Put copies of moving shapes into a scene of their own; return registry indices and copies by id."""
+    def _moved_apart(self, scene: mi.Scene, registry: np.ndarray) -> tuple[np.ndarray, dict]:
+        """Put copies of what moves into scenes of their own; return registry indices and copies by id."""
         if dr.backend_v(mi.Float) != dr.JitBackend.LLVM:
             # OptiX leaves out what a kernel traces in a second scene
-            raise ValueError("moving shapes need an LLVM variant of Mitsuba, such as llvm_ad_mono, and this is "
-                             f"{mi.variant()}; set that variant")
+            raise ValueError("what moves needs an LLVM variant of Mitsuba, such as llvm_ad_mono, and this is "
+                             f"{mi.variant()}; set that variant, or take moving shapes and waves out of the scene")
+        shapes = scene.shapes()
+        movers = [shape for shape in shapes if moving_shape(shape) is not None]
         names = [shape.id() for shape in movers]
         if len(set(names)) < len(names):
             raise ValueError(f'two moving shapes are named "{max(names, key=names.count)}"; give each an id of its own')
-        copies = {shape.id(): _copy_of(shape) for shape in movers if target_shape(shape) is None}
+        groups = [{shape.id(): _copy_of(shape) for shape in group} for group in (
+            [shape for shape in movers if target_shape(shape) is None],
+            [shape for shape in shapes if wavy_surface(shape) is not None and not is_mirror(shape)])]
+        scenes = [MovingScene(list(group.values())) if group else None for group in groups]
+        self.moving_scene, copies = scenes[0], {**groups[0], **groups[1]}
         if not copies:
             return registry, copies
-        self.moving_scene = MovingScene(list(copies.values()))
-        index = dict(zip(copies, self.moving_scene.registry))
-        shapes = scene.shapes()
         self.still = scene_of([shape for shape in shapes if shape.id() not in copies])
-        self.scene = cast(mi.Scene, TwoScenes(scene, self.still, self.moving_scene))
+        self.scene, index, self._moving_scenes = self.still, {}, []
+        for group, moving in zip(groups, scenes):
+            if moving is not None:
+                self.scene = cast(mi.Scene, TwoScenes(scene, self.scene, moving))
+                index.update(zip(group, moving.registry))
+                self._moving_scenes.append((moving, {*group}))
         return np.array([index.get(shape.id(), own) for shape, own in zip(shapes, registry)], np.uint32), copies
+
+    @property
+    def moves(self) -> bool:
+        """Return True if anything in the scene moves."""
+        return bool(self.bodies) or self.sea is not None
 
     def refuse_bodies(self, why: str) -> None:
         """Raise `ValueError` if objects move; `why` names who needs a scene that stands still."""
         if self.bodies:
             raise ValueError(f'{why} a scene that stands still, and the shape "{self.bodies[0].shape.id()}" moves; '
                              "take the nested shape out of its <shape type=\"moving\">")
+        if self.sea is not None:
+            raise ValueError(f"{why} a scene that stands still, and the sea surface has waves; leave them out")
 
-    def stand(self, stands: list[Stand]) -> None:
-        """Put the moving objects, in the order of `bodies`, where they stand; who follows is told."""
+    def stand(self, stands: list[Stand | SeaStand]) -> None:
+        """Put what moves, in the order of `movers`, where it stands; who follows is told."""
         self.stands, self.moment = stands, None
         places, rows, turned = [], [], []
-        for body, stand in zip(self.bodies, stands):
+        for body, stand in zip(self.movers, stands):
             vertices = stand.placed(body.shape.rest).astype(np.float32)
             places.append(vertices)
             rows.append(body.first_vertex + np.arange(len(vertices), dtype=np.uint32))
             if self.normals is not None:
-                normals = np.zeros_like(vertices) if body.normals is None else body.normals @ stand.rotation.T
+                normals = (np.zeros_like(vertices) if body.normals is None
+                           else stand.turned(body.normals, body.shape.rest))
                 turned.append(normals.astype(np.float32))
-        if self.moving_scene is not None:
-            self.moving_scene.move([own for body, own in zip(self.bodies, places) if body.copy is not None])
-        self.moved_rows, self.moved_places = np.concatenate(rows), np.concatenate(places)
-        self.vertices = self.with_moved(self.vertices, self.moved_places)
-        if self.normals is not None:
-            self.moved_normals = np.concatenate(turned)
-            self.normals = self.with_moved(self.normals, self.moved_normals)
+        for moving, names in self._moving_scenes:
+            moving.move([own for body, own in zip(self.movers, places) if body.shape.id() in names])
+        if places:
+            self.moved_rows, self.moved_places = np.concatenate(rows), np.concatenate(places)
+            self.vertices = self.with_moved(self.vertices, self.moved_places)
+            if self.normals is not None:
+                self.moved_normals = np.concatenate(turned)
+                self.normals = self.with_moved(self.normals, self.moved_normals)
         for follower in self._followers:
             if (moved := follower()) is not None:
                 moved()
 
-    def carried(self, number: np.ndarray, points: np.ndarray, *, turned_only: bool = False) -> np.ndarray:
-        """Return points or directions (N, 3) of the own frames of `bodies` with these rising numbers (N,), moved."""
+    def carried(self, number: np.ndarray, points: np.ndarray,
+                directions: np.ndarray | None = None) -> np.ndarray:
+        """Return points (N, 3) of the own frames of `movers` with these numbers (N,), moved; or directions there.
+
+        Numbers of objects rise.
+        """
         moved, ends = np.empty(points.shape), np.searchsorted(number, np.arange(len(self.stands) + 1))
-        for stand, first, end in zip(self.stands, ends, ends[1:]):
-            own = points[first:end]
-            moved[first:end] = own @ stand.rotation.T if turned_only else stand.placed(own)
+        for body, (stand, first, end) in enumerate(zip(self.stands, ends, ends[1:])):
+            own = slice(first, end) if self.sea is None else np.flatnonzero(number == body)
+            moved[own] = stand.placed(points[own]) if directions is None else stand.turned(directions[own], points[own])
         return moved
 
     def at_rest(self, vertices: np.ndarray) -> np.ndarray:
-        """Return vertices (V, 4) with those of moving objects in the objects' own frames."""
-        vertices = vertices.copy() if self.bodies else vertices
-        for body in self.bodies:
+        """Return vertices (V, 4) with those of what moves in its own frame."""
+        vertices = vertices.copy() if self.movers else vertices
+        for body in self.movers:
             vertices[body.first_vertex:body.first_vertex + len(body.shape.rest), :3] = body.shape.rest
         return vertices
 
     def body_numbers(self, label: np.ndarray) -> np.ndarray:
-        """Return the numbers in `bodies` of labels (N,), -1 of what stands still."""
+        """Return the numbers in `movers` of labels (N,), -1 of what stands still."""
         numbers = np.full(len(self.named) + 1, -1)
-        numbers[[body.label for body in self.bodies]] = np.arange(len(self.bodies))
+        numbers[[body.label for body in self.movers]] = np.arange(len(self.movers))
         return numbers[label]
 
     def with_moved(self, table: mi.Float, places: np.ndarray) -> mi.Float:
@@ -251,7 +281,7 @@ class Geometry:
 
     def follow(self, moved: Callable[[], None]) -> None:
         """Call a method after every `stand`, and at once if the objects stand; nothing happens in a still scene."""
-        if self.bodies:
+        if self.movers:
             self._followers.append(weakref.WeakMethod(moved))
             if self.stands:
                 moved()
@@ -272,7 +302,7 @@ class Geometry:
 
     def targets(self) -> list[Target]:
         """Return the point targets, moving ones where they stand."""
-        stands = {body.label: stand for body, stand in zip(self.bodies, self.stands)}
+        stands = {body.label: stand for body, stand in zip(self.bodies, self.stands) if isinstance(stand, Stand)}
         targets = []
         for _, shape, *_ in self.meshes:
             if (target := target_shape(shape)) is not None:

@@ -25,6 +25,8 @@ from mitsonar.sonar.motion.track import Track
 from mitsonar.water.profile import SoundSpeedProfile
 from mitsonar.water.waters import Waters
 
+from .sea import Sea, SeaStand
+
 STEPS = 3                          # iterations of t1; each multiplies its error by the ratio of speeds, 1/500
 DEPTHS = 17                        # at which the slowness between two depths is averaged
 
@@ -77,29 +79,40 @@ class Stand(NamedTuple):
         """Return points (N, 3) [m] of the object's own frame in the scene."""
         return points @ self.rotation.T + self.position
 
+    def turned(self, directions: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Return directions (N, 3) of the object's own frame, at points of it, in the scene."""
+        return directions @ self.rotation.T
+
+    def fastest(self, points: np.ndarray) -> float:
+        """Return the largest speed of points (N, 3) of the own frame [m/s], at most."""
+        return float(np.linalg.norm(self.velocity)
+                     + np.linalg.norm(self.turn_rate) * np.linalg.norm(points, axis=1).max())
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Movements:
-    """Stands of a scene's moving objects at the pings of a track."""
+    """Stands of what moves in a scene, at the pings of a track: the objects, then the sea surface."""
 
     shapes: tuple[MovingShape, ...]
     track: Track  # planned
     waters: Waters
     stepping: Stepping | None = None  # of a sonar that is stepped
+    sea: Sea | None = None  # None: the surface has no waves
 
     def key(self, ping: int) -> tuple[object, ...]:
         """Return what the stands at a ping follow from, for comparisons."""
         stepping = self.stepping
         return (ping,) if stepping is None else (ping, stepping.latest, *stepping.moved.values())
 
-    def at(self, ping: int) -> list[Stand]:
-        """Return the stands of all objects at a ping; raise `ValueError` if it is beyond the track of one."""
+    def at(self, ping: int) -> list[Stand | SeaStand]:
+        """Return the stands of all that moves at a ping; raise `ValueError` if it is beyond the track of an object."""
         stepping = self.stepping
         if stepping is None or stepping.latest is None:
             profile, sonar = self.waters.at(ping).profile, self.track.position[ping]
-            return [_stand(shape.mover, float(self.time(shape, ping)), sonar, profile) for shape in self.shapes]
-        latest, profile = stepping.latest, self.waters.only.profile
-        stands = []
+            return [*(_stand(shape.mover, float(self.time(shape, ping)), sonar, profile) for shape in self.shapes),
+                    *self._sea_at(float(self.track.time[ping]), sonar, profile)]
+        latest, profile = stepping.latest, self.waters.of_step(stepping.latest).column.profile
+        stands: list[Stand | SeaStand] = []
         for shape in self.shapes:
             mover, time = stepping.moved.get(shape.id()), latest.time
             if mover is None:
@@ -111,7 +124,12 @@ class Movements:
                                      f"s, and this ping is at {time:g} s of it; move the object yourself, or give it "
                                      "a longer track")
             stands.append(_stand(mover, float(time), latest.track.position[0], profile))
-        return stands
+        return [*stands, *self._sea_at(float(latest.time), latest.track.position[0], profile)]
+
+    def _sea_at(self, time: float, sonar: np.ndarray, profile: SoundSpeedProfile) -> list[SeaStand]:
+        """Return the stand of the sea surface, if it has a mesh that moves."""
+        stand = None if self.sea is None else self.sea.stand(time, sonar, profile)
+        return [] if stand is None else [stand]
 
     def time(self, shape: MovingShape, ping: int | slice = slice(None)) -> np.ndarray:
         """Return the times [s] of an object's mover at a ping, or at all pings (P,)."""
@@ -139,8 +157,8 @@ class Movements:
         return points.min(0), points.max(0)
 
     def depth_range(self) -> tuple[float, float]:
-        """Return the least and the greatest depth that any point of an object reaches at any ping [m]."""
-        spans = []
+        """Return the least and the greatest depth that anything that moves reaches at any ping [m]."""
+        spans = [] if self.sea is None else [(-self.sea.waves.crest, self.sea.waves.crest)]
         for shape in self.shapes:
             depth = -shape.mover.pose(self.time(shape))[0][..., 2]
             reach = float(np.linalg.norm(shape.rest, axis=1).max(initial=0))

@@ -31,9 +31,10 @@ class World:
     @classmethod
     def of(cls, geometry: Geometry, seed: int, track: Track, waters: Waters) -> World:
         """Return the scene of the pings of a track; raise `ValueError` if an object cannot move as it should."""
-        if not geometry.bodies:
+        if not geometry.moves:
             return cls(still=geometry, seed=seed)
-        movements = Movements(shapes=tuple(body.shape for body in geometry.bodies), track=track, waters=waters)
+        movements = Movements(shapes=tuple(body.shape for body in geometry.bodies), track=track, waters=waters,
+                              sea=geometry.sea)
         movements.check()
         least, greatest = movements.depth_range()
         geometry.widen((min(least, 0.0), greatest))           # a sonar that is stepped may move objects anywhere
@@ -86,13 +87,12 @@ class World:
                              f"{bed:.4g} m and 0; give a place within it")
 
     def fastest(self, ping: int) -> float:
-        """Return the largest speed of any point of a moving object at a ping [m/s]; 0 if nothing moves."""
+        """Return the largest speed of any point that moves, at a ping [m/s]; 0 if nothing moves."""
         if self.movements is None:
             return 0.0
         geometry = self.at(ping)
-        return max(float(np.linalg.norm(stand.velocity) + np.linalg.norm(stand.turn_rate)
-                         * np.linalg.norm(body.shape.rest, axis=1).max())
-                   for body, stand in zip(geometry.bodies, geometry.stands))
+        return max((stand.fastest(body.shape.rest) for body, stand in zip(geometry.movers, geometry.stands)),
+                   default=0.0)
 
     def within(self, ping: int) -> World:
         """Return the geometry of a ping as that of all pings."""

@@ -157,16 +157,20 @@ def _away(geometry: Geometry, position: np.ndarray) -> np.ndarray:
     return np.hypot(*np.maximum(np.maximum(low - position, position - high), 0).T)
 
 
-def check(geometry: Geometry, track: Track, first: int = 0) -> np.ndarray:
+def check(geometry: Geometry, track: Track, first: int = 0, *, level: Real = 0.0) -> np.ndarray:
     """Return the depth of the seabed below the sonar at every ping [m], (P,); refuse a track that leaves the water.
 
-    `first` is the number of the track's first ping, for messages.
+    `first` is the number of the track's first ping, for messages; `level` [m] the height of the water level.
     """
     x, y, z = track.position.T
-    if np.any(z > 0):
-        ping = int(np.argmax(z > 0))
-        raise ValueError(f"ping {first + ping}: the sonar is {z[ping]:.2f} m above the sea surface (z = 0); z is "
-                         "negative under water")
+    level = np.broadcast_to(level, z.shape)
+    if geometry.sea is not None:
+        geometry.sea.check(track.position[:, :2], first)
+        level = level + geometry.sea.waves.height(track.position[:, :2], track.time)
+    if np.any(z > level):
+        ping = int(np.argmax(z > level))
+        raise ValueError(f"ping {first + ping}: the sonar is {z[ping] - level[ping]:.2f} m above the sea surface (z = "
+                         f"{level[ping]:.3g}); z is negative under water")
     depth = soundings(geometry, x, y)
     if np.any(np.isnan(depth)):
         ping = int(np.argmax(np.isnan(depth)))

@@ -13,6 +13,7 @@ import numpy as np
 from mitsonar.imaging.recorder import Recorder
 from mitsonar.io.casts import Cast
 from mitsonar.io.casts.series import PlacedCast
+from mitsonar.io.tracks.tides import Tide
 from mitsonar.scene import materials
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.protocols import SceneSonar
@@ -42,6 +43,7 @@ class Water(Protocol):
     casts_step: float
     field: UnplacedField | None  # sound speed that changes across, beside the profile
     field_bending: float  # [s]: bending above which a warning is given
+    tide: Tide | None  # None: the water level is z = 0
 
     def absorption_column(self, frequency: float, cast: Cast | None = None) -> AbsorptionColumn:
         """Return the absorption against depth at one frequency [Hz], in the water of one of the casts."""
@@ -175,8 +177,14 @@ def planned_waters(sensor: Sensor, geometry: Geometry, passage: Passage, frequen
     for column in columns:
         materials.check(geometry, column.profile, frequency)
     waters = waters_along(water, columns, geometry, passage) if water.casts else Waters.constant(columns[0])
-    if water.field is None:
-        return waters
     track = passage.voyage.track
-    field = water.field.placed(frame_of(geometry, passage), track.position[:, :2], float(track.time[0]))
-    return waters.with_field(field, track.time)
+    if water.field is not None:
+        field = water.field.placed(frame_of(geometry, passage), track.position[:, :2], float(track.time[0]))
+        waters = waters.with_field(field, track.time)
+    if passage.tide is None:
+        return waters
+    level = passage.level(track.time)
+    if geometry.surface_label and level.any():
+        raise ValueError(f"the tide is up to {abs(level).max():.3g} m off z = 0, and the scene has a sea_surface, "
+                         "which stays there; leave out one of the two")
+    return waters.lifted(passage.level, track.time)

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from mitsonar.io.tracks.tides import Tide
 from mitsonar.sonar.motion.stepping import Steady, SteppedPing, Stepping, planned_row
 from mitsonar.sonar.motion.track import FIELDS, Track
 from mitsonar.sonar.motion.trajectory import Trajectory
@@ -37,11 +38,7 @@ class SteppedRun:
     def __init__(self, scene: mi.Scene, sensor: Sensor, integrator: SoundIntegrator, seed: int):
         self._scene, self._sensor, self._integrator, self._seed = scene, sensor, integrator, seed
         self._stepping = Stepping()
-        planned = integrator.survey(scene, sensor, seed)
-        if planned.changes:
-            raise ValueError("the water changes along the route of this scene, and a stepped sonar has one water "
-                             "for all pings; give the water one cast, or a field that does not move")
-        self.survey: Survey = planned.stepped(self._stepping)
+        self.survey: Survey = integrator.survey(scene, sensor, seed).stepped(self._stepping)
         self.frame: Callable[[int], xr.Dataset] = integrator.frame(self.survey, sensor, seed)
         self._moves: Moves = {}                            # since the latest ping
         self._before = self._stepping.moved, self._moves   # what a ping that fails goes back to
@@ -71,7 +68,13 @@ class SteppedRun:
         passage = self.survey.passage
         return float(passage.voyage.track.time[0]) if self.latest is None else self.latest.time + passage.interval
 
-    def sounded(self, profile: SoundSpeedProfile | None, *, column: bool, snippets: int) -> xr.Dataset:
+    @property
+    def stated(self) -> dict[str, object]:
+        """Return what a record states about the water of the latest ping, if it is not that of a planned one."""
+        return {} if self.latest is None else {**self.survey.waters.of_step(self.latest).stated}
+
+    def sounded(self, profile: SoundSpeedProfile | None, tide: Tide | float | None = None, *, column: bool,
+                snippets: int) -> xr.Dataset:
         """Return the soundings of the latest ping; arguments as of `mitsonar.soundings`."""
         assert self.latest is not None
         if (column, snippets) not in self._instruments:
@@ -79,7 +82,7 @@ class SteppedRun:
                 self.survey, self._sensor.own_seed(self._seed), column=column, snippets=snippets)
         instrument = self._instruments[column, snippets]
         survey = cast(SoundedSurvey, self.survey)
-        line = SoundingLine(survey, instrument, self._sensor.own_seed(self._seed), profile=profile)
+        line = SoundingLine(survey, instrument, self._sensor.own_seed(self._seed), profile=profile, tide=tide)
         return next(line.pings([self.latest.ping]))
 
     @cached_property
@@ -117,7 +120,11 @@ class SteppedRun:
             track = Track(**{name: getattr(planned.track, name)[row:row + 1] for name in FIELDS})
             return SteppedPing(ping=number, track=track, trajectory=planned.trajectory, turn_rate=turn_rate, row=row,
                                depth_below=float(passage.depth_below[row]))
-        below = placement.check(self.survey.world.still, track, number)
+        tide = passage.tide
+        if tide is not None and not tide.first <= when <= tide.last:
+            raise ValueError(f"time is {when:.6g} s, and the tide of the water lasts from {tide.first:.6g} to "
+                             f"{tide.last:.6g} s; give a tide that lasts longer")
+        below = placement.check(self.survey.world.still, track, number, level=passage.level(track.time))
         # the trajectory is that of the reference point, as soundings are of it
         offset = planned.trajectory.offset
         arm = track.rotation()[0] @ offset

@@ -21,7 +21,7 @@ from mitsonar.scene.world import World
 from mitsonar.sonar.motion.stepping import Stepping
 from mitsonar.sonar.motion.track import Track
 from mitsonar.sonar.motion.trajectory import Voyage
-from mitsonar.water.waters import Waters
+from mitsonar.water.waters import WaterColumn, Waters
 
 from .voyage import Passage
 
@@ -100,8 +100,16 @@ class Survey:
         return np.unique(pairs, axis=1, return_inverse=True)[1].reshape(-1)
 
     def surroundings_of(self, ping: int) -> int:
-        """Return the number of a ping's surroundings; all stepped pings have those of the first planned one."""
-        return int(self.surroundings_number[0 if self.passage.latest is not None else ping])
+        """Return the number of a ping's surroundings; a stepped ping has those of its own time and place."""
+        latest = self.passage.latest
+        if latest is None or (latest.row is not None and self.changes):
+            return int(self.surroundings_number[ping if latest is None else latest.row or 0])
+        return self.waters.of_step(latest).number
+
+    def water_at(self, ping: int) -> WaterColumn:
+        """Return the water of a ping; of a sonar that is stepped, its latest ping's."""
+        latest = self.passage.latest
+        return self.waters.at(ping) if latest is None else self.waters.of_step(latest).column
 
     @property
     def changes(self) -> bool:
@@ -110,9 +118,10 @@ class Survey:
 
     def within(self: SurveyOf, ping: int) -> SurveyOf:
         """Return the survey in which all pings have the surroundings of one; the same survey if they have them."""
-        if not self.changes:
+        stepped = self.passage.latest is not None and self.waters.elsewhere is not None
+        if not (self.changes or stepped):
             return self
-        number = int(self.surroundings_number[ping])
+        number = self.surroundings_of(ping)
         if number not in self._part:
             self._part.clear()
             self._part[number] = self._made_within(ping)
@@ -120,7 +129,9 @@ class Survey:
 
     def _made_within(self: SurveyOf, ping: int) -> SurveyOf:
         """Return a new survey in which all pings have the surroundings of one."""
-        return replace(self, waters=self.waters.within(ping), world=self.world.within(ping))
+        if self.passage.latest is None:
+            return replace(self, waters=self.waters.within(ping), world=self.world.within(ping))
+        return replace(self, waters=Waters.constant(self.water_at(ping)))
 
     @cached_property
     def _part(self) -> dict:
@@ -148,7 +159,8 @@ class Survey:
                              "water itself do not see yet; write max_depth 1, leave out volume_strength_db and layers, "
                              "and give the sea surface a rough material")
         deepest = max(self.world.depth_range[1], -float(self.planned.track.position[:, 2].min())) + below
-        return DeviceWater(column.profile, column.absorption, column.volume, deepest=deepest, field=column.field)
+        return DeviceWater(column.profile, column.absorption, column.volume, deepest=deepest, field=column.field,
+                           level=column.level)
 
     def refuse_field(self, what: str) -> None:
         """Raise `ValueError` if the water has a field, which `what` do not see."""
@@ -167,7 +179,7 @@ class Survey:
 
     def sound_speed(self, ping: int) -> float:
         """Return the sound speed at the sonar [m/s]."""
-        return self.waters.sound_speed(ping, -self.track.position[ping, 2])
+        return float(self.water_at(ping).profile.at(-self.track.position[ping, 2]))
 
     @property
     def sound_speeds(self) -> np.ndarray:

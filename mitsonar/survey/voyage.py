@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mitsonar.io.tracks.navigation import Frame, Navigation, Waypoints
+from mitsonar.io.tracks.tides import Tide
 from mitsonar.scene.geometry import Geometry
 from mitsonar.sonar.motion.motion import RandomMotion
+from mitsonar.sonar.motion.riding import Riding
 from mitsonar.sonar.motion.stepping import SteppedPing, Stepping, voyage_of
 from mitsonar.sonar.motion.track import Track
-from mitsonar.sonar.motion.trajectory import Circled, Recorded, Sailed, SmoothCurve, Trajectory, Voyage
+from mitsonar.sonar.motion.trajectory import Circled, Lead, Recorded, Sailed, SmoothCurve, Trajectory, Voyage
 from mitsonar.sonar.motion.waypoints import Course
 
 from . import placement
@@ -31,7 +33,7 @@ class Passage:
 
     voyage: Voyage  # pings' track, and the trajectory it lies on
     depth_below: np.ndarray  # (P,) [m]: seabed below the sonar
-    depth: np.ndarray  # (P,) [m]: of the sonar on the route, without `Route.position_error`
+    depth: np.ndarray  # (P,) [m]: of the sonar on the route, below the water level, without `Route.position_error`
     interval: float = 0.0  # [s]: between pings
     stepping: Stepping | None = None  # of a sonar that is stepped
     of_ping: Callable[[SteppedPing], Voyage] = voyage_of  # makes this sonar's voyage of a stepped ping
@@ -39,6 +41,11 @@ class Passage:
     sailed: float | None = None  # [m]: length of the course or recorded track that the pings cover
     platform: Voyage | None = None  # of the platform, where `voyage` is that of a head that turns on it
     planned: float | None = None  # [m]: full length of the course or recorded track
+    tide: SmoothCurve | None = None  # [m]: height of the water level above z = 0, by the clock of the track
+
+    def level(self, times: np.ndarray) -> np.ndarray:
+        """Return the height of the water level above z = 0 [m] at times (...) [s]."""
+        return np.zeros(np.shape(times)) if self.tide is None else self.tide.at(np.asarray(times, float))
 
     @property
     def latest(self) -> SteppedPing | None:
@@ -77,6 +84,8 @@ class Route:
     record: Navigation | Waypoints | None  # recorded track or course; None for a straight line
     frame: Frame | None  # origin from a record in degrees, for a scene without one of its own
     interval: float | None = None  # [s]: between pings, if another sonar on the same track sets it
+    hull: tuple[float, float] | None = None  # [m]: length and beam of a hull that rides on the waves
+    tide: Tide | None = None  # of the water; None: the water level is z = 0
     circle: float | None = None  # [m]: radius of a circle about the start, sailed in place of a straight track
     position_error: np.ndarray | None = None  # (P, 3) [m]
     attitude_error: np.ndarray | None = None  # (P, 3) [rad]
@@ -92,16 +101,38 @@ class Route:
             voyage, lengths = self._sailed(self.record, geometry, interval)
         else:
             voyage, lengths = self._recorded(self.record, geometry, interval)
-        if self.random_motion.moves or np.any(self.offset):
-            trajectory = Trajectory(lead=voyage.trajectory.lead, motion=self.random_motion, offset=self.offset)
+        time = voyage.track.time
+        tide = None if self.tide is None else self.tide.over(float(time[0]), float(time[-1]))
+        riding = tide if self.keeps_depth else None
+        if self.random_motion.moves or np.any(self.offset) or riding is not None or self.hull is not None:
+            trajectory = Trajectory(lead=self._ridden(voyage.trajectory.lead, geometry), motion=self.random_motion,
+                                    offset=self.offset, tide=riding)
             voyage = Voyage.of(trajectory, voyage.track.time)
         depth = -voyage.track.position[:, 2]
+        if tide is not None:
+            depth = depth + tide.at(time)
         if self.position_error is not None or self.attitude_error is not None:
             errors = (np.zeros((1, 3)) if error is None else error for error in (self.position_error,
                                                                                  self.attitude_error))
             voyage = Voyage(track=voyage.track.moved(*errors), trajectory=voyage.trajectory)
-        return Passage(voyage=voyage, depth_below=placement.check(geometry, voyage.track), depth=depth,
-                       interval=interval, frame=self.frame, sailed=lengths[0], planned=lengths[1])
+        passage = Passage(voyage=voyage, depth_below=depth, depth=depth, interval=interval, frame=self.frame,
+                          sailed=lengths[0], planned=lengths[1], tide=tide)
+        below = placement.check(geometry, voyage.track, level=passage.level(voyage.track.time))
+        return replace(passage, depth_below=below)
+
+    @property
+    def keeps_depth(self) -> bool:
+        """Return True if the sonar keeps its depth below the water level, not its height above the bed."""
+        return self.start is not None or self.depth is not None or (self.record is not None and not self.altitude)
+
+    def _ridden(self, course: Lead, geometry: Geometry) -> Lead:
+        """Return a course with the motion of the waves, if a hull rides on them."""
+        if self.hull is None:
+            return course
+        if geometry.sea is None:
+            raise ValueError("ride_waves is given, and the scene has no waves; give its sea_surface waves, or leave "
+                             "ride_waves out")
+        return Riding(course=course, waves=geometry.sea.waves, length=self.hull[0], beam=self.hull[1])
 
     def _straight(self, geometry, interval):
         if self.start is not None:

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -10,7 +11,7 @@ from mitsonar.device.earth import Frame
 from mitsonar.io.casts.series import PlacedCast
 from mitsonar.scene.geometry import Geometry
 from mitsonar.water.along_line import along_track, between, latest, mixed_columns, nearest, steps_between
-from mitsonar.water.waters import WaterColumn, Waters
+from mitsonar.water.waters import FoundWater, WaterColumn, Waters
 
 from .voyage import Passage
 
@@ -34,30 +35,57 @@ def waters_along(water: ChangingWater, columns: Sequence[WaterColumn], geometry:
     if rule == "latest" and by == "place":
         raise ValueError('casts_rule is "latest", but the casts are found by their places; write casts_by time, or '
                          'casts_rule nearest.')
-    at, marks = track.position[:, :2], _places(casts, geometry, passage) if by == "place" else None
-    if marks is None:
-        at, marks = track.time[:, None], _times(casts, track.time)[:, None]
-    if by == "place" and rule == "interpolated":
-        at, marks = (values[:, None] for values in along_track(at, marks))
-    if rule == "nearest":
-        number, share = nearest(at, marks), np.zeros(len(at))
-    else:
-        order = np.argsort(marks[:, 0], kind="stable")
-        casts, columns, at, marks = [casts[k] for k in order], [columns[k] for k in order], at[:, 0], marks[order, 0]
+    marks = _places(casts, geometry, passage) if by == "place" else _times(casts, track.time)
+    along = track.position[:, :2] if by == "place" and rule == "interpolated" else None
+    if along is not None:
+        marks = along_track(along, marks)[1]
+    if rule != "nearest":
+        order = np.argsort(marks, kind="stable")
+        casts, columns, marks = [casts[k] for k in order], [columns[k] for k in order], marks[order]
         if (same := np.flatnonzero(np.diff(marks) <= 0)).size:
             pair = " and ".join(casts[same[0] + k].name for k in (0, 1))
             raise ValueError(f'the casts {pair} lie at the same {"time" if by == "time" else "place along the track"}; '
                              'leave one out, or write casts_rule nearest.')
-        if rule == "latest":
-            number, share = latest(at, marks), np.zeros(len(at))
-        else:
-            number, share = between(at, marks, steps_between([one.cast.profile for one in casts], water.casts_step))
+    steps = np.zeros(0)
+    if rule == "interpolated":
+        steps = steps_between([one.cast.profile for one in casts], water.casts_step)
+    line = CastLine(columns=columns, by=by, rule=rule, marks=marks, steps=steps, along=along)
+    at = track.position[:, :2] if by == "place" else track.time
+    number, share = line.at(at if along is None else along_track(along, marks[:0])[0])
     used, numbers = mixed_columns(columns, number, share)
     stated = {"casts": [one.name for one in casts], "casts_by": by, "casts_rule": rule,
               "cast_of_ping": [round(float(value), 6) for value in number + share]}
-    if len(used) == 1:
-        return Waters(columns=used, attributes=stated)
-    return Waters(columns=used, numbers=numbers, attributes=stated)
+    return Waters(columns=used, numbers=None if len(used) == 1 else numbers, attributes=stated, elsewhere=line.water)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CastLine:
+    """Casts at their marks, and the rule by which pings find theirs."""
+
+    columns: Sequence[WaterColumn]
+    by: str
+    rule: str
+    marks: np.ndarray  # (C, 2) [m], (C,) [m] along a track, or (C,) [s]
+    steps: np.ndarray  # (C - 1,): between neighbours, of interpolated water
+    along: np.ndarray | None  # (P, 2) [m]: track along which marks lie
+
+    def at(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the numbers of casts (P,) and the shares of the next ones (P,) at marks of pings."""
+        if self.rule == "nearest":
+            at, marks = (values.reshape(len(values), -1) for values in (at, self.marks))
+            return nearest(at, marks), np.zeros(len(at))
+        if self.rule == "latest":
+            return latest(at, self.marks), np.zeros(len(at))
+        return between(at, self.marks, self.steps)
+
+    def water(self, time: float, place: np.ndarray) -> FoundWater:
+        """Return the water of a time [s] and place (2,) [m]."""
+        at = np.array([time]) if self.by == "time" else place[None]
+        if self.along is not None:
+            at = along_track(self.along, at)[1]
+        number, share = self.at(at)
+        return FoundWater((int(number[0]), float(share[0])), lambda: mixed_columns(self.columns, number, share)[0][0],
+                          {"cast_of_ping": [round(float(number[0] + share[0]), 6)]})
 
 
 def frame_of(geometry: Geometry, passage: Passage) -> Frame | None:

@@ -1,10 +1,10 @@
-"""Lists of scenes with their parameters and of plugins with their attributes."""
+"""Lists of scenes with their parameters, of plugins with their attributes, and of presets with their sources."""
 from __future__ import annotations
 
 import os
 import textwrap
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from mitsonar.device.files import FilePath
@@ -33,18 +33,19 @@ class Entry(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Description:
-    """Description of a scene with its parameters, or a plugin with its attributes; prints as ``mitsonar describe``."""
+    """Description of a scene with its parameters, or a plugin or a preset; prints as ``mitsonar describe``."""
 
     name: str
-    plugin: str                    # title of the plugin; empty for a scene
+    plugin: str                    # title of the plugin or the preset; empty for a scene
     element: str                   # XML of the plugin, such as ``<sensor type="sidescan">``
     attributes: dict[str, Entry]
+    sources: dict[str, Entry] = field(default_factory=dict)    # of a preset's figures, by mark
     scene: str                     # heading of the scene; empty for a plugin
     parameters: dict[str, Entry]
 
     def paragraphs(self) -> Iterator[tuple[str, str]]:
         """Yield every heading with the text below it."""
-        for heading, text, entries in ((self.element, self.plugin, self.attributes),
+        for heading, text, entries in ((self.element, self.plugin, self.attributes | self.sources),
                                        (self.name if self.scene or self.parameters else "", self.scene,
                                         self.parameters)):
             if heading:
@@ -70,13 +71,16 @@ def scenes() -> SceneList:
 
 
 def describe(name: FilePath) -> Description:
-    """Return the description of a scene with its parameters, or of a plugin with its attributes.
+    """Return the description of a scene with its parameters, a plugin with its attributes, or a preset.
+
+    A preset of an instrument or a class has its figures with their units, and the source of each.
 
     Parameters
     ----------
     name : str or path
-        Name or file of a scene, or name of a plugin, such as ``sidescan``. If a scene and a plugin share the name, both
-        are described.
+        Name or file of a scene, or name of a plugin, such as ``sidescan``, or of a preset, such as ``oculus_m750d``;
+        the name ``instruments`` lists the presets of instruments. If a scene and a plugin share the name, both are
+        described.
 
     Returns
     -------
@@ -85,11 +89,13 @@ def describe(name: FilePath) -> Description:
     Raises
     ------
     ValueError
-        If no scene or plugin has this name, or the scene is not XML.
+        If no scene, plugin or preset has this name, or the scene is not XML.
     """
-    from mitsonar.plugins import reference
+    from mitsonar.plugins import instruments, reference
 
     name = os.fspath(name)
+    if name == instruments.LIST or name in instruments.known():
+        return _preset(name)
     is_plugin = name in reference.plugins()
     path = None
     if not is_plugin or name in scene_files.shipped():
@@ -97,8 +103,9 @@ def describe(name: FilePath) -> Description:
             path = scene_files.find(name)
         except FileNotFoundError:
             known = [*scene_files.shipped(), *reference.plugins()]
-            raise ValueError(f"there is no scene or plugin {name!r}{meant(name, known)}; give the path of a scene, or "
-                             f"one of: {', '.join(known)}") from None
+            raise ValueError(f"there is no scene, plugin or preset {name!r}"
+                             f"{meant(name, [*known, *instruments.known()])}; give the path of a scene, or one of: "
+                             f"{', '.join([*known, instruments.LIST])}") from None
     heading, parameters = ("", []) if path is None else scene_words.described(path)
     return Description(
         name=name, plugin=reference.title(name) if is_plugin else "", scene=heading,
@@ -107,6 +114,24 @@ def describe(name: FilePath) -> Description:
         parameters={parameter.name: Entry(parameter.default, f"-D {parameter.name}={parameter.default}",
                                           parameter.comment or "; ".join(dict.fromkeys(map(_use, parameter.uses))))
                     for parameter in parameters})
+
+
+def _preset(name: str) -> Description:
+    """Return the description of a preset, or the list of instruments."""
+    from mitsonar.plugins import instruments
+
+    if name == instruments.LIST:
+        return Description(name=name, scene="", parameters={}, element="Presets of instruments by name",
+                           plugin="mitsonar describe NAME has the figures of one, with their sources.",
+                           attributes={one.name: Entry("", f"{one.name} ({one.kind})", one.title)
+                                       for one in instruments.listed()})
+    kind, title, figures, marks = instruments.described(name)
+    return Description(
+        name=name, scene="", parameters={}, plugin=title,
+        element=f'<sensor type="{kind}"> <string name="preset" value="{name}"/>',
+        attributes={figure.name: Entry(figure.value, f"{figure.name}: {figure.value}{figure.unit} {figure.mark}",
+                                       figure.text) for figure in figures},
+        sources={mark: Entry("", mark, text) for mark, text in marks.items()})
 
 
 def _attributes(plugin: str) -> dict[str, Entry]:

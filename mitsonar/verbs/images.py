@@ -18,6 +18,8 @@ from mitsonar.device.turns import one_at_a_time
 from mitsonar.hydrography.record import joined
 from mitsonar.io import casts
 from mitsonar.io.records.records import SonarImage, SonarSignals, not_all_nan
+from mitsonar.io.tracks import tides
+from mitsonar.io.tracks.tides import Tide
 from mitsonar.propagation.returns.vector_approximation import DIFFERENCES
 from mitsonar.scene.alterations import altered
 from mitsonar.scene.errors import as_exception
@@ -232,7 +234,7 @@ def element_signals(scene: mi.Scene | FilePath, ping: int | Sequence[int] = 0, k
 
 
 def soundings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProfile | FilePath | None = None, *,
-              sensor: int | str = 0, column: bool = False, snippets: int = 0,
+              tide: float | FilePath | None = None, sensor: int | str = 0, column: bool = False, snippets: int = 0,
               progress: Callable[[int, int], None] | None = None, **parameters: object) -> SonarImage:
     """Compute the soundings of a scene's multibeam echo sounder or interferometric sidescan.
 
@@ -243,6 +245,9 @@ def soundings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProf
     profile : SoundSpeedProfile, str or path, or None
         Sound speeds used to process the soundings, or the file of a cast. They may differ from those of the scene's
         water, as the cast of a survey does. None: the scene's own.
+    tide : float [m], str or path, or None
+        Water level above the datum used to reduce the soundings: a constant, 0 for none, or a CSV file as the water's
+        ``tide``. It may differ from the scene's own. None: the scene's own.
     column : bool
         Keep the water column: levels of all beams.
     snippets : int
@@ -263,8 +268,8 @@ def soundings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProf
     total: list[int] = []
     pings = []
     scene = opened(scene, sensor, parameters)[0]
-    for done, image in enumerate(sounded_pings(scene, seed, profile, sensor=sensor, column=column, snippets=snippets,
-                                               count=total.append), 1):
+    for done, image in enumerate(sounded_pings(scene, seed, profile, tide=tide, sensor=sensor, column=column,
+                                               snippets=snippets, count=total.append), 1):
         pings.append(image)
         if progress is not None:
             progress(done, total[0])
@@ -273,18 +278,19 @@ def soundings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProf
 
 @one_at_a_time
 def sounded_pings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProfile | FilePath | None = None, *,
-                  sensor: int | str = 0, column: bool = False, snippets: int = 0, start: int = 0,
+                  tide: float | FilePath | None = None, sensor: int | str = 0, column: bool = False, snippets: int = 0,
+                  start: int = 0,
                   count: Callable[[int], object] | None = None) -> Iterator[SonarImage]:
     """Yield the soundings of one ping after the other, so that memory does not grow with their number."""
     seed = checked_seed(seed)
-    samples, profile = checked_snippets(snippets), read_profile(profile)
+    samples, profile, level = checked_snippets(snippets), read_profile(profile), read_tide(tide)
     scene, sonar, integrator = opened(scene, sensor)
     kind = sounder_kind_of(sonar)
     try:
         survey = integrator.survey(scene, sonar, seed)
         own = sonar.own_seed(seed)
         instrument = kind.instrument(survey, own, column=column, snippets=samples)
-        line = SoundingLine(cast(SoundedSurvey, survey), instrument, own, profile=profile)
+        line = SoundingLine(cast(SoundedSurvey, survey), instrument, own, profile=profile, tide=level)
     except RuntimeError as error:
         raise as_exception(error) from error
     if count is not None:
@@ -339,6 +345,16 @@ def checked_snippets(snippets: int) -> int:
 def read_profile(profile: SoundSpeedProfile | FilePath | None) -> SoundSpeedProfile | None:
     """Return a profile, read if it is the file of a cast."""
     return profile if profile is None or isinstance(profile, SoundSpeedProfile) else casts.read(profile).profile
+
+
+def read_tide(tide: float | FilePath | None) -> Tide | float | None:
+    """Return a tide, read if it is a file, or a constant water level [m]."""
+    if tide is None or isinstance(tide, (str, os.PathLike)):
+        return None if tide is None else tides.load(tide)
+    level = float(tide)
+    if not abs(level) <= tides.HIGHEST:
+        raise ValueError(f"tide is {level:g} m; give a water level within +-{tides.HIGHEST:g} m, or the file of a tide")
+    return level
 
 
 def checked_seed(seed: int) -> int:

@@ -18,7 +18,7 @@ from mitsonar.survey.pressure.signals import received_signals
 from mitsonar.survey.stepping import SteppedRun
 from mitsonar.water.profile import SoundSpeedProfile
 
-from .images import checked_seed, checked_snippets, opened, provenance, read_profile
+from .images import checked_seed, checked_snippets, opened, provenance, read_profile, read_tide
 
 ZERO = (0.0, 0.0, 0.0)
 
@@ -100,7 +100,7 @@ class Sonar:
             bed or beyond the scene, or it is faster than the scene's route. The sonar then stays at its last ping.
         """
         with self._sent(position, attitude, velocity, turn_rate, time) as (run, ping):
-            return SonarImage.of(not_all_nan(run.frame(ping)).assign_attrs(self._origin))
+            return SonarImage.of(not_all_nan(run.frame(ping)).assign_attrs({**self._origin, **run.stated}))
 
     def signals(self, *, position: ArrayLike | None = None, attitude: ArrayLike = ZERO, velocity: ArrayLike = ZERO,
                 turn_rate: ArrayLike = ZERO, time: float | None = None) -> SonarSignals:
@@ -125,16 +125,18 @@ class Sonar:
             record = run.record()
             array = received_signals(record, [ping])
             return SonarSignals.of(not_all_nan(array).assign_attrs(
-                seed=self._seed, kernel=record.kernel, return_path=record.return_path, **self._origin))
+                seed=self._seed, kernel=record.kernel, return_path=record.return_path,
+                **{**self._origin, **run.stated}))
 
-    def soundings(self, profile: SoundSpeedProfile | FilePath | None = None, *, column: bool = False,
-                  snippets: int = 0, position: ArrayLike | None = None, attitude: ArrayLike = ZERO,
-                  velocity: ArrayLike = ZERO, turn_rate: ArrayLike = ZERO, time: float | None = None) -> SonarImage:
+    def soundings(self, profile: SoundSpeedProfile | FilePath | None = None, *,
+                  tide: float | FilePath | None = None, column: bool = False, snippets: int = 0,
+                  position: ArrayLike | None = None, attitude: ArrayLike = ZERO, velocity: ArrayLike = ZERO,
+                  turn_rate: ArrayLike = ZERO, time: float | None = None) -> SonarImage:
         """Return the soundings of a multibeam at the last ping or, with a position, at the next one.
 
         Parameters
         ----------
-        profile, column, snippets
+        profile, tide, column, snippets
             As in `mitsonar.soundings`.
         position, attitude, velocity, turn_rate, time
             As in `ping`, for the next ping. Without them: the last ping, also one whose picture was asked for.
@@ -149,10 +151,10 @@ class Sonar:
         ValueError
             As in `ping` and `mitsonar.soundings`, or if the last ping was asked for and there was none.
         """
-        samples, cast = checked_snippets(snippets), read_profile(profile)
+        samples, cast, level = checked_snippets(snippets), read_profile(profile), read_tide(tide)
         with self._sent(position, attitude, velocity, turn_rate, time) as (run, _):
-            image = run.sounded(cast, column=column, snippets=samples)
-            origin = {**self._origin, "seed": self._seed}
+            image = run.sounded(cast, level, column=column, snippets=samples)
+            origin = {**self._origin, **run.stated, "seed": self._seed}
             return SonarImage.of(image.assign_attrs({**origin, **image.attrs, "seed": self._seed}))
 
     def move(self, name: str, *, position: ArrayLike, attitude: ArrayLike = ZERO, velocity: ArrayLike = ZERO,

@@ -43,6 +43,10 @@ class AbsorptionColumn:
         """Return the column with the water below the surface mirrored above it."""
         return type(self)(*mirrored(self.depth, self.absorption_db))
 
+    def lifted(self, height: float) -> AbsorptionColumn:
+        """Return the column of water whose surface lies `height` [m] above depth 0; itself if nothing changes."""
+        return self if height == 0 or len(self.depth) == 1 else type(self)(self.depth - height, self.absorption_db)
+
     def added(self, depth: np.ndarray, offset: np.ndarray) -> AbsorptionColumn:
         """Return the column plus an offset [dB/m] at depths (K,) [m], linear between them and constant beyond."""
         nodes = np.union1d(self.depth, depth)

@@ -56,6 +56,10 @@ class SoundSpeedField(UnplacedField, Protocol):
         """Return the field as it is at a time [s] of the track's clock; its first ping is at `start` [s]."""
         ...
 
+    def lifted(self, height: float) -> SoundSpeedField:
+        """Return the field of water whose surface lies `height` [m] above depth 0; itself if nothing changes."""
+        ...
+
     def on_device(self, kind: type) -> SoundSpeedField:
         """Return the field with opaque numbers, which may change without a new kernel."""
         ...
@@ -88,6 +92,10 @@ class Along:
 
     def placed(self: FieldOf, frame: Frame | None, track: np.ndarray, start: float) -> FieldOf:
         """Return the field itself, which has its place."""
+        return self
+
+    def lifted(self: FieldOf, height: float) -> FieldOf:
+        """Return the field itself, which follows from place and profile."""
         return self
 
     def on_device(self: FieldOf, kind: type) -> FieldOf:
@@ -172,6 +180,10 @@ class GridField:
     def placed(self, frame: Frame | None, track: np.ndarray, start: float) -> GridField:
         """Return the field itself, which has its place."""
         return self
+
+    def lifted(self, height: float) -> GridField:
+        """Return the field of water whose surface lies `height` [m] above depth 0."""
+        return self if height == 0 else replace(self, corner=(*self.corner[:2], self.corner[2] - height))
 
     def on_device(self, kind: type) -> GridField:
         """Return the field with its numbers on the device."""

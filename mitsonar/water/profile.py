@@ -61,6 +61,10 @@ class SoundSpeedProfile:
         """Return the profile with the water below the surface mirrored above it."""
         return type(self)(*mirrored(self.depth, self.sound_speed))
 
+    def lifted(self, height: float) -> SoundSpeedProfile:
+        """Return the profile of water whose surface lies `height` [m] above depth 0; itself if nothing changes."""
+        return self if height == 0 or len(self.depth) == 1 else type(self)(self.depth - height, self.sound_speed)
+
     def upside_down(self) -> SoundSpeedProfile:
         """Return the profile of the water upside down, in which upward rays go down."""
         return type(self)(-self.depth[::-1], self.sound_speed[::-1])

@@ -11,7 +11,7 @@ R -> ``slant_range``, α -> ``absorption_db``, ψ -> ``beam_solid_angle``, τ ->
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -119,6 +119,14 @@ class VolumeScattering:
         for layer in self.layers:
             pieces[(inside > layer.top) & (inside < layer.bottom), 2] += power_from_db(layer.strength_db)
         return pieces
+
+    def lifted(self, height: float) -> VolumeScattering:
+        """Return the scattering of water whose surface lies `height` [m] above depth 0; itself if nothing changes."""
+        if height == 0 or (len(self.depth) == 1 and not self.layers):
+            return self
+        layers = [replace(one, top=one.top - height, bottom=one.bottom - height) for one in self.layers]
+        given = (self.depth - height, self.strength_db) if self.depth.size else (None, None)
+        return VolumeScattering(*given, layers)
 
     def at(self, depth: ArrayLike) -> np.ndarray:
         """Return s_v [1/m] at ``depth`` [m], any shape."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mitsonar.device.spelling import meant
-from mitsonar.sonar.preset_tables import TABLES, presets
+from mitsonar.sonar.preset_tables import TABLES, instruments, presets
 
 from .declaration import REQUIRED, Attribute, Unfit
 from .input_files import found_file, resolved
@@ -56,7 +56,13 @@ class Choice(Text):
 
 @dataclass(frozen=True)
 class Preset(Choice):
-    """Declare the name of a preset of the sonar's own kind."""
+    """Declare the name of a preset of the sonar's own kind: of a class, or of an instrument."""
+
+    @property
+    def expected(self) -> str:
+        named = {name for kind in TABLES for name in instruments(kind)}
+        listed = ", ".join(f'"{choice}"' for choice in self.choices if choice not in named)
+        return f"one of {listed}" + ", or the name of an instrument" * bool(named.intersection(self.choices))
 
     def read(self, value: Any, written_as: str) -> str:
         others = [kind for kind in TABLES if value in presets(kind)]

@@ -7,9 +7,12 @@ is the default of the shape `sea_surface`.
 .. code-block:: xml
 
     <bsdf type="windy_sea"><float name="wind_speed" value="8"/></bsdf>
+
+A `sea_surface` with waves has long waves as a mesh. Its material then has the slopes of shorter waves alone.
 """
 import drjit as dr
 import mitsuba as mi
+import numpy as np
 
 from mitsonar.scattering.laws import sea_surface
 
@@ -18,7 +21,10 @@ from .material import Material
 
 WIND_SPEED = Number("wind_speed", default=5.0, minimum=0, maximum=60.0, unit="m/s", text="at 10 m height")
 
-ATTRIBUTES = (WIND_SPEED,)
+LONGEST_WAVE = Number("longest_wave", default=None, above=0, unit="m", otherwise="all waves",
+                      text="length of the longest waves whose slopes the material has; a mesh has the others")
+
+ATTRIBUTES = (WIND_SPEED, LONGEST_WAVE)
 
 
 class WindySea(Material):
@@ -27,11 +33,12 @@ class WindySea(Material):
     coherence = 0.0
 
     def __init__(self, props: mi.Properties) -> None:
-        self.wind_speed = Attributes(props, ATTRIBUTES).wind_speed
+        attributes = Attributes(props, ATTRIBUTES)
+        self.wind_speed, self.longest_wave = attributes.wind_speed, attributes.longest_wave
         super().__init__(props)
         self.mirror = self.wind_speed == 0
-        self.roughness = sea_surface.Roughness(
-            *(dr.opaque(mi.Float, value) for value in sea_surface.roughness(self.wind_speed)))
+        self.roughness = sea_surface.Roughness(*(dr.opaque(mi.Float, value) for value in sea_surface.roughness(
+            self.wind_speed, np.inf if self.longest_wave is None else self.longest_wave)))
 
     def scattering_strength(self, si: mi.SurfaceInteraction3f, wi: mi.Vector3f, wo: mi.Vector3f, frequency: mi.Float,
                             sound_speed: mi.Float, active: mi.Bool | bool = True) -> mi.Float:

@@ -38,6 +38,8 @@ import numpy as np
 from mitsonar.device.arrays import upload
 from mitsonar.io import casts
 from mitsonar.io.casts.series import PlacedCast, read_series
+from mitsonar.io.tracks import tides
+from mitsonar.io.tracks.tides import Tide
 from mitsonar.water import absorption, along_line, seawater
 from mitsonar.water.absorption import absorption_db
 from mitsonar.water.column import AbsorptionColumn
@@ -68,6 +70,9 @@ ATTRIBUTES = (
     Number("casts_step", default=0.5, minimum=0, unit="m/s",
            text="interpolated water changes in steps of at most this sound speed, because every new water takes time "
                 "to prepare; 0: at every ping"),
+    File("tide", default=None,
+         text="CSV file of the water level: `time` (UTC, or seconds after the first ping) and `height` [m] above z = "
+              "0; the water and sonars of a given depth ride on it; the bed and objects stay"),
     Choice("field", default="none", choices=("none", *FIELDS, "grid"),
            text="sound speed that changes across, beside the profile: a front, an even gradient, a solitary "
                 "internal wave on the profile's thermocline, or the grid of a netCDF file"),
@@ -140,7 +145,7 @@ class Seawater(mi.Medium):
         self.casts = _casts(attributes)
         self.casts_by, self.casts_rule = attributes.casts_by, attributes.casts_rule
         self.casts_step = attributes.casts_step
-        self.field = _field(attributes)
+        self.field, self.tide = _field(attributes), _tide(attributes)
         self.cast, water = _cast_and_profile(attributes, self.casts)
         mean = getattr(self.field, "profile", None)            # of a grid
         if mean is not None and not attributes.given("profile", "cast", "casts", "sound_speed", "sound_speed_formula",
@@ -288,6 +293,14 @@ def _field(attributes: Attributes) -> UnplacedField | None:
     return FIELDS[attributes.field](x=attributes.field_x, y=attributes.field_y, sine=float(np.sin(heading)),
                                     cosine=float(np.cos(heading)), speed=attributes.field_speed,
                                     **own[attributes.field])
+
+
+def _tide(attributes: Attributes) -> Tide | None:
+    """Return the height of the water level, or None."""
+    try:
+        return None if attributes.tide is None else tides.load(attributes.tide)
+    except ValueError as error:
+        raise attributes.error(error) from None
 
 
 def _headed(attributes: Attributes, cast: casts.Cast) -> casts.Cast:

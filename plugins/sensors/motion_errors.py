@@ -11,6 +11,8 @@ MOTION_ERRORS = Group(title="Motion sensor errors", module="sensors.motion_error
     Number("latency_ms", default=0.0, minimum=-1000, maximum=1000, unit="ms", text="age of the attitude and heave"),
     Angle("attitude_noise_deg", default=0.0, minimum=0, maximum=5, text="rms noise of roll and pitch"),
     Angle("heading_noise_deg", default=0.0, minimum=0, maximum=10, text="rms noise of the heading"),
+    Number("draft_error", default=0.0, minimum=-5, maximum=5, unit="m",
+           text="by how much the assumed draft exceeds the true one"),
     Number("heave_noise", default=0.0, minimum=0, maximum=5, unit="m", text="rms noise of the heave"),
     Number("position_noise", default=0.0, minimum=0, maximum=50, unit="m", text="rms noise of x and of y"),
     Number("noise_correlation", default=5.0, above=0, maximum=1000, unit="s", text="correlation time of these noises"),
@@ -26,8 +28,8 @@ def motion_errors(attributes: Attributes) -> MotionErrors:
         roll_bias=attributes.roll_bias_deg, pitch_bias=attributes.pitch_bias_deg,
         heading_bias=attributes.heading_bias_deg, latency=attributes.latency_ms / 1000,
         attitude_noise=attributes.attitude_noise_deg, heading_noise=attributes.heading_noise_deg,
-        heave_noise=attributes.heave_noise, position_noise=attributes.position_noise,
-        correlation=attributes.noise_correlation)
+        draft_error=attributes.draft_error, heave_noise=attributes.heave_noise,
+        position_noise=attributes.position_noise, correlation=attributes.noise_correlation)
 
 
 def depth_gate(attributes: Attributes) -> tuple[float, float] | None:

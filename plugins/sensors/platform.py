@@ -11,7 +11,8 @@ The course is one of these:
   written.
 
 The depth is the z of the track, the way points or the start. If these have no z, it is set by ``depth`` or
-``altitude``. ``altitude`` also replaces a recorded z.
+``altitude``. ``altitude`` also replaces a recorded z, as does the ``draft`` of a vessel. Depths are below the water
+level, which a ``tide`` of the water moves; altitudes are not.
 
 x and y of files and way points are those of the scene. With ``georeferenced`` they are eastings and northings as in the
 bathymetry's file. Degrees are projected to the bathymetry's coordinate system or, in a scene without one, to metres
@@ -62,6 +63,9 @@ ROUTE = Group(title="Track and motion", module="sensors.platform", attributes=(
            text="height above the seabed (smoothed over 20 m); 0: keep the recorded z; not with `start`"),
     Number("depth", default=None, minimum=0, unit="m",
            text="depth below the surface, used where `track`, `waypoints`, `start` and `altitude` leave it open"),
+    Number("draft", default=None, minimum=0, unit="m",
+           text="depth of a vessel's reference point below the waterline: as `depth`, but it also replaces the z of a "
+                "`track`, whose heave stays; `offset` leads from there to the array"),
     File("track", default=None,
          text="CSV or XTF file, resampled to the ping rate; not with `start`, `heading_deg`, `speed_knots`; a CSV "
               "file without `time` holds way points"),
@@ -98,6 +102,9 @@ ROUTE = Group(title="Track and motion", module="sensors.platform", attributes=(
            text="centre frequency of the strum; a cable may swing twice during the reception of a ping"),
     Number("cable_diameter", default=0.02, above=0, unit="m", text="diameter of the bare cable; usual: 0.008 to 0.025"),
     Integer("motion_seed", default=0, minimum=0, text="seed of the random motion"),
+    Numbers("ride_waves", default=None, count=2, unit="m",
+            text='"length, beam" of the waterline of a hull that rises, pitches and rolls with the waves of the '
+                 'scene\'s `sea_surface`; not with a recorded track'),
     Numbers("offset", default=(0.0, 0.0, 0.0), count=3, unit="m",
             text='"forward, starboard, down" of the sonar from the reference point of the track, turned by the '
                  'attitude'),
@@ -120,12 +127,16 @@ def read_route(attributes: Attributes) -> Route:
         raise attributes.error(error) from None
     speed = float(metres_per_second_from_knots(attributes.speed_knots))
     recorded = record is not None and not isinstance(record, Waypoints)
+    attributes.only_one("depth", "draft")
+    if record is not None and attributes.draft is not None:
+        record = replace(record, z=None)
     random_motion = RandomMotion(**{} if recorded else _rocking(attributes), **_strum(attributes, speed, recorded),
                                  seed=attributes.motion_seed)
     route = Route(
         pings=attributes.pings, bounded=bool(attributes.given("pings")), ping_rate=attributes.ping_rate_hz,
-        speed=speed, start=attributes.start,
-        heading=attributes.heading_deg, altitude=attributes.altitude, depth=attributes.depth,
+        speed=speed, start=attributes.start, hull=_hull(attributes, recorded),
+        heading=attributes.heading_deg, altitude=attributes.altitude,
+        depth=attributes.depth if attributes.draft is None else attributes.draft,
         georeferenced=attributes.georeferenced, turn_radius=attributes.turn_radius, origin=origin,
         offset=attributes.offset, random_motion=random_motion, record=record, frame=None,
         circle=attributes.circle_radius)
@@ -142,6 +153,19 @@ def _rocking(attributes):
     return {"roll": attributes.roll_deg, "pitch": attributes.pitch_deg, "yaw": attributes.yaw_deg,
             "heave": attributes.heave, "surge": attributes.surge, "sway": attributes.sway,
             **{name: getattr(attributes, name) for name in PERIODS}, **one}
+
+
+def _hull(attributes, recorded):
+    """Return length and beam of a hull that rides on waves; None without one."""
+    hull = attributes.ride_waves
+    if hull is None:
+        return None
+    if recorded:
+        raise attributes.error("ride_waves and a recorded track are both given; a recorded track has its own motion, "
+                               "leave ride_waves out.")
+    if not min(hull) > 0:
+        raise attributes.error(f"ride_waves is {hull[0]:g}, {hull[1]:g}; give length and beam of the hull above 0 m.")
+    return float(hull[0]), float(hull[1])
 
 
 def _strum(attributes, speed, recorded):
@@ -179,7 +203,8 @@ def _check(attributes, route, path, text):
         raise attributes.error("start and altitude are both given; start says the depth already, leave one out.")
     if route.depth is not None:
         if route.altitude > 0 or route.start is not None or (record is not None and record.z is not None):
-            raise attributes.error("depth is given, but altitude, start or the track says how deep the sonar is; "
+            written = attributes.given("depth", "draft")[0]
+            raise attributes.error(f"{written} is given, but altitude, start or the track says how deep the sonar is; "
                                    "leave one out.")
     elif record is not None and record.z is None and not route.altitude:
         raise attributes.error(f"the {'way points do' if sailed else 'track does'} not say how deep the sonar is; "

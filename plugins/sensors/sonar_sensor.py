@@ -93,6 +93,7 @@ class SonarSensor(mi.Sensor):
             raise attributes.error('it must hold the water it works in: <medium type="seawater"/>.')
         if not isinstance(attributes.film, Film):
             raise attributes.error('it must hold the record it makes: <film type="sonar_film"/>.')
+        self.route = replace(self.route, tide=self.water.tide)
         self.read(attributes)
         self.elements = self.element_keys()
         self.rows = self.route.pings if self.route.bounded else 1

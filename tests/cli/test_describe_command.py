@@ -2,6 +2,7 @@
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from small_scene import TEXT
@@ -9,6 +10,7 @@ from small_scene import TEXT
 import mitsonar
 from mitsonar.cli import main as cli
 from mitsonar.io.scene_files import scene_words, scenes
+from mitsonar.sonar.preset_tables import TABLES, instruments, presets
 
 
 @pytest.fixture
@@ -112,13 +114,44 @@ def test_the_page_of_all_plugins(said):
     assert said("describe", "--markdown") == page.markdown()
 
 
-@pytest.mark.parametrize("arguments", [["describe"], ["describe", "sidescan", "--markdown"]])
-def test_either_a_name_or_the_page_is_asked_for(refusal, arguments):
-    assert "takes the name of a scene or a plugin, or --markdown; give one of them" in refusal(*arguments)
+def test_the_page_of_all_instruments(said):
+    from mitsonar.plugins import instruments
+
+    page = (Path(__file__).parents[2] / "scenes" / "manual" / "instruments.md").read_text(encoding="utf-8")
+    assert said("describe", "instruments", "--markdown") == instruments.markdown() == page, (
+        "run python3 -m mitsonar describe instruments --markdown > scenes/manual/instruments.md")
+
+
+def test_an_instrument_has_every_figure_with_its_unit_and_source(said):
+    """A figure of its own has a number or a rule, listed below; every other figure of the class is marked so."""
+    out = said("describe", "oculus_m1200d_2100khz")
+    text = joined(out)
+    assert '<sensor type="forward_looking"> <string name="preset" value="oculus_m1200d_2100khz"/>' in text
+    assert "frequency_khz: 2100 kHz [1] carrier frequency" in text and "fan_deg: 60 degrees [1]" in text
+    assert "bandwidth_khz: 300 kHz [rule 2]" in text and "self_noise_db: 57 dB re 1 µPa²/Hz [class]" in text
+    assert "max_range: 10 m [1] published: greatest range" in text
+    assert "[1] Blueprint Subsea, Oculus M-series data sheet DA-148-P01443-10" in text
+    assert "[rule 2] bandwidth_khz = c / (2 range_resolution)" in text and "[class] usual value" in text
+    own = presets("forward_looking")["oculus_m1200d_2100khz"]
+    assert set(re.findall(r"^(\w+): .+ \[(?:class|rule \d+|\d+)\]$", out, re.M)) >= set(own)
+
+
+def test_instruments_are_listed_and_a_class_says_that_it_is_one(said):
+    listed = said("describe", "instruments")
+    assert all(f"{name} ({kind})" in listed for kind in TABLES for name in instruments(kind))
+    assert "frequency_khz: 400 kHz [class]" in said("describe", "towed_400khz")
+
+
+@pytest.mark.parametrize("arguments, sentence", [
+    (["describe"], "takes the name of a scene, a plugin or a preset, or --markdown; give one of them"),
+    (["describe", "sidescan", "--markdown"], "--markdown takes no name but instruments; leave sidescan or")])
+def test_a_name_or_a_page_is_asked_for(refusal, arguments, sentence):
+    assert sentence in refusal(*arguments)
 
 
 @pytest.mark.parametrize("arguments, hint", [
-    (["rendr"], "render"), (["describe", "sidescn"], "sidescan"), (["describe", "sidescan_flaat"], "sidescan_flat"),
+    (["describe", "oculus_m75d"], "oculus_m750d"), (["rendr"], "render"), (["describe", "sidescn"], "sidescan"),
+    (["describe", "sidescan_flaat"], "sidescan_flat"),
     (["render", "sidescan_flt", "-o", "a.exr"], "sidescan_flat"),
     (["render", "scene.xml", "-o", "a.exr", "--sed=3"], "--seed"),
     (["render", "scene.xml", "-o", "a.exr", "-D", "ping=3"], "pings"), (["sweep", "minefeld"], "minefield"),
@@ -136,6 +169,8 @@ def test_misspelt_words_are_answered_with_what_may_be_meant(refusal, arguments, 
     ('<integer name="pings" value="$pings"/>', '<string name="preset" value="towed_400"/>',
      '(did you mean "towed_400khz"?)'),
     ('<float name="depth"', '<float name="dpth"', 'attribute depth is missing (is it written as "dpth"?)'),
+    ('<integer name="pings" value="$pings"/>', '<string name="preset" value="edgetech_4126"/>',
+     '(did you mean "edgetech_4125"?)'),
     ('type="lambert"', 'type="lambart"', '(did you mean "lambert"?)'),
 ])
 def test_misspelt_words_in_a_scene_too(folder, refusal, old, new, hint):
@@ -169,5 +204,5 @@ def test_scenes_and_describe_give_what_the_commands_print(said):
     assert entry.default == "100" and "slant range window" in entry.text
     assert mitsonar.describe("sidescan").attributes["preset"].default == "towed_400khz"
     assert mitsonar.describe("sidescan").parameters == {}
-    with pytest.raises(ValueError, match='no scene or plugin .sidescan_flt. .did you mean "sidescan_flat"'):
+    with pytest.raises(ValueError, match='no scene, plugin or preset .sidescan_flt. .did you mean "sidescan_flat"'):
         mitsonar.describe("sidescan_flt")

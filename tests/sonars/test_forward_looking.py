@@ -12,7 +12,7 @@ from sonar_scenes import array_sonar, bed, buried_bed, forward_looking, lambert,
 import mitsonar
 import mitsonar.scene.loading  # tells Dr.Jit its libraries before Mitsuba is imported
 from mitsonar.sonar import beam_pattern
-from mitsonar.sonar.preset_tables import presets
+from mitsonar.sonar.preset_tables import instruments, presets
 
 SPEED, DEPTH, ELEMENTS, SPACING = 1500.0, 10.0, 48, 0.5
 SMALL = {"frequency_khz": 200.0, "receive_elements": ELEMENTS, "element_spacing": SPACING, "beams": 121,
@@ -136,6 +136,8 @@ def test_it_is_a_sonar_with_that_array(variant):
 
 RESOLUTION = {"multibeam_750khz": 1.0, "multibeam_1200khz": 0.6, "multibeam_2100khz": 0.4, "multibeam_720khz": 1.0,
               "multibeam_900khz": 1.0, "lens_1800khz": 0.3}                  # published, degrees
+RESOLUTION |= {one.name: one.published.get("angular_resolution_deg", RESOLUTION[one.like])
+               for one in instruments("forward_looking").values()}
 
 
 @pytest.mark.parametrize("name", presets("forward_looking"))

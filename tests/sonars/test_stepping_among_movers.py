@@ -106,9 +106,3 @@ def test_scenes_in_which_nothing_moves_and_closed_sonars_say_so(rng):
     sonar.close()
     with pytest.raises(ValueError, match="closed"):
         sonar.move("box", position=(0, 6, -9))
-
-
-def test_water_that_changes_along_the_route_is_refused():
-    scene = mitsonar.load_file("sidescan_drift", pings=8, rays=2000)
-    with pytest.raises(ValueError, match="water changes along the route"):
-        mitsonar.Sonar(scene, seed=SEED)

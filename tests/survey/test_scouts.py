@@ -54,3 +54,27 @@ def test_a_group_makes_one_first_pass_and_blocks_change_no_byte(variant, monkeyp
     for other in made[1:]:
         np.testing.assert_array_equal(other.intensity, made[0].intensity)
         np.testing.assert_array_equal(other.rays, made[0].rays)
+
+
+def test_a_rows_need_of_rays_is_its_own_whatever_is_traced_with_it(variant):
+    """A row that few rays aside reach, alone and beside a row with forty times as many."""
+    import mitsuba as mi
+
+    from mitsonar.device.arrays import upload
+    from mitsonar.scene.tracing.launch import CELLS
+    from mitsonar.survey.energy.energy_bins import EnergyBins, aside_need
+
+    bins, rng = EnergyBins(start=0.0, length=1e-3, count=60, sound_speed=1500.0, beam=1.0, absorption_db=0.0), (
+        np.random.default_rng(5))
+
+    def need(*rays):
+        row = np.repeat(np.arange(len(rays)), rays)
+        cell, bin = row * CELLS + rng.integers(CELLS, size=len(row)), rng.integers(60, size=len(row))
+        cell[:rays[0]], bin[:rays[0]] = first
+        aside = np.arange(len(row)) % 2 == 0
+        row, cell, bin = (upload(mi.UInt32, column.astype(np.uint32)) for column in (row, cell, bin))
+        return aside_need(row, cell, bin, mi.Bool(True), mi.Bool(aside), rows=len(rays), bins=bins, drawn=0.5,
+                          wanted=0.1)[:, 0]                                # of the first row
+
+    first = rng.integers(CELLS, size=200), rng.integers(60, size=200)
+    np.testing.assert_array_equal(need(200), need(200, 8000))

@@ -42,6 +42,7 @@ from mitsonar.scattering.surfaces.glints import FEWEST, with_glints
 from mitsonar.scene.geometry import Geometry, interpolated
 from mitsonar.scene.materials import coherence, loses_coherence
 from mitsonar.scene.protocols import is_mirror, is_sea_surface, is_smooth, sound_material, target_shape
+from mitsonar.scene.sea import TILTED
 from mitsonar.scene.tessellation import Grids, grid_of
 from mitsonar.scene.tracing.connection import Connection
 from mitsonar.scene.tracing.hits import Hits
@@ -172,7 +173,8 @@ class Scatterers:
             own = geometry.normals.numpy()
             self._normals = upload(mi.Float, np.concatenate([own, np.zeros(4 * len(vertices) - len(own), np.float32)]))
         dr.eval(self._vertices, self._faces, self._facts, self._rows, self._labels)
-        self.moving = np.isin(self.label, [body.label for body in geometry.bodies])
+        self.radius[self.at_surface] *= TILTED if geometry.sea is not None else 1
+        self.moving = np.isin(self.label, [body.label for body in geometry.movers])
         # facets that move, their bodies' numbers, and their corners and centres in the bodies' own frames
         facet = np.flatnonzero(self.moving).astype(np.uint32)
         self._carried = facet, geometry.body_numbers(self.label[facet]), self.corners(facet), self.centre[facet]
@@ -211,7 +213,10 @@ class Scatterers:
         # places (N, 3) [m]
         low, high = places.min(0).astype(np.float32), places.max(0).astype(np.float32)
         square = sum(np.square(np.clip(column, a, b) - column) for column, a, b in zip(self.centre.T, low, high))
-        return self.scattering & ((np.sqrt(square) - self.radius < farthest) | self.moving)
+        distance = np.sqrt(square) - self.radius
+        if self.geometry.sea is not None:
+            distance[self.at_surface] -= self.geometry.sea.waves.crest
+        return self.scattering & ((distance < farthest) | self.moving & ~self.at_surface)
 
     @cached_property
     def _on_host(self) -> tuple[np.ndarray, np.ndarray]:

@@ -22,6 +22,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
+from typing import TypeAlias
 
 import drjit as dr
 import mitsuba as mi
@@ -29,6 +30,7 @@ import numpy as np
 
 from mitsonar.device.arrays import arrays_of, opaque_vector, upload
 from mitsonar.scene.geometry import scattered_rows
+from mitsonar.scene.sea import TILTED
 
 from .cells import divisions
 from .nested_points import LEVELS, MOST_OF_A_FACET
@@ -43,6 +45,10 @@ ACROSS = 1.4                       # scatterers per equivalent width of a long f
 LOBE = 1.0, 2.0                    # cells from the axis at which the main lobe begins and ends to fall off
 BESIDE = 0.5, 1 / 32               # share of scatterers one cell outside the lobe, falling as 1 / distance; least share
 BLOCK, SMALL_BLOCK = 1024, 64      # patches that are tested together when those of a ping are chosen
+
+
+# True for directions and distances [m] that matter, or others up to an angle [rad] off
+Useful: TypeAlias = "Callable[[mi.Vector3f, mi.Float, mi.Float | float], mi.Bool]"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,14 +81,17 @@ class Density:
 class ThinnedScatterers:
     """The patches of a scene, and the scatterers that a ping needs of them.
 
-    With `everywhere`, pings may also come from other places than the given ones.
+    With `everywhere`, pings may also come from other places than the given ones. Patches beyond the reach of those are
+    coarser where a scene has many, and tested with the directions that they fill.
     """
     # farthest [m]; places (P, 3) [m]
 
     def __init__(self, facets: Scatterers, *, farthest: float, places: np.ndarray, everywhere: bool = False):
         self.lib, self._facets = arrays_of(mi.Float), facets
         near = facets.near(places, farthest)
-        level = _levels(facets, farthest, facets.scattering if everywhere else near)
+        level = _levels(facets, farthest, near)
+        if everywhere:
+            level = np.maximum(level, _levels(facets, farthest, facets.scattering & ~near))
         count = np.where(level < 0, 0, 4 ** np.maximum(level, 0))
         self._facet = np.repeat(np.arange(len(count), dtype=np.uint32), count)
         self._planned = near[self._facet] if everywhere else None
@@ -93,12 +102,15 @@ class ThinnedScatterers:
         cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
         twice = np.linalg.norm(cross, axis=1)
         radius = np.linalg.norm(corner - centre[:, None], axis=-1).max(1)
+        if facets.geometry.sea is not None:
+            radius[facets.at_surface[self._facet]] *= TILTED
         table = np.zeros((len(centre), 8), np.float32)
         table[:, :3], table[:, 3] = centre, 0.5 * twice
         table[:, 4:7], table[:, 7] = cross / np.maximum(twice, 1e-30)[:, None], radius
         self._table = upload(mi.Float, table)
         # for each patch: its facet, the first scatterer, and 2 L
-        facts = np.stack([self._facet, first, 2 * level, np.zeros_like(level)], 1)
+        beyond = np.zeros_like(level) if self._planned is None else ~self._planned
+        facts = np.stack([self._facet, first, 2 * level, beyond], 1, dtype=np.uint32)
         self._patches = upload(mi.UInt32, facts)
         dr.eval(self._table, self._patches)
         # facets of a whole scene are many more than a ping reaches
@@ -121,7 +133,7 @@ class ThinnedScatterers:
             return
         geometry, rows, (centre, normal) = self._facets.geometry, self._rows[self._row], self._at_rest
         rows[:, :3] = geometry.carried(body, centre)
-        rows[:, 4:7] = geometry.carried(body, normal, turned_only=True)
+        rows[:, 4:7] = geometry.carried(body, centre, normal)
         self._table = scattered_rows(self._table, patch, rows, 8)
         self._rows[self._row] = rows
         centre, radius = self._blocks
@@ -135,7 +147,7 @@ class ThinnedScatterers:
         return len(self._facet)
 
     def candidates(self, density: Density,
-                   useful: Callable[[mi.Vector3f, mi.Float], mi.Bool]) -> tuple[mi.UInt32, mi.UInt32]:
+                   useful: Useful) -> tuple[mi.UInt32, mi.UInt32]:
         """Return the patches and the numbers in them, UInt32 (R,), of all scatterers that may exist."""
         patches = self._in_reach(density)
         if not len(patches):
@@ -147,7 +159,8 @@ class ThinnedScatterers:
         least = dr.maximum(dr.maximum(abs(dr.dot(d, normal)), R - radius), NEAREST)
         sight = d / dr.maximum(R, NEAREST)
         reached = (R - radius < dr.opaque(mi.Float, density.farthest)) & (
-            R + radius > dr.opaque(mi.Float, density.nearest)) & useful(sight, dr.maximum(R - radius, NEAREST))
+            R + radius > dr.opaque(mi.Float, density.nearest)) & useful(
+                sight, dr.maximum(R - radius, NEAREST), self._filled(patch, radius / least))
         most = dr.minimum(_count(density, normal, sight, least, area, d, radius), self._most(patch))
         number = dr.select(reached, dr.maximum(dr.ceil(most - self._threshold(patch)), 0), 0)
         total = float(dr.sum(number)[0])
@@ -184,6 +197,13 @@ class ThinnedScatterers:
         first, second = (dr.gather(self.lib.Array4f, self._table, 2 * patch + half) for half in (0, 1))
         return (mi.Point3f(first[0], first[1], first[2]), first[3], mi.Vector3f(second[0], second[1], second[2]),
                 second[3])
+
+    def _filled(self, patch: mi.UInt32, angle: mi.Float) -> mi.Float | float:
+        """Return the angles that patches may fill about their middles [rad]; planned ones are small enough for 0."""
+        if self._planned is None:
+            return 0.0
+        beyond = dr.gather(self.lib.Array4u, self._patches, patch)[3] != 0
+        return dr.select(beyond, angle, 0)
 
     def _most(self, patch):
         """Return the greatest number of scatterers of a patch."""

@@ -198,6 +198,11 @@ class Sights:
         """Return the echo of a mirror straight above (half the pressure of a wave from there), and if it is visible."""
         point = self.lib.Array3f64(origin.x, origin.y, -JUST_BELOW)
         sight = self.see(sources, origin, source, point, mi.Vector3f(0, 0, 0))
+        if (sea := self.geometry.sea) is not None:
+            wide = self.lib.Float64
+            lift = wide(sea.device.height(wide(point.x), wide(point.y), sight.way.travel_time))
+            way = replace(sight.way, travel_time=sight.way.travel_time + lift / sight.way.sound_speed)
+            sight = self.along(sources, origin, source, point, way)
         way, nothing = sight.way, dr.zeros(mi.Float, dr.width(sight.gain))
         ratio = speed_ratio(way.sound_speed, sources.state.gather(self.lib, source)[1])
         pressure = mirrored_overhead(sight.gain, spreading_area=way.spreading_area, speed_ratio=ratio)

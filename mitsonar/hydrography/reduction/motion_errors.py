@@ -25,6 +25,7 @@ class MotionErrors:
     latency: float = 0.0  # [s]: age of attitude and heave when they are stamped
     attitude_noise: float = 0.0  # [rad] rms, of roll and of pitch
     heading_noise: float = 0.0  # [rad] rms
+    draft_error: float = 0.0  # [m]: assumed minus true depth of the reference point
     heave_noise: float = 0.0  # [m] rms, of the depth
     position_noise: float = 0.0  # [m] rms, of x and of y
     correlation: float = 5.0  # [s]: T
@@ -33,7 +34,8 @@ class MotionErrors:
         """Return bias and noise at times (M,) [s]: (M,) [m], [rad] for x, y, depth, roll, pitch and heading."""
         spread = {"x": self.position_noise, "y": self.position_noise, "depth": self.heave_noise,
                   "roll": self.attitude_noise, "pitch": self.attitude_noise, "heading": self.heading_noise}
-        bias = {"roll": self.roll_bias, "pitch": self.pitch_bias, "heading": self.heading_bias}
+        bias = {"depth": self.draft_error, "roll": self.roll_bias, "pitch": self.pitch_bias,
+                "heading": self.heading_bias}
         return {name: bias.get(name, 0.0) + self._noise(time, rms, seed, stream)
                 for stream, (name, rms) in enumerate(spread.items())}
 

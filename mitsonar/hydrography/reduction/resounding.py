@@ -52,7 +52,9 @@ def resounded(soundings: xr.Dataset, profile: SoundSpeedProfile | None = None, h
         If the dataset is no line of soundings, or a speed is impossible for water.
     """
     check(soundings)
-    profile = profile_of(soundings) if profile is None else profile
+    # a record's own cast lies below the datum of its tide already
+    lifted = float(soundings["tide"].mean()) if "tide" in soundings else 0.0
+    profile = profile_of(soundings) if profile is None else profile.lifted(lifted)
     head = soundings["head_sound_speed"].values if head_speed is None else _speeds(head_speed, soundings)
     motion, measured = PlatformMotion.of(soundings), measured_of(soundings)
     rows = {one.name: np.full(soundings["valid"].shape, np.nan) for one in fields(Located)}

@@ -32,6 +32,9 @@ instead of 0.029 at 5 m/s, 0.025 instead of 0.054 at 10 m/s. With the optical va
 Energy: from 20 degrees of grazing and 3 m/s upwards the surface scatters 10^(-SBL/10) of the incident energy to within
 0.5 dB (to 15 m/s at 30 kHz), as F cuts the tails of the facets; below, shadows remove up to 0.4 dB more, and at 1 m/s F
 removes 0.9 dB.
+
+Where a mesh has the waves longer than l, s² is what is left of it: less the mean square slope of those waves in the sea
+that the wind raises in the end (Pierson and Moskowitz, 1964), but at least a tenth.
 """
 from __future__ import annotations
 
@@ -44,12 +47,14 @@ from numpy.typing import ArrayLike
 from scipy.special import erf
 
 from mitsonar.device.types import Numbers, Triple
+from mitsonar.water.sea_waves import WaveSpectrum, developed_sea
 
 ALBEDO, ABSORBED = 0.0136, 0.0255  # δ_r, and δ at 1 kHz, of bubbles at resonance
 BLEND = 0.524                      # [1/degree] of slope angle
 STEEP = np.tan(np.radians(5.0))    # ripples scatter only at slope angles above this
 RIPPLES = 1.3e-5                   # [s/m]
 FACET_SHARE = 0.9                  # of the directions drawn; the rest are drawn evenly for bubbles and ripples
+LEFT_AT_LEAST = 0.1                # of the slope variance, where a mesh has the long waves
 SMALLEST_SINE = 1e-6               # of the grazing angle: no scattering below
 _NUMPY = SimpleNamespace(exp=np.exp, sqrt=np.sqrt, minimum=np.minimum, maximum=np.maximum, select=np.where, erf=erf,
                          atan=np.arctan, log=np.log)
@@ -66,14 +71,17 @@ class Roughness(NamedTuple):
     layer_depth: Numbers  # [m]: L
 
 
-def roughness(wind_speed: float) -> Roughness:
-    """Return the `Roughness` of a wind speed [m/s].
+def roughness(wind_speed: float, longest_wave: float = np.inf) -> Roughness:
+    """Return the `Roughness` of a wind speed [m/s], of waves up to a length l [m].
 
     Depth of the bubble layer after Hall (1989), J. Acoust. Soc. Am. 86, 1103: 0.4 m to 7.5 m/s, then 0.115 m more for
     each m/s.
     """
     wind = float(wind_speed)
     variance = 4.6e-3 * np.log(2.1 * max(wind, 1.0) ** 2)
+    if wind > 0 and np.isfinite(longest_wave):
+        long_waves = WaveSpectrum.model(*developed_sea(wind)).slope_variance(longest_wave)
+        variance = max(variance - long_waves, LEFT_AT_LEAST * variance)
     square = variance                                     # t_f²; the map contracts by 2 s²
     for _ in range(20):
         square = variance * (1.5 * np.log(10) + 2 * np.log1p(square))

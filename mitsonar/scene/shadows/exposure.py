@@ -48,7 +48,7 @@ def bodies_exposed(geometry: Geometry, place: np.ndarray) -> dict[int, float]:  
     number, points, normals = geometry.body_samples
     if not len(number):
         return {}
-    points, normals = geometry.carried(number, points), geometry.carried(number, normals, turned_only=True)
+    points, normals = geometry.carried(number, points), geometry.carried(number, points, normals)
     away = place - points
     away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
     faces = np.sum(away * normals, axis=1) > 0

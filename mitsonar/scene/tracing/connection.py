@@ -18,6 +18,7 @@ from mitsonar.propagation.device_rays.arrivals import earliest
 from mitsonar.propagation.device_rays.two_point import PointState
 
 from ..geometry import Geometry
+from ..sea import DeviceWaves
 from ..shadows.occlusion import LIFT, LIFT_PER_RANGE, TOLERANCE, along_arcs, along_fan
 from .tracer import Sources
 from .water import DeviceWater
@@ -90,6 +91,9 @@ class Connector:
         if folded:
             image = way.launch_direction
             way = replace(way, launch_direction=mi.Vector3f(image.x, image.y, -image.z))
+            if (sea := self.geometry.sea) is not None:
+                speed = table.at(self.lib.Float64(0))[0]
+                way = replace(way, travel_time=way.travel_time + lifted(sea.device, way, heading, start, end, speed))
         if not occlusion:
             return way
         lift = LIFT + LIFT_PER_RANGE * mi.Float(x)
@@ -123,6 +127,16 @@ class Connector:
                          launch_direction=mi.Vector3f(heading.x * cosine0, heading.y * cosine0, -sine0),
                          arrival_direction=mi.Vector3f(heading.x * cosine, heading.y * cosine, -ray.arrival_sine))
         return way, (cosine0, cast(mi.Float64, dr.copysign(dr.sqrt(square), ray.launch_sine)))
+
+
+def lifted(waves: DeviceWaves, way: Connection, heading: mi.Vector2f, start: dr.ArrayBase, end: dr.ArrayBase,
+           speed: mi.Float64) -> mi.Float64:
+    """Return what waves add to the times [s] of ways by the mirror, 2 η sin θ / c where they meet it at a speed c."""
+    share = start.z / dr.minimum(start.z + end.z, -1e-9)
+    out = share * way.horizontal_range
+    x, y = mi.Float64(start.x) + out * mi.Float64(heading.x), mi.Float64(start.y) + out * mi.Float64(heading.y)
+    sine = dr.sqrt(dr.maximum(1 - dr.square(way.ray_parameter * speed), 0))
+    return 2 * mi.Float64(waves.height(x, y, share * way.travel_time)) * sine / speed
 
 
 def turned(launch: mi.Vector3f, slope: dr.ArrayBase, speed: mi.Float64) -> mi.Vector3f:

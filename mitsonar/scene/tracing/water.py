@@ -80,15 +80,15 @@ class DeviceWater:
 
     def __init__(self, profile: SoundSpeedProfile, absorption: AbsorptionColumn | None = None,
                  volume: VolumeScattering | None = None, *, deepest: float = 0.0,
-                 field: SoundSpeedField | None = None):
-        self.profile = profile
+                 field: SoundSpeedField | None = None, level: float = 0.0):
+        self.profile, self._top = profile, min(0.0, -level)             # level [m]: of the surface above z = 0
         self.field = None if field is None else field.on_device(mi.Float64)
         self._absorption, self._volume, self._deepest = absorption, volume, max(float(deepest), 1.0)
 
     @cached_property
     def direct(self) -> Medium:
         """Water as it is."""
-        return Medium(self.profile, self._absorption, deepest=self._deepest)
+        return Medium(self.profile, self._absorption, deepest=self._deepest, top=self._top)
 
     @cached_property
     def folded(self) -> Medium:

@@ -111,12 +111,12 @@ class HeadTrajectory(Trajectory):
     @property
     def platform(self) -> Trajectory:
         """Return the trajectory of the place where the head is mounted, with the attitude of the platform."""
-        return Trajectory(lead=self.lead, motion=self.motion, offset=self.offset)
+        return Trajectory(lead=self.lead, motion=self.motion, offset=self.offset, tide=self.tide)
 
     def carried(self, offset: np.ndarray) -> HeadTrajectory:
         """Return the track of another point of the head, `offset` (3,) [m] along the beam, aside, and across."""
-        return HeadTrajectory(lead=self.lead, motion=self.motion, offset=self.offset, head=self.head,
-                              times=self.times, interval=self.interval, first=self.first,
+        return HeadTrajectory(lead=self.lead, motion=self.motion, offset=self.offset, tide=self.tide,
+                              head=self.head, times=self.times, interval=self.interval, first=self.first,
                               reach=self.reach + np.asarray(offset, float))
 
     def bearing(self, times: np.ndarray, since: np.ndarray) -> np.ndarray:
@@ -144,8 +144,8 @@ def turned_voyage(voyage: Voyage, head: RotatingHead, interval: float, first: in
     Its track has the attitude of the beam at each transmission; `first` is the number of its first ping.
     """
     platform, times = voyage.trajectory, voyage.track.time
-    trajectory = HeadTrajectory(lead=platform.lead, motion=platform.motion, offset=platform.offset, head=head,
-                                times=times, interval=interval, first=first)
+    trajectory = HeadTrajectory(lead=platform.lead, motion=platform.motion, offset=platform.offset,
+                                tide=platform.tide, head=head, times=times, interval=interval, first=first)
     roll, pitch, heading = np.moveaxis(trajectory.pose(times)[1], -1, 0)
     return Voyage(trajectory=trajectory, track=Track(time=times, position=voyage.track.position, roll=roll, pitch=pitch,
                                                      heading=heading))

@@ -83,6 +83,11 @@ class SteppedPing:
         """Return the time of the transmission [s]."""
         return float(self.track.time[0])
 
+    @property
+    def place(self) -> np.ndarray:
+        """Return east and north of the transmission (2,) [m]."""
+        return self.track.position[0, :2]
+
     def voyage(self, make: Callable[[SteppedPing], Voyage]) -> Voyage:
         """Return the voyage that a function makes of this ping; it is made once."""
         if make not in self._voyages:

@@ -1,8 +1,9 @@
 """Trajectory of a sonar: position and attitude at any time, also between pings.
 
-    P(t) = L(t) + h(t) ẑ + R(t) a,    R(t) = E Rz(ψ + ψ') Ry(θ + θ') Rx(φ + φ')       as in `device.rotations`
+    P(t) = L(t) + (h(t) + η(t)) ẑ + R(t) a,    R(t) = E Rz(ψ + ψ') Ry(θ + θ') Rx(φ + φ')       as in `device.rotations`
 
-L, φ, θ, ψ -> the ``lead``; h, φ', θ', ψ' -> the ``motion``, exact at any time; a -> the ``offset``. What was recorded
+L, φ, θ, ψ -> the ``lead``; h, φ', θ', ψ' -> the ``motion``, exact at any time; η -> the ``tide``, on which whatever
+keeps its depth below the water level rides; a -> the ``offset``. What was recorded
 is joined by cubic splines (twice differentiable; off by 5/384 d⁴ times the fourth derivative for records d apart) and
 goes on beyond its ends with the velocity and the rates it has there.
 
@@ -192,6 +193,7 @@ class Trajectory:
     lead: Lead
     motion: RandomMotion = RandomMotion()
     offset: np.ndarray = field(default_factory=lambda: np.zeros(3))  # (3,) [m]
+    tide: SmoothCurve | None = None  # [m]: water level above the datum; None: the lead has all of z
 
     def carried(self, offset: np.ndarray) -> Trajectory:
         """Follow another point of the body, `offset` (3,) [m] further forward, starboard, down."""
@@ -211,6 +213,8 @@ class Trajectory:
                 if getattr(self.motion, name):
                     way = np.stack([np.sin(ahead + turned), np.cos(ahead + turned), np.zeros_like(ahead)], -1)
                     position = position + values[name][..., None] * way
+        if self.tide is not None:
+            position = position + np.multiply.outer(self.tide.at(times), [0.0, 0.0, 1.0])
         if self.offset.any():
             position = position + rotation_matrix(*np.moveaxis(attitude, -1, 0)) @ self.offset
         return position, attitude

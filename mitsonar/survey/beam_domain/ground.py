@@ -9,7 +9,7 @@ Only the list of candidates is evaluated here; all the rest becomes part of the 
 """
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -19,7 +19,7 @@ import numpy as np
 
 from mitsonar.device.arrays import arrays_of, compressed, opaque_vector, upload
 from mitsonar.echoes.scatterers.scatterers import Cells, Scatterers
-from mitsonar.echoes.scatterers.thinned_scatterers import Density, ThinnedScatterers
+from mitsonar.echoes.scatterers.thinned_scatterers import Density, ThinnedScatterers, Useful
 from mitsonar.echoes.sights.eigenray_table import EigenrayTable, TableLegs
 from mitsonar.echoes.sonar_equation import GRAZING, along_legs
 from mitsonar.scene.labels import OBJECT, SEABED
@@ -72,7 +72,7 @@ class Ground:
         self._table: EigenrayTable | None = None
         dr.eval(self._kinds)
 
-    def lit(self, density: Density, useful: Callable[[mi.Vector3f, mi.Float], mi.Bool]) -> LitScatterers | None:
+    def lit(self, density: Density, useful: Useful) -> LitScatterers | None:
         """Return the scatterers around a place; None if there are none."""
         patch, number = self._scatterers.candidates(density, useful)
         if not dr.width(patch):
@@ -109,8 +109,7 @@ class Ground:
         return self._objects.first(self._objects.sources(-float(origin[2])), _point(origin),
                                    mi.Vector3f(x * cosine, y * cosine, -launch), across)
 
-    def mirrored(self, density: Density,
-                 useful: Callable[[mi.Vector3f, mi.Float], mi.Bool]) -> Iterator[Cells]:
+    def mirrored(self, density: Density, useful: Useful) -> Iterator[Cells]:
         """Yield the scatterers around a place in blocks if a flat surface mirrors them and its paths count."""
         sights = self.ensonification.sights
         if not sights.mirror or sights.max_depth == 1:

@@ -10,7 +10,7 @@ sonar that only turns can keep them from ping to ping.
 """
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -23,7 +23,7 @@ from mitsonar.device.arrays import arrays_of, compressed, held, upload
 from mitsonar.device.chance import ping_key
 from mitsonar.echoes.record import Echoes
 from mitsonar.echoes.scatterers.element_beams import ElementBeams
-from mitsonar.echoes.scatterers.thinned_scatterers import Density, TransmitLobe
+from mitsonar.echoes.scatterers.thinned_scatterers import Density, TransmitLobe, Useful
 from mitsonar.signal.doppler import Glide, ResidualDoppler, residual_doppler
 from mitsonar.sonar.faces.directivity import sinc
 
@@ -216,14 +216,14 @@ class PingEchoes:
         both_ways = self._long is not None and len(lobes) == 1         # arrays at one place have the same lobe
         return (dr.square(power) if both_ways else power) > BEAM_EDGE
 
-    def useful(self, ping: int, least: float = NEGLIGIBLE) -> Callable[[mi.Vector3f, mi.Float], mi.Bool]:
+    def useful(self, ping: int, least: float = NEGLIGIBLE) -> Useful:
         """Return a test of scene directions at distances: True if the two-way intensity exceeds `least`."""
         beams, rotation = self._beams, self.reception(ping).rotation
         if beams is not None:
             beams = beams.turning(self.survey.turn_rate * self.survey.time[-1])
 
-        def useful(direction: mi.Vector3f, distance: mi.Float) -> mi.Bool:
-            return mi.Bool(True) if beams is None else beams.bound(direction, distance, rotation) > least
+        def useful(direction: mi.Vector3f, distance: mi.Float, wider: mi.Float | float = 0.0) -> mi.Bool:
+            return mi.Bool(True) if beams is None else beams.bound(direction, distance, rotation, wider) > least
 
         return useful
 
@@ -328,7 +328,7 @@ class PingEchoes:
         return echoes
 
 
-def _all_of_them(direction: mi.Vector3f, distance: mi.Float) -> mi.Bool:
+def _all_of_them(direction: mi.Vector3f, distance: mi.Float, wider: mi.Float | float = 0.0) -> mi.Bool:
     return mi.Bool(True)
 
 

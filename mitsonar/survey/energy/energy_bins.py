@@ -92,8 +92,8 @@ def aside_need(row: mi.UInt32, cell: mi.UInt32, bin: mi.UInt32, inside: mi.Bool,
     count = _added(mi.UInt32(1), index, inside, 2 * rows * bins.count)
     dr.eval(count, index, inside, aside, cell)
     core, beside = count.numpy()[:2 * rows * bins.count].reshape(2, rows, bins.count).astype(float)
-    per_row = max(beside.sum() / rows, 1)
-    reach = min(int(np.ceil(0.5 * WINDOW_RAYS * bins.count / per_row)), bins.count // 8)
+    # a row's own: rows that are traced together change nothing
+    reach = np.minimum(np.ceil(0.5 * WINDOW_RAYS * bins.count / np.maximum(beside.sum(1), 1)), bins.count // 8)
     near, far = _averaged(beside, reach), _averaged(beside, 4 * reach)
     core, beside = core * ((1 - wanted) / (1 - drawn)), np.where(near > 0, near, far) * (wanted / drawn)
     total = core + beside
@@ -107,12 +107,12 @@ def aside_need(row: mi.UInt32, cell: mi.UInt32, bin: mi.UInt32, inside: mi.Bool,
     return need.numpy()[:2 * rows * CELLS].reshape(2, rows, CELLS) / 2.0 ** 32
 
 
-def _averaged(values: np.ndarray, reach: int) -> np.ndarray:
-    """Return means of values (rows, bins) over the bins up to `reach` away."""
+def _averaged(values: np.ndarray, reach: np.ndarray) -> np.ndarray:
+    """Return means of values (rows, bins) over the bins up to `reach` (rows,) away."""
     bins = values.shape[1]
     summed = np.concatenate([np.zeros((len(values), 1)), np.cumsum(values, 1)], 1)
-    low, high = (np.clip(np.arange(bins) + end, 0, bins) for end in (-reach, reach + 1))
-    return (summed[:, high] - summed[:, low]) / (high - low)
+    low, high = (np.clip(np.arange(bins) + end.astype(int)[:, None], 0, bins) for end in (-reach, reach + 1))
+    return (np.take_along_axis(summed, high, 1) - np.take_along_axis(summed, low, 1)) / (high - low)
 
 
 def _added(values: mi.UInt32 | mi.UInt64, index: mi.UInt32, active: mi.Bool, size: int) -> mi.UInt32 | mi.UInt64:

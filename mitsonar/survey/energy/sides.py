@@ -12,7 +12,6 @@ echo (`echoes.multipath`, `echoes.volume`).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import cached_property
 from typing import final
 
 import drjit as dr
@@ -186,11 +185,9 @@ class Sides:
         # a step cannot know the pings after it, so it is its own scout
         alone, around = self._survey.passage.stepping is not None, self._survey.surroundings_of(place.ping[0])
         scout = place.ping if alone else self._scouts[place.ping]
-        # the need of one scout depends on those that are traced with it: they are those of a run in one water
-        together, known = self._traced_together, self._scouted
-        for new in [np.unique(scout)] if alone else (np.flatnonzero(together == n) for n in np.unique(together[scout])):
-            if (seed, around, new[0]) in known:
-                continue
+        known = self._scouted
+        new = np.array([ping for ping in np.unique(scout) if (seed, around, ping) not in known], int)
+        if len(new):
             ahead, wanted = place.of(new), self._launch.aside
             first = self._even(ahead, self._launch.first_aside)
             rays = self._launch.drawn(ahead, first, grid, seed, Salt.FIRST_PASS)
@@ -205,19 +202,10 @@ class Sides:
             known = known | {(seed, around, ping): rows for ping, *rows in zip(new, *by_ping)}
         # the next block of pings may use the scouts of this one
         self._scouted = {} if alone else {
-            key: rows for key, rows in known.items()
-            if key[:2] == (seed, around) and together[key[2]] >= together[scout].min()}
+            key: rows for key, rows in known.items() if key[:2] == (seed, around) and key[2] >= scout.min()}
         phi, aside = (np.stack(rows) for rows in zip(*(known[seed, around, ping] for ping in scout)))
         phi = self._launch.carried(phi, scout, place.ping)
         return Tables(phi.reshape(place.rows, -1), aside.reshape(place.rows, -1))
-
-    @cached_property
-    def _traced_together(self) -> np.ndarray:
-        """Return the number of the block of pings that first asks for each scout, (P,) int; -1 for other pings."""
-        first = np.full(len(self._scouts), -1)
-        scout, ping = np.unique(self._scouts, return_index=True)
-        first[scout] = ping // self.pings_per_block
-        return first
 
     def aimed(self, place: Place, ping: mi.UInt32, direction: mi.Vector3f, solid_angle: mi.Float) -> SideRays:
         """Return rays in given directions, each of the side that it leaves by."""

@@ -132,7 +132,7 @@ def echoes_of_the_pulse(now: PingPressure, progress: Share = nobody) -> np.ndarr
     """Return the sum of the pulse's echoes at a ping for a source level of 0 dB: complex64 (rx, sample)."""
     survey, ping = now.record.survey, now.ensonified.ping
     speed = survey.sound_speed(ping)
-    absorption_db = survey.waters.at(ping).mean_absorption_db
+    absorption_db = survey.water_at(ping).mean_absorption_db
     signals = np.zeros((survey.receive.elements, survey.samples), np.complex64)      # there may be no echo
     pieces = sent_pieces(survey, ping)
     for number, sent in enumerate(pieces):

@@ -100,6 +100,8 @@ class StepSignals:
             which = self._survey.surroundings_of(ping), seed is None
             around = self._kept.get(which)
             if around is None:
+                for other in [key for key in self._kept if key[0] != which[0]]:
+                    del self._kept[other]              # of another water
                 around = self._kept[which] = [*self._around(ping, seed is not None, everywhere=True)]
                 dr.eval([vars(some) for some in around])
             useful = self._echoes.at(ping).useful(ping, FAINTEST)

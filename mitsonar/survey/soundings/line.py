@@ -4,15 +4,19 @@
     reduce     places, from the profile, the sound speed at the head and the motion measured by the sensors
     compare    with the bed of the scene, and with the true motion, error by error      `hydrography.reduction`
 
+Depths are below the datum z = 0. Where the water has a tide, sensors measure depths below the surface, casts hold below
+it, and both are reduced to the datum with the tide in use. Without any tide in use, depths are below the surface.
+
 An array that moves with v receives waves from n' at the sine a_r·n' c / (c + n'·v). Instruments neglect the motion; the
 difference counts as an error by motion.
 """
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timezone
+from functools import cached_property
 from typing import Generic, Protocol, TypeVar
 
 import drjit as dr
@@ -28,6 +32,7 @@ from mitsonar.hydrography.reduction.errors import Reduction, disturbed, errors
 from mitsonar.hydrography.reduction.motion_errors import MotionErrors
 from mitsonar.hydrography.reduction.reduction import Installation, Located, Measured
 from mitsonar.hydrography.reduction.uncertainty import Accuracies, Deviations, with_uncertainty
+from mitsonar.io.tracks.tides import Tide
 from mitsonar.scene.geometry import Geometry
 from mitsonar.scene.materials import scattering_strength
 from mitsonar.scene.tracing.hits import Hits
@@ -148,9 +153,9 @@ class SoundingLine(Generic[MeasurementT]):
     """Soundings of a line."""
 
     def __init__(self, survey: SoundedSurvey, instrument: Instrument[MeasurementT], seed: int, *,
-                 profile: SoundSpeedProfile | None = None):
+                 profile: SoundSpeedProfile | None = None, tide: Tide | float | None = None):
         self._survey, self._instrument = survey, instrument
-        self._profile = profile
+        self._profile, self._tide = profile, _level(survey, tide)
         self._true, self._sensed = true_motion(survey), measured_motion(survey, seed)
         self._installation, self._accuracies = instrument.installation, _accuracies(survey.motion_errors)
         self._transmissions = survey.transmissions
@@ -170,16 +175,18 @@ class SoundingLine(Generic[MeasurementT]):
         head_speed = true_speed + survey.head_speed_error
         measured = instrument.measured(ping, made, head_speed)
         truly = instrument.measured(ping, made, true_speed) if survey.head_speed_error else measured
-        water, geometry = survey.waters.at(ping).profile, survey.world.at(ping)
+        column, geometry = survey.water_at(ping), survey.world.at(ping)
+        water = column.profile
         true = Reduction(motion=self._true, installation=self._installation, profile=water, node=False)
-        used = Reduction(motion=self._sensed, installation=self._installation, profile=self._profile or water)
+        used = Reduction(motion=self._sensed, installation=self._installation, profile=self._cast(ping, column.level))
         above = -float(survey.track.position[ping, 2])
         closing = self._closing(truly, true)
         at_rest = instrument.measured(ping, made, true_speed, closing)
-        at_rest = without_field(at_rest, true.located(at_rest), survey.waters.at(ping), self._true, self._installation)
+        at_rest = without_field(at_rest, true.located(at_rest), column, self._true, self._installation)
         final, causes = errors(measured, true, used, lambda x, y: bed_depth(geometry, x, y, above=above),
                                at_rest=at_rest,
-                               refracted=instrument.measured(ping, made, head_speed, closing))
+                               refracted=instrument.measured(ping, made, head_speed, closing),
+                               tidal=self._tidal(ping, used))
         bed, finding = self._bed(ping, final), instrument.finding(ping, made, final)
         values = {
             **self._ping_data(ping, head_speed), "valid": made.valid & final.found,
@@ -191,6 +198,26 @@ class SoundingLine(Generic[MeasurementT]):
         variables = {name: variable(name, np.asarray(value)[None]) for name, value in values.items()}
         soundings = xr.Dataset({**self._line.data_vars, **variables}, coords={"ping": [ping]}, attrs=self._line.attrs)
         return with_uncertainty(soundings, self._accuracies, finding.deviations)
+
+    def _cast(self, ping: int, level: float) -> SoundSpeedProfile:
+        """Return the cast in use at a ping, below a water level [m]."""
+        column = self._survey.water_at(ping)
+        return (self._profile or column.profile.lifted(-column.level)).lifted(level)
+
+    def _tidal(self, ping: int, used: Reduction) -> Reduction | None:
+        """Return the reduction with the tide in use; None without a tide."""
+        if self._tide is None:
+            return None
+        level = float(self._tide(np.array(self._survey.track.time[ping])))
+        return replace(used, motion=self._reduced, profile=self._cast(ping, level))
+
+    @cached_property
+    def _reduced(self) -> PlatformMotion:
+        """Return the motion as sensors measure it, reduced to the datum with the tide in use."""
+        sensed, tide = self._sensed, self._tide
+        if tide is None:
+            return sensed
+        return replace(sensed, depth=sensed.depth + self._survey.passage.level(sensed.time) - tide(sensed.time))
 
     def _closing(self, measured: Measured, true: Reduction) -> np.ndarray:
         """Return the speed of the receivers towards the echoes (B,) [m/s]."""
@@ -211,7 +238,7 @@ class SoundingLine(Generic[MeasurementT]):
         arrival = np.concatenate([away * np.cos(places.grazing)[:, None], -np.sin(places.grazing)[:, None]], -1)
         depth = float(np.nanmean(places.depth)) if places.found.any() else -origin[2]
         parts = [bed_at(survey.world.at(ping), places.x[run.beams], places.y[run.beams], above=-float(origin[2]),
-                        arrival=arrival[run.beams], sound_speed=survey.waters.sound_speed(ping, depth),
+                        arrival=arrival[run.beams], sound_speed=float(survey.water_at(ping).profile.at(depth)),
                         frequency=run.survey.frequency) for run in self._transmissions]
         return BedPoints(label=np.concatenate([part.label for part in parts]),
                          strength=np.concatenate([part.strength for part in parts]))
@@ -219,10 +246,12 @@ class SoundingLine(Generic[MeasurementT]):
     def _ping_data(self, ping: int, head_speed: float) -> dict[str, np.ndarray | float]:
         """Return the variables of a ping and of its sectors."""
         time = float(self._survey.track.time[ping])
-        pose = self._sensed.at(np.array([time]))
+        pose = self._reduced.at(np.array([time]))
+        tides = {} if self._tide is None else {"tide": float(self._tide(np.array(time))),
+                                               "true_tide": float(self._survey.passage.level(np.array(time)))}
         runs = [run.survey for run in self._transmissions]
         sines = np.array([run.sines[ping] for run in self._transmissions])
-        return {"ping_time": time - self._since, "ping_x": pose.place[0, 0], "ping_y": pose.place[0, 1],
+        return {**tides, "ping_time": time - self._since, "ping_x": pose.place[0, 0], "ping_y": pose.place[0, 1],
                 "ping_depth": pose.place[0, 2], "ping_roll": pose.roll[0], "ping_pitch": pose.pitch[0],
                 "ping_heading": pose.heading[0] % (2 * np.pi), "head_sound_speed": head_speed,
                 "sector_frequency": np.array([run.frequency for run in runs]),
@@ -242,9 +271,10 @@ class SoundingLine(Generic[MeasurementT]):
 
     def _line_data(self, profile: str, seed: int) -> xr.Dataset:
         """Return the variables and attributes that all pings share."""
-        installation, motion, world = self._installation, self._sensed, self._survey.world
+        installation, motion, world = self._installation, self._reduced, self._survey.world
         water = self._survey.waters.first.profile
-        used = self._profile or water
+        first = self._survey.planned.track.time[0]
+        used = self._cast(0, 0.0 if self._tide is None else float(self._tide(np.array(first))))
         values = {"cast_depth": used.depth, "cast_sound_speed": used.sound_speed,
                   "true_cast_depth": water.depth, "true_cast_sound_speed": water.sound_speed,
                   **{name: getattr(installation, name) for name in
@@ -262,6 +292,16 @@ class SoundingLine(Generic[MeasurementT]):
             origin = world.local_origin if world.local_origin is not None else getattr(frame, "origin")
             attrs["origin"] = (float(origin[0]), float(origin[1]))
         return xr.Dataset({name: variable(name, value) for name, value in values.items()}, attrs=attrs)
+
+
+def _level(survey: SoundedSurvey, tide: Tide | float | None) -> Callable[[np.ndarray], np.ndarray] | None:
+    """Return the tide in use [m] by time [s]: the one given, or the water's own; None without any."""
+    time = survey.planned.track.time
+    if tide is None:
+        return None if survey.passage.tide is None else survey.passage.level
+    if isinstance(tide, Tide):
+        return tide.over(float(time[0]), float(time[-1])).at
+    return lambda times: np.full(np.shape(times), tide)
 
 
 def _accuracies(errors: MotionErrors) -> Accuracies:

@@ -1,0 +1,114 @@
+"""Tides from files: CSV, with a header and one line per reading.
+
+    time,height
+    2026-05-01T10:00:00Z,1.32
+    2026-05-01T10:06:00Z,1.35
+
+``time`` as ISO 8601 (UTC where no offset is given), or in seconds after the first ping of a track; ``height`` [m] of
+the water level above the datum, z = 0. A cubic spline joins the readings.
+"""
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mitsonar.device.files import FilePath
+from mitsonar.sonar.motion.trajectory import SmoothCurve
+
+from ..scene_files import tables
+
+HIGHEST = 20.0                     # [m]: no tide on Earth reaches farther from its mean
+DATED = 1e8                        # [s] above which times count from 1970
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tide:
+    """Heights of the water level as in their file.
+
+    Parameters
+    ----------
+    name : str
+        File, for messages.
+    time : array (N,) [s]
+        Strictly increasing times, two or more: since 1970, or after the first ping.
+    height : array (N,) [m]
+        Water level above the datum.
+    """
+
+    name: str
+    time: np.ndarray
+    height: np.ndarray
+
+    @property
+    def dated(self) -> bool:
+        """Return True if times count from 1970."""
+        return bool(self.time[0] > DATED)
+
+    def over(self, first: float, last: float) -> SmoothCurve:
+        """Return the water level [m] by the clock of a track.
+
+        Parameters
+        ----------
+        first, last : float [s]
+            Times of the track's first and last ping.
+
+        Returns
+        -------
+        SmoothCurve
+
+        Raises
+        ------
+        ValueError
+            If the readings do not cover the pings, or have dates and the track has none.
+        """
+        if self.dated and not first > DATED:
+            raise ValueError(f"the tide {self.name} has dates, and the times of the track begin at {first:g} s; give "
+                             "the track dates, or the tide seconds after the first ping.")
+        time = self.time if self.dated else self.time + first
+        if not (time[0] <= first and last <= time[-1]):
+            raise ValueError(f"the tide {self.name} lasts from {time[0] - first:.6g} to {time[-1] - first:.6g} s after "
+                             f"the first ping, and the pings last until {last - first:.6g} s; give readings before "
+                             "the first and after the last ping.")
+        return SmoothCurve(time, self.height)
+
+
+def load(path: FilePath) -> Tide:
+    """Read a tide.
+
+    Parameters
+    ----------
+    path : str or path
+        A CSV file with the columns named above.
+
+    Returns
+    -------
+    Tide
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If a column is missing, a field is not a finite number (the line is named), time does not increase, there are
+        fewer than two readings, or a height is none of a tide.
+    """
+    names, lines, rows = tables.records(path, "tide")
+    for name in ("time", "height"):
+        if names.count(name) != 1:
+            raise ValueError(f"cannot read the tide {path}: the header has {', '.join(names)}; it needs the columns "
+                             "time and height, once each.")
+    texts = {name: [row[names.index(name)].strip() for row in rows] for name in ("time", "height")}
+    time = tables.times(path, lines, "time", texts["time"])
+    height = tables.floats(path, lines, "height", texts["height"])
+    if len(time) < 2:
+        raise ValueError(f"cannot read the tide {path}: it has one reading; give one before the first and one after "
+                         "the last ping.")
+    if (back := np.flatnonzero(np.diff(time) <= 0)).size:
+        row = int(back[0]) + 1
+        raise ValueError(f"{path}, line {lines[row]}: the time {texts['time'][row]} is not later than "
+                         f"{texts['time'][row - 1]} before it; sort the readings and drop repeated times.")
+    if (far := np.flatnonzero(abs(height) > HIGHEST)).size:
+        raise ValueError(f"{path}, line {lines[far[0]]}: height is {texts['height'][far[0]]} m, and no tide is more "
+                         f"than {HIGHEST:g} m from its datum; give heights in metres above the datum of the bed.")
+    return Tide(name=str(path), time=time, height=height)

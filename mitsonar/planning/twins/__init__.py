@@ -1,0 +1,1 @@
+"""Scenes with the tracks of vehicles."""
