@@ -70,13 +70,23 @@ class Target(NamedTuple):
 
 
 class MovingBody(NamedTuple):
-    """A moving object, or a sea surface with waves: its shape in the scene, and the copy that moves."""
+    """A moving object: its shape in the scene, and the copy that moves."""
 
-    shape: MovingShape | WavySurface
+    shape: MovingShape
     label: int
     copy: mi.Mesh | None           # None: a point target, which rays pass
     first_vertex: int
     normals: np.ndarray | None     # (V, 3): at rest, if it scatters by normals of its vertices
+
+
+class MovingSea(NamedTuple):
+    """A sea surface with waves, likewise."""
+
+    shape: WavySurface
+    label: int
+    copy: mi.Mesh
+    first_vertex: int
+    normals: None = None
 
 
 class Geometry:
@@ -101,12 +111,12 @@ class Geometry:
         numbers: Any = dr.reinterpret_array(mi.UInt32, pointers)
         registry, copies = numbers.numpy(), {}
         self.moving_scene: MovingScene | None = None                   # of the objects alone
-        self.sea = next((Sea(wavy, self.named.of(shape)) for shape in shapes
-                         if (wavy := wavy_surface(shape)) is not None), None)
+        self.sea = next((Sea(surface, self.named.of(shape), mirrors=is_mirror(shape)) for shape in shapes
+                         if (surface := wavy_surface(shape)) is not None), None)
         if self.sea is not None or any(moving_shape(shape) is not None for shape in shapes):
             registry, copies = self._moved_apart(scene, registry)
         self.bodies: list[MovingBody] = []
-        wavy: list[MovingBody] = []
+        seas: list[MovingSea] = []
         self.stands: list[Stand | SeaStand] = []
         self.deepest_moving = -np.inf                                  # [m]: depth of the lowest moving point
         self.body_samples: tuple[np.ndarray, ...] | None = None        # made by `shadows.exposure`
@@ -144,9 +154,9 @@ class Geometry:
                 self.bodies.append(MovingBody(moving, self.named.of(shape), copies.get(shape.id()), first_vertex,
                                         vertex_normals(moving.rest, face) if self.is_smooth(shape) else None))
             elif (surface := wavy_surface(shape)) is not None and shape.id() in copies:
-                wavy.append(MovingBody(surface, self.named.of(shape), copies[shape.id()], first_vertex, None))
+                seas.append(MovingSea(surface, self.named.of(shape), copies[shape.id()], first_vertex))
             first_vertex, first_face = first_vertex + len(vertex), first_face + len(face)
-        self.movers = self.bodies + wavy
+        self.movers: list[MovingBody | MovingSea] = [*self.bodies, *seas]
         self.only_meshes = len(faces) == len(shapes)
         self.rows, self.kinds = upload(mi.UInt32, rows), upload(mi.UInt32, self.named.label_kinds()[rows[:, 0]])
         # four wide, so that a vertex is one aligned packet, and a face with its label another one
@@ -209,6 +219,11 @@ class Geometry:
     def moves(self) -> bool:
         """Return True if anything in the scene moves."""
         return bool(self.bodies) or self.sea is not None
+
+    @property
+    def body_stands(self) -> list[Stand]:
+        """Return where the moving objects stand, in the order of `bodies`."""
+        return [stand for stand in self.stands if isinstance(stand, Stand)]
 
     def refuse_bodies(self, why: str) -> None:
         """Raise `ValueError` if objects move; `why` names who needs a scene that stands still."""
@@ -302,7 +317,7 @@ class Geometry:
 
     def targets(self) -> list[Target]:
         """Return the point targets, moving ones where they stand."""
-        stands = {body.label: stand for body, stand in zip(self.bodies, self.stands) if isinstance(stand, Stand)}
+        stands = {body.label: stand for body, stand in zip(self.bodies, self.body_stands)}
         targets = []
         for _, shape, *_ in self.meshes:
             if (target := target_shape(shape)) is not None:

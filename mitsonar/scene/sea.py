@@ -27,7 +27,7 @@ from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.water.profile import SoundSpeedProfile
 from mitsonar.water.sea_waves import SeaWaves
 
-from .protocols import is_mirror, is_sea_surface
+from .protocols import is_sea_surface
 
 TURN = 2 * np.pi
 TILTED = 1.1                       # a moved facet over itself at rest, at most
@@ -142,12 +142,12 @@ def _displaced(lib, table, count, x, y, later):
 class Sea:
     """Waves of a scene's sea surface: a mesh that moves, or a mirror that is lifted."""
 
-    def __init__(self, shape: WavySurface, label: int):
+    def __init__(self, shape: WavySurface, label: int, *, mirrors: bool):
         if shape.waves is None:
             raise ValueError("this surface has no waves")
         self.waves, self.label, self._nodes = shape.waves, label, shape.nodes
         self._inner = (slice(shape.border, -shape.border),) * 2
-        self.mirrors = is_mirror(shape)
+        self.mirrors = mirrors
         self.device = DeviceWaves(shape.waves)
         self._rest = shape.rest.reshape(len(shape.nodes), len(shape.nodes), 3)
         inner = self._rest[self._inner].reshape(-1, 3)

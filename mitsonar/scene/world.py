@@ -149,7 +149,7 @@ class World:
 
 def _check_above(geometry: Geometry) -> None:
     """Raise `ValueError` if an object starts under the bed."""
-    for body, stand in zip(geometry.bodies, geometry.stands):
+    for body, stand in zip(geometry.bodies, geometry.body_stands):
         x, y, z = stand.position
         bed = bed_height(geometry, np.array([x]), np.array([y]))[0]
         if z < bed:

@@ -31,7 +31,7 @@ def sea_of(variant, height_of_the_wind=False, **attributes):
     from mitsonar.scene.sea import Sea, wavy_surface
 
     shape = wavy_surface(mi.load_dict({**({"type": "sea_surface"} if height_of_the_wind else JONSWAP), **attributes}))
-    return Sea(shape, 1), shape
+    return Sea(shape, 1, mirrors=attributes.get("wind_speed") == 0), shape
 
 
 def test_vertices_stand_where_sound_meets_them(variant):

@@ -19,10 +19,9 @@ middle, because arrays that stand apart see a near scatterer in directions that 
 """
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
-from typing import TypeAlias
+from typing import Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -47,8 +46,12 @@ BESIDE = 0.5, 1 / 32               # share of scatterers one cell outside the lo
 BLOCK, SMALL_BLOCK = 1024, 64      # patches that are tested together when those of a ping are chosen
 
 
-# True for directions and distances [m] that matter, or others up to an angle [rad] off
-Useful: TypeAlias = "Callable[[mi.Vector3f, mi.Float, mi.Float | float], mi.Bool]"
+class Useful(Protocol):
+    """Test of directions and distances [m], which says which matter."""
+
+    def __call__(self, direction: mi.Vector3f, distance: mi.Float, wider: mi.Float | float = 0.0, /) -> mi.Bool:
+        """Return True for those that matter, or others do up to an angle `wider` [rad] off."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
