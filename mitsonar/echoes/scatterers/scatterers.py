@@ -42,7 +42,6 @@ from mitsonar.scattering.surfaces.glints import FEWEST, with_glints
 from mitsonar.scene.geometry import Geometry, interpolated
 from mitsonar.scene.materials import coherence, loses_coherence
 from mitsonar.scene.protocols import is_mirror, is_sea_surface, is_smooth, sound_material, target_shape
-from mitsonar.scene.sea import TILTED
 from mitsonar.scene.tessellation import Grids, grid_of
 from mitsonar.scene.tracing.connection import Connection
 from mitsonar.scene.tracing.hits import Hits
@@ -173,7 +172,7 @@ class Scatterers:
             own = geometry.normals.numpy()
             self._normals = upload(mi.Float, np.concatenate([own, np.zeros(4 * len(vertices) - len(own), np.float32)]))
         dr.eval(self._vertices, self._faces, self._facts, self._rows, self._labels)
-        self.radius[self.at_surface] *= TILTED if geometry.sea is not None else 1
+        self.radius[self.at_surface] *= geometry.sea.stretch if geometry.sea is not None else 1
         self.moving = np.isin(self.label, [body.label for body in geometry.movers])
         # facets that move, their bodies' numbers, and their corners and centres in the bodies' own frames
         facet = np.flatnonzero(self.moving).astype(np.uint32)
