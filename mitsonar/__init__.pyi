@@ -39,5 +39,6 @@ from .verbs.images import (
 )
 from .verbs.stepping import Sonar as Sonar
 from .verbs.strips import focus as focus, raw_echoes as raw_echoes
+from .viewing.viewer import view as view
 
 __version__: str

@@ -1,9 +1,10 @@
-"""The commands that show and check results: plot, video, published, validate."""
+"""The commands that show and check results: plot, video, view, published, validate."""
 import contextlib
 import importlib
 import os
+import sys
 
-from .arguments import Commands, add_gain, gain, number, set_up, whole
+from .arguments import Commands, add_gain, add_parameters, check_output, gain, number, parameters, set_up, whole
 from .completion import add_file
 from .progress import Progress
 from .words import announce
@@ -40,6 +41,19 @@ def add(commands: Commands) -> None:
     for command in (plot, video):
         command.add_argument("--colours", default="copper", choices=("copper", "grey"),
                              help="colours of waterfalls, fans, water columns and focused images; default: copper")
+
+    view = commands.add_parser("view", help="show scenes and records in the browser, with a time line")
+    add_file(view, "shown", metavar="SCENE|RECORD", nargs="+", shipped=True,
+             help="scenes (.xml, or names of those that come with mitsonar), images, or lines of soundings")
+    add_file(view, "--save", metavar="RUN.rrd", help="write the page's contents to a file of rerun instead")
+    add_gain(view, "recorder", "display gain over range of images")
+    view.add_argument("--cell", type=number, metavar="M",
+                      help="side of a cell of frames of fans; default: a bin, with at most 640 cells a side")
+    add_parameters(view)
+    view.add_argument("--sensor", default=0, metavar="ID", help="id of one of the scenes' sonars; default: the first")
+    view.add_argument("--port", type=whole, default=0, metavar="N", help="port of the page; default: any that is free")
+    view.add_argument("--no-browser", action="store_true", help="print the page's address only")
+    view.set_defaults(run=_view)
 
     published = commands.add_parser("published", help="compute a table or figure of the published method again")
     published.add_argument("result", metavar="RESULT", help="table_1, effective_speed, figure_2 or figure_3")
@@ -130,6 +144,30 @@ def _video(arguments):
         plots.video(records, arguments.output, fps=arguments.fps, colours=arguments.colours,
                     tvg=gain(arguments), progress=progress)
     announce(arguments.output)
+
+
+def _view(arguments):
+    from mitsonar.viewing.viewer import ViewOptions, opened
+
+    set_up(None)
+    if arguments.save is not None:
+        check_output(arguments.save, (".rrd",))
+        if arguments.port or arguments.no_browser:
+            raise ValueError("--port and --no-browser are for a page, and --save writes a file; leave them out.")
+    options = ViewOptions(tvg=gain(arguments), cell=arguments.cell, sensor=arguments.sensor,
+                          parameters=parameters(arguments))
+    page = opened(arguments.shown, options, save=arguments.save, port=arguments.port)
+    if page is None:
+        announce(arguments.save)
+        return
+    try:
+        announce(page.url)
+        print("mitsonar: the page is served on this machine alone; end it by Ctrl-C", file=sys.stderr)
+        if not arguments.no_browser:
+            page.open()
+        page.wait()
+    finally:
+        page.close()
 
 
 def _published(arguments):

@@ -30,6 +30,7 @@ FLOORS = """
     verbs
     inversion
     plots
+    viewing
     validation
     sweep dataset
     cli

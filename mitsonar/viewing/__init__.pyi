@@ -1,0 +1,2 @@
+from .page import ViewerPage as ViewerPage
+from .viewer import view as view
