@@ -89,6 +89,12 @@ class Cells:
     label: mi.UInt32  # (R,)
     uv: mi.Point2f  # (R,): texture coordinates, as in `Hits`
     smooth: mi.Vector3f | None = None  # (R,): interpolated normal, see `tracing.hits.towards_sound`
+    part: mi.UInt32 | None = None  # (R,): number of the motion, see `MovingBody`; None: the label
+
+    @property
+    def motion(self) -> mi.UInt32:
+        """Number of the scatterers' motion (R,)."""
+        return self.label if self.part is None else self.part
 
     def hits(self, way: Connection) -> Hits:
         """Return the scatterers as hits of sound that arrives along `way`."""
@@ -176,7 +182,13 @@ class Scatterers:
         self.moving = np.isin(self.label, [body.label for body in geometry.movers])
         # facets that move, their bodies' numbers, and their corners and centres in the bodies' own frames
         facet = np.flatnonzero(self.moving).astype(np.uint32)
-        self._carried = facet, geometry.body_numbers(self.label[facet]), self.corners(facet), self.centre[facet]
+        body = geometry.body_numbers(self._on_host[1][facet, 0])
+        self._carried = facet, body, self.corners(facet), self.centre[facet]
+        self._parts = None
+        if any(one.number != one.label for one in geometry.movers):
+            parts = self.label.copy()
+            parts[facet] = np.array([one.number for one in geometry.movers], np.uint32)[body]
+            self._parts = upload(mi.UInt32, parts)
         geometry.follow(self._moved)
 
     def _moved(self) -> None:
@@ -188,6 +200,11 @@ class Scatterers:
             self._normals = geometry.with_moved(self._normals, geometry.moved_normals)
         facet, body, _, centre = self._carried
         self.centre[facet] = geometry.carried(body, centre)
+
+    def bodies_of(self, facet: np.ndarray) -> np.ndarray:
+        """Return the numbers in `Geometry.movers` of facets (N,) that move."""
+        moving, body, *_ = self._carried
+        return body[np.searchsorted(moving, facet)]
 
     def _measured(self, facets: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return longest sides (F,), centres (F, 3) and radii (F,) of all facets [m]."""
@@ -337,7 +354,8 @@ class Scatterers:
         bits = hashed_pair(lib, self.amplitude_key(facts[2]), k)
         return Cells(point=point, normal=normal, area=0.5 * twice / (cuts * cuts), primitive=facts[1], shape=shape,
                      uv=uv, amplitude=self.amplitudes.of(*bits, point, normal, shape, facts[1], uv),
-                     label=dr.gather(mi.UInt32, self._labels, facet), smooth=self.smooth_normals(facet, u, v))
+                     label=dr.gather(mi.UInt32, self._labels, facet), smooth=self.smooth_normals(facet, u, v),
+                     part=None if self._parts is None else dr.gather(mi.UInt32, self._parts, facet))
 
     def corners(self, facet: np.ndarray) -> np.ndarray:
         """Return the corners of facets (K,) on the host, (K, 3, 3) [m]."""

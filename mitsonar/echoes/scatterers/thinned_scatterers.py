@@ -119,7 +119,7 @@ class ThinnedScatterers:
         self._block = SMALL_BLOCK if everywhere else BLOCK
         self._blocks = _balls(centre, radius, self._block)
         moving = np.flatnonzero(facets.moving[self._facet])
-        self._moving = moving, facets.geometry.body_numbers(facets.label[self._facet[moving]])
+        self._moving = moving, facets.bodies_of(self._facet[moving])
         # centres, normals and areas in the bodies' frames
         self._at_rest = table[moving, :3], table[moving, 4:7], table[moving, 3]
         # blocks that hold moving patches, with all of their patches
