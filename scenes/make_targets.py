@@ -227,8 +227,11 @@ def hulk():
     return moved(join(parts), roll=6, pitch=1, by=(0, 0, -1.25))
 
 
-def diver():
-    """A diver who swims, prone and head first: 2.5 m with fins, 0.6 m across, a cylinder on the back."""
+def diver(kick=0.0):
+    """A diver who swims, prone and head first: 2.5 m with fins, 0.6 m across, a cylinder on the back.
+
+    The right leg is lifted by `kick` [degrees] and the left one lowered.
+    """
     trunk = turned_body([(-0.34, 0.12), (-0.3, 0.17), (0.1, 0.19), (0.28, 0.2), (0.36, 0.12)], sides=20)
     bend = np.deg2rad(np.linspace(-80, 80, 7))
     head = moved(turned_body(np.column_stack((0.14 * np.sin(bend), 0.12 * np.cos(bend))), sides=16), by=(0, 0.5, 0.02))
@@ -236,10 +239,18 @@ def diver():
     limbs = [part for side in (-1, 1) for part in (
         tube((side * 0.2, 0.28, 0), (side * 0.27, 0.5, -0.1), (0.06, 0.05)),                # arms, before the chest
         tube((side * 0.27, 0.5, -0.1), (side * 0.12, 0.72, -0.12), (0.05, 0.035)),
+        *kicked(side, kick))]
+    return join([trunk, head, moved(turned_body(bottle, sides=16), by=(0, -0.02, 0.25)), *limbs])
+
+
+def kicked(side, kick):
+    """One leg of the diver and its fin, lifted about the hip by `kick` [degrees] times its side."""
+    hip = np.array((side * 0.1, -0.3, 0))
+    leg = (
         tube((side * 0.1, -0.3, 0), (side * 0.13, -0.75, -0.06), (0.095, 0.065)),           # legs
         tube((side * 0.13, -0.75, -0.06), (side * 0.15, -1.18, 0.04), (0.065, 0.045)),
-        moved(box((0.2, 0.66, 0.03), (0, 0, 0)), pitch=-8 * side, turn=-4 * side, by=(side * 0.17, -1.48, 0.02)))]
-    return join([trunk, head, moved(turned_body(bottle, sides=16), by=(0, -0.02, 0.25)), *limbs])
+        moved(box((0.2, 0.66, 0.03), (0, 0, 0)), pitch=-8 * side, turn=-4 * side, by=(side * 0.17, -1.48, 0.02)))
+    return [moved(moved(part, by=-hip), pitch=-side * kick, by=hip) if kick else part for part in leg]
 
 
 # ---- species: whole bodies, for the shape `targets` --------------------------------------------------------------
@@ -367,7 +378,8 @@ SPECIES = {"anchor": anchor, "boulder": lambda: grounded([boulder()]), "clump": 
            "cylinder": cylinder, "drum": drum, "lobster_pot": lobster_pot, "sphere": sphere, "torpedo": torpedo,
            "truncated_cone": lambda: grounded([truncated_cone()]), "tyre": lambda: grounded([tyre()]), "wedge": wedge}
 
-TARGETS = {"boulder": boulder, "diver": diver, "hulk": hulk, "letters": letters, "truncated_cone": truncated_cone,
+TARGETS = {"boulder": boulder, "diver": diver, "diver_kick_left": lambda: diver(-16),
+           "diver_kick_right": lambda: diver(16), "hulk": hulk, "letters": letters, "truncated_cone": truncated_cone,
            "tyre": tyre, "wreck": wreck}
 
 

@@ -36,6 +36,8 @@ def add(commands: Commands) -> None:
     add_file(video, "output", metavar="OUT", help="OUT.gif, OUT.mp4, or a folder for PNG files")
     video.add_argument("--fps", type=number, metavar="N",
                        help="frames a second; default: the ping rate, between 1 and 30")
+    video.add_argument("--width", type=whole, metavar="PIXELS",
+                       help="largest width of the frames, for small files; default: about 1100")
     add_gain(video, "seabed")
     video.set_defaults(run=_video)
     for command in (plot, video):
@@ -142,7 +144,7 @@ def _video(arguments):
         if len(records) == 1:
             records = _sounders_line(records[0]) or records[0]
         plots.video(records, arguments.output, fps=arguments.fps, colours=arguments.colours,
-                    tvg=gain(arguments), progress=progress)
+                    tvg=gain(arguments), width=arguments.width, progress=progress)
     announce(arguments.output)
 
 

@@ -21,7 +21,7 @@ from mitsonar.scene.sea import SeaStand
 
 
 class BodyMotion:
-    """Motion of a scene's labels at the ping that its objects stand as at; that of still ones is 0."""
+    """Motion of a scene's labels, or of parts of a gait, at the ping that its objects stand as at; of still ones 0."""
 
     def __init__(self, geometry: Geometry):
         self._geometry, self._lib = geometry, arrays_of(mi.Float)
@@ -38,7 +38,7 @@ class BodyMotion:
 
     def _moved(self) -> None:
         """Take the motion of the objects as they stand."""
-        labels = len(self._geometry.named) + 1
+        labels = max([len(self._geometry.named), *(body.number for body in self._geometry.bodies)]) + 1
         rates, stands = np.zeros((labels, 8), np.float32), np.zeros((labels, 4))
         for body, stand in zip(self._geometry.movers, self._geometry.stands):
             if isinstance(stand, SeaStand):
@@ -46,8 +46,8 @@ class BodyMotion:
                 rows[..., :3], rows[..., 4:7] = stand.velocity, stand.moved
                 self._waves, self._nodes, self._border = upload(mi.Float, rows), stand.nodes, stand.border
                 continue
-            rates[body.label] = *stand.velocity, 0, *stand.turn_rate, 0
-            stands[body.label] = *stand.position, stand.met
+            rates[body.number] = *stand.velocity, 0, *stand.turn_rate, 0
+            stands[body.number] = *stand.position, stand.met
         self._rates, self._stands = upload(mi.Float, rates), upload(mi.Float64, stands)
 
     def shift(self, label: mi.UInt32, point: dr.ArrayBase, out: mi.Vector3f, back: mi.Vector3f,

@@ -243,9 +243,9 @@ class Ensonification:
         back, between, shift = leg, dr.zeros(mi.Float64, dr.width(reached)), None
         if self.motion is not None:
             arrival = way.arrival_direction
-            shift = self.motion.shift(cells.label, cells.point, arrival, arrival, mi.Float(way.sound_speed))
+            shift = self.motion.shift(cells.motion, cells.point, arrival, arrival, mi.Float(way.sound_speed))
             # a copy is not `single`: there is a time between the legs
-            back, between = replace(leg), self.motion.later(cells.label, shift, way.travel_time)
+            back, between = replace(leg), self.motion.later(cells.motion, shift, way.travel_time)
         yield from Echoes(out=leg, back=back, between=between, energy=energy, path=path, shift=shift,
                           amplitude=(root * cells.amplitude[0], root * cells.amplitude[1])).where(reached)
         if path == "b":

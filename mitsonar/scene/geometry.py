@@ -21,7 +21,7 @@ from mitsonar.device.types import ArrayTypes
 from mitsonar.scattering.bodies.scattering_functions import ScatteringFunction
 
 from .labels import ShapeLabels
-from .moving import Movements, MovingShape, Stand, moving_shape
+from .moving import Movements, MovingPart, Stand, moving_shape
 from .protocols import (
     LocatedShape,
     has_smooth_normals,
@@ -70,13 +70,29 @@ class Target(NamedTuple):
 
 
 class MovingBody(NamedTuple):
-    """A moving object, or a sea surface with waves: its shape in the scene, and the copy that moves."""
+    """A moving object, or a part of one that has a gait: its shape in the scene, and the copy that moves."""
 
-    shape: MovingShape | WavySurface
+    part: MovingPart
     label: int
+    number: int                    # of its motion: the label, or one beyond all labels for further parts
     copy: mi.Mesh | None           # None: a point target, which rays pass
     first_vertex: int
     normals: np.ndarray | None     # (V, 3): at rest, if it scatters by normals of its vertices
+
+
+class MovingSea(NamedTuple):
+    """A sea surface with waves, likewise."""
+
+    part: WavySurface
+    label: int
+    copy: mi.Mesh
+    first_vertex: int
+    normals: None = None
+
+    @property
+    def number(self) -> int:
+        """Return the number of its motion."""
+        return self.label
 
 
 class Geometry:
@@ -101,12 +117,12 @@ class Geometry:
         numbers: Any = dr.reinterpret_array(mi.UInt32, pointers)
         registry, copies = numbers.numpy(), {}
         self.moving_scene: MovingScene | None = None                   # of the objects alone
-        self.sea = next((Sea(wavy, self.named.of(shape)) for shape in shapes
-                         if (wavy := wavy_surface(shape)) is not None), None)
+        self.sea = next((Sea(surface, self.named.of(shape), mirrors=is_mirror(shape)) for shape in shapes
+                         if (surface := wavy_surface(shape)) is not None), None)
         if self.sea is not None or any(moving_shape(shape) is not None for shape in shapes):
             registry, copies = self._moved_apart(scene, registry)
         self.bodies: list[MovingBody] = []
-        wavy: list[MovingBody] = []
+        seas: list[MovingSea] = []
         self.stands: list[Stand | SeaStand] = []
         self.deepest_moving = -np.inf                                  # [m]: depth of the lowest moving point
         self.body_samples: tuple[np.ndarray, ...] | None = None        # made by `shadows.exposure`
@@ -141,12 +157,17 @@ class Geometry:
             self.meshes.append((int(index), shape, first_face, len(face)))
             self.first_vertices.append(first_vertex)
             if (moving := moving_shape(shape)) is not None:
-                self.bodies.append(MovingBody(moving, self.named.of(shape), copies.get(shape.id()), first_vertex,
-                                        vertex_normals(moving.rest, face) if self.is_smooth(shape) else None))
+                label = self.named.of(shape)
+                own = vertex_normals(moving.poses[0], face) if self.is_smooth(shape) else None
+                for part in moving.parts:
+                    self.bodies.append(MovingBody(
+                        part, label, len(self.named) + 1 + len(self.bodies) if part.first else label,
+                        copies.get(shape.id()), first_vertex + part.first,
+                        None if own is None else own[part.first:part.first + len(part.rest)]))
             elif (surface := wavy_surface(shape)) is not None and shape.id() in copies:
-                wavy.append(MovingBody(surface, self.named.of(shape), copies[shape.id()], first_vertex, None))
+                seas.append(MovingSea(surface, self.named.of(shape), copies[shape.id()], first_vertex))
             first_vertex, first_face = first_vertex + len(vertex), first_face + len(face)
-        self.movers = self.bodies + wavy
+        self.movers: list[MovingBody | MovingSea] = [*self.bodies, *seas]
         self.only_meshes = len(faces) == len(shapes)
         self.rows, self.kinds = upload(mi.UInt32, rows), upload(mi.UInt32, self.named.label_kinds()[rows[:, 0]])
         # four wide, so that a vertex is one aligned packet, and a face with its label another one
@@ -210,10 +231,15 @@ class Geometry:
         """Return True if anything in the scene moves."""
         return bool(self.bodies) or self.sea is not None
 
+    @property
+    def body_stands(self) -> list[Stand]:
+        """Return where the moving objects stand, in the order of `bodies`."""
+        return [stand for stand in self.stands if isinstance(stand, Stand)]
+
     def refuse_bodies(self, why: str) -> None:
         """Raise `ValueError` if objects move; `why` names who needs a scene that stands still."""
         if self.bodies:
-            raise ValueError(f'{why} a scene that stands still, and the shape "{self.bodies[0].shape.id()}" moves; '
+            raise ValueError(f'{why} a scene that stands still, and the shape "{self.bodies[0].part.id()}" moves; '
                              "take the nested shape out of its <shape type=\"moving\">")
         if self.sea is not None:
             raise ValueError(f"{why} a scene that stands still, and the sea surface has waves; leave them out")
@@ -221,17 +247,20 @@ class Geometry:
     def stand(self, stands: list[Stand | SeaStand]) -> None:
         """Put what moves, in the order of `movers`, where it stands; who follows is told."""
         self.stands, self.moment = stands, None
-        places, rows, turned = [], [], []
+        places, rows, turned, meshes = [], [], [], {}
         for body, stand in zip(self.movers, stands):
-            vertices = stand.placed(body.shape.rest).astype(np.float32)
+            vertices = stand.placed(body.part.rest).astype(np.float32)
             places.append(vertices)
+            if body.copy is not None:
+                meshes.setdefault(body.part.id(), []).append(vertices)
             rows.append(body.first_vertex + np.arange(len(vertices), dtype=np.uint32))
             if self.normals is not None:
                 normals = (np.zeros_like(vertices) if body.normals is None
-                           else stand.turned(body.normals, body.shape.rest))
+                           else stand.turned(body.normals, body.part.rest))
                 turned.append(normals.astype(np.float32))
         for moving, names in self._moving_scenes:
-            moving.move([own for body, own in zip(self.movers, places) if body.shape.id() in names])
+            moving.move([parts[0] if len(parts) == 1 else np.concatenate(parts)
+                         for name, parts in meshes.items() if name in names])
         if places:
             self.moved_rows, self.moved_places = np.concatenate(rows), np.concatenate(places)
             self.vertices = self.with_moved(self.vertices, self.moved_places)
@@ -258,26 +287,27 @@ class Geometry:
         """Return vertices (V, 4) with those of what moves in its own frame."""
         vertices = vertices.copy() if self.movers else vertices
         for body in self.movers:
-            vertices[body.first_vertex:body.first_vertex + len(body.shape.rest), :3] = body.shape.rest
+            vertices[body.first_vertex:body.first_vertex + len(body.part.rest), :3] = body.part.rest
         return vertices
 
-    def body_numbers(self, label: np.ndarray) -> np.ndarray:
-        """Return the numbers in `movers` of labels (N,), -1 of what stands still."""
-        numbers = np.full(len(self.named) + 1, -1)
-        numbers[[body.label for body in self.movers]] = np.arange(len(self.movers))
-        return numbers[label]
+    def body_numbers(self, vertex: np.ndarray) -> np.ndarray:
+        """Return the numbers in `movers` of vertices (N,) that move."""
+        first = np.array([body.first_vertex for body in self.movers])
+        order = np.argsort(first)
+        return order[np.searchsorted(first[order], vertex, side="right") - 1]
 
     def with_moved(self, table: mi.Float, places: np.ndarray) -> mi.Float:
         """Return a table, four wide, in which the rows of moving vertices hold other places (M, 3)."""
         return scattered_rows(table, self.moved_rows, places, 4)
 
-    def body_boxes(self) -> Iterator[tuple[MovingBody, np.ndarray, np.ndarray]]:
-        """Yield the moving objects and the corners (3,) [m] of their boxes, where they stand."""
+    def body_boxes(self) -> Iterator[tuple[MovingBody, Stand, np.ndarray, np.ndarray]]:
+        """Yield the moving objects, their stands, and the corners (3,) [m] of their boxes; of parts, the first one."""
         first = 0
-        for body in self.bodies:
-            own = self.moved_places[first:first + len(body.shape.rest)]
-            first += len(own)
-            yield body, own.min(0).astype(float), own.max(0).astype(float)
+        for body, stand in zip(self.bodies, self.body_stands):
+            if not body.part.first:
+                own = self.moved_places[first:first + body.part.shape.poses.shape[1]]
+                first += len(own)
+                yield body, stand, own.min(0).astype(float), own.max(0).astype(float)
 
     def follow(self, moved: Callable[[], None]) -> None:
         """Call a method after every `stand`, and at once if the objects stand; nothing happens in a still scene."""
@@ -302,7 +332,7 @@ class Geometry:
 
     def targets(self) -> list[Target]:
         """Return the point targets, moving ones where they stand."""
-        stands = {body.label: stand for body, stand in zip(self.bodies, self.stands) if isinstance(stand, Stand)}
+        stands = {body.label: stand for body, stand in zip(self.bodies, self.body_stands)}
         targets = []
         for _, shape, *_ in self.meshes:
             if (target := target_shape(shape)) is not None:

@@ -20,8 +20,10 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 
 from mitsonar.device.rotations import NORTH_EAST_DOWN, rotation_matrix
+from mitsonar.sonar.motion.gait import Gait, Swung
 from mitsonar.sonar.motion.stepping import Stepping
 from mitsonar.sonar.motion.track import Track
+from mitsonar.sonar.motion.trajectory import Trajectory
 from mitsonar.water.profile import SoundSpeedProfile
 from mitsonar.water.waters import Waters
 
@@ -49,10 +51,11 @@ class MovingShape(Protocol):
 
     known: tuple[float, float]  # [s]: first and last time of the mover
     begin: float | None  # [s]: time of the mover at the first ping; None: the mover keeps the time of the sonar's track
-    rest: np.ndarray  # (V, 3) [m]: vertices in the object's own frame
+    poses: np.ndarray  # (K, V, 3) [m]: vertices in the object's own frame, in one pose or in those of a gait
+    parts: tuple[MovingPart, ...]  # which keep their form, in the order of their vertices
 
     @property
-    def mover(self) -> Mover:
+    def mover(self) -> Trajectory:
         """Return the course of the shape."""
         ...
 
@@ -64,6 +67,39 @@ class MovingShape(Protocol):
 def moving_shape(shape: object) -> MovingShape | None:
     """Return a shape that moves; None for others."""
     return shape if isinstance(shape, MovingShape) else None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MovingPart:
+    """Part of a moving shape that keeps its form: all of a shape that has no gait."""
+
+    shape: MovingShape
+    first: int  # number of its first vertex
+    rest: np.ndarray  # (V, 3) [m]: vertices in the object's own frame, in the first pose
+    gait: Gait | None = None
+
+    @property
+    def known(self) -> tuple[float, float]:
+        """Return the first and last time of the mover [s]."""
+        return self.shape.known
+
+    @property
+    def begin(self) -> float | None:
+        """Return the time of the mover at the first ping [s], as of the shape."""
+        return self.shape.begin
+
+    @property
+    def mover(self) -> Mover:
+        """Return the course of the part."""
+        return self.following(self.shape.mover)
+
+    def following(self, course: Trajectory) -> Mover:
+        """Return the course of the part of an object on another course."""
+        return course if self.gait is None else Swung.of(course, self.gait)
+
+    def id(self) -> str:
+        """Return the name of the shape."""
+        return self.shape.id()
 
 
 class Stand(NamedTuple):
@@ -93,7 +129,7 @@ class Stand(NamedTuple):
 class Movements:
     """Stands of what moves in a scene, at the pings of a track: the objects, then the sea surface."""
 
-    shapes: tuple[MovingShape, ...]
+    shapes: tuple[MovingPart, ...]
     track: Track  # planned
     waters: Waters
     stepping: Stepping | None = None  # of a sonar that is stepped
@@ -114,7 +150,8 @@ class Movements:
         latest, profile = stepping.latest, self.waters.of_step(stepping.latest).column.profile
         stands: list[Stand | SeaStand] = []
         for shape in self.shapes:
-            mover, time = stepping.moved.get(shape.id()), latest.time
+            moved, time = stepping.moved.get(shape.id()), latest.time
+            mover = None if moved is None else shape.following(moved)
             if mover is None:
                 mover, (first, last) = shape.mover, shape.known
                 if shape.begin is not None:
@@ -131,7 +168,7 @@ class Movements:
         stand = None if self.sea is None else self.sea.stand(time, sonar, profile)
         return [] if stand is None else [stand]
 
-    def time(self, shape: MovingShape, ping: int | slice = slice(None)) -> np.ndarray:
+    def time(self, shape: MovingShape | MovingPart, ping: int | slice = slice(None)) -> np.ndarray:
         """Return the times [s] of an object's mover at a ping, or at all pings (P,)."""
         time = self.track.time[ping]
         return time if shape.begin is None else shape.begin + (time - self.track.time[0])
@@ -149,7 +186,7 @@ class Movements:
     def box(self, shape: MovingShape) -> tuple[np.ndarray, np.ndarray]:
         """Return the corners (3,) [m] of a box that holds an object at all pings, as it stands at the transmissions."""
         position, attitude = shape.mover.pose(self.time(shape))
-        low, high = shape.rest.min(0), shape.rest.max(0)
+        low, high = shape.poses.min((0, 1)), shape.poses.max((0, 1))
         corner = np.array([[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]]
                            for i in (0, 1) for j in (0, 1) for k in (0, 1)])
         turn = rotation_matrix(*np.moveaxis(attitude, -1, 0)) @ NORTH_EAST_DOWN

@@ -77,7 +77,7 @@ def standing(known: Mapping[str, Any], geometry: Geometry, place: np.ndarray) ->
         return dict(known)
     shown = bodies_exposed(geometry, place)
     objects = dict(known["objects"])
-    for (body, low, high), stand in zip(geometry.body_boxes(), geometry.stands):
+    for body, stand, low, high in geometry.body_boxes():
         numbers = {"lower": low, "upper": high, "position": stand.position, "velocity": stand.velocity}
         rounded = {name: [round(float(v), 4) for v in value] for name, value in numbers.items()}
         exposed = {"exposed": shown[body.label]} if body.label in shown else {}

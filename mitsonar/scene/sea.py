@@ -1,7 +1,8 @@
 """Sea surface with waves: where its mesh stands at a ping, and how its water moves.
 
 The mesh has the long waves of `water.sea_waves`. A vertex that rests at x stands at x + D(x, t + t1) as the sound of a
-ping meets it, t1 = |x - P_0| <1/c> after the transmission at t from P_0. Points of a facet go with its corners. What
+ping meets it, t1 = |x - P_0| <1/c> after the transmission at t from P_0; towards the edge of the waves D falls smoothly
+to 0, or they would end in a cliff. Points of a facet go with its corners. What
 scatters there moves with the water, whose velocity at a point is that of the corners of its cell, between which it is
 linear.
 
@@ -27,10 +28,11 @@ from mitsonar.device.arrays import arrays_of, upload
 from mitsonar.water.profile import SoundSpeedProfile
 from mitsonar.water.sea_waves import SeaWaves
 
-from .protocols import is_mirror, is_sea_surface
+from .protocols import is_sea_surface
 
 TURN = 2 * np.pi
-TILTED = 1.1                       # a moved facet over itself at rest, at most
+FADING = 16                        # squares over which the waves end before the level border
+STEEP = 4.0                        # standard deviations of slope that no facet's stretch exceeds
 
 
 @runtime_checkable
@@ -68,10 +70,12 @@ class SeaStand:
         return np.einsum("nc,nci->ni", weight, corner)
 
     def turned(self, directions: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Return vertical directions (N, 3) at points of the level surface as normals of the moved one."""
+        """Return vertical directions (N, 3) at points of the level surface as normals of the moved one, grown as it is.
+        """
         corner, _ = self._facet(points)
+        side = [np.diff(self.nodes)[self._cells(points[:, axis])[0]] for axis in (0, 1)]
         normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-        return normal * (directions[:, 2:] / np.linalg.norm(normal, axis=1, keepdims=True))
+        return normal * (directions[:, 2:] / (side[0] * side[1])[:, None])
 
     def fastest(self, points: np.ndarray) -> float:
         """Return the largest speed of any point [m/s]."""
@@ -80,17 +84,18 @@ class SeaStand:
     def _facet(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the corners (N, 3, 3) of the facets that level points lie on, counter-clockwise, and weights (N, 3).
         """
-        def cell(value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            at = np.clip(np.searchsorted(self.nodes, value, side="right") - 1, 0, len(self.nodes) - 2)
-            return at, (value - self.nodes[at]) / (self.nodes[at + 1] - self.nodes[at])
-
-        (column, u), (row, v) = cell(points[:, 0]), cell(points[:, 1])
+        (column, u), (row, v) = self._cells(points[:, 0]), self._cells(points[:, 1])
         far = (u + v > 1).astype(int)          # each cell is (here, east, north) and (across, north, east)
         corner = np.stack([self.vertices[row + far, column + far],
                            self.vertices[row + far, column + 1 - far],
                            self.vertices[row + 1 - far, column + far]], 1)
         u, v = np.where(far, 1 - u, u), np.where(far, 1 - v, v)
         return corner, np.stack([1 - u - v, u, v], 1)
+
+    def _cells(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the numbers of the cells along an axis that places (N,) lie in, and the shares of the way through."""
+        at = np.clip(np.searchsorted(self.nodes, place, side="right") - 1, 0, len(self.nodes) - 2)
+        return at, (place - self.nodes[at]) / (self.nodes[at + 1] - self.nodes[at])
 
 
 class DeviceWaves:
@@ -142,21 +147,31 @@ def _displaced(lib, table, count, x, y, later):
 class Sea:
     """Waves of a scene's sea surface: a mesh that moves, or a mirror that is lifted."""
 
-    def __init__(self, shape: WavySurface, label: int):
+    def __init__(self, shape: WavySurface, label: int, *, mirrors: bool):
         if shape.waves is None:
             raise ValueError("this surface has no waves")
         self.waves, self.label, self._nodes = shape.waves, label, shape.nodes
         self._inner = (slice(shape.border, -shape.border),) * 2
-        self.mirrors = is_mirror(shape)
+        self.mirrors = mirrors
         self.device = DeviceWaves(shape.waves)
         self._rest = shape.rest.reshape(len(shape.nodes), len(shape.nodes), 3)
         inner = self._rest[self._inner].reshape(-1, 3)
         self._x, self._y = upload(mi.Float64, inner[:, 0]), upload(mi.Float64, inner[:, 1])
+        nodes = shape.nodes[self._inner[0]]
+        self._fading = FADING * float(nodes[1] - nodes[0])                     # [m]
+        share = np.clip((nodes[-1] - abs(nodes)) / self._fading, 0, 1)
+        share = share * share * (3 - 2 * share)
+        self._strength = (share[:, None] * share)[..., None]                   # of D
 
     @property
     def half(self) -> float:
         """Return half of the side of the square that has waves [m]; inf of a mirror."""
         return np.inf if self.mirrors else float(-self._nodes[self._inner[0]][0])
+
+    @property
+    def stretch(self) -> float:
+        """Return the length of a moved facet over that at rest, at most."""
+        return 1 + STEEP * self.waves.slope_variance**0.5 + self.waves.crest / self._fading
 
     def stand(self, time: float, sonar: np.ndarray, profile: SoundSpeedProfile) -> SeaStand | None:
         """Return the mesh as sound meets it that leaves a sonar (3,) [m] at a time [s]; None of a mirror."""
@@ -170,7 +185,7 @@ class Sea:
         ways, speeds = np.zeros_like(self._rest), np.zeros_like(self._rest)
         for table, values in ((ways, moved), (speeds, velocity)):
             inner = table[self._inner]
-            inner[:] = values.numpy().T.reshape(inner.shape)
+            inner[:] = values.numpy().T.reshape(inner.shape) * self._strength
         return SeaStand(nodes=self._nodes, border=self._inner[0].start, vertices=self._rest + ways, moved=ways,
                         velocity=speeds)
 

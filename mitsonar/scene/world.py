@@ -5,6 +5,7 @@ origins and the bed below a track are the same for all pings and are asked of th
 """
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,13 +34,13 @@ class World:
         """Return the scene of the pings of a track; raise `ValueError` if an object cannot move as it should."""
         if not geometry.moves:
             return cls(still=geometry, seed=seed)
-        movements = Movements(shapes=tuple(body.shape for body in geometry.bodies), track=track, waters=waters,
+        movements = Movements(shapes=tuple(body.part for body in geometry.bodies), track=track, waters=waters,
                               sea=geometry.sea)
         movements.check()
         least, greatest = movements.depth_range()
         geometry.widen((min(least, 0.0), greatest))           # a sonar that is stepped may move objects anywhere
         geometry.stand(movements.at(0))
-        _check_above(geometry)
+        _check_above(geometry, movements)
         return cls(still=geometry, seed=seed, movements=movements)
 
     @property
@@ -63,6 +64,8 @@ class World:
             moment = self.movements, self.movements.key(int(ping))
             if geometry.moment != moment:
                 geometry.stand(self.movements.at(ping))
+                if self.movements.stepping is not None:
+                    _check_drift(geometry, self.movements.stepping.moved)
                 geometry.moment = moment
         return geometry
 
@@ -72,7 +75,7 @@ class World:
 
     def check_move(self, name: str, position: np.ndarray) -> None:
         """Raise `ValueError` unless an object of a name moves, and can stand at a position (3,) [m]."""
-        names = [] if self.movements is None else [shape.id() for shape in self.movements.shapes]
+        names = [] if self.movements is None else list(dict.fromkeys(shape.id() for shape in self.movements.shapes))
         if name not in names:
             raise ValueError(f'"{name}" was to be moved, and the scene has '
                              + (f"the moving shapes {', '.join(names)}" if names else "no moving shapes")
@@ -91,7 +94,7 @@ class World:
         if self.movements is None:
             return 0.0
         geometry = self.at(ping)
-        return max((stand.fastest(body.shape.rest) for body, stand in zip(geometry.movers, geometry.stands)),
+        return max((stand.fastest(body.part.rest) for body, stand in zip(geometry.movers, geometry.stands)),
                    default=0.0)
 
     def within(self, ping: int) -> World:
@@ -147,11 +150,26 @@ class World:
         return self.still.crs
 
 
-def _check_above(geometry: Geometry) -> None:
-    """Raise `ValueError` if an object starts under the bed."""
-    for body, stand in zip(geometry.bodies, geometry.stands):
-        x, y, z = stand.position
-        bed = bed_height(geometry, np.array([x]), np.array([y]))[0]
-        if z < bed:
-            raise ValueError(f'the moving shape "{body.shape.id()}" starts at z = {z:.4g} m, under the bed, which lies '
-                             f"at z = {bed:.4g} m there; start it higher or elsewhere")
+def _check_above(geometry: Geometry, movements: Movements) -> None:
+    """Raise `ValueError` if an object lies under the bed at any ping, as its sound leaves."""
+    for shape in movements.shapes:
+        if shape.first:                    # further parts of an object
+            continue
+        place = shape.shape.mover.pose(movements.time(shape))[0]
+        bed = bed_height(geometry, place[:, 0], place[:, 1])
+        if (under := np.flatnonzero(place[:, 2] < bed)).size:
+            ping, z = int(under[0]), place[under[0], 2]
+            when = f"is at z = {z:.4g} m at ping {ping}" if ping else f"starts at z = {z:.4g} m"
+            raise ValueError(f'the moving shape "{shape.id()}" {when}, under the bed, which lies at z = '
+                             f"{bed[ping]:.4g} m there; let it swim higher or elsewhere")
+
+
+def _check_drift(geometry: Geometry, moved: Collection[str]) -> None:
+    """Raise `ValueError` if an object of these names, which goes on from where it was moved to, is under the bed."""
+    for body, stand in zip(geometry.bodies, geometry.body_stands):
+        if body.part.id() in moved and not body.part.first:
+            x, y, z = stand.position
+            bed = float(bed_height(geometry, np.array([x]), np.array([y]))[0])
+            if z < bed:
+                raise ValueError(f'"{body.part.id()}" goes on from where it was moved to, and is at z = {z:.4g} m now, '
+                                 f"under the bed, which lies at z = {bed:.4g} m there; move it again before this ping")

@@ -75,7 +75,8 @@ class Sonar:
         Parameters
         ----------
         position : (3,) [m]
-            Place of the sonar at the transmission, in the scene's frame: x east, y north, z up from the sea surface.
+            Place of the sonar at the transmission, in the scene's frame: x east, y north, z up from the sea surface,
+            or from the datum of a tide.
         attitude : (3,) [rad]
             Roll, pitch and heading, of a rotating head those of its platform. If left out: level, towards north.
         velocity : (3,) [m/s]

@@ -28,6 +28,7 @@ from numpy.typing import ArrayLike
 GRAVITY = 9.81                     # [m/s²]
 COMPONENTS = 256
 STEEPEST = 1 / 15                  # H over the peak's wavelength, of periods to 8 s: DNV-RP-C205 (2010), section 3.5
+ROUGHEST = 0.12                    # mean square slope; 0.09 in a gale, of all waves (Cox and Munk, 1954)
 USUAL_STEEPNESS = 0.04             # of a developed sea
 LOWEST = 0.4                       # of the peak's frequency, below which a model has no waves
 HIGHEST = 30.0                     # of the peak's frequency, above which it has none
@@ -76,7 +77,7 @@ class WaveSpectrum:
                              "correct the column")
         if self.steepness > STEEPEST:
             raise ValueError(f"waves {self.height:.3g} m high whose peak has a period of {self.peak_period:.3g} s are "
-                             f"steeper than a sea can be: 1/{1 / self.steepness:.0f} of their length, at most "
+                             f"steeper than a sea can be: 1/{1 / self.steepness:.3g} of their length, at most "
                              f"1/{1 / STEEPEST:.0f}; give lower or longer waves")
 
     @classmethod
@@ -128,6 +129,10 @@ class WaveSpectrum:
         if not len(f) or not variance.sum() > 0:
             raise ValueError(f"no wave of the spectrum is longer than {shortest:.3g} m; give longer waves, or a "
                              "smaller size of the surface, whose mesh then has shorter ones")
+        if slope.sum() > ROUGHEST:
+            raise ValueError(f"the waves longer than {shortest:.3g} m have a mean square slope of {slope.sum():.2g} "
+                             f"and would break; give at most {ROUGHEST:g}, that is, lower densities at the "
+                             "highest frequencies")
         share = np.cumsum(0.5 * variance / variance.sum() + 0.5 * slope / slope.sum())
         part = np.minimum((components * share / share[-1] * (1 - 1e-12)).astype(int), components - 1)
         total, steep = (np.bincount(part, weight, components) for weight in (variance, slope))
@@ -176,6 +181,11 @@ class SeaWaves:
     def variance(self) -> float:
         """Return the variance of heights [m²]."""
         return float(0.5 * np.sum(self.amplitude**2))
+
+    @property
+    def slope_variance(self) -> float:
+        """Return the mean square slope, of both components together."""
+        return float(0.5 * np.sum((self.amplitude * self.wavenumber) ** 2))
 
     @property
     def crest(self) -> float:

@@ -8,6 +8,10 @@ optionally ``roll``, ``pitch``, ``heading`` as for a sonar's track; or it leaves
 An object stands where the sound of each ping meets it. Its scatterers move with it: speckle, shadows, labels and the
 box in the image's attributes follow. Its echoes have the Doppler of its own motion.
 
+A swimmer's gait is given by a few poses: as many nested meshes, whose vertices alone differ, and a `gait_period`.
+Pieces of the mesh that no face joins, such as legs and fins, keep their form and swing from pose to pose along smooth
+curves.
+
 Meshes, Mitsuba's `sphere`, `cylinder`, `disk` and `rectangle`, and `point_target` may move. Seabeds, sea surfaces and
 `targets` may not, nor shapes of a smooth material (`rigid`, `soft`, `impedance`); a `point_target` with the scattering
 of a sphere may.
@@ -26,16 +30,20 @@ import numpy as np
 from mitsonar.device.rotations import NORTH_EAST_DOWN, rotation_matrix
 from mitsonar.io.tracks import tracks
 from mitsonar.io.tracks.navigation import Waypoints
-from mitsonar.scene.moving import moving_shape
+from mitsonar.scene.moving import MovingPart, moving_shape
 from mitsonar.scene.protocols import is_sea_surface, is_seabed, is_smooth, parted_shape, target_shape
 from mitsonar.scene.tessellation import KINDS, grid_of
+from mitsonar.sonar.motion.gait import RigidPart, rigid_parts
 from mitsonar.sonar.motion.trajectory import Recorded, Steered, Trajectory
 
 from ..attributes import Angle, Attributes, File, Nested, Number, Point
 from .grid_mesh import GridMesh, fill
 
 ATTRIBUTES = (
-    Nested("shape", text="the shape that moves, as it stands at the origin, heading north"),
+    Nested("shape", many=True, text="the shape that moves, as it stands at the origin, heading north; of a swimmer two "
+                                    "or more, the poses of its gait in their order: meshes with the same faces"),
+    Number("gait_period", default=None, above=0, maximum=1000, unit="s",
+           text="time in which a swimmer goes through all poses once"),
     File("track", default=None, text="CSV or XTF file of places and attitudes, in metres of the scene; not with "
                                      "`start` and what follows"),
     Number("begin", default=None, unit="s", otherwise="of a track: the time of the sonar's track, else 0",
@@ -56,8 +64,9 @@ class Moving(mi.Mesh):
 
     def __init__(self, props: mi.Properties) -> None:
         attributes = Attributes(props, ATTRIBUTES)
-        shape = attributes.shape
-        _refuse(attributes, shape)
+        shape, *more = attributes.shape
+        for one in (shape, *more):
+            _refuse(attributes, one)
         trajectory, self.known = _trajectory(attributes)
         self.mover: Trajectory = trajectory
         self.begin: float | None = attributes.begin
@@ -68,17 +77,48 @@ class Moving(mi.Mesh):
             self.scattering, self.rotation = target.scattering, target.rotation
         self.smooth_normals = bool(getattr(shape, "smooth_normals", KINDS.get(shape.class_name(), 0) > 2))
         mesh = _mesh(attributes, shape)
-        self.rest = mesh.vertices.astype(float)
+        self.poses = mesh.vertices.astype(float)[None]
         if target is not None:
-            self.rest = np.array([self.position], float)
+            self.poses = np.array([[self.position]], float)
+        parts: list[RigidPart] = [RigidPart(vertices=np.arange(self.poses.shape[1]), gait=None)]
+        if more or attributes.gait_period is not None:
+            mesh, parts = self._swimming(attributes, mesh, more)
+        first = np.cumsum([0, *(len(part.vertices) for part in parts)])
+        self.parts = tuple(MovingPart(shape=self, first=int(start), rest=self.poses[0, start:end], gait=part.gait)
+                           for part, start, end in zip(parts, first, first[1:]))
         if (material := shape.bsdf()) is not None:
             props["bsdf"] = material
         super().__init__("moving", len(mesh.vertices), len(mesh.faces), props=props, has_vertex_texcoords=True)
         position, attitude = trajectory.pose(np.array(max(self.known[0], self.begin or 0.0)))
         turn = rotation_matrix(*attitude) @ NORTH_EAST_DOWN
-        fill(self, mesh._replace(vertices=(self.rest @ turn.T + position).astype(np.float32)))
+        fill(self, mesh._replace(vertices=(self.poses[0] @ turn.T + position).astype(np.float32)))
         self._filled = True
         self._description = f"Moving[{shape.class_name()} from {', '.join(f'{v:.3g}' for v in position)}]"
+
+    def _swimming(self, attributes: Attributes, mesh: GridMesh,
+                  more: list[mi.Shape]) -> tuple[GridMesh, list[RigidPart]]:
+        """Take the poses of a gait; return the mesh with its vertices and faces in the order of its rigid parts."""
+        if not more or attributes.gait_period is None:
+            raise attributes.error("a gait has two or more nested meshes, its poses, and a gait_period; give both.")
+        others = [_mesh(attributes, one) for one in more]
+        for number, other in enumerate(others, 2):
+            if not np.array_equal(other.faces, mesh.faces) or len(other.vertices) != len(mesh.vertices):
+                raise attributes.error(
+                    f"pose {number} has {len(other.vertices)} vertices and {len(other.faces)} faces, not those of the "
+                    f"first pose ({len(mesh.vertices)} and {len(mesh.faces)}); give meshes that differ in the places "
+                    "of their vertices alone.")
+        poses = np.stack([one.vertices.astype(float) for one in (mesh, *others)])
+        try:
+            parts = list(rigid_parts(poses, mesh.faces, attributes.gait_period))
+        except ValueError as error:
+            raise attributes.error(error) from None
+        order = np.concatenate([part.vertices for part in parts])
+        place = np.argsort(order)
+        faces = place[mesh.faces].astype(np.uint32)
+        part_of = np.repeat(np.arange(len(parts)), [len(part.vertices) for part in parts])
+        self.poses = poses[:, order]
+        return GridMesh(mesh.vertices[order], faces[np.argsort(part_of[faces[:, 0]], kind="stable")],
+                        mesh.texcoords[order]), parts
 
     def parameters_changed(self, keys: list[str]) -> None:
         if getattr(self, "_filled", False) and {"vertex_positions", "faces"} & {*keys}:

@@ -109,7 +109,7 @@ class SeaSurface(mi.Mesh):
 def _border(edge: float, spacing: float) -> np.ndarray:
     """Return the places [m] of the nodes of a level border, at ever wider steps beyond the last node with waves."""
     places = [edge]
-    while len(places) < 2 or places[-1] < SIDE / 2:
+    while len(places) < 3 or places[-1] < SIDE / 2:
         spacing = min(WIDER * spacing, WIDEST)
         places.append(places[-1] + spacing)
     return np.array(places[1:])

@@ -27,6 +27,7 @@ ROOT = Path(__file__).resolve().parents[2]
 INDEX, TUTORIALS = "scenes/README.md", "scenes/tutorials/README.md"
 BEHIND = ["tests/README.md", "mitsonar/README.md", "mitsonar/CONTRIBUTING.md", "mitsonar/CHANGELOG.md"]
 WIDE = ".md-grid {max-width: 82rem}\n"         # lines of code have 120 characters
+PICTURES = ".gif", ".png"
 LINK = re.compile(r"(?<=\]\()(?!https?://|mailto:|#)([^)\s#]+)")
 FENCE = re.compile(r"^```.*?^```$", re.M | re.S)
 FILE = re.compile(r"(?<![\[`])`((?:README|(?:mitsonar|plugins|scenes|tests)/[\w/]+)\.md)`(?!\])")
@@ -176,7 +177,7 @@ class Site:
         if suffix == ".md" or not (ROOT / path).is_file():
             return link                            # MkDocs says if it leads nowhere
         self.others.add(path)
-        return link if suffix == ".png" else f"{link}.md"
+        return link if suffix in PICTURES else f"{link}.md"
 
     def text(self, page: str) -> str:
         """Return the text of a page: links as the site needs them, and names in code as links to what they name."""
@@ -218,7 +219,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     kept = [file for file in files if file.abs_src_path is None or not Path(file.abs_src_path).is_relative_to(folder)]
     made = [File.generated(config, path, content=text) for path, text in pages.items()]
     for path in sorted(site.others):
-        made.append(File.generated(config, path, abs_src_path=str(ROOT / path)) if path.endswith(".png") else
+        made.append(File.generated(config, path, abs_src_path=str(ROOT / path)) if path.endswith(PICTURES) else
                     File.generated(config, f"{path}.md", content=shown(ROOT / path),
                                    inclusion=InclusionLevel.NOT_IN_NAV))
     made.append(File.generated(config, "reference/wide.css", content=WIDE))

@@ -75,6 +75,16 @@ def test_a_gif_holds_the_frames_at_their_pace(tmp_path):
     assert sum(durations) == pytest.approx(900, abs=10)                          # ms: 1 / 0.3 s frames a second
 
 
+def test_frames_are_reduced_to_a_width_and_keep_their_form(tmp_path):
+    for name, width in (("whole", None), ("narrow", 120), ("wide", 5000)):
+        plots.video(record(1), tmp_path / f"{name}.gif", width=width)
+    whole, narrow, wide = (Image.open(tmp_path / f"{name}.gif").size for name in ("whole", "narrow", "wide"))
+    assert narrow[0] == 120 < whole[0] and wide == whole
+    assert narrow[1] == pytest.approx(120 * whole[1] / whole[0], abs=0.5)
+    with pytest.raises(ValueError, match="the video is 20 pixels wide; give 100 or more"):
+        plots.video(record(1), tmp_path / "tiny.gif", width=20)
+
+
 def test_memory_does_not_grow_with_the_frames(tmp_path):
     one, peaks = record(1), []
     plots.video(one, tmp_path / "0.gif", limits=(50.0, 70.0))                    # fonts, caches

@@ -31,14 +31,14 @@ def sea_of(variant, height_of_the_wind=False, **attributes):
     from mitsonar.scene.sea import Sea, wavy_surface
 
     shape = wavy_surface(mi.load_dict({**({"type": "sea_surface"} if height_of_the_wind else JONSWAP), **attributes}))
-    return Sea(shape, 1), shape
+    return Sea(shape, 1, mirrors=attributes.get("wind_speed") == 0), shape
 
 
 def test_vertices_stand_where_sound_meets_them(variant):
     sea, shape = sea_of(variant)
     sonar, profile = np.array([3.0, -4.0, -6.0]), SoundSpeedProfile([0, 50], [1490, 1510])
     stand = sea.stand(9.0, sonar, profile)
-    inner = (slice(shape.border, -shape.border),) * 2
+    inner = (slice(shape.border + 16, -shape.border - 16),) * 2                   # beside, the waves end
     rest = shape.rest.reshape(*stand.vertices.shape)[inner]
     met = np.linalg.norm(rest - sonar, axis=-1) * np.mean(1 / profile.at(np.linspace(0, 6, 17)))
     some = slice(None, None, 16), slice(None, None, 16)
@@ -60,7 +60,57 @@ def test_points_of_the_level_surface_come_to_lie_on_facets(variant):
     np.testing.assert_allclose(stand.placed(level), wanted, atol=1e-6)
     normal = np.cross(moved[chosen[:, 1]] - moved[chosen[:, 0]], moved[chosen[:, 2]] - moved[chosen[:, 0]])
     normal /= np.linalg.norm(normal, axis=1)[:, None]
-    np.testing.assert_allclose(stand.turned(np.tile([0, 0, 1.0], (200, 1)), level), normal, atol=1e-5)
+    turned = stand.turned(np.tile([0, 0, 1.0], (200, 1)), level)
+    growth = np.linalg.norm(turned, axis=1)
+    np.testing.assert_allclose(turned / growth[:, None], normal, atol=1e-5)
+    np.testing.assert_allclose(growth, area_of(moved[chosen]) / area_of(shape.rest[chosen]), rtol=5e-5)
+
+
+def area_of(corners):
+    return 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+
+
+@pytest.mark.parametrize("attributes", [{}, {"wind_speed": 10.0, "waves": "pierson_moskowitz", "size": 60.0},
+                                        {"wave_height": 0.9, "wave_period": 3.0, "size": 20.0}])
+def test_facets_stretch_no_more_than_lists_of_scatterers_allow_for(variant, attributes):
+    """Also beside the edge of the waves, where 2 m of water over squares of 0.2 m were a cliff, folded over."""
+    sea, shape = sea_of(variant, attributes.get("waves") == "pierson_moskowitz", **attributes)
+    stand, faces = sea.stand(3.0, np.array([0, 0, -5.0]), SoundSpeedProfile.constant(SOUND)), mitsuba_faces(shape)
+    moved, level = stand.vertices.reshape(-1, 3)[faces], shape.rest[faces]
+    radius = [np.linalg.norm(corner - corner.mean(1)[:, None], axis=-1).max(1) for corner in (moved, level)]
+    assert np.max(radius[0] / radius[1]) < sea.stretch < 4
+    normal = np.cross(moved[:, 1] - moved[:, 0], moved[:, 2] - moved[:, 0])
+    assert normal[:, 2].min() > 0
+
+
+def test_a_surface_wider_than_the_border_has_one_of_two_squares(variant):
+    _, shape = sea_of(variant, size=6000.0, wave_height=5.0, wave_period=12.0)
+    assert shape.border >= 2                         # velocities are asked for up to a square beyond the waves
+
+
+@pytest.mark.parametrize("height, size", [(0.4, 60.0), (0.9, 40.0)])
+def test_the_scatterers_of_a_ping_hold_the_area_of_the_waves(variant, height, size):
+    """Every scatterer stands for the share of its facet; 3 and 9 % were lost where facets are longer than at rest."""
+    import mitsuba as mi
+
+    from mitsonar.echoes.scatterers.scatterers import Scatterers
+    from mitsonar.echoes.scatterers.thinned_scatterers import Density, ThinnedScatterers
+    from mitsonar.scene.geometry import Geometry
+
+    geometry = Geometry(mi.load_dict({"type": "scene", "bed": buried_bed(60.0), "sea": {
+        **JONSWAP, "wave_height": height, "wave_period": 3.0, "wind_speed": 5.0, "size": size}}))
+    sonar, farthest = np.array([0, 0, -6.0]), 14.0
+    stand = geometry.sea.stand(3.0, sonar, SoundSpeedProfile.constant(SOUND))
+    geometry.stand([stand])
+    scatterers = ThinnedScatterers(Scatterers(geometry, 1e3), farthest=farthest, places=sonar[None])
+    density = Density(origin=sonar, axis=np.array([1.0, 0, 0]), per_cell=4.0, range_cell=0.05, sine_cell=0.02,
+                      nearest=0.0, farthest=farthest)
+    cells, exist = scatterers.at(*scatterers.candidates(density, lambda sight, distance, wider=0.0: mi.Bool(True)),
+                                 density)
+    point, corner = cells.point.numpy().T, stand.vertices.reshape(-1, 3)[mitsuba_faces(geometry.movers[0].shape)]
+    near = np.linalg.norm(point - sonar, axis=1) < farthest - 1
+    own = np.linalg.norm(corner.mean(1) - sonar, axis=1) < farthest - 1
+    assert np.sum(cells.area.numpy()[near & exist.numpy()]) / area_of(corner[own]).sum() == pytest.approx(1, abs=0.01)
 
 
 def mitsuba_faces(shape):

@@ -106,3 +106,15 @@ def test_scenes_in_which_nothing_moves_and_closed_sonars_say_so(rng):
     sonar.close()
     with pytest.raises(ValueError, match="closed"):
         sonar.move("box", position=(0, 6, -9))
+
+
+def test_an_object_that_sinks_under_the_bed_is_refused_in_a_plan_and_between_moves():
+    with pytest.raises(ValueError, match=r'"ball" is at z = .* m at ping 2, under the bed'):
+        next(planned(fan(start=[-2.0, 7.0, -11.0], speed=0.0, climb=-0.6)))
+    with mitsonar.Sonar(fan(), seed=SEED) as sonar:
+        sonar.move("ball", position=(-2, 7, -11), velocity=(0, 0, -1))
+        sonar.ping(position=(0, 0, -8))
+        with pytest.raises(ValueError, match='"ball" goes on from where it was moved to, and is at z = .* under the'):
+            sonar.ping(position=(0, 0, -8), time=10.0)
+        sonar.move("ball", position=(-2, 7, -9))
+        assert sonar.ping(position=(0, 0, -8), time=10.0).sizes["ping"] == 1

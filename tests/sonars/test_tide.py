@@ -160,3 +160,15 @@ def test_a_sea_surface_takes_no_tide(variant, tide):
                             water={**PROFILE, "tide": tide(level(1.0))}, sensor={"beams": 16})
     with pytest.raises(ValueError, match="the scene has a sea_surface, which stays there"):
         mitsonar.render(scene, 3)
+
+
+def test_the_command_takes_a_water_level_or_a_file(variant, tide, tmp_path):
+    from mitsonar.cli.main import main
+
+    for given, height in (("-0.5", -0.5), (tide(level(0.25)), 0.25)):
+        output = tmp_path / f"line{height}.nc"
+        assert main(["soundings", "multibeam", "-D", "pings=1", "-D", "range=40", "-o", str(output),
+                     "--tide", given]) == 0
+        line = mitsonar.read(output)
+        assert float(line["tide"][0]) == height and float(line["true_tide"][0]) == 0.0
+        assert float(line["error_tide"].median()) == pytest.approx(-height, abs=2e-3)

@@ -159,9 +159,11 @@ def test_the_tests_add_the_rest_to_the_same_environment(environment):
     assert environment("test", "test") >= first | {"pytest", "dask", "mkdocs"}
 
 
-def test_what_a_command_lacks_is_added_once(environment, tmp_path):
+def test_what_a_command_lacks_is_added_once(environment, tmp_path, capsys):
     first = environment("video", "")
+    assert "installing packages into" in capsys.readouterr().err
     assert environment("video", extra="video") == first | {"imageio", "imageio-ffmpeg"}
+    assert f"adding the packages of video to {tmp_path / '.venv'}" in capsys.readouterr().err
     bootstrap.add_extra("video", ["video"])                    # which is there: another reason stops the command
     assert environment("sweep", extra="cluster") == first | {"imageio", "imageio-ffmpeg", "dask", "cryptography"}
 

@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 # pictures of the manual, and the scripts that draw them
-LEFT_OUT = re.compile(r"mitsonar/(scenes/((?!sediments)\w+\.png|make_\w+\.py|(published|manual)/.*)|changes/.*)$")
+LEFT_OUT = re.compile(r"mitsonar/(scenes/((?!sediments)\w+\.(png|gif)|make_\w+\.py|(published|manual)/.*)|changes/.*)$")
 
 
 def run(arguments, folder):

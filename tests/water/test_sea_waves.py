@@ -107,6 +107,10 @@ def test_seas_that_cannot_be_are_refused():
         WaveSpectrum.model(0.1, 2.0).waves(shortest=100.0)
     with pytest.raises(ValueError, match="rise from row to row"):
         WaveSpectrum(frequency=np.array([0.2, 0.1]), density=np.array([1.0, 1.0]))
+    level = WaveSpectrum(frequency=np.array([0.1, 2.0]), density=np.array([0.05, 0.05]))        # a buoy's noise
+    sentence = "longer than 1 m have a mean square slope of 0.49 and would break; give at most 0.12"
+    with pytest.raises(ValueError, match=sentence):
+        level.waves(shortest=1.0)
 
 
 def test_a_spectrum_comes_from_a_file(tmp_path):

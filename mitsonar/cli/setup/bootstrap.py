@@ -201,9 +201,13 @@ def set_up(folder: str, extras: Sequence[str] = (), *, library: bool = False) ->
             os.rename(folder, waiting)
     os.makedirs(folder, exist_ok=True)
     _write(_state_file(folder), UNFINISHED + (ADDED_TO if foreign else b""))
-    extras = sorted({*extras, *_extras(before)})
+    new = sorted({*extras} - {*_extras(before)})
+    extras = sorted({*new, *_extras(before)})
     names = [name.partition("[")[0] for name, _, _ in _requirements("dependencies", *extras)]
-    say(f"installing packages into {folder} ({SIZES.get('test' if 'test' in extras else '')})")
+    if before is not None and before.startswith(_identity(folder) + _digest()):
+        say(f"adding the packages of {', '.join(new) or 'mitsonar'} to {folder}")
+    else:
+        say(f"installing packages into {folder} ({SIZES['test' if 'test' in extras else '']})")
     try:
         with concurrent.futures.ThreadPoolExecutor(1) as other:
             if library:                # what fails is tried again by the command, which then says why

@@ -42,7 +42,6 @@ from mitsonar.scattering.surfaces.glints import FEWEST, with_glints
 from mitsonar.scene.geometry import Geometry, interpolated
 from mitsonar.scene.materials import coherence, loses_coherence
 from mitsonar.scene.protocols import is_mirror, is_sea_surface, is_smooth, sound_material, target_shape
-from mitsonar.scene.sea import TILTED
 from mitsonar.scene.tessellation import Grids, grid_of
 from mitsonar.scene.tracing.connection import Connection
 from mitsonar.scene.tracing.hits import Hits
@@ -90,6 +89,12 @@ class Cells:
     label: mi.UInt32  # (R,)
     uv: mi.Point2f  # (R,): texture coordinates, as in `Hits`
     smooth: mi.Vector3f | None = None  # (R,): interpolated normal, see `tracing.hits.towards_sound`
+    part: mi.UInt32 | None = None  # (R,): number of the motion, see `MovingBody`; None: the label
+
+    @property
+    def motion(self) -> mi.UInt32:
+        """Number of the scatterers' motion (R,)."""
+        return self.label if self.part is None else self.part
 
     def hits(self, way: Connection) -> Hits:
         """Return the scatterers as hits of sound that arrives along `way`."""
@@ -173,11 +178,17 @@ class Scatterers:
             own = geometry.normals.numpy()
             self._normals = upload(mi.Float, np.concatenate([own, np.zeros(4 * len(vertices) - len(own), np.float32)]))
         dr.eval(self._vertices, self._faces, self._facts, self._rows, self._labels)
-        self.radius[self.at_surface] *= TILTED if geometry.sea is not None else 1
+        self.radius[self.at_surface] *= geometry.sea.stretch if geometry.sea is not None else 1
         self.moving = np.isin(self.label, [body.label for body in geometry.movers])
         # facets that move, their bodies' numbers, and their corners and centres in the bodies' own frames
         facet = np.flatnonzero(self.moving).astype(np.uint32)
-        self._carried = facet, geometry.body_numbers(self.label[facet]), self.corners(facet), self.centre[facet]
+        body = geometry.body_numbers(self._on_host[1][facet, 0])
+        self._carried = facet, body, self.corners(facet), self.centre[facet]
+        self._parts = None
+        if any(one.number != one.label for one in geometry.movers):
+            parts = self.label.copy()
+            parts[facet] = np.array([one.number for one in geometry.movers], np.uint32)[body]
+            self._parts = upload(mi.UInt32, parts)
         geometry.follow(self._moved)
 
     def _moved(self) -> None:
@@ -189,6 +200,11 @@ class Scatterers:
             self._normals = geometry.with_moved(self._normals, geometry.moved_normals)
         facet, body, _, centre = self._carried
         self.centre[facet] = geometry.carried(body, centre)
+
+    def bodies_of(self, facet: np.ndarray) -> np.ndarray:
+        """Return the numbers in `Geometry.movers` of facets (N,) that move."""
+        moving, body, *_ = self._carried
+        return body[np.searchsorted(moving, facet)]
 
     def _measured(self, facets: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return longest sides (F,), centres (F, 3) and radii (F,) of all facets [m]."""
@@ -338,7 +354,8 @@ class Scatterers:
         bits = hashed_pair(lib, self.amplitude_key(facts[2]), k)
         return Cells(point=point, normal=normal, area=0.5 * twice / (cuts * cuts), primitive=facts[1], shape=shape,
                      uv=uv, amplitude=self.amplitudes.of(*bits, point, normal, shape, facts[1], uv),
-                     label=dr.gather(mi.UInt32, self._labels, facet), smooth=self.smooth_normals(facet, u, v))
+                     label=dr.gather(mi.UInt32, self._labels, facet), smooth=self.smooth_normals(facet, u, v),
+                     part=None if self._parts is None else dr.gather(mi.UInt32, self._parts, facet))
 
     def corners(self, facet: np.ndarray) -> np.ndarray:
         """Return the corners of facets (K,) on the host, (K, 3, 3) [m]."""

@@ -19,10 +19,9 @@ middle, because arrays that stand apart see a near scatterer in directions that 
 """
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
-from typing import TypeAlias
+from typing import Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -30,7 +29,6 @@ import numpy as np
 
 from mitsonar.device.arrays import arrays_of, opaque_vector, upload
 from mitsonar.scene.geometry import scattered_rows
-from mitsonar.scene.sea import TILTED
 
 from .cells import divisions
 from .nested_points import LEVELS, MOST_OF_A_FACET
@@ -47,8 +45,12 @@ BESIDE = 0.5, 1 / 32               # share of scatterers one cell outside the lo
 BLOCK, SMALL_BLOCK = 1024, 64      # patches that are tested together when those of a ping are chosen
 
 
-# True for directions and distances [m] that matter, or others up to an angle [rad] off
-Useful: TypeAlias = "Callable[[mi.Vector3f, mi.Float, mi.Float | float], mi.Bool]"
+class Useful(Protocol):
+    """Test of directions and distances [m], which says which matter."""
+
+    def __call__(self, direction: mi.Vector3f, distance: mi.Float, wider: mi.Float | float = 0.0, /) -> mi.Bool:
+        """Return True for those that matter, or others do up to an angle `wider` [rad] off."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +105,7 @@ class ThinnedScatterers:
         twice = np.linalg.norm(cross, axis=1)
         radius = np.linalg.norm(corner - centre[:, None], axis=-1).max(1)
         if facets.geometry.sea is not None:
-            radius[facets.at_surface[self._facet]] *= TILTED
+            radius[facets.at_surface[self._facet]] *= facets.geometry.sea.stretch
         table = np.zeros((len(centre), 8), np.float32)
         table[:, :3], table[:, 3] = centre, 0.5 * twice
         table[:, 4:7], table[:, 7] = cross / np.maximum(twice, 1e-30)[:, None], radius
@@ -117,8 +119,9 @@ class ThinnedScatterers:
         self._block = SMALL_BLOCK if everywhere else BLOCK
         self._blocks = _balls(centre, radius, self._block)
         moving = np.flatnonzero(facets.moving[self._facet])
-        self._moving = moving, facets.geometry.body_numbers(facets.label[self._facet[moving]])
-        self._at_rest = table[moving, :3], table[moving, 4:7]          # centres and normals in the bodies' frames
+        self._moving = moving, facets.bodies_of(self._facet[moving])
+        # centres, normals and areas in the bodies' frames
+        self._at_rest = table[moving, :3], table[moving, 4:7], table[moving, 3]
         # blocks that hold moving patches, with all of their patches
         self._moving_blocks = np.unique(moving // self._block)
         self._beside = np.concatenate([np.zeros(0, int), *(
@@ -131,9 +134,13 @@ class ThinnedScatterers:
         patch, body = self._moving
         if not len(patch):
             return
-        geometry, rows, (centre, normal) = self._facets.geometry, self._rows[self._row], self._at_rest
+        geometry, rows, (centre, normal, area) = self._facets.geometry, self._rows[self._row], self._at_rest
         rows[:, :3] = geometry.carried(body, centre)
-        rows[:, 4:7] = geometry.carried(body, centre, normal)
+        normal = geometry.carried(body, centre, normal)
+        if geometry.sea is not None:                                   # whose facets grow and shrink
+            growth = np.linalg.norm(normal, axis=1)
+            rows[:, 3], normal = growth * area, normal / np.maximum(growth, 1e-9)[:, None]
+        rows[:, 4:7] = normal
         self._table = scattered_rows(self._table, patch, rows, 8)
         self._rows[self._row] = rows
         centre, radius = self._blocks

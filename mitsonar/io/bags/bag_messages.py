@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from mitsonar.device.extras import MissingExtra
+
 NANO = 1_000_000_000               # of a second
 LATEST = (1 << 31) - 1             # [s] since 1970 that a stamp can hold
 # each field as "type name", in the order of the message
@@ -94,11 +96,11 @@ def cloud(points: Mapping[str, np.ndarray], stamp: int, frame: str) -> dict[str,
 
 @functools.cache
 def typestore() -> Any:
-    """Return the known types of messages; raise `ValueError` if rosbags is not installed."""
+    """Return the known types of messages; raise `MissingExtra` if rosbags is not installed."""
     try:
         from rosbags import typesys  # pyright: ignore[reportMissingImports]  # of the extra ros
     except ImportError:
-        raise ValueError('bags of ROS need the package rosbags; pip install "mitsonar[ros]".') from None
+        raise MissingExtra("bags of ROS need the package rosbags", "ros") from None
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     types = {}
     for name, fields in ACOUSTIC.items():

@@ -29,7 +29,8 @@ SLOWEST_FPS, FASTEST_FPS = 1.0, 30.0           # limits of the frame rate that f
 
 def video(records: xr.Dataset | FilePath | Iterable[xr.Dataset | FilePath], path: FilePath, *,
           fps: float | None = None, tvg: Tvg = "seabed", limits: tuple[float, float] | None = None,
-          colours: str = "copper", progress: Callable[[int, int], None] | None = None) -> None:
+          colours: str = "copper", width: int | None = None,
+          progress: Callable[[int, int], None] | None = None) -> None:
     """Draw all pings of records as frames of a video.
 
     Parameters
@@ -48,6 +49,8 @@ def video(records: xr.Dataset | FilePath | Iterable[xr.Dataset | FilePath], path
         spread over all records; if ``records`` is an iterator, they come from its first records.
     colours : str
         ``copper`` or ``grey``.
+    width : int, optional [pixels]
+        Largest width of the frames, 100 or more; by default that of the sheet, about 1100.
     progress : callable(done, total), optional
         Function called after every record, if the number of records is known.
 
@@ -64,15 +67,18 @@ def video(records: xr.Dataset | FilePath | Iterable[xr.Dataset | FilePath], path
     """
     if fps is not None and not 0 < fps <= 1000:
         raise ValueError(f"the video has {fps:g} frames a second; give a number above 0 and at most 1000.")
+    if width is not None and not width >= 100:
+        raise ValueError(f"the video is {width} pixels wide; give 100 or more, or leave the width out.")
     shades = canvas.colours_of(colours)
     check_movie(path)
     if isinstance(records, (str, os.PathLike)) and is_netcdf(records):
         with netcdf.opened(records) as opened:                     # a water column may be larger than memory
             if isinstance(opened, xr.Dataset) and is_line(opened):
-                column_video(opened, path, fps=fps, tvg=tvg, limits=limits, colours=shades, progress=progress)
+                column_video(opened, path, fps=fps, tvg=tvg, limits=limits, colours=shades, width=width,
+                             progress=progress)
                 return
     if isinstance(records, xr.Dataset) and is_line(records):
-        column_video(records, path, fps=fps, tvg=tvg, limits=limits, colours=shades, progress=progress)
+        column_video(records, path, fps=fps, tvg=tvg, limits=limits, colours=shades, width=width, progress=progress)
         return
     sample, records, total = _sampled_records(records)
     view = fan_view(sample[0])
@@ -81,7 +87,7 @@ def video(records: xr.Dataset | FilePath | Iterable[xr.Dataset | FilePath], path
     of_counts, tvg = tvg, None if tvg == "counts" else tvg
     heard = max(fan_heard(dataset, [ping], tvg) for dataset, ping in frames)
     words = fan_levels(*frames[0], tvg, heard)[1]
-    with movie_file(path, _fps(sample) if fps is None else fps, shades) as add_frame:
+    with movie_file(path, _fps(sample) if fps is None else fps, shades, width) as add_frame:
         window = limits or fan_window(np.stack([view.map.levels(fan_levels(*frame, tvg, heard)[0])
                                                 for frame in frames]))
         sheet = FanSheet(view, title=name_of(sample[0]), colours=shades, limits=window,

@@ -30,8 +30,27 @@ _FAILED = "ffmpeg could not write the video, for the reason that it printed; wri
 
 
 @contextlib.contextmanager
-def movie_file(path: FilePath, fps: float, colours: Colormap) -> Iterator[AddFrame]:
-    """Open a video file, and yield a function that adds frames; the file appears only when all are written."""
+def movie_file(path: FilePath, fps: float, colours: Colormap, width: int | None = None) -> Iterator[AddFrame]:
+    """Open a video file, and yield a function that adds frames; the file appears only when all are written.
+
+    Frames of more than `width` columns are reduced to it.
+    """
+    with _opened(path, fps, colours) as add:
+        yield add if width is None else lambda pixels: add(_narrowed(pixels, width))
+
+
+def _narrowed(pixels: np.ndarray, width: int) -> np.ndarray:
+    """Return a frame with at most a number of columns."""
+    rows, columns = pixels.shape[:2]
+    if columns <= width:
+        return pixels
+    size = width, max(1, round(rows * width / columns))
+    return np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.LANCZOS))
+
+
+@contextlib.contextmanager
+def _opened(path: FilePath, fps: float, colours: Colormap) -> Iterator[AddFrame]:
+    """Open a video file for frames as they are."""
     kind = check_movie(path)
     if kind == "":
         with _folder(path) as folder:

@@ -28,7 +28,7 @@ BEFORE, BEHIND, UNDER, OVER = 84, 128, 62, 86
 
 def column_video(line: xr.Dataset, path: FilePath, *, fps: float | None = None, tvg: Tvg = "recorder",
                  limits: tuple[float, float] | None = None, colours: Colormap = canvas.COPPER,
-                 progress: Callable[[int, int], None] | None = None) -> None:
+                 width: int | None = None, progress: Callable[[int, int], None] | None = None) -> None:
     """Draw the fans of all pings of a line as frames of a video; arguments and errors as in `mitsonar.plots.video`.
 
     Pings without samples are left out. Only a few pings are in memory at a time.
@@ -43,7 +43,7 @@ def column_video(line: xr.Dataset, path: FilePath, *, fps: float | None = None, 
     box = (min(fan.box[0] for fan in sample), max(fan.box[1] for fan in sample), max(fan.box[2] for fan in sample))
     window = limits or column_window(*(fan.image for fan in sample))
     frame = _VideoFrame(line, sample, window, colours)
-    with movie_file(path, _fps(line) if fps is None else fps, colours) as add_frame:
+    with movie_file(path, _fps(line) if fps is None else fps, colours, width) as add_frame:
         for first in range(0, pings, BLOCK):
             block = line.isel(ping=slice(first, first + BLOCK)).load()
             for ping in range(block.sizes["ping"]):

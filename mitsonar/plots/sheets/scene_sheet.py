@@ -95,11 +95,13 @@ def scene_figure(overview: Overview) -> Figure:
     _track(overview, plan)
     ends = overview.track.position[section.ping, :2] + section.along[[0, -1], None] * section.direction
     plan.plot(*ends.T, color=INK, linestyle=SECTION_DASHES, linewidth=0.9, zorder=4, scalex=False, scaley=False)
+    for outline in _fans(overview):
+        plan.plot(*outline.T, color=INK, linestyle=RECORD_DASHES, linewidth=0.8, zorder=4, scalex=False, scaley=False)
     plan.set_xlabel("x, east [m]", color=INK)
     plan.set_ylabel("y, north [m]", color=INK)
     below = _axes(figure, LEFT, BOTTOM, WIDTH, rise)
     _section(overview, below)
-    _profile(overview, _axes(figure, LEFT + WIDTH + KEY - PROFILE - 24, BOTTOM, PROFILE, rise), below)
+    _profile(overview, _axes(figure, LEFT + WIDTH + KEY - PROFILE - 32, BOTTOM, PROFILE, rise), below)
     _key(overview, plan)
     canvas.headings(figure, LEFT, _title(overview), "   ·   ".join(_facts(overview)))
     return figure
@@ -152,7 +154,7 @@ def _axes(figure: Figure, left: float, bottom: float, width: float, height: floa
 def _extent(overview: Overview) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the bounds in x and in y of track, objects and record, and of the bed as far as it is near them."""
     reach, sonar = overview.section.ranges[1], overview.track.position[:, :2]
-    points = [overview.place[overview.state != UNSEEN], sonar,
+    points = [overview.place[overview.state != UNSEEN], sonar, *_fans(overview),
               *(thing.points[:, :2] for thing in overview.objects),
               *(thing.path[:, :2] for thing in overview.objects if thing.path is not None)]
     near = np.concatenate([part.reshape(-1, 2) for part in points])
@@ -161,6 +163,14 @@ def _extent(overview: Overview) -> tuple[tuple[float, float], tuple[float, float
     high = np.minimum(np.maximum(near.max(0), bed[1]), near.max(0) + 0.2 * reach)
     margin = 0.02 * float(np.max(high - low)) + 0.3
     return (float(low[0] - margin), float(high[0] + margin)), (float(low[1] - margin), float(high[1] + margin))
+
+
+def _fans(overview: Overview) -> list[np.ndarray]:
+    """Return the outlines (N, 2) of fans, which may see no bed."""
+    if not overview.views.fan or overview.views.round:
+        return []
+    sonar = overview.track.position[overview.pings, None, :2]
+    return list(np.concatenate([sonar, overview.place[:, :, -1], sonar], axis=1))
 
 
 def _bed(overview: Overview, axes: Axes) -> None:
@@ -271,7 +281,9 @@ def _track(overview: Overview, axes: Axes) -> None:
     span = axes.get_xlim()[1] - axes.get_xlim()[0]
     moved = float(np.hypot(np.ptp(x), np.ptp(y)))
     if moved > 0.02 * span:
-        ticks = MaxNLocator(TIMES, steps=[1, 2, 5, 10]).tick_values(0, float(track.time[-1] - track.time[0]))
+        room = int(moved / span * WIDTH / 30)          # labels of 30 pixels
+        locator = MaxNLocator(min(max(room, 1), TIMES), steps=[1, 2, 5, 10])
+        ticks = locator.tick_values(0, float(track.time[-1] - track.time[0]))
         for second in ticks:
             time = track.time[0] + second
             if not track.time[0] <= time <= track.time[-1]:

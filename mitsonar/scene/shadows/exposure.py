@@ -54,8 +54,9 @@ def bodies_exposed(geometry: Geometry, place: np.ndarray) -> dict[int, float]:  
     faces = np.sum(away * normals, axis=1) > 0
     seen = faces & ~_blocked(geometry.scene, points + CLEAR * away, np.broadcast_to(place, points.shape))
     lit, front = (part.reshape(-1, POINTS).sum(1) for part in (seen, faces))
-    return {geometry.bodies[body].label: round(float(a / max(1, b)), 3)
-            for body, a, b in zip(number[::POINTS], lit, front)}
+    label = np.array([geometry.bodies[body].label for body in number[::POINTS]])
+    return {int(own): round(float(lit[label == own].sum() / max(1, front[label == own].sum())), 3)
+            for own in dict.fromkeys(label)}
 
 
 def _at_rest(geometry: Geometry):
@@ -65,8 +66,9 @@ def _at_rest(geometry: Geometry):
     first_faces = {shape.id(): slice(first, first + count) for _, shape, first, count in geometry.meshes}
     for number, body in enumerate(geometry.bodies):
         if body.copy is not None:
-            own = faces[first_faces[body.shape.id()], :3] - np.uint32(body.first_vertex)
-            yield number, _on_facets(body.shape.rest[own], body.label)
+            own = faces[first_faces[body.part.id()], :3].astype(int) - body.first_vertex
+            inside = (own[:, 0] >= 0) & (own[:, 0] < len(body.part.rest))
+            yield number, _on_facets(body.part.rest[own[inside]], body.label)
 
 
 def _surfaces(geometry: Geometry, wanted: set[int]):

@@ -61,8 +61,8 @@ class ObjectShadows:
 
     def _moved(self) -> None:
         """Move the boxes of moving objects."""
-        for body, low, high in self.geometry.body_boxes():
-            if (row := self._row.get(body.shape.id())) is not None:
+        for body, _, low, high in self.geometry.body_boxes():
+            if (row := self._row.get(body.part.id())) is not None:
                 self._low[row], self._high[row] = low[:2], high[:2]
 
     def sources(self, depth: float) -> Sources:

@@ -145,10 +145,10 @@ class PingEchoes:
         legs, (real, imaginary) = lit.legs, lit.scatterers.amplitude
         shift, out_time = None, legs.travel_time
         if (motion := self.ground.ensonification.motion) is not None:
-            label, arrival = lit.scatterers.label, legs.arrival_direction
-            shift = motion.shift(label, lit.scatterers.point, arrival, arrival,
+            moved, arrival = lit.scatterers.motion, legs.arrival_direction
+            shift = motion.shift(moved, lit.scatterers.point, arrival, arrival,
                                  dr.opaque(mi.Float, self.ground.table(ping).sound_speed))
-            out_time = out_time + motion.later(label, shift, legs.travel_time)
+            out_time = out_time + motion.later(moved, shift, legs.travel_time)
         return PlacedEchoes(sent=legs.launch_direction, towards=legs.launch_direction, out_distance=legs.distance,
                             back_distance=legs.distance, out_time=out_time, shift=shift, back_time=legs.travel_time,
                             out_offset=lit.offset, back_offset=lit.offset, energy=lit.energy,
