@@ -5,6 +5,7 @@ Everything in space stands in the scene's frame: x east, y north, z up, the stil
 from __future__ import annotations
 
 import contextlib
+import importlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,8 +23,8 @@ WORLD = "world"                    # entity below which everything in space stan
 def sdk() -> Any:
     """Return the module rerun; raise `MissingExtra` if it is not installed."""
     try:
-        import rerun  # pyright: ignore[reportMissingImports]  # of the extra view
-        import rerun.blueprint  # pyright: ignore[reportMissingImports]
+        rerun: Any = importlib.import_module("rerun")              # of the extra view
+        importlib.import_module("rerun.blueprint")
     except ImportError:
         raise MissingExtra("the viewer needs the package rerun-sdk, which needs Python 3.11 or later", "view",
                            "draw pictures by mitsonar.plots") from None

@@ -1,4 +1,6 @@
 """What a page of records shows, read back from its recording by rerun's own reader: entities, times, places."""
+import urllib.request
+
 import numpy as np
 import pytest
 from read_view import entities, pixels
@@ -84,3 +86,13 @@ def test_what_cannot_be_shown_is_refused_and_leaves_no_file(tmp_path):
         with pytest.raises(ValueError, match=words):
             mitsonar.view(*what, **{"save": tmp_path / "run.rrd", **options})
     assert not list(tmp_path.iterdir())
+
+
+def test_a_notebook_shows_the_page_which_is_closed_once_or_twice():
+    page = mitsonar.view(fan())
+    assert page is not None
+    assert f'<iframe src="{page.url}"' in page._repr_html_()
+    page.close()
+    page.close()
+    with pytest.raises(OSError):
+        urllib.request.build_opener(urllib.request.ProxyHandler({})).open(page.url, timeout=5)
