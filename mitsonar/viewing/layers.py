@@ -73,7 +73,12 @@ def log_names(log: ViewLog, origin: str, layers: Iterable[PictureLayer], record:
             continue
         names = {int(key): str(name) for key, name in
                  (attrs.get("classes" if layer.name == "class" else "labels") or {}).items()}
-        if layer.name == "class":
+        if layer.name == OBJECTS:
+            kinds = {int(number): str(entry["class"]) for number, entry in attrs["objects"].items()}
+            own = class_colours(kinds.values())
+            log.names(f"{origin}/{layer.name}", {number: (names.get(number, kind), own[kind])
+                                                 for number, kind in kinds.items()})
+        elif layer.name == "class":
             own = class_colours(names.values())
             log.names(f"{origin}/{layer.name}", {key: (name, own[name]) for key, name in names.items()})
         elif names:

@@ -15,6 +15,7 @@ from mitsonar.device.extras import MissingExtra
 
 APPLICATION = "mitsonar"
 COVER = 0.55                       # opacity of labels over levels
+LARGEST = 60_000                   # number of 16 bits
 WORLD = "world"                    # entity below which everything in space stands
 
 
@@ -41,6 +42,7 @@ class ViewLog:
         self.views: list[Any] = []                     # in the plane, one or more a record
         self.hidden_in_space: list[str] = []
         self.space = False                             # True once anything stands in space
+        self.timed = False                             # True once anything has a time
 
     @contextlib.contextmanager
     def ended(self) -> Iterator[ViewLog]:
@@ -53,6 +55,7 @@ class ViewLog:
 
     def at(self, ping: int, time: float) -> None:
         """Set ping and time [s] of what is logged next."""
+        self.timed = True
         self.stream.set_time("time", duration=time)
         self.stream.set_time("ping", sequence=ping)
 
@@ -79,16 +82,18 @@ class ViewLog:
         """Log numbers (rows, columns) as a picture in colours from ``limits[0]`` to ``limits[1]``.
 
         Numbers below the first colour, and missing ones, become ``limits[0]``: rerun 0.41 mirrors the colours of lower
-        ones. The page holds 16 bits a number, of which 11 count: 0.06 dB at 100 dB.
+        ones. The page holds 16 bits a number up to `LARGEST`, of which 11 count: levels are right to 0.03 dB at
+        100 dB.
         """
-        known = np.maximum(np.nan_to_num(values, nan=limits[0]), limits[0]).astype(np.float16)
+        known = np.maximum(np.nan_to_num(values, nan=limits[0]), limits[0])
+        known = known.astype(np.float16 if known.max(initial=0) <= LARGEST else np.float32)
         self.log(path, self.rr.DepthImage(known, colormap=colours, depth_range=limits), still=still)
 
     def names(self, path: str, names: Mapping[int, tuple[str, Sequence[float]]]) -> None:
-        """Log names and colours (0 to 1) of the numbers of a picture of labels."""
-        self.log(path, self.rr.AnnotationContext([
+        """Log names and colours (0 to 1) of the numbers of a picture of labels; 0 is transparent."""
+        self.log(path, self.rr.AnnotationContext([(0, "none", (0, 0, 0, 0)), *(
             (number, name, tuple(round(255 * part) for part in colour[:3])) for number, (name, colour) in
-            names.items()]), still=True)
+            names.items() if number)]), still=True)
 
     def label(self, path: str, numbers: np.ndarray, *, still: bool = False) -> None:
         """Log a picture (rows, columns) of labels; 0 is transparent."""
@@ -107,11 +112,6 @@ class ViewLog:
         self.views.append(blueprint.Spatial2DView(origin=origin, name=name, background=(8, 10, 14), overrides={
             f"/{origin}/{layer}": blueprint.EntityBehavior(visible=False) for layer in hidden}))
 
-    def text(self, path: str, name: str, words: str) -> None:
-        """Add a page of words in Markdown."""
-        self.log(path, self.rr.TextDocument(words, media_type="text/markdown"), still=True)
-        self.views.append(self.rr.blueprint.TextDocumentView(origin=path, name=name))
-
     def _arrange(self) -> None:
         """Write the views: space on the left, planes on the right, time below."""
         blueprint = self.rr.blueprint
@@ -123,5 +123,6 @@ class ViewLog:
         if self.views:
             parts.append(blueprint.Grid(*self.views) if len(self.views) > 1 else self.views[0])
         self.stream.send_blueprint(blueprint.Blueprint(
-            blueprint.Horizontal(*parts), blueprint.TimePanel(timeline="time", state="expanded"),
+            blueprint.Horizontal(*parts), blueprint.TimePanel(
+                timeline="time", state="expanded" if self.timed else "hidden"),
             blueprint.BlueprintPanel(state="expanded"), blueprint.SelectionPanel(state="collapsed")))
