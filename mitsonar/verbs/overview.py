@@ -225,7 +225,7 @@ def _objects(survey: Survey, ping: int) -> tuple[PlacedObject, ...]:
     paths: dict[int, list[np.ndarray]] = {}
     if world.moves:
         for number in np.unique(np.linspace(0, survey.track.pings - 1, PATHS).round().astype(int)):
-            for body, low, high in world.at(int(number)).body_boxes():
+            for body, _, low, high in world.at(int(number)).body_boxes():
                 paths.setdefault(body.label, []).append(0.5 * (low + high))
     geometry = world.at(ping)
     points: dict[int, list[np.ndarray]] = {}

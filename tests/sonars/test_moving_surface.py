@@ -107,7 +107,7 @@ def test_the_scatterers_of_a_ping_hold_the_area_of_the_waves(variant, height, si
                       nearest=0.0, farthest=farthest)
     cells, exist = scatterers.at(*scatterers.candidates(density, lambda sight, distance, wider=0.0: mi.Bool(True)),
                                  density)
-    point, corner = cells.point.numpy().T, stand.vertices.reshape(-1, 3)[mitsuba_faces(geometry.movers[0].shape)]
+    point, corner = cells.point.numpy().T, stand.vertices.reshape(-1, 3)[mitsuba_faces(geometry.movers[0].part)]
     near = np.linalg.norm(point - sonar, axis=1) < farthest - 1
     own = np.linalg.norm(corner.mean(1) - sonar, axis=1) < farthest - 1
     assert np.sum(cells.area.numpy()[near & exist.numpy()]) / area_of(corner[own]).sum() == pytest.approx(1, abs=0.01)
