@@ -14,6 +14,7 @@ RUNS = {
     "tracing": (["tracing.py", *SMALL, "--rays", "4096", "--rounds", "2"], "cast: hits alone"),
     "eigenrays": (["eigenrays.py", *SMALL, "--rays", "200"], "gradient -1 1/s"),
     "return_times": (["return_times.py", "--hits", "50", "--lanes", "1024", "--rounds", "1"], "| guarded | vertical |"),
+    "bellhop_field": (["bellhop_field.py"], "pelagic is not here"),
     "ping": (["ping.py", *SMALL, "--rays", "4000", "--pings", "2", "--rounds", "1"], "mitsonar.render"),
     "pings": (["pings.py", *SMALL, "--rays", "4000", "--pings", "2", "--rounds", "1"], "this checkout"),
     "accumulation": (["accumulation.py", "--hits", "2000", "--elements", "1", "6", "--rounds", "1"], "numpy bincount"),
