@@ -44,17 +44,18 @@ from mitsonar.water import absorption, along_line, seawater
 from mitsonar.water.absorption import absorption_db
 from mitsonar.water.column import AbsorptionColumn
 from mitsonar.water.fields import FIELDS, UnplacedField
+from mitsonar.water.garrett_munk import GarrettMunk
 from mitsonar.water.noise import ambient_noise_db
 from mitsonar.water.profile import FASTEST, SLOWEST, SoundSpeedProfile
 from mitsonar.water.ranges import RANGES, SOUND_SPEED_RANGES
 from mitsonar.water.seawater import sound_speed
 from mitsonar.water.volume import Layer, VolumeScattering
 
-from ..attributes import Angle, Attributes, Choice, File, FileOrFolder, Number, NumberOrTable, Table, Text
+from ..attributes import Angle, Attributes, Choice, File, FileOrFolder, Integer, Number, NumberOrTable, Table, Text
 
 COLUMN = np.concatenate([np.arange(0, 100, 5.0), np.arange(100, 1000, 50.0), np.arange(1000, 6001, 250.0)])
 
-ACROSS = ("field", tuple(FIELDS))
+ACROSS, DEEP_WAVES = ("field", tuple(FIELDS)), ("field", ("garrett_munk",))
 ATTRIBUTES = (
     Table("profile", default=None, unit="m : m/s",
           text="depth : sound speed, increasing depths; or write `cast` or `sound_speed`"),
@@ -73,9 +74,15 @@ ATTRIBUTES = (
     File("tide", default=None,
          text="CSV file of the water level: `time` (UTC, or seconds after the first ping) and `height` [m] above z = "
               "0; the water and sonars of a given depth ride on it; the bed and objects stay"),
-    Choice("field", default="none", choices=("none", *FIELDS, "grid"),
+    Choice("field", default="none", choices=("none", *FIELDS, "garrett_munk", "grid"),
            text="sound speed that changes across, beside the profile: a front, an even gradient, a solitary "
-                "internal wave on the profile's thermocline, or the grid of a netCDF file"),
+                "internal wave on the profile's thermocline, the internal waves of the deep sea, or the grid of a "
+                "netCDF file"),
+    Angle("field_latitude_deg", default=45.0, minimum=-90, maximum=90, only=DEEP_WAVES,
+          text="latitude, which sets the lowest frequency of the internal waves"),
+    Number("field_level", default=1.0, above=0, maximum=100, only=DEEP_WAVES,
+           text="energy of the internal waves, over that of the model"),
+    Integer("field_seed", default=0, minimum=0, only=DEEP_WAVES, text="seed of the internal waves"),
     File("field_file", default=None, only=("field", ("grid",)),
          text="netCDF-4 file with a grid of sound speed, or of temperature and salinity, by CF standard names; its "
               "mean profile is that of the water unless another one is given"),
@@ -93,7 +100,7 @@ ATTRIBUTES = (
            text="height of the internal wave, positive down"),
     Number("field_length", default=30.0, above=0, unit="m", only=("field", ("internal_wave",)),
            text="length of the internal wave: it is down to 0.42 of its height at this distance from the crest"),
-    Number("field_bending_ns", default=100.0, above=0, unit="ns", only=("field", (*FIELDS, "grid")),
+    Number("field_bending_ns", default=100.0, above=0, unit="ns", only=("field", (*FIELDS, "garrett_munk", "grid")),
            text="a warning is given if a field bends rays so much that they arrive earlier by more than this; times "
                 "are then off by up to half of it"),
     Number("sound_speed", default=None, above=SLOWEST, below=FASTEST, unit="m/s",
@@ -286,6 +293,9 @@ def _field(attributes: Attributes) -> UnplacedField | None:
             return speed_grid.read(attributes.field_file)
         except ValueError as error:
             raise attributes.error(error) from None
+    if attributes.field == "garrett_munk":
+        return GarrettMunk.of(latitude=attributes.field_latitude_deg, level=attributes.field_level,
+                              seed=attributes.field_seed)
     heading = attributes.field_heading_deg
     own = {"front": {"change_of_speed": attributes.field_change, "width": attributes.field_width},
            "gradient": {"gradient": attributes.field_gradient},
