@@ -53,7 +53,7 @@ def test_stacked_in_memory_and_lazily_they_are_the_same(files):
 
 def test_without_dask_a_lazy_stack_names_the_extra(files, monkeypatch):
     monkeypatch.setitem(sys.modules, "dask.array", None)
-    with pytest.raises(ValueError, match=r'is not installed: run pip install "mitsonar\[cluster\]"'):
+    with pytest.raises(ValueError, match=r"is not installed; run pip install 'mitsonar\[cluster\]'"):
         mitsonar.dataset.open(files).xarray()
 
 

@@ -52,7 +52,8 @@ def thinned(geometry, number):
                       sine_cell=0.01, nearest=1.0, farthest=15.0)
     scatterers = ThinnedScatterers(Scatterers(geometry, np.inf, number), farthest=15.0,
                                    places=density.origin[None])
-    some, exist = scatterers.at(*scatterers.candidates(density, lambda direction, distance: mi.Bool(True)), density)
+    all_of_them = scatterers.candidates(density, lambda direction, distance, wider: mi.Bool(True))
+    some, exist = scatterers.at(*all_of_them, density)
     some = some.chosen(compressed(exist))
     amplitude, label = some.amplitude[0].numpy() + 1j * some.amplitude[1].numpy(), some.label.numpy()
     return {name: amplitude[label == key] for key, name in geometry.labels.items()}

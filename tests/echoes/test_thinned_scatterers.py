@@ -32,7 +32,7 @@ def scatterers(request):
 
 def existing(scatterers, density):
     """Places (R, 3) in the scene, areas and amplitudes of the scatterers that exist."""
-    patch, k = scatterers.candidates(density, lambda direction, distance: mi.Bool(True))
+    patch, k = scatterers.candidates(density, lambda direction, distance, wider: mi.Bool(True))
     cells, exist = scatterers.at(patch, k, density)
     dr.eval(exist, cells.point, cells.area, cells.amplitude)
     there = exist.numpy()
@@ -79,7 +79,7 @@ def test_fewer_a_cell_are_a_part_of_more(scatterers):
 
 def test_too_many_are_refused(scatterers):
     with pytest.raises(ValueError, match="the limit is .*Use fewer"):
-        scatterers.candidates(density(per_cell=1e6), lambda direction, distance: mi.Bool(True))
+        scatterers.candidates(density(per_cell=1e6), lambda direction, distance, wider: mi.Bool(True))
 
 
 def test_what_is_never_in_reach_has_no_patches():

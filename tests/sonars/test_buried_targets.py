@@ -104,7 +104,7 @@ def test_pictures_in_the_beam_domain_see_nothing_of_what_is_buried(variant, grou
     survey, origin = scene.integrator().array_survey(scene, scene.sensors()[0]), np.array([0.0, 0.0, -14.0])
     density = Density(origin=origin, axis=np.array([1.0, 0, 0]), per_cell=4000.0, range_cell=0.2, sine_cell=0.02,
                       nearest=1.0, farthest=20.0)
-    lit = Ground(survey).lit(density, lambda way, distance: (abs(way.y * distance - away) < 1)
+    lit = Ground(survey).lit(density, lambda way, distance, wider: (abs(way.y * distance - away) < 1)
                              & (abs(way.x * distance) < 1))
     assert lit is not None
     height = lit.offset.z.numpy() - 14.0 + DEPTH
