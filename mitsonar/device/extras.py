@@ -1,4 +1,4 @@
-"""What work says whose packages are not installed because few need them: the extras of ``pyproject.toml``.
+"""Report packages that are not installed because few need them: the extras of ``pyproject.toml``.
 
 In a checkout, the command line installs the extra and begins again (`cli.setup.bootstrap.add_extra`).
 """

@@ -66,7 +66,7 @@ class Section:
 
 @dataclass(frozen=True, kw_only=True)
 class Overview:
-    """What a scene holds, and what its sonar sees."""
+    """Hold the contents of a scene, and what its sonar sees of them."""
 
     kind: str
     frequency: float  # [Hz]
@@ -109,7 +109,7 @@ def overview(scene: SceneOrPath, sensor: int | str = 0, ping: int | None = None,
 
 
 class _BedInView:
-    """What a sonar sees of the bed at its pings, through the water of one ping."""
+    """Hold what a sonar sees of the bed at its pings, through the water of one ping."""
 
     def __init__(self, survey: Survey, sonar: Sensor, views: Views):
         self.track, self.geometry, self.views = survey.track, survey.world.still, views

@@ -39,7 +39,7 @@ Shown: TypeAlias = "FilePath | xr.Dataset | mi.Scene"
 
 @dataclass(frozen=True, kw_only=True)
 class ViewOptions:
-    """How scenes and records are shown; the fields are arguments of `view`."""
+    """Hold how scenes and records are shown; the fields are arguments of `view`."""
 
     tvg: Tvg = "recorder"
     cell: float | None = None

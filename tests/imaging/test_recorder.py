@@ -77,7 +77,7 @@ def test_detectors_have_the_spread_of_their_law(law, spread):
 
 @pytest.mark.parametrize("window", [2, 3])
 def test_a_peak_detector_writes_the_highest_sample_of_a_window_and_repeats_it(window):
-    """Of n independent exponential powers the highest has the mean 1 + 1/2 + ... 1/n.
+    """The highest of n independent exponential powers has the mean 1 + 1/2 + ... 1/n.
 
     Windows of neighbours share n - 1 of n + 1 samples, so that (n - 1) / (n + 1) of neighbours are equal. 60,000
     samples, of which each is in n windows, leave 0.4 % of the mean and 0.003 of the share: 4 of these, and converter.

@@ -382,7 +382,7 @@ def test_rosbags_and_the_bag_itself_agree_on_a_heads_steps(tmp_path):
 
 
 def test_memory_holds_three_frames_at_most(tmp_path):
-    """Of frames as they come: the one that is written, the next for the speed, and the one that is being made."""
+    """They are the frame that is written, the next one for the speed, and the one that is being made."""
     import weakref
 
     frame, alive, most = moving_fan(pings=1), weakref.WeakSet(), []

@@ -2,21 +2,10 @@
 import numpy as np
 import pytest
 from labelled_focus import labelled_focus
-from read_view import entities, pixels
+from read_view import pixels
 from soundings_line import soundings_line
 
-import mitsonar
-
 pytest.importorskip("rerun", reason="rerun-sdk is not installed")
-
-
-@pytest.fixture
-def shown(tmp_path):
-    """Record what a page would show, and return its entities."""
-    def record(*what, **options):
-        mitsonar.view(*what, save=tmp_path / "run.rrd", **options)
-        return entities(tmp_path / "run.rrd")
-    return record
 
 
 def test_soundings_are_points_where_they_are_with_their_values(shown):

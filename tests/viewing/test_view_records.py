@@ -3,22 +3,13 @@ import urllib.request
 
 import numpy as np
 import pytest
-from read_view import entities, pixels
+from read_view import pixels
 from synthetic_fan import fan, head
 from synthetic_sidescan import sidescan
 
 import mitsonar
 
 pytest.importorskip("rerun", reason="rerun-sdk is not installed")
-
-
-@pytest.fixture
-def shown(tmp_path):
-    """Record what a page would show, and return its entities."""
-    def record(*what, **options):
-        mitsonar.view(*what, save=tmp_path / "run.rrd", **options)
-        return entities(tmp_path / "run.rrd")
-    return record
 
 
 def test_every_ping_of_a_fan_is_a_frame_at_its_time(shown):
