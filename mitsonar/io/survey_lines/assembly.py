@@ -6,7 +6,7 @@ border: angles are radians here, lengths metres and times seconds after the star
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime, timezone
 
 import numpy as np
@@ -20,6 +20,7 @@ MOST_SECTORS = 64
 DEEPEST, FARTHEST = 2e4, 1e5       # [m] of soundings, from the surface and from the ship
 MOST_BYTES = 1 << 32               # of the water column samples that are held at once
 POSE = ("time", "x", "y", "depth", "roll", "pitch", "heading")
+LEVELS = ("tide", "ping_height", "separation")
 SECTOR = ("frequency", "delay", "angle", "pulse_length", "bandwidth", "source_level_db", "absorption_db")
 
 
@@ -80,6 +81,9 @@ class AssembledLine:
     column_beams: int = 0
     column_samples: int = 0
     left_out: str = ""  # contents of the file that the record cannot hold
+    levels: tuple[str, ...] = ()  # of LEVELS, those that the file states
+    datum: str = ""  # vertical datum
+    heights: str = ""  # "gnss" if depths follow from heights above the ellipsoid
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,6 +108,7 @@ class Ping:
     sectors: dict[str, np.ndarray]  # (S,)
     soundings: dict[str, np.ndarray]  # (B,): by the names of the record's variables
     column: LineColumn | None = None
+    levels: dict[str, float] = field(default_factory=dict)  # [m], by names of LEVELS
 
 
 @np.errstate(invalid="ignore", over="ignore")      # invalid soundings may hold NaN and infinity
@@ -115,6 +120,7 @@ def dataset(line: AssembledLine, pings: Sequence[Ping]) -> xr.Dataset:
         "receive_offset": line.receive_offset[0], "receive_mounting": line.receive_mounting[0]}
     values |= {f"motion_{name}": line.motion[name] for name in POSE}
     values |= {f"ping_{name}": np.array([ping.place[name] for ping in pings]) for name in POSE}
+    values |= {name: np.array([ping.levels.get(name, np.nan) for ping in pings]) for name in line.levels}
     values["head_sound_speed"] = np.array([ping.head_sound_speed for ping in pings])
     values |= {f"sector_{name}": _padded([ping.sectors[name] for ping in pings], (line.sectors,), np.nan)
                for name in SECTOR}
@@ -137,8 +143,8 @@ def dataset(line: AssembledLine, pings: Sequence[Ping]) -> xr.Dataset:
     attributes = {"sonar": line.sonar, "title": line.title, "crs": line.crs, "preset": None, "profile": line.profile,
                   "start": datetime.fromtimestamp(line.start, timezone.utc).isoformat().replace("+00:00", "Z"),
                   "backscatter": line.backscatter}
-    if line.left_out:
-        attributes["left_out"] = line.left_out
+    attributes |= {name: text for name, text in (("left_out", line.left_out), ("vertical_datum", line.datum),
+                                                 ("heights", line.heights)) if text}
     if line.crs is not None:
         attributes["origin"] = line.origin
     return xr.Dataset({name: variable(name, value) for name, value in values.items()}, attrs=attributes)
