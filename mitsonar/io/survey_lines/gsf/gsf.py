@@ -28,6 +28,7 @@ from ..directions import level
 from ..lines import HEADS, HEIGHTS, SOUNDINGS, Blocks, LineToWrite, Ping, Place, Written, cycled, formed, line_of
 from ..passage import LinePassage, passage_of
 from ..snippets import runs_of
+from ..swath_figures import swath_figures
 
 VERSION = "GSF-v03.09"
 ATTITUDE_SECONDS = 10.0                    # of an attitude record; the format allows 65
@@ -198,7 +199,8 @@ def _specific(line, ping, array):
     rates = rates[np.isfinite(rates)]
     head = int(np.argmax(order_of(line) == int(ping.get("head", 0))))
     height = float(ping.get("ping_height", np.nan))
-    specific = {"DgmType": 1, "DgmVersion": 3, "NumBytesCmnPart": 12, "PingCnt": 1 + ping["cycle"] % 65_535,
+    figures = {name[0].upper() + name[1:]: value for name, value in swath_figures(ping).items()}
+    specific = figures | {"DgmType": 1, "DgmVersion": 3, "NumBytesCmnPart": 12, "PingCnt": 1 + ping["cycle"] % 65_535,
                 "RxFansPerPing": ping["fans"], "RxFanIndex": ping["fan"], "SwathsPerPing": ping["swaths"],
                 "SwathAlongPosition": ping["swath"], "RxTransducerInd": head, "PingRate_Hz": ping["rate"],
                 "EllipsoidHeightReRefPoint_m": height if np.isfinite(height) else 0.0,
