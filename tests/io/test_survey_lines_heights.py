@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 from soundings_line import blocks_of, soundings_line
 
+from mitsonar.device.rotations import mounting_matrix
 from mitsonar.hydrography.record import variable
 from mitsonar.io import survey_lines
 from mitsonar.io.survey_lines import reading
@@ -201,6 +202,21 @@ def test_widths_of_beams_and_strengths_are_stated(tmp_path):
     bare = line.drop_vars(["footprint_across", "footprint_along", "backscatter_db"])
     survey_lines.write(bare, tmp_path / "b.kmall")
     assert next(pings_of(tmp_path / "b.kmall"))["pingInfo"]["transmitArraySizeUsed_deg"] == 0.0
+
+
+def test_parts_of_the_transmit_array_come_back(tmp_path):
+    parts = np.array([[0.0, -0.055, -0.012], [0.0, 0.0, -0.006], [0.0, 0.055, -0.012]])
+    mounting = np.radians([1.0, -2.0, 3.0])
+    offsets = np.broadcast_to(parts[[2, 1, 0]] @ mounting_matrix(*mounting).T, (3, 3, 3))
+    line = soundings_line(pings=3).assign(sector_offset=variable("sector_offset", offsets),
+                                          transmit_mounting=variable("transmit_mounting", mounting))
+    assert "sector_offset" not in str(survey_lines.write(line, tmp_path / "a.kmall").words)
+    assert next(pings_of(tmp_path / "a.kmall"))["txSectorInfo"]["txSubArray"] == [2, 1, 0]
+    back = reading.read(tmp_path / "a.kmall")          # its transmit_offset is that of the middle part
+    np.testing.assert_allclose(back["transmit_offset"].values + back["sector_offset"].values,
+                               line["transmit_offset"].values + offsets, atol=6e-5)
+    other = line.assign(sector_offset=variable("sector_offset", offsets + np.arange(3)[:, None, None]))
+    assert "sector_offset" in str(survey_lines.write(other, tmp_path / "b.kmall").words)
 
 
 def test_a_height_that_is_no_tide_is_not_read(tmp_path):

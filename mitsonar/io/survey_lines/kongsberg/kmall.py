@@ -21,7 +21,7 @@ import numpy as np
 from KMALL.kmall import kmall
 
 from mitsonar.device.files import FilePath, replacing
-from mitsonar.device.rotations import mounted
+from mitsonar.device.rotations import mounted, mounting_matrix
 
 from .. import lines
 from ..directions import from_vertical
@@ -55,7 +55,7 @@ def soundings(stream: IO[bytes], line: LineToWrite, ping: Ping, sounder: int, co
                    "echoSounderID": sounder, "dgtime": float(ping["since"])},
         "partition": {"numOfDgms": 1, "dgmNum": 1}, "cmnPart": about.body(ping),
         "pingInfo": _info(line, ping, sectors, figures),
-        "txSectorInfo": _sectors(ping, sectors), "extraDetClassInfo": {},
+        "txSectorInfo": _sectors(line, ping, sectors), "extraDetClassInfo": {},
         "rxInfo": _receiver(ping, runs, column, figures),
         "sounding": _columns(_soundings(line, ping, runs, column), count), "SIsample_desidB": _image(runs)})
 
@@ -91,14 +91,16 @@ def _info(line, ping, sectors, figures) -> dict[str, Any]:
         "ellipsoidHeightReRefPoint_m": about.height_of(ping.get("ping_height", np.nan))}
 
 
-def _sectors(ping, sectors) -> dict[str, list[Any]]:
-    length = ping["sector_pulse_length"]
+def _sectors(line, ping, sectors) -> dict[str, list[Any]]:
+    length, parts = ping["sector_pulse_length"], about.parts_of(line)
+    part = np.zeros(sectors, int) if parts is None else np.linalg.norm(
+        (ping["sector_offset"] @ mounting_matrix(*line.array("transmit_mounting")))[:, None] - parts, axis=-1).argmin(1)
     return _columns({"txSectorNumb": np.arange(sectors), "sectorTransmitDelay_sec": ping["sector_delay"],
                      "tiltAngleReTx_deg": np.degrees(ping["sector_angle"]), "centreFreq_Hz": ping["sector_frequency"],
                      "txNominalSourceLevel_dB": ping["sector_source_level_db"], "totalSignalLength_sec": length,
                      "signalBandWidth_Hz": ping["sector_bandwidth"], "effectiveSignalLength_sec": length,
-                     "txArrNumber": int(ping.get("head", 0)), **dict.fromkeys(
-                         ("txSubArray", "padding0", "txFocusRange_m", "pulseShading", "signalWaveForm", "padding1",
+                     "txArrNumber": int(ping.get("head", 0)), "txSubArray": part, **dict.fromkeys(
+                         ("padding0", "txFocusRange_m", "pulseShading", "signalWaveForm", "padding1",
                           "highVoltageLevel_dB", "sectorTrackingCorr_dB"), 0)}, sectors)
 
 
@@ -208,7 +210,8 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
         while due is not None:
             stream.write(due[1]())
             due = next(waiting, None)
-    words = line.remarks("KMALL", HELD, len(empty), "" if f"{sounder}" in line.sonar else
+    held = HELD if about.parts_of(line) is None else HELD | {"sector_offset"}
+    words = line.remarks("KMALL", held, len(empty), "" if f"{sounder}" in line.sonar else
                          f"KMALL is for Kongsberg's sounders only, so the file names an EM {MODEL}")
     if offset is not None:
         outside = f", {louder} samples are louder and {quieter} quieter" if louder or quieter else ""
