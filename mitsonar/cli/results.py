@@ -108,7 +108,7 @@ def _opened(path):
     from mitsonar.io.records import exr, netcdf
 
     if not is_netcdf(path):
-        yield _sounders_line(path) or exr.read(path)
+        yield _instruments_line(path) or exr.read(path)
         return
     import xarray as xr
 
@@ -121,8 +121,8 @@ def _opened(path):
         yield record
 
 
-def _sounders_line(path):
-    """Return the soundings of a file of an echo sounder or survey software, known by its first bytes, else None."""
+def _instruments_line(path):
+    """Return the soundings or the sidescan of a file of an instrument or survey software, else None."""
     from mitsonar.device.files import EXR
 
     if not os.path.isfile(path):
@@ -131,9 +131,12 @@ def _sounders_line(path):
         head = stream.read(8)
     if head.startswith(EXR):                       # an EXR needs none of the imports below
         return None
+    from mitsonar.io import sidescan_lines
     from mitsonar.io.survey_lines import reading
 
-    return None if reading.recognised(head) is None else reading.read(path)
+    if reading.recognised(head) is not None:
+        return reading.read(path)
+    return None if sidescan_lines.recognised(path) is None else sidescan_lines.read(path)
 
 
 def _video(arguments):
@@ -142,7 +145,7 @@ def _video(arguments):
     with Progress("records", "drawing") as progress:
         records = arguments.records
         if len(records) == 1:
-            records = _sounders_line(records[0]) or records[0]
+            records = _instruments_line(records[0]) or records[0]
         plots.video(records, arguments.output, fps=arguments.fps, colours=arguments.colours,
                     tvg=gain(arguments), width=arguments.width, progress=progress)
     announce(arguments.output)
