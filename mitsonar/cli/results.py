@@ -13,7 +13,8 @@ from .words import announce
 def add(commands: Commands) -> None:
     """Add the commands to the parser's."""
     plot = commands.add_parser("plot", help="draw an image, a line of soundings or a fit's answer")
-    add_file(plot, "image", metavar="IN.exr|nc|kmall|all|gsf", help="an image, a line of soundings or a fit's answer")
+    add_file(plot, "image", metavar="IN.exr|nc|kmall|all|gsf|s7k",
+             help="an image, a line of soundings or a fit's answer")
     plot.add_argument("--what", metavar="VIEW",
                       help="view of an image: waterfall (default), objects, ping, mean, labels, class, share, hidden, "
                            "shadow, layover, depth or rays, of an interferometric sidescan also phase, coherence, "
@@ -31,7 +32,7 @@ def add(commands: Commands) -> None:
 
     video = commands.add_parser("video", help="draw the pings of fans, or the water column of a line of soundings, as "
                                               "a GIF, an MP4 or PNG files")
-    add_file(video, "records", metavar="IN.exr|nc|kmall|all", nargs="+",
+    add_file(video, "records", metavar="IN.exr|nc|kmall|all|s7k", nargs="+",
              help="images of the same beams, in their order, or one line of soundings")
     add_file(video, "output", metavar="OUT", help="OUT.gif, OUT.mp4, or a folder for PNG files")
     video.add_argument("--fps", type=number, metavar="N",

@@ -67,7 +67,9 @@ class InstrumentRules:
 
 
 def rules_of(soundings: xr.Dataset) -> InstrumentRules:
-    """Estimate the rules by which a line was reduced."""
+    """Estimate the rules by which a line was reduced; places by mitsonar are by its own rules, without residuals."""
+    if "reduction" in soundings.attrs:
+        return InstrumentRules(residual={})
     last = soundings["ping_time"].values + np.nanmax(
         np.where(soundings["valid"].values, soundings["travel_time"].values, 0.0), axis=1, initial=0.0)
     time = soundings["motion_time"].values
