@@ -27,8 +27,17 @@ def add(commands: Commands) -> None:
     add_file(command, "--profile", metavar="CAST",
              help="file of the cast that reduces the soundings; default: the water's own")
     command.add_argument("--tide", metavar="FILE|M",
-                         help="tide that reduces soundings of a scene: a CSV file, or a water level [m], 0 for none; "
-                              "default: the water's own")
+                         help="tide that reduces soundings: a table, or a water level [m], 0 for none; default: the "
+                              "water's or the line's own")
+    command.add_argument("--separation", metavar="FILE|M",
+                         help="height of the vertical datum above the ellipsoid: a grid, such as a geoid, or a number "
+                              "[m]; default: that of the water or the line")
+    command.add_argument("--heights", choices=("tide", "gnss"), default=None,
+                         help="depths by draft, heave and tide, or by heights above the ellipsoid less the separation; "
+                              "default: tide")
+    add_file(command, "--navigation", metavar="FILE",
+             help="position, attitude and ellipsoid heights for a recorded line: SBET, POS MV, CSV or XTF")
+    add_file(command, "--heave", metavar="FILE", help="delayed heave for a recorded line: POS MV with groups 111")
     command.add_argument("--head-speed", type=number, metavar="M/S",
                          help="another sound speed at the head, for a recorded line")
     command.add_argument("--column", action="store_true", help="keep the water column")
@@ -68,8 +77,10 @@ def _soundings(arguments):
     warn("; ".join((f"{written.soundings} soundings of {written.pings} pings", *written.words, *words, *kept)))
 
 
-def tide_of(text: str) -> float | str:
-    """Return the water level [m] that a text states, or the text, the name of a file."""
+def level_of(text: str | None) -> float | str | None:
+    """Return the height [m] that a text states, or the text, the name of a file."""
+    if text is None:
+        return None
     try:
         return float(text)
     except ValueError:
@@ -96,6 +107,9 @@ def _simulated(arguments, place, progress):
     """
     if arguments.head_speed is not None:
         raise ValueError("--head-speed applies to recorded lines; in a scene write head_speed_error of the sensor.")
+    for option in ("navigation", "heave"):
+        if getattr(arguments, option) is not None:
+            raise ValueError(f"--{option} applies to recorded lines; in a scene write the track of the sensor.")
     from mitsonar.device import files
     from mitsonar.io import survey_lines
     from mitsonar.io.records import ping_file
@@ -110,10 +124,11 @@ def _simulated(arguments, place, progress):
 
     def pings_from(number: int) -> Iterator[xr.Dataset]:
         began.append(number)
-        return sounded_pings(scene, arguments.seed, arguments.profile, tide=tide, sensor=arguments.sensor,
+        return sounded_pings(scene, arguments.seed, arguments.profile, **by, sensor=arguments.sensor,
                              column=arguments.column, snippets=arguments.snippets, start=number, count=total.append)
 
-    tide = None if arguments.tide is None else tide_of(arguments.tide)
+    by = {"tide": level_of(arguments.tide), "separation": level_of(arguments.separation),
+          "heights": arguments.heights or "tide"}
     began: list[int] = []
     pings = pings_from(0)
     leave_if_interrupted(part)
@@ -127,19 +142,19 @@ def _simulated(arguments, place, progress):
 
 
 def _recorded(arguments, words):
-    """Yield the blocks of a recorded line, reduced again by the instrument's own rules if a cast or speed is given.
+    """Yield the blocks of a recorded line, reduced again by the instrument's own rules if something is changed.
 
     Remarks on the line and on the rules are appended to `words`.
     """
     given = [option for option, value in (("-D", arguments.parameters), ("--seed", arguments.seed),
                                           ("--sensor", arguments.sensor), ("--snippets", arguments.snippets),
-                                          ("--threads", arguments.threads is not None),
-                                          ("--tide", arguments.tide)) if value]
+                                          ("--threads", arguments.threads is not None)) if value]
     if given:
         raise ValueError(f"{given[0]} applies to scenes only, and {arguments.scene} is a recorded line; leave it out.")
     from mitsonar.hydrography.reduction.resounding import resounded
     from mitsonar.io import casts, survey_lines
     from mitsonar.planning.instrument_rules import rules_of
+    from mitsonar.planning.line_changes import changes
 
     if os.path.exists(arguments.output):
         for source in survey_lines.sources(arguments.scene):
@@ -147,16 +162,19 @@ def _recorded(arguments, words):
                 raise ValueError(f"{arguments.output} is the line itself, and the output may hold less than it; "
                                  "give another name.")
     profile = None if arguments.profile is None else casts.read(arguments.profile).profile
+    changed = changes(tide=level_of(arguments.tide), separation=level_of(arguments.separation), words=words,
+                      heights=arguments.heights, navigation=arguments.navigation, heave=arguments.heave)
     rules = None
     for block in survey_lines.read_blocks(arguments.scene, column=arguments.column):
         remarks = filter(None, map(block.attrs.get, ("left_out", "reduction")))
         words.extend(remark for remark in remarks if remark not in words)
-        if profile is None and arguments.head_speed is None:
+        if profile is None and arguments.head_speed is None and not changed:
             yield block
             continue
         if rules is None:
             rules = rules_of(block)
             words.extend(rules.words)
+        block = changed.of(block)
         reduction = rules.arguments(block)
         if arguments.head_speed is not None:
             reduction |= {"head_speed": arguments.head_speed, "node": True}

@@ -10,8 +10,8 @@ frame: x forward, y starboard, z down. Positions of the arrays are lever arms fr
 transmission, along its heading.
 
 Heights count upwards from the ellipsoid WGS 84. `ping_height` is that of the reference point, waves and tide included;
-`separation` is that of the vertical datum at the same place, so that the reference point is ``separation - ping_height``
-below the datum. Attribute ``vertical_datum`` names the datum; ``heights`` is "gnss" where depths were reduced by
+`separation` is that of the vertical datum at the same place: the reference point is ``separation - ping_height`` below
+the datum. Attribute ``vertical_datum`` names the datum; ``heights`` is "gnss" where depths were reduced by
 `ping_height` and `separation`, and "tide" or absent where by heave, draft and tide. With "gnss", `tide` is the water
 level that follows, ``ping_height - separation`` plus the depth of the reference point below the surface.
 
