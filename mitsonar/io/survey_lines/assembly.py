@@ -7,7 +7,7 @@ state angles and times alone are placed by `hydrography.reduction`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timezone
 
 import numpy as np
@@ -26,6 +26,7 @@ PLACES = ("depth", "x", "y", "across_track", "along_track")
 MEASURED = ("travel_time", "angle", "transmit_angle")
 REDUCTION = ("places by mitsonar, from travel times and angles of the file: rays through the cast, with the head's "
              "sound speed at the arrays and the ship's way while echoes arrive")
+LEVELS = ("tide", "ping_height", "separation")
 SECTOR = ("frequency", "delay", "angle", "pulse_length", "bandwidth", "source_level_db", "absorption_db")
 
 
@@ -92,6 +93,9 @@ class AssembledLine:
     column_samples: int = 0
     left_out: str = ""  # contents of the file that the record cannot hold
     placed: bool = True  # soundings have places in the file, not angles and times alone
+    levels: tuple[str, ...] = ()  # of LEVELS, those that the file states
+    datum: str = ""  # vertical datum
+    heights: str = ""  # "gnss" if depths follow from heights above the ellipsoid
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -116,6 +120,7 @@ class Ping:
     sectors: dict[str, np.ndarray]  # (S,)
     soundings: dict[str, np.ndarray]  # (B,): by the names of the record's variables
     column: LineColumn | None = None
+    levels: dict[str, float] = field(default_factory=dict)  # [m], by names of LEVELS
 
 
 @np.errstate(invalid="ignore", over="ignore")      # invalid soundings may hold NaN and infinity
@@ -127,6 +132,7 @@ def dataset(line: AssembledLine, pings: Sequence[Ping]) -> xr.Dataset:
         "receive_offset": line.receive_offset[0], "receive_mounting": line.receive_mounting[0]}
     values |= {f"motion_{name}": line.motion[name] for name in POSE}
     values |= {f"ping_{name}": np.array([ping.place[name] for ping in pings]) for name in POSE}
+    values |= {name: np.array([ping.levels.get(name, np.nan) for ping in pings]) for name in line.levels}
     values["head_sound_speed"] = np.array([ping.head_sound_speed for ping in pings])
     values |= {f"sector_{name}": _padded([ping.sectors[name] for ping in pings], (line.sectors,), np.nan)
                for name in SECTOR}
@@ -152,10 +158,10 @@ def dataset(line: AssembledLine, pings: Sequence[Ping]) -> xr.Dataset:
     attributes = {"sonar": line.sonar, "title": line.title, "crs": line.crs, "preset": None, "profile": line.profile,
                   "start": datetime.fromtimestamp(line.start, timezone.utc).isoformat().replace("+00:00", "Z"),
                   "backscatter": line.backscatter}
-    if line.left_out:
-        attributes["left_out"] = line.left_out
     if not line.placed:
         attributes["reduction"] = REDUCTION
+    attributes |= {name: text for name, text in (("left_out", line.left_out), ("vertical_datum", line.datum),
+                                                 ("heights", line.heights)) if text}
     if line.crs is not None:
         attributes["origin"] = line.origin
     record = xr.Dataset({name: variable(name, value) for name, value in values.items()}, attrs=attributes)
