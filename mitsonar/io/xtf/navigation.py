@@ -25,6 +25,7 @@ _log = logging.getLogger(__name__)
 
 _MOST_BYTES = 512_000_000          # of navigation kept
 _FASTEST = 25.0                    # [m/s], beyond any sonar's platform
+_TICK = 1e-3                       # [s] that clocks may differ, since packets hold times to different digits
 _SLACK = 2.0                       # [m] that positions may jump beside
 _METRES_PER_DEGREE = 111_195.0
 _LARGEST_HEADING = 720.0           # [degrees]
@@ -86,7 +87,7 @@ def _navigation(path, units, packets, pings):
         raise ValueError(f"positions are recorded for {time[-1] - time[0]:.0f} s and attitude for "
                          f"{clock[-1] - clock[0]:.0f} s, but never together; the packets' clocks disagree.")
     finer = time if time.size >= clock.size else clock
-    at = finer[(finer >= first) & (finer <= last)]
+    at = finer[(finer >= first - _TICK) & (finer <= last + _TICK)]
     if at.size < 2:
         raise ValueError("positions and attitude are recorded together at less than two times; the packets' clocks "
                          "disagree.")
