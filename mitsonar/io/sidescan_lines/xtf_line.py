@@ -191,6 +191,10 @@ def _completed(path, columns, kinds):
     values = {names[0]: track.x, names[1]: track.y, "heading": track.heading, "pitch": track.pitch,
               "roll": track.roll, "heave": track.heave}
     there = {name: values[name] for name in lacking if values[name] is not None and np.any(values[name])}
+    if "heading" in there:
+        there["heading"] = np.unwrap(there["heading"])
     inside = (time >= track.time[0]) & (time <= track.time[-1])
     found = {name: np.where(inside, np.interp(time, track.time, value), np.nan) for name, value in there.items()}
+    if "heading" in found:
+        found["heading"] %= 2 * np.pi
     return {**columns, **found}, f"ping headers{f'; {chr(44).join(there)} from packets' if there else ''}"

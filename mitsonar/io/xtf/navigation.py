@@ -25,6 +25,7 @@ _log = logging.getLogger(__name__)
 
 _MOST_BYTES = 512_000_000          # of navigation kept
 _FASTEST = 25.0                    # [m/s], beyond any sonar's platform
+_TICK = 1e-3                       # [s] that clocks may differ, since packets hold times to different digits
 _SLACK = 2.0                       # [m] that positions may jump beside
 _METRES_PER_DEGREE = 111_195.0
 _LARGEST_HEADING = 720.0           # [degrees]
@@ -86,7 +87,7 @@ def _navigation(path, units, packets, pings):
         raise ValueError(f"positions are recorded for {time[-1] - time[0]:.0f} s and attitude for "
                          f"{clock[-1] - clock[0]:.0f} s, but never together; the packets' clocks disagree.")
     finer = time if time.size >= clock.size else clock
-    at = finer[(finer >= first) & (finer <= last)]
+    at = finer[(finer >= first - _TICK) & (finer <= last + _TICK)]
     if at.size < 2:
         raise ValueError("positions and attitude are recorded together at less than two times; the packets' clocks "
                          "disagree.")
@@ -133,15 +134,21 @@ def _positions(geographic, packets, pings, dropped):
     raise ValueError("it holds no navigation: no packet has a position; give a track as CSV.")
 
 
-def dates(records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the times (P,) [s since 1970] of packets, and a mask of those whose date can be."""
+def calendar(records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return whole seconds (P,) [s since 1970] of calendar fields, and a mask of those whose date can be."""
     fields = {name: records[name].astype(np.int64) for name in ("Year", "Month", "Day", "Hour", "Minute", "Second")}
     month = (fields["Year"] - 1970) * 12 + fields["Month"] - 1
     day = month.astype("datetime64[M]").astype("datetime64[D]") + (fields["Day"] - 1)
     sound = (fields["Year"] >= 1970) & (fields["Month"] >= 1) & (fields["Month"] <= 12) & (fields["Day"] >= 1)
     sound &= (day.astype("datetime64[M]").astype(np.int64) == month) & (fields["Hour"] < 24)
     sound &= (fields["Minute"] < 60) & (fields["Second"] < 61)
-    time = (day.astype(np.int64) * 86400.0 + fields["Hour"] * 3600.0 + fields["Minute"] * 60.0 + fields["Second"])
+    time = day.astype(np.int64) * 86400.0 + fields["Hour"] * 3600.0 + fields["Minute"] * 60.0 + fields["Second"]
+    return time, sound
+
+
+def dates(records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the times (P,) [s since 1970] of packets, and a mask of those whose date can be."""
+    time, sound = calendar(records)
     name, unit = next((name, unit) for name, unit in _FRACTIONS.items() if name in records.dtype.names)
     if name == "Microsecond" and records.dtype[name].itemsize == 2:
         unit = 1e-4                # two bytes hold tenths of milliseconds, whatever pyxtf calls them
