@@ -1,4 +1,4 @@
-"""The commands about lines of soundings: soundings, like."""
+"""The commands about recorded lines: soundings, like."""
 from __future__ import annotations
 
 import os
@@ -50,12 +50,14 @@ def add(commands: Commands) -> None:
                          help="position of x = y = 0 if the scene names no coordinate system; default: 0 0")
     command.set_defaults(run=_soundings)
 
-    like = commands.add_parser("like", help="make a scene like a recorded line: its track, cast, sounder and bed")
-    add_file(like, "line", metavar="LINE.all|kmall|gsf|s7k", help="line of soundings")
+    like = commands.add_parser("like", help="make a scene like a recorded line of soundings, or of a sidescan: its "
+                                            "track, sonar and bed")
+    add_file(like, "line", metavar="LINE", help="line of soundings, or of a sidescan")
     add_file(like, "-o", "--output", required=True, metavar="SCENE.xml",
-             help="scene; its track, cast and bed are written beside it")
+             help="scene; its track, cast and bed are written beside it, of a sidescan the map of its strength")
     like.add_argument("--cell", type=number, metavar="M",
-                      help="cell of the bed's grid; default: by the density of soundings")
+                      help="cell of the bed's grid, or of the map of a sidescan; default: by the density of soundings "
+                           "or samples")
     like.add_argument("--pings", type=whole, metavar="N", help="number of first pings to use; default: all")
     like.set_defaults(run=_like)
 
@@ -182,12 +184,17 @@ def _recorded(arguments, words):
 
 
 def _like(arguments):
+    from mitsonar.device.files import check_readable
+    from mitsonar.io import sidescan_lines
     from mitsonar.planning.like_line import like
+    from mitsonar.planning.twins.like_sidescan import like_sidescan
 
     if arguments.cell is not None and not 0 < arguments.cell < 1e4:
         raise ValueError(f"--cell is {arguments.cell:g} m; give a number above 0, up to 10 000.")
     if arguments.pings is not None and arguments.pings < 2:
         raise ValueError(f"--pings is {arguments.pings}; a track takes two or more.")
-    for path in like(arguments.line, arguments.output, cell=arguments.cell, say=warn,
+    check_readable(arguments.line, "the line", "a recorded line")
+    make = like_sidescan if sidescan_lines.recognised(arguments.line) else like
+    for path in make(arguments.line, arguments.output, cell=arguments.cell, say=warn,
                      pings=None if arguments.pings is None else slice(0, arguments.pings)):
         announce(path)
