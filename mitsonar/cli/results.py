@@ -24,7 +24,8 @@ from .words import announce
 def add(commands: Commands) -> None:
     """Add the commands to the parser's."""
     plot = commands.add_parser("plot", help="draw an image, a line of soundings or a fit's answer")
-    add_file(plot, "image", metavar="IN.exr|nc|kmall|all|gsf", help="an image, a line of soundings or a fit's answer")
+    add_file(plot, "image", metavar="IN.exr|nc|kmall|all|gsf|s7k",
+             help="an image, a line of soundings or a fit's answer")
     plot.add_argument("--what", metavar="VIEW",
                       help="view of an image: waterfall (default), objects, ping, mean, labels, class, share, hidden, "
                            "shadow, layover, depth or rays, of an interferometric sidescan also phase, coherence, "
@@ -42,7 +43,7 @@ def add(commands: Commands) -> None:
 
     video = commands.add_parser("video", help="draw the pings of fans, or the water column of a line of soundings, as "
                                               "a GIF, an MP4 or PNG files")
-    add_file(video, "records", metavar="IN.exr|nc|kmall|all", nargs="+",
+    add_file(video, "records", metavar="IN.exr|nc|kmall|all|s7k", nargs="+",
              help="images of the same beams, in their order, or one line of soundings")
     add_file(video, "output", metavar="OUT", help="OUT.gif, OUT.mp4, or a folder for PNG files")
     video.add_argument("--fps", type=number, metavar="N",
@@ -143,7 +144,7 @@ def _opened(path):
     from mitsonar.io.records import exr, netcdf
 
     if not is_netcdf(path):
-        yield _sounders_line(path) or exr.read(path)
+        yield _instruments_line(path) or exr.read(path)
         return
     import xarray as xr
 
@@ -156,8 +157,8 @@ def _opened(path):
         yield record
 
 
-def _sounders_line(path):
-    """Return the soundings of a file of an echo sounder or survey software, known by its first bytes, else None."""
+def _instruments_line(path):
+    """Return the soundings or the sidescan of a file of an instrument or survey software, else None."""
     from mitsonar.device.files import EXR
 
     if not os.path.isfile(path):
@@ -166,9 +167,12 @@ def _sounders_line(path):
         head = stream.read(8)
     if head.startswith(EXR):                       # an EXR needs none of the imports below
         return None
+    from mitsonar.io import sidescan_lines
     from mitsonar.io.survey_lines import reading
 
-    return None if reading.recognised(head) is None else reading.read(path)
+    if reading.recognised(head) is not None:
+        return reading.read(path)
+    return None if sidescan_lines.recognised(path) is None else sidescan_lines.read(path)
 
 
 def _video(arguments):
@@ -177,7 +181,7 @@ def _video(arguments):
     with Progress("records", "drawing") as progress:
         records = arguments.records
         if len(records) == 1:
-            records = _sounders_line(records[0]) or records[0]
+            records = _instruments_line(records[0]) or records[0]
         plots.video(records, arguments.output, fps=arguments.fps, colours=arguments.colours,
                     tvg=gain(arguments), width=arguments.width, progress=progress)
     announce(arguments.output)

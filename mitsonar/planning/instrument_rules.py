@@ -67,7 +67,9 @@ class InstrumentRules:
 
 
 def rules_of(soundings: xr.Dataset) -> InstrumentRules:
-    """Estimate the rules by which a line was reduced."""
+    """Estimate the rules by which a line was reduced; places by mitsonar are by its own rules, without residuals."""
+    if "reduction" in soundings.attrs:
+        return InstrumentRules(residual={})
     usable = under_record(soundings)
     if usable.size:
         usable = np.unique(usable[np.linspace(0, usable.size - 1, MOST_PINGS).astype(int)])

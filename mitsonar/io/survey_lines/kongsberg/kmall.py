@@ -21,7 +21,7 @@ from mitsonar.device.files import FilePath, replacing
 from mitsonar.device.rotations import mounted
 
 from ..directions import from_vertical
-from ..lines import COLUMN, HEADS, SOUNDINGS, Blocks, LineToWrite, Ping, Place, Written, line_of, pings, rated
+from ..lines import COLUMN, HEADS, RESPONSE, SOUNDINGS, Blocks, LineToWrite, Ping, Place, Written, line_of, pings, rated
 from ..passage import passage_of
 from ..snippets import Runs, runs_of
 from .column import KongsbergColumn, column_of, offset_of, water_column
@@ -32,7 +32,7 @@ INFO, SECTOR, RECEIVER, SOUNDING = 152, 48, 32, 120      # bytes
 NO_SOUNDING_DB = -100.0                                # reflectivity of beams without a sounding
 NORMAL, REJECTED = 0, 2                                # types of detections
 NO_SAMPLE = -32_768
-HELD = (SOUNDINGS - {"transmit_angle"}) | COLUMN | HEADS
+HELD = (SOUNDINGS - {"transmit_angle"}) | COLUMN | HEADS | RESPONSE
 
 
 def soundings(stream: IO[bytes], line: LineToWrite, ping: Ping, number: int, sounder: int,
@@ -99,7 +99,9 @@ def _receiver(ping, runs, column) -> dict[str, Any]:
     return {"numBytesRxInfo": RECEIVER, "numSoundingsMaxMain": ping["valid"].size,
             "numSoundingsValidMain": int(ping["valid"].sum()), "numBytesPerSounding": SOUNDING,
             "WCSampleRate": 0.0 if column is None else column.rate,
-            "seabedImageSampleRate": 0.0 if runs is None else runs.rate, "BSnormal_dB": 0.0, "BSoblique_dB": 0.0,
+            "seabedImageSampleRate": 0.0 if runs is None else runs.rate,
+            "BSnormal_dB": float(ping.get("normal_incidence_db", 0.0)),
+            "BSoblique_dB": float(ping.get("oblique_incidence_db", 0.0)),
             "extraDetectionAlarmFlag": 0, "numExtraDetections": 0, "numExtraDetectionClasses": 0, "numBytesPerClass": 4}
 
 
