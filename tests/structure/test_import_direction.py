@@ -33,6 +33,7 @@ FLOORS = """
     viewing
     validation
     sweep dataset
+    comparison
     cli
     __main__
 """
