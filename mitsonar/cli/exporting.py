@@ -117,9 +117,9 @@ def _raster(arguments):
 
 
 def _write_grey(dataset, path, cell):
-    from mitsonar.dataset.labels.frames import frames
-    from mitsonar.dataset.labels.pictures import greys, write_png
     from mitsonar.device.files import replacing
+    from mitsonar.labels.frames import frames
+    from mitsonar.labels.pictures import greys, write_png
 
     frame, = frames(dataset, "the record", "cartesian", cell)
     picture = greys(dataset, [frame]).draw(frame)

@@ -30,6 +30,7 @@ FLOORS = """
     verbs
     inversion
     plots
+    labels
     viewing
     validation
     sweep dataset
