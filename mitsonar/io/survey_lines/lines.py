@@ -25,11 +25,13 @@ SOUNDINGS = frozenset({
     "sector_frequency", "sector_delay", "sector_angle", "sector_pulse_length", "sector_bandwidth",
     "sector_source_level_db", "sector_absorption_db", "valid", "travel_time", "angle", "transmit_angle", "sector",
     "depth", "x", "y", "across_track", "along_track", "detection", "quality", "uncertainty", "horizontal_uncertainty",
-    "backscatter_db", "snippet_rate", "snippet_start", "snippet_db", "head",
+    "backscatter_db", "snippet_rate", "snippet_start", "snippet_db", "head", "written_backscatter_db",
+    "written_snippet_db",
 })
 HEIGHTS = frozenset({"tide", "ping_height"})
 COLUMN = frozenset({"column_angle", "column_sector", "column_start", "column_rate", "column_level_db"})
 HEADS = frozenset({"head_receive_offset", "head_receive_mounting"})
+RESPONSE = frozenset({"normal_incidence_db", "oblique_incidence_db"})      # of formats after Kongsberg's
 
 Blocks = xr.Dataset | Iterable[xr.Dataset]
 Place = tuple[float, float]                # latitude and longitude [degrees]
@@ -90,7 +92,9 @@ class LineToWrite:
                          if variable in self.first.variables and variable not in held)
         return tuple(text for text in (
             self.placed, f"{empty} ping{'s' if empty > 1 else ''} without beams left out" if empty else "",
-            f"{name} has no room for {lost}: write a .nc to keep them" if lost else "", *others,
+            f"{name} has no room for {lost}: write a .nc to keep them" if lost else "",
+            "strengths are those that the instrument writes; backscatter_db, of the bed, is in a .nc only"
+            if "written_backscatter_db" in self.first else "", *others,
             f"snippets lack snippet_rate, so {name} holds none" if "snippet_db" in self.first
             and "snippet_rate" not in self.first else "") if text)
 
@@ -153,6 +157,9 @@ def pings(line: LineToWrite, block: xr.Dataset) -> Iterator[Ping]:
         ping["beam"] = np.arange(formed.size)
         for name in (*of_beams, "latitude", "longitude", "beam"):
             ping[name] = ping[name][formed]
+        for name in ("backscatter_db", "snippet_db"):
+            if f"written_{name}" in ping:      # files hold what the instrument writes
+                ping[name] = ping[f"written_{name}"]
         sent = np.flatnonzero(np.isfinite(ping["sector_frequency"]))
         sectors = 1 + int(sent[-1]) if sent.size else 1
         for name in of_sectors:

@@ -25,7 +25,20 @@ from mitsonar.device.rotations import mounted
 from mitsonar.units import deg_from_radians, knots_from_metres_per_second
 
 from ..directions import level
-from ..lines import HEADS, HEIGHTS, SOUNDINGS, Blocks, LineToWrite, Ping, Place, Written, cycled, formed, line_of
+from ..lines import (
+    HEADS,
+    HEIGHTS,
+    RESPONSE,
+    SOUNDINGS,
+    Blocks,
+    LineToWrite,
+    Ping,
+    Place,
+    Written,
+    cycled,
+    formed,
+    line_of,
+)
 from ..passage import LinePassage, passage_of
 from ..snippets import runs_of
 from ..swath_figures import swath_figures
@@ -219,7 +232,9 @@ def _specific(line, ping, array):
                 "Longitude_deg": float(ping["ping_longitude"]), "NumBytesRxInfo": 32,
                 "NumSoundingsMaxMain": ping["valid"].size, "NumSoundingsValidMain": int(ping["valid"].sum()),
                 "NumBytesPerSounding": 120, "SeabedImageSampleRate": 0.0 if runs is None else runs.rate,
-                "WCSampleRate": float(rates[0]) if rates.size else 0.0}
+                "WCSampleRate": float(rates[0]) if rates.size else 0.0,
+                "BSnormal_dB": float(ping.get("normal_incidence_db", 0.0)),
+                "BSoblique_dB": float(ping.get("oblique_incidence_db", 0.0))}
     sectors = {"TxSectorNumb": np.arange(length.size), "SectorTransmitDelay_sec": ping["sector_delay"],
                "TiltAngleReTx_deg": np.degrees(ping["sector_angle"]), "CentreFreq_Hz": ping["sector_frequency"],
                "TxNominalSourceLevel_dB": ping["sector_source_level_db"], "TotalSignalLength_sec": length,
@@ -282,7 +297,8 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
                 "StartTime": line.start + float(line.first["ping_time"][0]), "EndTime": time,
                 "MinLatitude_deg": low[0], "MinLongitude_deg": low[1], "MinDepth_m": low[2],
                 "MaxLatitude_deg": high[0], "MaxLongitude_deg": high[1], "MaxDepth_m": high[2]})
-    held = SOUNDINGS | HEIGHTS | {"separation"} | (HEADS if len(line.receivers[0]) <= MOST_RECEIVERS else set())
+    held = SOUNDINGS | RESPONSE | HEIGHTS | {"separation"} | (
+        HEADS if len(line.receivers[0]) <= MOST_RECEIVERS else set())
     sectors = line.first.sizes["transmission"]
     few = f"GSF holds {MOST_SECTORS} of the {sectors} sectors" if sectors > MOST_SECTORS else ""
     return Written(pings=number, soundings=soundings, words=line.remarks("GSF", held, len(empty), few))

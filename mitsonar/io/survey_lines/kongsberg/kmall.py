@@ -25,7 +25,7 @@ from mitsonar.device.rotations import mounted, mounting_matrix
 
 from .. import lines
 from ..directions import from_vertical
-from ..lines import COLUMN, HEADS, HEIGHTS, SOUNDINGS, Blocks, LineToWrite, Ping, Place, Written
+from ..lines import COLUMN, HEADS, HEIGHTS, RESPONSE, SOUNDINGS, Blocks, LineToWrite, Ping, Place, Written
 from ..passage import passage_of
 from ..snippets import Runs, runs_of
 from ..swath_figures import swath_figures
@@ -39,7 +39,7 @@ NO_SOUNDING_DB = -100.0                                # reflectivity of beams w
 NORMAL, REJECTED = 0, 2                                # types of detections
 NO_SAMPLE = -32_768
 SVT_SECONDS = 1.0                                      # between sound speeds at the head
-HELD = (SOUNDINGS - {"transmit_angle"}) | COLUMN | HEADS | HEIGHTS
+HELD = (SOUNDINGS - {"transmit_angle"}) | COLUMN | HEADS | HEIGHTS | RESPONSE
 
 
 def soundings(stream: IO[bytes], line: LineToWrite, ping: Ping, sounder: int, column: KongsbergColumn | None) -> None:
@@ -109,7 +109,8 @@ def _receiver(ping, runs, column, figures) -> dict[str, Any]:
             "numSoundingsValidMain": int(ping["valid"].sum()), "numBytesPerSounding": SOUNDING,
             "WCSampleRate": 0.0 if column is None else column.rate,
             "seabedImageSampleRate": 0.0 if runs is None else runs.rate,
-            "BSnormal_dB": figures["BSnormal_dB"], "BSoblique_dB": figures["BSoblique_dB"],
+            "BSnormal_dB": float(ping.get("normal_incidence_db", figures["BSnormal_dB"])),
+            "BSoblique_dB": float(ping.get("oblique_incidence_db", figures["BSoblique_dB"])),
             "extraDetectionAlarmFlag": 0, "numExtraDetections": 0, "numExtraDetectionClasses": 0, "numBytesPerClass": 4}
 
 
