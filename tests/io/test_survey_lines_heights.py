@@ -1,6 +1,7 @@
 """Tide, heights, heads and swaths in KMALL and GSF files: fields by other readers, and round trips."""
 import io
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from mitsonar.hydrography.record import variable
 from mitsonar.io import survey_lines
 from mitsonar.io.survey_lines import reading
 
+MEASURED = Path(__file__).resolve().parents[3] / "shared" / "data" / "measured" / "multibeam"
 SEPARATION, START = 44.0, 1_777_629_600                # [m]; 2026-05-01T10:00:00Z
 SLOPE = 1e-4                                           # [m/s] of the tide: 0.36 m an hour
 
@@ -217,6 +219,20 @@ def test_parts_of_the_transmit_array_come_back(tmp_path):
                                line["transmit_offset"].values + offsets, atol=6e-5)
     other = line.assign(sector_offset=variable("sector_offset", offsets + np.arange(3)[:, None, None]))
     assert "sector_offset" in str(survey_lines.write(other, tmp_path / "b.kmall").words)
+
+
+def test_a_real_line_comes_back_from_kmall(tmp_path):
+    theirs = MEASURED / "em2042_os01.kmall"
+    if not theirs.exists():
+        pytest.skip(f"there is no {theirs}")
+    line = reading.read(theirs, water_column=False)
+    survey_lines.write(line, tmp_path / "a.kmall")
+    back, kept = reading.read(tmp_path / "a.kmall"), np.isfinite(line["travel_time"]).any("beam").values
+    line = line.isel(ping=kept)
+    assert np.isfinite(line["ping_height"]).all()
+    for name in ("travel_time", "depth", "across_track", "backscatter_db", "ping_height", "sector_offset"):
+        ours, others = (one[name].values[np.isfinite(one[name].values)] for one in (back, line))
+        np.testing.assert_allclose(ours, others, atol=1e-6, err_msg=name)
 
 
 def test_a_height_that_is_no_tide_is_not_read(tmp_path):

@@ -233,8 +233,8 @@ def _specific(line, ping, array):
                 "NumSoundingsMaxMain": ping["valid"].size, "NumSoundingsValidMain": int(ping["valid"].sum()),
                 "NumBytesPerSounding": 120, "SeabedImageSampleRate": 0.0 if runs is None else runs.rate,
                 "WCSampleRate": float(rates[0]) if rates.size else 0.0,
-                "BSnormal_dB": float(ping.get("normal_incidence_db", 0.0)),
-                "BSoblique_dB": float(ping.get("oblique_incidence_db", 0.0))}
+                "BSnormal_dB": float(ping.get("normal_incidence_db", figures["BSnormal_dB"])),
+                "BSoblique_dB": float(ping.get("oblique_incidence_db", figures["BSoblique_dB"]))}
     sectors = {"TxSectorNumb": np.arange(length.size), "SectorTransmitDelay_sec": ping["sector_delay"],
                "TiltAngleReTx_deg": np.degrees(ping["sector_angle"]), "CentreFreq_Hz": ping["sector_frequency"],
                "TxNominalSourceLevel_dB": ping["sector_source_level_db"], "TotalSignalLength_sec": length,
