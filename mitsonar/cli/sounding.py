@@ -156,7 +156,7 @@ def _recorded(arguments, words):
     from mitsonar.hydrography.reduction.resounding import resounded
     from mitsonar.io import casts, survey_lines
     from mitsonar.planning.instrument_rules import rules_of
-    from mitsonar.planning.line_changes import changes
+    from mitsonar.planning.recorded.line_changes import changes
 
     if os.path.exists(arguments.output):
         for source in survey_lines.sources(arguments.scene):
