@@ -11,8 +11,12 @@ cannot be true are left out and counted: impossible dates and places, repeated t
 The packets' layouts are pyxtf's; the walk from packet to packet is made here, so that a damaged length, or a file of
 100 GB, costs neither an endless loop nor memory.
 """
+from __future__ import annotations
+
 import logging
 import os
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
@@ -20,6 +24,9 @@ from mitsonar.device.files import FilePath
 
 from ..tracks.navigation import Navigation, unrepeated
 from .pings import MAGIC, structure
+
+if TYPE_CHECKING:
+    import pyxtf
 
 _log = logging.getLogger(__name__)
 
@@ -29,7 +36,7 @@ _FASTEST = 25.0                    # [m/s], beyond any sonar's platform
 _SLACK = 2.0                       # [m] that positions may jump beside
 _METRES_PER_DEGREE = 111_195.0
 _LARGEST_HEADING = 720.0           # [degrees]
-_VENDORS_PINGS = (65,)             # QINSy R2Sonic, a ping header before data that pyxtf does not know
+_VENDORS_PINGS = (65, 68)          # R2Sonic, a ping header before data that pyxtf does not know
 _LONGEST = 2 * 86400.0             # [s] from the file's median time; beyond it a date is wrong
 _FRACTIONS = {"Microsecond": 1e-6, "Millisecond": 1e-3, "HSeconds": 1e-2}
 
@@ -44,10 +51,44 @@ def recognised(path: FilePath) -> bool:
 def read(path: FilePath) -> Navigation:
     """Read the navigation of an XTF file."""
     try:
-        with np.errstate(invalid="ignore", over="ignore"):      # damaged packets hold any bits as numbers
-            return _navigation(path, *_packets(path))
+        return navigation_of(path)
     except ValueError as error:
         raise ValueError(f"cannot read the track {path}: {error}") from None
+
+
+def navigation_of(path: FilePath) -> Navigation:
+    """Return the navigation of an XTF file; errors do not name the file."""
+    with np.errstate(invalid="ignore", over="ignore"):      # damaged packets hold any bits as numbers
+        return _navigation(path, *_packets(path))
+
+
+def header_of(file: BinaryIO) -> pyxtf.XTFFileHeader:
+    """Return the header of an XTF file."""
+    import pyxtf
+
+    file.seek(0)
+    head = file.read(1024)
+    if len(head) < 1024 or head[0] != 123:
+        raise ValueError("it is not an XTF file, which starts with the number 123 and a header of 1024 bytes.")
+    return pyxtf.XTFFileHeader.from_buffer_copy(head)
+
+
+def packets_of(file: BinaryIO) -> Iterator[tuple[int, int, int]]:
+    """Yield kind, place and length [bytes] of the packets of an XTF file, all within the file."""
+    size = os.fstat(file.fileno()).st_size
+    # a header has room for 6 channels, and grows by 1024 bytes for each 8 more
+    at = 1024 * (1 + max(0, -(-(header_of(file).channel_count() - 6) // 8)))
+    while at < size:
+        file.seek(at)
+        start = file.read(_START)
+        magic, kind = int.from_bytes(start[:2], "little"), start[2] if len(start) > 2 else -1
+        length = int.from_bytes(start[10:14], "little")
+        if len(start) == _START and (magic != MAGIC or length < _START):
+            raise ValueError(f"no packet starts at byte {at}: the file is damaged there; record or copy it again.")
+        if len(start) < _START or at + length > size:
+            raise ValueError(f"it ends within a packet that starts at byte {at}: the file is cut off; copy it again.")
+        yield kind, at, length
+        at += length
 
 
 def _packets(path):
@@ -60,31 +101,16 @@ def _packets(path):
                23: pyxtf.XTFHeaderGyro, 84: pyxtf.XTFHeaderGyro,
                **dict.fromkeys((*pings, *_VENDORS_PINGS), pyxtf.XTFPingHeader)}
     layouts = {kind: structure(layout) for kind, layout in layouts.items()}
-    size, kept, total = os.path.getsize(path), {}, 0
+    kept, total = {}, 0
     with open(path, "rb") as file:
-        head = file.read(1024)
-        if len(head) < 1024 or head[0] != 123:
-            raise ValueError("it is not an XTF file, which starts with the number 123 and a header of 1024 bytes.")
-        header = pyxtf.XTFFileHeader.from_buffer_copy(head)
-        # a header has room for 6 channels, and grows by 1024 bytes for each 8 more
-        at = 1024 * (1 + max(0, -(-(header.channel_count() - 6) // 8)))
-        while at < size:
-            file.seek(at)
-            start = file.read(_START)
-            magic, kind = int.from_bytes(start[:2], "little"), start[2] if len(start) > 2 else -1
-            length = int.from_bytes(start[10:14], "little")
-            if len(start) == _START and (magic != MAGIC or length < _START):
-                raise ValueError(f"no packet starts at byte {at}: the file is damaged there; record or copy it again.")
-            if len(start) < _START or at + length > size:
-                raise ValueError(f"it ends within a packet that starts at byte {at}: the file is cut off; copy it "
-                                 "again.")
+        header = header_of(file)
+        for kind, at, length in packets_of(file):
             if kind in layouts and length >= layouts[kind].itemsize:
                 file.seek(at)
                 kept.setdefault(kind, bytearray()).extend(file.read(layouts[kind].itemsize))
                 total += layouts[kind].itemsize
                 if total > _MOST_BYTES:
                     raise ValueError(f"it holds more than {_MOST_BYTES / 1e6:.0f} MB of navigation; split it.")
-            at += length
     packets = {kind: np.frombuffer(raw, layouts[kind]) for kind, raw in kept.items()}
     headers = [packets.pop(kind) for kind in (*pings, *_VENDORS_PINGS) if kind in packets]
     return header.NavUnits, packets, np.concatenate(headers) if headers else None
