@@ -18,8 +18,8 @@ ZARR = ("zarr.json", ".zmetadata", ".zgroup")
 LARGEST_JSON = 10 ** 9             # bytes; text takes some ten times as much once it is read
 GEOTIFF = (".tif", ".tiff")
 IMAGES = (".exr", ".nc", *hdf5.SUFFIXES, *GEOTIFF)       # of focused images
-KINDS = (".exr (images), .nc (images, signals, soundings), .h5, .tif (focused images), .gsf, .kmall, .csv, .las "
-         "(soundings)")
+KINDS = (".exr (images), .nc (images, signals, soundings), .h5, .tif (focused images), .gsf, .kmall, .s7k, .csv, "
+         ".las (soundings)")
 
 
 def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray | xr.Dataset:
@@ -83,7 +83,7 @@ def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
         Result of a function of mitsonar, or of xarray applied to it.
     path : str or path
         Ending in .exr (images), .nc (images, signals and soundings), .h5 (any dataset), .tif (focused images), or .gsf,
-        .kmall, .csv, .las (soundings; `io.survey_lines.write` also reports what such a file cannot hold).
+        .kmall, .s7k, .csv, .las (soundings; `io.survey_lines.write` also reports what such a file cannot hold).
 
     Raises
     ------

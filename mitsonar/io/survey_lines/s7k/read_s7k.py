@@ -28,7 +28,8 @@ from .s7k_records import ATTITUDE, CAST_NODE, CTD_NODE, HEADS, S7kRecord, at, re
 SILENT = {7200, 7300}              # the file's own header and catalogue
 STABILISED = 1                     # receive flag of 7000
 FARTHEST_ARM = 1e3                 # [m]
-MODELS = {20: "T20-P", 22: "T20-R", 30: "F30", 50: "T50-P", 52: "T50-R", 1000: "MB1", 1002: "MB2", 7005: "BlueView"}
+MODELS = {20: "T20-P", 22: "T20-R", 30: "F30", 50: "T50-P", 52: "T50-R", 103: "multibeam", 1000: "MB1", 1002: "MB2",
+          7005: "BlueView"}
 NORBIT = range(13000, 13100)       # device numbers
 
 
