@@ -24,7 +24,7 @@ from .words import announce
 def add(commands: Commands) -> None:
     """Add the commands to the parser's."""
     plot = commands.add_parser("plot", help="draw an image, a line of soundings or a fit's answer")
-    add_file(plot, "image", metavar="IN.exr|nc|kmall|all|gsf|s7k",
+    add_file(plot, "image", metavar="IN.exr|nc|kmall|all|gsf|s7k|xtf",
              help="an image, a line of soundings or a fit's answer")
     plot.add_argument("--what", metavar="VIEW",
                       help="view of an image: waterfall (default), objects, ping, mean, labels, class, share, hidden, "
@@ -170,9 +170,9 @@ def _instruments_line(path):
     from mitsonar.io import sidescan_lines
     from mitsonar.io.survey_lines import reading
 
-    if reading.recognised(head) is not None:
-        return reading.read(path)
-    return None if sidescan_lines.recognised(path) is None else sidescan_lines.read(path)
+    if sidescan_lines.recognised(path) is not None:
+        return sidescan_lines.read(path)
+    return None if reading.recognised(head) is None else reading.read(path)
 
 
 def _video(arguments):

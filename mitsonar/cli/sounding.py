@@ -15,7 +15,7 @@ from .words import announce, leave_if_interrupted, warn
 if TYPE_CHECKING:
     import xarray as xr
 
-LINES = (".all", ".gsf", ".kmall", ".kmwcd", ".nc", ".s7k", ".wcd")    # read as recorded lines, not as scenes
+LINES = (".all", ".gsf", ".kmall", ".kmwcd", ".nc", ".s7k", ".wcd", ".xtf")     # recorded lines, not scenes
 
 
 def add(commands: Commands) -> None:
@@ -23,7 +23,7 @@ def add(commands: Commands) -> None:
     command = commands.add_parser("soundings", help="sound the bed of a scene with its multibeam, or convert a line of "
                                                     "soundings")
     add_scene(command, ", or a recorded line")
-    add_file(command, "-o", "--output", required=True, metavar="OUT.nc|csv|gsf|kmall|las", help="soundings")
+    add_file(command, "-o", "--output", required=True, metavar="OUT.nc|csv|gsf|kmall|las|s7k", help="soundings")
     add_file(command, "--profile", metavar="CAST",
              help="file of the cast that reduces the soundings; default: the water's own")
     command.add_argument("--tide", metavar="FILE|M",

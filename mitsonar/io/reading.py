@@ -18,8 +18,8 @@ ZARR = ("zarr.json", ".zmetadata", ".zgroup")
 LARGEST_JSON = 10 ** 9             # bytes; text takes some ten times as much once it is read
 GEOTIFF = (".tif", ".tiff")
 IMAGES = (".exr", ".nc", *hdf5.SUFFIXES, *GEOTIFF)       # of focused images
-KINDS = (".exr (images), .nc (images, signals, soundings), .h5, .tif (focused images), .gsf, .kmall, .csv, .las "
-         "(soundings)")
+KINDS = (".exr (images), .nc (images, signals, soundings), .h5, .tif (focused images), .gsf, .kmall, .s7k, .csv, "
+         ".las (soundings)")
 
 
 def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray | xr.Dataset:
@@ -29,7 +29,7 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
     ----------
     path : str or path
         An EXR, a netCDF file, a Zarr folder, JSON or lines of JSON (annotations, splits, manifests) or PNG (masks); a
-        survey line (.all, .wcd, .kmall, .kmwcd, .gsf, .s7k), of which `io.survey_lines.reading` also reads parts;
+        survey line (.all, .wcd, .kmall, .kmwcd, .gsf, .s7k, .xtf), of which `io.survey_lines.reading` also reads parts;
         a recorded sidescan (.xtf, .jsf, .sdf), of which `io.sidescan_lines` also reads parts.
 
     Returns
@@ -62,10 +62,10 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
         return _picture(path)
     if os.path.splitext(path)[1] in (".json", ".jsonl"):
         return _json(path)
-    if survey_lines.recognised(head):
-        return survey_lines.read(path)
     if sidescan_lines.recognised(path):
         return sidescan_lines.read(path)
+    if survey_lines.recognised(head):
+        return survey_lines.read(path)
     raise ValueError(f"cannot read {path}: it is no EXR, netCDF, JSON, PNG, survey line or sidescan; give a file that "
                      "mitsonar wrote, or a line of a sounder or a sidescan.")
 
@@ -87,7 +87,7 @@ def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
         Result of a function of mitsonar, or of xarray applied to it.
     path : str or path
         Ending in .exr (images), .nc (images, signals and soundings), .h5 (any dataset), .tif (focused images), or .gsf,
-        .kmall, .csv, .las (soundings; `io.survey_lines.write` also reports what such a file cannot hold).
+        .kmall, .s7k, .csv, .las (soundings; `io.survey_lines.write` also reports what such a file cannot hold).
 
     Raises
     ------

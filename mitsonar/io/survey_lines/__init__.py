@@ -2,6 +2,7 @@
 
     .gsf          Generic Sensor Format 03.09: soundings, sectors, cast, attitude, snippets
     .kmall        Kongsberg datagrams: the same, and the water column
+    .s7k          records of Teledyne Reson: soundings, cast, attitude
     .nc           the record itself without loss, and beside it the groups of SONAR-netCDF4
     .csv          one sounding a row, units in the header
     .las          a point cloud
@@ -26,7 +27,8 @@ from .lines import Blocks, Place, Written
 __all__ = ["SUFFIXES", "Blocks", "Place", "Written", "check_asked", "read_blocks", "sources", "stored", "write"]
 
 BLOCK = 64                         # pings
-_WRITERS = {".gsf": "gsf.gsf", ".kmall": "kongsberg.kmall", ".nc": "netcdf", ".csv": "table", ".las": "las"}
+_WRITERS = {".gsf": "gsf.gsf", ".kmall": "kongsberg.kmall", ".s7k": "s7k.s7k", ".nc": "netcdf", ".csv": "table",
+            ".las": "las"}
 SUFFIXES = tuple(_WRITERS)
 
 
@@ -72,7 +74,7 @@ def read_blocks(path: FilePath, *, column: bool = True, size: int = BLOCK) -> It
     Parameters
     ----------
     path : str or path
-        An .all, .wcd, .kmall, .kmwcd, .gsf or .s7k file, or a record in netCDF.
+        An .all, .wcd, .kmall, .kmwcd, .gsf, .s7k or .xtf file, or a record in netCDF.
     column : bool
         Read the water column where there is one.
     size : int
