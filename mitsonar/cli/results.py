@@ -122,7 +122,7 @@ def _opened(path):
 
 
 def _instruments_line(path):
-    """Return the soundings or the sidescan of a file of an instrument or survey software, else None."""
+    """Return the soundings, sidescan or echogram of a file of an instrument or survey software, else None."""
     from mitsonar.device.files import EXR
 
     if not os.path.isfile(path):
@@ -131,11 +131,13 @@ def _instruments_line(path):
         head = stream.read(8)
     if head.startswith(EXR):                       # an EXR needs none of the imports below
         return None
-    from mitsonar.io import sidescan_lines
+    from mitsonar.io import echo_sounder_lines, sidescan_lines
     from mitsonar.io.survey_lines import reading
 
     if reading.recognised(head) is not None:
         return reading.read(path)
+    if echo_sounder_lines.recognised(head):
+        return echo_sounder_lines.read(path)
     return None if sidescan_lines.recognised(path) is None else sidescan_lines.read(path)
 
 

@@ -30,7 +30,8 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
     path : str or path
         An EXR, a netCDF file, a Zarr folder, JSON or lines of JSON (annotations, splits, manifests) or PNG (masks); a
         survey line (.all, .wcd, .kmall, .kmwcd, .gsf), of which `io.survey_lines.reading` also reads parts;
-        a recorded sidescan (.xtf, .jsf, .sdf), of which `io.sidescan_lines` also reads parts.
+        a recorded sidescan (.xtf, .jsf, .sdf), of which `io.sidescan_lines` also reads parts;
+        an echo sounder's .raw file, of which `io.echo_sounder_lines` also reads other channels and parts.
 
     Returns
     -------
@@ -46,7 +47,7 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
     ValueError
         If it is of another kind, damaged, or was not written by mitsonar.
     """
-    from . import sidescan_lines
+    from . import echo_sounder_lines, sidescan_lines
     from .survey_lines import reading as survey_lines
 
     if os.path.isdir(path):
@@ -64,10 +65,12 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
         return _json(path)
     if survey_lines.recognised(head):
         return survey_lines.read(path)
+    if echo_sounder_lines.recognised(head):
+        return echo_sounder_lines.read(path)
     if sidescan_lines.recognised(path):
         return sidescan_lines.read(path)
     raise ValueError(f"cannot read {path}: it is no EXR, netCDF, JSON, PNG, survey line or sidescan; give a file that "
-                     "mitsonar wrote, or an .all, .kmall, .gsf, .xtf or .jsf file.")
+                     "mitsonar wrote, or an .all, .kmall, .gsf, .xtf, .jsf or .raw file.")
 
 
 def is_netcdf(path: FilePath) -> bool:
