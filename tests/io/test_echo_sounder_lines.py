@@ -1,9 +1,9 @@
 """Raw files of echo sounders: made byte by byte, with powers and directions in closed form.
 
 A signal of quadrants whose phases are ±φ/2 fore and aft gives the electrical angle φ, and one of three sectors with a
-plane wave's phases that of the wave. The reader was compared with echopype 0.11 on nine recorded files (31 channels of
-WBT, WBT Mini, WBT Tube and GPT transceivers; power, angles, and signals of 4, 3 and 1 sectors): alike to the rounding of
-32 bits, 8e-6 dB and 3e-6 degrees.
+plane wave's phases that of the wave. The reader was
+compared with echopype 0.11 on nine recorded files (31 channels of WBT, WBT Mini, WBT Tube and GPT transceivers; power,
+angles, and signals of 4, 3 and 1 sectors): alike to the rounding of 32 bits, 8e-6 dB and 3e-6 degrees.
 """
 import struct
 import warnings
