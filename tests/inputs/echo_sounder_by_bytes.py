@@ -52,6 +52,12 @@ def ping(time, name, *, power=None, angle=None, signal=None, half=False):
     return datagram("RAW3", time, struct.pack("<128sHHii", name.encode(), kind, 0, 0, count) + content)
 
 
+def stage(time, name, number, coefficients, decimation):
+    """Return the filter of a stage of a channel's receiver."""
+    return datagram("FIL1", time, struct.pack("<h2x128shh", number, name.encode(), len(coefficients), decimation)
+                    + np.asarray(coefficients, "<c8").tobytes())
+
+
 def motion(time, heave, roll, pitch, heading):
     """Return a datagram of the motion sensor: metres and degrees."""
     return datagram("MRU0", time, struct.pack("<4f", heave, roll, pitch, heading))

@@ -1,9 +1,12 @@
 """Raw files of echo sounders: made byte by byte, with powers and directions in closed form.
 
 A signal of quadrants whose phases are ±φ/2 fore and aft gives the electrical angle φ, and one of three sectors with a
-plane wave's phases that of the wave. The reader was
-compared with echopype 0.11 on nine recorded files (31 channels of WBT, WBT Mini, WBT Tube and GPT transceivers; power,
-angles, and signals of 4, 3 and 1 sectors): alike to the rounding of 32 bits, 8e-6 dB and 3e-6 degrees.
+plane wave's phases that of the wave. An echo that is the filtered pulse itself, a times as strong and n samples late,
+is a after compression, at sample n.
+
+The reader was compared with echopype 0.11 on nine recorded files (31 channels of WBT, WBT Mini, WBT Tube and GPT
+transceivers; power, angles, signals of 4, 3 and 1 sectors, and chirps): alike to the rounding of 32 bits, 1.3e-5 dB and
+1.1e-5 degrees.
 """
 import struct
 import warnings
@@ -25,7 +28,7 @@ ANGLES = RNG.integers(-128, 128, (3, 25, 2))
 def line(tmp_path):
     """The path of a file of three pings of power and angles at 38 kHz, and of signals at 120 kHz, with navigation."""
     parts = [by_bytes.configuration(START, low=(38_000, 1), high=(120_000, 1)),
-             by_bytes.xml(START, by_bytes.ENVIRONMENT), by_bytes.datagram("FIL1", START, bytes(140))]
+             by_bytes.xml(START, by_bytes.ENVIRONMENT), by_bytes.datagram("TAG0", START, b"a mark")]
     for number in range(4):
         time = START + number
         parts.append(by_bytes.datagram("NME0", time, b"$GPGGA,1,47%09.6f,N,00806.0,W,1,,,,M,,M,,*00" % (0.06 * number)))
@@ -50,7 +53,7 @@ def test_power_and_angles_come_back_with_range_time_and_calibration(line):
     np.testing.assert_allclose(got["ping_time"], START + 0.5 + np.arange(3), rtol=0, atol=3e-7)
     assert (got.attrs["gain_db"], got.attrs["area_correction_db"], got.attrs["pulse_length"]) == (27.5, -0.2, 1.024e-3)
     assert got.attrs["frequency"] == 38e3 and got.attrs["channels"] == ["low", "high"]
-    assert got.attrs["environment"]["Temperature"] == 9.5 and got.attrs["left_out"] == ["1 datagrams of type FIL1"]
+    assert got.attrs["environment"]["Temperature"] == 9.5 and got.attrs["left_out"] == ["1 datagrams of type TAG0"]
     np.testing.assert_allclose(got["latitude"], 47 + 0.001 * (np.arange(3) + 0.5), rtol=1e-12)
     np.testing.assert_allclose(got["longitude"], -8.1)
     for name, values in (("heave", 0.1 * (np.arange(3) + 0.5)), ("roll", np.radians(np.arange(3) + 0.5)),
@@ -87,6 +90,41 @@ def test_phases_of_sectors_are_directions(beam, half, tmp_path):
     slack = 1e-3 if half else 1e-6
     np.testing.assert_allclose(got["angle_along"], along / 23 - np.radians(0.1), atol=slack)
     np.testing.assert_allclose(got["angle_athwart"], athwart / 20 + np.radians(0.2), atol=slack)
+
+
+def test_chirps_are_compressed_with_the_filtered_pulse(tmp_path):
+    """Pulse of 1.024 ms, 34 to 45 kHz, at 500 kHz, through filters of 7 and 5 coefficients that leave 50 kHz."""
+    rate, length, slope, late, strength = 500e3, 1.024e-3, 0.1, 60, 3e-3
+    stages = [(RNG.normal(size=7) + 1j * RNG.normal(size=7), 5), (RNG.normal(size=5) + 1j * RNG.normal(size=5), 2)]
+    time = np.arange(512) / rate
+    sent = np.cos(2 * np.pi * 34e3 * time + np.pi * 11e3 / length * time ** 2)
+    ramps = np.hanning(102)
+    sent[:51], sent[-51:] = sent[:51] * ramps[:51], sent[-51:] * ramps[51:]
+    sent /= sent.max()
+    for coefficients, decimation in stages:
+        sent = np.convolve(sent, coefficients.astype(np.complex64))[::decimation]
+    rows = np.zeros((200, 4), complex)
+    rows[late:late + sent.size] = strength * sent[:, None] * np.exp(0.2j * np.array([-1, -1, 1, 1]))
+    parts = [by_bytes.configuration(START, one=(38_000, 1)),
+             *(by_bytes.stage(START, "one", number + 1, *stage) for number, stage in enumerate(stages)),
+             by_bytes.parameter(START, "one", 10 / rate, f'PulseForm="1" FrequencyStart="34000" FrequencyEnd="45000" '
+                                                         f'Slope="{slope}"'), by_bytes.ping(START, "one", signal=rows)]
+    (tmp_path / "a.raw").write_bytes(b"".join(parts))
+    got = echo_sounder_lines.read(tmp_path / "a.raw")
+    np.testing.assert_allclose(got["replica"], sent, atol=1e-5 * np.abs(sent).max())
+    amplitude = strength * np.cos(0.2)
+    assert int(got["level"][0].argmax("range")) == late and got.attrs["pulse_form"] == "FM"
+    np.testing.assert_allclose(got["level"][0, late], 10 * np.log10(4 * amplitude**2 / 8 * (5475 / 5400) ** 2 / 75),
+                               atol=1e-4)
+    np.testing.assert_allclose(got["angle_along"][0, late], 0.4 / 23 - np.radians(0.1), atol=1e-5)
+    without = [part for part in parts if part[4:8] != b"FIL1"]
+    (tmp_path / "b.raw").write_bytes(b"".join(without))
+    raw = echo_sounder_lines.read(tmp_path / "b.raw")
+    assert "angle_along" not in raw and "replica" not in raw
+    parts[1] = by_bytes.stage(START, "one", 1, *stages[0]).replace(struct.pack("<hh", 7, 5), struct.pack("<hh", 7, 0))
+    (tmp_path / "c.raw").write_bytes(b"".join(parts))
+    with pytest.raises(ValueError, match="7 coefficients and a decimation of 0"):
+        echo_sounder_lines.read(tmp_path / "c.raw")
 
 
 def test_shorter_pings_end_in_nan_and_ranges_of_pings_are_read_alone(tmp_path):

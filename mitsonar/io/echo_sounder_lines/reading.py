@@ -1,8 +1,8 @@
 """Read one channel of a raw file of an EK80 (or ES80, EA440, EK60 transceivers under the EK80's program).
 
 Samples of power come with angles. Signals of sectors are kept as they are [V]; power and angles follow from them by
-`split_beams`. The power of a chirp (FM) is that before its compression, and its angles are left out. Levels are
-received power, not strengths: gains and beams of the file are attributes.
+`split_beams`, for chirps (FM) after their compression by `chirps`. Levels are received power, not strengths: gains and
+beams of the file are attributes.
 """
 from __future__ import annotations
 
@@ -20,11 +20,13 @@ from mitsonar.device.files import FilePath, check_readable
 from ..nmea import at_times, fix_of
 from ..records.records import SonarImage
 from . import datagrams, split_beams
+from .chirps import Filter, compressed, replica
 from .datagrams import Datagram
 
 MOST_BYTES = 4_000_000_000         # of the samples in memory
+MOST_FILTER = 300_000              # bytes, of 32767 coefficients
 MOST_LINES = 5_000_000             # datagrams of pings and sensors
-_KNOWN = ("XML0", "RAW3", "NME0", "MRU0")
+_KNOWN = ("XML0", "RAW3", "FIL1", "NME0", "MRU0")
 _NUMBERS = {                       # attributes from the transducer's XML: name, unit that it has there
     "EquivalentBeamAngle": "equivalent_beam_angle_db", "BeamType": "beam_type",
     "AngleSensitivityAlongship": "angle_sensitivity_along", "AngleSensitivityAthwartship": "angle_sensitivity_athwart"}
@@ -39,6 +41,7 @@ class _Line:
 
     pings: list[tuple[Datagram, str, Mapping[str, float]]] = field(default_factory=list)
     channels: dict[str, dict[str, object]] = field(default_factory=dict)
+    filters: dict[str, dict[int, Filter]] = field(default_factory=dict)
     sentences: list[Datagram] = field(default_factory=list)
     motion: list[Datagram] = field(default_factory=list)
     environment: Mapping[str, float] = field(default_factory=dict)
@@ -71,7 +74,8 @@ def read(path: FilePath, *, channel: str | None = None, frequency: float | None 
     xarray.Dataset
         ``level`` (ping, range) [dB re 1 W]: received power, NaN behind the last sample of a ping. Where the beam is
         split, ``angle_along`` and ``angle_athwart`` (ping, range) [rad], ahead and to starboard of the axis. Where the
-        file has signals, ``signal`` (ping, rx, range) [V], complex64. Coordinates: ``ping``, ``range`` [m],
+        file has signals, ``signal`` (ping, rx, range) [V], complex64, and for chirps ``replica``, with which levels and
+        angles are compressed. Coordinates: ``ping``, ``range`` [m],
         ``ping_time`` [s since 1970], and over ping ``longitude``, ``latitude`` [degrees], ``heave`` [m], ``roll``,
         ``pitch``, ``heading`` [rad] as recorded, ``transmit_power`` [W]. Attributes: frequencies, pulse, environment,
         and calibration of the file.
@@ -115,6 +119,10 @@ def _walked(file) -> _Line:
         elif datagram.kind == "RAW3":
             name = _name(datagrams.content(file, datagram, 128))
             line.pings.append((datagram, name, parameters.get(name, {})))
+        elif datagram.kind == "FIL1":
+            raw = datagrams.content(file, datagram, MOST_FILTER)
+            own = Filter.of(raw, datagram.at)
+            line.filters.setdefault(_name(raw[4:132]), {})[own.stage] = own
         elif datagram.kind in ("NME0", "MRU0"):
             (line.sentences if datagram.kind == "NME0" else line.motion).append(datagram)
         line.others[datagram.kind] += datagram.kind not in _KNOWN
@@ -204,13 +212,20 @@ def _image(path, file, line, name, wanted):
         raise ValueError(f"channel {name} has no sample interval; the file is damaged.")
     speed = next((line.environment[key] for key in ("SoundSpeed", "Transducer")
                   if 1000 < line.environment.get(key, np.nan) < 2000), 1500.0)
-    level, angles, signal = _arrays(file, wanted, about, pulse)
+    sent = None
+    if pulse.get("PulseForm") == FM:
+        sent = replica(list(line.filters.get(name, {}).values()), first=pulse["FrequencyStart"],
+                       last=pulse["FrequencyEnd"], length=_length(pulse), slope=pulse["Slope"], interval=interval)
+    level, angles, signal = _arrays(file, wanted, about, pulse, sent)
     time = np.array([ping.time for ping, _ in wanted])
     dims = ("ping", "range")
     variables = {"level": (dims, level, {"units": "dB re 1 W", "long_name": "received power"})}
     for way, words, values in zip(("along", "athwart"), ("ahead", "to starboard"), angles or (), strict=False):
         long_name = f"direction of the echo, {words} of the axis"
         variables[f"angle_{way}"] = (dims, values, {"units": "rad", "long_name": long_name})
+    if sent is not None and signal is not None:
+        variables["replica"] = ("replica_sample", sent.astype(np.complex64),
+                                {"units": "1", "long_name": "pulse that chirps are compressed with"})
     if signal is not None:
         variables["signal"] = (("ping", "rx", "range"), signal, {"units": "V", "long_name": "signals of the sectors"})
     attrs = {"sonar": "echo_sounder", "looks": "down", "sound_speed": speed, "source": os.path.basename(path),
@@ -230,22 +245,29 @@ def _image(path, file, line, name, wanted):
 
 def _pulse(pulse, about):
     """Return the attributes of the pulse, with the gain for its length."""
-    length = next((pulse[key] for key in ("PulseDuration", "PulseLength") if 0 < pulse.get(key, np.nan) < 1), None)
-    found = {"pulse_form": "FM" if pulse.get("PulseForm") == FM else "CW", "pulse_length": length}
+    length = _length(pulse)
+    found = {"pulse_form": "FM" if pulse.get("PulseForm") == FM else "CW"}
+    if np.isfinite(length):
+        found["pulse_length"] = length
     band = [pulse.get(key, np.nan) for key in ("FrequencyStart", "FrequencyEnd")]
     if np.isfinite(band).all():
         found |= {"frequency_start": band[0], "frequency_end": band[1]}
     elif np.isfinite(pulse.get("Frequency", np.nan)):
         found["frequency"] = pulse["Frequency"]
     lengths = about.get("pulse_lengths") or []
-    at = [number for number, known in enumerate(lengths) if length is not None and abs(known - length) < 1e-3 * known]
+    at = [number for number, known in enumerate(lengths) if abs(known - length) < 1e-3 * known]
     for name, own in (("gain_db", "gains_db"), ("area_correction_db", "area_corrections_db")):
         if at and at[0] < len(about[own]):
             found[name] = about[own][at[0]]
     return found
 
 
-def _arrays(file, wanted, about, pulse):
+def _length(pulse):
+    """Return the length of a pulse [s], NaN if it is not known."""
+    return next((pulse[key] for key in ("PulseDuration", "PulseLength") if 0 < pulse.get(key, np.nan) < 1), np.nan)
+
+
+def _arrays(file, wanted, about, pulse, sent):
     """Return level, angles (along, athwart) or None, and signals or None, of pings."""
     counts = [np.frombuffer(datagrams.content(file, ping, datagrams.RAW.itemsize).ljust(140, b"\0"), datagrams.RAW)[0]
               for ping, _ in wanted]
@@ -271,8 +293,10 @@ def _arrays(file, wanted, about, pulse):
         if voltage is not None and signal is not None:
             signal[number, :, :len(voltage)] = voltage.T
             receiver = about.get("impedance", np.nan)
-            level[number, :len(voltage)] = split_beams.power_db(voltage.T, receiver if receiver > 0 else 1000.0)
-            electrical = None if pulse.get("PulseForm") == FM else split_beams.electrical(voltage.T, beam)
+            found = voltage.T if sent is None else compressed(voltage.T, sent)
+            level[number, :len(voltage)] = split_beams.power_db(found, receiver if receiver > 0 else 1000.0)
+            # without its pulse a chirp stays uncompressed, and directions of its echoes are mixed
+            electrical = None if pulse.get("PulseForm") == FM and sent is None else split_beams.electrical(found, beam)
         elif power is not None:
             level[number, :len(power)] = power * split_beams.STEP_DB
         if steps is not None and beam:
