@@ -100,8 +100,12 @@ def write(record: xr.Dataset | xr.DataArray, path: FilePath) -> None:
         If the file cannot be written there.
     """
     from . import survey_lines
+    from .sidescan_lines.record import is_recorded
 
     suffix = os.path.splitext(path)[1].lower()
+    if suffix in (".exr", *GEOTIFF) and isinstance(record, xr.Dataset) and is_recorded(record):
+        raise ValueError(f"cannot write {path}: a recorded sidescan is no image; give a name that ends in .nc, or "
+                         "write what sidescan_lines.as_image makes of it.")
     if suffix in (*hdf5.SUFFIXES, *GEOTIFF):
         _write_image(record, path, suffix)
     elif suffix == ".nc":
