@@ -60,22 +60,23 @@ def add(commands: Commands) -> None:
     mosaic.add_argument("--epsg", type=whole, metavar="N", help="coordinate system; default: that of the first image")
     mosaic.set_defaults(run=_mosaic)
 
-    grid = commands.add_parser("grid", help="lay lines of soundings on a map, as a GeoTIFF")
-    add_file(grid, "lines", metavar="LINE", nargs="+", help=".nc, .gsf, .kmall or .all")
+    grid = commands.add_parser("grid", help="lay lines of soundings on a map, as a GeoTIFF, BAG or S-102")
+    add_file(grid, "lines", metavar="LINE", nargs="+", help=".nc, .gsf, .kmall, .all or .s7k")
     grid.add_argument("--cell", type=number, default=1.0, metavar="M", help="side of a cell; default: 1")
     grid.add_argument("--rule", default="mean", choices=("mean", "weighted", "shoalest"),
                       help="combination of the depths in a cell; weighted: by their uncertainties")
     grid.add_argument("--least", type=whole, default=1, metavar="N",
                       help="least number of soundings in a cell; default: 1")
-    grid.add_argument("--layer", default="depth", choices=LAYERS, help="quantity to write; default: depth")
+    grid.add_argument("--layer", default="depth", choices=LAYERS, help="quantity of a GeoTIFF; default: depth")
     grid.set_defaults(run=_grid)
-    for command in (mosaic, grid):
-        add_file(command, "-o", "--output", metavar="OUT.tif", required=True, help="map")
+    add_file(mosaic, "-o", "--output", metavar="OUT.tif", required=True, help="map")
+    add_file(grid, "-o", "--output", metavar="OUT.tif|bag|h5", required=True,
+             help="map; a BAG and an S-102 (.h5) hold depth and uncertainty")
 
     bag = commands.add_parser("bag", help="write records as a bag of ROS 2; or read a vehicle's bag: its track as that "
                                           "of a scene, its sonar's images as records")
     add_file(bag, "records", metavar="RECORD", nargs="+",
-             help="images or soundings (.exr, .nc), or recorded lines (.all, .kmall, .gsf); or one bag to read")
+             help="images or soundings (.exr, .nc), or recorded lines (.all, .kmall, .gsf, .s7k); or one bag to read")
     add_file(bag, "-o", "--output", metavar="OUT.mcap|xml|nc|exr", required=True,
              help="bag; of a bag, a scene with its track (.xml, with --like) or its sonar's images (.nc, .exr)")
     bag.add_argument("--start", metavar="DATE",
@@ -116,9 +117,9 @@ def _raster(arguments):
 
 
 def _write_grey(dataset, path, cell):
-    from mitsonar.dataset.labels.frames import frames
-    from mitsonar.dataset.labels.pictures import greys, write_png
     from mitsonar.device.files import replacing
+    from mitsonar.labels.frames import frames
+    from mitsonar.labels.pictures import greys, write_png
 
     frame, = frames(dataset, "the record", "cartesian", cell)
     picture = greys(dataset, [frame]).draw(frame)
@@ -159,11 +160,21 @@ def _mosaic(arguments):
 def _grid(arguments):
     from mitsonar.hydrography.gridding import gridded
     from mitsonar.io import survey_lines
+    from mitsonar.io.grids import surfaces
 
-    check_output(arguments.output, GEOTIFFS)
+    suffix = check_output(arguments.output, (*GEOTIFFS, *surfaces.SUFFIXES))
+    if suffix in surfaces.SUFFIXES and arguments.layer != "depth":
+        raise ValueError(f"--layer chooses the quantity of a GeoTIFF, and {suffix} files hold depth and uncertainty; "
+                         "leave it out.")
     blocks = [block[[name for name in NEEDED if name in block]].assign_attrs(block.attrs)
               for path in arguments.lines for block in survey_lines.read_blocks(path, column=False)]
     chart = gridded(blocks, arguments.cell, rule=arguments.rule, least=arguments.least)
+    if suffix in surfaces.SUFFIXES:
+        remarks = surfaces.write(chart, arguments.output)
+        announce(arguments.output)
+        for remark in remarks:
+            warn(remark)
+        return
     if arguments.layer not in chart:
         raise ValueError(f"there is no {arguments.layer} without the rule weighted; give --rule weighted.")
     _write_map(chart[[arguments.layer]], arguments.output,

@@ -29,7 +29,7 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
     ----------
     path : str or path
         An EXR, a netCDF file, a Zarr folder, JSON or lines of JSON (annotations, splits, manifests) or PNG (masks); a
-        survey line (.all, .wcd, .kmall, .kmwcd, .gsf), of which `io.survey_lines.reading` also reads parts;
+        survey line (.all, .wcd, .kmall, .kmwcd, .gsf, .s7k), of which `io.survey_lines.reading` also reads parts;
         a recorded sidescan (.xtf, .jsf, .sdf), of which `io.sidescan_lines` also reads parts;
         an echo sounder's .raw file, of which `io.echo_sounder_lines` also reads other channels and parts.
 
@@ -70,7 +70,7 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
     if sidescan_lines.recognised(path):
         return sidescan_lines.read(path)
     raise ValueError(f"cannot read {path}: it is no EXR, netCDF, JSON, PNG, survey line or sidescan; give a file that "
-                     "mitsonar wrote, or an .all, .kmall, .gsf, .xtf, .jsf or .raw file.")
+                     "mitsonar wrote, or a line of a sounder or a sidescan.")
 
 
 def is_netcdf(path: FilePath) -> bool:

@@ -44,6 +44,7 @@ from mitsonar.units import hertz_from_khz
 
 from ..attributes import Angle, Attributes, Boolean, Choice, FromTable, Integer, Number, Numbers, Preset, Text
 from ..films.recorder_attributes import read_recorder, recorder_of
+from ..films.strength_attributes import WRITTEN_STRENGTHS, read_strength_writing
 from .array_attributes import MOST_ELEMENTS
 from .array_reading import nominal_sound_speed
 from .motion_errors import DEPTH_GATE, MOTION_ERRORS, depth_gate, motion_errors
@@ -121,7 +122,8 @@ ATTRIBUTES = (
     Boolean("yaw_stabilised", default=False, text="true: that plane stays across the course, sector by sector"),
     Number("head_speed_error", default=0.0, minimum=-100, maximum=100, unit="m/s",
            text="error of the head's own sound-speed sensor: reading minus true value"),
-    *recorder_of(PRESETS), DEPTH_GATE, SOUND_SPEED, *NOISE, SELF_NOISE, MOTION_ERRORS, pings(20), PASS, ROUTE, *NESTED,
+    *recorder_of(PRESETS), WRITTEN_STRENGTHS, DEPTH_GATE, SOUND_SPEED, *NOISE, SELF_NOISE, MOTION_ERRORS, pings(20),
+    PASS, ROUTE, *NESTED,
 )
 
 
@@ -146,6 +148,7 @@ class Multibeam(SonarSensor):
                                        "either way.")
         self.mounting = np.deg2rad(attributes.mounting_deg)
         self.sectors = _sectors(attributes)
+        self.strength_writing = read_strength_writing(attributes, len(self.sectors))
         self.pulse = self.sectors[0].pulse
         self.frequency = self.pulse.frequency
         self.recorder = read_recorder(
