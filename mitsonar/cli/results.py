@@ -158,21 +158,17 @@ def _opened(path):
 
 
 def _instruments_line(path):
-    """Return the soundings or the sidescan of a file of an instrument or survey software, else None."""
+    """Return the soundings, sidescan or echogram of a file of an instrument or survey software, else None."""
     from mitsonar.device.files import EXR
 
     if not os.path.isfile(path):
         return None
     with open(path, "rb") as stream:
-        head = stream.read(8)
-    if head.startswith(EXR):                       # an EXR needs none of the imports below
-        return None
-    from mitsonar.io import sidescan_lines
-    from mitsonar.io.survey_lines import reading
+        if stream.read(8).startswith(EXR):             # an EXR needs none of the imports below
+            return None
+    from mitsonar.io.reading import recorded
 
-    if sidescan_lines.recognised(path) is not None:
-        return sidescan_lines.read(path)
-    return None if reading.recognised(head) is None else reading.read(path)
+    return recorded(path)
 
 
 def _video(arguments):

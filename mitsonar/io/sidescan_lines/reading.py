@@ -30,7 +30,7 @@ def recognised(path: FilePath) -> str | None:
         return "jsf"
     if head.startswith(sdf_line.START) and int.from_bytes(head[4:8], "little") > sdf_line.LEAST_HEADER:
         return "sdf"
-    # Kongsberg's datagrams may begin with the same byte, and have 2 or # at the fifth; a multibeam's has no sonar packets
+    # Kongsberg's datagrams may begin with the same byte, and have 2 or # at the fifth; multibeams have no sonar packets
     return "xtf" if recognised_xtf(path) and head[4:5] not in (b"\2", b"#") and holds(path, SONAR) else None
 
 

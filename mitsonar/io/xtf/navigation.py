@@ -154,11 +154,12 @@ def calendar(records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def dates(records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the times (P,) [s since 1970] of packets, and a mask of those whose date can be."""
     time, sound = calendar(records)
-    name, unit = next((name, unit) for name, unit in _FRACTIONS.items() if name in records.dtype.names)
+    names = records.dtype.names or ()
+    name, unit = next((name, unit) for name, unit in _FRACTIONS.items() if name in names)
     if name == "Microsecond" and records.dtype[name].itemsize == 2:
         unit = 1e-4                # two bytes hold tenths of milliseconds, whatever pyxtf calls them
     time += records[name] * unit
-    if "EpochMicroseconds" in records.dtype.names:
+    if "EpochMicroseconds" in names:
         epoch = records["SourceEpoch"] > 0
         time = np.where(epoch, records["SourceEpoch"] + 1e-6 * records["EpochMicroseconds"], time)
         sound |= epoch
