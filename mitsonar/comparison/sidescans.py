@@ -48,7 +48,7 @@ def compare_sidescans(real: xr.Dataset, simulated: xr.Dataset, names: tuple[str,
         if min(line.sides[0].shape) < 2:
             raise ValueError(f"{line.name} has {line.sides[0].shape[0]} ping of {line.sides[0].shape[1]} samples; a "
                              "comparison takes two or more.")
-    remarks = [f"{name}: {line.about.partition(';')[0]}, {len(line.sides[0])} pings of {line.sides[0].shape[1]} samples of "
+    remarks = [f"{name}: {line.about.partition(';')[0]}, {' pings of '.join(map(str, line.sides[0].shape))} samples of "
                f"{100 * line.spacing:.3g} cm" for name, line in zip(("real", "simulated"), lines)]
     values, coords = _clues(lines, remarks)
     reach = min(line.sides[0].shape[1] * line.spacing for line in lines)
