@@ -70,9 +70,11 @@ def add(commands: Commands) -> None:
     view.set_defaults(run=_view)
 
     compare = commands.add_parser("compare", help="compare a real record with a simulated one of the same line")
-    add_file(compare, "real", metavar="REAL", help="line of soundings (.all, .kmall, .gsf, .nc)")
+    add_file(compare, "real", metavar="REAL",
+             help="line of soundings (.all, .kmall, .gsf, .nc), or a recorded sidescan (.xtf)")
     add_file(compare, "simulated", metavar="SIMULATED",
-             help="soundings of a scene that `like` made, or the scene itself (.xml), which is sounded first")
+             help="soundings or image of a scene that `like` made, or the scene itself (.xml), which is sounded or "
+                  "rendered first")
     add_file(compare, "-o", "--output", metavar="OUT.nc", help="terms of the comparison; default: print them alone")
     add_file(compare, "--sheet", metavar="OUT.png|pdf|svg", help="sheet of all terms")
     compare.add_argument("--seed", type=whole, default=0, metavar="N", help="random seed of a scene; default: 0")
