@@ -9,6 +9,12 @@ frame: x forward, y starboard, z down. Positions of the arrays are lever arms fr
 ``motion_x``, ``motion_y``, ``motion_depth``. Across and along track distances are from the reference point at the
 transmission, along its heading.
 
+Heights count upwards from the ellipsoid WGS 84. `ping_height` is that of the reference point, waves and tide included;
+`separation` is that of the vertical datum at the same place: the reference point is ``separation - ping_height`` below
+the datum. Attribute ``vertical_datum`` names the datum; ``heights`` is "gnss" where depths were reduced by
+`ping_height` and `separation`, and "tide" or absent where by heave, draft and tide. With "gnss", `tide` is the water
+level that follows, ``ping_height - separation`` plus the depth of the reference point below the surface.
+
 A sounding is the intersection of two cones at a travel time:
 
     sin(transmit_angle) = a_t·l_t        sin(angle) = a_r·l_r
@@ -62,7 +68,10 @@ VARIABLES = RecordTable([
           ("head_sound_speed", "f8", "m/s", "at the arrays, by the head's own sensor")),
     *rows("ping", _PING, False,
           ("tide", "f8", "m", "water level above the datum, by which depths below the surface were reduced"),
-          ("true_tide", "f8", "m", "water level above the datum, as the echoes met it")),
+          ("true_tide", "f8", "m", "water level above the datum, as the echoes met it"),
+          ("ping_height", "f8", "m", "reference point above the ellipsoid, as satellites place it"),
+          ("separation", "f8", "m", "vertical datum above the ellipsoid, as used"),
+          ("true_separation", "f8", "m", "vertical datum above the ellipsoid, where the bed truly lies below it")),
     *rows("ping", _PING, False,
           ("normal_incidence_db", "f8", "dB re 1", "strength at normal incidence that angle corrections assume: BSn"),
           ("oblique_incidence_db", "f8", "dB re 1", "at oblique incidence, without Lambert's law: BSo"),
@@ -106,6 +115,7 @@ VARIABLES = RecordTable([
           ("error_refraction", "f8", "m", "by the profile and the head's sound speed used"),
           ("error_motion", "f8", "m", "by what the motion sensors say and where arrays are said to be"),
           ("error_tide", "f8", "m", "by the tide used"),
+          ("error_separation", "f8", "m", "by the separation used"),
           ("written_error_db", "f4", "dB", "in written strengths, by what the instrument assumes, and by gain steps"),
           ("footprint_across", "f4", "m", "of the beam, -3 dB, or of the pulse where that is shorter"),
           ("footprint_along", "f4", "m", "of the transmitted beam, -3 dB"),

@@ -1,4 +1,4 @@
-"""Read any file of mitsonar, or a line of soundings, by content; write images, signals and soundings by suffix."""
+"""Read files of mitsonar, lines of soundings and sidescans by content; write images, signals, soundings by suffix."""
 import json
 import os
 
@@ -23,20 +23,21 @@ KINDS = (".exr (images), .nc (images, signals, soundings), .h5, .tif (focused im
 
 
 def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray | xr.Dataset:
-    """Read a file that mitsonar wrote, or a line of soundings.
+    """Read a file that mitsonar wrote, a line of soundings or a recorded sidescan.
 
     Parameters
     ----------
     path : str or path
         An EXR, a netCDF file, a Zarr folder, JSON or lines of JSON (annotations, splits, manifests) or PNG (masks); a
-        survey line (.all, .wcd, .kmall, .kmwcd, .gsf), of which `io.survey_lines.reading` also reads parts.
+        survey line (.all, .wcd, .kmall, .kmwcd, .gsf, .s7k), of which `io.survey_lines.reading` also reads parts;
+        a recorded sidescan (.xtf, .jsf, .sdf), of which `io.sidescan_lines` also reads parts.
 
     Returns
     -------
     SonarImage, SonarSignals, dict, list or numpy.ndarray
         Images are an `xarray.Dataset`, signals an `xarray.DataArray`, pictures (row, column) or (row, column, channel).
     xarray.Dataset
-        Survey line, as `hydrography.record` describes it.
+        Survey line, as `hydrography.record` describes it, or sidescan, as `io.sidescan_lines.record` does.
 
     Raises
     ------
@@ -45,6 +46,7 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
     ValueError
         If it is of another kind, damaged, or was not written by mitsonar.
     """
+    from . import sidescan_lines
     from .survey_lines import reading as survey_lines
 
     if os.path.isdir(path):
@@ -62,8 +64,10 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
         return _json(path)
     if survey_lines.recognised(head):
         return survey_lines.read(path)
-    raise ValueError(f"cannot read {path}: it is no EXR, netCDF, JSON, PNG or survey line; give a file that mitsonar "
-                     "wrote, or an .all, .kmall or .gsf file.")
+    if sidescan_lines.recognised(path):
+        return sidescan_lines.read(path)
+    raise ValueError(f"cannot read {path}: it is no EXR, netCDF, JSON, PNG, survey line or sidescan; give a file that "
+                     "mitsonar wrote, or a line of a sounder or a sidescan.")
 
 
 def is_netcdf(path: FilePath) -> bool:

@@ -5,6 +5,7 @@
 in this order, with the last parameter of the grid running fastest. More samples, or more rows with one sample and one
 seed, therefore follow the existing renders.
 """
+import hashlib
 import itertools
 import math
 import os
@@ -17,6 +18,7 @@ from mitsonar.device.spelling import meant
 from mitsonar.io.scene_files import scenes, tables
 
 from .inputs import Inputs
+from .manifest import sha256
 from .names import Pattern
 from .values import Draw, axis, draw, random_bits, shortened, value, whole
 
@@ -84,6 +86,8 @@ class Plan:
         Classes of objects in the order of their label numbers.
     inputs : Inputs
         Files of the scene.
+    stamp : str
+        SHA-256 of plan and table: one stamp, the same renders.
     """
 
     path: str
@@ -102,6 +106,7 @@ class Plan:
     redraw: tuple[str, ...]
     classes: tuple[str, ...] | None
     inputs: Inputs = field(repr=False)
+    stamp: str = field(repr=False)
 
     def __len__(self):
         return self.samples * self._seeds() * math.prod(self._sizes())
@@ -218,7 +223,8 @@ def _plan(path, place, home, given):
     plan = Plan(path=path, scene=scene, home=home, seed=seed,
                 pattern=Pattern(given.get("output", "{index:06}.exr"), named, inputs.paths()), seeds=seeds,
                 samples=samples, previews=previews, fixed=fixed, table=table, lists=lists, grid=grid, draws=draws,
-                redraw=_names(given, "redraw"), classes=_names(given, "classes") or None, inputs=inputs)
+                redraw=_names(given, "redraw"), classes=_names(given, "classes") or None, inputs=inputs,
+                stamp=_stamp(path, *([os.path.join(place, given["table"])] if "table" in given else [])))
     _check_redraw(plan)
     if samples > 1 and not draws:
         raise ValueError(f"samples is {samples}, but no parameter is drawn, so that all would be alike; add [draw], or "
@@ -231,6 +237,10 @@ def _plan(path, place, home, given):
     inputs.check_kinds({**{name: (item,) for name, item in plan.render(0).parameters.items() if name in draws},
                         **{name: column for name, column in columns.items() if column}})
     return plan
+
+
+def _stamp(*paths):
+    return hashlib.sha256("".join(map(sha256, paths)).encode()).hexdigest()
 
 
 def _names(given, key):

@@ -245,8 +245,8 @@ def read(path: FilePath, *, crop: Sequence[float] | None = None, centre: Sequenc
         Node distance; a coarser one averages, a finer one interpolates. Default: the file's own; for scattered
         soundings their mean distance, which is logged.
     vertical : str
-        "elevation" (positive up), "depth" (positive down), or "auto": depth if most numbers are positive. The
-        result is recorded and logged.
+        "elevation" (positive up), "depth" (positive down), or "auto": depth if most numbers are positive or the
+        file is S-102. The result is recorded and logged.
     band : int
         Number of the band in the file, from 1.
     variable : str, optional
@@ -305,6 +305,8 @@ def read(path: FilePath, *, crop: Sequence[float] | None = None, centre: Sequenc
                     roughness = None
                     x, y, window = rasters.window(grid, part, source)
                 values = depths(window)
+                if vertical == "auto" and raster.driver == "S102":
+                    vertical = "depth"
                 crs = rasters.name_of(native if grid is raster else grid.crs)
         heights, vertical = _z_up(values, vertical)
         if holes == "filled":

@@ -119,7 +119,8 @@ _HDF5 = HDF5 + b"\r\n\x1a\n"
 _HEIGHTS = ("z", "elevation", "depth", "bathymetry", "bathy", "topo", "topography", "height", "altitude", "band1")
 DRIVERS = ("GTiff", "BAG", "netCDF", "HDF5", "S102", "AAIGrid", "GRASSASCIIGrid", "XYZ", "ZMap", "ISG", "GSAG", "GSBG",
            "GS7BG", "EHdr", "ENVI", "HFA", "RST", "SAGA", "RRASTER", "PCRaster", "USGSDEM", "DTED", "SRTMHGT", "GRIB",
-           "GPKG", "BT", "Leveller", "Terragen", "HF2", "SIGDEM", "NWT_GRD", "NWT_GRC", "PNG", "JPEG", "GIF", "BMP")
+           "GPKG", "GTX", "NGSGEOID", "BYN", "BT", "Leveller", "Terragen", "HF2", "SIGDEM", "NWT_GRD", "NWT_GRC", "PNG",
+           "JPEG", "GIF", "BMP")
 _COMPANIONS = (".ovr", ".msk")              # coarser copies and masks, which GDAL opens with any driver
 _RASTERS = (*TIFF, b"II+\0", b"MM\0+", b"EHFA")
 _stderr = threading.Lock()  # Mitsuba loads shapes in parallel

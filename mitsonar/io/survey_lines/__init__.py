@@ -72,7 +72,7 @@ def read_blocks(path: FilePath, *, column: bool = True, size: int = BLOCK) -> It
     Parameters
     ----------
     path : str or path
-        An .all, .wcd, .kmall, .kmwcd or .gsf file, or a record in netCDF.
+        An .all, .wcd, .kmall, .kmwcd, .gsf or .s7k file, or a record in netCDF.
     column : bool
         Read the water column where there is one.
     size : int

@@ -1,6 +1,7 @@
 """Read lines of soundings from files of survey software, whole or in blocks of pings.
 
     .all, .wcd      Kongsberg datagrams until 2018       .kmall, .kmwcd   since then      .gsf   Generic Sensor Format
+    .s7k            records of Teledyne Reson, Norbit and others
 
 A water column is read from the file itself or from the file beside it (LINE.wcd, LINE.kmwcd).
 """
@@ -20,15 +21,20 @@ from .assembly import LineCast, cast_of, dataset
 from .gsf.read_gsf import GsfFile
 from .kongsberg.read_all import AllFile
 from .kongsberg.read_kmall import KmallFile
+from .s7k.read_s7k import S7kFile
+from .s7k.s7k_records import SYNC
 
 BLOCK = 64                         # pings
 COLUMNS = {"all": ".wcd", "kmall": ".kmwcd"}
 MAINS = {".wcd": ".all", ".kmwcd": ".kmall"}
-READERS = {"all": AllFile, "kmall": KmallFile, "gsf": GsfFile}
+READERS = {"all": AllFile, "kmall": KmallFile, "gsf": GsfFile, "s7k": S7kFile}
+LINES = "an .all, .kmall, .gsf or .s7k file"
 
 
 def recognised(head: bytes) -> str | None:
-    """Return the format of a file, 'all', 'kmall', 'gsf' or None, from its first eight bytes."""
+    """Return the format of a file, a key of `READERS` or None, from its first eight bytes."""
+    if head[4:8] == SYNC:
+        return "s7k"
     if head[4:5] == b"#":
         return "kmall"
     if head[4:8] in (b"\x00\x00\x00\x01", b"\x80\x00\x00\x01"):
@@ -96,7 +102,7 @@ def sources(path: FilePath) -> tuple[str, ...]:
 
 def _pair(path):
     """Return the file of soundings and the file of the water column beside it, or None."""
-    files.check_readable(path, "the line", "an .all, .kmall or .gsf file")
+    files.check_readable(path, "the line", LINES)
     path = os.fspath(path)
     name, suffix = os.path.splitext(path)
     if main := MAINS.get(suffix.lower()):
@@ -120,5 +126,5 @@ def _format(path):
         if not os.path.getsize(path):
             raise ValueError(f"cannot read {path}: it is empty.")
         raise ValueError(f"cannot read {path}: it is {files.described(path) or 'another file'}, not a line of "
-                         "soundings; give an .all, .kmall or .gsf file.")
+                         f"soundings; give {LINES}.")
     return kind

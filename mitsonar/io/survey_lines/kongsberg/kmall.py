@@ -1,13 +1,16 @@
 """Write a line of soundings as Kongsberg KMALL, with the water column in the same file.
 
-Installation, settings and cast come first, then in the order of time motion (#SKM), positions (#SPO), sound speed at
-the head (#SVT), pings (#MRZ) and their water column (#MWC, see `column`). In #MRZ:
+Installation, settings and cast come first, then in the order of time motion (#SKM), clock (#SCL), positions (#SPO,
+#CPO), sound speed at the head (#SVT), tide (#SHI), pings (#MRZ) and their heave (#CHE) and water column (#MWC, see
+`column`). Heads and swaths of one cycle share a ping counter. In #MRZ:
 
-    z = depth - depth of the reference point             z of the water line = - depth of the reference point
+    z = depth - depth of the reference point             z of the water line = - its depth below the surface
     beam angle = - angle        (positive to port)        tilt = angle of the sector  (positive forward)
     quality factor [%] = 100 / 10^quality                 seabed image: 0.1 dB
+    uncertainties: standard deviations                    ellipsoid height: of the reference point
 
-The format has no ``transmit_angle`` of a sounding; the tilt of its sector is written instead.
+The format has no ``transmit_angle`` of a sounding; the tilt of its sector is written instead. Rejected beams have the
+places and times that their neighbours suggest, as an instrument's have.
 """
 from __future__ import annotations
 
@@ -20,24 +23,26 @@ from KMALL.kmall import kmall
 from mitsonar.device.files import FilePath, replacing
 from mitsonar.device.rotations import mounted
 
+from .. import lines
 from ..directions import from_vertical
-from ..lines import COLUMN, HEADS, RESPONSE, SOUNDINGS, Blocks, LineToWrite, Ping, Place, Written, line_of, pings, rated
+from ..lines import COLUMN, HEADS, HEIGHTS, RESPONSE, SOUNDINGS, Blocks, LineToWrite, Ping, Place, Written
 from ..passage import passage_of
 from ..snippets import Runs, runs_of
+from . import kmall_sensors as about
 from .column import KongsbergColumn, column_of, offset_of, water_column
-from .kmall_sensors import BODY, MODEL, NO_HEIGHT, body, head_speed, installation, model, profile, sensors, settings
+from .kmall_sensors import BODY, MODEL
 
 VERSION = 3
 INFO, SECTOR, RECEIVER, SOUNDING = 152, 48, 32, 120      # bytes
 NO_SOUNDING_DB = -100.0                                # reflectivity of beams without a sounding
 NORMAL, REJECTED = 0, 2                                # types of detections
 NO_SAMPLE = -32_768
-HELD = (SOUNDINGS - {"transmit_angle"}) | COLUMN | HEADS | RESPONSE
+SVT_SECONDS = 1.0                                      # between sound speeds at the head
+HELD = (SOUNDINGS - {"transmit_angle"}) | COLUMN | HEADS | HEIGHTS | RESPONSE
 
 
-def soundings(stream: IO[bytes], line: LineToWrite, ping: Ping, number: int, sounder: int,
-              column: KongsbergColumn | None, rate: float) -> None:
-    """Append a ping's #MRZ; ``rate`` is that of the ping cycles [Hz], 0 if unknown."""
+def soundings(stream: IO[bytes], line: LineToWrite, ping: Ping, sounder: int, column: KongsbergColumn | None) -> None:
+    """Append a ping's #MRZ."""
     runs = runs_of(ping)
     sectors, count = ping["sector_frequency"].size, ping["valid"].size
     samples = 0 if runs is None else int(runs.count.sum())
@@ -47,8 +52,8 @@ def soundings(stream: IO[bytes], line: LineToWrite, ping: Ping, number: int, sou
     writer.write_EMdgmMRZ({
         "header": {"numBytesDgm": length, "dgmType": b"#MRZ", "dgmVersion": VERSION, "systemID": 0,
                    "echoSounderID": sounder, "dgtime": float(ping["since"])},
-        "partition": {"numOfDgms": 1, "dgmNum": 1}, "cmnPart": body(ping, number),
-        "pingInfo": _info(line, ping, sectors) | {"pingRate_Hz": rate},
+        "partition": {"numOfDgms": 1, "dgmNum": 1}, "cmnPart": about.body(ping),
+        "pingInfo": _info(line, ping, sectors),
         "txSectorInfo": _sectors(ping, sectors), "extraDetClassInfo": {}, "rxInfo": _receiver(ping, runs, column),
         "sounding": _columns(_soundings(line, ping, runs, column), count), "SIsample_desidB": _image(runs)})
 
@@ -68,7 +73,7 @@ def _info(line, ping, sectors) -> dict[str, Any]:
                            "attitudeSensorStatus", "padding3", "bsCorrectionOffset_dB", "lambertsLawApplied",
                            "iceWindow", "activeModes"), 0)
     return zeros | {
-        "numBytesInfoData": INFO, "numTxSectors": sectors, "numBytesPerTxSector": SECTOR,
+        "numBytesInfoData": INFO, "numTxSectors": sectors, "numBytesPerTxSector": SECTOR, "pingRate_Hz": ping["rate"],
         "frequencyMode_Hz": float(ping["sector_frequency"].mean()), "latLongInfo": 1,
         "freqRangeLowLim_Hz": float((ping["sector_frequency"] - half).min()),
         "freqRangeHighLim_Hz": float((ping["sector_frequency"] + half).max()), "maxTotalTxPulseLength_sec": length,
@@ -79,9 +84,10 @@ def _info(line, ping, sectors) -> dict[str, Any]:
         "starbMeanCov_m": int(np.clip(across.max(), -32e3, 32e3)),
         "headingVessel_deg": float(np.degrees(ping["true_heading"]) % 360.0),
         "soundSpeedAtTxDepth_mPerSec": float(ping["head_sound_speed"]),
-        "txTransducerDepth_m": float(ping["ping_depth"] + array[2]),
-        "z_waterLevelReRefPoint_m": -float(ping["ping_depth"]), "latitude_deg": float(ping["ping_latitude"]),
-        "longitude_deg": float(ping["ping_longitude"]), "ellipsoidHeightReRefPoint_m": NO_HEIGHT}
+        "txTransducerDepth_m": float(ping["below_surface"] + array[2]),
+        "z_waterLevelReRefPoint_m": -ping["below_surface"], "latitude_deg": float(ping["ping_latitude"]),
+        "longitude_deg": float(ping["ping_longitude"]),
+        "ellipsoidHeightReRefPoint_m": about.height_of(ping.get("ping_height", np.nan))}
 
 
 def _sectors(ping, sectors) -> dict[str, list[Any]]:
@@ -107,6 +113,11 @@ def _receiver(ping, runs, column) -> dict[str, Any]:
 
 def _soundings(line, ping, runs: Runs | None, column: KongsbergColumn | None) -> dict[str, Any]:
     valid = ping["valid"]
+    beams, known = np.arange(valid.size), np.flatnonzero(valid)
+
+    def beside(values: np.ndarray) -> np.ndarray:
+        """Return values of valid soundings, and between them those that they suggest."""
+        return np.interp(beams, known, values[known]) if known.size else np.zeros(valid.size)
 
     def filled(name: str, otherwise: float = 0.0) -> np.ndarray:
         """Return the values of valid soundings, ``otherwise`` where they are missing."""
@@ -131,11 +142,11 @@ def _soundings(line, ping, runs: Runs | None, column: KongsbergColumn | None) ->
         "reflectivity1_dB": filled("backscatter_db", NO_SOUNDING_DB),
         "reflectivity2_dB": filled("backscatter_db", NO_SOUNDING_DB),
         "sourceLevelApplied_dB": ping["sector_source_level_db"][sector],
-        "beamAngleReRx_deg": -np.degrees(ping["angle"]), "twoWayTravelTime_sec": filled("travel_time"),
-        "z_reRefPoint_m": np.where(valid, filled("depth") - ping["ping_depth"], 0.0),
-        "deltaLatitude_deg": np.where(valid, ping["latitude"] - ping["ping_latitude"], 0.0),
-        "deltaLongitude_deg": np.where(valid, ping["longitude"] - ping["ping_longitude"], 0.0),
-        "y_reRefPoint_m": filled("across_track"), "x_reRefPoint_m": filled("along_track")}
+        "beamAngleReRx_deg": -np.degrees(ping["angle"]), "twoWayTravelTime_sec": beside(filled("travel_time")),
+        "z_reRefPoint_m": beside(ping["depth"] - ping["ping_depth"]),
+        "deltaLatitude_deg": beside(ping["latitude"] - ping["ping_latitude"]),
+        "deltaLongitude_deg": beside(ping["longitude"] - ping["ping_longitude"]),
+        "y_reRefPoint_m": beside(ping["across_track"]), "x_reRefPoint_m": beside(ping["along_track"])}
     if column is not None and column.angle.size:
         beam = np.argmin(np.abs(column.angle[None] - ping["angle"][:, None]), axis=1)
         out |= {"WCBeamNumb": beam, "WCNomBeamAngleAcross_deg": column.vertical_deg[beam],
@@ -161,37 +172,43 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
 
     Raises ValueError also for a ping that does not fit into a datagram.
     """
-    line, remaining = line_of(blocks, place=place, start=start)
-    passage, sounder, offset = passage_of(line), model(line), None
-    waiting = sensors(line, passage)
+    line, remaining = lines.line_of(blocks, place=place, start=start)
+    passage, sounder, offset = passage_of(line), about.model(line), None
+    waiting = about.sensors(line, passage)
     due = next(waiting, None)
-    number = valid = empty = louder = quieter = 0
+    number = valid = louder = quieter = 0
+    empty: list[float] = []
+    measured, told = (-np.inf, 0.0), -np.inf
     with replacing(path) as temporary, open(temporary, "wb") as stream:
-        for datagram in (installation, settings, profile):
+        for datagram in (about.installation, about.settings, about.profile):
             stream.write(datagram(line, passage))
-        for ping, rate in rated(ping for block in remaining for ping in pings(line, block)):
+        for ping in lines.cycled(lines.formed(line, remaining, empty), line.receivers[0]):
+            passage.note(ping)
             while due is not None and due[0] <= ping["since"]:
-                stream.write(due[1])
+                stream.write(due[1]())
                 due = next(waiting, None)
-            if not ping["valid"].size:
-                empty += 1
-                continue
             offset = offset_of(ping) if offset is None else offset
             try:
                 column = column_of(line, ping, offset)
-                stream.write(head_speed(line, ping))
-                soundings(stream, line, ping, number, sounder, column, rate)
+                if ping["since"] >= measured[0] + SVT_SECONDS or ping["head_sound_speed"] != measured[1]:
+                    stream.write(about.head_speed(line, ping))
+                    measured = ping["since"], ping["head_sound_speed"]
+                if "tide" in ping and ping["level"] != told:
+                    stream.write(about.tide(line, ping))
+                    told = ping["level"]
+                soundings(stream, line, ping, sounder, column)
                 if column is not None and offset is not None:
-                    stream.write(water_column(passage, ping, number, sounder, column, offset))
+                    stream.write(about.compatible_heave(line, passage, ping))
+                    stream.write(water_column(passage, ping, sounder, column, offset))
                     louder, quieter = louder + column.outside[0], quieter + column.outside[1]
             except (struct.error, OverflowError) as error:
                 raise ValueError(f"ping {number} does not go into a KMALL datagram: {error}; check its values, or "
                                  "write a .nc.") from None
             number, valid = number + 1, valid + int(ping["valid"].sum())
         while due is not None:
-            stream.write(due[1])
+            stream.write(due[1]())
             due = next(waiting, None)
-    words = line.remarks("KMALL", HELD, empty, "" if f"{sounder}" in line.sonar else
+    words = line.remarks("KMALL", HELD, len(empty), "" if f"{sounder}" in line.sonar else
                          f"KMALL is for Kongsberg's sounders only, so the file names an EM {MODEL}")
     if offset is not None:
         outside = f", {louder} samples are louder and {quieter} quieter" if louder or quieter else ""
