@@ -12,12 +12,11 @@ from typing import Any
 
 from mitsonar.device import files
 from mitsonar.device.files import FilePath
-from mitsonar.io.scene_files import scenes
 
 from .cluster import Cluster
 from .local import Local, shares
 from .manifest import LOCK, MANIFEST, Manifest, ManifestEntry, key, remove_leftovers, sha256, versions
-from .plan import Plan, Render, load_plan
+from .plan import Plan, Render, load_plan, texts
 
 ATTEMPTS = 2                       # per render before it counts as failed
 LOOK_SECONDS = 5.0                 # [s] between checks of the workers
@@ -166,7 +165,7 @@ def standing(plan: Plan, folder: str, entries: Mapping[str, ManifestEntry], made
             render = plan.render(index, entry.redrawn)
         if entry is None or entry.status != "ok" or not _is_there(folder, render, entry, plan.previews):
             missing.append(index)
-        elif entry.key != key(render.parameters, render.seed, plan.inputs.digest(_texts(render)), made_by):
+        elif entry.key != key(render.parameters, render.seed, plan.digest(render), made_by):
             missing.append(index)
             changed += 1
         elif verify and _digest(os.path.join(folder, render.output)) != entry.sha256:
@@ -190,9 +189,10 @@ def unplanned_said(outputs: Sequence[str], folder: str) -> str:
 
 def job(plan: Plan, render: Render, folder: str | None, made_by: Mapping[str, str]) -> dict[str, Any]:
     """Return the job of a render for a worker; without a folder its scene is only loaded."""
-    return {"scene": plan.scene, "parameters": _texts(render), "seed": render.seed, "versions": made_by,
+    return {"scene": plan.scene, "parameters": texts(render), "seed": render.seed, "versions": made_by,
             "folder": folder or os.path.dirname(plan.path), "output": render.output if folder else None,
-            "preview": _preview(render) if plan.previews and folder else None}
+            "preview": _preview(render) if plan.previews and folder else None, "soundings": plan.soundings,
+            "trial": False}
 
 
 def check_loading(pool: Local | Cluster, plan: Plan, missing: Sequence[int], made_by: Mapping[str, str]) -> None:
@@ -233,7 +233,7 @@ class _Runner:
 
     def _start(self, pool, index, attempt, redrawn=0):
         render = self.plan.render(index, redrawn)
-        digest = self.plan.inputs.digest(_texts(render))       # before the render, to detect later changes
+        digest = self.plan.digest(render)       # before the render, to detect later changes
         future = pool.submit(job(self.plan, render, self.folder, self.made_by))
         self._running[id(future)] = future, render, digest, attempt
         future.add_done_callback(self._answers.put)
@@ -275,10 +275,6 @@ def _answer(future):
         return future.result()
     except Exception as error:     # from Dask: a worker lost repeatedly, or without mitsonar
         return {"error": f"{type(error).__name__}: {' '.join(str(error).split())}", "seconds": 0.0, "warnings": []}
-
-
-def _texts(render):
-    return {name: scenes.text(name, value) for name, value in render.parameters.items()}
 
 
 def _preview(render):

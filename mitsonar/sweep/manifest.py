@@ -26,7 +26,8 @@ from mitsonar.version import __version__
 MANIFEST, LOCK = "manifest.jsonl", ".sweep.lock"
 LONGEST_LINE = 1 << 20             # bytes; lines of mitsonar are far shorter
 FLUSH_SECONDS = 5.0
-LEFTOVER = re.compile(r"\..+\.([0-9a-f]+-)?[0-9a-f]{8}\.(exr|png)", re.I)  # as made by `device.files.replacing`
+# as made by `device.files.replacing`
+LEFTOVER = re.compile(r"\..+\.([0-9a-f]+-)?[0-9a-f]{8}\.(exr|png|nc|gsf|kmall|csv|las)", re.I)
 
 
 class ManifestEntry(NamedTuple):

@@ -18,13 +18,14 @@ from mitsonar.io.scene_files import scenes, tables
 
 from .inputs import Inputs
 from .names import Pattern
+from .products import product_digest, soundings_of
 from .values import Draw, axis, draw, random_bits, shortened, value, whole
 
 MOST_RENDERS = 1_000_000
 LARGEST_PLAN, LARGEST_TABLE = 10_000_000, 200_000_000           # bytes
 MOST_SEEDS = 1 << 32                                            # limit of `mitsonar.render`
 KEYS = ("scene", "output", "seed", "seeds", "samples", "previews", "redraw", "classes", "table", "set", "list", "grid",
-        "draw")
+        "draw", "soundings")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,6 +85,8 @@ class Plan:
         Classes of objects in the order of their label numbers.
     inputs : Inputs
         Files of the scene.
+    soundings : dict or None
+        Options of `mitsonar.soundings` and of its file, if renders are lines of soundings; None for pictures.
     """
 
     path: str
@@ -102,6 +105,7 @@ class Plan:
     redraw: tuple[str, ...]
     classes: tuple[str, ...] | None
     inputs: Inputs = field(repr=False)
+    soundings: dict[str, Any] | None = None
 
     def __len__(self):
         return self.samples * self._seeds() * math.prod(self._sizes())
@@ -135,6 +139,11 @@ class Plan:
         return Render(index=index, output=self.pattern.name(index, seed, parameters), parameters=parameters, seed=seed,
                       redrawn=redrawn)
 
+    def digest(self, render: Render) -> str:
+        """Return a SHA-256 of all inputs of a render, in hexadecimal."""
+        inputs = self.inputs.digest(texts(render))
+        return inputs if not self.soundings else product_digest(inputs, self.soundings)
+
     def _seeds(self):
         return self.seeds if isinstance(self.seeds, int) else len(self.seeds)
 
@@ -142,6 +151,11 @@ class Plan:
         """Return the lengths of the table, the lists and every parameter of the grid."""
         first = [len(next(iter(columns.values()), (None,))) for columns in (self.table, self.lists)]
         return [*first, *map(len, self.grid.values())]
+
+
+def texts(render: Render) -> dict[str, str]:
+    """Return the parameters of a render as text."""
+    return {name: scenes.text(name, value) for name, value in render.parameters.items()}
 
 
 def load_plan(path: FilePath) -> Plan:
@@ -215,8 +229,9 @@ def _plan(path, place, home, given):
     columns = {**{name: (item,) for name, item in fixed.items()}, **table, **lists, **grid,
                **{name: drawn.choices for name, drawn in draws.items()}}
     inputs.check_files(columns)
-    plan = Plan(path=path, scene=scene, home=home, seed=seed,
-                pattern=Pattern(given.get("output", "{index:06}.exr"), named, inputs.paths()), seeds=seeds,
+    pattern = Pattern(given.get("output", "{index:06}.exr"), named, inputs.paths())
+    soundings = soundings_of(dict(_section(given, "soundings")), pattern.suffix, place, previews)
+    plan = Plan(path=path, scene=scene, home=home, seed=seed, pattern=pattern, seeds=seeds, soundings=soundings,
                 samples=samples, previews=previews, fixed=fixed, table=table, lists=lists, grid=grid, draws=draws,
                 redraw=_names(given, "redraw"), classes=_names(given, "classes") or None, inputs=inputs)
     _check_redraw(plan)
