@@ -127,6 +127,9 @@ def stored(path: FilePath) -> Iterator[xr.Dataset]:
     from ..records import netcdf
 
     with netcdf.opened(path, unfinished=True) as record:
+        for values in record.variables.values():       # read once, not for every ping
+            if "ping" not in values.dims:
+                values.load()
         for number in range(record.sizes["ping"]):
             yield record.isel(ping=slice(number, number + 1)).load()
 
