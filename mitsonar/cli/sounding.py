@@ -161,7 +161,8 @@ def _line(arguments, place):
 def _options(arguments):
     """Return the options of `mitsonar.soundings`."""
     return {"profile": arguments.profile, "tide": level_of(arguments.tide),
-            "separation": level_of(arguments.separation), "heights": arguments.heights or "tide", "sensor": arguments.sensor, "column": arguments.column, "snippets": arguments.snippets}
+            "separation": level_of(arguments.separation), "heights": arguments.heights or "tide",
+            "sensor": arguments.sensor, "column": arguments.column, "snippets": arguments.snippets}
 
 
 def _sounder(arguments, options):
