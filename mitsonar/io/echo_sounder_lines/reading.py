@@ -219,7 +219,7 @@ def _image(path, file, line, name, wanted):
     level, angles, signal = _arrays(file, wanted, about, pulse, sent)
     time = np.array([ping.time for ping, _ in wanted])
     dims = ("ping", "range")
-    variables = {"level": (dims, level, {"units": "dB re 1 W", "long_name": "received power"})}
+    variables: dict[str, tuple] = {"level": (dims, level, {"units": "dB re 1 W", "long_name": "received power"})}
     for way, words, values in zip(("along", "athwart"), ("ahead", "to starboard"), angles or (), strict=False):
         long_name = f"direction of the echo, {words} of the axis"
         variables[f"angle_{way}"] = (dims, values, {"units": "rad", "long_name": long_name})
