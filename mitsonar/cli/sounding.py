@@ -15,7 +15,7 @@ from .words import announce, leave_if_interrupted, warn
 if TYPE_CHECKING:
     import xarray as xr
 
-LINES = (".all", ".gsf", ".kmall", ".kmwcd", ".nc", ".s7k", ".wcd", ".xtf")     # recorded lines, not scenes
+LINES = (".all", ".gsf", ".hsx", ".kmall", ".kmwcd", ".nc", ".s7k", ".wcd", ".xtf")    # recorded, not scenes
 
 
 def add(commands: Commands) -> None:
@@ -42,7 +42,7 @@ def add(commands: Commands) -> None:
     command.set_defaults(run=_soundings)
 
     like = commands.add_parser("like", help="make a scene like a recorded line: its track, cast, sounder and bed")
-    add_file(like, "line", metavar="LINE.all|kmall|gsf|s7k|xtf", help="line of soundings")
+    add_file(like, "line", metavar="LINE.all|kmall|gsf|s7k|xtf|hsx", help="line of soundings")
     add_file(like, "-o", "--output", required=True, metavar="SCENE.xml",
              help="scene; its track, cast and bed are written beside it")
     like.add_argument("--cell", type=number, metavar="M",

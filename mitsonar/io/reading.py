@@ -29,7 +29,8 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
     ----------
     path : str or path
         An EXR, a netCDF file, a Zarr folder, JSON or lines of JSON (annotations, splits, manifests) or PNG (masks); a
-        survey line (.all, .wcd, .kmall, .kmwcd, .gsf, .s7k, .xtf), of which `io.survey_lines.reading` also reads parts.
+        survey line (.all, .wcd, .kmall, .kmwcd, .gsf, .s7k, .xtf, .hsx), of which `io.survey_lines.reading` also reads
+        parts.
 
     Returns
     -------
@@ -63,7 +64,7 @@ def read(path: FilePath) -> SonarImage | SonarSignals | dict | list | np.ndarray
     if survey_lines.recognised(head):
         return survey_lines.read(path)
     raise ValueError(f"cannot read {path}: it is no EXR, netCDF, JSON, PNG or survey line; give a file that mitsonar "
-                     "wrote, or an .all, .kmall, .gsf, .s7k or .xtf file.")
+                     "wrote, or an .all, .kmall, .gsf, .s7k, .xtf or .hsx file.")
 
 
 def is_netcdf(path: FilePath) -> bool:
