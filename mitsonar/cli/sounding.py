@@ -17,7 +17,7 @@ from .words import announce, leave_if_interrupted, warn
 if TYPE_CHECKING:
     import xarray as xr
 
-LINES = (".all", ".gsf", ".kmall", ".kmwcd", ".nc", ".s7k", ".wcd", ".xtf")     # recorded lines, not scenes
+LINES = (".all", ".gsf", ".hsx", ".kmall", ".kmwcd", ".nc", ".s7k", ".wcd", ".xtf")    # recorded, not scenes
 
 
 def add(commands: Commands) -> None:

@@ -74,7 +74,7 @@ def read_blocks(path: FilePath, *, column: bool = True, size: int = BLOCK) -> It
     Parameters
     ----------
     path : str or path
-        An .all, .wcd, .kmall, .kmwcd, .gsf, .s7k or .xtf file, or a record in netCDF.
+        An .all, .wcd, .kmall, .kmwcd, .gsf, .s7k, .xtf or .hsx file, or a record in netCDF.
     column : bool
         Read the water column where there is one.
     size : int
