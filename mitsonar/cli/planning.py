@@ -257,7 +257,8 @@ def _doubts(planned, numbers, deepest_sample):
                f"{along['gapless_speed'] / KNOT:.3g} knots or less")
     if along["feature_speed"] is not None and speed > along["feature_speed"]:
         yield (f"at {speed / KNOT:.3g} knots fewer than {HITS} pings meet a feature of {along['feature']:.2g} m, the "
-               f"least that order {numbers['order']} asks for; sail at {along['feature_speed'] / KNOT:.3g} knots or less")
+               f"least that order {numbers['order']} asks for; sail at {along['feature_speed'] / KNOT:.3g} knots or "
+               "less")
     aground = [line.number for line in planned.lines if line.track.depth.min() <= planned.sonar.head_depth]
     if aground:
         names = f"{', '.join(map(str, aground[:8]))}{' ...' if len(aground) > 8 else ''}"
