@@ -76,7 +76,7 @@ def _soundings(arguments):
     if arguments.dry_run:
         return _estimate(arguments, place)
     before, words = 0, []
-    with Progress() as progress:
+    with Progress(warm_up=1 if arguments.processes == 1 else 4 * arguments.processes) as progress:
         if _is_recorded(arguments.scene):
             written = survey_lines.write(_recorded(arguments, words), arguments.output, place=place,
                                          start=arguments.start)
