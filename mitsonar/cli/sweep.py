@@ -12,7 +12,7 @@ SHOWN = 5                          # failures printed at the end
 
 def add(commands: Commands) -> None:
     """Add the command to the parser's."""
-    sweep = commands.add_parser("sweep", help="render all images of a plan that are missing")
+    sweep = commands.add_parser("sweep", help="render all images, or sound all lines, of a plan that are missing")
     add_file(sweep, "plan", metavar="PLAN.toml", help="plan, or the name of a plan that comes with mitsonar")
     sweep.add_argument("-o", "--output", metavar="FOLDER", help="default: the plan's name without .toml, beside it")
     sweep.add_argument("--dry-run", action="store_true", help="estimate number, time and disk space, and end")
@@ -141,10 +141,11 @@ def _print_estimate(plan, part, arguments):
     if cost.seconds is not None and cost.bytes is not None and cost.duration is not None:
         how = f"tried {cost.trials}" if cost.trials else "as the existing ones took"
         length = datetime.timedelta(seconds=round(cost.duration))
-        announce(f"time: about {length}, {cost.seconds:.2g} s each ({how}), by "
+        each = f"{cost.seconds:.2g}" if cost.seconds < 100 else f"{cost.seconds:.0f}"
+        announce(f"time: about {length}, {each} s each ({how}), by "
                  f"{_count(cost.processes, 'process')} of {cost.threads} threads"
                  + (f", of which the cores run {cost.at_once} at once" if cost.at_once < cost.processes else ""))
-        announce(f"disk: about {_size(cost.bytes * cost.missing)}, and {_size(cost.free)} are free")
+        announce(f"disk: about {size_said(cost.bytes * cost.missing)}, and {size_said(cost.free)} are free")
     return 0
 
 
@@ -152,7 +153,8 @@ def _count(number, what):
     return f"{number} {what}" if number == 1 else f"{number} {what}{'es' if what.endswith('s') else 's'}"
 
 
-def _size(count):
+def size_said(count: float) -> str:
+    """Return a number of bytes with its unit."""
     for unit in ("bytes", "kB", "MB", "GB"):           # noqa: B007  the last one is read after the loop
         if count < 1000:
             break

@@ -127,7 +127,7 @@ def _croissant(shards, folder, pictures, told):
 
     kinds = {"int64": "sc:Integer", "double": "sc:Float", "bool": "sc:Boolean"}
     schema = parquet.read_schema(folder / "index.parquet")
-    fields = [{"@type": "cr:Field", "@id": f"pictures/{field.name}", "name": f"pictures/{field.name}",
+    fields = [{"@type": "cr:Field", "@id": (name := "pictures/" + field.name.replace(" ", "_")), "name": name,
                "dataType": kinds.get(str(field.type), "sc:Text"),
                "source": {"fileObject": {"@id": "index.parquet"}, "extract": {"column": field.name}}}
               for field in schema]

@@ -29,8 +29,11 @@ SOUNDINGS = frozenset({
     "written_snippet_db",
 })
 HEIGHTS = frozenset({"tide", "ping_height"})
-COLUMN = frozenset({"column_angle", "column_sector", "column_start", "column_rate", "column_level_db"})
+COLUMN = frozenset({"column_angle", "column_sector", "column_start", "column_rate", "column_level_db",
+                    "column_recorded_db"})
 HEADS = frozenset({"head_receive_offset", "head_receive_mounting"})
+WRITTEN = (("backscatter_db", "written_backscatter_db"), ("snippet_db", "written_snippet_db"),
+           ("column_level_db", "column_recorded_db"))      # files hold what the instrument writes
 RESPONSE = frozenset({"normal_incidence_db", "oblique_incidence_db"})      # of formats after Kongsberg's
 
 Blocks = xr.Dataset | Iterable[xr.Dataset]
@@ -157,9 +160,9 @@ def pings(line: LineToWrite, block: xr.Dataset) -> Iterator[Ping]:
         ping["beam"] = np.arange(formed.size)
         for name in (*of_beams, "latitude", "longitude", "beam"):
             ping[name] = ping[name][formed]
-        for name in ("backscatter_db", "snippet_db"):
-            if f"written_{name}" in ping:      # files hold what the instrument writes
-                ping[name] = ping[f"written_{name}"]
+        for name, written in WRITTEN:
+            if written in ping:
+                ping[name] = ping[written]
         sent = np.flatnonzero(np.isfinite(ping["sector_frequency"]))
         sectors = 1 + int(sent[-1]) if sent.size else 1
         for name in of_sectors:

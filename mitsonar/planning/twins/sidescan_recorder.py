@@ -31,6 +31,9 @@ TAPS = np.arange(0, 0.305, 0.01)
 PULSES = np.arange(1.1, 4.01, 0.1)                         # samples
 TEXTURE = 1.5                      # times as far: speckle darker and rougher than Rayleigh's is the bed's own
 PINGS, BINS = 300, 64              # of a trial
+CLEARLY = 2.0                      # times nearer, from where a longer pulse than the assumed one is found
+SHAPES = (np.inf, 64.0, 32.0, 16.0, 8.0, 4.0, 2.0, 1.0)    # of glints
+BRIGHTEST = 0.15                   # by which the 99 % quantile may be off
 CLEAR = 1.15                       # times the first return, from where there is bed
 DARK = 0.05                        # of the median ping's mean: a lost ping
 BRIGHT = 1.5                       # times the mean of its neighbours: a bright ping
@@ -62,6 +65,7 @@ class FoundRecorder:
     bright: float
     bright_db: float
     pulse_length: float  # [s]: of the speckle
+    shape: float  # of the K-distribution of its amplitudes; inf: Rayleigh's
     amplitude: np.ndarray  # sorted amplitudes of its detector over speckle of mean power 1, behind the low pass
     usable: np.ndarray  # (P,): pings that are not lost
     words: tuple[str, ...]
@@ -110,7 +114,7 @@ def recorder_of(line: SidescanLine, pulse_length: float) -> FoundRecorder:
     saturated = float(np.mean(counts[usable] >= highest))
     time = 2 * line.slant_range / line.sound_speed
     line_db, length, ringing, ends = _transmission(output, time, line.slant_range)
-    peak, low_pass, pulse_length, amplitude, text = _detector(line, usable, highest, law, pulse_length)
+    peak, low_pass, pulse_length, shape, amplitude, text = _detector(line, usable, highest, law, pulse_length)
     words += [f"recorder: {bits} bits" + (f" in steps of {step:g}" if step != 1 else "")
               + f", {100 * saturated:.2g} % of samples at the highest count", text]
     words.append(f"line of the transmission: {line_db:.3g} dB re full scale for {1e3 * length:.2g} ms")
@@ -121,7 +125,8 @@ def recorder_of(line: SidescanLine, pulse_length: float) -> FoundRecorder:
         bits=bits, step=step, law=law, peak=peak, low_pass=low_pass, decimation=_decimation(counts[usable]),
         line_db=line_db, line_length=length, ringing=ringing, line_ends=ends,
         ping_gain_db=gain_db, lost=float(lost.mean()), repeated=float(repeated.mean()), bright=float(bright.mean()),
-        bright_db=bright_db, pulse_length=pulse_length, amplitude=amplitude, usable=usable, words=tuple(words))
+        bright_db=bright_db, pulse_length=pulse_length, shape=shape, amplitude=amplitude, usable=usable,
+        words=tuple(words))
 
 
 def _bits(counts):
@@ -153,32 +158,46 @@ def _law(line, usable, highest):
 
 
 def _detector(line, usable, highest, law, pulse_length):
-    """Return peak window, low pass, pulse [s] and sorted amplitudes of a detector, and a clause."""
+    """Return peak window, low pass, pulse [s], shape of the glints and amplitudes of a detector, and a clause."""
     sample = 2 * line.spacing / line.sound_speed
     found = [_features(patch) for patch in _patches(line, usable, highest)]
     if not found:
-        return 0.25, 0.0, pulse_length, np.sort(_trial(sample, pulse_length, 0.25).ravel()), (
+        return 0.25, 0.0, pulse_length, np.inf, np.sort(_trial(sample, pulse_length, 0.25).ravel()), (
             "no open bed of 32 pings by 32 samples was found: a detector of one sample without a low pass is assumed")
-    wanted = np.median(found, axis=0)[:-1]
+    wanted = np.median(found, axis=0)
     longer = [(float(one) * sample, 0.25) for one in PULSES if one * sample > pulse_length]
     best = np.inf, 0.25, 0.0, pulse_length, wanted
     for pulse, peak in [*((pulse_length, peak) for peak in PEAKS), *longer]:
         drawn = _trial(sample, pulse, peak)
         for k in TAPS if (pulse, peak) not in longer else TAPS[:1]:
             detector = Detector(law=law, low_pass=float(k))
-            features = np.array(_features(detector.smoothed(detector.detected(drawn ** 2 / 30)))[:-1])
-            away = wanted - features
-            # CV, r1 and quantiles; a bed of its own texture has more of the first and less of the last
-            rougher = np.array([away[0] > 0, False, away[2] < 0, away[3] < 0])
-            far = float(np.sum((away / np.where(rougher, TEXTURE, 1) / (0.03, 0.02, 0.05, 0.05)) ** 2))
+            features = _features(detector.smoothed(detector.detected(drawn ** 2 / 30)))
+            # a bed of its own texture has a larger CV and smaller quantiles
+            far = _distance(wanted, features, TEXTURE) * (CLEARLY if pulse > pulse_length else 1)
             if far < best[0]:
                 best = far, peak, float(k), pulse, features
     _, peak, low_pass, pulse, features = best
-    amplitude = np.sort(Detector(low_pass=low_pass).smoothed(_trial(sample, pulse, peak)).ravel())
-    return peak, low_pass, pulse, amplitude, (
+    texture = np.inf, np.inf
+    detector = Detector(law=law, low_pass=low_pass)
+    for shape in SHAPES:
+        drawn = _trial(sample, pulse, peak, shape)
+        features = _features(detector.smoothed(detector.detected(drawn ** 2 / 30)))
+        texture = min(texture, (_distance(wanted, features, 1.0, bright=BRIGHTEST), shape))
+    amplitude = np.sort(Detector(low_pass=low_pass).smoothed(_trial(sample, pulse, peak, texture[1])).ravel())
+    features = best[-1]
+    return peak, low_pass, pulse, texture[1], amplitude, (
         f"speckle on open bed: CV {wanted[0]:.3f}, r1 {wanted[1]:.3f}, 10 % quantile {wanted[3]:.2f}; a {law} detector "
         f"with a peak window of {peak:g} samples and a low pass of {low_pass:.2g} makes {features[0]:.3f}, "
-        f"{features[1]:.3f}, {features[3]:.2f} of a pulse of {1e3 * pulse:.2g} ms")
+        f"{features[1]:.3f}, {features[3]:.2f} of a pulse of {1e3 * pulse:.2g} ms" + (
+            f"; its bright ones are those of glints, K-distributed with a shape of {texture[1]:g}"
+            if np.isfinite(texture[1]) else ""))
+
+
+def _distance(wanted, features, texture, bright=np.inf):
+    """Return how far features are from those wanted; less far by `texture` where a rough bed may be the cause."""
+    away = np.subtract(wanted, features)[:-1]
+    rougher = np.array([away[0] > 0, False, away[2] < 0, away[3] < 0, False])
+    return float(np.sum((away / np.where(rougher, texture, 1) / (0.03, 0.02, 0.05, 0.05, bright)) ** 2))
 
 
 def _patches(line, usable, highest):
@@ -199,7 +218,7 @@ def _patches(line, usable, highest):
 
 
 def _features(patch):
-    """Return CV, r1, 1 and 10 % quantiles over the mean, and skewness of a patch (ping, sample) less its plane."""
+    """Return CV, r1, 1, 10 and 99 % quantiles over the mean, and skewness of a patch (ping, sample) less its plane."""
     rows, columns = (np.arange(size) - (size - 1) / 2 for size in patch.shape)
     mean = patch.mean()
     slopes = (rows @ patch.mean(1)) / (rows @ rows), (columns @ patch.mean(0)) / (columns @ columns)
@@ -208,11 +227,14 @@ def _features(patch):
     y = x - x.mean()
     power = max(float((y * y).mean()), 1e-12)
     return (float(np.sqrt(power) / x.mean()), float((y[:, 1:] * y[:, :-1]).mean() / power),
-            *np.quantile(x / x.mean(), (0.01, 0.1)), float(stats.skew(y, axis=None)))
+            *np.quantile(x / x.mean(), (0.01, 0.1, 0.99)), float(stats.skew(y, axis=None)))
 
 
-def _trial(length, pulse_length, peak):
-    """Return amplitudes (PINGS, BINS) of a peak detector over even speckle of mean power 1, by samples [s]."""
+def _trial(length, pulse_length, peak, shape=np.inf):
+    """Return amplitudes (PINGS, BINS) of a peak detector over speckle of mean power 1, by samples [s].
+
+    With a finite shape, the power of cells is a gamma distribution's, so that amplitudes are K-distributed.
+    """
     shares, random = pulse_shares(length, pulse_length), np.random.default_rng(1)
     gates = BINS * speckle_gates(length, pulse_length)
     steps = envelope_steps(length, pulse_length) if peak else 1
@@ -220,8 +242,9 @@ def _trial(length, pulse_length, peak):
     speckle = np.lib.stride_tricks.sliding_window_view(fine, steps, 1).sum(-1).reshape(PINGS, gates, steps)
     speckle /= np.sqrt(2 * steps)
     even = np.ones((PINGS, BINS))
-    drawn = (peaks(even, shares, speckle, 0.0, random, peak) if peak
-             else realisation(even, shares, speckle[..., 0], 0.0, random))
+    rough = random.gamma(shape, 1 / shape, even.shape) if np.isfinite(shape) else even
+    drawn = (peaks(rough, shares, speckle, 0.0, random, peak) if peak
+             else realisation(rough, shares, speckle[..., 0], 0.0, random))
     return np.sqrt(drawn / mean_intensity(even, shares)[0, BINS // 2])
 
 
@@ -236,7 +259,7 @@ def _transmission(output, time, slant_range):
     last = int(np.flatnonzero(profile[:near] > 0.5 * top)[-1])
     after = np.flatnonzero(profile[last:] < 2 * max(floor, 1e-9))
     ends = last + (int(after[0]) if after.size else near)
-    level, step = 6.0 if top > 0.99 else float(20 * np.log10(top)), float(time[1] - time[0])
+    level, step = 6.0 if top > 0.99 and last >= 3 else float(20 * np.log10(top)), float(time[1] - time[0])
     # the fall is that to the next sample if it is steep, else that to the noise
     fallen = last + 1 if profile[last + 1] < 0.1 * top else ends
     drop = level - 20 * np.log10(max(profile[min(fallen, profile.size - 1)], 1e-6))
