@@ -51,9 +51,9 @@ def add(commands: Commands) -> None:
 
 
 def _labels(arguments):
-    from mitsonar.dataset.labels.rules import Labels
     from mitsonar.dataset.labels.writing import write
     from mitsonar.dataset.split import read_shares
+    from mitsonar.labels.rules import Labels
 
     output = arguments.output
     if output is None:

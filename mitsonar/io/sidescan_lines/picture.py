@@ -28,10 +28,11 @@ def as_image(record: xr.Dataset) -> SonarImage:
         np.clip(-weight, -MOST_BITS, MOST_BITS)).astype(np.float32)
     level = 20 * np.log10(amplitude)
     count, end = record["samples"].values, record["slant_range"].values
-    begin = end * record["sample_start"].values / (
-        record["sample_start"].values + count * record["sample_interval"].values)
-    for ping, side in zip(*np.nonzero((count != samples) | (np.abs(end - np.median(end)) > 0.01 * np.median(end))),
-                          strict=True):
+    travel = record["sample_start"].values + count * record["sample_interval"].values
+    begin = end * record["sample_start"].values / np.where(travel > 0, travel, np.inf)
+    common = np.median(end[np.isfinite(end)]) if np.isfinite(end).any() else np.nan
+    # a range that is not known is taken to be the common one
+    for ping, side in zip(*np.nonzero((count != samples) | (np.abs(end - common) > 0.01 * common)), strict=True):
         number, step = int(count[ping, side]), (end[ping, side] - begin[ping, side]) / max(count[ping, side], 1)
         at = np.floor((middle - begin[ping, side]) / step) if step > 0 else np.full(samples, -1.0)
         inside = (at >= 0) & (at < number)

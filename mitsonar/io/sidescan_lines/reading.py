@@ -1,6 +1,8 @@
 """Read recorded sidescans; the content of a file selects its format.
 
     xtf     Triton: sonar packets, with the navigation of their headers or of the packets between them
+    jsf     EdgeTech: sonar messages, with the navigation of their headers or of the messages of sensors between them
+    sdf     Klein: pages of the UUV-3500, not proven by a recorded file
 """
 from __future__ import annotations
 
@@ -13,16 +15,23 @@ from mitsonar.device.files import FilePath, check_readable
 
 from ..records.records import SonarImage
 from ..xtf.navigation import recognised as recognised_xtf
+from ..xtf.packets import SONAR, holds
+from . import jsf_messages, sdf_line
 
-FORMATS = {"xtf": "xtf_line"}      # module of each format; all have read(path, channels, frequency, pings)
+# module of each format; all have read(path, channels, frequency, pings)
+FORMATS = {"xtf": "xtf_line", "jsf": "jsf_line", "sdf": "sdf_line"}
 
 
 def recognised(path: FilePath) -> str | None:
     """Return the format of a file, one of `FORMATS`, or None, by its content."""
     with open(path, "rb") as file:
-        head = file.read(8)
-    # Kongsberg's datagrams may begin with the same byte, and have 2 or # at the fifth
-    return "xtf" if recognised_xtf(path) and head[4:5] not in (b"\2", b"#") else None
+        head = file.read(16)
+    if head.startswith(jsf_messages.SYNC) and head[2] and len(head) == 16:
+        return "jsf"
+    if head.startswith(sdf_line.START) and int.from_bytes(head[4:8], "little") > sdf_line.LEAST_HEADER:
+        return "sdf"
+    # Kongsberg's datagrams may begin with the same byte, and have 2 or # at the fifth; multibeams have no sonar packets
+    return "xtf" if recognised_xtf(path) and head[4:5] not in (b"\2", b"#") and holds(path, SONAR) else None
 
 
 def read(path: FilePath, *, channels: Sequence[int] | None = None, frequency: float | None = None,
@@ -32,7 +41,7 @@ def read(path: FilePath, *, channels: Sequence[int] | None = None, frequency: fl
     Parameters
     ----------
     path : str or path
-        An XTF file, recognised by its content.
+        An XTF, JSF or SDF file, recognised by its content.
     channels : sequence of int, optional
         Numbers of the channels, at most one of each side; the attribute ``channels`` lists those of the file.
     frequency : float, optional [Hz]
@@ -64,10 +73,11 @@ def read(path: FilePath, *, channels: Sequence[int] | None = None, frequency: fl
     --------
     ``mitsonar.io.sidescan_lines.read("line.xtf")["amplitude"].sel(side="port")``
     """
-    check_readable(path, "the sidescan record", "an XTF file")
+    check_readable(path, "the sidescan record", "an XTF, JSF or SDF file")
     kind = recognised(path)
     if kind is None:
-        raise ValueError(f"cannot read the sidescan record {path}: it is no XTF file; give a recorded sidescan.")
+        raise ValueError(f"cannot read the sidescan record {path}: it is no XTF, JSF or SDF file; give a recorded "
+                         "sidescan.")
     some = pings or slice(None)
     if some.step not in (None, 1) or (some.start or 0) < 0 or some.stop is not None and some.stop <= (some.start or 0):
         raise ValueError(f"the pings to read of {path} are {pings}; give a slice from a first ping, counted from 0, to "

@@ -25,6 +25,8 @@ __all__ = ["SIDES", "VARIABLES", "SideChannel", "chosen", "dataset", "is_recorde
 
 SIDES = ("port", "starboard")
 MOST_BYTES = 4_000_000_000         # of the samples in memory
+MOST_LOST = 10_000                 # pings; where numbers jump farther, the recorder counts anew
+USUAL_SPEED = 1500.0               # [m/s], where the file has no sound speed
 MOST_NAMED = 8                     # channels in a sentence
 _PING, _SIDE = ("ping",), ("ping", "side")
 
@@ -145,9 +147,12 @@ def dataset(amplitude: Sequence[Sequence[np.ndarray]], sides: Sequence[str], col
         for ping, row in enumerate(side):
             samples[ping, number, :row.size] = row
     columns = {"samples": counts, "lost": _lost(columns["ping_number"]), **columns}
-    interval, start = (float(np.nanmedian(columns[name])) for name in ("sample_interval", "sample_start"))
-    duration = columns["sample_start"] + counts * columns["sample_interval"]
-    speed = float(np.nanmedian(columns["slant_range"] / duration))
+    interval, start = (_median(columns[name]) for name in ("sample_interval", "sample_start"))
+    if not interval > 0:
+        raise ValueError("no ping has a sample interval or a range; the file is damaged, or no sidescan's.")
+    duration = np.where(counts > 0, columns["sample_start"] + counts * columns["sample_interval"], np.nan)
+    speed = _median(columns["slant_range"] / np.where(duration > 0, duration, np.nan))
+    speed, start = speed if speed > 0 else USUAL_SPEED / 2, start if start > 0 else 0.0
     return xr.Dataset(
         {"amplitude": (("ping", "side", "sample"), samples,
                        {"units": "1", "long_name": "as recorded, nearest sample first"}),
@@ -159,11 +164,17 @@ def dataset(amplitude: Sequence[Sequence[np.ndarray]], sides: Sequence[str], col
                "bits": 8 * kind.itemsize, "sample_type": str(kind)})
 
 
+def _median(values):
+    """Return the median of values that are finite, NaN if none is."""
+    values = values[np.isfinite(values)]
+    return float(np.median(values)) if values.size else np.nan
+
+
 def _lost(number):
     """Return how many pings (P,) are missing before each, by numbers that usually grow by one step."""
     steps = np.diff(np.asarray(number, np.int64), prepend=number[:1])
-    usual = max(int(np.median(steps[1:])) if steps.size > 1 else 1, 1)
-    return np.where(steps > usual, steps // usual - 1, 0)
+    usual = max(int(np.percentile(steps[1:], 50, method="lower")) if steps.size > 1 else 1, 1)
+    return np.where((steps > usual) & (steps < MOST_LOST * usual), steps // usual - 1, 0)
 
 
 def known(values: np.ndarray, low: float, high: float, *, nothing: float | None = None, every: bool = False

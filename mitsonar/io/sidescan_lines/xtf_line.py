@@ -17,11 +17,11 @@ from mitsonar.device.files import FilePath
 from mitsonar.units import hertz_from_khz, metres_per_second_from_knots, radians_from_deg
 
 from ..xtf import navigation
-from ..xtf.packets import file_header, walk
+from ..xtf.packets import SONAR, file_header, walk
 from ..xtf.pings import structure
 from .record import SIDES, SideChannel, chosen, dataset, known, text
 
-SONAR, HEADER, CHANNEL = 0, 256, 64                      # type of packet; bytes of its headers
+HEADER, CHANNEL = 256, 64          # bytes of the headers of a ping
 MOST_PACKET = 100_000_000          # bytes
 _SIDES = {1: SIDES[0], 2: SIDES[1]}                      # TypeOfChannel
 _KINDS = {1: "ping notes", 3: "attitude", 42: "navigation", 107: "navigation", 23: "gyro", 84: "gyro",
@@ -191,6 +191,10 @@ def _completed(path, columns, kinds):
     values = {names[0]: track.x, names[1]: track.y, "heading": track.heading, "pitch": track.pitch,
               "roll": track.roll, "heave": track.heave}
     there = {name: values[name] for name in lacking if values[name] is not None and np.any(values[name])}
+    if "heading" in there:
+        there["heading"] = np.unwrap(there["heading"])
     inside = (time >= track.time[0]) & (time <= track.time[-1])
     found = {name: np.where(inside, np.interp(time, track.time, value), np.nan) for name, value in there.items()}
+    if "heading" in found:
+        found["heading"] %= 2 * np.pi
     return {**columns, **found}, f"ping headers{f'; {chr(44).join(there)} from packets' if there else ''}"

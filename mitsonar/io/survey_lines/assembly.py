@@ -1,18 +1,20 @@
 """Parts of a line of soundings that file readers return, and the record assembled from them in blocks of pings.
 
 A reader returns one `AssembledLine`, then `Ping` after `Ping`; `dataset` pads and joins them. Readers convert at their
-border: angles are radians here, lengths metres and times seconds after the start of the line.
+border: angles are radians here, lengths metres and times seconds after the start of the line. Soundings of files that
+state angles and times alone are placed by `hydrography.reduction`.
 """
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timezone
 
 import numpy as np
 import xarray as xr
 
 from mitsonar.hydrography.record import VARIABLES, variable
+from mitsonar.hydrography.reduction.resounding import resounded
 
 SLOWEST, FASTEST = 300.0, 3000.0   # [m/s]
 MOST_BEAMS = 4096                  # soundings of a ping, more than any echo sounder has
@@ -20,6 +22,11 @@ MOST_SECTORS = 64
 DEEPEST, FARTHEST = 2e4, 1e5       # [m] of soundings, from the surface and from the ship
 MOST_BYTES = 1 << 32               # of the water column samples that are held at once
 POSE = ("time", "x", "y", "depth", "roll", "pitch", "heading")
+PLACES = ("depth", "x", "y", "across_track", "along_track")
+MEASURED = ("travel_time", "angle", "transmit_angle")
+REDUCTION = ("places by mitsonar, from travel times and angles of the file: rays through the cast, with the head's "
+             "sound speed at the arrays and the ship's way while echoes arrive")
+LEVELS = ("tide", "ping_height", "separation")
 SECTOR = ("frequency", "delay", "angle", "pulse_length", "bandwidth", "source_level_db", "absorption_db")
 
 
@@ -48,6 +55,11 @@ def cast_of(nodes: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
     if not len(nodes):
         raise ValueError("its cast of sound speed is empty.")
     return nodes[:, 0], nodes[:, 1]
+
+
+def uniform_cast(speed: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return depths and sound speeds of water of one speed [m/s], for files without a cast."""
+    return cast_of(np.array([[0.0, speed], [DEEPEST, speed]]))
 
 
 def check_counts(name: str, beams: int, sectors: int = 0) -> None:
@@ -80,6 +92,10 @@ class AssembledLine:
     column_beams: int = 0
     column_samples: int = 0
     left_out: str = ""  # contents of the file that the record cannot hold
+    placed: bool = True  # soundings have places in the file, not angles and times alone
+    levels: tuple[str, ...] = ()  # of LEVELS, those that the file states
+    datum: str = ""  # vertical datum
+    heights: str = ""  # "gnss" if depths follow from heights above the ellipsoid
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,6 +120,7 @@ class Ping:
     sectors: dict[str, np.ndarray]  # (S,)
     soundings: dict[str, np.ndarray]  # (B,): by the names of the record's variables
     column: LineColumn | None = None
+    levels: dict[str, float] = field(default_factory=dict)  # [m], by names of LEVELS
 
 
 @np.errstate(invalid="ignore", over="ignore")      # invalid soundings may hold NaN and infinity
@@ -115,6 +132,7 @@ def dataset(line: AssembledLine, pings: Sequence[Ping]) -> xr.Dataset:
         "receive_offset": line.receive_offset[0], "receive_mounting": line.receive_mounting[0]}
     values |= {f"motion_{name}": line.motion[name] for name in POSE}
     values |= {f"ping_{name}": np.array([ping.place[name] for ping in pings]) for name in POSE}
+    values |= {name: np.array([ping.levels.get(name, np.nan) for ping in pings]) for name in line.levels}
     values["head_sound_speed"] = np.array([ping.head_sound_speed for ping in pings])
     values |= {f"sector_{name}": _padded([ping.sectors[name] for ping in pings], (line.sectors,), np.nan)
                for name in SECTOR}
@@ -123,9 +141,12 @@ def dataset(line: AssembledLine, pings: Sequence[Ping]) -> xr.Dataset:
     if len(line.receive_offset) > 1:
         values["head"] = np.array([ping.head for ping in pings])
         values |= {"head_receive_offset": line.receive_offset, "head_receive_mounting": line.receive_mounting}
+    if not line.placed:
+        pings = [replace(ping, soundings=_unplaced(ping.soundings)) for ping in pings]
     names = list(pings[0].soundings) if pings else [
         name for name, about in VARIABLES.items() if about.group == "sounding" and about.needed]
-    valid = _padded([_usable(ping.soundings) for ping in pings], (line.beams,), False)
+    usable = _usable if line.placed else _measured
+    valid = _padded([usable(ping.soundings) for ping in pings], (line.beams,), False)
     values["valid"] = valid
     for name in names:
         if name != "valid":
@@ -137,11 +158,14 @@ def dataset(line: AssembledLine, pings: Sequence[Ping]) -> xr.Dataset:
     attributes = {"sonar": line.sonar, "title": line.title, "crs": line.crs, "preset": None, "profile": line.profile,
                   "start": datetime.fromtimestamp(line.start, timezone.utc).isoformat().replace("+00:00", "Z"),
                   "backscatter": line.backscatter}
-    if line.left_out:
-        attributes["left_out"] = line.left_out
+    if not line.placed:
+        attributes["reduction"] = REDUCTION
+    attributes |= {name: text for name, text in (("left_out", line.left_out), ("vertical_datum", line.datum),
+                                                 ("heights", line.heights)) if text}
     if line.crs is not None:
         attributes["origin"] = line.origin
-    return xr.Dataset({name: variable(name, value) for name, value in values.items()}, attrs=attributes)
+    record = xr.Dataset({name: variable(name, value) for name, value in values.items()}, attrs=attributes)
+    return record if line.placed else resounded(record)
 
 
 def _usable(soundings):
@@ -149,6 +173,16 @@ def _usable(soundings):
     placed = (np.abs(soundings["depth"]) < DEEPEST) & np.isfinite(soundings["x"]) & np.isfinite(soundings["y"])
     near = np.hypot(soundings["across_track"], soundings["along_track"]) < FARTHEST
     return soundings["valid"] & placed & near & _known(soundings["travel_time"]) & _known(soundings["angle"])
+
+
+def _measured(soundings):
+    """Return a mask of soundings that are valid and have a travel time and angles."""
+    return soundings["valid"] & np.logical_and.reduce([np.isfinite(soundings[name]) for name in MEASURED])
+
+
+def _unplaced(soundings):
+    """Return soundings with places that are still unknown."""
+    return soundings | {name: np.full(soundings["valid"].size, np.nan) for name in PLACES}
 
 
 def _known(values):

@@ -25,10 +25,11 @@ _log = logging.getLogger(__name__)
 
 _MOST_BYTES = 512_000_000          # of navigation kept
 _FASTEST = 25.0                    # [m/s], beyond any sonar's platform
+_TICK = 1e-3                       # [s] that clocks may differ, since packets hold times to different digits
 _SLACK = 2.0                       # [m] that positions may jump beside
 _METRES_PER_DEGREE = 111_195.0
 _LARGEST_HEADING = 720.0           # [degrees]
-_VENDORS_PINGS = (65,)             # QINSy R2Sonic, a ping header before data that pyxtf does not know
+_VENDORS_PINGS = (65, 68)          # R2Sonic, a ping header before data that pyxtf does not know
 _LONGEST = 2 * 86400.0             # [s] from the file's median time; beyond it a date is wrong
 _FRACTIONS = {"Microsecond": 1e-6, "Millisecond": 1e-3, "HSeconds": 1e-2}
 
@@ -43,10 +44,15 @@ def recognised(path: FilePath) -> bool:
 def read(path: FilePath) -> Navigation:
     """Read the navigation of an XTF file."""
     try:
-        with np.errstate(invalid="ignore", over="ignore"):      # damaged packets hold any bits as numbers
-            return _navigation(path, *_packets(path))
+        return navigation_of(path)
     except ValueError as error:
         raise ValueError(f"cannot read the track {path}: {error}") from None
+
+
+def navigation_of(path: FilePath) -> Navigation:
+    """Return the navigation of an XTF file; errors do not name the file."""
+    with np.errstate(invalid="ignore", over="ignore"):      # damaged packets hold any bits as numbers
+        return _navigation(path, *_packets(path))
 
 
 def _packets(path):
@@ -86,7 +92,7 @@ def _navigation(path, units, packets, pings):
         raise ValueError(f"positions are recorded for {time[-1] - time[0]:.0f} s and attitude for "
                          f"{clock[-1] - clock[0]:.0f} s, but never together; the packets' clocks disagree.")
     finer = time if time.size >= clock.size else clock
-    at = finer[(finer >= first) & (finer <= last)]
+    at = finer[(finer >= first - _TICK) & (finer <= last + _TICK)]
     if at.size < 2:
         raise ValueError("positions and attitude are recorded together at less than two times; the packets' clocks "
                          "disagree.")
@@ -133,20 +139,27 @@ def _positions(geographic, packets, pings, dropped):
     raise ValueError("it holds no navigation: no packet has a position; give a track as CSV.")
 
 
-def dates(records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the times (P,) [s since 1970] of packets, and a mask of those whose date can be."""
+def calendar(records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return whole seconds (P,) [s since 1970] of calendar fields, and a mask of those whose date can be."""
     fields = {name: records[name].astype(np.int64) for name in ("Year", "Month", "Day", "Hour", "Minute", "Second")}
     month = (fields["Year"] - 1970) * 12 + fields["Month"] - 1
     day = month.astype("datetime64[M]").astype("datetime64[D]") + (fields["Day"] - 1)
     sound = (fields["Year"] >= 1970) & (fields["Month"] >= 1) & (fields["Month"] <= 12) & (fields["Day"] >= 1)
     sound &= (day.astype("datetime64[M]").astype(np.int64) == month) & (fields["Hour"] < 24)
     sound &= (fields["Minute"] < 60) & (fields["Second"] < 61)
-    time = (day.astype(np.int64) * 86400.0 + fields["Hour"] * 3600.0 + fields["Minute"] * 60.0 + fields["Second"])
-    name, unit = next((name, unit) for name, unit in _FRACTIONS.items() if name in records.dtype.names)
+    time = day.astype(np.int64) * 86400.0 + fields["Hour"] * 3600.0 + fields["Minute"] * 60.0 + fields["Second"]
+    return time, sound
+
+
+def dates(records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the times (P,) [s since 1970] of packets, and a mask of those whose date can be."""
+    time, sound = calendar(records)
+    names = records.dtype.names or ()
+    name, unit = next((name, unit) for name, unit in _FRACTIONS.items() if name in names)
     if name == "Microsecond" and records.dtype[name].itemsize == 2:
         unit = 1e-4                # two bytes hold tenths of milliseconds, whatever pyxtf calls them
     time += records[name] * unit
-    if "EpochMicroseconds" in records.dtype.names:
+    if "EpochMicroseconds" in names:
         epoch = records["SourceEpoch"] > 0
         time = np.where(epoch, records["SourceEpoch"] + 1e-6 * records["EpochMicroseconds"], time)
         sound |= epoch

@@ -20,6 +20,7 @@ PING_INFO = "<2H1f6B1H11f2h2B1H1I3f2H1f2H6f4B2d1f"
 PLACE = struct.calcsize(PING_INFO[:-4])            # offset of the latitude in it
 SECTORS = struct.calcsize("<2H1f6B1H11f2h2B1H1I3f2H1f")
 RECEIVER, SOUNDING = struct.Struct("<4H4f4H"), 120
+TIDE = "tide above "               # begins the sentence of a #SHI that holds a tide; the datum ends it
 COLUMN_RECEIVER, COLUMN_BEAM = struct.Struct("<2H3B1b2f"), struct.Struct("<f4Hf")
 
 
@@ -101,10 +102,17 @@ def beams_of(ping: KmallDatagram) -> tuple[int, int, int]:
     return main, sectors, extra
 
 
-def position_of(ping: KmallDatagram) -> tuple[float, float]:
-    """Return longitude and latitude [degrees] of #MRZ."""
-    latitude, longitude = ping.part(struct.Struct("<2d"), ping.body + PLACE)
-    return longitude, latitude
+def position_of(ping: KmallDatagram) -> tuple[float, float, float]:
+    """Return longitude, latitude [degrees] and height above the ellipsoid [m] of #MRZ; -999 is no height."""
+    latitude, longitude, height = ping.part(struct.Struct("<2df"), ping.body + PLACE)
+    return longitude, latitude, height
+
+
+def tide_of(height: KmallDatagram) -> tuple[float, str] | None:
+    """Return the tide [m] and its datum of #SHI, None if it is another height."""
+    level, = height.part(struct.Struct("<f"), FRAME.size + 10)
+    words = height.raw[FRAME.size + 14:-4].split(b"\0")[0].decode("ascii", "replace")
+    return (level, words.removeprefix(TIDE)) if words.startswith(TIDE) else None
 
 
 def column_of(column: KmallDatagram) -> tuple[int, int]:
