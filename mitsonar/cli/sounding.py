@@ -42,7 +42,8 @@ def add(commands: Commands) -> None:
     add_file(command, "--heave", metavar="FILE", help="delayed heave for a recorded line: POS MV with groups 111")
     command.add_argument("--head-speed", type=number, metavar="M/S",
                          help="another sound speed at the head, for a recorded line")
-    command.add_argument("--column", action="store_true", help="keep the water column")
+    command.add_argument("--column", action="store_true",
+                         help="keep the water column, and the snippets of a recorded line")
     command.add_argument("--snippets", type=whole, default=0, metavar="N",
                          help="samples of the bed's backscatter strength to keep about each sounding; default: 0")
     command.add_argument("--start", metavar="DATE",

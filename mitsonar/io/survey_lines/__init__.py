@@ -76,7 +76,7 @@ def read_blocks(path: FilePath, *, column: bool = True, size: int = BLOCK) -> It
     path : str or path
         An .all, .wcd, .kmall, .kmwcd, .gsf, .s7k, .xtf or .hsx file, or a record in netCDF.
     column : bool
-        Read the water column where there is one.
+        Read the water column and the snippets where there are any.
     size : int
         Number of pings of a block.
 
