@@ -4,7 +4,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from mitsonar.hydrography.record import BY_PHASE, check
+from mitsonar.hydrography.record import BY_PHASE, as_written, check
 from mitsonar.hydrography.vertical_angles import vertical_angle
 from mitsonar.units import db_from_power, deg_from_radians, power_from_db
 
@@ -23,6 +23,7 @@ def compare_soundings(real: xr.Dataset, simulated: xr.Dataset, names: tuple[str,
     """Return the comparison of two lines of one track; raise `ValueError` if they are not."""
     for line, name in zip((real, simulated), names):
         check(line, name)
+    real, simulated = as_written(real), as_written(simulated)
     pairs = paired(real, simulated)
     kept = [line.isel(ping=np.unique(pings)) for line, pings in (
         (real, pairs.real), (simulated, pairs.simulated))]
