@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timezone
+from functools import cached_property
 
 import numpy as np
 import xarray as xr
 
 from mitsonar.hydrography.record import VARIABLES, variable
+from mitsonar.hydrography.reduction.attitude import PlatformMotion
 from mitsonar.hydrography.reduction.resounding import resounded
 
 SLOWEST, FASTEST = 300.0, 3000.0   # [m/s]
@@ -98,6 +100,11 @@ class AssembledLine:
     datum: str = ""  # vertical datum
     heights: str = ""  # "gnss" if depths follow from heights above the ellipsoid
 
+    @cached_property
+    def platform(self) -> PlatformMotion:
+        """Motion that places soundings, made once for all blocks."""
+        return PlatformMotion(**{name: self.motion[name] for name in POSE})
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LineColumn:
@@ -179,7 +186,7 @@ def dataset(line: AssembledLine, pings: Sequence[Ping]) -> xr.Dataset:
     if line.crs is not None:
         attributes["origin"] = line.origin
     record = xr.Dataset({name: variable(name, value) for name, value in values.items()}, attrs=attributes)
-    return record if line.placed else resounded(record)
+    return record if line.placed else resounded(record, motion=line.platform)
 
 
 def _usable(soundings):
