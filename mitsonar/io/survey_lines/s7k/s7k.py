@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from datetime import datetime, timezone
+from functools import partial
 
 import numpy as np
 
@@ -44,8 +45,9 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
     with replacing(path) as temporary, open(temporary, "wb") as stream:
         stream.write(b"".join(_opening(line, passage, device)))
         for ping in (ping for block in remaining for ping in pings(line, block)):
+            passage.note(ping)
             while due is not None and due[0] <= ping["since"]:
-                stream.write(due[1])
+                stream.write(due[1]())
                 due = next(waiting, None)
             if not ping["valid"].size:
                 empty += 1
@@ -59,7 +61,7 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
                 apart = max(apart, spread)
             number, valid, most = number + 1, valid + int(ping["valid"].sum()), max(most, shots.size)
         while due is not None:
-            stream.write(due[1])
+            stream.write(due[1]())
             due = next(waiting, None)
     return Written(pings=number, soundings=valid, words=line.remarks(
         "s7k", HELD, empty, f"pings of {most} sectors are written as {most} pings" if most > 1 else "",
@@ -95,20 +97,25 @@ def _opening(line: LineToWrite, passage: LinePassage, device: int) -> Iterator[b
                   + nodes.tobytes(), (device, 0))
 
 
-def _sensors(passage: LinePassage, device: int) -> Iterator[tuple[float, bytes]]:
-    """Yield attitude and navigation with their times [s since 1970]."""
+def _sensors(passage: LinePassage, device: int) -> Iterator[tuple[float, Callable[[], bytes]]]:
+    """Yield the times [s since 1970] of attitude and navigation, to be made once ``passage`` knows a ping after them.
+    """
     course = np.arctan2(passage.velocity[:, 1], passage.velocity[:, 0]) % (2 * np.pi)
     speed, heading = np.hypot(*passage.velocity[:, :2].T), passage.heading % (2 * np.pi)
-    for index, since in enumerate(passage.time):
-        sample = np.zeros(1, ATTITUDE)
-        for name, values in (("roll", passage.roll), ("pitch", passage.pitch), ("heave", passage.heave),
-                             ("heading", heading)):
-            sample[name] = values[index]
+
+    def made(index: int) -> bytes:
+        since, sample = float(passage.time[index]), np.zeros(1, ATTITUDE)
+        for name, value in (("roll", passage.roll[index]), ("pitch", passage.pitch[index]),
+                            ("heave", passage.heave(index)), ("heading", heading[index])):
+            sample[name] = value
         place = _head(1015, vertical=2, latitude=np.radians(passage.latitude[index]), course=course[index],
                       longitude=np.radians(passage.longitude[index]), height=-passage.depth[index],
                       speed=speed[index], heading=heading[index])
-        yield float(since), _record(1016, since, _head(1016, entries=1) + sample.tobytes(), (device, 0)) + _record(
+        return _record(1016, since, _head(1016, entries=1) + sample.tobytes(), (device, 0)) + _record(
             1015, since, place, (device, 0))
+
+    for index, since in enumerate(passage.time):
+        yield float(since), partial(made, index)
 
 
 def _soundings(ping: Ping, number: int, shot: int, several: bool, device: int) -> tuple[bytes, float]:
