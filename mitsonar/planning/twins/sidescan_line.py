@@ -76,11 +76,11 @@ class SidescanLine:
         return float(np.hypot(*np.diff(self.place[:, :2], axis=0).T).mean())
 
 
-def read_line(path: FilePath, pings: slice | None = None) -> SidescanLine:
-    """Read the line of a recorded sidescan; `ValueError` if it makes no twin."""
+def read_line(path: FilePath, pings: slice | None = None, frequency: float | None = None) -> SidescanLine:
+    """Read the line of a recorded sidescan, or of its sonar of a frequency [Hz]; `ValueError` if it makes no twin."""
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        record = sidescan_lines.read(path, pings=pings)
+        record = sidescan_lines.read(path, pings=pings, frequency=frequency)
     line = line_of(path, record)
     # what is read of several pairs of channels; repeated positions are said by the line
     others = [_named(one, path) for one in said if "channels" in str(one.message)]
@@ -137,8 +137,8 @@ def _check(path, record):
     if record["amplitude"].dtype.kind not in "iu":
         raise ValueError(f"{path} has samples of {record['amplitude'].dtype}; a twin takes the counts of a recorder, "
                          "which are whole numbers.")
-    if not record["amplitude"].values.any():
-        raise ValueError(f"{path} holds nothing but zeros; choose another line.")
+    if record["amplitude"].values.min() < 0 or not record["amplitude"].values.any():
+        raise ValueError(f"{path} holds nothing but zeros, or samples below 0; a twin takes the counts of a detector.")
 
 
 def _median(values):
