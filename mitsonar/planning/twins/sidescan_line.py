@@ -27,6 +27,7 @@ from mitsonar.io.tracks.navigation import Navigation, course, middle, unrepeated
 from mitsonar.units import deg_from_radians
 
 FEWEST = 2                         # pings of a track
+MOST_SAMPLES = 60_000_000          # half a gigabyte each of counts, outputs and levels
 AGREE = 0.1                        # share by which the sides' first returns may differ
 NEAR, NEAR_SAMPLES = 0.01, 2.0     # share of the altitude, and samples, by which a recorded one may be off
 STEP, WAY_STEP = 0.5, 2.0          # [s] between spline knots: of the altitude, of the track
@@ -130,6 +131,9 @@ def _check(path, record):
         raise ValueError(f"{path} has {record.sizes['ping']} ping; a track takes two or more.")
     if record.sizes["side"] != 2:
         raise ValueError(f"{path} has only a side to {record['side'].values[0]}; a twin takes a line of both sides.")
+    if record["amplitude"].size > MOST_SAMPLES:
+        raise ValueError(f"{path} has {record['amplitude'].size / 1e6:.0f} million samples; a twin takes at most "
+                         f"{MOST_SAMPLES / 1e6:.0f} million: choose some pings, such as --pings 5000.")
     counts = np.unique(record["samples"].values)
     if counts.size > 1:
         raise ValueError(f"{path} has pings of {counts[0]} to {counts[-1]} samples a side; a twin takes pings of one "
