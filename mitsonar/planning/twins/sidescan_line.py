@@ -178,10 +178,10 @@ def _navigation(path, record, words):
         if name == "heading" and there.any():
             values = np.where(there, np.unwrap(np.where(there, values, np.interp(time, time[there], values[there]))), 0)
         angles[name] = np.interp(at, time[there], values[there]) if there.sum() > 1 else None
-    depth = angles.pop("sensor_depth")
-    heading = angles.pop("heading")
-    return Navigation(time=at, x=x, y=y, z=None if depth is None else -depth, heading=heading, geographic=geographic,
-                      **{name: np.zeros(at.size) if values is None else values for name, values in angles.items()})
+    depth, nothing = angles["sensor_depth"], np.zeros(at.size)
+    heave, roll, pitch = (nothing if angles[name] is None else angles[name] for name in ("heave", "roll", "pitch"))
+    return Navigation(time=at, x=x, y=y, z=None if depth is None else -depth, heave=heave, roll=roll, pitch=pitch,
+                      heading=angles["heading"], geographic=geographic)
 
 
 def _times(path, stamps, words):
