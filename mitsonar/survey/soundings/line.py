@@ -15,7 +15,7 @@ difference counts as an error by motion.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from functools import cached_property, partial
@@ -172,7 +172,7 @@ class SoundingLine(Generic[MeasurementT]):
         self._since = math.floor(first) if first > DATED else 0.0
         self._line = self._line_data("another than the scene's" if profile else "the scene's", seed)
 
-    def pings(self, numbers: Sequence[int] | None = None) -> Iterator[xr.Dataset]:
+    def pings(self, numbers: Iterable[int] | None = None) -> Iterator[xr.Dataset]:
         """Yield the soundings of pings one by one; memory does not grow with their number."""
         for ping in range(self._survey.track.pings) if numbers is None else numbers:
             yield self.ping(int(ping), self._instrument.measure(int(ping)))
