@@ -106,7 +106,7 @@ ATTRIBUTES = (
     Text("receive_shading", default="taylor 4 30",
          text="window over the receive elements; each of the two halves whose phases are compared has its part of "
               "the window"),
-    replace(RECEIVE_FLAWS, default=0.1,
+    replace(RECEIVE_FLAWS, default=PRESET,
             text="rms error of each receiver's amplitude [1] and phase [rad], after calibration of the halves: side "
                  "lobes of twice its square over the number of receivers"),
     Numbers("transmit_place", default=(0.0, 0.0, 0.0), count=3, unit="m",
@@ -122,7 +122,10 @@ ATTRIBUTES = (
     Boolean("yaw_stabilised", default=False, text="true: that plane stays across the course, sector by sector"),
     Number("head_speed_error", default=0.0, minimum=-100, maximum=100, unit="m/s",
            text="error of the head's own sound-speed sensor: reading minus true value"),
-    *recorder_of(PRESETS), WRITTEN_STRENGTHS, DEPTH_GATE, SOUND_SPEED, *NOISE, SELF_NOISE, MOTION_ERRORS, pings(20),
+    *recorder_of(PRESETS),
+    Boolean("recorded_column", default=False,
+            text="true: soundings' water column has `column_recorded_db` too, the levels of the recorder's counts"),
+    WRITTEN_STRENGTHS, DEPTH_GATE, SOUND_SPEED, *NOISE, SELF_NOISE, MOTION_ERRORS, pings(20),
     PASS, ROUTE, *NESTED,
 )
 
@@ -155,6 +158,10 @@ class Multibeam(SonarSensor):
             attributes, source_level_db=max(sector.source_level_db for sector in self.sectors),
             width=attributes.transmit_beam_width_deg, pulse_length=self.pulse.compressed_length())
         highest = max(sector.pulse.frequency for sector in self.sectors)
+        if attributes.recorded_column and self.recorder is None:
+            raise attributes.error("recorded_column is true, but the sonar has no recorder; give it one, such as "
+                                   "water_column_8bit.")
+        self.column_recorder = self.recorder if attributes.recorded_column else None
         self.transmit, self.receive = _lines(attributes, self.sectors, self.nominal_sound_speed / highest)
         self.transmit_place, self.receive_place = attributes.transmit_place, attributes.receive_place
         self.motion_errors = motion_errors(attributes)

@@ -98,6 +98,8 @@ def test_files_of_instruments_hold_the_written_strengths(tmp_path, suffix, reads
     line = line.assign({"written_backscatter_db": variable("written_backscatter_db", written),
                         "normal_incidence_db": variable("normal_incidence_db", np.array([-12.5, -13.5])),
                         "oblique_incidence_db": variable("oblique_incidence_db", np.array([-25.0, -26.0]))})
+    recorded = line["column_level_db"].values + 3.0
+    line = line.assign(column_recorded_db=variable("column_recorded_db", recorded))
     path = tmp_path / f"line{suffix}"
     words = mitsonar.write(line, path) if suffix == ".nc" else survey_lines.write(blocks_of(line), path).words
     back, valid = mitsonar.read(path), line["valid"].values
@@ -105,6 +107,10 @@ def test_files_of_instruments_hold_the_written_strengths(tmp_path, suffix, reads
         xr.testing.assert_identical(back["backscatter_db"], line["backscatter_db"])
         np.testing.assert_array_equal(back["written_backscatter_db"], line["written_backscatter_db"])
         return
+    if suffix == ".kmall":
+        survey_lines.write(blocks_of(line.drop_vars("column_recorded_db")), path)
+        added = (back["column_level_db"] - mitsonar.read(path)["column_level_db"]).values
+        assert np.nanmedian(added) == pytest.approx(3.0, abs=0.26)
     found = back["backscatter_db"].values[back["valid"].values]
     np.testing.assert_allclose(np.sort(found), np.sort(written[valid]), atol=0.006)
     assert any("instrument writes" in text for text in words)

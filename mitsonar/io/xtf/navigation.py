@@ -29,7 +29,7 @@ _TICK = 1e-3                       # [s] that clocks may differ, since packets h
 _SLACK = 2.0                       # [m] that positions may jump beside
 _METRES_PER_DEGREE = 111_195.0
 _LARGEST_HEADING = 720.0           # [degrees]
-_VENDORS_PINGS = (65,)             # QINSy R2Sonic, a ping header before data that pyxtf does not know
+_VENDORS_PINGS = (65, 68)          # R2Sonic, a ping header before data that pyxtf does not know
 _LONGEST = 2 * 86400.0             # [s] from the file's median time; beyond it a date is wrong
 _FRACTIONS = {"Microsecond": 1e-6, "Millisecond": 1e-3, "HSeconds": 1e-2}
 
@@ -44,10 +44,15 @@ def recognised(path: FilePath) -> bool:
 def read(path: FilePath) -> Navigation:
     """Read the navigation of an XTF file."""
     try:
-        with np.errstate(invalid="ignore", over="ignore"):      # damaged packets hold any bits as numbers
-            return _navigation(path, *_packets(path))
+        return navigation_of(path)
     except ValueError as error:
         raise ValueError(f"cannot read the track {path}: {error}") from None
+
+
+def navigation_of(path: FilePath) -> Navigation:
+    """Return the navigation of an XTF file; errors do not name the file."""
+    with np.errstate(invalid="ignore", over="ignore"):      # damaged packets hold any bits as numbers
+        return _navigation(path, *_packets(path))
 
 
 def _packets(path):

@@ -21,6 +21,7 @@ import numpy as np
 
 from mitsonar.device.rotations import mounting_matrix, rotation_matrix
 from mitsonar.hydrography.detection.written_strength import StrengthWriting
+from mitsonar.imaging.recorder import Recorder
 from mitsonar.scene.geometry import Geometry
 from mitsonar.sonar.arrays.array import Array
 from mitsonar.sonar.arrays.sectors import Sector
@@ -104,6 +105,7 @@ class MultibeamSensor(SoundingSensor, Protocol):
     receive_flaws : float
         See `SwathSurvey`.
     strength_writing : StrengthWriting or None
+    column_recorder : Recorder or None
     """
 
     sectors: tuple[Sector, ...]
@@ -113,6 +115,7 @@ class MultibeamSensor(SoundingSensor, Protocol):
     stabilised: tuple[bool, bool, bool]
     receive_flaws: float
     strength_writing: StrengthWriting | None
+    column_recorder: Recorder | None
 
 
 def plan(scene: mi.Scene, sensor: MultibeamSensor, settings: RunSettings, lead: float = LEAD) -> SwathSurvey:
@@ -133,7 +136,7 @@ def plan(scene: mi.Scene, sensor: MultibeamSensor, settings: RunSettings, lead: 
         first += len(sector.beams)
     return SwathSurvey(**shared(sectors[0].survey, passage, sensor, settings), sectors=tuple(sectors),
                        mounting=sensor.mounting, receive_flaws=sensor.receive_flaws,
-                       strength_writing=sensor.strength_writing)
+                       strength_writing=sensor.strength_writing, column_recorder=sensor.column_recorder)
 
 
 def _of_a_sector(geometry: Geometry, sensor: MultibeamSensor, settings: RunSettings, passage: Passage, speed: float,

@@ -11,6 +11,7 @@ import numpy as np
 
 from mitsonar.hydrography.detection.written_strength import StrengthWriting
 from mitsonar.hydrography.reduction.motion_errors import MotionErrors
+from mitsonar.imaging.recorder import Recorder
 from mitsonar.io.grids.separation import Separation
 from mitsonar.sonar.arrays.sectors import Sector
 from mitsonar.sonar.motion.stepping import SteppedPing, Stepping
@@ -155,6 +156,7 @@ class SwathSurvey(SoundedSurvey):
     mounting: np.ndarray  # (3,) [rad], roll, pitch and heading of the head
     receive_flaws: float  # root mean square error of receivers, in amplitude [-] and in phase [rad]
     strength_writing: StrengthWriting | None  # None: strengths are written as they are
+    column_recorder: Recorder | None  # of the water column of soundings; None: levels are kept as they are
 
     def _made_within(self, ping: int) -> SwathSurvey:
         """Return a new survey in which all pings, of all sectors, have the surroundings of one."""
