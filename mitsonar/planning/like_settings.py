@@ -24,6 +24,9 @@ class Settings:
     ping_rate: float  # [Hz]
     rows: tuple[tuple[str, str, str], ...]  # tag, name and value of XML elements
     head_depth: float  # [m]: mean depth of the transmit array
+    chosen: np.ndarray  # (P,): numbers of the line's pings of this mode
+    sectors: tuple[int, ...]  # the line's numbers of the scene's sectors, from port to starboard
+    swaths: int
     words: tuple[str, ...] = ()  # clauses on the differences between line and scene
 
 
@@ -34,8 +37,9 @@ def settings_of(soundings: xr.Dataset, presets: Mapping[str, Mapping[str, Any]])
     """
     modes = Counter(_mode(soundings, ping) for ping in np.flatnonzero(soundings["valid"].values.any(1)))
     mode = modes.most_common(1)[0][0] if modes else ()
-    chosen = soundings.isel(ping=[ping for ping in range(soundings.sizes["ping"])
-                                  if soundings["valid"].values[ping].any() and _mode(soundings, ping) == mode])
+    numbers = [ping for ping in range(soundings.sizes["ping"])
+               if soundings["valid"].values[ping].any() and _mode(soundings, ping) == mode]
+    chosen = soundings.isel(ping=numbers)
     preset = _nearest(mode, presets)
     offset, heads = soundings["transmit_offset"].values, "head" in soundings
     mountings = soundings["head_receive_mounting" if heads else "receive_mounting"].values.reshape(-1, 3)
@@ -63,6 +67,7 @@ def settings_of(soundings: xr.Dataset, presets: Mapping[str, Mapping[str, Any]])
         rows.append(("float", "swath_step_deg", f"{2 * deg_from_radians(float(np.std(along))):.4g}"))
     rate = (sent.size - 1) / max(sent[-1] - sent[0], 1e-3) if sent.size > 1 else 1.0
     return Settings(preset=preset, pings=sent.size, ping_rate=float(rate), rows=tuple(rows), head_depth=depth,
+                    chosen=np.array(numbers, int), sectors=tuple(_order(chosen, vertical)), swaths=swaths,
                     words=tuple(_words_on(modes, swaths, mountings)))
 
 
@@ -75,7 +80,8 @@ def _words_on(modes, swaths, mountings):
     elif others:
         left = "; ".join(_kilohertz(other) for other, _ in others)
         yield (f"the line has pings of {1 + len(others)} modes; the scene takes the mode of {count} of {modes.total()} "
-               f"pings, {_kilohertz(mode)}, and leaves out {left}; the bed and its strengths use all pings")
+               f"pings, {_kilohertz(mode)}, and leaves out {left}; the bed uses all pings, its strengths those of this "
+               "mode")
     if len(mountings) > 1:
         turned = " and ".join(f"{angle:.1f}" for angle in deg_from_radians(mountings[:, 0]))
         yield (f"{len(mountings)} receive arrays, rolled by {turned} degrees, became one level array between them "
@@ -117,11 +123,16 @@ def _spacing(vertical):
     return "distance" if unevenness(np.tan(vertical)) < unevenness(vertical) else "angle"
 
 
-def _sectors(pings, vertical, swath):
-    """Yield the rows of lists with an entry per sector used, from port to starboard."""
+def _order(pings, vertical):
+    """Return the numbers of sectors with soundings from port to starboard."""
     number = np.where(pings["valid"].values, pings["sector"].values, -1)
     middles = {int(sector): np.nanmedian(vertical[number == sector]) for sector in np.unique(number[number >= 0])}
-    order = sorted(middles, key=lambda sector: middles[sector])
+    return sorted(middles, key=lambda sector: middles[sector])
+
+
+def _sectors(pings, vertical, swath):
+    """Yield the rows of lists with an entry per sector used, from port to starboard."""
+    number, order = np.where(pings["valid"].values, pings["sector"].values, -1), _order(pings, vertical)
     edges = [0.5 * (_end(vertical, number == left, np.max) + _end(vertical, number == right, np.min))
              for left, right in zip(order, order[1:])]
     edges = np.clip(deg_from_radians(np.array(edges)), -swath / 2, swath / 2)

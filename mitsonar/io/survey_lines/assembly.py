@@ -7,7 +7,7 @@ state angles and times alone are placed by `hydrography.reduction`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timezone
 from functools import cached_property
 
@@ -28,6 +28,7 @@ PLACES = ("depth", "x", "y", "across_track", "along_track")
 MEASURED = ("travel_time", "angle", "transmit_angle")
 REDUCTION = ("places by mitsonar, from travel times and angles of the file: rays through the cast, with the head's "
              "sound speed at the arrays and the ship's way while echoes arrive")
+LEVELS = ("tide", "ping_height", "separation")
 SECTOR = ("frequency", "delay", "angle", "pulse_length", "bandwidth", "source_level_db", "absorption_db")
 
 
@@ -92,8 +93,12 @@ class AssembledLine:
     sectors: int
     column_beams: int = 0
     column_samples: int = 0
+    snippet_samples: int = 0
     left_out: str = ""  # contents of the file that the record cannot hold
     placed: bool = True  # soundings have places in the file, not angles and times alone
+    levels: tuple[str, ...] = ()  # of LEVELS, those that the file states
+    datum: str = ""  # vertical datum
+    heights: str = ""  # "gnss" if depths follow from heights above the ellipsoid
 
     @cached_property
     def platform(self) -> PlatformMotion:
@@ -114,6 +119,16 @@ class LineColumn:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class LineSnippets:
+    """Snippets of a ping."""
+
+    rate: float  # [Hz]
+    start: np.ndarray  # (B,) [s]: of the first sample, after the sector's transmission
+    count: np.ndarray  # (B,): samples of each beam
+    level_db: np.ndarray  # [dB]: beam after beam
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Ping:
     """One ping of one receiving head."""
 
@@ -123,6 +138,8 @@ class Ping:
     sectors: dict[str, np.ndarray]  # (S,)
     soundings: dict[str, np.ndarray]  # (B,): by the names of the record's variables
     column: LineColumn | None = None
+    snippets: LineSnippets | None = None
+    levels: dict[str, float] = field(default_factory=dict)  # [m], by names of LEVELS
 
 
 @np.errstate(invalid="ignore", over="ignore")      # invalid soundings may hold NaN and infinity
@@ -134,6 +151,7 @@ def dataset(line: AssembledLine, pings: Sequence[Ping]) -> xr.Dataset:
         "receive_offset": line.receive_offset[0], "receive_mounting": line.receive_mounting[0]}
     values |= {f"motion_{name}": line.motion[name] for name in POSE}
     values |= {f"ping_{name}": np.array([ping.place[name] for ping in pings]) for name in POSE}
+    values |= {name: np.array([ping.levels.get(name, np.nan) for ping in pings]) for name in line.levels}
     values["head_sound_speed"] = np.array([ping.head_sound_speed for ping in pings])
     values |= {f"sector_{name}": _padded([ping.sectors[name] for ping in pings], (line.sectors,), np.nan)
                for name in SECTOR}
@@ -156,13 +174,15 @@ def dataset(line: AssembledLine, pings: Sequence[Ping]) -> xr.Dataset:
             values[name] = np.where(valid, rows, np.nan) if real else rows
     if line.column_beams:
         values |= _columns(line, pings)
+    if line.snippet_samples:
+        values |= _snippets(line, pings)
     attributes = {"sonar": line.sonar, "title": line.title, "crs": line.crs, "preset": None, "profile": line.profile,
                   "start": datetime.fromtimestamp(line.start, timezone.utc).isoformat().replace("+00:00", "Z"),
                   "backscatter": line.backscatter}
-    if line.left_out:
-        attributes["left_out"] = line.left_out
     if not line.placed:
         attributes["reduction"] = REDUCTION
+    attributes |= {name: text for name, text in (("left_out", line.left_out), ("vertical_datum", line.datum),
+                                                 ("heights", line.heights)) if text}
     if line.crs is not None:
         attributes["origin"] = line.origin
     record = xr.Dataset({name: variable(name, value) for name, value in values.items()}, attrs=attributes)
@@ -200,13 +220,30 @@ def _padded(rows, shape, filling):
     return padded
 
 
+def _check_room(what: str, shape: tuple[int, int, int]) -> None:
+    size = 4 * np.prod(shape, dtype=float)
+    if size > MOST_BYTES:
+        raise ValueError(f"{what} of {shape[0]} pings of {shape[1]} beams of {shape[2]} samples takes "
+                         f"{1e-9 * size:.3g} GB; read fewer pings at a time, or leave it out (water_column=False).")
+
+
+def _snippets(line, pings):
+    """Return the variables of the snippets."""
+    shape = (len(pings), line.beams, line.snippet_samples)
+    _check_room("the snippets", shape)
+    level, samples = np.full(shape, np.nan, np.float32), np.arange(line.snippet_samples)
+    for number, ping in enumerate(pings):
+        if (snippets := ping.snippets) is not None:
+            level[number, :snippets.count.size][samples < snippets.count[:, None]] = snippets.level_db
+    return {"snippet_rate": np.array([ping.snippets.rate if ping.snippets else np.nan for ping in pings]),
+            "snippet_start": _padded([ping.snippets.start if ping.snippets else np.zeros(0) for ping in pings],
+                                     (line.beams,), np.nan), "snippet_db": level}
+
+
 def _columns(line, pings):
     """Return the variables of the water column."""
     shape = (len(pings), line.column_beams, line.column_samples)
-    if 4 * np.prod(shape, dtype=float) > MOST_BYTES:
-        raise ValueError(f"the water column of {shape[0]} pings of {shape[1]} beams of {shape[2]} samples takes "
-                         f"{4e-9 * np.prod(shape, dtype=float):.3g} GB; read fewer pings at a time, or leave it out "
-                         "(water_column=False).")
+    _check_room("the water column", shape)
     rows = {"angle": np.nan, "start": np.nan, "rate": np.nan, "sector": 0}
     empty = np.zeros(0)
     values = {f"column_{name}": _padded([getattr(ping.column, name) if ping.column else empty for ping in pings],

@@ -16,7 +16,8 @@ from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 
-from ...xtf.navigation import header_of, navigation_of, packets_of
+from ...xtf.navigation import navigation_of
+from ...xtf.packets import file_header, walk
 from ..assembly import AssembledLine, LineCast, Ping, check_counts, uniform_cast
 from ..detections import DetectedPing, checked_speed, sector
 from ..motion import motion_of
@@ -56,8 +57,8 @@ class XtfFile:
         places: list[tuple[XtfPlace, Any]] = []
         settings = None
         with open(path, "rb") as stream:
-            self._header = header_of(stream)
-            for kind, offset, length in packets_of(stream):
+            self._header, head = file_header(stream)
+            for kind, offset, length in walk(stream, len(head)):
                 if kind == CUSTOM:
                     settings = (offset, length)
                 elif kind in READ and (found := self._noted(stream, kind, offset, length, settings)):
