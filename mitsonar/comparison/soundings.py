@@ -15,7 +15,7 @@ from .matching import PairedPings, at_soundings, paired
 from .record import INNER, SOUNDINGS, LineComparison, comparison
 
 OPTIONAL = ("quality", "uncertainty")
-MODES = 2                          # pings back that may be the same beams: lines may alternate two swaths
+COMMON = 0.25                      # of the real pings sound an angle; of two heads with two swaths, every fourth does
 SAME_BEAM = 0.5                    # distance of beams within which beams of several pings are neighbours
 
 
@@ -137,8 +137,8 @@ def _detections(lines, angles, bins, remarks):
         by_phase = np.where(valid, 100.0 * (line["detection"].values == BY_PHASE), np.nan) if known else \
             np.full(valid.shape, np.nan)
         phases.append(bins.over(angle, by_phase, "mean"))
-    counts = [bins.count(angle) for angle in angles]
-    silent = (counts[0] >= len(angles[0]) / 2) & (counts[1] == 0)
+    pings = sum((bins.count(ping) > 0).astype(int) for ping in angles[0])
+    silent = (pings >= COMMON * len(angles[0])) & (bins.count(angles[1]) == 0)
     if silent.any():
         middle = ", ".join(f"{angle:.0f}" for angle in deg_from_radians(bins.middle[silent]))
         remarks.append(f"the simulated line has no sounding in {silent.sum()} bins of angle where the real one has: "

@@ -11,8 +11,12 @@ import xarray as xr
 
 from mitsonar.device.rotations import mounted
 from mitsonar.units import deg_from_radians, khz_from_hertz
+from mitsonar.water import absorption_db
 
 WIDEST = 170.0                     # [degrees]: largest swath
+WIDE_SHARE = 0.95                  # of the pings have no wider swath than the scene
+USUAL = (400e3, 300e3, 200e3, 100e3, 70e3, 30e3, 12e3)          # [Hz]: of echo sounders (Lurton 2010, chapter 8)
+MOST_LOSS_DB = 60.0                # both ways, of a frequency that a file does not state
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +44,8 @@ def settings_of(soundings: xr.Dataset, presets: Mapping[str, Mapping[str, Any]])
     numbers = [ping for ping in range(soundings.sizes["ping"])
                if soundings["valid"].values[ping].any() and _mode(soundings, ping) == mode]
     chosen = soundings.isel(ping=numbers)
-    preset = _nearest(mode, presets)
+    usual = None if mode else _usual(soundings)
+    preset = _nearest(mode if usual is None else (usual,), presets)
     offset, heads = soundings["transmit_offset"].values, "head" in soundings
     mountings = soundings["head_receive_mounting" if heads else "receive_mounting"].values.reshape(-1, 3)
     offsets = soundings["head_receive_offset" if heads else "receive_offset"].values.reshape(-1, 3)
@@ -51,7 +56,8 @@ def settings_of(soundings: xr.Dataset, presets: Mapping[str, Mapping[str, Any]])
     depth = float(np.mean(chosen["ping_depth"].values + arm[:, 2]))
     beams = round(np.median(chosen["valid"].values.sum(1)) * len(mountings))
     vertical = chosen["angle"].values - (chosen["ping_roll"].values + mountings[head, 0])[:, None]
-    swath = min(2 * deg_from_radians(float(np.nanmedian(np.nanmax(np.abs(vertical), axis=1)))), WIDEST)
+    widest = np.nanquantile(np.nanmax(np.abs(vertical), axis=1), WIDE_SHARE)
+    swath = min(2 * deg_from_radians(float(widest)), WIDEST)
     rows: list[tuple[str, str, str]] = [
         ("integer", "beams", str(max(beams, 2))), ("float", "swath_deg", f"{swath:.4g}"),
         ("string", "beam_spacing", _spacing(np.sort(vertical, axis=1))),
@@ -60,6 +66,8 @@ def settings_of(soundings: xr.Dataset, presets: Mapping[str, Mapping[str, Any]])
         rows += _sectors(chosen, vertical, swath)
         if not any(name == "source_level_db" for _, name, _ in rows):         # the file lacks it
             rows.append(("string", "source_level_db", _words(presets[preset]["source_level_db"][:1])))
+    elif usual is not None:
+        rows += _scaled(presets[preset], usual)
     rows.append(("integer", "swaths", str(swaths)))
     if swaths == 2:
         used = soundings.isel(ping=soundings["valid"].values.any(1))
@@ -68,7 +76,33 @@ def settings_of(soundings: xr.Dataset, presets: Mapping[str, Mapping[str, Any]])
     rate = (sent.size - 1) / max(sent[-1] - sent[0], 1e-3) if sent.size > 1 else 1.0
     return Settings(preset=preset, pings=sent.size, ping_rate=float(rate), rows=tuple(rows), head_depth=depth,
                     chosen=np.array(numbers, int), sectors=tuple(_order(chosen, vertical)), swaths=swaths,
-                    words=tuple(_words_on(modes, swaths, mountings)))
+                    words=(*_words_on(modes, swaths, mountings), *_words_on_frequency(usual, preset)))
+
+
+def _usual(soundings):
+    """Return the highest usual frequency [Hz] whose absorption both ways is bearable at the longest echo."""
+    way = float(np.nanmax(soundings["travel_time"].values)) * float(np.median(soundings["head_sound_speed"].values))
+    return next((frequency for frequency in USUAL if way * float(absorption_db(frequency)) <= MOST_LOSS_DB), USUAL[-1])
+
+
+def _scaled(preset, frequency):
+    """Yield the rows of one sector of the preset's arrays in wavelengths: as many periods a pulse, driven alike."""
+    if len(preset["frequency_khz"]) == 1 and np.isclose(1e3 * preset["frequency_khz"][0], frequency):
+        return
+    ratio = 1e3 * float(np.mean(preset["frequency_khz"])) / frequency
+    values = {"frequency_khz": khz_from_hertz(frequency), "pulse_ms": ratio * np.mean(preset["pulse_ms"]),
+              "sector_edges_deg": [], "sector_delay_ms": 0.0,
+              "source_level_db": np.max(preset["source_level_db"]) + 20 * np.log10(ratio)}
+    yield from (("string", name, _words(np.atleast_1d(value))) for name, value in values.items())
+    yield "string", "pulse", "cw"
+
+
+def _words_on_frequency(usual, preset):
+    """Yield a clause on a frequency that the file does not state."""
+    if usual is not None:
+        yield (f"the file states no frequencies; the scene has {khz_from_hertz(usual):g} kHz, the highest usual one "
+               f"whose absorption is below {MOST_LOSS_DB:g} dB at the longest echo, and arrays, pulse and source level "
+               f"of {preset} scaled to it")
 
 
 def _words_on(modes, swaths, mountings):

@@ -11,6 +11,8 @@ from mitsonar.cli.main import main
 from mitsonar.hydrography.record import variable
 from mitsonar.io.survey_lines import reading, write
 from mitsonar.planning.like_line import _strengths, like
+from mitsonar.planning.like_settings import settings_of
+from mitsonar.sonar.preset_tables import classes
 from tests.inputs.soundings_line import FREQUENCIES, soundings_line
 
 MEASURED = Path(__file__).resolve().parents[2] / "../shared/data/measured/multibeam"
@@ -87,6 +89,24 @@ def test_strengths_are_of_the_mean_intensity_of_the_mode_s_pings_on_the_sloping_
     angles, strengths = _strengths(line.assign(depth=depth.where(line["valid"]), backscatter_db=law + louder))
     assert angles.max() == 90 and (np.diff(angles)[angles[1:] > 81] == 1).all()
     assert strengths == pytest.approx(-10 - (90 - angles), abs=1.3)
+
+
+@pytest.mark.parametrize("depth, kilohertz, pulse_ms", [(50.0, None, None), (4000.0, 12, 0.75 * 83.67 / 12)])
+def test_a_file_without_frequencies_gets_a_usual_one_for_its_depth(depth, kilohertz, pulse_ms):
+    """At 70 degrees or less in 50 m, 400 kHz loses 96 dB/km of 0.2 km; 30 kHz in 4 km at least 6.9 dB/km of 8 km.
+
+    Arrays are those of the preset in wavelengths: pulses have as many periods, and the level grows with their area.
+    """
+    line = soundings_line(pings=3, beams=60, depth=depth, column=False, snippets=False)
+    unknown = line.assign(sector_frequency=np.nan * line["sector_frequency"])
+    made = settings_of(unknown, classes("multibeam"))
+    rows = {name: value for _, name, value in made.rows}
+    assert any("states no frequencies" in words for words in made.words)
+    if kilohertz is None:
+        assert made.preset == "shallow_400khz" and "frequency_khz" not in rows
+    else:
+        assert rows["frequency_khz"] == "12" and float(rows["pulse_ms"]) == pytest.approx(pulse_ms, rel=1e-3)
+        assert float(rows["source_level_db"]) == pytest.approx(222 + 20 * np.log10(83.67 / 12), abs=0.01)
 
 
 def test_the_command_says_what_it_wrote_and_refuses_in_a_sentence(tmp_path, capsys):
