@@ -39,6 +39,8 @@ def add(commands: Commands) -> None:
     sonar.add_argument("--beams", type=whole, metavar="N", help="soundings of a ping; default: 256")
     sonar.add_argument("--beam-spacing", choices=("angle", "distance"),
                        help="quantity in which soundings are evenly spaced; default: distance")
+    sonar.add_argument("--beam-width", type=number, metavar="DEG",
+                       help="width of the transmit beam along the track; default: that of --sonar")
     sonar.add_argument("--rate", type=number, metavar="HZ",
                        help="highest ping rate; default: as the travel times allow")
     sonar.add_argument("--head-depth", type=number, metavar="M",
@@ -57,6 +59,14 @@ def add(commands: Commands) -> None:
                        help="distance before each line; default: 50")
     lines.add_argument("--turn-radius", type=number, default=50.0, metavar="M",
                        help="radius of turns between lines; default: 50; 0: no turns")
+    lines.add_argument("--cross", type=number, metavar="N",
+                       help="add cross lines, N spacings of the lines apart; default: none")
+    lines.add_argument("--useful-swath", action="store_true",
+                       help="narrow the swath to the beams whose uncertainty is within --order")
+    budget = plan.add_argument_group("uncertainty")
+    budget.add_argument("--accuracy", action="append", default=[], metavar="NAME=VALUE",
+                        help="standard deviation of a sensor, such as tide=0.1, position=0.5 or roll_deg=0.02; "
+                             "repeatable")
     errors = plan.add_argument_group("a wrong cast")
     errors.add_argument("--cast-error", type=number, metavar="M/S", help="error of the surface layer's sound speed")
     errors.add_argument("--layer", type=number, metavar="M", help=f"thickness of that layer; default: {LAYER:g}")
@@ -65,6 +75,7 @@ def add(commands: Commands) -> None:
                         help="order of IHO S-44 to compare with: exclusive, special, 1a (default), 1b or 2")
     plan.add_argument("--picture", metavar="OUT.png", help="draw a map: depths, lines, swaths, gaps in red")
     plan.add_argument("--scene", metavar="OUT.xml", help="write a scene of `multibeam` that sails the lines")
+    plan.add_argument("--sweep", metavar="OUT.toml", help="write a plan of `sweep` that sounds every line of --scene")
     plan.add_argument("--json", metavar="OUT.json", help="write all numbers")
     plan.set_defaults(run=_plan)
 
@@ -75,8 +86,9 @@ def _plan(arguments):
     from mitsonar.planning.area import polygon
     from mitsonar.planning.areas import read
     from mitsonar.planning.plan import plan
+    from mitsonar.planning.uncertainty.error_budget import accuracies_of
 
-    order = survey_order(arguments.order)
+    order, accuracies = survey_order(arguments.order), accuracies_of(arguments.accuracy)
     outputs = _checked_outputs(arguments)
     layout = _layout(arguments)
     corners = None if arguments.area is None else read(arguments.area)
@@ -86,7 +98,7 @@ def _plan(arguments):
     for path in arguments.output:
         line_files.check(path, frame)
     planned = plan(bed, profile, sonar, layout, area=None if corners is None else polygon(corners.placed(frame)),
-                   used=used, order=order)
+                   used=used, order=order, accuracies=accuracies)
     numbers = summary.summary(planned, frame)
     for path in arguments.output:
         line_files.write(planned, path, frame)
@@ -94,6 +106,8 @@ def _plan(arguments):
         scene_of_plan.write(planned, arguments.scene, frame, scene_of_plan.BedFile(
             bathymetry=arguments.bathymetry, vertical=arguments.vertical, resolution=arguments.resolution,
             crs=arguments.crs, cast=cast))
+    if arguments.sweep:
+        scene_of_plan.write_sweep(planned, arguments.sweep, arguments.scene)
     if arguments.json:
         summary.write(numbers, arguments.json)
     if arguments.picture:
@@ -120,7 +134,11 @@ def _checked_outputs(arguments):
     check_picture(arguments.picture or None)
     if arguments.scene:
         scene_of_plan.check(arguments.scene)
-    outputs = [*arguments.output, *filter(None, (arguments.scene, arguments.json, arguments.picture))]
+    if arguments.sweep:
+        if not arguments.scene:
+            raise ValueError(f"--sweep {arguments.sweep} sounds the lines of a scene; give --scene OUT.xml too.")
+        scene_of_plan.check(arguments.sweep, ".toml")
+    outputs = [*arguments.output, *filter(None, (arguments.scene, arguments.sweep, arguments.json, arguments.picture))]
     targets = [files.check_writable(path) for path in outputs]
     for index, target in enumerate(targets):
         if target in targets[:index]:
@@ -143,7 +161,8 @@ def _layout(arguments):
     overlap = 10.0 if arguments.overlap is None else arguments.overlap
     return Layout(spacing=arguments.spacing, overlap=overlap / 100, swath_at=arguments.swath_at or "line",
                   heading=heading, speed=arguments.speed * KNOT, run_in=arguments.run_in,
-                  turn_radius=arguments.turn_radius, least_depth=arguments.least_depth)
+                  turn_radius=arguments.turn_radius, least_depth=arguments.least_depth,
+                  useful=arguments.useful_swath, cross=arguments.cross)
 
 
 def _sonar_and_water(arguments):
@@ -156,19 +175,22 @@ def _sonar_and_water(arguments):
 
     known = {} if arguments.sonar is None else planned_sonar(arguments.sonar)
     given = {"swath_deg": arguments.swath, "beams": arguments.beams, "even": arguments.beam_spacing,
+             "beam_width_deg": arguments.beam_width,
              "rate": arguments.rate, "head_depth": arguments.head_depth, "max_range": arguments.max_range}
     asked = {"swath_deg": 130.0, "even": "distance"} | known | {name: value for name, value in given.items()
                                                                 if value is not None}
     known_cast = asked.pop("cast", None)
     cast = arguments.cast or known_cast
-    sonar = SwathSonar(swath=float(radians_from_deg(asked.pop("swath_deg"))), **asked)
+    width = asked.pop("beam_width_deg", None)
+    sonar = SwathSonar(swath=float(radians_from_deg(asked.pop("swath_deg"))),
+                       beam_width=None if width is None else float(radians_from_deg(width)), **asked)
     return sonar, SoundSpeedProfile.constant(1500.0) if cast is None else casts.read(cast).profile, cast
 
 
 def _used(arguments, profile: "SoundSpeedProfile") -> "SoundSpeedProfile | None":
     """Return the profile that reduces the soundings, if it is not the true one."""
     from mitsonar.io import casts
-    from mitsonar.planning.errors import surface_layer_error
+    from mitsonar.planning.uncertainty.cast_errors import surface_layer_error
 
     if arguments.cast_error is None:
         if arguments.layer is not None:
@@ -217,6 +239,9 @@ def _bed(arguments, corners: "Corners | None") -> "tuple[PlannedBed, Frame]":
 
 def _doubts(planned, numbers, deepest_sample):
     """Yield warnings about the plan."""
+    from mitsonar.planning.uncertainty.error_budget import HITS
+    from mitsonar.units import KNOT
+
     _, _, deepest = planned.depths
     if deepest_sample is not None and deepest_sample < deepest:
         yield (f"the cast ends at {deepest_sample:.4g} m and the bed lies down to {deepest:.4g} m; sound speed is "
@@ -226,6 +251,14 @@ def _doubts(planned, numbers, deepest_sample):
         yield f"{unknown:.1f} % of the area has no depth; it is not counted in the coverage"
     if planned.shoal >= 0.0005:
         yield f"{100 * planned.shoal:.1f} % of the area is shoaler than {planned.least_depth:.4g} m, and is left out"
+    along, speed = numbers["along_track"], planned.layout.speed
+    if along["gapless_speed"] is not None and speed > along["gapless_speed"]:
+        yield (f"at {speed / KNOT:.3g} knots pings leave gaps along the track straight below; sail at "
+               f"{along['gapless_speed'] / KNOT:.3g} knots or less")
+    if along["feature_speed"] is not None and speed > along["feature_speed"]:
+        yield (f"at {speed / KNOT:.3g} knots fewer than {HITS} pings meet a feature of {along['feature']:.2g} m, the "
+               f"least that order {numbers['order']} asks for; sail at {along['feature_speed'] / KNOT:.3g} knots or "
+               "less")
     aground = [line.number for line in planned.lines if line.track.depth.min() <= planned.sonar.head_depth]
     if aground:
         names = f"{', '.join(map(str, aground[:8]))}{' ...' if len(aground) > 8 else ''}"

@@ -24,7 +24,7 @@ from .words import announce
 def add(commands: Commands) -> None:
     """Add the commands to the parser's."""
     plot = commands.add_parser("plot", help="draw an image, a line of soundings or a fit's answer")
-    add_file(plot, "image", metavar="IN.exr|nc|kmall|all|gsf|s7k",
+    add_file(plot, "image", metavar="IN.exr|nc|kmall|all|gsf|s7k|xtf|hsx",
              help="an image, a line of soundings or a fit's answer")
     plot.add_argument("--what", metavar="VIEW",
                       help="view of an image: waterfall (default), objects, ping, mean, labels, class, share, hidden, "
@@ -70,9 +70,11 @@ def add(commands: Commands) -> None:
     view.set_defaults(run=_view)
 
     compare = commands.add_parser("compare", help="compare a real record with a simulated one of the same line")
-    add_file(compare, "real", metavar="REAL", help="line of soundings (.all, .kmall, .gsf, .nc)")
+    add_file(compare, "real", metavar="REAL",
+             help="line of soundings (.all, .kmall, .gsf, .nc), or a recorded sidescan (.xtf)")
     add_file(compare, "simulated", metavar="SIMULATED",
-             help="soundings of a scene that `like` made, or the scene itself (.xml), which is sounded first")
+             help="soundings or image of a scene that `like` made, or the scene itself (.xml), which is sounded or "
+                  "rendered first")
     add_file(compare, "-o", "--output", metavar="OUT.nc", help="terms of the comparison; default: print them alone")
     add_file(compare, "--sheet", metavar="OUT.png|pdf|svg", help="sheet of all terms")
     compare.add_argument("--seed", type=whole, default=0, metavar="N", help="random seed of a scene; default: 0")
@@ -158,21 +160,17 @@ def _opened(path):
 
 
 def _instruments_line(path):
-    """Return the soundings or the sidescan of a file of an instrument or survey software, else None."""
+    """Return the soundings, sidescan or echogram of a file of an instrument or survey software, else None."""
     from mitsonar.device.files import EXR
 
     if not os.path.isfile(path):
         return None
     with open(path, "rb") as stream:
-        head = stream.read(8)
-    if head.startswith(EXR):                       # an EXR needs none of the imports below
-        return None
-    from mitsonar.io import sidescan_lines
-    from mitsonar.io.survey_lines import reading
+        if stream.read(8).startswith(EXR):             # an EXR needs none of the imports below
+            return None
+    from mitsonar.io.reading import recorded
 
-    if reading.recognised(head) is not None:
-        return reading.read(path)
-    return None if sidescan_lines.recognised(path) is None else sidescan_lines.read(path)
+    return recorded(path)
 
 
 def _video(arguments):

@@ -1,6 +1,8 @@
 """The commands about recorded lines: soundings, like."""
 from __future__ import annotations
 
+import contextlib
+import datetime
 import os
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -15,7 +17,7 @@ from .words import announce, leave_if_interrupted, warn
 if TYPE_CHECKING:
     import xarray as xr
 
-LINES = (".all", ".gsf", ".kmall", ".kmwcd", ".nc", ".s7k", ".wcd")    # read as recorded lines, not as scenes
+LINES = (".all", ".gsf", ".hsx", ".kmall", ".kmwcd", ".nc", ".s7k", ".wcd", ".xtf")    # recorded, not scenes
 
 
 def add(commands: Commands) -> None:
@@ -23,7 +25,7 @@ def add(commands: Commands) -> None:
     command = commands.add_parser("soundings", help="sound the bed of a scene with its multibeam, or convert a line of "
                                                     "soundings")
     add_scene(command, ", or a recorded line")
-    add_file(command, "-o", "--output", required=True, metavar="OUT.nc|csv|gsf|kmall|las", help="soundings")
+    add_file(command, "-o", "--output", required=True, metavar="OUT.nc|csv|gsf|kmall|las|s7k", help="soundings")
     add_file(command, "--profile", metavar="CAST",
              help="file of the cast that reduces the soundings; default: the water's own")
     command.add_argument("--tide", metavar="FILE|M",
@@ -40,7 +42,8 @@ def add(commands: Commands) -> None:
     add_file(command, "--heave", metavar="FILE", help="delayed heave for a recorded line: POS MV with groups 111")
     command.add_argument("--head-speed", type=number, metavar="M/S",
                          help="another sound speed at the head, for a recorded line")
-    command.add_argument("--column", action="store_true", help="keep the water column")
+    command.add_argument("--column", action="store_true",
+                         help="keep the water column, and the snippets of a recorded line")
     command.add_argument("--snippets", type=whole, default=0, metavar="N",
                          help="samples of the bed's backscatter strength to keep about each sounding; default: 0")
     command.add_argument("--start", metavar="DATE",
@@ -48,6 +51,10 @@ def add(commands: Commands) -> None:
                               "track, or 2000")
     command.add_argument("--place", nargs=2, type=number, metavar=("LAT", "LON"),
                          help="position of x = y = 0 if the scene names no coordinate system; default: 0 0")
+    command.add_argument("--processes", type=whole, default=1, metavar="N",
+                         help="processes that share the pings of a scene, each with --threads; default: 1")
+    command.add_argument("--dry-run", action="store_true",
+                         help="estimate time and disk space from a few pings of a scene, and end")
     command.set_defaults(run=_soundings)
 
     like = commands.add_parser("like", help="make a scene like a recorded line of soundings, or of a sidescan: its "
@@ -67,8 +74,10 @@ def _soundings(arguments):
 
     check_output(arguments.output, tuple(survey_lines.SUFFIXES))
     place = None if arguments.place is None else tuple(arguments.place)
+    if arguments.dry_run:
+        return _estimate(arguments, place)
     before, words = 0, []
-    with Progress() as progress:
+    with Progress(warm_up=1 if arguments.processes == 1 else 4 * arguments.processes) as progress:
         if _is_recorded(arguments.scene):
             written = survey_lines.write(_recorded(arguments, words), arguments.output, place=place,
                                          start=arguments.start)
@@ -103,44 +112,87 @@ def _is_recorded(path):
 
 
 def _simulated(arguments, place, progress):
-    """Write soundings of a scene; return the number of pings kept from an interrupted run, and the written line.
+    """Write soundings of a scene; return the number of pings kept from an interrupted run, and the written line."""
+    from mitsonar.device import files
+    from mitsonar.io.records import ping_file
+    from mitsonar.verbs import sounding_files
 
-    Pings go into a file beside the output, from which an interrupted command continues. The output is written last.
-    """
+    leave_if_interrupted(ping_file.part_of(files.check_writable(arguments.output)))
+    began: list[int] = []
+
+    def shown(done: int, count: int) -> None:
+        progress(done - began[0], count - began[0])
+
+    with _line(arguments, place) as (count, pings_from):
+        def begun(number: int) -> Iterator[xr.Dataset]:
+            began.append(number)
+            return pings_from(number)
+
+        return sounding_files.store(begun, count, arguments.output, place=place, start=arguments.start, progress=shown)
+
+
+@contextlib.contextmanager
+def _line(arguments, place):
+    """Yield the number of pings of a scene's line, and a function that yields its pings from a number on."""
     if arguments.head_speed is not None:
         raise ValueError("--head-speed applies to recorded lines; in a scene write head_speed_error of the sensor.")
     for option in ("navigation", "heave"):
         if getattr(arguments, option) is not None:
             raise ValueError(f"--{option} applies to recorded lines; in a scene write the track of the sensor.")
-    from mitsonar.device import files
     from mitsonar.io import survey_lines
-    from mitsonar.io.records import ping_file
-    from mitsonar.scene.loading import load_file
-    from mitsonar.verbs.images import sounded_pings
 
-    part = ping_file.part_of(files.check_writable(arguments.output))
     survey_lines.check_asked(place, arguments.start)
+    options = _options(arguments)
+    if arguments.processes == 1:
+        count, pings_of = _sounder(arguments, options)
+        yield count, lambda start: pings_of(range(start, count))
+        return
+    from mitsonar.sweep.local import Local, shares
+    from mitsonar.sweep.manifest import versions
+    from mitsonar.sweep.sounding_jobs import PingBlocks
+
+    processes, threads = shares(arguments.processes, arguments.threads)
+    with Local(processes, threads, os.getcwd()) as pool:
+        blocks = PingBlocks(pool, {"scene": scenes.find(arguments.scene), "parameters": parameters(arguments),
+                                   "seed": arguments.seed, "soundings": options, "versions": versions(),
+                                   "folder": os.getcwd()})
+        yield blocks.count, blocks.pings_from
+
+
+def _options(arguments):
+    """Return the options of `mitsonar.soundings`."""
+    return {"profile": arguments.profile, "tide": level_of(arguments.tide),
+            "separation": level_of(arguments.separation), "heights": arguments.heights or "tide",
+            "sensor": arguments.sensor, "column": arguments.column, "snippets": arguments.snippets}
+
+
+def _sounder(arguments, options):
+    """Return the number of pings of a scene's line, and a function that yields pings by their numbers."""
+    from mitsonar.scene.loading import load_file
+    from mitsonar.verbs.images import sounder
+
     set_up(arguments.threads)
-    total: list[int] = []
-    scene = load_file(scenes.find(arguments.scene), **parameters(arguments))
+    return sounder(load_file(scenes.find(arguments.scene), **parameters(arguments)), arguments.seed, **options)
 
-    def pings_from(number: int) -> Iterator[xr.Dataset]:
-        began.append(number)
-        return sounded_pings(scene, arguments.seed, arguments.profile, **by, sensor=arguments.sensor,
-                             column=arguments.column, snippets=arguments.snippets, start=number, count=total.append)
 
-    by = {"tide": level_of(arguments.tide), "separation": level_of(arguments.separation),
-          "heights": arguments.heights or "tide"}
-    began: list[int] = []
-    pings = pings_from(0)
-    leave_if_interrupted(part)
-    ping_file.fill(lambda number: pings if number == 0 else pings_from(number), part, count=total[0],
-                   check=lambda first: survey_lines.check_asked(place, arguments.start, first),
-                   progress=lambda done, count: progress(done - began[-1], count - began[-1]))
-    files.clear_left(arguments.output)
-    written = survey_lines.write(survey_lines.stored(part), arguments.output, place=place, start=arguments.start)
-    part.unlink()
-    return began[-1], written
+def _estimate(arguments, place):
+    """Print what the soundings of a scene cost, from a few pings."""
+    from mitsonar.sweep.local import cores, shares
+    from mitsonar.verbs import sounding_files
+
+    from .sweep import size_said
+
+    if _is_recorded(arguments.scene):
+        raise ValueError(f"--dry-run applies to scenes only, and {arguments.scene} is a recorded line; leave it out.")
+    processes, _ = shares(arguments.processes, arguments.threads)
+    count, pings_of = _sounder(arguments, _options(arguments))
+    cost = sounding_files.cost(count, pings_of, arguments.output, place=place, start=arguments.start)
+    at_once = max(1.0, min(processes, cores() / cost.cores))
+    announce(f"{cost.pings} pings: about {datetime.timedelta(seconds=round(cost.seconds * count / at_once))}, "
+             f"{cost.seconds:.2g} s each (tried {cost.tried}), by {processes} "
+             f"process{'' if processes == 1 else 'es'} that keep {cost.cores:.1f} cores busy each")
+    announce(f"disk: about {size_said(cost.bytes)}, and until it is done {size_said(cost.part)} more; "
+             f"{size_said(cost.free)} are free")
 
 
 def _recorded(arguments, words):
@@ -150,13 +202,14 @@ def _recorded(arguments, words):
     """
     given = [option for option, value in (("-D", arguments.parameters), ("--seed", arguments.seed),
                                           ("--sensor", arguments.sensor), ("--snippets", arguments.snippets),
-                                          ("--threads", arguments.threads is not None)) if value]
+                                          ("--threads", arguments.threads is not None),
+                                          ("--processes", arguments.processes != 1)) if value]
     if given:
         raise ValueError(f"{given[0]} applies to scenes only, and {arguments.scene} is a recorded line; leave it out.")
     from mitsonar.hydrography.reduction.resounding import resounded
     from mitsonar.io import casts, survey_lines
     from mitsonar.planning.instrument_rules import rules_of
-    from mitsonar.planning.line_changes import changes
+    from mitsonar.planning.recorded.line_changes import changes
 
     if os.path.exists(arguments.output):
         for source in survey_lines.sources(arguments.scene):

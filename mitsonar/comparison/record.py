@@ -1,7 +1,8 @@
 """Dataset of a comparison of a real record with a simulated one, and the evidence that each of its terms gives.
 
 Dimensions: ``line`` (real, simulated) and, of lines of soundings, ``angle``: middles of bins of the angle from the
-vertical [rad], positive to starboard. Differences are simulated - real. Spreads are 1.4826 times the median absolute
+vertical [rad], positive to starboard; of sidescans ``clue``, ``side``, ``statistic``, ``distance`` [m], and ``row``,
+``column`` of the pictures. Differences are simulated - real. Spreads are 1.4826 times the median absolute
 deviation, which is the standard deviation of a Gaussian.
 """
 from __future__ import annotations
@@ -17,6 +18,7 @@ from mitsonar.io.records.records import SonarImage
 from mitsonar.units import deg_from_radians
 
 LINES = ("real", "simulated")
+STRONGEST = 12                     # clues of the printed table
 INNER = 60.0                       # [deg] from the vertical: the part of the swath that figures are of
 _ANGLE, _BOTH, _LINE = ("angle",), ("line", "angle"), ("line",)
 
@@ -34,10 +36,12 @@ SOUNDINGS = RecordTable([
     *rows("depths", _ANGLE, False,
           ("depth_difference", "f8", "%", "depth at the same places, over the depth, median"),
           ("depth_spread", "f8", "%", "of the same, from sounding to sounding")),
-    *rows("strengths", _BOTH, False, ("strength", "f8", "dB", "backscattering strength, median")),
+    *rows("strengths", _BOTH, False, ("strength", "f8", "dB", "backscattering strength of the mean intensity")),
     *rows("strengths", _ANGLE, False,
           ("strength_difference", "f8", "dB", "difference of strengths"),
-          ("strength_shape", "f8", "dB", "the same less the best constant within 60 degrees")),
+          ("strength_shape", "f8", "dB", "the same less the best constant within 60 degrees"),
+          ("strength_error", "f8", "dB", "standard error of the difference by the speckle of both, were soundings "
+                                         "independent")),
     *rows("noise", _BOTH, False,
           ("depth_noise_beams", "f8", "%", "depth less the mean of both neighbouring beams, as one's noise"),
           ("depth_noise_pings", "f8", "%", "depth less the mean of the pings before and after, as one's noise"),
@@ -53,6 +57,19 @@ SOUNDINGS = RecordTable([
           ("column_water", "f8", "dB", "mean level before the first return, less that of the bed in the beam"),
           ("column_ring", "f8", "dB", "mean level at the first return's time, less that of the bed in the beam"),
           ("column_noise", "f8", "dB", "spread of levels before the first return")),
+])
+
+SIDESCANS = RecordTable([
+    *rows("clues", ("line", "clue"), False, ("clue_median", "f8", "1", "median of a clue over its items")),
+    *rows("clues", ("clue",), False,
+          ("auc", "f8", "1", "chance that a real item has the larger value"),
+          ("auc_error", "f8", "1", "standard error of auc, runs of pings drawn anew"),
+          ("auc_control", "f8", "1", "auc of real port against real starboard")),
+    *rows("statistics", ("line", "side", "statistic"), False, ("value", "f8", "1", "statistic of a side")),
+    *rows("statistics", ("line", "side", "distance"), False,
+          ("mean_db", "f8", "dB", "mean intensity, over the mean of all ranges beyond the first return")),
+    *rows("pictures", ("line", "row", "column"), False,
+          ("picture", "f4", "1", "amplitudes over their median beyond the first return, port mirrored on the left")),
 ])
 
 EVIDENCE = {
@@ -81,6 +98,16 @@ EVIDENCE = {
     "water column":
         "Levels over that of the bed test the side lobes, the noise and the volume. Gain over range that a file "
         "does not state, and life or bubbles in the real water, change them too.",
+    "clues":
+        "A clue near 0.5 does not give the simulation away; the control is what two sides of one real record "
+        "reach. One line of each kind cannot prove that other lines are alike, and no clue proves that objects "
+        "look right.",
+    "statistics":
+        "Ratios of neighbours test speckle, pulse, beam and the recorder's filter whatever the gain. The mean over "
+        "range also holds the recorder's gain, which files do not state.",
+    "pictures":
+        "Pictures have the same gain: over the median beyond the first return. They show what no statistic "
+        "measures, and prove nothing.",
 }
 
 
@@ -132,7 +159,9 @@ def inner(dataset: xr.Dataset) -> np.ndarray:
 
 
 def table_of(dataset: xr.Dataset) -> list[str]:
-    """Return the lines of a table of figures: medians within 60 degrees."""
+    """Return the lines of a table of figures: medians within 60 degrees, or the strongest clues and the statistics."""
+    if "angle" not in dataset.dims:
+        return _sidescan_rows(dataset)
     here = inner(dataset)
     cells: list[tuple[str, ...]] = [("within 60 degrees", "unit", "real", "simulated", "difference", "largest")]
     for name, one in dataset.data_vars.items():
@@ -146,6 +175,28 @@ def table_of(dataset: xr.Dataset) -> list[str]:
         unit = "" if one.attrs["units"] == "1" else one.attrs["units"]
         cells.append((str(name), unit, *(f"{value:.3g}" if np.isfinite(value) else "" for value in row)))
     return _columns(cells)
+
+
+def _sidescan_rows(dataset):
+    """Return the tables of the clues that tell the records apart most, and of the statistics of both sides."""
+    rows: list[str] = []
+    if "auc" in dataset:
+        cells: list[tuple[str, ...]] = [("strongest clues", "real", "simulated", "AUC", "error", "control")]
+        for number in np.argsort(-excess(dataset), kind="stable")[:STRONGEST]:
+            one = dataset.isel(clue=number)
+            cells.append((str(one["clue"].values), *(f"{float(value):.3g}" for value in (
+                *one["clue_median"].values, one["auc"], one["auc_error"], one["auc_control"]))))
+        rows += _columns(cells)
+    cells = [("statistics, port and starboard", "real", "", "simulated", "")]
+    for number, name in enumerate(dataset["statistic"].values):
+        cells.append((str(name), *(f"{value:.3g}" for value in dataset["value"].values[:, :, number].ravel())))
+    return [*rows, *_columns(cells)]
+
+
+def excess(dataset: xr.Dataset) -> np.ndarray:
+    """Return how far each clue's AUC is from 0.5 beyond its control; -1 if unknown."""
+    away, control = (np.abs(dataset[name].values - 0.5) for name in ("auc", "auc_control"))
+    return np.where(np.isfinite(away), away - np.nan_to_num(control), -1.0)
 
 
 def _middle(values):

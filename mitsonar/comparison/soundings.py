@@ -6,7 +6,7 @@ import xarray as xr
 
 from mitsonar.hydrography.record import BY_PHASE, as_written, check
 from mitsonar.hydrography.vertical_angles import vertical_angle
-from mitsonar.units import deg_from_radians
+from mitsonar.units import db_from_power, deg_from_radians, power_from_db
 
 from .angle_bins import AngleBins, root_mean_square, spread
 from .line_column import TERMS, column_terms
@@ -78,11 +78,19 @@ def _strengths(lines, angles, bins):
     """Return the terms of strengths, if both lines have any."""
     if not all("backscatter_db" in line and np.isfinite(line["backscatter_db"]).any() for line in lines):
         return {}
-    strength = np.stack([bins.over(angle, line["backscatter_db"].values) for line, angle in zip(lines, angles)])
+    strength = np.stack([db_from_power(bins.over(angle, power_from_db(line["backscatter_db"].values), "mean"))
+                         for line, angle in zip(lines, angles)])
+    error = np.hypot(*(bins.over(angle, power_from_db(line["backscatter_db"].values), _relative_error)
+                       for line, angle in zip(lines, angles))) * 10 / np.log(10)
     apart = strength[1] - strength[0]
     near = np.isfinite(apart) & (np.abs(deg_from_radians(bins.middle)) < INNER)
     shape = apart - np.median(apart[near]) if near.any() else np.full(apart.shape, np.nan)
-    return {"strength": strength, "strength_difference": apart, "strength_shape": shape}
+    return {"strength": strength, "strength_difference": apart, "strength_shape": shape, "strength_error": error}
+
+
+def _relative_error(power):
+    """Return the standard error of the mean of independent values, over the mean."""
+    return float(np.std(power) / np.mean(power) / np.sqrt(power.size)) if power.size else np.nan
 
 
 def _noise(lines, angles, bins):

@@ -69,7 +69,8 @@ def _readme(shards, pictures, told):
         "task_categories:", "- object-detection", "- image-segmentation", "tags:", "- sonar", "- synthetic",
         "- webdataset", f"size_categories:\n- {size}", "configs:", "- config_name: default", "  data_files:",
         files.rstrip("\n"), "---", "", f"# {told['title']}", "",
-        f"{len(pictures):,} labelled pictures of {len(samples):,} simulated records, in {len(shards)} shards of "
+        f"{len(pictures):,} labelled pictures of {len(samples):,} simulated records, in {len(shards)} "
+        f"shard{'s' * (len(shards) != 1)} of "
         f"{sum(shard.bytes for shard in shards) / 1e6:,.0f} MB. Licence: {told['licence']}. Authors: {told['authors']}."
         + (f" See {told['homepage']}." if told["homepage"] else ""), "",
         "| subset | pictures | with objects | " + " | ".join(names) + " |",
@@ -127,7 +128,7 @@ def _croissant(shards, folder, pictures, told):
 
     kinds = {"int64": "sc:Integer", "double": "sc:Float", "bool": "sc:Boolean"}
     schema = parquet.read_schema(folder / "index.parquet")
-    fields = [{"@type": "cr:Field", "@id": f"pictures/{field.name}", "name": f"pictures/{field.name}",
+    fields = [{"@type": "cr:Field", "@id": (name := "pictures/" + field.name.replace(" ", "_")), "name": name,
                "dataType": kinds.get(str(field.type), "sc:Text"),
                "source": {"fileObject": {"@id": "index.parquet"}, "extract": {"column": field.name}}}
               for field in schema]

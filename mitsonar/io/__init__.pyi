@@ -1,5 +1,6 @@
 from . import (
     casts as casts,
+    echo_sounder_lines as echo_sounder_lines,
     reading as reading,
     sidescan_lines as sidescan_lines,
     survey_lines as survey_lines,

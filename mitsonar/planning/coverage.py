@@ -12,7 +12,7 @@ farthest beam is back.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,6 +35,7 @@ class SwathSonar:
     max_range: float = np.inf  # [m]
     even: str = "angle"  # spacing of beams: "angle" or "distance"
     name: str = ""
+    beam_width: float | None = None  # [rad]: of the transmit beam, along the track
 
     def __post_init__(self):
         if not 0 < self.swath < np.pi:
@@ -46,8 +47,17 @@ class SwathSonar:
         if not (self.head_depth >= 0 and self.max_range > 0):
             raise ValueError(f"the sonar's head is {self.head_depth:g} m deep and its range is {self.max_range:g} m; "
                              "give a depth of 0 or more and a range above 0.")
+        if self.beam_width is not None and not 0 < self.beam_width < np.pi:
+            raise ValueError(f"the transmit beam is {np.rad2deg(self.beam_width):g} degrees wide; give more than 0 and "
+                             "less than 180.")
         if self.even not in ("angle", "distance"):
             raise ValueError(f'the beam spacing is even in {self.even!r}; choose "angle" or "distance".')
+
+    def narrowed(self, swath: float) -> SwathSonar:
+        """Return the sonar with the beams within a swath [rad]."""
+        angles = 0.5 * np.array([swath, self.swath])
+        narrow, wide = angles if self.even == "angle" else np.tan(angles)
+        return replace(self, swath=swath, beams=max(round(self.beams * float(narrow / wide)), 1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

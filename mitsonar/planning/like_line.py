@@ -32,13 +32,15 @@ from mitsonar.io.survey_lines.assembly import LineCast
 from mitsonar.io.survey_lines.motion import smoothed
 from mitsonar.io.survey_lines.places import across_and_along, levelled
 from mitsonar.sonar.preset_tables import classes
-from mitsonar.units import deg_from_radians
+from mitsonar.units import db_from_power, deg_from_radians, power_from_db
 
 from .instrument_rules import rules_of
 from .like_settings import Settings, settings_of
 
 MOST_CELLS = 4_000_000
-ANGLES = np.arange(10.0, 90.1, 2.5)                    # [degrees]: grazing angles of the strength table
+WIDE, NARROW = 1.25, 0.5                               # [degrees] about a grazing angle of the strength table
+ANGLES = ([(angle, (WIDE,)) for angle in np.arange(10.0, 79.0, 2.5)]          # with their widths; near nadir strengths
+          + [(angle, (NARROW, WIDE)) for angle in np.arange(80.0, 90.1)])     # may change by 3 dB a degree
 ALIKE = 9                                              # soundings over which a bed's slope is taken
 PATTERN_STEP, LEAST_PATTERN = 5.0, 1.0                  # [degrees], [dB]: the largest difference of a pattern worth it
 FEWEST = 10                                            # soundings per strength
@@ -197,13 +199,17 @@ def _bed(soundings: xr.Dataset, cell: float | None) -> xr.Dataset:
 
 
 def _strengths(soundings: xr.Dataset) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return grazing angles [degrees] and the median strength [dB] near each, or None without enough echoes."""
+    """Return grazing angles [degrees] and the strength [dB] near each, or None without enough echoes.
+
+    It is that of the mean intensity, as a law's is: soundings of few looks have a median some decibels lower.
+    """
     if "backscatter_db" not in soundings:
         return None
     level, grazing = soundings["backscatter_db"].values, _grazing(soundings)
     usable = np.isfinite(level) & np.isfinite(grazing)
-    rows = [(angle, np.median(level[near])) for angle in ANGLES
-            if (near := usable & (np.abs(grazing - angle) <= 1.25)).sum() >= FEWEST]
+    rows = [(angle, db_from_power(np.mean(power_from_db(level[near])))) for angle, widths in ANGLES if (near := next((
+        within for width in widths if (within := usable & (np.abs(grazing - angle) <= width)).sum() >= FEWEST), None)
+        ) is not None]
     if len(rows) < 3:
         return None
     angles, strengths = np.array(rows).T
@@ -243,7 +249,7 @@ def _pattern(soundings: xr.Dataset, settings: Settings, angles: np.ndarray,
     level, vertical, sector = soundings["backscatter_db"].values, _vertical(soundings), soundings["sector"].values
     rest = level - np.interp(_grazing(soundings), angles, strengths)
     usable = np.isfinite(rest) & soundings["valid"].values
-    rows = [(k, middle, np.median(rest[near]))
+    rows = [(k, middle, db_from_power(np.mean(power_from_db(rest[near]))))
             for k, number in enumerate(settings.sectors) for middle in np.arange(-87.5, 90.0, PATTERN_STEP)
             if (near := usable & (sector == number) & (np.abs(vertical - middle) <= PATTERN_STEP / 2)).sum() >= FEWEST]
     if not rows or np.abs(np.array(rows)[:, 2]).max() < LEAST_PATTERN:

@@ -80,8 +80,8 @@ def _words_on(modes, swaths, mountings):
     elif others:
         left = "; ".join(_kilohertz(other) for other, _ in others)
         yield (f"the line has pings of {1 + len(others)} modes; the scene takes the mode of {count} of {modes.total()} "
-               f"pings, {_kilohertz(mode)}, and leaves out {left}; the bed uses all pings, its strengths those of "
-               "the mode")
+               f"pings, {_kilohertz(mode)}, and leaves out {left}; the bed uses all pings, its strengths those of this "
+               "mode")
     if len(mountings) > 1:
         turned = " and ".join(f"{angle:.1f}" for angle in deg_from_radians(mountings[:, 0]))
         yield (f"{len(mountings)} receive arrays, rolled by {turned} degrees, became one level array between them "

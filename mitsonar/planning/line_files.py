@@ -55,26 +55,30 @@ def _points(line: SurveyLine) -> Points:
 
 
 def _csv(plan, frame):
-    rows = [(line.number, name, place) for line in plan.lines for name, place in _points(line)]
+    rows = [(line.number, name, place) for line in plan.sailed for name, place in _points(line)]
     places = np.array([place for _, _, place in rows])
     degrees = on_earth(frame, places) if frame.crs else None
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(["line", "point", "x", "y", *(["latitude", "longitude"] if degrees is not None else [])])
+    crossed = [line.number for line in plan.cross_lines]
+    table.writerow(["line", "point", "x", "y", *(["latitude", "longitude"] if degrees is not None else []),
+                    *(["kind"] if crossed else [])])
     for number, ((line, name, _), (x, y)) in enumerate(zip(rows, places + frame.origin)):
         globe = [] if degrees is None else [f"{value:.9f}" for value in degrees[number]]
-        table.writerow([line, name, f"{x:.3f}", f"{y:.3f}", *globe])
+        kind = ["cross" if line in crossed else "main"] if crossed else []
+        table.writerow([line, name, f"{x:.3f}", f"{y:.3f}", *globe, *kind])
     return text.getvalue()
 
 
 def _geojson(plan, frame):
     features = []
-    for line in plan.lines:
+    for line in plan.sailed:
         degrees = on_earth(frame, np.stack([line.start, line.end]))
         width, depth = line.track.edges.width, line.track.depth
         features.append({
             "type": "Feature",
-            "properties": {"line": line.number, "heading_deg": round(float(np.rad2deg(line.heading)), 3),
+            "properties": {"line": line.number, "kind": "cross" if line in plan.cross_lines else "main",
+                           "heading_deg": round(float(np.rad2deg(line.heading)), 3),
                            "length_m": round(line.length, 2), "mean_depth_m": round(float(depth.mean()), 2),
                            "mean_swath_m": round(float(width.mean()), 2)},
             "geometry": {"type": "LineString",
@@ -84,9 +88,9 @@ def _geojson(plan, frame):
 
 def _gpx(plan, frame):
     root = ElementTree.Element("gpx", {"version": "1.1", "creator": "mitsonar", "xmlns": _GPX})
-    for line in plan.lines:
+    for line in plan.sailed:
         route = ElementTree.SubElement(root, "rte")
-        ElementTree.SubElement(route, "name").text = f"line {line.number}"
+        ElementTree.SubElement(route, "name").text = f"{'cross ' if line in plan.cross_lines else ''}line {line.number}"
         ElementTree.SubElement(route, "number").text = str(line.number)
         points = _points(line)
         for (name, _), (latitude, longitude) in zip(points, on_earth(frame, np.array([place for _, place in points]))):

@@ -5,6 +5,7 @@ The swath follows from bent rays (`planning.rays`) over the known bed (`planning
     (lines + run-ins + turns) / speed
 
 where a turn is the shortest way with the vessel's radius from a line's end to the next run-in (`planning.turns`).
+Cross lines check the other lines. They run across them, are sailed after them, and count for no coverage.
 """
 from __future__ import annotations
 
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mitsonar.hydrography.reduction.uncertainty import Accuracies
 from mitsonar.hydrography.survey_orders import ORDERS, SurveyOrder
 from mitsonar.units import KNOT
 from mitsonar.water.profile import SoundSpeedProfile
@@ -20,11 +22,13 @@ from mitsonar.water.profile import SoundSpeedProfile
 from .area import Area, LineFrame, corners, inside, inside_rows
 from .bed import PlannedBed, heading_along_area, heading_along_contours
 from .coverage import Coverage, Gap, PlannedTrack, SwathSonar, coverage, gaps, track
-from .errors import CastError, cast_error
 from .lines import Lattice, even_segments, fitted_segments, in_sailing_order, refuse_many
 from .rays import SwathRays, swath_rays
 from .turns import VesselTurn, turn
+from .uncertainty.cast_errors import CastError, cast_error
+from .uncertainty.error_budget import SwathBudget, swath_budget, useful_swath
 
+Sailed = tuple[PlannedTrack, bool, LineFrame]          # True: sailed along the heading of the frame
 SPACINGS = ("line", "shoalest", "mean")
 MOST_STATIONS = 1000               # of a lattice, along lines
 FINEST = 0.02                      # least distance of stations, relative to the swath width
@@ -43,6 +47,8 @@ class Layout:
     run_in: float = 50.0  # [m]: straight before each line
     turn_radius: float = 50.0  # [m]
     least_depth: float | None = None  # [m]: shoaler bed is excluded
+    useful: bool = False  # keep the swath within the order
+    cross: float | None = None  # spacings of lines between cross lines; None: no cross lines
 
     def __post_init__(self):
         if self.spacing is not None and not 0 < self.spacing < np.inf:
@@ -56,6 +62,9 @@ class Layout:
             raise ValueError("the heading is not a finite number; give degrees clockwise from north.")
         if not 0 < self.speed <= 100:
             raise ValueError(f"the speed is {self.speed / KNOT:g} knots; give above 0, at most {100 / KNOT:.0f}.")
+        if self.cross is not None and not 0 < self.cross <= 1e4:
+            raise ValueError(f"cross lines are asked for every {self.cross:g} spacings; give a number above 0, such as "
+                             "15.")
         for name, value in (("run-in", self.run_in), ("turn radius", self.turn_radius),
                             ("least depth", self.least_depth or 0.0)):
             if not 0 <= value <= 1e5:
@@ -73,7 +82,7 @@ class SurveyLine:
     end: np.ndarray  # (2,) [m]: x and y
     length: float  # [m]: from start to end
     track: PlannedTrack  # with its swath, along the heading of the plan
-    turn: VesselTurn | None  # to the run-in of the next line
+    turn: VesselTurn | None  # to the run-in of the next line sailed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,6 +90,8 @@ class SurveyPlan:
     """Planned lines, with the inputs of the plan and the coverage."""
 
     lines: tuple[SurveyLine, ...]
+    cross_lines: tuple[SurveyLine, ...]
+    budgets: tuple[SwathBudget, ...]  # at the shoalest, mean and deepest depth
     frame: LineFrame
     contours: bool | None  # True: heading along contours; False: along the area; None: as given
     area: Area | None  # None: the whole bed
@@ -102,6 +113,11 @@ class SurveyPlan:
         return int(np.sum(0.5 * (rate[1:] + rate[:-1]) * np.diff(s)) / self.layout.speed) + 1
 
     @property
+    def sailed(self) -> tuple[SurveyLine, ...]:
+        """Return all lines in the order of sailing."""
+        return self.lines + self.cross_lines
+
+    @property
     def depths(self) -> tuple[float, float, float]:
         """Return the shoalest, the mean and the deepest depth of the area [m]."""
         depth = self.bed.depth[self.coverage.wanted]
@@ -110,7 +126,7 @@ class SurveyPlan:
 
 def plan(bed: PlannedBed, profile: SoundSpeedProfile, sonar: SwathSonar, layout: Layout | None = None, *,
          area: Area | None = None, used: SoundSpeedProfile | None = None,
-         order: SurveyOrder = ORDERS["1a"]) -> SurveyPlan:
+         order: SurveyOrder = ORDERS["1a"], accuracies: Accuracies | None = None) -> SurveyPlan:
     """Plan the lines of a survey."""
     layout = layout or Layout()
     least = sonar.head_depth + 1.0 if layout.least_depth is None else layout.least_depth
@@ -122,9 +138,14 @@ def plan(bed: PlannedBed, profile: SoundSpeedProfile, sonar: SwathSonar, layout:
         raise ValueError(f"the area is nowhere deeper than {deepest:.3g} m, and bed shoaler than {least:.3g} m is "
                          "left out; set a smaller least depth, or choose another area.")
     area_depth = bed.depth[wanted]
+    mean = float(area_depth.mean(dtype=float))
+    depths = [depth for depth in dict.fromkeys((float(area_depth.min()), mean, float(area_depth.max())))
+              if depth > sonar.head_depth]
+    budgets = [swath_budget(profile, sonar, depth, accuracies or Accuracies(), order, layout.speed) for depth in depths]
+    if layout.useful:
+        sonar = sonar.narrowed(useful_swath(budgets, order))
     rays = swath_rays(profile, head_depth=sonar.head_depth, half_angle=0.5 * sonar.swath,
                       deepest=float(bed.depth.max()), max_range=sonar.max_range)
-    mean = float(area_depth.mean(dtype=float))
     width = 2 * float(rays.reach_at(mean))
     heading, contours = _heading(bed, wanted, width, layout, area)
     frame = LineFrame(heading=heading)
@@ -141,13 +162,23 @@ def plan(bed: PlannedBed, profile: SoundSpeedProfile, sonar: SwathSonar, layout:
                              "has no swath; leave the shoal out of the area, or let the spacing follow each line.")
         segments = even_segments(lattice, spacing, shortest)
     step = max(*bed.step, FINEST * width)
-    tracks = [(track(bed, rays, sonar, frame, segment, float(profile.at(sonar.head_depth)), step), ahead)
+    speed = float(profile.at(sonar.head_depth))
+    tracks = [(track(bed, rays, sonar, frame, segment, speed, step), ahead, frame)
               for segment, ahead in in_sailing_order(segments)]
-    covered = coverage(bed, rays, sonar, frame, [line for line, _ in tracks], layout.speed, wanted)
-    depths = dict.fromkeys((float(area_depth.min()), mean, float(area_depth.max())))
+    covered = coverage(bed, rays, sonar, frame, [line for line, *_ in tracks], layout.speed, wanted)
     refraction = [] if used is None else [cast_error(profile, used, sonar.head_depth, depth, 0.5 * sonar.swath, order)
-                                          for depth in depths if depth > sonar.head_depth]
-    return SurveyPlan(lines=_lines(tracks, frame, layout), frame=frame, contours=contours, area=area, bed=bed,
+                                          for depth in depths]
+    across: list[Sailed] = []
+    if layout.cross is not None:
+        offsets = np.unique([line.segment.offset for line, *_ in tracks])
+        spacing = layout.cross * (float(np.median(np.diff(offsets))) if offsets.size > 1 else width)
+        turned = LineFrame(heading=heading + 0.5 * np.pi)
+        lattice = _lattice(bed, deep, asked & ~deep, area, turned, width, spacing)
+        across = [(track(bed, rays, sonar, turned, segment, speed, step), ahead, turned)
+                  for segment, ahead in in_sailing_order(even_segments(lattice, spacing, shortest))]
+    lines = _lines([*tracks, *across], layout)
+    return SurveyPlan(lines=lines[:len(tracks)], cross_lines=lines[len(tracks):], budgets=tuple(budgets),
+                      frame=frame, contours=contours, area=area, bed=bed,
                       sonar=sonar, layout=layout, rays=rays, coverage=covered, gaps=tuple(gaps(bed, covered)),
                       refraction=tuple(refraction), order=order, least_depth=least,
                       unknown=np.count_nonzero(asked & ~bed.known) / np.count_nonzero(asked),
@@ -235,10 +266,10 @@ def _at(bed: PlannedBed, grid: np.ndarray, frame: LineFrame, along: np.ndarray, 
     return values
 
 
-def _lines(tracks: Sequence[tuple[PlannedTrack, bool]], frame: LineFrame, layout: Layout) -> tuple[SurveyLine, ...]:
+def _lines(tracks: Sequence[Sailed], layout: Layout) -> tuple[SurveyLine, ...]:
     """Return the lines with their run-ins and the turns between."""
     ends = []
-    for line, ahead in tracks:
+    for line, ahead, frame in tracks:
         segment = line.segment
         along = np.array([segment.begin, segment.end] if ahead else [segment.end, segment.begin])
         places = np.stack(frame.place(along, np.full(2, segment.offset)), -1)
@@ -246,7 +277,7 @@ def _lines(tracks: Sequence[tuple[PlannedTrack, bool]], frame: LineFrame, layout
         forward = np.array([np.sin(heading), np.cos(heading)])
         ends.append((places[0] - layout.run_in * forward, *places, heading))
     lines = []
-    for number, ((line, _), (run_in, start, end, heading)) in enumerate(zip(tracks, ends), 1):
+    for number, ((line, *_), (run_in, start, end, heading)) in enumerate(zip(tracks, ends), 1):
         after = None
         if number < len(ends):
             there, _, _, course = ends[number]

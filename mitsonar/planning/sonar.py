@@ -14,7 +14,7 @@ _TAGS = ("string", "float", "integer")
 
 
 def planned_sonar(name: str) -> dict[str, Any]:
-    """Return the fields of `SwathSonar` that a preset or a scene states (``swath_deg`` for swath), and its ``cast``."""
+    """Return the fields of `SwathSonar` that a preset or a scene states (angles in degrees), and its ``cast``."""
     if name in (known := presets(KIND)):
         return _fields(known[name]) | {"name": name}
     if not name.lower().endswith(".xml") and name not in scenes.shipped():
@@ -25,7 +25,7 @@ def planned_sonar(name: str) -> dict[str, Any]:
 
 def _fields(preset: dict[str, Any]) -> dict[str, Any]:
     return {"swath_deg": float(preset["swath_deg"]), "beams": int(preset["beams"]) * int(preset["swaths"]),
-            "even": str(preset["beam_spacing"])}
+            "even": str(preset["beam_spacing"]), "beam_width_deg": float(preset["transmit_beam_width_deg"])}
 
 
 def _of_scene(path: str) -> dict[str, Any]:

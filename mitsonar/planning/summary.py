@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import string
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -15,9 +16,10 @@ from mitsonar.device.earth import Frame
 from mitsonar.device.files import FilePath, replacing
 from mitsonar.units import KNOT
 
-from .errors import CastError
 from .line_files import on_earth
 from .plan import SurveyPlan
+from .uncertainty.cast_errors import CastError
+from .uncertainty.error_budget import HITS, SwathBudget, along_track
 
 MOST_GAPS = 20                     # listed in the file
 MOST_LINES = 60                    # listed in the text
@@ -43,6 +45,21 @@ _GAPS = """\
 gaps      {number}, {size_m2:surface} together; the largest has {largest[0][size_m2]:surface} at x \
 {largest[0][x]:.0f}, y {largest[0][y]:.0f}"""
 _NO_GAP = "gaps      none as large as a node of the bathymetry ({:.3g} m)"
+_CROSS = """\
+crossing  {number} of the lines, {length_m:distance}: {percent_of_lines:.1f} % of the length of the others"""
+_ALONG = """\
+along     pings at most {spacing:.2g} m apart"""
+_FOOTPRINT = """\
+; beams straight below cover {footprint:.2g} m: no gaps up to {knots:.3g} knots"""
+_FEATURE = """\
+
+features  {hits:.2g} pings or more on a feature of {feature:.2g} m, {least} up to {feature_knots:.3g} knots"""
+_UNCERTAINTY = """\
+uncertainty of all causes together (95 %), compared with S-44 order {}"""
+_BUDGET = """\
+  at {depth_m:6.1f} m: TVU {nadir[tvu_m]:.2f} to {outer[tvu_m]:.2f} m of {allowed_tvu_m:.2f} m, \
+THU {nadir[thu_m]:.2f} to {outer[thu_m]:.2f} m of {allowed_thu_m:.2f} m, outermost most by {outer[main_cause]}; \
+{reach}"""
 _REFRACTION = """\
 depth errors from the other profile, compared with S-44 order {} (TVU, 95 %, all causes together)"""
 _SUBTITLE = """\
@@ -69,10 +86,11 @@ class _Words(string.Formatter):
 def summary(plan: SurveyPlan, frame: Frame) -> dict[str, Any]:
     """Return the numbers of a plan."""
     layout, sonar, covered = plan.layout, plan.sonar, plan.coverage
-    surveyed = sum(line.length for line in plan.lines)
-    turns = sum(line.turn.length for line in plan.lines if line.turn is not None)
-    run_ins = layout.run_in * len(plan.lines)
-    pings = sum(plan.pings(line) for line in plan.lines)
+    surveyed = sum(line.length for line in plan.sailed)
+    crossed = sum(line.length for line in plan.cross_lines)
+    turns = sum(line.turn.length for line in plan.sailed if line.turn is not None)
+    run_ins = layout.run_in * len(plan.sailed)
+    pings = sum(plan.pings(line) for line in plan.sailed)
     # the size of a polygon is exact, a count of nodes is not
     size = (np.count_nonzero(covered.wanted) * plan.bed.step[0] * plan.bed.step[1] if plan.area is None else
             plan.area.area * (1 - plan.unknown - plan.shoal))
@@ -89,7 +107,7 @@ def summary(plan: SurveyPlan, frame: Frame) -> dict[str, Any]:
                  "shoalest_m": shoalest, "mean_m": mean, "deepest_m": deepest, "crs": frame.crs or None},
         "heading_deg": _degrees(plan.frame.heading),
         "heading_by": {None: "given", True: "contours", False: "area"}[plan.contours],
-        "lines": [_line(plan, number, frame) for number in range(len(plan.lines))],
+        "lines": [_line(plan, number, frame) for number in range(len(plan.sailed))],
         "length_m": {"lines": surveyed, "run_ins": run_ins, "turns": turns, "all": surveyed + run_ins + turns},
         "speed_knots": layout.speed / KNOT,
         "time_s": {"lines": surveyed / layout.speed, "all": (surveyed + run_ins + turns) / layout.speed},
@@ -99,19 +117,36 @@ def summary(plan: SurveyPlan, frame: Frame) -> dict[str, Any]:
         "coverage_percent": {"once": 100 * covered.share(), "twice": 100 * covered.share(2)},
         "gaps": {"number": len(plan.gaps), "size_m2": float(sum(gap.area for gap in plan.gaps)),
                  "largest": [{"size_m2": gap.area, **_place(frame, gap.x, gap.y)} for gap in plan.gaps[:MOST_GAPS]]},
+        "cross_lines": {"number": len(plan.cross_lines), "length_m": crossed,
+                        "percent_of_lines": 100 * crossed / (surveyed - crossed)},
         "order": plan.order.name,
+        "along_track": asdict(along_track([line.track for line in plan.lines], sonar, plan.order, layout.speed)),
+        "uncertainty": [_uncertainty(budget) for budget in plan.budgets],
         "refraction": [_refraction(error) for error in plan.refraction]}
 
 
 def _line(plan: SurveyPlan, number: int, frame: Frame) -> dict[str, Any]:
-    line = plan.lines[number]
+    line = plan.sailed[number]
     width = line.track.edges.width
-    return {"line": line.number, "heading_deg": _degrees(line.heading), "length_m": line.length,
+    return {"line": line.number, "kind": "cross" if line in plan.cross_lines else "main",
+            "heading_deg": _degrees(line.heading), "length_m": line.length,
             "start": _place(frame, *line.start), "end": _place(frame, *line.end),
             "shoalest_m": float(line.track.depth.min()), "mean_m": float(line.track.depth.mean()),
             "swath_m": {"least": float(width.min()), "mean": float(width.mean()), "most": float(width.max())},
             "ping_every_m": plan.layout.speed / float(line.track.rate.mean()), "pings": plan.pings(line),
             "turn_m": None if line.turn is None else line.turn.length}
+
+
+def _uncertainty(budget: SwathBudget) -> dict[str, Any]:
+    beams = {name: {"tvu_m": float(budget.vertical[beam]), "thu_m": float(budget.horizontal[beam]),
+                    "main_cause": budget.main_cause(beam)} for name, beam in (("nadir", 0), ("outer", -1))}
+    return {"depth_m": budget.depth, "allowed_tvu_m": budget.allowed_vertical,
+            "allowed_thu_m": budget.allowed_horizontal, "within_order_to_deg": _degrees(budget.good_angle), **beams,
+            "by_angle": [{"angle_deg": _degrees(float(angle)), "tvu_m": float(budget.vertical[beam]),
+                          "thu_m": float(budget.horizontal[beam]),
+                          "parts_m": {name: [float(side[beam]) for side in sides]
+                                      for name, sides in budget.parts.items()}}
+                         for beam, angle in enumerate(budget.angle) if beam % 8 == 0]}
 
 
 def _refraction(errors: CastError) -> dict[str, Any]:
@@ -166,9 +201,15 @@ def report(numbers: dict[str, Any]) -> str:
         rows.append(f"      ... and {len(lines) - MOST_LINES} more; --json lists all")
     rows.append(words.format(_SUMS, **numbers))
     rows.append(words.format(_GAPS, **gaps) if gaps["number"] else _NO_GAP.format(max(numbers["area"]["cell_m"])))
+    if numbers["cross_lines"]["number"]:
+        rows.append(words.format(_CROSS, **numbers["cross_lines"]))
+    rows.append(_along_words(numbers["along_track"]))
+    half = 0.5 * numbers["sonar"]["swath_deg"]
+    rows.append(_UNCERTAINTY.format(numbers["order"]))
+    rows += [_BUDGET.format(**budget, reach=_reach(budget["within_order_to_deg"], half))
+             for budget in numbers["uncertainty"]]
     if numbers["refraction"]:
         rows.append(_REFRACTION.format(numbers["order"]))
-    half = 0.5 * numbers["sonar"]["swath_deg"]
     return "\n".join([*rows, *(_error_words(errors, half) for errors in numbers["refraction"])])
 
 
@@ -176,6 +217,19 @@ def _error_words(errors: dict[str, Any], half_swath_deg: float) -> str:
     outer, allowed, within = errors["outer_beam_error_m"], errors["allowed_m"], errors["within_order_to_deg"]
     words = ("the outermost beams are lost: their rays turn back upwards" if outer is None else
              f"outermost beams {outer:+.2f} m ({100 * abs(outer) / allowed:.0f} % of {allowed:.2f} m)")
-    reach = ("all beams within the order" if within >= half_swath_deg - 1e-3 else
-             f"within the order to {within:.1f} degrees a side")
-    return f"  at {errors['depth_m']:6.1f} m: {words}, nadir {errors['nadir_error_m'] or 0.0:+.2f} m; {reach}"
+    return (f"  at {errors['depth_m']:6.1f} m: {words}, nadir {errors['nadir_error_m'] or 0.0:+.2f} m; "
+            f"{_reach(within, half_swath_deg)}")
+
+
+def _reach(within: float, half_swath_deg: float) -> str:
+    return ("all beams within the order" if within >= half_swath_deg - 1e-3 else
+            f"within the order to {within:.1f} degrees a side")
+
+
+def _along_words(along: dict[str, Any]) -> str:
+    words = _ALONG.format(**along)
+    if along["footprint"] is not None:
+        words += _FOOTPRINT.format(**along, knots=along["gapless_speed"] / KNOT)
+    if along["feature"] is not None:
+        words += _FEATURE.format(**along, least=HITS, feature_knots=along["feature_speed"] / KNOT)
+    return words

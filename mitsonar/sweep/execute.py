@@ -12,13 +12,12 @@ from typing import Any
 
 from mitsonar.device import files
 from mitsonar.device.files import FilePath
-from mitsonar.io.scene_files import scenes
 
 from .cluster import Cluster
 from .local import Local, shares
 from .manifest import Manifest, ManifestEntry, key, remove_leftovers, sha256, stamp_of, versions
 from .parts import WHOLE, Part, manifests
-from .plan import Plan, Render, load_plan
+from .plan import Plan, Render, load_plan, texts
 
 ATTEMPTS = 2                       # per render before it counts as failed
 LOOK_SECONDS = 5.0                 # [s] between checks of the workers
@@ -169,7 +168,7 @@ def standing(plan: Plan, folder: str, entries: Mapping[str, ManifestEntry], made
              verify: bool = False, part: Part = WHOLE) -> Standing:
     """Return the state of a sweep or a part; renders are missing unless their files exist and match the manifest."""
     missing, changed, damaged, seconds, sizes = array.array("l"), 0, 0, [], []
-    digest = plan.inputs.digests()
+    digest = plan.digests()
     same = {} if verify else _of_this_plan(plan, folder, entries, made_by, digest)
     unplanned_outputs = {output for output, entry in entries.items() if entry.status == "ok"
                          and (entry.index not in same or same[entry.index] is not entry)}
@@ -188,7 +187,7 @@ def standing(plan: Plan, folder: str, entries: Mapping[str, ManifestEntry], made
             render = plan.render(index, entry.redrawn)
         if entry is None or entry.status != "ok" or not _is_there(folder, render.output, entry, plan.previews):
             missing.append(index)
-        elif entry.key != key(render.parameters, render.seed, digest(_texts(render)), made_by):
+        elif entry.key != key(render.parameters, render.seed, digest(render), made_by):
             missing.append(index)
             changed += 1
         elif verify and _digest(os.path.join(folder, render.output)) != entry.sha256:
@@ -212,8 +211,7 @@ def _of_this_plan(plan, folder, entries, made_by, digest):
         if entry.status != "ok" or entry.stamp != ours or not 0 <= entry.index < len(plan):
             continue
         if entry.inputs not in unchanged:
-            texts = _texts(plan.render(entry.index, entry.redrawn))
-            unchanged[entry.inputs] = digest(texts) == entry.inputs
+            unchanged[entry.inputs] = digest(plan.render(entry.index, entry.redrawn)) == entry.inputs
         if unchanged[entry.inputs] and _is_there(folder, output, entry, plan.previews):
             same[entry.index] = entry
     return same
@@ -229,9 +227,11 @@ def unplanned_said(outputs: Sequence[str], folder: str) -> str:
 
 def job(plan: Plan, render: Render, folder: str | None, made_by: Mapping[str, str]) -> dict[str, Any]:
     """Return the job of a render for a worker; without a folder its scene is only loaded."""
-    return {"scene": plan.scene, "parameters": _texts(render), "seed": render.seed, "versions": made_by,
+    return {"scene": plan.scene, "parameters": texts(render), "seed": render.seed, "versions": made_by,
             "folder": folder or os.path.dirname(plan.path), "output": render.output if folder else None,
-            "preview": preview(render.output) if plan.previews and folder else None}
+            "preview": preview(render.output) if plan.previews and folder else None, "soundings": plan.soundings,
+            "labels": None if plan.labels is None else [plan.labels, plan.classes],
+            "trial": False}
 
 
 def check_loading(pool: Local | Cluster, plan: Plan, missing: Sequence[int], made_by: Mapping[str, str]) -> None:
@@ -244,6 +244,20 @@ def check_loading(pool: Local | Cluster, plan: Plan, missing: Sequence[int], mad
             return
         errors.append(answer["error"])
     raise ValueError(f"no render of {os.path.basename(plan.path)} was started: {errors[0]}")
+
+
+def only(plan: Plan, index: int, output: FilePath, *, threads: int | None = None) -> None:
+    """Write the image of one render of a plan as an EXR; raises `ValueError` if it fails."""
+    folder, name = os.path.split(os.path.abspath(output))
+    processes, threads = shares(1, threads)
+    with Local(processes, threads, os.path.dirname(plan.path)) as pool:
+        for again in range(1 + (MOST_REDRAWN if plan.redraw else 0)):
+            given = job(plan, plan.render(index, again), folder, versions())
+            answer = _answer(pool.submit({**given, "output": name, "preview": None, "soundings": None, "labels": None}))
+            if not answer.get("refused"):
+                break
+    if answer.get("error"):
+        raise ValueError(f"render {index} fails: {answer['error']}")
 
 
 class _Runner:
@@ -272,7 +286,7 @@ class _Runner:
 
     def _start(self, pool, index, attempt, redrawn=0):
         render = self.plan.render(index, redrawn)
-        digest = self.plan.inputs.digest(_texts(render))       # before the render, to detect later changes
+        digest = self.plan.digest(render)       # before the render, to detect later changes
         future = pool.submit(job(self.plan, render, self.folder, self.made_by))
         self._running[id(future)] = future, render, digest, attempt
         future.add_done_callback(self._answers.put)
@@ -315,10 +329,6 @@ def _answer(future):
         return future.result()
     except Exception as error:     # from Dask: a worker lost repeatedly, or without mitsonar
         return {"error": f"{type(error).__name__}: {' '.join(str(error).split())}", "seconds": 0.0, "warnings": []}
-
-
-def _texts(render):
-    return {name: scenes.text(name, value) for name, value in render.parameters.items()}
 
 
 def preview(output: str) -> str:

@@ -34,7 +34,8 @@ from .parts import MANIFEST, WHOLE, Part, manifests
 LONGEST_LINE = 1 << 20             # bytes; lines of mitsonar are far shorter
 FLUSH_SECONDS = 5.0
 LOCKLESS = errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP      # of some network disks: nothing tells of another run there
-LEFTOVER = re.compile(r"\.(.+)\.([0-9a-f]+-)?[0-9a-f]{8}\.(exr|png)", re.I)  # as made by `device.files.replacing`
+# as made by `device.files.replacing`
+LEFTOVER = re.compile(r"\.(.+)\.([0-9a-f]+-)?[0-9a-f]{8}\.(exr|png|tar|nc|gsf|kmall|s7k|csv|las)", re.I)
 STEM = 100                         # letters of an output's name in that
 
 

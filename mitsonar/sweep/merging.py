@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from mitsonar.device.files import FilePath, check_writable, replacing
-from mitsonar.io.scene_files import scenes
 
 from .execute import default_folder, preview
 from .manifest import Line, hold, key, lines, sha256, versions
@@ -102,7 +101,7 @@ def _unless_read_only():
 
 
 def _joined(plan, sources, folder, progress):
-    made_by, found, digest = versions(), _found(sources), plan.inputs.digests()
+    made_by, found, digest = versions(), _found(sources), plan.digests()
     missing, wrong, twice, sets, kept = [], [], [], {}, 0
     with replacing(os.path.join(folder, MANIFEST)) as temporary, open(temporary, "wb") as joined:
         for index in range(len(plan)):
@@ -153,9 +152,8 @@ def _fault(plan, index, folder, record, made_by, digest):
         others = ", ".join(f"{name} {version}" for name, version in record["versions"].items()
                            if made_by.get(name) != version)
         return f"made by other versions ({others})"
-    texts = {name: scenes.text(name, value) for name, value in render.parameters.items()}
     if key(record["parameters"], record["seed"], record["inputs"], record["versions"]) != key(
-            render.parameters, render.seed, digest(texts), made_by):
+            render.parameters, render.seed, digest(render), made_by):
         return "made from other parameters or files"
     path, *others = (os.path.join(folder, name) for name in _outputs(plan, render.output))
     if not all(map(os.path.isfile, (path, *others))):

@@ -4,6 +4,7 @@ import re
 import string
 from collections.abc import Iterable, Mapping
 
+from .products import SUFFIXES
 from .values import shortened
 
 SPEC = re.compile(r"0?\d{0,2}(\.\d{1,2})?[defg]?")           # excludes huge widths
@@ -32,8 +33,10 @@ class Pattern:
                 raise ValueError(f"output has the field {field} with the format {shortened(spec)}; give one such as "
                                  "04, .1f or g")
         names = text.split("/")
-        if not text.lower().endswith(".exr") or text.startswith("/") or not all(names):
-            raise ValueError(f"output is {shortened(text)}; give names that end in .exr, inside the sweep's folder")
+        self.suffix = os.path.splitext(text)[1].lower()
+        if self.suffix not in SUFFIXES or text.startswith("/") or not all(names):
+            raise ValueError(f"output is {shortened(text)}; give names that end in .exr, for samples in .tar, or for "
+                             f"soundings in {', '.join(SUFFIXES[2:])}, inside the sweep's folder")
         if any(name.startswith(".") for name in names):
             raise ValueError(f"output is {shortened(text)}; give names that do not begin with a dot")
         self.text, self.paths = text, frozenset(paths)

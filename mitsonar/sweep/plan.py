@@ -9,6 +9,7 @@ import hashlib
 import itertools
 import math
 import os
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib.resources import files
 from typing import Any
@@ -20,13 +21,14 @@ from mitsonar.io.scene_files import scenes, tables
 from .inputs import Inputs
 from .manifest import sha256
 from .names import Pattern
+from .products import labels_of, options_digest, soundings_of
 from .values import Draw, axis, draw, random_bits, shortened, value, whole
 
 MOST_RENDERS = 1_000_000
 LARGEST_PLAN, LARGEST_TABLE = 10_000_000, 200_000_000           # bytes
 MOST_SEEDS = 1 << 32                                            # limit of `mitsonar.render`
 KEYS = ("scene", "output", "seed", "seeds", "samples", "previews", "redraw", "classes", "table", "set", "list", "grid",
-        "draw")
+        "draw", "soundings", "labels")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,6 +90,10 @@ class Plan:
         Files of the scene.
     stamp : str
         SHA-256 of plan and table: one stamp, the same renders.
+    soundings : dict or None
+        Options of `mitsonar.soundings` and of its file, if renders are lines of soundings; None for pictures.
+    labels : dict or None
+        Rules of labels, if renders are samples; None for others.
     """
 
     path: str
@@ -107,6 +113,8 @@ class Plan:
     classes: tuple[str, ...] | None
     inputs: Inputs = field(repr=False)
     stamp: str = field(repr=False)
+    soundings: dict[str, Any] | None = None
+    labels: dict[str, Any] | None = None
 
     def __len__(self):
         return self.samples * self._seeds() * math.prod(self._sizes())
@@ -140,6 +148,19 @@ class Plan:
         return Render(index=index, output=self.pattern.name(index, seed, parameters), parameters=parameters, seed=seed,
                       redrawn=redrawn)
 
+    def digest(self, render: Render) -> str:
+        """Return a SHA-256 of all inputs of a render, in hexadecimal."""
+        return self.digests()(render)
+
+    def digests(self) -> Callable[[Render], str]:
+        """Return `digest` for many renders, of files that do not change in the meantime."""
+        digest = self.inputs.digests()
+        product = self.soundings or ({**self.labels, "classes": self.classes} if self.labels is not None else {})
+        if not product:
+            return lambda render: digest(texts(render))
+        options = options_digest(product)
+        return lambda render: hashlib.sha256(f"{digest(texts(render))} {options}".encode()).hexdigest()
+
     def _seeds(self):
         return self.seeds if isinstance(self.seeds, int) else len(self.seeds)
 
@@ -147,6 +168,11 @@ class Plan:
         """Return the lengths of the table, the lists and every parameter of the grid."""
         first = [len(next(iter(columns.values()), (None,))) for columns in (self.table, self.lists)]
         return [*first, *map(len, self.grid.values())]
+
+
+def texts(render: Render) -> dict[str, str]:
+    """Return the parameters of a render as text."""
+    return {name: scenes.text(name, value) for name, value in render.parameters.items()}
 
 
 def load_plan(path: FilePath) -> Plan:
@@ -220,10 +246,14 @@ def _plan(path, place, home, given):
     columns = {**{name: (item,) for name, item in fixed.items()}, **table, **lists, **grid,
                **{name: drawn.choices for name, drawn in draws.items()}}
     inputs.check_files(columns)
-    plan = Plan(path=path, scene=scene, home=home, seed=seed,
-                pattern=Pattern(given.get("output", "{index:06}.exr"), named, inputs.paths()), seeds=seeds,
+    pattern = Pattern(given.get("output", "{index:06}.exr"), named, inputs.paths())
+    soundings = soundings_of(dict(_section(given, "soundings")), pattern.suffix, place, previews)
+    classes = _names(given, "classes") or None
+    labels = labels_of(dict(_section(given, "labels")), pattern.suffix, previews, classes)
+    plan = Plan(path=path, scene=scene, home=home, seed=seed, pattern=pattern, seeds=seeds, soundings=soundings,
+                labels=labels,
                 samples=samples, previews=previews, fixed=fixed, table=table, lists=lists, grid=grid, draws=draws,
-                redraw=_names(given, "redraw"), classes=_names(given, "classes") or None, inputs=inputs,
+                redraw=_names(given, "redraw"), classes=classes, inputs=inputs,
                 stamp=_stamp(path, *([os.path.join(place, given["table"])] if "table" in given else [])))
     _check_redraw(plan)
     if samples > 1 and not draws:

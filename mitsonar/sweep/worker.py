@@ -3,7 +3,6 @@
 The process loads every scene from its files and writes the image. It ends when the process that started it ends, for
 any reason, or after a long time without a job.
 """
-import hashlib
 import json
 import os
 import queue
@@ -82,6 +81,10 @@ def _do(job, threads):
     from mitsonar import load_file, render
     from mitsonar.io.records import exr
 
+    from . import sounding_jobs
+
+    if "pings" in job:
+        return sounding_jobs.block(job, lambda: load_file(job["scene"], **job["parameters"]))
     try:
         scene = load_file(job["scene"], **job["parameters"])
     except ValueError as error:
@@ -91,15 +94,31 @@ def _do(job, threads):
 
         opened(scene)
         return {}
-    dataset = render(scene, seed=job["seed"])
     path = os.path.join(job["folder"], job["output"])
     os.makedirs(os.path.dirname(path), exist_ok=True)
-    exr.write(dataset, path)
+    if job["soundings"] is not None:
+        made = sounding_jobs.line(job, scene, path)
+        return made if job["trial"] else {**made, **_content(path)}
+    dataset = render(scene, seed=job["seed"])
+    if job["labels"] is not None:
+        from mitsonar.device.files import replacing
+        from mitsonar.labels.samples import write_sample
+
+        from .products import sample_rules
+
+        with replacing(path) as temporary, open(temporary, "wb") as stream:
+            write_sample(dataset, stream, os.path.splitext(job["output"])[0], sample_rules(*job["labels"]))
+    else:
+        exr.write(dataset, path)
     if job["preview"] is not None:
         from mitsonar import plots
 
         plots.preview(dataset, os.path.join(job["folder"], job["preview"]))
-    with open(path, "rb") as file:
-        content = file.read()
-    return {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest(),
-            "instruction_set": dataset.attrs["instruction_set"]}
+    return {**_content(path), "instruction_set": dataset.attrs["instruction_set"]}
+
+
+def _content(path):
+    """Return the size and the SHA-256 of a file."""
+    from .manifest import sha256
+
+    return {"bytes": os.path.getsize(path), "sha256": sha256(path)}

@@ -4,7 +4,7 @@ from __future__ import annotations
 import importlib.metadata
 import operator
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import cast
 
 import mitsuba as mi
@@ -286,12 +286,14 @@ def soundings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProf
 
 
 @one_at_a_time
-def sounded_pings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProfile | FilePath | None = None, *,
-                  tide: float | FilePath | None = None, separation: float | FilePath | None = None,
-                  heights: str = "tide", sensor: int | str = 0, column: bool = False, snippets: int = 0,
-                  start: int = 0,
-                  count: Callable[[int], object] | None = None) -> Iterator[SonarImage]:
-    """Yield the soundings of one ping after the other, so that memory does not grow with their number."""
+def sounder(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProfile | FilePath | None = None, *,
+            tide: float | FilePath | None = None, separation: float | FilePath | None = None,
+            heights: str = "tide", sensor: int | str = 0, column: bool = False,
+            snippets: int = 0) -> tuple[int, Callable[[Iterable[int]], Iterator[SonarImage]]]:
+    """Return the number of pings of a line, and a function that yields the soundings of pings by their numbers.
+
+    Arguments and errors are as in `soundings`. A ping does not depend on which others are made.
+    """
     seed = checked_seed(seed)
     samples, profile = checked_snippets(snippets), read_profile(profile)
     by = read_reference(tide, separation, heights)
@@ -304,11 +306,26 @@ def sounded_pings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeed
         line = SoundingLine(cast(SoundedSurvey, survey), instrument, own, profile=profile, by=by)
     except RuntimeError as error:
         raise as_exception(error) from error
-    if count is not None:
-        count(survey.track.pings)
     origin = {**provenance(scene, sonar, survey), "seed": seed}
-    return (SonarImage.of(image.assign_attrs({**origin, **image.attrs, "seed": seed}))
-            for image in line.pings(range(operator.index(start), survey.track.pings)))
+
+    @one_at_a_time
+    def pings_of(numbers: Iterable[int]) -> Iterator[SonarImage]:
+        return (SonarImage.of(image.assign_attrs({**origin, **image.attrs, "seed": seed}))
+                for image in line.pings(numbers))
+
+    return survey.track.pings, pings_of
+
+
+def sounded_pings(scene: mi.Scene | FilePath, seed: int = 0, profile: SoundSpeedProfile | FilePath | None = None, *,
+                  tide: float | FilePath | None = None, separation: float | FilePath | None = None,
+                  heights: str = "tide", sensor: int | str = 0, column: bool = False, snippets: int = 0, start: int = 0,
+                  count: Callable[[int], object] | None = None) -> Iterator[SonarImage]:
+    """Yield the soundings of one ping after the other, so that memory does not grow with their number."""
+    total, pings_of = sounder(scene, seed, profile, tide=tide, separation=separation, heights=heights, sensor=sensor,
+                              column=column, snippets=snippets)
+    if count is not None:
+        count(total)
+    return pings_of(range(operator.index(start), total))
 
 
 @one_at_a_time

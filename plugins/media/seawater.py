@@ -73,8 +73,9 @@ ATTRIBUTES = (
            text="interpolated water changes in steps of at most this sound speed, because every new water takes time "
                 "to prepare; 0: at every ping"),
     File("tide", default=None,
-         text="CSV file of the water level: `time` (UTC, or seconds after the first ping) and `height` [m] above z = "
-              "0; the water and sonars of a given depth ride on it; the bed and objects stay"),
+         text="table of the water level: a CSV file of `time` (UTC, or seconds after the first ping) and `height` [m] "
+              "above z = 0, CARIS or CO-OPS; the water and sonars of a given depth ride on it; the bed and objects "
+              "stay"),
     Number("separation", default=None, minimum=-FARTHEST, maximum=FARTHEST, unit="m",
            text="height of z = 0, the vertical datum, above the ellipsoid WGS 84: soundings then have heights by "
                 "satellites, `ping_height`; added to the grid of `separation_file` if both are given"),

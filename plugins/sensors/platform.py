@@ -67,11 +67,17 @@ ROUTE = Group(title="Track and motion", module="sensors.platform", attributes=(
            text="depth of a vessel's reference point below the waterline: as `depth`, but it also replaces the z of a "
                 "`track`, whose heave stays; `offset` leads from there to the array"),
     File("track", default=None,
-         text="CSV or XTF file, resampled to the ping rate; not with `start`, `heading_deg`, `speed_knots`; a CSV "
-              "file without `time` holds way points"),
+         text="CSV, XTF, SBET or POS MV file, resampled to the ping rate; not with `start`, `heading_deg`, "
+              "`speed_knots`; a CSV file without `time` holds way points"),
+    Text("track_date", default="",
+         text="any date of the week of a `track` that counts seconds of a week, as SBET does; without it, times have "
+              "no date"),
     Text("waypoints", default="",
          text='way points such as "0 0, 80 0, 80 60" [m] or "37.75N 122.38W, 37.76N 122.38W"; a third number is z '
               '(up); the heading follows the course'),
+    Integer("line", default=0, minimum=0,
+            text="number of the survey line to sail: of the column `line` of a `track`, or of the parts of `waypoints` "
+                 "between signs |; 0: all of them, one after the other"),
     Number("turn_radius", default=TURN_RADIUS, minimum=0, unit="m",
            text="radius of the arcs between legs, which begin and end within a second; 0: corners, turns left out"),
     Boolean("georeferenced", default=False,
@@ -122,7 +128,8 @@ def read_route(attributes: Attributes) -> Route:
     """Return the route of a sonar."""
     path, text, origin = attributes.track, attributes.waypoints.strip(), attributes.origin
     try:
-        record = tracks.load(path) if path is not None else tracks.waypoints(text) if text else None
+        record = (tracks.load(path, attributes.line, attributes.track_date or None) if path is not None else
+                  tracks.waypoints(_of_line(text, attributes.line)) if text else None)
     except ValueError as error:
         raise attributes.error(error) from None
     speed = float(metres_per_second_from_knots(attributes.speed_knots))
@@ -144,6 +151,18 @@ def read_route(attributes: Attributes) -> Route:
     if record is not None and record.geographic:
         route = replace(route, frame=middle(record) if origin is None else Frame.about(*origin))
     return route
+
+
+def _of_line(text: str, line: int) -> str:
+    """Return the way points of a line, or of all lines."""
+    lines = [part.strip() for part in text.split("|")]
+    if not line:
+        return ", ".join(part.rstrip(",; ") for part in lines if part)
+    if line > len(lines) or not lines[line - 1]:
+        known = [number for number, part in enumerate(lines, 1) if part]
+        raise ValueError(f"line is {line}, and the way points are those of {len(known)} lines, of which the last is "
+                         f"number {known[-1] if known else 0}; give the number of one of them, or 0 for all.")
+    return lines[line - 1]
 
 
 def _rocking(attributes):
@@ -189,6 +208,8 @@ def _strum(attributes, speed, recorded):
 def _check(attributes, route, path, text):
     """Refuse attributes that contradict each other or would have no effect."""
     record, sailed = route.record, isinstance(route.record, Waypoints)
+    if attributes.line and record is None:
+        raise attributes.error("line is given, but neither track nor waypoints have lines; leave it out.")
     if path is not None and text:
         raise attributes.error("track and waypoints are both given; leave one of them out.")
     written = attributes.given("start", "heading_deg", *() if sailed else ("speed_knots",))

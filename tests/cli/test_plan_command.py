@@ -100,6 +100,40 @@ def test_a_scene_of_a_level_bed_has_its_depth(folder, capsys):
         assert words in text
 
 
+def test_a_sweep_has_every_line_of_the_scene_and_a_line_sails_from_its_start_to_its_end(folder, capsys):
+    import mitsonar
+    from mitsonar.sweep import load_plan
+    from mitsonar.verbs.images import opened
+
+    planned(capsys, *LEVEL, "--scene", "lines.xml", "--sweep", "lines.toml", "-o", "a.csv", "--swath", 60, "--rate", 2)
+    sweep = load_plan("lines.toml")
+    lines = [sweep.render(index).parameters["line"] for index in range(len(sweep))]
+    assert lines == list(range(1, len(lines) + 1)) and len(lines) > 2
+    assert sweep.render(1).output == "line_0002.nc" and sweep.soundings == {}
+    _, sonar, _ = opened(mitsonar.load_file("lines.xml", line=2))
+    ends = tracks.load(folder / "a.csv", 2)
+    assert len(ends.x) == 2                            # without the run-in
+    shift = np.array([sonar.route.record.x - ends.x, sonar.route.record.y - ends.y])
+    assert np.ptp(shift, axis=1).max() < 0.002         # the scene's frame is the middle of the area
+    with pytest.raises(ValueError, match=f"the way points are those of {len(lines)} lines"):
+        mitsonar.load_file("lines.xml", line=len(lines) + 1)
+
+
+def test_cross_lines_are_of_their_own_kind_in_all_files_and_a_fast_ship_is_warned(folder, capsys):
+    found = planned(capsys, *LEVEL, "--crs", "EPSG:32632", "--cross", 2, "-o", "a.csv", "-o", "a.geojson", "-o",
+                    "a.gpx", "--json", "a.json", "--beam-width", 0.5, "--rate", 2, "--speed", 10, "--order", "special")
+    rows = [row.split(",") for row in (folder / "a.csv").read_text().splitlines()]
+    kinds = {row[0]: row[-1] for row in rows[1:]}
+    numbers = json.loads((folder / "a.json").read_text())
+    assert rows[0][-1] == "kind" and {line["kind"] for line in numbers["lines"]} == {"main", "cross"}
+    assert kinds == {str(line["line"]): line["kind"] for line in numbers["lines"]}
+    features = json.loads((folder / "a.geojson").read_text())["features"]
+    assert [one["properties"]["kind"] for one in features] == list(kinds.values())
+    assert (folder / "a.gpx").read_text().count("cross line") == numbers["cross_lines"]["number"] > 0
+    assert "pings leave gaps along the track straight below; sail at" in found.err
+    assert "fewer than 3 pings meet a feature of 1 m, the least that order special asks for" in found.err
+
+
 def test_doubts_are_said(folder, capsys):
     places = [(x, y) for x in range(0, 401, 10) for y in range(0, 301, 10) if not (200 < x < 300 and 100 < y < 200)]
     (folder / "slope.txt").write_text("".join(f"{x} {y} {-x / 10}\n" for x, y in places))
@@ -167,6 +201,8 @@ COMMANDS = {
     "lines on Earth without a place": ([*LEVEL, "-o", "a.csv", "-o", "a.gpx"], "names no coordinate system"),
     "output twice": ([*LEVEL, "-o", "a.csv", "-o", "./a.csv"], "is the name of two outputs"),
     "scene of no format": ([*LEVEL, "--scene", "a.json"], "its name must end in .xml"),
+    "sweep of no scene": ([*LEVEL, "--sweep", "a.toml"], "give --scene OUT.xml too"),
+    "sweep of no format": ([*LEVEL, "--scene", "a.xml", "--sweep", "a.csv"], "its name must end in .toml"),
     "no folder": ([*LEVEL, "--json", "no/a.json"], "make it first"),
     "crs that is none": ([*LEVEL, "--crs", "EPSG:1"], "is no coordinate system; write an EPSG code"),
     "crs of a file": ([*LEVEL, "--crs", "scene.xml"], "is no coordinate system; write an EPSG code"),

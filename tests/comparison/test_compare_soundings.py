@@ -120,7 +120,8 @@ def test_what_cannot_be_compared_is_refused(line):
     later = line.assign_attrs(start="2000-01-01T00:00:00Z")
     assert "no two common pings" in refused(line, later.assign_attrs(crs="EPSG:32633"))
     assert "no two common pings" in refused(line, line.assign(ping_x=line["ping_x"] + 1e4))
-    assert "is no line of soundings" in refused(line, xr.Dataset({"level": ("range", np.zeros(3))}))
+    other = xr.Dataset({"level": ("range", np.zeros(3))})
+    assert "is neither a line of soundings nor a sidescan" in refused(line, other)
 
 
 def test_the_command_writes_terms_and_a_sheet(line, tmp_path, capsys):
@@ -133,7 +134,7 @@ def test_the_command_writes_terms_and_a_sheet(line, tmp_path, capsys):
     assert (tmp_path / "c.png").stat().st_size > 20_000 and opened(tmp_path / "c.nc").attrs["simulated"] == "twin.nc"
     assert main(["plot", str(tmp_path / "c.nc")]) == 0 and (tmp_path / "c_comparison.png").is_file()
     assert main(["compare", str(tmp_path / "line.kmall"), str(tmp_path / "c.nc")]) == 2
-    assert "c.nc is no line of soundings" in capsys.readouterr().err
+    assert "c.nc is neither a line of soundings nor a sidescan" in capsys.readouterr().err
 
 
 def test_a_scene_is_sounded_first(line, tmp_path, monkeypatch):

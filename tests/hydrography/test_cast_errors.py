@@ -13,7 +13,7 @@ from mitsonar.hydrography.reduction.attitude import PlatformMotion
 from mitsonar.hydrography.reduction.legs import Starts
 from mitsonar.hydrography.reduction.reduction import Installation, Measured, located
 from mitsonar.hydrography.survey_orders import ORDERS, survey_order, vertical_orders
-from mitsonar.planning.errors import cast_error, depth_error, surface_layer_error
+from mitsonar.planning.uncertainty.cast_errors import cast_error, depth_error, surface_layer_error
 from mitsonar.water import SoundSpeedProfile
 
 ANGLES = np.deg2rad(np.linspace(0, 65, 14))

@@ -123,6 +123,40 @@ def test_pings_of_another_range_are_drawn_at_their_own_ranges(line):
     assert np.isnan(image["level"][3, 0, 17:]).all() and np.isfinite(image["level"][4]).all()
 
 
+def test_navigation_that_no_ping_header_has_comes_from_packets(tmp_path):
+    record = sidescan(pings=20, bins=50).assign_attrs(crs="EPSG:32632")
+    xtf.write(record, tmp_path / "line.xtf", start=1e9)
+    whole = sidescan_lines.read(tmp_path / "line.xtf")
+    raw = bytearray((tmp_path / "line.xtf").read_bytes())
+    for at in range(1024, len(raw), 64):
+        if raw[at:at + 3] == b"\xce\xfa\0":              # ping headers: places, pitch, roll, headings
+            for first, last in ((124, 144), (160, 176), (204, 216)):
+                raw[at + first:at + last] = bytes(last - first)
+    (tmp_path / "line.xtf").write_bytes(raw)
+    got = sidescan_lines.read(tmp_path / "line.xtf")
+    assert got.attrs["navigation_from"] == "ping headers; longitude,latitude,heading,pitch,roll from packets"
+    inside = slice(0, -1)                                # hundredths of a second may lie after the last packet
+    for name, slack in (("longitude", 2e-7), ("latitude", 2e-7), ("heading", 1e-3), ("pitch", 1e-3), ("roll", 1e-3)):
+        assert np.isfinite(got[name][inside]).all()
+        np.testing.assert_allclose(got[name][inside], whole[name][inside], atol=slack)
+
+
+def test_a_record_is_stored_as_netcdf_and_no_image(line, tmp_path):
+    got = mitsonar.read(line[0])
+    mitsonar.write(got, tmp_path / "line.nc")
+    back = mitsonar.read(tmp_path / "line.nc")
+    np.testing.assert_array_equal(back["amplitude"], got["amplitude"])
+    assert back["amplitude"].dtype == np.uint16 and back.attrs["channels"] == got.attrs["channels"]
+    with pytest.raises(ValueError, match="recorded sidescan is no image"):
+        mitsonar.write(got, tmp_path / "line.exr")
+
+
+def test_padding_beyond_the_memory_allowed_is_refused(line, monkeypatch):
+    monkeypatch.setattr("mitsonar.io.sidescan_lines.record.MOST_BYTES", 1000)
+    with pytest.raises(ValueError, match="samples take 4e-06 GB.*pings=slice"):
+        sidescan_lines.read(line[0])
+
+
 @pytest.mark.parametrize(("change", "words"), [
     (lambda raw: raw[:-70], "cut off"),
     (lambda raw: raw[:900], "header of 1024 bytes"),

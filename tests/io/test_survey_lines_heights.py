@@ -1,16 +1,19 @@
 """Tide, heights, heads and swaths in KMALL and GSF files: fields by other readers, and round trips."""
 import io
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 from soundings_line import blocks_of, soundings_line
 
+from mitsonar.device.rotations import mounting_matrix
 from mitsonar.hydrography.record import variable
 from mitsonar.io import survey_lines
 from mitsonar.io.survey_lines import reading
 
+MEASURED = Path(__file__).resolve().parents[3] / "shared" / "data" / "measured" / "multibeam"
 SEPARATION, START = 44.0, 1_777_629_600                # [m]; 2026-05-01T10:00:00Z
 SLOPE = 1e-4                                           # [m/s] of the tide: 0.36 m an hour
 
@@ -154,10 +157,10 @@ def test_heads_of_a_cycle_share_a_counter(tmp_path):
     survey_lines.write(blocks_of(line), tmp_path / "a.kmall")
     bodies = [body(content) for content in frames(tmp_path / "a.kmall", "#MRZ")]
     # Fans from port: head 0 is fan 0, though it comes second.
-    assert bodies == [(cycle, 2, head, 1, 0, 0, head, 2) for cycle in (1, 2, 3) for head in (1, 0)]
+    assert bodies == [(cycle, 2, head, 1, 0, head, head, 2) for cycle in (1, 2, 3) for head in (1, 0)]
     assert [body(content) for content in frames(tmp_path / "a.kmall", "#MWC")] == bodies
     text = b"".join(frames(tmp_path / "a.kmall", "#IIP")).decode("ascii", "replace")
-    assert "Single Tx dual Rx" in text and "TRAI_RX2:N=2;X=1.0000;Y=1.3000" in text
+    assert "Dual Tx dual Rx" in text and "TRAI_TX2:N=2;X=1.2000" in text and "TRAI_RX2:N=2;X=1.0000;Y=1.3000" in text
     back = reading.read(tmp_path / "a.kmall")
     assert back["head"].values.tolist() == [1, 0] * 3 or sorted(back["head"].values[:2].tolist()) == [0, 1]
     np.testing.assert_allclose(back["head_receive_offset"], line["head_receive_offset"], atol=1e-4)
@@ -181,6 +184,75 @@ def test_rejected_beams_lie_between_their_neighbours(tmp_path):
     for name in ("twoWayTravelTime_sec", "x_reRefPoint_m", "y_reRefPoint_m", "z_reRefPoint_m"):
         assert beams[name][3] == pytest.approx(np.mean(beams[name][2:5:2]), rel=1e-6)
     assert not reading.read(tmp_path / "a.kmall")["valid"].values[0, 3]
+
+
+def test_widths_of_beams_and_strengths_are_stated(tmp_path):
+    line = soundings_line(pings=2)
+    survey_lines.write(line, tmp_path / "a.kmall")
+    for number, ping in enumerate(pings_of(tmp_path / "a.kmall")):
+        own = line.isel(ping=number)
+        down = (own["depth"] - own["ping_depth"]).values
+        across = np.hypot(own["across_track"].values, own["along_track"].values)
+        slant, steep = np.hypot(down, across), np.arctan2(across, down) < np.radians(15)
+        # Footprints of the line are 1 and 2 % of the depth.
+        along, aside = (np.degrees(share * own["depth"].values / slant) for share in (0.01, 0.02))
+        info, receiver = ping["pingInfo"], ping["rxInfo"]
+        assert info["transmitArraySizeUsed_deg"] == pytest.approx(np.nanmedian(along), rel=1e-6)
+        assert info["receiveArraySizeUsed_deg"] == pytest.approx(np.median((aside * down / slant)[steep]), rel=1e-6)
+        assert receiver["BSnormal_dB"] == pytest.approx(np.median(own["backscatter_db"].values[steep]), rel=1e-6)
+        assert receiver["BSoblique_dB"] < receiver["BSnormal_dB"] - 1
+    bare = line.drop_vars(["footprint_across", "footprint_along", "backscatter_db"])
+    survey_lines.write(bare, tmp_path / "b.kmall")
+    assert next(pings_of(tmp_path / "b.kmall"))["pingInfo"]["transmitArraySizeUsed_deg"] == 0.0
+
+
+def test_parts_of_the_transmit_array_come_back(tmp_path):
+    parts = np.array([[0.0, -0.055, -0.012], [0.0, 0.0, -0.006], [0.0, 0.055, -0.012]])
+    mounting = np.radians([1.0, -2.0, 3.0])
+    offsets = np.broadcast_to(parts[[2, 1, 0]] @ mounting_matrix(*mounting).T, (3, 3, 3))
+    line = soundings_line(pings=3).assign(sector_offset=variable("sector_offset", offsets),
+                                          transmit_mounting=variable("transmit_mounting", mounting))
+    assert "sector_offset" not in str(survey_lines.write(line, tmp_path / "a.kmall").words)
+    assert next(pings_of(tmp_path / "a.kmall"))["txSectorInfo"]["txSubArray"] == [2, 1, 0]
+    back = reading.read(tmp_path / "a.kmall")          # its transmit_offset is that of the middle part
+    np.testing.assert_allclose(back["transmit_offset"].values + back["sector_offset"].values,
+                               line["transmit_offset"].values + offsets, atol=6e-5)
+    other = line.assign(sector_offset=variable("sector_offset", offsets + np.arange(3)[:, None, None]))
+    assert "sector_offset" in str(survey_lines.write(other, tmp_path / "b.kmall").words)
+
+
+def test_snippets_come_back_from_kmall(tmp_path):
+    line = soundings_line(pings=3, column=False)
+    survey_lines.write(line, tmp_path / "a.kmall")
+    back = reading.read(tmp_path / "a.kmall")
+    valid = line["valid"].values[:, :back.sizes["beam"]]
+    ours, others = (one["snippet_db"].values[:, :back.sizes["beam"], :9] for one in (back, line))
+    assert np.array_equal(np.isfinite(ours), np.isfinite(others) & valid[..., None])
+    assert np.nanmax(np.abs(ours - others)) < 0.0501                      # steps of 0.1 dB
+    start = np.abs(back["snippet_start"].values - line["snippet_start"].values[:, :back.sizes["beam"]])
+    reaching = np.isfinite(others).sum(-1) >= 5                           # the sounding is 4 samples after the first
+    assert np.nanmax(start[valid & reaching]) < 0.5 / 20e3 and np.allclose(back["snippet_rate"], 20e3)
+    assert "snippet_db" not in reading.read(tmp_path / "a.kmall", water_column=False)
+    # A count beyond the end of the datagram is refused before anything is reserved for it.
+    data = (tmp_path / "a.kmall").read_bytes()
+    counts = data.index(b"#MRZ") - 4 + 24 + 12 + 152 + 3 * 48 + 32 + 118
+    (tmp_path / "b.kmall").write_bytes(data[:counts] + b"\xff\xff" + data[counts + 2:])
+    with pytest.raises(ValueError, match="#MRZ at byte .* is too short"):
+        reading.read(tmp_path / "b.kmall")
+
+
+def test_a_real_line_comes_back_from_kmall(tmp_path):
+    theirs = MEASURED / "em2042_os01.kmall"
+    if not theirs.exists():
+        pytest.skip(f"there is no {theirs}")
+    line = reading.read(theirs)
+    survey_lines.write(line, tmp_path / "a.kmall")
+    back, kept = reading.read(tmp_path / "a.kmall"), np.isfinite(line["travel_time"].values).any(axis=1)
+    line = line.isel(ping=kept)
+    assert np.isfinite(line["ping_height"].values).all()
+    for name in ("travel_time", "depth", "across_track", "backscatter_db", "ping_height", "snippet_db"):
+        ours, others = (one[name].values[np.isfinite(one[name].values)] for one in (back, line))
+        np.testing.assert_allclose(ours, others, atol=1e-6, err_msg=name)
 
 
 def test_a_height_that_is_no_tide_is_not_read(tmp_path):

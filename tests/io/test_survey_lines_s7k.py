@@ -5,13 +5,16 @@ Water of one speed and a level bed: depth = 40 m, across = 1 m + 38 m tan(angle)
 then too large by less than (1 m)² / (8 · 38 m) · (1 + tan²) = 13 mm at 60 degrees.
 """
 import struct
+import tracemalloc
 
 import numpy as np
 import pytest
 
 import mitsonar
-from mitsonar.io.survey_lines import reading
+from mitsonar.hydrography.reduction.resounding import resounded
+from mitsonar.io.survey_lines import reading, write
 from tests.inputs.s7k_file import BEAMS, DEVICE, SPEED, fields, record, records_of, s7k_file
+from tests.inputs.soundings_line import soundings_line
 
 ANGLE = np.radians(np.linspace(-60, 60, BEAMS))
 
@@ -140,3 +143,74 @@ def test_the_command_states_whose_places_they_are_and_reduces_them_anew(tmp_path
         assert "places by mitsonar" in said and "the file's soundings were made" not in said
     before, after = (mitsonar.read(tmp_path / name) for name in ("as.nc", "anew.nc"))
     assert np.allclose(after["depth"][:, 7] - 2, (before["depth"][:, 7] - 2) * 1500 / SPEED, rtol=1e-4)
+
+
+def with_one_steering(line):
+    """Return a line whose soundings have the transmit angle of their sector, with places that belong to it."""
+    steering = np.take_along_axis(line["sector_angle"].values, line["sector"].values, axis=1)
+    return resounded(line.assign(transmit_angle=line["transmit_angle"] * 0 + steering))
+
+
+@pytest.mark.parametrize("sectors", [1, 3])
+def test_a_line_that_was_written_comes_back(tmp_path, sectors):
+    """Singles of the format: times to 4 microseconds, which a roll of 0.1 rad/s turns to 0.05 mm at 100 m."""
+    line = with_one_steering(soundings_line(sectors=sectors, column=False, snippets=False))
+    written = write(line, tmp_path / "a.s7k")
+    again = reading.read(tmp_path / "a.s7k")
+    assert (written.pings, again.sizes["ping"]) == (4, 4 * sectors)
+    assert written.soundings == int(line["valid"].sum()) == int(again["valid"].sum())
+    assert any(f"{sectors} sectors are written as" in word for word in written.words) == (sectors > 1)
+    assert not any("one transmit angle" in word for word in written.words)
+    sent = line["ping_time"].values[:, None] + line["sector_delay"].values
+    assert np.allclose(again["ping_time"], (sent - sent[0, 0]).ravel(), atol=1e-5)
+    moved = np.array(again.attrs["origin"]) - np.array(line.attrs["origin"])
+    for name, shift in (("depth", 0), ("x", moved[0]), ("y", moved[1]), ("travel_time", 0), ("angle", 0),
+                        ("backscatter_db", 0), ("quality", 0), ("detection", 0)):
+        # soundings in the order of pings, and of sectors within a ping, as the file has them
+        before = np.concatenate([line[name].values[ping][line["valid"].values[ping]] for ping in range(4)])
+        after = np.concatenate([again[name].values[ping][again["valid"].values[ping]]
+                                for ping in range(4 * sectors)])
+        assert np.allclose(after + shift, before, atol=1e-3, rtol=1e-5), name
+    for name in ("transmit_offset", "receive_offset", "transmit_mounting", "receive_mounting", "cast_sound_speed"):
+        assert np.allclose(again[name], line[name], atol=1e-6), name
+    assert np.allclose(again["motion_depth"], line["motion_depth"], atol=1e-5)
+
+
+def test_a_transmit_angle_of_its_own_is_said_to_be_lost(tmp_path):
+    line = soundings_line(sectors=1, column=False, snippets=False)
+    assert any("one transmit angle a ping; those of soundings differ from it by up to" in word
+               for word in write(line, tmp_path / "a.s7k").words)
+
+
+def test_another_reader_reads_what_was_written(tmp_path):
+    """The frames and fields of every record, by the sizes and numbers of the document alone."""
+    line = with_one_steering(soundings_line(sectors=1, column=False, snippets=False))
+    write(line.assign_attrs(sonar="SeaBat 7125"), tmp_path / "a.s7k")
+    found = records_of((tmp_path / "a.s7k").read_bytes())
+    assert [kind for kind, _ in found[:3]] == [7200, 7030, 1009]
+    assert all(sum(part[:-4]) == int.from_bytes(part[-4:], "little") for _, part in found)
+    part = next(part for kind, part in found if kind == 7027)
+    assert struct.unpack_from("<I", part, 36) == (7125,)
+    number, sequence, beams, size = struct.unpack_from("<IHII", part, 64 + 8)
+    rate, steering = struct.unpack_from("<2f", part, 64 + 27)
+    assert (number, sequence, beams, size) == (1, 0, 24, 34) and len(part) == 64 + 99 + 24 * 34 + 4
+    beam, sample, angle, flags, quality = struct.unpack_from("<H2f2I", part, 64 + 99 + 5 * 34)
+    assert (beam, flags & 3, quality & 3) == (5, 2, 3) and np.isclose(sample / rate, line["travel_time"][0, 5])
+    assert np.isclose(angle, line["angle"][0, 5]) and np.isclose(steering, line["sector_angle"][0, 0])
+    latitude, longitude = struct.unpack_from("<2d", next(part for kind, part in found if kind == 1015), 64 + 1)
+    assert np.allclose(np.degrees([latitude, longitude]), [53.7, 8.2], atol=0.1)
+
+
+def test_a_longer_file_takes_no_more_memory(tmp_path):
+    """120 pings more, of 64 beams and 20 variables, would take 1.2 MB; their places in the file take 0.2 MB."""
+    def most(pings):
+        (tmp_path / "a.s7k").write_bytes(s7k_file(pings, beams=64))
+        tracemalloc.start()
+        held = sum(block.sizes["ping"] for block in reading.blocks(tmp_path / "a.s7k", size=8))
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return held, peak
+
+    most(8)
+    (few, little), (many, much) = most(40), most(160)
+    assert (few, many) == (40, 160) and much < little + 600_000

@@ -157,3 +157,12 @@ def test_a_platform_that_stands_and_a_track_of_new_places_are_as_recorded(tmp_pa
     with pytest.warns(UserWarning, match="repeats positions"):
         track = tracks.read(tmp_path / "starts.csv")
     assert np.hypot(*(track.position[:, :2] - true).T).max() < 0.6 and abs(track.position[:70, 0]).max() < 0.05
+
+
+def test_one_line_of_a_file_of_lines_is_read_without_its_run_in(tmp_path):
+    path = written(tmp_path, "line,point,x,y\n1,start,0,0\n1,end,9,0\n2,run-in,10,2\n2,start,9,2\n2,end,0,2\n")
+    assert tracks.load(path, 2).x.tolist() == [9, 0] and tracks.load(path).x.size == 5
+    with pytest.raises(ValueError, match="cannot read line 3 of the track .*: its lines are 1, 2"):
+        tracks.load(path, 3)
+    with pytest.raises(ValueError, match="no column line"):
+        tracks.load(written(tmp_path, "x,y\n0,0\n1,1\n"), 1)

@@ -11,6 +11,8 @@ except for roll, pitch and heading: from the reference point, because these angl
     heading        -                              ρ σ
     heave          max(σ, share |heave|)          -
     draught        σ                              -
+    tide           σ                              -
+    arms           σ                              √2 σ
     position       -                              σ
     latency        rates of roll, pitch and heave times σ, as above; speed over ground times σ
     profile        h (1 - tan²θ) σ_c / c          2 ρ σ_c / c
@@ -26,6 +28,7 @@ that multiplies an accuracy. σ_t is the travel time over 10^quality where the r
 """
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -34,7 +37,7 @@ import xarray as xr
 from ..detection.amplitude_detection import slopes
 from ..record import check, variable
 
-__all__ = ["Accuracies", "Deviations", "budget", "with_uncertainty"]
+__all__ = ["Accuracies", "BeamGeometry", "Deviations", "budget", "causes", "with_uncertainty"]
 
 STEEPEST = 1.0                     # largest fall of the bed that is used
 
@@ -55,6 +58,10 @@ class Accuracies:
         Share of the heave, if that is larger.
     draught : float [m]
         Depth of the arrays.
+    tide : float [m]
+        Water level used to reduce the soundings, above the datum.
+    arms : float [m]
+        Lever arms between sonar and motion sensor, along each axis.
     position : float [m]
         Horizontal distance.
     latency : float [s]
@@ -75,6 +82,8 @@ class Accuracies:
     latency: float = 0.002
     profile: float = 0.5
     head: float = 0.25
+    tide: float = 0.0
+    arms: float = 0.0
 
     def __post_init__(self):
         for one in fields(self):
@@ -99,6 +108,42 @@ class Deviations:
     angle: np.ndarray
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BeamGeometry:
+    """Geometry of soundings for `causes`; arrays broadcast against (ping, beam).
+
+    Attributes
+    ----------
+    ahead, across, below : array [m]
+        Distances from the reference point: ahead, to starboard, down.
+    arms : array (3,) [m]
+        Of the arrays from the reference point: forward, starboard, down.
+    steered : array [rad]
+        Steered angles.
+    tilt : array [rad]
+        Roll of the receive array: attitude and mounting.
+    speed : array [m/s]
+        Sound speed at the head.
+    heave : array [m]
+        Size of the heave.
+    rates : sequence of arrays
+        Rates of roll, pitch [rad/s] and heave [m/s], and the speed over ground [m/s].
+    fall : array
+        Fall of the bed to starboard, tan s.
+    """
+
+    ahead: np.ndarray
+    across: np.ndarray
+    below: np.ndarray
+    arms: np.ndarray
+    steered: np.ndarray
+    tilt: np.ndarray
+    speed: np.ndarray
+    heave: np.ndarray
+    rates: Sequence[np.ndarray]
+    fall: np.ndarray
+
+
 def with_uncertainty(soundings: xr.Dataset, accuracies: Accuracies | None = None,
                      deviations: Deviations | None = None) -> xr.Dataset:
     """Add ``uncertainty`` and ``horizontal_uncertainty`` of all causes together to a record.
@@ -114,8 +159,8 @@ def with_uncertainty(soundings: xr.Dataset, accuracies: Accuracies | None = None
     -------
     xarray.Dataset
     """
-    causes = budget(soundings, accuracies or Accuracies(), deviations).values()
-    sums = [np.sqrt(sum(np.square(one[side]) for one in causes)) for side in (0, 1)]
+    found = budget(soundings, accuracies or Accuracies(), deviations).values()
+    sums = [np.sqrt(sum(np.square(one[side]) for one in found)) for side in (0, 1)]
     return soundings.assign(uncertainty=variable("uncertainty", sums[0]),
                             horizontal_uncertainty=variable("horizontal_uncertainty", sums[1]))
 
@@ -141,36 +186,60 @@ def budget(soundings: xr.Dataset, accuracies: Accuracies,
         If the dataset is not a line of soundings.
     """
     check(soundings)
-    arms = 0.5 * (soundings["transmit_offset"].values + soundings["receive_offset"].values)
-    head = soundings["head_sound_speed"].values[:, None]
     valid = soundings["valid"].values
     x, y, h = (np.where(valid, soundings[name].values, np.nan) for name in ("along_track", "across_track", "depth"))
-    h = h - soundings["ping_depth"].values[:, None]
+    geometry = BeamGeometry(
+        ahead=x, across=y, below=h - soundings["ping_depth"].values[:, None],
+        arms=0.5 * (soundings["transmit_offset"].values + soundings["receive_offset"].values),
+        steered=soundings["angle"].values, speed=soundings["head_sound_speed"].values[:, None],
+        tilt=(soundings["ping_roll"].values + soundings["receive_mounting"].values[0])[:, None],
+        heave=np.abs(soundings["ping_depth"].values - soundings["motion_depth"].values.mean())[:, None],
+        rates=[rate[:, None] for rate in _rates(soundings)], fall=_fall(soundings))
+    time = _time(soundings, accuracies) if deviations is None else deviations.time
+    found = causes(geometry, accuracies, time, accuracies.angle if deviations is None else deviations.angle)
+    return {name: (np.where(valid, np.abs(vertical), np.nan), np.where(valid, np.abs(horizontal), np.nan))
+            for name, (vertical, horizontal) in found.items()}
+
+
+def causes(geometry: BeamGeometry, accuracies: Accuracies, time: np.ndarray | float,
+           steering: np.ndarray | float) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Return vertical and horizontal standard deviations [m] by cause, with signs of their own.
+
+    Parameters
+    ----------
+    geometry : BeamGeometry
+    accuracies : Accuracies
+    time : array or float [s]
+        Deviation of the two-way travel time.
+    steering : array or float [rad]
+        Deviation of the beam's angle.
+
+    Returns
+    -------
+    dict of (array, array)
+        Deviations for each cause of the module's table.
+    """
+    x, y, h, head, fall = geometry.ahead, geometry.across, geometry.below, geometry.speed, geometry.fall
     roll, pitch = (accuracies.roll * y, accuracies.roll * h), (accuracies.pitch * x, accuracies.pitch * h)
     heading = accuracies.heading * np.hypot(x, y)
-    x, y, h = x - arms[0], y - arms[1], h - arms[2]
+    x, y, h = x - geometry.arms[0], y - geometry.arms[1], h - geometry.arms[2]
     level = np.hypot(x, y)
     distance, still = np.hypot(level, h), np.zeros(h.shape)
-    rolling, pitching, heaving, speed = (accuracies.latency * one[:, None] for one in _rates(soundings))
-    tilt = (soundings["ping_roll"].values + soundings["receive_mounting"].values[0])[:, None]
-    steered = soundings["angle"].values
-    turn = np.abs(np.sin(tilt) / (np.cos(steered) * np.cos(steered - tilt))) * accuracies.head / head
-    span = 0.5 * head * (_time(soundings, accuracies) if deviations is None else deviations.time)
-    steering = accuracies.angle if deviations is None else deviations.angle
-    heave = np.abs(soundings["ping_depth"].values - soundings["motion_depth"].values.mean())[:, None]
-    off, fall = accuracies.profile / head, _fall(soundings)
-    causes = {
+    rolling, pitching, heaving, speed = (accuracies.latency * rate for rate in geometry.rates)
+    turn = np.abs(np.sin(geometry.tilt) / (np.cos(geometry.steered) * np.cos(geometry.steered - geometry.tilt))
+                  ) * accuracies.head / head
+    span, off = 0.5 * head * time, accuracies.profile / head
+    return {
         "detection": ((h - fall * y) / distance * span, level / distance * span),
         "angle": (steering * (y + fall * h), steering * h), "roll": (roll[0] + fall * roll[1], roll[1]), "pitch": pitch,
         "heading": (still, heading),
-        "heave": (still + np.maximum(accuracies.heave, accuracies.heave_share * heave), still),
+        "heave": (still + np.maximum(accuracies.heave, accuracies.heave_share * geometry.heave), still),
         "draught": (still + accuracies.draught, still), "position": (still, still + accuracies.position),
         "latency": (np.sqrt((rolling * (y + fall * h))**2 + (pitching * x)**2 + heaving**2),
                     np.sqrt((rolling * h)**2 + (pitching * h)**2 + speed**2)),
         "profile": ((h * (1 - (level / h)**2) - 2 * fall * y) * off, 2 * level * off),
-        "head": (turn * (y + fall * h), turn * h)}
-    return {name: (np.where(valid, np.abs(vertical), np.nan), np.where(valid, np.abs(horizontal), np.nan))
-            for name, (vertical, horizontal) in causes.items()}
+        "head": (turn * (y + fall * h), turn * h), "tide": (still + accuracies.tide, still),
+        "arms": (still + accuracies.arms, still + np.sqrt(2) * accuracies.arms)}
 
 
 def _fall(soundings: xr.Dataset) -> np.ndarray:

@@ -31,6 +31,10 @@ RUN = "run"                        # attribute: a digest of everything that the 
 TOLD = ("seed", "file", "parameters", "sonar", "versions", "scene")     # differences between runs that errors name
 
 
+class OtherRun(ValueError):
+    """Error of an unfinished file whose pings are not those of this run."""
+
+
 def part_of(path: Path) -> Path:
     """Return the name of a file while it is written."""
     return path.with_name(path.name + ".part")
@@ -139,7 +143,7 @@ class PingFile:
         there = len(self.file["ping"]) if "ping" in self.file else -1
         if there != count:
             self.file.close()
-            raise ValueError(f"{path} is of {there} pings, and these echoes have {count}; remove it, or give another "
+            raise OtherRun(f"{path} is of {there} pings, and these echoes have {count}; remove it, or give another "
                              "name.")
 
     def __enter__(self) -> PingFile:
@@ -160,8 +164,8 @@ class PingFile:
                 there, here = _said(there[0]), _said(here[0])
                 words = "" if max(len(there), len(here)) > 40 else f" ({there}, and here {here})"
                 other = "other parameters" if name == "parameters" else f"another {name}"
-                raise ValueError(f"{self.path} was begun with {other}{words}; remove it, or give another name.")
-        raise ValueError(f"{self.path} was begun with another scene; remove it, or give another name.")
+                raise OtherRun(f"{self.path} was begun with {other}{words}; remove it, or give another name.")
+        raise OtherRun(f"{self.path} was begun with another scene; remove it, or give another name.")
 
     def put(self, number: int, ping: xr.Dataset) -> None:
         """Write a ping, as encoded by `records.encoded`, and then the count, once the ping is on the disk."""

@@ -11,7 +11,6 @@ from the Doppler log (2080), where sonar messages have none.
 """
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
@@ -21,6 +20,7 @@ import xarray as xr
 from mitsonar.device.files import FilePath
 from mitsonar.units import metres_per_second_from_knots, radians_from_deg
 
+from ..nmea import at_times, fix_of
 from . import jsf_messages as jsf
 from .jsf_messages import SONAR, SONAR_MESSAGE, JsfMessage
 from .record import SIDES, USUAL_SPEED, SideChannel, chosen, dataset, known, text
@@ -29,7 +29,6 @@ FIRST, LAST = 20, 29               # subsystems of sidescans
 ENVELOPE, ANALYTIC = 0, 1          # kinds of samples
 MOST_SMALL = 500_000_000           # bytes of messages of sensors
 WITH_HIGH, WITH_LOW, WITH_SPEED, WITH_SWEEP = 0xA, 0xB, 0xC, 0xD       # protocols that have further digits
-FIX = re.compile(rb"\$..(?:GGA,[^,]*|GLL|RMC,[^,]*,A),(\d+\.?\d*),([NS]),(\d+\.?\d*),([EW])")
 Series = tuple[np.ndarray, np.ndarray]                   # times [s since 1970], values
 
 
@@ -185,12 +184,11 @@ def _replaced(columns, sensors, positions):
         if name not in columns or clock.size < 2 or place and not positions or not (
                 place or angle or not np.isfinite(columns[name]).any()):
             continue
-        order = np.argsort(clock, kind="stable")
-        clock, values = clock[order], values[order]
         if name == "heading":
-            values = np.unwrap(values)
-        inside = (columns["ping_time"] >= clock[0]) & (columns["ping_time"] <= clock[-1])
-        columns[name] = np.where(inside, np.interp(columns["ping_time"], clock, values), columns[name])
+            order = np.argsort(clock, kind="stable")
+            clock, values = clock[order], np.unwrap(values[order])
+        measured = at_times(columns["ping_time"], clock, values)
+        columns[name] = np.where(np.isfinite(measured), measured, columns[name])
         if name == "heading":
             columns[name] %= 2 * np.pi
         taken.append(name)
@@ -219,15 +217,9 @@ def _sensors(small) -> dict[str, Series]:
     reached = np.where(bottom["distance"] > 0, bottom["distance"], np.nan) * 0.01
     there = (bottom["valid"] & jsf.DISTANCE_2080).astype(bool) & np.isfinite(reached).any(1)
     found["altitude"] = time[there], np.nanmean(reached[there], 1)
-    fixes = [(clock, match) for clock, raw in zip(times[jsf.NMEA], small[jsf.NMEA], strict=True)
-             if (match := FIX.search(raw[jsf.NMEA_MESSAGE.itemsize:]))]
+    fixes = [(clock, fix) for clock, raw in zip(times[jsf.NMEA], small[jsf.NMEA], strict=True)
+             if (fix := fix_of(raw[jsf.NMEA_MESSAGE.itemsize:]))]
     clock = np.array([time for time, _ in fixes])
-    for name, number, negative in (("latitude", 1, b"S"), ("longitude", 3, b"W")):
-        found[name] = clock, np.array([_degrees(match, number, negative) for _, match in fixes])
+    for number, name in enumerate(("latitude", "longitude")):
+        found[name] = clock, np.array([fix[number] for _, fix in fixes])
     return found
-
-
-def _degrees(match, number, negative):
-    """Return the degrees of an angle in degrees and minutes, as NMEA writes it."""
-    degrees, minutes = divmod(float(match[number]), 100)
-    return (degrees + minutes / 60) * (-1 if match[number + 1] == negative else 1)

@@ -15,6 +15,7 @@ from mitsonar.device.files import FilePath, check_readable
 
 from ..records.records import SonarImage
 from ..xtf.navigation import recognised as recognised_xtf
+from ..xtf.packets import SONAR, holds
 from . import jsf_messages, sdf_line
 
 # module of each format; all have read(path, channels, frequency, pings)
@@ -29,8 +30,8 @@ def recognised(path: FilePath) -> str | None:
         return "jsf"
     if head.startswith(sdf_line.START) and int.from_bytes(head[4:8], "little") > sdf_line.LEAST_HEADER:
         return "sdf"
-    # Kongsberg's datagrams may begin with the same byte, and have 2 or # at the fifth
-    return "xtf" if recognised_xtf(path) and head[4:5] not in (b"\2", b"#") else None
+    # Kongsberg's datagrams may begin with the same byte, and have 2 or # at the fifth; multibeams have no sonar packets
+    return "xtf" if recognised_xtf(path) and head[4:5] not in (b"\2", b"#") and holds(path, SONAR) else None
 
 
 def read(path: FilePath, *, channels: Sequence[int] | None = None, frequency: float | None = None,

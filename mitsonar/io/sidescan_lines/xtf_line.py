@@ -17,11 +17,11 @@ from mitsonar.device.files import FilePath
 from mitsonar.units import hertz_from_khz, metres_per_second_from_knots, radians_from_deg
 
 from ..xtf import navigation
-from ..xtf.packets import file_header, walk
+from ..xtf.packets import SONAR, file_header, walk
 from ..xtf.pings import structure
 from .record import SIDES, SideChannel, chosen, dataset, known, text
 
-SONAR, HEADER, CHANNEL = 0, 256, 64                      # type of packet; bytes of its headers
+HEADER, CHANNEL = 256, 64          # bytes of the headers of a ping
 MOST_PACKET = 100_000_000          # bytes
 _SIDES = {1: SIDES[0], 2: SIDES[1]}                      # TypeOfChannel
 _KINDS = {1: "ping notes", 3: "attitude", 42: "navigation", 107: "navigation", 23: "gyro", 84: "gyro",

@@ -202,11 +202,12 @@ def cycled(line_pings: Iterable[Ping], receivers: np.ndarray) -> Iterator[Ping]:
 
 def _fans(cycle, port_first, rate, number):
     of_head: dict[int, list[int]] = {}
-    for index, ping in enumerate(cycle):
-        of_head.setdefault(int(port_first[int(ping.get("head", 0))]), []).append(index)
+    side = [int(port_first[min(int(ping.get("head", 0)), len(port_first) - 1)]) for ping in cycle]
+    for index, number_from_port in enumerate(side):
+        of_head.setdefault(number_from_port, []).append(index)
     swath = {index: place for fans in of_head.values() for place, index in enumerate(
         sorted(fans, key=lambda index: float(np.mean(cycle[index]["sector_angle"]))))}
-    order = sorted(range(len(cycle)), key=lambda index: (swath[index], int(port_first[cycle[index].get("head", 0)])))
+    order = sorted(range(len(cycle)), key=lambda index: (swath[index], side[index]))
     for index, ping in enumerate(cycle):
         yield ping | {"rate": rate, "cycle": number, "fans": len(cycle), "fan": order.index(index),
                       "swaths": max(map(len, of_head.values())), "swath": swath[index], "heads": len(port_first)}

@@ -12,7 +12,8 @@ is free; other columns, empty lines and lines starting with # are ignored. Comma
 
 Positions repeated until the next fix are used once each (`navigation.unrepeated`), with a warning.
 
-Without ``time`` the lines are way points: x and y, or latitude and longitude, and optionally z or depth.
+Without ``time`` the lines are way points: x and y, or latitude and longitude, and optionally z or depth. A column
+``line`` numbers survey lines, of which one may be read; `planning.line_files` writes such files.
 
 XTF files are recognised by their first bytes, see `io.xtf.navigation`; SBET and POS MV by theirs (`sbet`, `posmv`).
 Times of an SBET are seconds of a GPS week, unless a date names the week: then they are seconds since 1970, of its own
@@ -41,6 +42,7 @@ LARGEST_DEG = {"roll": 180, "pitch": 90, "latitude": 90, "longitude": 360}
 POINT = re.compile(r"([\d.]+)\s*([NS])[\s]+([\d.]+)\s*([EW])(?:\s+(\S+))?", re.IGNORECASE)
 FARTHEST = {"x": 1e8, "y": 1e8, "z": 1e5, "depth": 1e5, "heave": 1e5}      # [m]
 LATEST = 1e11                      # [s] from 1970, three thousand years
+SHOWN = 20                         # numbers of lines in an error
 LARGEST_FILE = 200_000_000         # bytes of a CSV file, which take sixteen times as much while they are read
 
 
@@ -76,12 +78,14 @@ def read(path: FilePath, *, frame: Frame | None = None, depth: float = 0.0) -> T
     return record.placed(frame, depth)
 
 
-def load(path: FilePath, date: str | None = None) -> Navigation | Waypoints:
+def load(path: FilePath, line: int = 0, date: str | None = None) -> Navigation | Waypoints:
     """Read a track or way points as in their file.
 
     Parameters
     ----------
     path : str or path
+    line : int
+        Number in the column ``line`` of the records to read, without run-ins (``point``); 0 for all.
     date : str or None
         Any date of the week, such as "2026-05-01", for a file that counts seconds of a week.
 
@@ -108,11 +112,13 @@ def load(path: FilePath, date: str | None = None) -> Navigation | Waypoints:
         raise ValueError(f"a date of the week is given, and the track {path} is no SBET and names its own dates; leave "
                          "the date out.")
     if navigation_xtf.recognised(path):
+        if line:
+            raise ValueError(f"cannot read line {line} of the track {path}: XTF holds one line; leave line out.")
         return navigation_xtf.read(path)
     if os.path.getsize(path) > LARGEST_FILE:
         raise ValueError(f"cannot read the track {path}: it has {os.path.getsize(path) / 1e6:.0f} MB, more than "
                          f"{LARGEST_FILE / 1e6:g}; thin it out or split it.")
-    numbers, columns = _columns(path)
+    numbers, columns = _columns(path, line)
     values = {name: tables.floats(path, numbers, name, column) for name, column in columns.items() if name != "time"}
     for name, limit in LARGEST_DEG.items():
         _refuse(path, numbers, columns, name, np.abs(values.get(name, np.zeros(1))) > limit,
@@ -201,9 +207,26 @@ def _refuse(path, numbers, columns, name, bad, remedy, verb="is"):
         raise ValueError(f"{path}, line {numbers[first[0]]}: {name} {verb} {columns[name][first[0]]} {remedy}")
 
 
-def _columns(path):
+def _of_line(path, line, names, numbers, records):
+    """Return the records of a survey line, without its run-in, and their line numbers."""
+    if "line" not in names:
+        raise ValueError(f"cannot read line {line} of the track {path}: it has no column line; add it, or leave line "
+                         "out.")
+    column, point = names.index("line"), names.index("point") if "point" in names else None
+    kept = [(number, record) for number, record in zip(numbers, records, strict=True)
+            if record[column].strip() == str(line) and (point is None or record[point].strip() != "run-in")]
+    if not kept:
+        known = list(dict.fromkeys(record[column].strip() for record in records))
+        raise ValueError(f"cannot read line {line} of the track {path}: its lines are {', '.join(known[:SHOWN])}"
+                         f"{' ...' if len(known) > SHOWN else ''}.")
+    return [list(part) for part in zip(*kept)]
+
+
+def _columns(path, line):
     """Return the line numbers of the records and the needed columns as lists of text."""
     names, numbers, records = tables.records(path, "track")
+    if line:
+        numbers, records = _of_line(path, line, names, numbers, records)
     names = [name.removesuffix("_deg") if name.removesuffix("_deg") in (*ANGLES, *DEGREES, *DEGREES.values()) else name
              for name in names]
     names = [DEGREES.get(name, name) for name in names]

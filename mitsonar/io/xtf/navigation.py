@@ -29,7 +29,7 @@ _TICK = 1e-3                       # [s] that clocks may differ, since packets h
 _SLACK = 2.0                       # [m] that positions may jump beside
 _METRES_PER_DEGREE = 111_195.0
 _LARGEST_HEADING = 720.0           # [degrees]
-_VENDORS_PINGS = (65,)             # QINSy R2Sonic, a ping header before data that pyxtf does not know
+_VENDORS_PINGS = (65, 68)          # R2Sonic, a ping header before data that pyxtf does not know
 _LONGEST = 2 * 86400.0             # [s] from the file's median time; beyond it a date is wrong
 _FRACTIONS = {"Microsecond": 1e-6, "Millisecond": 1e-3, "HSeconds": 1e-2}
 
@@ -44,10 +44,15 @@ def recognised(path: FilePath) -> bool:
 def read(path: FilePath) -> Navigation:
     """Read the navigation of an XTF file."""
     try:
-        with np.errstate(invalid="ignore", over="ignore"):      # damaged packets hold any bits as numbers
-            return _navigation(path, *_packets(path))
+        return navigation_of(path)
     except ValueError as error:
         raise ValueError(f"cannot read the track {path}: {error}") from None
+
+
+def navigation_of(path: FilePath) -> Navigation:
+    """Return the navigation of an XTF file; errors do not name the file."""
+    with np.errstate(invalid="ignore", over="ignore"):      # damaged packets hold any bits as numbers
+        return _navigation(path, *_packets(path))
 
 
 def _packets(path):
@@ -149,11 +154,12 @@ def calendar(records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def dates(records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the times (P,) [s since 1970] of packets, and a mask of those whose date can be."""
     time, sound = calendar(records)
-    name, unit = next((name, unit) for name, unit in _FRACTIONS.items() if name in records.dtype.names)
+    names = records.dtype.names or ()
+    name, unit = next((name, unit) for name, unit in _FRACTIONS.items() if name in names)
     if name == "Microsecond" and records.dtype[name].itemsize == 2:
         unit = 1e-4                # two bytes hold tenths of milliseconds, whatever pyxtf calls them
     time += records[name] * unit
-    if "EpochMicroseconds" in records.dtype.names:
+    if "EpochMicroseconds" in names:
         epoch = records["SourceEpoch"] > 0
         time = np.where(epoch, records["SourceEpoch"] + 1e-6 * records["EpochMicroseconds"], time)
         sound |= epoch

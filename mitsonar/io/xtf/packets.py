@@ -9,12 +9,15 @@ import os
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, BinaryIO
 
+from mitsonar.device.files import FilePath
+
 from .pings import MAGIC
 
 if TYPE_CHECKING:
     import pyxtf
 
 HEADER = 1024                      # bytes
+SONAR = 0                          # type of the packets of a sidescan
 _START = 14                        # bytes of a packet from the magic number to its length
 
 
@@ -27,6 +30,15 @@ def file_header(file: BinaryIO) -> tuple[pyxtf.XTFFileHeader, bytes]:
         raise ValueError("it is not an XTF file, which starts with the number 123 and a header of 1024 bytes.")
     header = pyxtf.XTFFileHeader.from_buffer_copy(head)
     return header, head + file.read(HEADER * max(0, -(-(header.channel_count() - 6) // 8)))
+
+
+def holds(path: FilePath, kind: int) -> bool:
+    """Return True if a file has a packet of a type, or is damaged before one is found."""
+    with open(path, "rb") as file:
+        try:
+            return any(found == kind for found, _, _ in walk(file, len(file_header(file)[1])))
+        except ValueError:
+            return True
 
 
 def walk(file: BinaryIO, at: int) -> Iterator[tuple[int, int, int]]:

@@ -32,8 +32,8 @@ LONG = 1e-5                        # by which an interval may exceed the echoes'
 PARAMETERS = {"$rays": "integer", "$pings": "integer", "$bins": "integer", "$range": "float", "$glints": "float"}
 TAGS = (bool, "boolean"), (int, "integer"), (float, "float"), (str, "string")
 NOT_THERE = ("objects that stand on the bed or in the water are dark and bright places of the map, without height; "
-             "the scene has no surface echo, and no texture finer than the cells of the map: -D stones=20 lays stones, "
-             "-D glints=10 shells")
+             "the scene has no surface echo, and no texture finer than the cells of the map but glints: -D stones=20 "
+             "lays stones")
 
 
 def like_sidescan(path: FilePath, scene: FilePath, *, cell: float | None = None,     # [m]
@@ -109,8 +109,8 @@ def _scene(line: SidescanLine, recorder: FoundRecorder, bed: FoundBed, preset: s
     """Return the scene."""
     root = ElementTree.Element("scene", {"version": "3.0.0"})
     rate = min(line.ping_rate, (1 - LONG) * line.sound_speed / (2 * _far(line)))
-    for name, value in {**files, "preset": preset, "pings": len(line.place), "rays": 200_000, "stones": 0, "glints": 0,
-                        "range": f"{_far(line):.7g}", "bins": line.slant_range.size}.items():
+    for name, value in {**files, "preset": preset, "pings": len(line.place), "rays": 200_000, "stones": 0,
+                        "glints": bed.glints, "range": f"{_far(line):.7g}", "bins": line.slant_range.size}.items():
         ElementTree.SubElement(root, "default", {"name": name, "value": str(value)})
     _part(root, "integrator", "sonar_path", rays="$rays")
     sensor = _part(root, "sensor", "sidescan", "sonar", preset="$preset")
@@ -122,7 +122,8 @@ def _scene(line: SidescanLine, recorder: FoundRecorder, bed: FoundBed, preset: s
          noise=False, self_noise_db=bed.self_noise_db, **_recorded(recorder, bed))
     _part(sensor, "medium", "seawater", "water", sound_speed=line.sound_speed)
     _part(sensor, "film", "sonar_film", range="$range", bins="$bins")
-    ground = _part(root, "bsdf", "lambert", "bed", glints="$glints")
+    ground = _part(root, "bsdf", "lambert", "bed", glints="$glints",
+                   **({"glint_share": recorder.glints[1]} if bed.glints else {}))
     texture = ElementTree.SubElement(ground, "texture", {"name": "mu_db", "type": "bitmap"})
     _add(texture, filename="$strength", raw=True)
     seabed = _part(root, "shape", "bathymetry", "seabed", filename="$bed", vertical="depth", smooth_normals=True,

@@ -20,6 +20,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from mitsonar.scattering.surfaces.glints import FEWEST, MOST
+from mitsonar.signal.gates import speckle_gates
 from mitsonar.sonar.faces.faces import BuiltFace
 from mitsonar.sonar.faces.sidescan import Sidescan
 from mitsonar.units import db_from_power, power_from_db, radians_from_deg
@@ -29,11 +31,13 @@ from .sidescan_line import SidescanLine
 from .sidescan_recorder import FoundNoise, FoundRecorder, noise_of
 
 USUAL_DB = -27.0                   # 10 log µ of sand
+BRIGHTEST, DARKEST_USUAL_DB = 0.999, -45.0                 # share of the record within the map's limits; least median
 LOUDEST_DB, QUIETEST_DB = -5.0, -70.0                      # of the map
 QUIETEST_NOISE_DB = -200.0         # none
 USUAL_GAIN, LARGEST_GAIN = 30.0, 60.0                      # [dB] per factor of 10 in range
 LEAST_SPAN = 0.25                  # of log R over which a gain is fitted
 FROM = 1.3                         # times the first return, from where a gain is fitted
+SPREAD = 3.0                       # measured over even beds of 20 to 400 glints a square metre
 SAMPLES = 64                       # of the record in a cell of the map
 MOST_CELLS = 4_000_000
 NODE = 0.1                         # of the altitude: distance of the bed's nodes
@@ -50,6 +54,7 @@ class FoundBed:
     full_scale_db: float  # [dB re 1 µPa]
     sides_db: tuple[float, float]  # gains of port and starboard beside it
     noise: FoundNoise
+    glints: float  # [1/m²]
     self_noise_db: float  # [dB re 1 µPa²/Hz]: of what is before the gain
     words: tuple[str, ...]
 
@@ -83,16 +88,31 @@ def bed_of(line: SidescanLine, recorder: FoundRecorder, preset: Mapping[str, Any
         there = np.broadcast_to(noise.own + noise.common + noise.before * gained, here.shape)
         for number, values in enumerate((output[:, side], here, there, np.ones_like(here))):
             sums[number] += np.bincount(at, values[usable], sums[0].size).reshape(sums[0].shape)
-    strength, clipped = _strengths(sums, recorder)
+    strength, usual, clipped = _strengths(sums, recorder)
+    full_scale += usual - USUAL_DB
     words.append(f"the bed is a map of strength in cells of {step:.2g} m, from {np.quantile(strength, 0.05):.0f} to "
-                 f"{np.quantile(strength, 0.95):.0f} dB (5 to 95 %), with a median of {USUAL_DB:g} dB that is assumed"
+                 f"{np.quantile(strength, 0.95):.0f} dB (5 to 95 %), with a median of {usual:.3g} dB that is assumed"
                  + (f"; {100 * clipped:.2g} % of its cells are at its limit of {LOUDEST_DB:g} dB" if clipped else ""))
     chirp = max(preset["chirp_ms"], preset["pulse_ms"]) / 1e3
     # in the compressed pulse's band, see `survey.sidescan.kind.noise_db`
     quiet = QUIETEST_NOISE_DB if noise.before < 1e-30 else float(
         db_from_power(noise.before * chirp) + full_scale)
     return FoundBed(depths=_depths(line, x, y, node), strength_db=strength, gain=gain, full_scale_db=full_scale,
-                    sides_db=sides, noise=noise, self_noise_db=quiet, words=tuple(words))
+                    sides_db=sides, noise=noise, glints=_glints(line, recorder, preset), self_noise_db=quiet,
+                    words=tuple(words))
+
+
+def _glints(line, recorder, preset):
+    """Return the density [1/m²] of glints that has the record's number of them in a gate of speckle; 0 for none.
+
+    The cell is that of a line's two-way beam, (∫ b)² / ∫ b² = 1.05 of its width, at the middle of the bed, times
+    `SPREAD`: glints of a rendered bed vary its speckle as much as those of a cell so much larger would.
+    """
+    gate = line.spacing / speckle_gates(line.spacing, 0.5 * line.sound_speed * preset["pulse_ms"] / 1e3)
+    middle = 0.5 * float(line.slant_range[-1] + np.median(line.first))
+    cell = SPREAD * 1.05 * radians_from_deg(preset["beam_width_deg"]) * middle * gate
+    density = recorder.glints[0] / cell
+    return float(f"{density:.2g}") if FEWEST <= density <= MOST else 0.0
 
 
 def _levels(line, preset):
@@ -179,16 +199,24 @@ def _axis(values, margin, node):
 
 
 def _strengths(sums, recorder):
-    """Return the map of 10 log µ (Y, X) without holes, and the share of the record at its upper limit."""
+    """Return the map of 10 log µ (Y, X) without holes, its median, and the share of the record at its upper limit.
+
+    The median is lowered where the brightest of the record would exceed what a bed can have.
+    """
     from scipy.ndimage import distance_transform_edt
 
     known = sums[3] > 0
     row, column = distance_transform_edt(~known, return_distances=False, return_indices=True)
     mean, expected, noise = sums[:3] / np.maximum(sums[3], 1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        found = USUAL_DB + 20 * np.log10(np.maximum(recorder.scale(mean, noise), 1e-6) / expected)
+        found = 20 * np.log10(np.maximum(recorder.scale(mean, noise), 1e-6) / expected)
+    order = np.argsort(found[known])
+    weight = np.cumsum(sums[3][known][order])
+    brightest = found[known][order][np.searchsorted(weight, BRIGHTEST * weight[-1])]
+    usual = float(np.clip(LOUDEST_DB - brightest, DARKEST_USUAL_DB, USUAL_DB))
+    found = found + usual
     clipped = float((sums[3] * (found > LOUDEST_DB))[known].sum() / sums[3].sum())
-    return np.clip(found[row, column], QUIETEST_DB, LOUDEST_DB).astype(np.float32), clipped
+    return np.clip(found[row, column], QUIETEST_DB, LOUDEST_DB).astype(np.float32), usual, clipped
 
 
 def _depths(line, x, y, node):

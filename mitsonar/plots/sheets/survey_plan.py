@@ -51,8 +51,8 @@ def _extent(plan: SurveyPlan) -> tuple[float, float, float, float]:
     row, column = np.nonzero(plan.coverage.wanted)
     places = [np.array([[plan.bed.x[column.min()], plan.bed.y[row.min()]],
                          [plan.bed.x[column.max()], plan.bed.y[row.max()]]])]
-    for line in plan.lines:
-        places += _swath_edges(plan, line)
+    places += [edge for line in plan.lines for edge in _swath_edges(plan, line)]
+    for line in plan.sailed:
         places += [np.stack([line.run_in, line.start, line.end]), *([line.turn.path] if line.turn is not None else [])]
     points = np.concatenate(places)
     low, high = points.min(0), points.max(0)
@@ -112,17 +112,17 @@ def _borders(plan: SurveyPlan, axes: Axes) -> None:
 
 def _ways(plan: SurveyPlan, axes: Axes) -> None:
     """Draw run-ins and turns."""
-    ways = [np.stack([line.run_in, line.start]) for line in plan.lines]
-    ways += [line.turn.path for line in plan.lines if line.turn is not None]
+    ways = [np.stack([line.run_in, line.start]) for line in plan.sailed]
+    ways += [line.turn.path for line in plan.sailed if line.turn is not None]
     axes.add_collection(LineCollection(ways, colors=TURN, linewidths=0.9, linestyles="dashed", zorder=4))
 
 
 def _numbered(plan: SurveyPlan, axes: Axes, size: float) -> None:
     """Draw lines with arrows in the middle and numbers at the start, but fewer of both where lines lie close."""
-    ends = [np.stack([line.start, line.end]) for line in plan.lines]
+    ends = [np.stack([line.start, line.end]) for line in plan.sailed]
     axes.add_collection(LineCollection(ends, colors=LINE, linewidths=1.2, zorder=5, capstyle="butt"))
     arrows, numbers = np.empty((0, 2)), np.empty((0, 2))
-    for line, (start, end) in zip(plan.lines, ends):
+    for line, (start, end) in zip(plan.sailed, ends):
         middle = 0.5 * (start + end)
         if not np.any(np.hypot(*(arrows - middle).T) < 0.8 * size):
             arrows = np.vstack([arrows, middle])

@@ -41,6 +41,7 @@ from ..lines import (
 )
 from ..passage import LinePassage, passage_of
 from ..snippets import runs_of
+from ..swath_figures import swath_figures
 
 VERSION = "GSF-v03.09"
 ATTITUDE_SECONDS = 10.0                    # of an attitude record; the format allows 65
@@ -211,7 +212,8 @@ def _specific(line, ping, array):
     rates = rates[np.isfinite(rates)]
     head = int(np.argmax(order_of(line) == int(ping.get("head", 0))))
     height = float(ping.get("ping_height", np.nan))
-    specific = {"DgmType": 1, "DgmVersion": 3, "NumBytesCmnPart": 12, "PingCnt": 1 + ping["cycle"] % 65_535,
+    figures = {name[0].upper() + name[1:]: value for name, value in swath_figures(ping).items()}
+    specific = figures | {"DgmType": 1, "DgmVersion": 3, "NumBytesCmnPart": 12, "PingCnt": 1 + ping["cycle"] % 65_535,
                 "RxFansPerPing": ping["fans"], "RxFanIndex": ping["fan"], "SwathsPerPing": ping["swaths"],
                 "SwathAlongPosition": ping["swath"], "RxTransducerInd": head, "PingRate_Hz": ping["rate"],
                 "EllipsoidHeightReRefPoint_m": height if np.isfinite(height) else 0.0,
@@ -231,8 +233,8 @@ def _specific(line, ping, array):
                 "NumSoundingsMaxMain": ping["valid"].size, "NumSoundingsValidMain": int(ping["valid"].sum()),
                 "NumBytesPerSounding": 120, "SeabedImageSampleRate": 0.0 if runs is None else runs.rate,
                 "WCSampleRate": float(rates[0]) if rates.size else 0.0,
-                "BSnormal_dB": float(ping.get("normal_incidence_db", 0.0)),
-                "BSoblique_dB": float(ping.get("oblique_incidence_db", 0.0))}
+                "BSnormal_dB": float(ping.get("normal_incidence_db", figures["BSnormal_dB"])),
+                "BSoblique_dB": float(ping.get("oblique_incidence_db", figures["BSoblique_dB"]))}
     sectors = {"TxSectorNumb": np.arange(length.size), "SectorTransmitDelay_sec": ping["sector_delay"],
                "TiltAngleReTx_deg": np.degrees(ping["sector_angle"]), "CentreFreq_Hz": ping["sector_frequency"],
                "TxNominalSourceLevel_dB": ping["sector_source_level_db"], "TotalSignalLength_sec": length,

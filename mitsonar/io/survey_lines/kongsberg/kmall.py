@@ -21,13 +21,14 @@ import numpy as np
 from KMALL.kmall import kmall
 
 from mitsonar.device.files import FilePath, replacing
-from mitsonar.device.rotations import mounted
+from mitsonar.device.rotations import mounted, mounting_matrix
 
 from .. import lines
 from ..directions import from_vertical
 from ..lines import COLUMN, HEADS, HEIGHTS, RESPONSE, SOUNDINGS, Blocks, LineToWrite, Ping, Place, Written
 from ..passage import passage_of
 from ..snippets import Runs, runs_of
+from ..swath_figures import swath_figures
 from . import kmall_sensors as about
 from .column import KongsbergColumn, column_of, offset_of, water_column
 from .kmall_sensors import BODY, MODEL
@@ -43,7 +44,7 @@ HELD = (SOUNDINGS - {"transmit_angle"}) | COLUMN | HEADS | HEIGHTS | RESPONSE
 
 def soundings(stream: IO[bytes], line: LineToWrite, ping: Ping, sounder: int, column: KongsbergColumn | None) -> None:
     """Append a ping's #MRZ."""
-    runs = runs_of(ping)
+    runs, figures = runs_of(ping), swath_figures(ping)
     sectors, count = ping["sector_frequency"].size, ping["valid"].size
     samples = 0 if runs is None else int(runs.count.sum())
     length = 24 + 4 + BODY + INFO + sectors * SECTOR + RECEIVER + count * SOUNDING + 2 * samples
@@ -53,12 +54,13 @@ def soundings(stream: IO[bytes], line: LineToWrite, ping: Ping, sounder: int, co
         "header": {"numBytesDgm": length, "dgmType": b"#MRZ", "dgmVersion": VERSION, "systemID": 0,
                    "echoSounderID": sounder, "dgtime": float(ping["since"])},
         "partition": {"numOfDgms": 1, "dgmNum": 1}, "cmnPart": about.body(ping),
-        "pingInfo": _info(line, ping, sectors),
-        "txSectorInfo": _sectors(ping, sectors), "extraDetClassInfo": {}, "rxInfo": _receiver(ping, runs, column),
+        "pingInfo": _info(line, ping, sectors, figures),
+        "txSectorInfo": _sectors(line, ping, sectors), "extraDetClassInfo": {},
+        "rxInfo": _receiver(ping, runs, column, figures),
         "sounding": _columns(_soundings(line, ping, runs, column), count), "SIsample_desidB": _image(runs)})
 
 
-def _info(line, ping, sectors) -> dict[str, Any]:
+def _info(line, ping, sectors, figures) -> dict[str, Any]:
     half = ping["sector_bandwidth"] / 2
     array = mounted(line.array("transmit_offset"), float(ping["ping_roll"]), float(ping["ping_pitch"]))
     steer = np.degrees(from_vertical(line, ping, ping["angle"])) if ping["valid"].size else np.zeros(1)
@@ -67,12 +69,11 @@ def _info(line, ping, sectors) -> dict[str, Any]:
     length = float(ping["sector_pulse_length"].max())
     zeros = dict.fromkeys(("padding0", "beamSpacing", "depthMode", "subDepthMode", "distanceBtwSwath",
                            "detectionMode", "pulseForm", "padding1", "modeAndStabilisation", "runtimeFilter1",
-                           "runtimeFilter2", "pipeTrackingStatus", "transmitArraySizeUsed_deg",
-                           "receiveArraySizeUsed_deg", "transmitPower_dB", "SLrampUpTimeRemaining", "padding2",
-                           "yawAngle_deg", "x_kmallToall_m", "y_kmallToall_m", "posSensorStatus",
+                           "runtimeFilter2", "pipeTrackingStatus", "transmitPower_dB", "SLrampUpTimeRemaining",
+                           "padding2", "yawAngle_deg", "x_kmallToall_m", "y_kmallToall_m", "posSensorStatus",
                            "attitudeSensorStatus", "padding3", "bsCorrectionOffset_dB", "lambertsLawApplied",
                            "iceWindow", "activeModes"), 0)
-    return zeros | {
+    return zeros | {name: value for name, value in figures.items() if name.endswith("_deg")} | {
         "numBytesInfoData": INFO, "numTxSectors": sectors, "numBytesPerTxSector": SECTOR, "pingRate_Hz": ping["rate"],
         "frequencyMode_Hz": float(ping["sector_frequency"].mean()), "latLongInfo": 1,
         "freqRangeLowLim_Hz": float((ping["sector_frequency"] - half).min()),
@@ -90,24 +91,26 @@ def _info(line, ping, sectors) -> dict[str, Any]:
         "ellipsoidHeightReRefPoint_m": about.height_of(ping.get("ping_height", np.nan))}
 
 
-def _sectors(ping, sectors) -> dict[str, list[Any]]:
-    length = ping["sector_pulse_length"]
+def _sectors(line, ping, sectors) -> dict[str, list[Any]]:
+    length, parts = ping["sector_pulse_length"], about.parts_of(line)
+    part = np.zeros(sectors, int) if parts is None else np.linalg.norm(
+        (ping["sector_offset"] @ mounting_matrix(*line.array("transmit_mounting")))[:, None] - parts, axis=-1).argmin(1)
     return _columns({"txSectorNumb": np.arange(sectors), "sectorTransmitDelay_sec": ping["sector_delay"],
                      "tiltAngleReTx_deg": np.degrees(ping["sector_angle"]), "centreFreq_Hz": ping["sector_frequency"],
                      "txNominalSourceLevel_dB": ping["sector_source_level_db"], "totalSignalLength_sec": length,
                      "signalBandWidth_Hz": ping["sector_bandwidth"], "effectiveSignalLength_sec": length,
-                     **dict.fromkeys(("txArrNumber", "txSubArray", "padding0", "txFocusRange_m", "pulseShading",
-                                      "signalWaveForm", "padding1", "highVoltageLevel_dB", "sectorTrackingCorr_dB"),
-                                     0)}, sectors)
+                     "txArrNumber": int(ping.get("head", 0)), "txSubArray": part, **dict.fromkeys(
+                         ("padding0", "txFocusRange_m", "pulseShading", "signalWaveForm", "padding1",
+                          "highVoltageLevel_dB", "sectorTrackingCorr_dB"), 0)}, sectors)
 
 
-def _receiver(ping, runs, column) -> dict[str, Any]:
+def _receiver(ping, runs, column, figures) -> dict[str, Any]:
     return {"numBytesRxInfo": RECEIVER, "numSoundingsMaxMain": ping["valid"].size,
             "numSoundingsValidMain": int(ping["valid"].sum()), "numBytesPerSounding": SOUNDING,
             "WCSampleRate": 0.0 if column is None else column.rate,
             "seabedImageSampleRate": 0.0 if runs is None else runs.rate,
-            "BSnormal_dB": float(ping.get("normal_incidence_db", 0.0)),
-            "BSoblique_dB": float(ping.get("oblique_incidence_db", 0.0)),
+            "BSnormal_dB": float(ping.get("normal_incidence_db", figures["BSnormal_dB"])),
+            "BSoblique_dB": float(ping.get("oblique_incidence_db", figures["BSoblique_dB"])),
             "extraDetectionAlarmFlag": 0, "numExtraDetections": 0, "numExtraDetectionClasses": 0, "numBytesPerClass": 4}
 
 
@@ -208,7 +211,8 @@ def write(blocks: Blocks, path: FilePath, *, place: Place | None = None, start: 
         while due is not None:
             stream.write(due[1]())
             due = next(waiting, None)
-    words = line.remarks("KMALL", HELD, len(empty), "" if f"{sounder}" in line.sonar else
+    held = HELD if about.parts_of(line) is None else HELD | {"sector_offset"}
+    words = line.remarks("KMALL", held, len(empty), "" if f"{sounder}" in line.sonar else
                          f"KMALL is for Kongsberg's sounders only, so the file names an EM {MODEL}")
     if offset is not None:
         outside = f", {louder} samples are louder and {quieter} quieter" if louder or quieter else ""

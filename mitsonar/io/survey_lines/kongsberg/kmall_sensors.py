@@ -17,7 +17,7 @@ from functools import partial
 
 import numpy as np
 
-from mitsonar.device.rotations import mounted
+from mitsonar.device.rotations import mounted, mounting_matrix
 from mitsonar.units import deg_from_radians
 from mitsonar.version import __version__
 
@@ -58,10 +58,10 @@ def body(ping: Ping) -> dict[str, int]:
 
     The counter begins at 1: readers detect a new ping by a change of the counter, and their own begins at 0.
     """
+    head = int(ping.get("head", 0))
     return {"numBytesCmnPart": BODY, "pingCnt": 1 + ping["cycle"] % 65_535, "rxFansPerPing": ping["fans"],
             "rxFanIndex": ping["fan"], "swathsPerPing": ping["swaths"], "swathAlongPosition": ping["swath"],
-            "txTransducerInd": 0, "rxTransducerInd": int(ping.get("head", 0)), "numRxTransducers": ping["heads"],
-            "algorithmType": 0}
+            "txTransducerInd": head, "rxTransducerInd": head, "numRxTransducers": ping["heads"], "algorithmType": 0}
 
 
 def height_of(height: float) -> float:
@@ -69,17 +69,40 @@ def height_of(height: float) -> float:
     return float(height) if np.isfinite(height) else NO_HEIGHT
 
 
+def parts_of(line: LineToWrite) -> np.ndarray | None:
+    """Return places (3, 3) [m] of the transmit array's port, middle and starboard part from it, None if it has others.
+
+    They are of the array's frame. Sectors name them by these numbers.
+    """
+    if "sector_offset" not in line.first:
+        return None
+    offsets = line.array("sector_offset").reshape(-1, 3)
+    own = offsets[np.isfinite(offsets).all(1)] @ mounting_matrix(*line.array("transmit_mounting"))
+    parts, side = np.zeros((3, 3)), np.where(np.abs(own[:, 1]) < 1e-6, 1, np.where(own[:, 1] < 0, 0, 2))
+    for number in np.unique(side):
+        parts[number] = own[side == number][0]
+        if np.abs(own[side == number] - parts[number]).max() > 1e-3:
+            return None
+    return parts
+
+
 def installation(line: LineToWrite, passage: LinePassage) -> bytes:
     """Return #IIP: lever arms and mountings of arrays and sensors."""
     number = model(line)
     # Readers search the versions before the serial numbers.
     receivers = line.receivers
-    heads = "single" if len(receivers[0]) == 1 else "dual"
+    # Readers expect a transmit array for each of two heads; that of a line is listed once for each.
+    heads = range(1, len(receivers[0]) + 1)
+    system = "Single Tx single Rx" if len(heads) == 1 else "Dual Tx dual Rx"
     parts = ["OSCV:Empty", f"EMXV:EM{number}", "\nPU_0", "\nSN=0", "\nVERSIONS:", f"\nCPU:mitsonar {__version__}",
-             "\nVERSIONS-END", "\nSERIALno:\nTX:1", "\nRX:1",
-             *(f"\nRX{head}:{head}" for head in range(2, len(receivers[0]) + 1)), "\nSERIALno-END",
-             "\nKMALL:Rev J 2023-09-15", f"\nSYSTEM:EM {number} - Single Tx {heads} Rx",
-             f"TRAI_TX1:N=1;{_mounted(line.array('transmit_offset'), line.array('transmit_mounting'))}"]
+             "\nVERSIONS-END", "\nSERIALno:\nTX:1", *(f"\nTX{head}:{head}" for head in heads[1:]), "\nRX:1",
+             *(f"\nRX{head}:{head}" for head in heads[1:]), "\nSERIALno-END",
+             "\nKMALL:Rev J 2023-09-15", f"\nSYSTEM:EM {number} - {system}"]
+    array = _mounted(line.array("transmit_offset"), line.array("transmit_mounting"))
+    if (inner := parts_of(line)) is not None:
+        array += "".join(f";{name}{axis}={value:.5f}" for name, part in zip(("IP", "IC", "IS"), inner)
+                         for axis, value in zip("XYZ", part))
+    parts += [f"TRAI_TX{head}:N={head};{array}" for head in heads]
     parts += [f"TRAI_RX{head + 1}:N={head + 1};{_mounted(offset, mounting)};G=0.00"
               for head, (offset, mounting) in enumerate(zip(*receivers))]
     zero = "X=0.000;Y=0.000;Z=0.000"

@@ -19,16 +19,17 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from mitsonar.hydrography.record import BY_AMPLITUDE, BY_PHASE, NOT_DETECTED
-
-from ..assembly import FASTEST, SLOWEST, AssembledLine, LineCast, Ping, cast_of, check_counts, uniform_cast
+from ..assembly import AssembledLine, LineCast, Ping, cast_of, check_counts, uniform_cast
+from ..detections import checked_speed, sector
 from ..motion import motion_of
-from .s7k_records import ATTITUDE, CAST_NODE, CTD_NODE, DETECTION, HEADS, NEEDED, S7kRecord, at, records
+from .s7k_detections import bathymetry, columns, raw_detections
+from .s7k_records import ATTITUDE, CAST_NODE, CTD_NODE, HEADS, S7kRecord, at, records
 
 SILENT = {7200, 7300}              # the file's own header and catalogue
 STABILISED = 1                     # receive flag of 7000
 FARTHEST_ARM = 1e3                 # [m]
-MODELS = {20: "T20-P", 22: "T20-R", 30: "F30", 50: "T50-P", 52: "T50-R", 1000: "MB1", 1002: "MB2", 7005: "BlueView"}
+MODELS = {20: "T20-P", 22: "T20-R", 30: "F30", 50: "T50-P", 52: "T50-R", 103: "multibeam", 1000: "MB1", 1002: "MB2",
+          7005: "BlueView"}
 NORBIT = range(13000, 13100)       # device numbers
 
 
@@ -101,7 +102,7 @@ class S7kFile:
             "tilts of heads along the ship are not applied" if tilted else "",
             f"records of the kinds {kinds} are not read" if kinds else "")
         return AssembledLine(
-            sonar=_sonar(self._sources[0][0]), title=os.path.basename(self._path), start=self._start,
+            sonar=sonar_of(self._sources[0][0]), title=os.path.basename(self._path), start=self._start,
             crs=motion.frame.crs, origin=motion.frame.origin, cast_depth=depth, cast_sound_speed=speed,
             transmit_offset=arrays[0][0], transmit_mounting=arrays[0][1],
             receive_offset=np.stack([one[2] for one in arrays]), receive_mounting=np.stack([one[3] for one in arrays]),
@@ -136,40 +137,19 @@ class S7kFile:
         places = self._pings[key]
         record, settings = at(stream, *places[self._kind]), at(stream, *places[7000])
         place = self._motion.at(places["time"] - self._start)
-        head, about, number = record.head, settings.head, self._sources.index(key[:2])
+        about, number = settings.head, self._sources.index(key[:2])
         arrays = self._arrays[number]
-        count = int(head["beams"])
         if self._kind == 7027:
-            rows = _detections(record)
-            steering, angle, time = float(head["steering"]), rows["angle"], rows["sample"] / float(head["rate"])
-            extra = rows["flags"] >> 9 & 15
-            passed = (rows["flags"] >> 2 & 127 == 0) | (rows["quality"] & 3 == 3)
-            method = np.where(rows["flags"] & 1, BY_AMPLITUDE, np.where(rows["flags"] & 2, BY_PHASE, NOT_DETECTED))
-            valid = passed & (extra == 0) & (method != NOT_DETECTED)
-            known = {name: rows[name] if name in (rows.dtype.names or ()) else np.full(count, np.nan)
-                     for name in ("uncertainty", "intensity")}
-            quality, intensity = -np.log10(known["uncertainty"]), known["intensity"]
+            detected = raw_detections(record)
         else:
-            time, flags, intensity = _columns(record, count, "<f4", "u1", "<f4")
             shape = at(stream, *places[7004])
-            beams = int(shape.head["beams"])
-            if beams != count:
-                raise ValueError(f"its ping {key[2]} has {count} ranges and {beams} beams; it is damaged.")
-            angle, steering = _columns(shape, beams, "<f4", "<f4")[1], float(about["steering"])
+            angle = columns(shape, int(shape.head["beams"]), "<f4", "<f4")[1]
             if int(about["receive_flags"]) & STABILISED:
                 angle = angle + place["roll"] + arrays[3][0]
-            method = np.where(flags & 4, BY_AMPLITUDE, np.where(flags & 8, BY_PHASE, NOT_DETECTED))
-            valid, quality = flags & 3 == 3, np.full(count, np.nan)
+            detected = bathymetry(record, angle, float(about["steering"]))
         shot = {} if len(self._arrays) == 1 else {"offset": (arrays[0] - self._arrays[0][0])[None]}
-        return Ping(
-            place=place, head_sound_speed=_speed(settings), head=number,
-            sectors=shot | {"frequency": _one(about["frequency"]), "delay": np.zeros(1), "angle": np.array([steering]),
-                            "pulse_length": _one(about["pulse_length"]), "bandwidth": _one(about["bandwidth"]),
-                            "source_level_db": _one(about["power"]), "absorption_db": 1e-3 * _one(about["absorption"])},
-            soundings={"valid": valid & (time > 0), "travel_time": time.astype(float), "angle": angle.astype(float),
-                       "transmit_angle": np.full(count, steering), "sector": np.zeros(count, int),
-                       "backscatter_db": 20 * np.log10(intensity), "detection": np.where(valid, method, NOT_DETECTED),
-                       "quality": np.where(np.isfinite(quality), quality, np.nan)})
+        return Ping(place=place, head_sound_speed=_speed(settings), head=number, soundings=detected.soundings(),
+                    sectors=shot | sector_of(about, detected.steering))
 
 
 def _note(found: S7kContents, record: S7kRecord) -> None:
@@ -237,33 +217,20 @@ def _sorted(rows):
     return rows[np.argsort(rows[:, 0], kind="stable")]
 
 
-def _detections(record: S7kRecord) -> np.ndarray:
-    """Return the detections of a ping with the fields that the file's version has."""
-    size = int(record.head["field"])
-    known = min((size + 2) // 4, len(DETECTION))
-    if known < NEEDED or size > 1 << 16:
-        raise ValueError(f"its record 7027 at byte {record.offset} has detections of {size} bytes; it is damaged.")
-    rest = size - np.dtype(DETECTION[:known]).itemsize
-    layout = np.dtype(DETECTION[:known] + ([("more", f"V{rest}")] if rest else []))
-    return record.table(layout, int(record.head["beams"]))
+def sector_of(about: Any, steering: float) -> dict[str, np.ndarray]:
+    """Return the sector of a ping from the head of its settings 7000 or 7503."""
+    return sector(steering, frequency=about["frequency"], pulse_length=about["pulse_length"],
+                  bandwidth=about["bandwidth"], source_level_db=about["power"],
+                  absorption_db=1e-3 * float(about["absorption"]))
 
 
-def _columns(record, count, *kinds):
-    """Return columns of ``count`` values that follow each other."""
-    layout = np.dtype([(str(number), kind, (count,)) for number, kind in enumerate(kinds)])
-    row = record.table(layout, 1)[0]
-    return [np.atleast_1d(row[name]) for name in map(str, range(len(kinds)))]
-
-
-def _sonar(device: int) -> str:
+def sonar_of(device: int) -> str:
+    """Return the name of a sonar by its device number."""
     return "Norbit" if device in NORBIT else MODELS.get(device, f"SeaBat {device}")
 
 
 def _speed(settings: S7kRecord) -> float:
-    speed = float(settings.head["sound_speed"])
-    if not SLOWEST < speed < FASTEST:
-        raise ValueError(f"its ping {int(settings.head['number'])} has a sound speed of {speed:g} m/s; it is damaged.")
-    return speed
+    return checked_speed(float(settings.head["sound_speed"]), int(settings.head["number"]))
 
 
 def _arm(fields) -> np.ndarray:
@@ -279,7 +246,3 @@ def _checked(values, name):
     if not (np.abs(values) < FARTHEST_ARM).all():
         raise ValueError(f"its {name} are {', '.join(f'{value:g}' for value in values)}; it is damaged.")
     return values
-
-
-def _one(value) -> np.ndarray:
-    return np.array([float(value)])

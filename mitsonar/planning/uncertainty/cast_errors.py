@@ -40,15 +40,20 @@ class CastError:
     @property
     def good_angle(self) -> float:
         """Return the angle [rad] up to which the error stays within the order."""
-        bad = ~(np.abs(self.error) <= self.allowed)
-        if not bad.any():
-            return float(self.angle[-1])
-        first = int(np.argmax(bad))
-        if first == 0:
-            return 0.0
-        before, after = np.abs(self.error[first - 1:first + 1])
-        share = (self.allowed - before) / (after - before) if np.isfinite(after) else 0.0
-        return float(self.angle[first - 1] + share * (self.angle[first] - self.angle[first - 1]))
+        return within_angle(self.angle, np.abs(self.error), self.allowed)
+
+
+def within_angle(angle: np.ndarray, size: np.ndarray, allowed: float) -> float:
+    """Return the angle [rad] up to which errors (A,) at angles (A,) stay within a size; 0 if the first does not."""
+    bad = ~(size <= allowed)
+    if not bad.any():
+        return float(angle[-1])
+    first = int(np.argmax(bad))
+    if first == 0:
+        return 0.0
+    before, after = size[first - 1:first + 1]
+    share = (allowed - before) / (after - before) if np.isfinite(after) else 0.0
+    return float(angle[first - 1] + share * (angle[first] - angle[first - 1]))
 
 
 def depth_error(true: SoundSpeedProfile, used: SoundSpeedProfile, head_depth: float, depth: float,

@@ -1,0 +1,1 @@
+"""Errors of planned soundings: by a wrong cast, and by all sensors."""
