@@ -109,7 +109,7 @@ class _Copy:
         self._xml(path, os.path.basename(path))
         for tree in self.trees:
             if tree.changed:
-                tree.content.write(self.folder / tree.name, encoding="utf-8")
+                ElementTree.ElementTree(tree.root).write(self.folder / tree.name, encoding="utf-8")
         return tuple(self.placed.values())
 
     def _xml(self, path: str, written: str) -> str:
@@ -119,11 +119,10 @@ class _Copy:
             return self.placed[real]
         name = self._copied(path, written)
         parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
-        tree = _Tree(name, ElementTree.parse(path, parser))
+        tree = _Tree(name, ElementTree.parse(path, parser).getroot())
         self.trees.append(tree)
-        root = tree.content.getroot()
-        above = {child: parent for parent in root.iter() for child in parent}
-        for element in list(root.iter()):
+        above = {child: parent for parent in tree.root.iter() for child in parent}
+        for element in list(tree.root.iter()):
             if element.tag == "default":
                 key = element.get("name", "")
                 self.defaults.setdefault(key, (tree, element))
@@ -238,8 +237,8 @@ class _Copy:
 class _Tree:
     """Scene file of a copy."""
 
-    def __init__(self, name: str, content: ElementTree.ElementTree):
-        self.name, self.content, self.changed = name, content, False
+    def __init__(self, name: str, root: ElementTree.Element):
+        self.name, self.root, self.changed = name, root, False
 
 
 def _kept(name: str) -> str:
